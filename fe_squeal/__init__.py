@@ -1,0 +1,45 @@
+"""Complex eigenvalue analysis of brake squeal on finite-element meshes.
+
+>>> import fe_squeal
+>>> callable(fe_squeal.load_scene) and callable(fe_squeal.sweep)
+True
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError, version
+
+from .assembly import assemble
+from .errors import InputError, MeshError, NotConvergedError, OutputError, SceneError, SquealError
+from .mesh import LoadedMesh, from_skfem, load_mesh
+from .problem import Problem
+from .results import export_shapes, find_onsets
+from .scene import Scene
+from .scene_file import load_scene, parse_scene
+from .sweep import Sweep, sweep
+
+try:
+    __version__ = version("fe-squeal")
+except PackageNotFoundError:  # run from a source tree that is not installed
+    __version__ = "0+unknown"
+
+__all__ = [
+    "InputError",
+    "LoadedMesh",
+    "MeshError",
+    "NotConvergedError",
+    "OutputError",
+    "Problem",
+    "Scene",
+    "SceneError",
+    "SquealError",
+    "Sweep",
+    "assemble",
+    "export_shapes",
+    "find_onsets",
+    "from_skfem",
+    "load_mesh",
+    "load_scene",
+    "parse_scene",
+    "sweep",
+]

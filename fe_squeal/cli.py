@@ -1,0 +1,140 @@
+"""The command fe-squeal."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from . import __version__
+from .assembly import assemble
+from .eigen.linear_solvers import solver_name
+from .errors import NotConvergedError, SceneError, SquealError
+from .geometry import write_mesh
+from .report import print_onsets
+from .run import INTERRUPTED, run_scene, sweep_scene
+from .scene_file import load_scene
+
+app = typer.Typer(
+    help="Complex eigenvalue analysis of brake squeal on finite-element meshes.",
+    no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
+)  # fmt: skip
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene.", show_default=False)]
+# Typer carries click with it in some versions and imports it in others; its own exception leads to the base either way.
+_UsageError: type = typer.BadParameter.__bases__[0]
+Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where the results go.", show_default=False)]
+
+
+@app.command()
+def run(scene: SceneFile, out: Out = None) -> int:
+    """Solve for the complex modes over the sweep and write tables, figures and shapes into a folder."""
+    loaded = load_scene(scene)
+    return run_scene(loaded, out or Path(f"{scene.stem}_results"), _console())
+
+
+@app.command()
+def check(scene: SceneFile) -> int:
+    """Validate scene and mesh without solving."""
+    loaded = load_scene(scene)
+    problem = assemble(loaded)
+    model = problem.model
+    assert model is not None
+    console = _console()
+    mesh = model.space.mesh
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for name, elements in model.bodies.items():
+        table.add_row(f"body {name}", f"{len(elements)} elements of {loaded.bodies[name].material}")
+    for i, support in enumerate(loaded.supports):
+        table.add_row(f"support {i + 1}", f"{support.surface} fixed in {', '.join(support.fixed)}")
+    for spring in loaded.springs:
+        table.add_row(f"spring {spring.name}", f"{spring.surface}{f' to {spring.to}' if spring.to else ''}")
+    for name, c in model.contacts.items():
+        table.add_row(f"contact {name}", f"{c.area:.4g} m2 closed, {100 * c.coverage:.4g} % of the surface")
+    table.add_row("volume groups", ", ".join(mesh.subdomains or {}))
+    table.add_row("surface groups", ", ".join(mesh.boundaries or {}))
+    table.add_row("effects on", ", ".join(loaded.effects.names) or "none")
+    table.add_row("problem class", problem.problem_class)
+    table.add_row("unknowns", f"{problem.unknowns} (order {model.space.order})")
+    pencil = problem.pencil()
+    table.add_row("matrix entries", f"{pencil.K.nnz}")
+    console.print(table)
+    for text in (*model.notes, *(f"warning: {w}" for w in model.warnings)):
+        console.print(text, markup=False)
+    return 0
+
+
+@app.command()
+def mesh(
+    scene: SceneFile,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.msh", show_default=False)] = None,
+) -> int:
+    """Mesh the scene's parametric geometry."""
+    loaded = load_scene(scene)
+    if loaded.mesh.geometry is None:
+        raise SceneError(f"{scene}: mesh: there is no [mesh.disc_pad] or [mesh.block] to be meshed")
+    path = write_mesh(loaded.mesh.geometry, out or loaded.mesh_path or Path(f"{scene.stem}.msh"))
+    _console().print(f"wrote {path} ({path.stat().st_size / 1e6:.2f} MB)", markup=False)
+    return 0
+
+
+@app.command()
+def onset(scene: SceneFile) -> int:
+    """Print the critical values of the sweep parameter alone, to full precision."""
+    loaded = load_scene(scene)
+    if loaded.sweep is None:
+        raise SceneError(f"{scene}: sweep: is missing; expected the interval to look in")
+    console = _console()
+    result = sweep_scene(loaded, assemble(loaded), console)
+    print_onsets(result.onsets_dataframe(), console)
+    for o in result.onsets:
+        console.print(f"{o.parameter} = {o.value!r} ± {o.uncertainty:.1g}, {o.frequency_hz!r} Hz", markup=False)
+    for doubt in result.doubts:
+        console.print(f"warning: {doubt}", markup=False)
+    return 0
+
+
+@app.command()
+def info() -> int:
+    """Print versions, the linear solver and the number of threads."""
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_row("fe-squeal", __version__)
+    table.add_row("Python", platform.python_version())
+    for package in ("numpy", "scipy", "scikit-fem", "meshio", "gmsh", "pyvista", "pypardiso"):
+        try:
+            table.add_row(package, version(package))
+        except PackageNotFoundError:
+            table.add_row(package, "not installed")
+    table.add_row("linear solver", solver_name())
+    table.add_row("cores", str(os.cpu_count()))
+    for key in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        table.add_row(key, os.environ.get(key, "not set"))
+    _console().print(table)
+    return 0
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; never shows a traceback for bad input."""
+    try:
+        code = app(arguments, standalone_mode=False)
+    except SquealError as error:
+        text = f"error: {error}" if not isinstance(error, NotConvergedError) else f"not converged: {error}"
+        print(text, file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except _UsageError as error:  # a wrong option or argument
+        error.show()  # type: ignore[attr-defined]
+        return error.exit_code  # type: ignore[attr-defined]
+    return int(code or 0)
+
+
+def _console() -> Console:
+    return Console(highlight=False, soft_wrap=True)

@@ -1,0 +1,63 @@
+"""Springs with dampers, spread over a surface or between the mean motions of two."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from pydantic import field_validator, model_validator
+
+from ..schema import NonNegative, Section, Vector
+from ..spaces import DisplacementSpace, Surface
+from ..terms import Slot, Term
+
+
+class Spring(Section):
+    """A spring along one direction.
+
+    On one surface of area A it is a foundation, K = ∫ (k/A) δu_d u_d dA; with `to` it acts on the difference of the mean
+    motions of two surfaces, K = k δr r with r = mean(u_d) − mean'(u_d).
+
+    Parameters
+    ----------
+    name, surface : str
+    direction : vector; its length does not matter
+    stiffness : float, N/m, total
+    damping : float, N s/m, total
+    to : str, optional
+        Second surface.
+    """
+
+    name: str
+    surface: str
+    direction: Vector
+    stiffness: NonNegative = 0.0
+    damping: NonNegative = 0.0
+    to: str | None = None
+
+    @field_validator("direction")
+    @classmethod
+    def _nonzero(cls, value: Vector) -> Vector:
+        if not any(value):
+            raise ValueError("expected a vector that is not zero")
+        return value
+
+    @model_validator(mode="after")
+    def _acts(self) -> Spring:
+        if self.stiffness == 0 and self.damping == 0:
+            raise ValueError("has neither stiffness nor damping; expected at least one of them > 0")
+        return self
+
+
+def spring_terms(space: DisplacementSpace, spring: Spring, surface: Surface, other: Surface | None) -> list[Term]:
+    """Return the stiffness and damping terms of a spring, only those that are not zero."""
+    direction = np.array(spring.direction) / np.linalg.norm(spring.direction)
+    if other is None:
+        motion = space.along(surface.values, direction)
+        shape = motion.T @ sp.diags_array(surface.weights / surface.area) @ motion
+    else:
+        means = sp.csr_array((surface.mean() - other.mean())[None, :])
+        motion = space.along(means, direction)
+        shape = motion.T @ motion
+    shape = sp.csr_array((shape + shape.T) / 2)
+    slots: list[tuple[Slot, float]] = [("K", spring.stiffness), ("C", spring.damping)]
+    return [Term(f"spring.{spring.name}", slot, shape * size, symmetric=True) for slot, size in slots if size]

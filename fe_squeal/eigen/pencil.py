@@ -1,0 +1,125 @@
+"""The matrices of one eigenvalue problem, and the modes that solve it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import scipy.sparse as sp
+
+ProblemClass = Literal["symmetric", "nonsymmetric", "quadratic"]
+
+
+@dataclass(frozen=True)
+class Pencil:
+    """Matrices of (λ²M + λC + K) u = 0.
+
+    Attributes
+    ----------
+    M, K : (n, n) sparse float, kg and N/m
+        M symmetric positive semidefinite.
+    C : (n, n) sparse float or None, N s/m
+    symmetric : bool
+        Whether K is symmetric.
+    """
+
+    M: sp.csr_array
+    K: sp.csr_array
+    C: sp.csr_array | None = None
+    symmetric: bool = False
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+        return int(self.M.shape[0])
+
+    @property
+    def problem_class(self) -> ProblemClass:
+        """The cheapest class that the matrices allow."""
+        if self.C is not None:
+            return "quadratic"
+        return "symmetric" if self.symmetric else "nonsymmetric"
+
+    def apply(self, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return the columns (λ²M + λC + K) u for λ (k,) and u (n, k)."""
+        r = (self.M @ u) * lam**2 + self.K @ u
+        return r if self.C is None else r + (self.C @ u) * lam
+
+    @cached_property
+    def _absolute(self) -> tuple[sp.csr_array, ...]:
+        return tuple(abs(A) for A in (self.M, self.K, self.C) if A is not None)
+
+    def magnitude(self, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return (|λ|²|M| + |λ||C| + |K|)|u|, the size of what cancels in `apply`."""
+        a, size = np.abs(u), np.abs(lam)
+        M, K, *C = self._absolute
+        r = (M @ a) * size**2 + K @ a
+        return r + (C[0] @ a) * size if C else r
+
+    def derivative(self, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return the columns (2λM + C) u."""
+        r = (self.M @ u) * (2 * lam)
+        return r if self.C is None else r + self.C @ u
+
+    def transposed(self) -> Pencil:
+        """Return the pencil of the left modes."""
+        if self.symmetric and self.C is None:
+            return self
+        C = None if self.C is None else sp.csr_array(self.C.T)
+        return replace(self, K=sp.csr_array(self.K.T), C=C)
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Eigenpairs of a pencil, by rising Im λ ≥ 0; one of each conjugate pair.
+
+    Attributes
+    ----------
+    lam : (k,) complex, rad/s
+    right, left : (n, k)
+        Columns with Q(λ) φ = 0 and ψᴴ Q(λ) = 0, of unit mass φᴴMφ = 1 and, without damping, ψᴴMφ = 1, with damping
+        ψᴴ(2λM + C)φ = 1. Real arrays where all are real.
+    backward_error : (k,)
+        ‖Q(λ)φ‖ / ‖(|λ|²|M| + |λ||C| + |K|)|φ|‖: the smallest relative change of the entries that makes the pair exact, up to
+        the norm. Independent of units.
+    re_uncertainty : (k,), rad/s
+        How far Re λ may be from that of the exact problem through residual and rounding, see `quality`.
+    condition : (k,)
+        Relative change of λ per relative change of the entries of the matrices.
+    """
+
+    lam: np.ndarray
+    right: np.ndarray
+    left: np.ndarray | None
+    backward_error: np.ndarray
+    re_uncertainty: np.ndarray
+    condition: np.ndarray
+    method: str = ""
+
+    def __len__(self) -> int:
+        return len(self.lam)
+
+    def select(self, index: np.ndarray) -> Modes:
+        """Return some of the modes."""
+        left = None if self.left is None else self.left[:, index]
+        return Modes(
+            self.lam[index], self.right[:, index], left, self.backward_error[index], self.re_uncertainty[index],
+            self.condition[index], self.method,
+        )  # fmt: skip
+
+    def without_shapes(self) -> Modes:
+        """Return the modes with no vectors."""
+        return replace(self, right=np.zeros((0, len(self))), left=None)
+
+    @property
+    def frequency_hz(self) -> np.ndarray:
+        """(k,) Im λ / 2π."""
+        return self.lam.imag / (2 * np.pi)
+
+    @property
+    def stability(self) -> np.ndarray:
+        """(k,) str: unstable or stable beyond the uncertainty of Re λ, else marginal."""
+        re, u = self.lam.real, self.re_uncertainty
+        return np.where(re > u, "unstable", np.where(re < -u, "stable", "marginal"))

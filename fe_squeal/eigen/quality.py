@@ -1,0 +1,102 @@
+"""Backward errors, condition numbers and the uncertainty of growth rates."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .pencil import Modes, Pencil
+
+# Entries of assembled matrices are sums of some tens of rounded products.
+ROUNDING = 8 * np.finfo(float).eps
+
+
+def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left: np.ndarray, method: str) -> Modes:
+    """Return the modes of an undamped pencil from K φ = θ M φ, θ = −λ².
+
+    A complex pair θ, θ* gives the two modes λ and −λ*; θ < 0 gives the two real λ = ±√−θ; a θ that is zero within its
+    uncertainty gives one mode λ = 0 whose re_uncertainty is the square root of that.
+
+    Parameters
+    ----------
+    theta : (k,) real or complex, rad²/s²
+    right, left : (n, k)
+        Any basis of the left eigenspaces of the same eigenvalues; it is biorthogonalised here.
+    """
+    right = right / np.sqrt(np.abs(np.einsum("ij,ij->j", right.conj(), pencil.M @ right)))
+    left = _biorthogonal(left, left.conj().T @ (pencil.M @ right))
+    lam = 1j * np.sqrt(theta.astype(complex))
+    residual = pencil.apply(lam, right)
+    magnitude = pencil.magnitude(lam, right)
+    backward = _column_norms(residual) / _column_norms(magnitude)
+    correction = np.abs(np.einsum("ij,ij->j", left.conj(), residual))
+    amplification = np.einsum("ij,ij->j", np.abs(left), magnitude)
+    u_theta = _near_coalescence(correction + ROUNDING * amplification, theta)
+
+    # A rigid mode: θ is zero within what rounding leaves.
+    rigid = np.abs(theta) <= u_theta
+    lam = np.where(rigid, 0.0, lam)
+    # |√(θ+δ) − √θ| is at most δ/2√θ to first order, and at most √δ always.
+    with np.errstate(divide="ignore"):
+        u_re = np.minimum(u_theta / (2 * np.abs(lam)), np.sqrt(u_theta))
+        condition = amplification / (2 * np.abs(theta))
+    divergent = np.flatnonzero(~rigid & (np.abs(lam.imag) <= u_re) & (np.abs(lam.real) > u_re) & (theta.imag == 0))
+    lam[divergent] = lam[divergent].real
+    index = np.concatenate([np.arange(len(lam)), divergent])
+    lam = np.concatenate([lam, -lam[divergent]])
+    order = np.lexsort((-lam.real, lam.imag))
+    index, lam = index[order], lam[order]
+    return Modes(lam, right[:, index], left[:, index], backward[index], u_re[index], condition[index], method)
+
+
+def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray, method: str) -> Modes:
+    """Return the modes of a damped pencil from its eigenpairs with Im λ ≥ 0.
+
+    Parameters
+    ----------
+    lam : (k,) complex, rad/s
+    right, left : (n, k) complex
+        Left vectors in the order of the right ones, any basis where eigenvalues are multiple.
+    """
+    right = right / np.sqrt(np.abs(np.einsum("ij,ij->j", right.conj(), pencil.M @ right)))
+    # ψ_iᴴ((λ_i + λ_j)M + C)φ_j vanishes for λ_i ≠ λ_j, and is ψᴴ(2λM + C)φ on the diagonal.
+    mass = left.conj().T @ (pencil.M @ right)
+    left = _biorthogonal(left, (lam[:, None] + lam[None, :]) * mass + left.conj().T @ (pencil.C @ right))
+    residual = pencil.apply(lam, right)
+    magnitude = pencil.magnitude(lam, right)
+    backward = _column_norms(residual) / _column_norms(magnitude)
+    correction = np.abs(np.einsum("ij,ij->j", left.conj(), residual))
+    amplification = np.einsum("ij,ij->j", np.abs(left), magnitude)
+    u = _near_coalescence(correction + ROUNDING * amplification, lam)
+    with np.errstate(divide="ignore"):
+        condition = amplification / np.abs(lam)
+    order = np.lexsort((-lam.real, lam.imag))
+    return Modes(lam, right, left, backward, u, condition, method).select(order)
+
+
+def _near_coalescence(first_order: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Bound the error of eigenvalues close to another one by the square-root law of a double eigenvalue.
+
+    With Δ the distance to the nearest other eigenvalue and u the first-order error (which grows as 1/Δ), the squared half
+    distance is uncertain by Δu, so each eigenvalue by at most √(Δu); far from coalescence u itself is smaller.
+    """
+    if len(values) < 2:
+        return first_order
+    distance = np.abs(values[:, None] - values[None, :])
+    np.fill_diagonal(distance, np.inf)
+    gap = distance.min(axis=1)
+    with np.errstate(invalid="ignore"):
+        return np.fmin(first_order, np.sqrt(gap * first_order))
+
+
+def _biorthogonal(left: np.ndarray, gram: np.ndarray) -> np.ndarray:
+    """Return the basis of the left space whose Gram matrix with the right modes is the identity.
+
+    At a defective eigenvalue no such basis exists; the pseudo-inverse keeps it finite, and the condition number says so.
+    """
+    scale = 1 / np.abs(gram).max(axis=1, initial=np.finfo(float).tiny)
+    inverse = np.linalg.pinv(gram * scale[:, None], rcond=4 * np.finfo(float).eps)
+    return np.asarray((left * scale) @ inverse.conj().T)
+
+
+def _column_norms(x: np.ndarray) -> np.ndarray:
+    return np.asarray(np.linalg.norm(x, axis=0))

@@ -1,0 +1,176 @@
+"""The lowest modes of a pencil, by the cheapest solver that its class allows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..errors import NotConvergedError
+from .arpack import nonsymmetric_modes, quadratic_modes, symmetric_modes
+from .dense import DENSE_LIMIT, solve_dense
+from .linear_solvers import factorize
+from .pencil import Modes, Pencil
+
+_RIGID_SHIFT = 1e-9  # of the largest ratio of diagonal stiffness to mass: far below any elastic mode, far above rounding
+_ROUNDS = 6  # how often the number of modes sought may grow
+
+
+@dataclass(frozen=True)
+class Request:
+    """Which modes are wanted: the `count` lowest, or all up to a frequency.
+
+    Attributes
+    ----------
+    count : int or None
+    max_frequency_hz : float or None
+    tolerance : float
+        Largest backward error accepted.
+    """
+
+    count: int | None = None
+    max_frequency_hz: float | None = None
+    tolerance: float = 1e-8
+
+
+@dataclass(frozen=True)
+class Completeness:
+    """How many of the wanted modes were found, how many there are, and whether that number is proven."""
+
+    found: int
+    expected: int | None
+    proven: bool
+
+
+def solve_modes(pencil: Pencil, request: Request, band: float | None = None) -> Modes:
+    """Return the wanted modes, sorted by Im λ; conjugate pairs are not cut apart.
+
+    Parameters
+    ----------
+    band : float, rad/s, optional
+        About where the wanted modes end (from a neighbouring solve); places the shift.
+
+    Raises
+    ------
+    NotConvergedError
+        If a wanted mode misses the tolerance; `partial` has the modes.
+
+    Examples
+    --------
+    >>> K = sp.diags_array(np.arange(1.0, 1001.0)).tocsr()
+    >>> modes = solve_modes(Pencil(sp.eye_array(1000, format="csr"), K, symmetric=True), Request(count=3))
+    >>> np.round(modes.lam.imag**2, 9)
+    array([1., 2., 3.])
+    """
+    if pencil.n <= DENSE_LIMIT:
+        modes = _wanted(solve_dense(pencil), request, np.inf)
+        assert modes is not None
+    else:
+        modes = _solve_sparse(pencil, request, band)
+    worst = modes.backward_error.max(initial=0.0)
+    if not worst <= request.tolerance:
+        raise NotConvergedError(
+            f"backward error {worst:.2g} of a mode exceeds the tolerance {request.tolerance:.2g}", partial=modes
+        )
+    return modes
+
+
+def count_below(pencil: Pencil, omega: float) -> int | None:
+    """Return how many modes of a symmetric pencil lie below omega (rad/s), by the inertia of K − ω²M.
+
+    None where the factorisation gives no inertia. Modes of negative θ (divergence) count as well.
+    """
+    return factorize(sp.csr_array(pencil.K - omega**2 * pencil.M), symmetric=True).negative_pivots
+
+
+def prove_completeness(pencil: Pencil, modes: Modes) -> Completeness:
+    """Count the modes up to the highest one found by the inertia just above it (symmetric pencils).
+
+    Returns
+    -------
+    Completeness
+        proven False where the class or the solver gives no count.
+    """
+    found = len(modes)
+    if pencil.n <= DENSE_LIMIT:
+        return Completeness(found, found, True)
+    if pencil.problem_class != "symmetric" or not found:
+        return Completeness(found, None, False)
+    # Count in the highest clear gap between two modes, so that no multiple eigenvalue is cut.
+    omega = np.sort(modes.lam.imag)
+    gaps = np.flatnonzero(np.diff(omega) > 1e-5 * omega[1:])
+    if not len(gaps):
+        return Completeness(found, None, False)
+    below = int(gaps[-1]) + 1
+    counted = count_below(pencil, float(omega[below - 1] + omega[below]) / 2)
+    if counted is None:
+        return Completeness(found, None, False)
+    return Completeness(found, found - below + counted, counted == below)
+
+
+def _solve_sparse(pencil: Pencil, request: Request, band: float | None) -> Modes:
+    count = request.count or 0
+    if request.max_frequency_hz is not None:
+        band = 2 * np.pi * request.max_frequency_hz
+        below = count_below(pencil, band) if pencil.problem_class == "symmetric" else None
+        count = below if below is not None else 20
+    sought = count + max(4, count // 10)
+    if pencil.problem_class == "quadratic":
+        # A real shift at the top of the band sees conjugate pairs alike and none of them is near it.
+        sigma = band or _smallest_omega(pencil)
+        shifted = sigma**2 * pencil.M + sigma * pencil.C + pencil.K
+    else:
+        # Without friction a shift below all modes keeps rigid modes and Lanczos regular; with it, one inside the band
+        # halves the distance to the farthest wanted mode.
+        inside = band is not None and not pencil.symmetric
+        sigma = band**2 / 2 if inside and band is not None else -_RIGID_SHIFT * _largest_ratio(pencil)
+        shifted = pencil.K - sigma * pencil.M
+    factor = factorize(sp.csr_array(shifted), symmetric=pencil.problem_class == "symmetric")
+    solver = {"symmetric": symmetric_modes, "nonsymmetric": nonsymmetric_modes, "quadratic": quadratic_modes}
+    for _ in range(_ROUNDS):
+        sought = min(sought, pencil.n - 2)
+        modes = solver[pencil.problem_class](pencil, factor, sigma, sought)
+        if sought == pencil.n - 2:
+            radius = np.inf
+        elif pencil.problem_class == "quadratic":
+            radius = np.sqrt(max(np.abs(modes.lam - sigma).max() ** 2 - sigma**2, 0.0))
+        else:
+            reach = np.abs(-(modes.lam**2) - sigma).max()
+            radius = np.sqrt(sigma + reach) if reach >= sigma else 0.0
+        wanted = _wanted(modes, request, radius)
+        if wanted is not None:
+            return wanted
+        sought = int(1.4 * sought) + 4
+    raise NotConvergedError(f"{len(modes)} modes found, the wanted range is still not covered", partial=modes)
+
+
+def _wanted(modes: Modes, request: Request, radius: float) -> Modes | None:
+    """Return the modes asked for, or None if they reach beyond the radius (rad/s) inside which all are known."""
+    omega = modes.lam.imag
+    if request.max_frequency_hz is not None:
+        limit = 2 * np.pi * request.max_frequency_hz
+        return modes.select(np.flatnonzero(omega <= limit)) if radius > limit else None
+    count = request.count or 0
+    if len(modes) < count and np.isfinite(radius):
+        return None
+    count = min(count, len(modes))
+    if count and count < len(modes) and _is_mirror(modes.lam[count - 1], modes.lam[count]):
+        count += 1
+    if count and omega[count - 1] > radius:
+        return None
+    return modes.select(np.arange(count))
+
+
+def _is_mirror(a: complex, b: complex) -> bool:
+    """Whether a and b are the two modes λ and −λ* of one complex pair θ, θ*."""
+    return bool(a.real != 0 and abs(a + b.conjugate()) <= 1e-9 * abs(a))
+
+
+def _largest_ratio(pencil: Pencil) -> float:
+    mass = pencil.M.diagonal()
+    return float(np.max(pencil.K.diagonal()[mass > 0] / mass[mass > 0]))
+
+
+def _smallest_omega(pencil: Pencil) -> float:
+    return float(np.sqrt(_RIGID_SHIFT * _largest_ratio(pencil)))

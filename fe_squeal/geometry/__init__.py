@@ -1,0 +1,7 @@
+"""Parametric geometries (a disc with pads, blocks on a belt) and their meshes with named groups."""
+
+from fe_squeal.geometry.block import Block
+from fe_squeal.geometry.disc_pad import DiscPad
+from fe_squeal.geometry.writing import write_mesh
+
+__all__ = ["Block", "DiscPad", "write_mesh"]

@@ -1,0 +1,74 @@
+"""What the parametric geometries have in common."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Length = Annotated[float, Field(gt=0.0)]
+LengthOrZero = Annotated[float, Field(ge=0.0)]
+Count = Annotated[int, Field(ge=1)]
+OneOrTwo = Annotated[int, Field(ge=1, le=2)]  # not Literal[1, 2], which lets True through
+
+
+class Geometry(BaseModel):
+    """What the geometries share: the size and the kind of the elements, and how many there are.
+
+    Lengths are in metres, or in the scene's `length_unit`; the mesh is written in the unit they were given in.
+
+    Attributes
+    ----------
+    size : float, length
+        Target edge length of an element. An edge of length L gets max(1, round(L / size)) elements.
+    element : "hex" or "tet"
+        "hex" (default) is a structured mesh of hexahedra, made without gmsh; "tet" an unstructured one, made by gmsh.
+    refinement : int
+        Every element that `size` and the layers ask for is cut into this many along each edge (default 1). Rounding
+        keeps size / 2 from doubling every count; refinement = 2 does, so this is the handle for convergence studies.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    size: Length
+    element: Literal["hex", "tet"] = "hex"
+    refinement: Count = 1
+
+    def refined(self, factor: int) -> Self:
+        """Return this geometry with every element count multiplied by `factor` (for "tet": with size / factor).
+
+        Examples
+        --------
+        >>> from fe_squeal.geometry import Block
+        >>> Block(length=0.08, width=0.04, height=0.015, size=0.01).refined(2).refinement
+        2
+        """
+        if factor < 1:
+            raise ValueError(f"factor = {factor}: expected 1 or more")
+        return self.model_copy(update={"refinement": self.refinement * factor})
+
+    @property
+    def edge_length(self) -> float:
+        """Target edge length after refinement, in the geometry's unit of length."""
+        return self.size / self.refinement
+
+    def elements_along(self, length: float) -> int:
+        """Return the number of elements along an edge of `length`, before refinement.
+
+        The nudge keeps 0.015 / 0.01 = 1.4999... from counting otherwise than 15 / 10 does in millimetres. The cap keeps
+        absurd sizes finite; far fewer elements than that are refused at the meshing.
+        """
+        return max(1, math.floor(min(length / self.size, 1e9) * (1.0 + 1e-9) + 0.5))
+
+    def elements_around(self, radius: float) -> int:
+        """Return the number of elements around a full ring, before refinement: at least 12, and a multiple of 4.
+
+        The multiple of 4 keeps the planes x = 0 and y = 0 planes of symmetry of the mesh.
+        """
+        return 4 * max(3, self.elements_along(0.5 * math.pi * radius))
+
+    def forbid_layers(self, **layers: int | None) -> None:
+        given = [name for name, value in layers.items() if value is not None]
+        if self.element == "tet" and given:
+            raise ValueError(f'{", ".join(given)}: layers belong to element = "hex"; leave them out or choose "hex"')

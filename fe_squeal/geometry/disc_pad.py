@@ -1,0 +1,130 @@
+"""A disc with one pad or two."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from fe_squeal.geometry.base import Count, Geometry, Length, LengthOrZero, OneOrTwo
+
+
+class DiscPad(Geometry):
+    """A disc about the z axis, its mid-plane at z = 0, with one pad or one on each side, centred on the +x axis.
+
+    Pad 1 lies on the +z face and pad 2, its mirror image, on the -z face. A pad is a sector of a ring: the lining, and
+    behind it a back plate that shares its nodes. Disc and pads share no nodes, whatever the gap: they are in contact.
+
+    Volume groups: `disc`, `pad_1`, `back_plate_1`, and `pad_2`, `back_plate_2` with two pads.
+    Surface groups: `hub` and `rim` (inner and outer cylinder of the disc), `disc_face_1` (+z), `disc_face_2` (-z), and
+    for each pad, lining and back plate taken together: `pad_face_1` (towards the disc), `pad_back_1` (away from it),
+    `pad_inner_edge_1`, `pad_outer_edge_1`, and below 360 degrees `pad_leading_1`, `pad_trailing_1`: the ends that a
+    point of a disc turning positively about +z meets first and last.
+
+    Attributes
+    ----------
+    inner_radius, outer_radius, thickness : float, length
+        Of the disc.
+    pads : 1 or 2
+        One pad on the +z face, or one on each face (default).
+    pad_inner_radius, pad_outer_radius, pad_thickness : float, length
+        Of the lining. It may overhang the disc, but has to lie over some of it.
+    pad_angle_deg : float, degrees
+        Angle that the pad spans, in (0, 360]; 360 is a full ring.
+    back_plate_thickness : float, length
+        0 (default): no back plate.
+    gap : float, length
+        Clearance between disc and lining (default 0).
+    disc_layers, pad_layers, back_plate_layers : int, optional
+        Elements through these thicknesses, hex only (default: from `size`).
+    geometry_order : 1 or 2
+        2 (default): edges follow the circles by mid-nodes (27-node hexahedra, 10-node tetrahedra), which leaves a
+        relative volume error of h^4/30, h half an element's angle. 1: straight edges (8 or 4 nodes), 2 h^2/3.
+
+    Examples
+    --------
+    >>> brake = DiscPad(inner_radius=0.07, outer_radius=0.13, thickness=0.012, pad_inner_radius=0.085,
+    ...                 pad_outer_radius=0.128, pad_angle_deg=50, pad_thickness=0.011, size=0.014)
+    >>> brake.pads, brake.has_back_plate, brake.is_ring
+    (2, False, False)
+    """
+
+    inner_radius: Length
+    outer_radius: Length
+    thickness: Length
+    pads: OneOrTwo = 2
+    pad_inner_radius: Length
+    pad_outer_radius: Length
+    pad_angle_deg: Annotated[float, Field(gt=0.0, le=360.0)]
+    pad_thickness: Length
+    back_plate_thickness: LengthOrZero = 0.0
+    gap: LengthOrZero = 0.0
+    disc_layers: Count | None = None
+    pad_layers: Count | None = None
+    back_plate_layers: Count | None = None
+    geometry_order: OneOrTwo = 2
+
+    @property
+    def has_back_plate(self) -> bool:
+        return self.back_plate_thickness > 0.0
+
+    @property
+    def pad_angle(self) -> float:
+        """Angle that the pad spans, in radians."""
+        return math.radians(self.pad_angle_deg)
+
+    @property
+    def is_ring(self) -> bool:
+        """Whether the pad goes all the way round."""
+        return self.pad_angle_deg == 360.0
+
+    @property
+    def disc_counts(self) -> tuple[int, int, int]:
+        """Elements of the disc along the radius, around, and through its thickness."""
+        n_r = self.elements_along(self.outer_radius - self.inner_radius)
+        n_theta = self.elements_around(0.5 * (self.inner_radius + self.outer_radius))
+        n_z = self.disc_layers or self.elements_along(self.thickness)
+        return n_r * self.refinement, n_theta * self.refinement, n_z * self.refinement
+
+    @property
+    def pad_counts(self) -> tuple[int, int, int, int]:
+        """Elements of one pad along the radius, around, through the lining, and through the back plate (0: none)."""
+        n_r = self.elements_along(self.pad_outer_radius - self.pad_inner_radius)
+        mean_radius = 0.5 * (self.pad_inner_radius + self.pad_outer_radius)
+        if self.is_ring:
+            n_theta = self.elements_around(mean_radius)
+        else:  # at most 30 degrees to an element, as in a ring
+            n_theta = max(math.ceil(self.pad_angle_deg / 30.0), self.elements_along(self.pad_angle * mean_radius))
+        n_lining = self.pad_layers or self.elements_along(self.pad_thickness)
+        n_plate = 0
+        if self.has_back_plate:
+            n_plate = self.back_plate_layers or self.elements_along(self.back_plate_thickness)
+        fine = self.refinement
+        return n_r * fine, n_theta * fine, n_lining * fine, n_plate * fine
+
+    @property
+    def cells(self) -> int:
+        """Number of hexahedra in all bodies; for "tet" that of the cubes that would fill them at its edge length."""
+        n_r, n_theta, n_lining, n_plate = self.pad_counts
+        return math.prod(self.disc_counts) + self.pads * n_r * n_theta * (n_lining + n_plate)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        for smaller, larger in (("inner_radius", "outer_radius"), ("pad_inner_radius", "pad_outer_radius")):
+            low, high = getattr(self, smaller), getattr(self, larger)
+            if low >= high:
+                raise ValueError(f"{smaller} = {low:g} and {larger} = {high:g}: expected {smaller} < {larger}")
+        if self.pad_inner_radius >= self.outer_radius or self.pad_outer_radius <= self.inner_radius:
+            raise ValueError(
+                f"the pad (radii {self.pad_inner_radius:g} to {self.pad_outer_radius:g}) does not lie over the disc "
+                f"(radii {self.inner_radius:g} to {self.outer_radius:g}): expected ranges that overlap"
+            )
+        if self.back_plate_layers is not None and not self.has_back_plate:
+            raise ValueError(
+                "back_plate_layers: there is no back plate; give back_plate_thickness or leave the layers out"
+            )
+        self.forbid_layers(
+            disc_layers=self.disc_layers, pad_layers=self.pad_layers, back_plate_layers=self.back_plate_layers
+        )
+        return self

@@ -1,0 +1,81 @@
+"""Import gmsh where it is needed, and leave it as it was found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import ModuleType
+
+from fe_squeal.errors import MeshError
+
+# Shared libraries that the gmsh wheel for Linux is linked against and does not carry (what libgmsh.so.4.15 lists as
+# NEEDED), with their Debian and Ubuntu packages.
+_PACKAGES = {
+    "libGLU.so.1": "libglu1-mesa",
+    "libGL.so.1": "libgl1",
+    "libXft.so.2": "libxft2",
+    "libXcursor.so.1": "libxcursor1",
+    "libXinerama.so.1": "libxinerama1",
+    "libXrender.so.1": "libxrender1",
+    "libXfixes.so.3": "libxfixes3",
+    "libXext.so.6": "libxext6",
+    "libX11.so.6": "libx11-6",
+    "libfontconfig.so.1": "libfontconfig1",
+    "libgomp.so.1": "libgomp1",
+}
+
+
+def import_gmsh() -> ModuleType:
+    """Return the gmsh module.
+
+    Raises
+    ------
+    MeshError
+        gmsh is not installed, or a library of the system that it needs is missing; the message says what to install.
+    """
+    try:
+        import gmsh
+    except ImportError as error:
+        raise MeshError(
+            f'gmsh cannot be imported ({error}): `pip install gmsh`, or mesh with element = "hex", which needs no gmsh'
+        ) from error
+    except OSError as error:
+        first = next((package for library, package in _PACKAGES.items() if library in str(error)), "libglu1-mesa")
+        # The loader names one missing library at a time; on a bare machine the usual ones are missing together.
+        others = [p for p in ("libglu1-mesa", "libxft2", "libxcursor1", "libxinerama1") if p != first]
+        raise MeshError(
+            f"gmsh cannot be loaded ({error}): on Debian or Ubuntu `apt-get install {first}` "
+            f'(on a bare machine also {" ".join(others)}), or mesh with element = "hex", which needs no gmsh'
+        ) from error
+    return gmsh
+
+
+@contextmanager
+def gmsh_model(name: str, options: dict[str, float]) -> Iterator[ModuleType]:
+    """Open a new gmsh model with these options; afterwards remove it and restore the options.
+
+    A gmsh that the caller had initialised stays so, with the caller's current model; otherwise it is finalised.
+    """
+    gmsh = import_gmsh()
+    ours = not gmsh.isInitialized()
+    if ours:
+        # The user's own .gmshrc must not change the mesh, and Ctrl-C stays Python's.
+        gmsh.initialize([], readConfigFiles=False, interruptible=False)
+    try:
+        previous = gmsh.model.getCurrent()
+        saved = {key: gmsh.option.getNumber(key) for key in options}
+        gmsh.model.add(name)
+        try:
+            for key, value in options.items():
+                gmsh.option.setNumber(key, value)
+            yield gmsh
+        finally:
+            gmsh.model.setCurrent(name)
+            gmsh.model.remove()
+            for key, value in saved.items():
+                gmsh.option.setNumber(key, value)
+            if previous in gmsh.model.list():
+                gmsh.model.setCurrent(previous)
+    finally:
+        if ours:
+            gmsh.finalize()

@@ -1,0 +1,70 @@
+"""Write a structured mesh as a gmsh MSH 4.1 text file, without gmsh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from fe_squeal.geometry.lattice import GroupedMesh, Ints
+
+_GMSH_TYPE = {(2, 4): 3, (2, 9): 10, (3, 8): 5, (3, 27): 12}  # (dimension, nodes per element) -> gmsh's element type
+
+
+def write_msh(mesh: GroupedMesh, path: Path) -> None:
+    """Write every group as one entity with one physical group of the same tag; volumes come first.
+
+    Coordinates are written in the fewest digits that read back to the same double.
+    """
+    path.write_text("".join(f"{line}\n" for line in _lines(mesh)), encoding="ascii")
+
+
+def _lines(mesh: GroupedMesh) -> Iterator[str]:
+    tags = {name: tag for tag, name in enumerate([*mesh.volumes, *mesh.surfaces], start=1)}
+    yield from ("$MeshFormat", "4.1 0 8", "$EndMeshFormat")
+
+    yield from ("$PhysicalNames", str(len(tags)))
+    yield from (f'2 {tags[name]} "{name}"' for name in mesh.surfaces)
+    yield from (f'3 {tags[name]} "{name}"' for name in mesh.volumes)
+    yield "$EndPhysicalNames"
+
+    # An entity's line: tag, bounding box, its physical groups (one), its bounding entities (left out: none).
+    yield from ("$Entities", f"0 0 {len(mesh.surfaces)} {len(mesh.volumes)}")
+    for name, cells in [*mesh.surfaces.items(), *mesh.volumes.items()]:
+        corners = mesh.points[cells.ravel()]
+        box = " ".join(repr(float(x)) for x in [*corners.min(axis=0), *corners.max(axis=0)])
+        yield f"{tags[name]} {box} 1 {tags[name]} 0"
+    yield "$EndEntities"
+
+    yield "$Nodes"
+    n = len(mesh.points)
+    yield f"{len(mesh.volumes)} {n} 1 {n}"
+    for name, nodes in _owned_nodes(mesh).items():
+        yield f"3 {tags[name]} 0 {len(nodes)}"
+        yield from (str(node + 1) for node in nodes)
+        yield from (" ".join(repr(float(x)) for x in point) for point in mesh.points[nodes])
+    yield "$EndNodes"
+
+    groups = [(2, name, cells) for name, cells in mesh.surfaces.items()]
+    groups += [(3, name, cells) for name, cells in mesh.volumes.items()]
+    n = sum(len(cells) for _, _, cells in groups)
+    yield from ("$Elements", f"{len(groups)} {n} 1 {n}")
+    element = 0
+    for dimension, name, cells in groups:
+        yield f"{dimension} {tags[name]} {_GMSH_TYPE[dimension, cells.shape[1]]} {len(cells)}"
+        for nodes in cells:
+            element += 1
+            yield f"{element} " + " ".join(str(node + 1) for node in nodes)
+    yield "$EndElements"
+
+
+def _owned_nodes(mesh: GroupedMesh) -> dict[str, Ints]:
+    """Give each node to the first volume that has it, for the format lists a node once."""
+    free = np.ones(len(mesh.points), dtype=bool)
+    owned = {}
+    for name, cells in mesh.volumes.items():
+        nodes = np.unique(cells)
+        owned[name] = nodes[free[nodes]]
+        free[nodes] = False
+    return owned

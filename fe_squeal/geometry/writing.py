@@ -1,0 +1,75 @@
+"""Mesh a parametric geometry into a gmsh file."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from fe_squeal.errors import MeshError, OutputError
+from fe_squeal.geometry.block import Block
+from fe_squeal.geometry.disc_pad import DiscPad
+from fe_squeal.geometry.msh_file import write_msh
+from fe_squeal.geometry.structured import structured_block, structured_disc_pad
+from fe_squeal.geometry.tetrahedra import write_tetrahedra
+
+# Far past what the solvers take; a size in the wrong unit asks for thousands of times more, and would fill the memory.
+MAX_ELEMENTS = 3_000_000
+
+
+def write_mesh(geometry: DiscPad | Block, path: str | os.PathLike[str]) -> Path:
+    """Mesh a geometry and write it as a gmsh .msh file (version 4.1, text), in the geometry's own unit of length.
+
+    The same geometry gives the same bytes each time. The file appears at once when it is complete; an older one of that
+    name stays until then.
+
+    Returns
+    -------
+    path : Path
+        Where the mesh was written.
+
+    Raises
+    ------
+    OutputError
+        The name does not end in .msh, or the file cannot be written.
+    MeshError
+        The size asks for too many elements; or, with element = "tet", gmsh cannot be loaded or fails.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> block = Block(length=0.08, width=0.04, height=0.015, size=0.01)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_mesh(block, Path(folder) / "block.msh").name
+    'block.msh'
+    """
+    path = Path(path)
+    if path.suffix != ".msh":
+        raise OutputError(f"{path}: a mesh is written as a gmsh file; expected a name that ends in .msh")
+    if not path.parent.is_dir():
+        raise OutputError(f"{path}: there is no folder {path.parent}; make it first")
+    _check_number_of_elements(geometry)
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.msh")  # gmsh chooses the format by the ending
+    try:
+        partial.touch()  # a folder that cannot be written is found before the meshing, not after it
+        if geometry.element == "tet":
+            write_tetrahedra(geometry, partial)
+        elif isinstance(geometry, DiscPad):
+            write_msh(structured_disc_pad(geometry), partial)
+        else:
+            write_msh(structured_block(geometry), partial)
+        os.replace(partial, path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def _check_number_of_elements(geometry: DiscPad | Block) -> None:
+    # A regular tetrahedron of edge a has the volume a^3 / (6 sqrt 2).
+    elements = geometry.cells * (8.5 if geometry.element == "tet" else 1.0)
+    if elements > MAX_ELEMENTS:
+        raise MeshError(
+            f"size = {geometry.edge_length:g} makes about {elements:.2g} elements, and at most {MAX_ELEMENTS:.2g} are "
+            "meshed; choose a larger size (in the same unit as the other lengths) or fewer layers"
+        )

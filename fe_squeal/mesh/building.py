@@ -1,0 +1,225 @@
+"""From what a reader gives to the checked scikit-fem mesh with its groups."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import skfem
+
+from fe_squeal.errors import MeshError
+
+from .checking import FLAT, check_cells, check_points, drop_orphans, jacobian_range, orient_cells
+from .elements import MESH_CLASS, REFERENCE, SHAPE, SPOKEN, corner_count, matching, skfem_order
+from .groups import LoadedMesh
+from .raw import CellBlock, Floats, Ints, RawMesh, element_names, listed
+from .splitting import complete_hexahedra, fill_midside, split_cells, split_quadrilaterals
+from .surfaces import adopt_duplicates, boundary_of_nodes, check_on_faces, faces_of, find_rows
+
+LARGEST, SMALLEST = 10.0, 1e-3  # m; brakes are between
+
+
+def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
+    """Turn what a reader gives into the checked mesh; `scale` times the coordinates is metres.
+
+    Raises
+    ------
+    MeshError
+        Non-finite coordinates, inverted, flat, doubled or broken elements, surfaces off the faces, nothing at all.
+    """
+    with np.errstate(over="ignore"):  # an overflow is caught as a coordinate that is not finite
+        raw = replace(raw, points=np.asarray(raw.points, dtype=np.float64) * scale)
+    check_points(raw, source)
+    check_cells(raw, source)
+    raw = drop_orphans(adopt_duplicates(raw, source))
+    points, blocks, note = _one_order(raw)
+    raw, warnings = orient_cells(replace(raw, points=points, blocks=blocks, notes=raw.notes + note), source)
+    faces = faces_of(raw)
+    check_on_faces(raw, faces, source)
+    surfaces, unusable = dict(raw.surfaces), dict(raw.unusable)
+    for name, rows in raw.node_groups.items():
+        parts = boundary_of_nodes(rows, faces, len(raw.points))
+        if name in surfaces:
+            continue
+        if any(len(part) for part in parts):
+            surfaces[name] = parts
+        else:
+            unusable[name] = "the node set covers no whole face of the boundary"
+    points, block, parent, note = _one_kind(raw, source)
+    mesh = _assemble(points, block, source, element_names(raw.blocks)[parent])
+    mesh = replace(
+        mesh,
+        _subdomains={name: _children(cells, parent) for name, cells in raw.volume_groups.items() if len(cells)},
+        _boundaries=_facet_groups(mesh, block, surfaces, split=block.kind.startswith("tetra")),
+    )
+    return LoadedMesh(
+        mesh,
+        source,
+        (*raw.notes, *note),
+        (*warnings, *_size_warnings(mesh, source)),
+        element_names(raw.blocks)[parent],
+        unusable,
+        raw.ignore_case,
+    )
+
+
+def from_skfem(mesh: skfem.Mesh, source: str = "<python>") -> LoadedMesh:
+    """Check a mesh built in Python; its coordinates are metres.
+
+    Parameters
+    ----------
+    mesh
+        MeshTet1, MeshTet2, MeshHex1 or MeshHex2, with `subdomains` and `boundaries`.
+
+    Raises
+    ------
+    MeshError
+        As `load_mesh`. Elements may be left-handed: scikit-fem does not mind.
+
+    Examples
+    --------
+    >>> block = skfem.MeshHex().with_subdomains({"pad": [0]}).with_boundaries({"face": lambda x: x[2] == 0.0})
+    >>> from_skfem(block).mesh.boundaries["face"].shape
+    (1,)
+    """
+    kind = next((kind for kind, cls in MESH_CLASS.items() if isinstance(mesh, cls) and mesh.elem is cls.elem), None)
+    if kind is None:
+        raise MeshError(
+            f"{source}: {type(mesh).__name__} is not supported; expected one of "
+            + ", ".join(cls.__name__ for cls in MESH_CLASS.values())
+        )
+    local = mesh.dofs.element_dofs if len(REFERENCE[kind]) > mesh.t.shape[0] else mesh.t
+    nodes = local.T[:, matching(REFERENCE[kind], np.asarray(mesh.elem.doflocs))].astype(np.int64)
+    block = CellBlock(kind, nodes, np.arange(len(nodes)))
+    groups = _checked_groups(mesh.subdomains, mesh.nelements, "subdomain", source)
+    surfaces = _checked_groups(mesh.boundaries, mesh.nfacets, "boundary", source)
+    raw = RawMesh(mesh.doflocs.T, np.arange(mesh.doflocs.shape[1]), (block,), groups, {})
+    check_points(raw, source)
+    check_cells(raw, source)
+    left = jacobian_range(kind, raw.points, nodes)[1] < 0
+    warnings: list[str] = []
+    for which in (left, ~left):
+        # scikit-fem does not mind left-handed cells, so each handedness is checked on its own.
+        if which.any():
+            cells = replace(block, nodes=nodes[which], labels=block.labels[which])
+            warnings += orient_cells(replace(raw, blocks=(cells,), volume_groups={}), source)[1]
+    mesh = replace(mesh, _subdomains=groups, _boundaries=surfaces)
+    return LoadedMesh(mesh, source, (), (*warnings, *_size_warnings(mesh, source)), block.labels.astype(str))
+
+
+def _one_order(raw: RawMesh) -> tuple[Floats, tuple[CellBlock, ...], tuple[str, ...]]:
+    """Bring linear and quadratic cells, and quadratic ones that lack midside nodes, to one order."""
+    linear = sum(len(b) for b in raw.blocks if b.kind == SHAPE[b.kind])
+    total = sum(len(b) for b in raw.blocks)
+    bare = sum(int((b.nodes < 0).any(axis=1).sum()) for b in raw.blocks)
+    if linear == total or (linear == 0 and bare == 0):
+        return raw.points, raw.blocks, ()
+    points, blocks = fill_midside(raw.points, raw.blocks)
+    notes = []
+    if linear:
+        notes.append(f"{linear} linear elements beside quadratic ones are given midside nodes on their edges")
+    if bare:
+        notes.append(f"{bare} elements without some of their midside nodes are given them on their edges")
+    return points, blocks, tuple(notes)
+
+
+def _one_kind(raw: RawMesh, source: str) -> tuple[Floats, CellBlock, Ints, tuple[str, ...]]:
+    """Return one block of tetrahedra or hexahedra, the cell that each came from, and a note if cells were split."""
+    shapes = list(dict.fromkeys(SHAPE[block.kind] for block in raw.blocks))
+    total = sum(len(block) for block in raw.blocks)
+    if shapes == ["hexahedron"] or shapes == ["tetra"]:
+        points, blocks = raw.points, raw.blocks
+        if any(block.kind == "hexahedron20" for block in blocks):
+            points, blocks = complete_hexahedra(points, blocks)
+        nodes = np.vstack([block.nodes for block in blocks])
+        return points, CellBlock(blocks[0].kind, nodes, np.arange(total)), np.arange(total), ()
+    points, block, parent = split_cells(raw.points, raw.blocks)
+    low = jacobian_range(block.kind, points, block.nodes)[0]
+    if (low < FLAT).any():
+        bad = np.unique(parent[low < FLAT])
+        raise MeshError(
+            f"{source}: element{'s' * (len(bad) > 1)} {listed(element_names(raw.blocks)[bad])} cannot be split into "
+            "tetrahedra of positive volume (too distorted or curved); mesh with tetrahedra or hexahedra alone"
+        )
+    counts = {shape: sum(len(b) for b in raw.blocks if SHAPE[b.kind] == shape) for shape in shapes}
+    notes = [
+        f"{counts[shape]} {SPOKEN[shape]} split into {int((shape_of(raw)[parent] == shape).sum())} tetrahedra"
+        for shape in shapes
+        if shape != "tetra"
+    ]
+    if block.kind == "tetra10":
+        notes.append(
+            "the tetrahedra keep all nodes and curved edges; between the edges a curved surface changes slightly"
+        )
+    return points, block, parent, tuple(notes)
+
+
+def shape_of(raw: RawMesh) -> np.ndarray:
+    """Return (n,) the shape of each cell, through all blocks."""
+    return np.concatenate([np.full(len(block), SHAPE[block.kind]) for block in raw.blocks])
+
+
+def _assemble(points: Floats, block: CellBlock, source: str, names: np.ndarray) -> skfem.Mesh:
+    """Return the scikit-fem mesh; scikit-fem numbers quadratic nodes anew, corners first in rising order."""
+    ordered = block.nodes[:, skfem_order(block.kind)]
+    if block.kind == SHAPE[block.kind]:
+        used, ordered = np.unique(ordered, return_inverse=True)
+        return MESH_CLASS[block.kind](
+            points[used].T.copy(), ordered.reshape(block.nodes.shape).T.astype(np.int32).copy()
+        )
+    mesh = MESH_CLASS[block.kind](points.T.copy(), ordered.T.astype(np.int32).copy())
+    # scikit-fem keeps one node per edge and face: neighbours must mean the same place by it.
+    given = points[ordered]
+    apart = np.abs(mesh.doflocs[:, mesh.dofs.element_dofs].transpose(2, 1, 0) - given).max(axis=(1, 2))
+    bad = np.flatnonzero(apart > 1e-6 * np.ptp(given, axis=1).max(axis=1))
+    if len(bad):
+        raise MeshError(
+            f"{source}: elements {listed(names[bad])} share an edge or face with a neighbour whose midside node there "
+            "lies elsewhere; the mesh has a gap, merge the midside nodes"
+        )
+    return mesh
+
+
+def _facet_groups(
+    mesh: skfem.Mesh, block: CellBlock, surfaces: Mapping[str, list[Ints]], split: bool
+) -> dict[str, Ints]:
+    """Return facet indices by surface group; quadrilaterals of split cells become their two triangles."""
+    used = np.unique(block.nodes[:, : corner_count(block.kind)])
+    groups = {}
+    size = mesh.facets.shape[0]
+    for name, parts in surfaces.items():
+        triangles = [split_quadrilaterals(p) if split and p.shape[1] == 4 else p for p in parts if len(p)]
+        if triangles:
+            rows = np.vstack([p for p in triangles if p.shape[1] == size])
+            groups[name] = rows
+    if not groups:
+        return {}
+    # One search for all groups: sorting the facets is what takes the time.
+    every = np.searchsorted(used, np.vstack(list(groups.values())))
+    found = find_rows(every, mesh.facets.T.astype(np.int64))
+    ends = np.cumsum([len(rows) for rows in groups.values()])
+    return {name: np.unique(part) for name, part in zip(groups, np.split(found, ends[:-1]), strict=True)}
+
+
+def _children(cells: Ints, parent: Ints) -> Ints:
+    member = np.zeros(parent.max(initial=-1) + 1, dtype=bool)
+    member[cells] = True
+    return np.flatnonzero(member[parent])
+
+
+def _checked_groups(groups: Mapping[str, Ints] | None, count: int, what: str, source: str) -> dict[str, Ints]:
+    checked = {}
+    for name, members in (groups or {}).items():
+        index = np.unique(np.asarray(members))
+        if index.dtype.kind not in "iu" or (len(index) and (index[0] < 0 or index[-1] >= count)):
+            raise MeshError(f'{source}: {what} "{name}" must hold indices from 0 to {count - 1}')
+        checked[str(name)] = index.astype(np.int64)
+    return checked
+
+
+def _size_warnings(mesh: skfem.Mesh, source: str) -> tuple[str, ...]:
+    extent = float(np.ptp(mesh.doflocs, axis=1).max())
+    if SMALLEST <= extent <= LARGEST:
+        return ()
+    return (f"{source}: the model is {extent:.3g} m across; is length_unit right?",)

@@ -1,0 +1,76 @@
+"""The checked mesh, and the look-up of its groups by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import skfem
+
+from fe_squeal.errors import MeshError, suggest
+
+from .raw import Ints
+
+
+@dataclass(frozen=True)
+class LoadedMesh:
+    """A mesh that has passed the gate.
+
+    Attributes
+    ----------
+    mesh
+        MeshTet1, MeshTet2, MeshHex1 or MeshHex2, coordinates in metres; `subdomains` holds the volume groups and
+        `boundaries` the surface groups (facet indices, sorted).
+    source
+        The file's name, for messages.
+    notes
+        What was converted on the way.
+    warnings
+        What is probably not meant.
+    element_labels
+        (n_elements,) each element's number in the file, with the instance in front; tetrahedra that were split off a
+        cell have the cell's.
+    unusable
+        Names in the file that give no group, with the reason.
+    ignore_case
+        Whether names are looked up without regard to case (Abaqus).
+    """
+
+    mesh: skfem.Mesh
+    source: str
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    element_labels: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=str))
+    unusable: dict[str, str] = field(default_factory=dict)
+    ignore_case: bool = False
+
+
+def volume_group(loaded: LoadedMesh, name: str) -> Ints:
+    """Return the element indices of a volume group; MeshError with the nearest name if there is none."""
+    return _look_up(loaded, name, loaded.mesh.subdomains or {}, "volume", loaded.mesh.boundaries or {}, "surface")
+
+
+def surface_group(loaded: LoadedMesh, name: str) -> Ints:
+    """Return the facet indices of a surface group; MeshError with the nearest name if there is none."""
+    return _look_up(loaded, name, loaded.mesh.boundaries or {}, "surface", loaded.mesh.subdomains or {}, "volume")
+
+
+def _look_up(
+    loaded: LoadedMesh, name: str, groups: Mapping[str, Ints], kind: str, others: Mapping[str, Ints], other: str
+) -> Ints:
+    if name in groups:
+        return np.asarray(groups[name])
+    alike = [key for key in groups if key.casefold() == name.casefold()]
+    if loaded.ignore_case and len(alike) == 1:
+        return np.asarray(groups[alike[0]])
+    message = f'no {kind} group "{name}" in {loaded.source}'
+    reasons = {key.casefold(): text for key, text in loaded.unusable.items()}
+    if len(alike) > 1 and loaded.ignore_case:
+        raise MeshError(f"{message}; several differ only in case: " + ", ".join(sorted(alike)))
+    same = {key for key in others if key == name or (loaded.ignore_case and key.casefold() == name.casefold())}
+    if same:
+        raise MeshError(f"{message}: that is a {other} group{suggest(name, groups)}")
+    if name.casefold() in reasons:
+        raise MeshError(f"{message}: {reasons[name.casefold()]}{suggest(name, groups)}")
+    raise MeshError(message + suggest(name, groups))

@@ -1,0 +1,78 @@
+"""From a mesh file to the checked mesh that everything else works on: which reader takes the file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from fe_squeal.errors import MeshError, suggest
+
+from .abaqus import read_abaqus
+from .building import build_mesh
+from .gmsh_format import read_gmsh
+from .groups import LoadedMesh
+from .meshio_formats import read_with_meshio
+from .nastran import read_nastran
+from .raw import RawMesh
+
+UNITS = {"m": 1.0, "mm": 1e-3}
+_READERS: dict[str, Callable[[Path], RawMesh]] = {
+    ".inp": read_abaqus, ".msh": read_gmsh,
+    ".bdf": read_nastran, ".nas": read_nastran, ".dat": read_nastran, ".fem": read_nastran, ".blk": read_nastran,
+}  # fmt: skip
+
+
+def load_mesh(path: str | Path, length_unit: str = "m") -> LoadedMesh:
+    """Read a mesh file and check it.
+
+    Parameters
+    ----------
+    path
+        .msh (Gmsh 2.2, 4.0, 4.1), .inp (Abaqus), .bdf, .nas, .dat, .fem (Nastran), .vtu, .vtk, .xdmf, .med or whatever
+        else meshio reads.
+    length_unit
+        The unit of the file's coordinates, "m" or "mm".
+
+    Raises
+    ------
+    MeshError
+        Whatever is wrong with the file, in one sentence.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> text = '''*NODE
+    ... 1, 0., 0., 0.
+    ... 2, 60., 0., 0.
+    ... 3, 0., 60., 0.
+    ... 4, 0., 0., 60.
+    ... *ELEMENT, TYPE=C3D4, ELSET=PAD
+    ... 1, 1, 2, 3, 4
+    ... *SURFACE, NAME=BACK
+    ... PAD, S1
+    ... '''
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "pad.inp").write_text(text)
+    ...     loaded = load_mesh(Path(folder, "pad.inp"), length_unit="mm")
+    >>> loaded.mesh.p.max().round(6), list(loaded.mesh.subdomains), list(loaded.mesh.boundaries)
+    (np.float64(0.06), ['PAD'], ['BACK'])
+    """
+    path = Path(path)
+    if length_unit not in UNITS:
+        raise MeshError(f'{path.name}: length_unit "{length_unit}" is not known{suggest(length_unit, UNITS)}')
+    try:
+        if path.is_dir():
+            raise MeshError(f"{path}: this is a folder; expected a mesh file")
+        if not path.is_file():
+            near = [p.name for p in path.parent.iterdir() if p.is_file()] if path.parent.is_dir() else []
+            raise MeshError(f"{path}: no such mesh file" + (suggest(path.name, near) if near else ""))
+        if path.stat().st_size == 0:
+            raise MeshError(f"{path.name}: the file is empty; expected a mesh")
+        raw = _READERS.get(path.suffix.lower(), read_with_meshio)(path)
+    except OSError as error:
+        raise MeshError(f"{path}: the file cannot be read ({error.strerror or error})") from error
+    except MemoryError as error:
+        raise MeshError(
+            f"{path.name}: the file asks for more memory than there is; it is damaged or too large"
+        ) from error
+    return build_mesh(raw, path.name, UNITS[length_unit])

@@ -1,0 +1,114 @@
+"""The card layer of a Nastran bulk data file: free, small and large fields, continuations, includes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from fe_squeal.errors import MeshError, suggest
+
+_DEPTH = 20
+_SHORT_EXPONENT = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+))([+-]\d+)$")
+
+
+@dataclass(frozen=True)
+class Card:
+    """One bulk data entry: its name in capitals and the fields after it, blank ones as ""."""
+
+    name: str
+    fields: list[str]
+    where: str
+
+    def text(self, i: int) -> str:
+        """Return field i (counted from 0 after the name), "" past the end."""
+        return self.fields[i] if i < len(self.fields) else ""
+
+
+def read_lines(path: Path, source: str, depth: int = 0) -> Iterator[tuple[str, str]]:
+    """Yield (line, where it stands), includes followed.
+
+    Raises
+    ------
+    MeshError
+        The file is not text, or an included file is missing.
+    """
+    if depth > _DEPTH:
+        raise MeshError(f"{source}: INCLUDE is nested more than {_DEPTH} deep; does {path.name} include itself?")
+    data = path.read_bytes()
+    if b"\0" in data:
+        raise MeshError(f"{source}: {path.name} is not a text file; expected Nastran bulk data")
+    lines = data.decode("utf-8", "replace").splitlines()
+    for number, line in enumerate(lines, 1):
+        if line[:7].upper() == "INCLUDE" and line[7:8] in (" ", "'", '"'):
+            name = line[7:].split("$")[0].strip().strip("'\"").strip()
+            target = path.parent / name.replace("\\", "/")
+            if not target.is_file():
+                near = [p.name for p in target.parent.iterdir()] if target.parent.is_dir() else []
+                raise MeshError(
+                    f'{source}: {path.name} line {number}: the included file "{name}" does not exist'
+                    + suggest(target.name, near)
+                )
+            yield from read_lines(target, source, depth + 1)
+        else:
+            yield line, f"{path.name} line {number}"
+
+
+def read_cards(lines: list[tuple[str, str]]) -> Iterator[Card]:
+    """Yield the bulk data entries between BEGIN BULK (or the start) and ENDDATA."""
+    begin = next(
+        (i + 1 for i, (line, _) in enumerate(lines) if " ".join(line.upper().split()).startswith("BEGIN BULK")), 0
+    )
+    name, fields, where, width = "", [""], "", 8
+    for line, place in lines[begin:]:
+        if "$" in line:
+            line = line[: line.index("$")]
+        if not line.strip():
+            continue
+        head, rest, wide = _cut(line)
+        if head[:1] in ("+", "*") or not head:
+            # A continuation: its fields go on where the line before ended, filled up to that line's width.
+            fields += [""] * (-len(fields) % width)
+            width = 4 if wide else 8
+            fields += rest
+            continue
+        if name:
+            yield Card(name, fields, where)
+        name = head.rstrip("*").upper()
+        if name == "ENDDATA":
+            return
+        fields, where, width = rest, place, 4 if wide else 8
+    if name:
+        yield Card(name, fields, where)
+
+
+def _cut(line: str) -> tuple[str, list[str], bool]:
+    """Return the first field, the data fields (at most 8, or 4 large ones) and whether they are large."""
+    if "," in line:
+        parts = [part.strip() for part in line.split(",")]
+        wide = parts[0].endswith("*") or parts[0].startswith("*")
+        return parts[0], parts[1:5] if wide else parts[1:9], wide
+    line = line.expandtabs(8).rstrip()
+    head = line[:8].strip()
+    wide = head.endswith("*") or head.startswith("*")
+    step, count = (16, 4) if wide else (8, 8)
+    body = line[8 : 8 + step * count]
+    return head, [body[i : i + step].strip() for i in range(0, len(body), step)], wide
+
+
+def real(text: str) -> float:
+    """Return a Nastran number; a blank is zero and the E of the exponent may be missing.
+
+    Examples
+    --------
+    >>> real("1.5-3"), real(".7D1"), real("")
+    (0.0015, 7.0, 0.0)
+    """
+    if not text:
+        return 0.0
+    try:
+        return float(text)
+    except ValueError:
+        short = _SHORT_EXPONENT.match(text)
+        return float(f"{short[1]}e{short[2]}" if short else text.upper().replace("D", "E"))

@@ -1,0 +1,135 @@
+"""The mesh as a file gives it: points, cells in VTK order, named groups; before any check or conversion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fe_squeal.errors import MeshError
+
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CellBlock:
+    """Volume cells of one kind.
+
+    Attributes
+    ----------
+    kind
+        meshio's name of the cell type, a key of `elements.REFERENCE`.
+    nodes
+        (n, k), rows of `RawMesh.points` in VTK order; -1 for a midside node that the file leaves out.
+    labels
+        (n,), the file's own element numbers.
+    prefix
+        What stands before the number in messages, such as "PAD-1." for an Abaqus instance.
+    """
+
+    kind: str
+    nodes: Ints
+    labels: Ints
+    prefix: str = ""
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+
+@dataclass(frozen=True)
+class RawMesh:
+    """What a reader hands over.
+
+    Attributes
+    ----------
+    points
+        (n, 3), in the file's length unit.
+    node_labels
+        (n,), the file's own node numbers.
+    blocks
+        The volume cells; groups count them through all blocks in this order.
+    volume_groups
+        Cell indices by group name.
+    surfaces
+        By group name, arrays (m, 3) and (m, 4) of corner nodes, any number of each.
+    node_groups
+        Node rows by group name; they become surface groups where they cover whole boundary facets.
+    unusable
+        Names that stand in the file and give no group, with the reason.
+    """
+
+    points: Floats
+    node_labels: Ints
+    blocks: tuple[CellBlock, ...]
+    volume_groups: dict[str, Ints]
+    surfaces: dict[str, list[Ints]]
+    node_groups: dict[str, Ints] = field(default_factory=dict)
+    unusable: dict[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    node_prefixes: tuple[tuple[int, str], ...] = ((0, ""),)
+    ignore_case: bool = False
+
+    def node_name(self, row: int) -> str:
+        """Return the node's number as the file has it, with its instance in front."""
+        prefix = [text for first, text in self.node_prefixes if first <= row][-1]
+        return f"{prefix}{self.node_labels[row]}"
+
+
+def element_names(blocks: tuple[CellBlock, ...]) -> NDArray[np.str_]:
+    """Return (n,) the names of all cells, "12" or "PAD-1.12", in block order."""
+    if not blocks:
+        return np.empty(0, dtype=str)
+    return np.concatenate([np.char.add(block.prefix, block.labels.astype(str)) for block in blocks])
+
+
+def listed(names: list[str] | NDArray[np.str_], limit: int = 5) -> str:
+    """Return the first few names for a message.
+
+    Examples
+    --------
+    >>> listed([str(i) for i in range(1, 9)])
+    '1, 2, 3, 4, 5 and 3 more'
+    """
+    shown = ", ".join(str(name) for name in names[:limit])
+    return shown + (f" and {len(names) - limit} more" if len(names) > limit else "")
+
+
+def rows_of(wanted: Ints, labels: Ints) -> Ints:
+    """Return where each of `wanted` stands in `labels`, -1 where it does not.
+
+    Examples
+    --------
+    >>> rows_of(np.array([7, 5, 9]), np.array([5, 6, 7]))
+    array([ 2,  0, -1])
+    """
+    wanted = np.asarray(wanted, dtype=np.int64)
+    if len(labels) == 0:
+        return np.full(wanted.shape, -1)
+    order = np.argsort(labels, kind="stable")
+    place = np.searchsorted(labels, wanted, sorter=order)
+    rows = order[np.minimum(place, len(labels) - 1)]
+    return np.where(labels[rows] == wanted, rows, -1)
+
+
+def check_unique_nodes(labels: Ints, points: Floats, source: str) -> tuple[Ints, Floats]:
+    """Drop nodes that are written twice at the same place.
+
+    Raises
+    ------
+    MeshError
+        A node number stands twice, with different coordinates.
+    """
+    unique, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
+    if len(unique) == len(labels):
+        return labels, points
+    apart = np.any(points != points[first][inverse], axis=1)
+    if apart.any():
+        names = np.unique(labels[apart]).astype(str)
+        raise MeshError(
+            f"{source}: node number {listed(names)} is defined more than once at different places; "
+            "give every node its own number"
+        )
+    keep = np.sort(first)
+    return labels[keep], points[keep]

@@ -1,0 +1,203 @@
+"""Cells made over: midside nodes filled in, 20-node hexahedra completed, everything split into tetrahedra."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .elements import EDGES, FACES, QUADRATIC, REFERENCE, SHAPE, corner_count, shape_functions
+from .raw import CellBlock, Floats, Ints
+
+
+def row_ids(rows: Ints) -> Ints:
+    """Return (n,) a number for each of the rows (n, k), equal where the rows are equal as sets.
+
+    Examples
+    --------
+    >>> row_ids(np.array([[1, 2, 3], [7, 2, 3], [3, 1, 2]]))
+    array([0, 1, 0])
+    """
+    rows = np.sort(rows, axis=1)
+    ids = rows[:, 0].astype(np.int64)
+    for column in rows.T[1:]:
+        _, column_ids = np.unique(column, return_inverse=True)
+        _, ids = np.unique(ids * (column_ids.max(initial=0) + 1) + column_ids, return_inverse=True)
+    return ids
+
+
+def fill_midside(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats, tuple[CellBlock, ...]]:
+    """Make every cell quadratic: a missing midside node is the neighbour's, or else the middle of the edge.
+
+    Parameters
+    ----------
+    points
+        (n, 3), m.
+    blocks
+        Cells with k corners, or with midside nodes of which some may be -1.
+
+    Returns
+    -------
+    points
+        With the new nodes at the end.
+    blocks
+        Of kinds with midside nodes alone.
+    """
+    wide = []
+    for block in blocks:
+        nodes = block.nodes
+        if block.kind == SHAPE[block.kind]:
+            nodes = np.pad(nodes, ((0, 0), (0, len(EDGES[block.kind]))), constant_values=-1)
+        wide.append((QUADRATIC.get(block.kind, block.kind), nodes.copy(), block))
+    ends, middles = [], []
+    for kind, nodes, _ in wide:
+        edges, first = np.array(EDGES[SHAPE[kind]]), corner_count(kind)
+        ends.append(nodes[:, edges].reshape(-1, 2))
+        middles.append(nodes[:, first : first + len(edges)].ravel())
+    pairs, middle = np.concatenate(ends), np.concatenate(middles)
+    ids = row_ids(pairs)
+    of_edge = np.full(ids.max(initial=-1) + 1, -1)
+    of_edge[ids[middle >= 0]] = middle[middle >= 0]
+    bare = np.unique(ids[of_edge[ids] < 0], return_index=True)[0]
+    sample = np.zeros(len(of_edge), dtype=np.int64)
+    sample[ids] = np.arange(len(ids))
+    of_edge[bare] = len(points) + np.arange(len(bare))
+    points = np.vstack([points, points[pairs[sample[bare]]].mean(axis=1)])
+    middle = np.where(middle < 0, of_edge[ids], middle)
+    out, at = [], 0
+    for kind, nodes, block in wide:
+        first, count = corner_count(kind), len(EDGES[SHAPE[kind]])
+        nodes[:, first : first + count] = middle[at : at + len(nodes) * count].reshape(-1, count)
+        at += len(nodes) * count
+        out.append(CellBlock(kind, nodes, block.labels, block.prefix))
+    return points, tuple(out)
+
+
+def complete_hexahedra(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats, tuple[CellBlock, ...]]:
+    """Give 20-node hexahedra their 7 centres on the serendipity map, so that the geometry stays exactly theirs."""
+    out = []
+    for block in blocks:
+        if block.kind == "hexahedron20":
+            weights = shape_functions("hexahedron20", REFERENCE["hexahedron27"][20:])
+            centres = np.einsum("qk,nkd->nqd", weights, points[block.nodes])
+            new = len(points) + np.arange(centres.shape[0] * 7).reshape(-1, 7)
+            points = np.vstack([points, centres.reshape(-1, 3)])
+            block = CellBlock("hexahedron27", np.hstack([block.nodes, new]), block.labels, block.prefix)
+        out.append(block)
+    return points, tuple(out)
+
+
+def local_tetrahedra(shape: str, corners: Ints) -> tuple[Ints, Ints]:
+    """Return the tetrahedra of each cell by its local corners, and the cell of each.
+
+    The cone from the smallest corner over the faces that do not hold it; a quadrilateral face is cut by the diagonal
+    through its smallest corner, so both neighbours cut it alike. J. Dompierre, P. Labbé, M.-G. Vallet, R. Camarero,
+    "How to subdivide pyramids, prisms and hexahedra into tetrahedra", 8th International Meshing Roundtable, 1999.
+
+    Parameters
+    ----------
+    shape
+        Key of `elements.FACES`.
+    corners
+        (n, k) node numbers; any numbering that all cells share.
+
+    Returns
+    -------
+    local
+        (m, 4), right-handed, ordered by cell.
+    parent
+        (m,)
+
+    Examples
+    --------
+    >>> local_tetrahedra("pyramid", np.array([[4, 3, 2, 1, 0]]))[0].tolist()
+    [[4, 3, 2, 1], [4, 3, 1, 0]]
+    """
+    if shape == "tetra":
+        return np.tile(np.arange(4), (len(corners), 1)), np.arange(len(corners))
+    apex = corners.argmin(axis=1)
+    local, parent = [], []
+    for tip in range(corners.shape[1]):
+        cells = np.flatnonzero(apex == tip)
+        for face in FACES[shape]:
+            if tip in face:
+                continue
+            if len(face) == 3:
+                cuts = [(cells, [face])]
+            else:
+                a, b, c, d = face
+                even = corners[cells][:, [a, c]].min(axis=1) < corners[cells][:, [b, d]].min(axis=1)
+                cuts = [(cells[even], [(a, b, c), (a, c, d)]), (cells[~even], [(b, c, d), (b, d, a)])]
+            for which, triangles in cuts:
+                for triangle in triangles:
+                    local.append(np.tile((tip, *triangle), (len(which), 1)))
+                    parent.append(which)
+    stacked, of = np.vstack(local), np.concatenate(parent)
+    order = np.argsort(of, kind="stable")
+    return stacked[order], of[order]
+
+
+def split_quadrilaterals(corners: Ints) -> Ints:
+    """Return (2m, 3) the triangles of the faces (m, 4), by the same rule as the cells' own; both of a face in a row."""
+    even = corners[:, [0, 2]].min(axis=1) < corners[:, [1, 3]].min(axis=1)
+    first = np.where(even[:, None], corners[:, [0, 1, 2]], corners[:, [1, 2, 3]])
+    second = np.where(even[:, None], corners[:, [0, 2, 3]], corners[:, [1, 3, 0]])
+    return np.stack([first, second], axis=1).reshape(-1, 3)
+
+
+def split_cells(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats, CellBlock, Ints]:
+    """Split all cells into tetrahedra that fit across shared faces.
+
+    Quadratic cells give 10-node tetrahedra; the middle of each new edge lies on the cell's own curved map, so every
+    node and edge of the file is kept. Between them the surface of a curved quadrilateral changes slightly.
+
+    Parameters
+    ----------
+    points
+        (n, 3), m.
+    blocks
+        All linear or all quadratic (see `fill_midside`).
+
+    Returns
+    -------
+    points
+        With the new mid-edge nodes at the end.
+    block
+        "tetra" or "tetra10"; labels are those of the cells they came from.
+    parent
+        (m,) the cell of each tetrahedron, counted through all blocks.
+    """
+    quadratic = any(block.kind != SHAPE[block.kind] for block in blocks)
+    nodes, parents, labels, middles, ends, at = [], [], [], [], [], 0
+    edges = np.array(EDGES["tetra"])
+    for block in blocks:
+        shape, count = SHAPE[block.kind], corner_count(block.kind)
+        local, parent = local_tetrahedra(shape, block.nodes[:, :count])
+        tetra = np.take_along_axis(block.nodes[parent], local, axis=1)
+        nodes.append(tetra)
+        parents.append(parent + at)
+        labels.append(block.labels[parent])
+        at += len(block)
+        if quadratic:
+            # All pairs of corners, so that the weights are found once per pair and not once per tetrahedron.
+            corners = REFERENCE[block.kind][:count]
+            pair_points = (corners[:, None] + corners[None]).reshape(-1, 3) / 2
+            weights = shape_functions(block.kind, pair_points).reshape(count, count, -1)
+            pairs = np.sort(local[:, edges], axis=2)
+            for j in range(len(edges)):
+                w = weights[pairs[:, j, 0], pairs[:, j, 1]]
+                middles.append(np.einsum("nk,nkd->nd", w, points[block.nodes[parent]]))
+                ends.append(tetra[:, edges[j]])
+    tetrahedra = np.vstack(nodes)
+    prefix = blocks[0].prefix if len({block.prefix for block in blocks}) == 1 else ""
+    kind = "tetra"
+    if quadratic:
+        ids = row_ids(np.vstack(ends))
+        _, first = np.unique(ids, return_index=True)
+        new = len(points) + ids
+        points = np.vstack([points, np.vstack(middles)[first]])
+        columns, start = [], 0
+        for block_nodes in nodes:
+            columns.append(new[start : start + 6 * len(block_nodes)].reshape(6, -1).T)
+            start += 6 * len(block_nodes)
+        tetrahedra = np.hstack([tetrahedra, np.vstack(columns)])
+        kind = "tetra10"
+    return points, CellBlock(kind, tetrahedra, np.concatenate(labels), prefix), np.concatenate(parents)

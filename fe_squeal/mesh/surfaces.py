@@ -1,0 +1,170 @@
+"""Surface groups: the cells or nodes that a file names, found again among the facets of the volume mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from fe_squeal.errors import MeshError
+
+from .elements import EDGES, FACES, SHAPE, corner_count
+from .raw import Floats, Ints, RawMesh, listed
+from .splitting import row_ids
+
+# Duplicate nodes of a surface are taken for the volume's own within this part of the face's smallest edge.
+TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True)
+class Faces:
+    """All faces of the volume cells with three, or with four, corners.
+
+    Attributes
+    ----------
+    corners
+        (m, 3) or (m, 4); a face between two cells stands here twice.
+    mids
+        (m, 3) or (m, 4) midside nodes, -1 where there are none.
+    cells
+        (m,)
+    boundary
+        (m,) whether only one cell has the face.
+    """
+
+    corners: Ints
+    mids: Ints
+    cells: Ints
+    boundary: np.ndarray
+
+
+def faces_of(raw: RawMesh) -> dict[int, Faces]:
+    """Return the faces of all volume cells by their number of corners, 3 and 4."""
+    parts: dict[int, list[tuple[Ints, Ints, Ints]]] = {3: [], 4: []}
+    at = 0
+    for block in raw.blocks:
+        shape, count = SHAPE[block.kind], corner_count(block.kind)
+        edges = {frozenset(edge): count + i for i, edge in enumerate(EDGES[shape])}
+        for face in FACES[shape]:
+            local = [edges[frozenset((a, b))] for a, b in zip(face, face[1:] + face[:1], strict=True)]
+            mids = block.nodes[:, local] if block.kind != shape else np.full((len(block), len(face)), -1)
+            parts[len(face)].append((block.nodes[:, face], mids, at + np.arange(len(block))))
+        at += len(block)
+    out = {}
+    for size, some in parts.items():
+        corners, mids = (np.concatenate([np.empty((0, size), np.int64), *(p[i] for p in some)]) for i in (0, 1))
+        ids = row_ids(corners)
+        boundary = np.bincount(ids, minlength=1)[ids] == 1
+        out[size] = Faces(corners, mids, np.concatenate([np.empty(0, np.int64), *(p[2] for p in some)]), boundary)
+    return out
+
+
+def find_rows(wanted: Ints, table: Ints) -> Ints:
+    """Return (n,) a row of `table` with the same members as each row of `wanted`, -1 where there is none.
+
+    Examples
+    --------
+    >>> find_rows(np.array([[3, 1, 2], [7, 8, 9]]), np.array([[0, 1, 2], [1, 2, 3]]))
+    array([ 1, -1])
+    """
+    if not len(table):
+        return np.full(len(wanted), -1)
+    ids = row_ids(np.vstack([table, wanted]))
+    place = np.full(ids.max(initial=-1) + 1, -1)
+    place[ids[: len(table)]] = np.arange(len(table))
+    return place[ids[len(table) :]]
+
+
+def boundary_of_nodes(rows: Ints, faces: dict[int, Faces], node_count: int) -> list[Ints]:
+    """Return the boundary faces all of whose nodes are in the set.
+
+    Midside nodes count where the set holds any: some programs list corners alone.
+    """
+    member = np.zeros(node_count + 1, dtype=bool)  # the last entry stands for "no node", index -1
+    member[rows] = True
+    held = []
+    for some in faces.values():
+        inside = some.boundary & member[some.corners].all(axis=1)
+        held.append((some, inside))
+    with_mids = any(member[some.mids][some.mids >= 0].any() for some, _ in held)
+    if with_mids:
+        held = [(some, inside & (member[some.mids] | (some.mids < 0)).all(axis=1)) for some, inside in held]
+    return [some.corners[inside] for some, inside in held]
+
+
+def adopt_duplicates(raw: RawMesh, source: str) -> RawMesh:
+    """Put surface cells that have nodes of their own onto the volume's nodes at the same places.
+
+    Some writers of .vtu give each cell its own copy of the nodes. Call it before `drop_orphans`.
+
+    Raises
+    ------
+    MeshError
+        There is no volume node at the place, or two bodies have faces there and the choice would be a guess.
+    """
+    used = np.zeros(len(raw.points), dtype=bool)
+    for block in raw.blocks:
+        used[block.nodes[block.nodes >= 0]] = True
+    strays = {name for name, parts in raw.surfaces.items() if any(not used[part].all() for part in parts)}
+    if not strays or not np.isfinite(raw.points).all():
+        return raw
+    faces = faces_of(raw)
+    surfaces = dict(raw.surfaces)
+    place = np.full(len(raw.points), -1)
+    # Coincident nodes of two bodies share a place, so that a face matched by place may have two owners.
+    corners = np.unique(np.concatenate([some.corners.ravel() for some in faces.values()]))
+    reach = TOLERANCE * min(_shortest(raw.points, some.corners) for some in faces.values() if len(some.corners))
+    near = cKDTree(raw.points[corners]).query_pairs(reach, output_type="ndarray")
+    graph = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(corners),) * 2)
+    place[corners] = connected_components(graph, directed=False)[1]
+    rows = corners  # the faces' own nodes: surface cells are compared by their corners
+    tree = cKDTree(raw.points[rows])
+    for name in strays:
+        moved = []
+        for part in raw.surfaces[name]:
+            size = part.shape[1]
+            edge = np.linalg.norm(raw.points[part] - raw.points[np.roll(part, 1, axis=1)], axis=2).min(axis=1)
+            distance, nearest = tree.query(raw.points[part])
+            far = (distance > TOLERANCE * edge[:, None]).any(axis=1)
+            if far.any():
+                raise MeshError(
+                    f'{source}: {int(far.sum())} of {len(part)} cells of surface group "{name}" lie on no face of a '
+                    "volume element; give the surface on the volume mesh's own nodes"
+                )
+            found = place[rows[nearest]]
+            table, boundary = place[faces[size].corners], faces[size].boundary
+            index = find_rows(found, table[boundary])
+            ids = row_ids(np.vstack([table[boundary], found]))
+            owners = np.bincount(ids[: boundary.sum()], minlength=ids.max(initial=-1) + 1)[ids[boundary.sum() :]]
+            if (owners > 1).any():
+                raise MeshError(
+                    f'{source}: surface group "{name}" has nodes of its own and lies where two bodies touch, so '
+                    "the body it belongs to is not known; give it on the nodes of that body"
+                )
+            own = faces[size].corners[boundary]
+            moved.append(
+                np.where((index >= 0)[:, None], own[np.maximum(index, 0)] if len(own) else found, rows[nearest])
+            )
+        surfaces[name] = moved
+    note = "surface groups with nodes of their own are matched to the volume by coordinates: " + listed(sorted(strays))
+    return replace(raw, surfaces=surfaces, notes=(*raw.notes, note))
+
+
+def check_on_faces(raw: RawMesh, faces: dict[int, Faces], source: str) -> None:
+    """Raise MeshError for a surface group with a cell that is no face of any volume cell."""
+    for name, parts in raw.surfaces.items():
+        for part in parts:
+            lost = int((find_rows(part, faces[part.shape[1]].corners) < 0).sum())
+            if lost:
+                kind = "triangles" if part.shape[1] == 3 else "quadrilaterals"
+                raise MeshError(
+                    f'{source}: {lost} of {len(part)} {kind} of surface group "{name}" are no face of a volume '
+                    "element; the surface must be made of faces of the volume mesh (same corner nodes)"
+                )
+
+
+def _shortest(points: Floats, corners: Ints) -> float:
+    return float(np.linalg.norm(points[corners] - points[np.roll(corners, 1, axis=1)], axis=2).min())

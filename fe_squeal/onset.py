@@ -1,0 +1,223 @@
+"""Where modes turn unstable: brackets from a tracked sweep, refined on the full problem."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.optimize import brentq
+
+from .bordered import find_coalescence, find_crossing, find_zero
+from .eigen.dense import DENSE_LIMIT, solve_dense
+from .eigen.pencil import Modes
+from .errors import NotConvergedError
+from .problem import Problem
+from .tracking import mirror_partners, modal_assurance
+
+_BRACKET = 1e-2  # of the sweep step: where Newton's method takes over from the bracketing
+
+
+@dataclass(frozen=True)
+class Onset:
+    """A critical value of the sweep parameter.
+
+    Attributes
+    ----------
+    parameter, value : str, float
+    frequency_hz : float
+    kind : "flutter" or "divergence"
+    direction : "into" or "out of" instability, for a rising parameter
+    crossing_speed : float
+        dRe λ/dp; at a meeting of two eigenvalues the coefficient of √|p − p_c|. NaN for a doublet that is coupled from the
+        start of the interval on, without a threshold.
+    branch_a, branch_b : int or None
+    uncertainty : float
+        Of `value`.
+    two_mode_value : float
+        What the two branches' modes at the start of the sweep alone would predict; NaN if they never meet.
+    """
+
+    parameter: str
+    value: float
+    frequency_hz: float
+    kind: str
+    direction: str
+    crossing_speed: float
+    branch_a: int
+    branch_b: int | None
+    uncertainty: float
+    two_mode_value: float = np.nan
+
+
+def find_step_onsets(
+    problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
+    branches: tuple[np.ndarray, np.ndarray],
+) -> list[Onset]:  # fmt: skip
+    """Return the onsets between two neighbouring values of a sweep.
+
+    Parameters
+    ----------
+    values : (a, b)
+    modes : at a and at b, with shapes
+    branches : (k,) int each, the branch of every mode
+    """
+    onsets: list[Onset] = []
+    step: _Step | None = None
+    for inner, outer, direction in ((0, 1, "into"), (1, 0, "out of")):
+        stable_end, unstable_end = values[inner], values[outer]
+        unstable = {int(b) for b, s in zip(branches[inner], modes[inner].stability, strict=True) if s == "unstable"}
+        known = {int(b) for b in branches[inner]}
+        partners = mirror_partners(modes[outer])
+        for j in np.flatnonzero(modes[outer].stability == "unstable"):
+            branch = int(branches[outer][j])
+            partner = int(branches[outer][partners[j]]) if partners[j] >= 0 else None
+            if unstable & {branch, partner} or not known & {branch, partner}:
+                continue
+            step = step or _Step(problem, parameter, modes)
+            mode, ends = modes[outer].select(np.array([j])), (stable_end, unstable_end)
+            if problem.problem_class == "quadratic":
+                found = step.crossing(ends, mode)
+            else:
+                found = step.flutter(ends, mode) if mode.lam[0].imag else step.divergence(ends, mode)
+            pair = sorted({branch, partner} - {None}) if partner is not None else [branch]
+            onsets.append(replace(found, direction=direction, branch_a=pair[0], branch_b=pair[1] if pair[1:] else None))
+    return onsets
+
+
+def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes, a: int, b: int) -> float:
+    """Return where two modes of the start value meet if the sweep only recombines these two; NaN if nowhere.
+
+    With F_ij = ψ_iᵀ K' φ_j the reduced pencil is diag(θ) + δF, and the discriminant (Δθ + δΔF)² + 4δ²F_12F_21 is a
+    quadratic in the parameter's change δ; its smallest positive root counts.
+    """
+    dK = problem.derivative(parameter, "K", **{parameter: start})
+    left, right = modes.left, modes.right
+    if dK is None or left is None or np.iscomplexobj(right):
+        return np.nan
+    F = left[:, [a, b]].T @ (dK @ right[:, [a, b]])
+    theta = modes.lam[[a, b]].imag ** 2
+    d_theta, d_F = theta[0] - theta[1], F[0, 0] - F[1, 1]
+    cross = 4 * F[0, 1] * F[1, 0]
+    if abs(cross) <= 1e-12 * np.abs(F).max() ** 2:
+        return np.nan  # the two do not feel each other: they may cross, but not couple
+    roots = np.roots([d_F**2 + cross, 2 * d_theta * d_F, d_theta**2])
+    real = roots.real[(np.abs(roots.imag) <= 1e-12 * np.abs(roots)) & (roots.real > 0)]
+    return float(start + real.min()) if len(real) else np.nan
+
+
+class _Step:
+    """One step of a sweep, with a small model that holds on it: the projection on the modes of both ends.
+
+    With right and left modes in the basis the error of its eigenvalues is the product of the two subspace errors, which
+    inside one step leaves the small model good enough to start Newton's method on the full one.
+    """
+
+    def __init__(self, problem: Problem, parameter: str, modes: tuple[Modes, Modes]) -> None:
+        self.problem, self.parameter = problem, parameter
+        M = problem.pencil().M
+        if problem.unknowns <= DENSE_LIMIT:
+            self.V = np.eye(problem.unknowns)
+        else:
+            vectors = [v for m in modes for v in (m.right, m.left) if v is not None]
+            self.V = _orthonormal(np.hstack([p for v in vectors for p in (v.real, v.imag) if p.any()]), M)
+        self.small = problem.project(self.V)
+        self._MV = M @ self.V
+
+    def shape(self, mode: Modes) -> np.ndarray:
+        """Return the (r, 1) coordinates of a mode."""
+        if len(self.V) == self.V.shape[1]:
+            return mode.right
+        return np.asarray(self._MV.T @ mode.right)
+
+    def modes(self, p: float) -> Modes:
+        """Return all modes of the small model."""
+        return solve_dense(self.small.pencil(**{self.parameter: p}))
+
+    def flutter(self, ends: tuple[float, float], mode: Modes) -> Onset:
+        """Two eigenvalues of an undamped problem meet: the squared half of their distance changes sign."""
+        shape = self.shape(mode)
+        M = self.small.pencil().M
+        plane = _orthonormal(np.hstack([shape.real, shape.imag]), M)
+        target = -complex(mode.lam[0]) ** 2
+
+        def pair(p: float) -> Modes:
+            near = self.modes(p)
+            weight = modal_assurance(plane, near.right, M).sum(axis=0)
+            return near.select(np.argsort(-weight, kind="stable")[:2])
+
+        def discriminant(p: float) -> float:
+            a, b = -(pair(p).lam ** 2)
+            return float((((a - b) / 2) ** 2).real)
+
+        at_end = pair(ends[0])
+        blur = float((2 * np.abs(at_end.lam) * at_end.re_uncertainty).max() ** 2)
+        if discriminant(ends[0]) <= max(blur, (1e-9 * abs(target)) ** 2):
+            # The pair is a doublet without friction and couples as soon as it acts: no threshold inside the step.
+            return self._onset(ends[0], at_end.frequency_hz.mean(), "flutter", np.nan, 0.0)
+        step = abs(ends[1] - ends[0])
+        rough = brentq(discriminant, *ends, xtol=_BRACKET * step, rtol=8.9e-16)
+        two = pair(rough)
+        theta = float((-(two.lam**2)).real.mean())
+        left = two.left
+        assert left is not None
+        x, y = (self.V @ _real_direction(v / np.linalg.norm(v, axis=0)) for v in (two.right, left))
+        root = find_coalescence(self.problem, self.parameter, rough, theta, x, y)
+        if abs(root.value - rough) > 0.1 * step:
+            raise NotConvergedError(f"Newton's method left the step for {root.value:.6g}")
+        return self._onset(root.value, np.sqrt(root.theta) / (2 * np.pi), "flutter", root.coefficient, root.uncertainty)
+
+    def divergence(self, ends: tuple[float, float], mode: Modes) -> Onset:
+        """An eigenvalue θ passes zero."""
+        shape, M = self.shape(mode), self.small.pencil().M
+
+        def theta(p: float) -> float:
+            near = self.modes(p)
+            best = int(np.argmax(modal_assurance(shape, near.right, M)[0]))
+            return float((-(near.lam[best] ** 2)).real)
+
+        rough = brentq(theta, *ends, xtol=_BRACKET * abs(ends[1] - ends[0]), rtol=8.9e-16)
+        x = mode.right[:, 0].real
+        root = find_zero(self.problem, self.parameter, rough, x, x)
+        return self._onset(root.value, 0.0, "divergence", root.coefficient, root.uncertainty)
+
+    def crossing(self, ends: tuple[float, float], mode: Modes) -> Onset:
+        """Re λ of a damped mode changes sign."""
+        shape, M, target = self.shape(mode), self.small.pencil().M, complex(mode.lam[0])
+
+        def follow(p: float) -> Modes:
+            near = self.modes(p)
+            likeness = modal_assurance(shape, near.right, M)[0] - np.abs(near.lam - target) / abs(target)
+            return near.select(np.array([int(np.argmax(likeness))]))
+
+        rough = brentq(lambda p: float(follow(p).lam[0].real), *ends, xtol=_BRACKET * abs(ends[1] - ends[0]))
+        at = follow(rough)
+        assert at.left is not None
+        x, y = self.V @ at.right[:, 0], self.V @ at.left[:, 0]
+        root = find_crossing(self.problem, self.parameter, rough, float(at.lam[0].imag), x, y)
+        omega = np.sqrt(root.theta)
+        kind = "flutter" if omega > 1e-6 * abs(target) else "divergence"
+        return self._onset(root.value, omega / (2 * np.pi), kind, root.coefficient, root.uncertainty)
+
+    def _onset(self, value: float, frequency_hz: float, kind: str, speed: float, uncertainty: float) -> Onset:
+        return Onset(
+            self.parameter, float(value), float(frequency_hz), kind, "", float(speed), 0, None, float(uncertainty)
+        )
+
+
+def _real_direction(vectors: np.ndarray) -> np.ndarray:
+    """Return the real vector that the columns have in common: the leading left singular vector of their parts."""
+    parts = np.hstack([vectors.real, vectors.imag])
+    w, v = np.linalg.eigh(parts.T @ parts)
+    return np.asarray(parts @ v[:, -1])
+
+
+def _orthonormal(vectors: np.ndarray, M: sp.csr_array) -> np.ndarray:
+    """Return an M-orthonormal basis of the columns' span."""
+    size = np.linalg.norm(vectors, axis=0)
+    vectors = vectors[:, size > 0] / size[size > 0]
+    for _ in range(2):  # the second pass restores what the squared condition of the Gram matrix cost
+        w, v = np.linalg.eigh(vectors.T @ (M @ vectors))
+        keep = w > 1e-12 * w.max()
+        vectors = np.asarray(vectors @ (v[:, keep] / np.sqrt(w[keep])))
+    return vectors

@@ -1,0 +1,161 @@
+"""Branches of modes over a sweep, ready to be drawn or summed up: tables in, arrays out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+PARAMETER_LABELS = {
+    "mu": "friction coefficient μ (–)",
+    "effects.friction.mu": "friction coefficient μ (–)",
+}
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One mode followed through the sweep, with its onsets inserted as points of their own.
+
+    Attributes
+    ----------
+    number : int
+        As in the column `branch`.
+    value : (k,) float
+        Sweep parameter, ascending.
+    frequency_hz : (k,) float
+    re : (k,) float, 1/s
+        Growth rate; zero at an onset.
+    re_uncertainty : (k,) float, 1/s
+        Numerical plus (where estimated) discretisation uncertainty of `re`; zero where unknown.
+    unstable : (k,) bool
+    onset : (k,) int
+        1 where the point is an onset into instability, −1 out of it, 0 at a sweep value.
+    joined : (k − 1,) bool
+        Whether point i and i + 1 lie next to each other in the sweep (a branch may have holes).
+    """
+
+    number: int
+    value: Floats
+    frequency_hz: Floats
+    re: Floats
+    re_uncertainty: Floats
+    unstable: Bools
+    onset: NDArray[np.int64]
+    joined: Bools
+
+    @property
+    def grows(self) -> bool:
+        """Whether the mode is unstable anywhere in the sweep."""
+        return bool(self.unstable.any())
+
+    @property
+    def peak(self) -> int:
+        """Index of the largest growth rate among the unstable points, or of all points where none is unstable."""
+        candidates = np.where(self.unstable, self.re, -np.inf) if self.grows else self.re
+        return int(np.argmax(np.where(np.isnan(candidates), -np.inf, candidates)))
+
+    def unstable_segments(self) -> Bools:
+        """(k − 1,) bool: which stretches between neighbouring points are unstable throughout."""
+        marked = self.unstable | (self.onset != 0)
+        inside = self.unstable[:-1] | self.unstable[1:]
+        tongue = (self.onset[:-1] == 1) & (self.onset[1:] == -1)
+        return self.joined & marked[:-1] & marked[1:] & (inside | tongue)
+
+
+def parameter_name(modes: pd.DataFrame) -> str:
+    """Return the name of the swept parameter of a table of modes."""
+    return str(modes["parameter"].iloc[0]) if len(modes) else "mu"
+
+
+def parameter_symbol(name: str) -> str:
+    """Return the short name that stands in labels and table heads: `μ`, or the last part of a dotted path.
+
+    Examples
+    --------
+    >>> parameter_symbol("contacts.outer.normal_stiffness"), parameter_symbol("mu")
+    ('normal_stiffness', 'μ')
+    """
+    return "μ" if name in PARAMETER_LABELS else name.rsplit(".", 1)[-1]
+
+
+def numbers(frame: pd.DataFrame, column: str) -> Floats:
+    """Return a column as (n,) floats, NaN where it is empty or the whole column is absent."""
+    if column not in frame.columns:
+        return np.full(len(frame), np.nan)
+    return np.asarray(pd.to_numeric(frame[column], errors="coerce"), dtype=float)
+
+
+def total_uncertainty(modes: pd.DataFrame) -> Floats:
+    """Return |re_uncertainty| + |re_discretisation| of each row, (n,) 1/s; what is not known counts as zero."""
+    parts = [np.abs(numbers(modes, column)) for column in ("re_uncertainty", "re_discretisation")]
+    return np.nansum(parts, axis=0)
+
+
+def collect_branches(modes: pd.DataFrame, onsets: pd.DataFrame) -> list[Branch]:
+    """Return the branches of a sweep in the order of their numbers.
+
+    Parameters
+    ----------
+    modes, onsets : DataFrame
+        As in `modes.csv` and `onsets.csv`. Rows without a branch number are left out.
+
+    Examples
+    --------
+    >>> modes = pd.DataFrame({"parameter": "mu", "value": [0.0, 0.1], "branch": 1, "re": [0.0, 3.0],
+    ...                       "frequency_hz": [100.0, 101.0], "stability": ["marginal", "unstable"]})
+    >>> onsets = pd.DataFrame({"value": [0.04], "frequency_hz": [100.5], "direction": ["into"], "branch_a": [1]})
+    >>> [branch] = collect_branches(modes, onsets)
+    >>> branch.value.tolist(), branch.unstable_segments().tolist()
+    ([0.0, 0.04, 0.1], [False, True])
+    """
+    sweep = np.unique(numbers(modes, "value"))
+    columns = np.column_stack([numbers(modes, "value"), numbers(modes, "frequency_hz"), numbers(modes, "re"),
+                               total_uncertainty(modes)])
+    unstable = np.asarray(modes["stability"] == "unstable", dtype=bool) if len(modes) else np.zeros(0, bool)
+    branch = numbers(modes, "branch")
+    crossings = np.column_stack([numbers(onsets, "value"), numbers(onsets, "frequency_hz")])
+    sign = np.where(_text(onsets, "direction") == "out of", -1, 1)
+    partners = np.column_stack([numbers(onsets, "branch_a"), numbers(onsets, "branch_b")])
+
+    result = []
+    for number in np.unique(branch[np.isfinite(branch)]):
+        rows, mine = branch == number, (partners == number).any(axis=1) & np.isfinite(crossings).all(axis=1)
+        value, frequency, re, uncertainty = np.concatenate([
+            columns[rows], np.column_stack([crossings[mine], np.zeros((mine.sum(), 2))])
+        ]).T
+        kind = np.concatenate([np.zeros(rows.sum(), dtype=np.int64), sign[mine]])
+        grows = np.concatenate([unstable[rows], np.zeros(mine.sum(), dtype=bool)])
+        order = np.argsort(value, kind="stable")
+        # an onset sits at a broken place between two sweep values, so neighbours differ by at most one
+        place = np.interp(value[order], sweep, np.arange(len(sweep)))
+        result.append(Branch(int(number), value[order], frequency[order], re[order], uncertainty[order], grows[order],
+                             kind[order], np.diff(place) < 1 + 1e-9))
+    return result
+
+
+def find_mirror(branch: Branch, branches: list[Branch], onsets: pd.DataFrame) -> Branch | None:
+    """Return the decaying partner of a growing branch: the one it meets at an onset, else the one that shares its
+    frequency (to 1e-3) where it grows fastest; None where there is no such branch or where the partner grows too."""
+    others = {other.number: other for other in branches if not other.grows}
+    for a, b in zip(numbers(onsets, "branch_a"), numbers(onsets, "branch_b"), strict=True):
+        for own, partner in ((a, b), (b, a)):
+            if own == branch.number and partner in others:
+                return others[int(partner)]
+    value, frequency = branch.value[branch.peak], branch.frequency_hz[branch.peak]
+    best, distance = None, 1e-3 * frequency
+    for other in others.values():
+        at = np.flatnonzero((other.value == value) & (other.re < 0) & (other.onset == 0))
+        if len(at) and abs(other.frequency_hz[at[0]] - frequency) <= distance and frequency > 0:
+            best, distance = other, abs(other.frequency_hz[at[0]] - frequency)
+    return best
+
+
+def _text(frame: pd.DataFrame, column: str) -> NDArray[np.object_]:
+    if column not in frame.columns:
+        return np.full(len(frame), "", dtype=object)
+    return np.asarray(frame[column].astype(object).fillna(""), dtype=object)

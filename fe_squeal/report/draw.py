@@ -1,0 +1,119 @@
+"""Draw mode shapes with VTK, off screen: `python -m fe_squeal.report.draw` reads a list of jobs from standard input.
+
+Run by `fe_squeal.report.pictures`, as a process of its own, which VTK may end without harm. The jobs are JSON,
+`[{"shape": .vtu, "picture": .png, "title": ..., "axis": [x, y, z]}, ...]`; each picture that is complete is
+announced by a line `drawn <index>`.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista
+from numpy.typing import NDArray
+
+from fe_squeal.report.pictures import (
+    AMPLITUDE_COLOURS,
+    NORMAL_COLOURS,
+    axis_frame,
+    compose_figure,
+    normal_limit,
+    save_picture,
+    widest_body,
+)
+from fe_squeal.report.vtk_files import VISIBLE
+
+PIXELS = (1100, 860)
+SUBDIVISION = 2  # each face of a quadratic cell becomes 4² triangles, so that curved shapes look curved
+
+
+def draw_file(shape: Path, picture: Path, title: str, axis: list[float]) -> None:
+    """Draw one shape file, as described at `fe_squeal.report.pictures.draw_shape`."""
+    grid = pyvista.read(shape)
+    frame = axis_frame(axis)
+    size = float(grid.length)
+    grid.points = grid.points @ frame.T
+    real = grid.point_data["u_re"] @ frame.T
+    grid.point_data["u_n"] = np.ascontiguousarray(real[:, 2])
+    body = np.asarray(grid.cell_data["body"])
+    nodes = next(iter(grid.cells_dict.values()))
+    main = widest_body(np.asarray(grid.points), nodes, body)
+    limit = normal_limit(real[np.unique(nodes[body == main]), 2])
+
+    figure, left, right = compose_figure(title, str(grid.field_data["body_names"][main]), limit)
+    left.imshow(_oblique_view(grid, real * VISIBLE * size), interpolation="antialiased")
+    right.imshow(_axial_view(grid, body, main, limit), interpolation="antialiased")
+    save_picture(figure, picture)
+
+
+def _oblique_view(grid: Any, displacement: NDArray[np.float64]) -> NDArray[np.uint8]:
+    plotter = _plotter()
+    warped = grid.copy()
+    warped.points = grid.points + displacement
+    plotter.add_mesh(_surface(warped), scalars="amplitude", clim=(0.0, 1.0), cmap=AMPLITUDE_COLOURS,
+                     show_scalar_bar=False, smooth_shading=True, split_sharp_edges=True, ambient=0.2)
+    plotter.add_mesh(_edges(grid), color="dimgray", line_width=1.5, opacity=0.6)
+    return _shoot(plotter, (1.0, -1.3, 1.15), (0.0, 0.0, 1.0))
+
+
+def _axial_view(grid: Any, body: NDArray[np.int64], main: int, limit: float) -> NDArray[np.uint8]:
+    plotter = _plotter()
+    surface = _surface(grid.extract_cells(np.flatnonzero(body == main)))
+    plotter.add_mesh(surface, scalars="u_n", clim=(-limit, limit), cmap=NORMAL_COLOURS, show_scalar_bar=False,
+                     lighting=False)
+    plotter.add_mesh(_edges(surface), color="dimgray", line_width=1.0)
+    lift = np.array([0.0, 0.0, 0.02 * grid.length])  # lines in front of the surface that they lie on
+    if np.ptp(surface.point_data["u_n"]) > 1e-3:
+        plotter.add_mesh(surface.contour([0.0], scalars="u_n").translate(lift), color="black", line_width=2.5)
+    for other in np.setdiff1d(body, [main]):
+        part = grid.extract_cells(np.flatnonzero(body == other))
+        plotter.add_mesh(_edges(part).translate(2 * lift), color="black", line_width=1.2)
+    return _shoot(plotter, (0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
+
+
+def _plotter() -> Any:
+    plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(PIXELS), lighting="light kit")
+    plotter.set_background("white")
+    plotter.enable_parallel_projection()
+    plotter.enable_anti_aliasing("ssaa")
+    return plotter
+
+
+def _surface(grid: Any) -> Any:
+    return grid.extract_surface(nonlinear_subdivision=SUBDIVISION)
+
+
+def _edges(grid: Any) -> Any:
+    surface = grid if isinstance(grid, pyvista.PolyData) else _surface(grid)
+    return surface.extract_feature_edges(feature_angle=35, boundary_edges=True, non_manifold_edges=False,
+                                         manifold_edges=False)
+
+
+def _shoot(plotter: Any, towards: tuple[float, float, float], up: tuple[float, float, float]) -> NDArray[np.uint8]:
+    """Return the picture seen from the direction `towards`, cropped to what is not white."""
+    plotter.view_vector(towards, viewup=up)
+    plotter.reset_camera()
+    image: NDArray[np.uint8] = np.asarray(plotter.screenshot(None, return_img=True))[..., :3]
+    plotter.close()
+    inked = np.any(image < 250, axis=2)
+    if not inked.any():
+        raise RuntimeError("VTK drew an empty picture")
+    rows, columns = np.flatnonzero(inked.any(axis=1)), np.flatnonzero(inked.any(axis=0))
+    return image[max(rows[0] - 8, 0) : rows[-1] + 9, max(columns[0] - 8, 0) : columns[-1] + 9]
+
+
+def main() -> None:
+    """Draw the jobs on standard input."""
+    pyvista.OFF_SCREEN = True
+    jobs = json.load(sys.stdin)
+    for i, job in enumerate(jobs):
+        draw_file(Path(job["shape"]), Path(job["picture"]), job["title"], job["axis"])
+        print("drawn", i, flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,340 @@
+"""Figures of a sweep: frequency and growth rate over the parameter, and the root locus."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from fe_squeal.report.branches import (
+    PARAMETER_LABELS,
+    Branch,
+    Floats,
+    collect_branches,
+    find_mirror,
+    numbers,
+    parameter_name,
+    parameter_symbol,
+)
+from fe_squeal.report.files import replace_atomically
+from fe_squeal.report.labels import place_labels
+
+MAX_LABELLED_ONSETS = 12
+MAX_LEGEND_ENTRIES = 26
+_DASHES = ("-", "--", ":")
+# mode coupling into and out of instability, and divergence, are told apart by the marker
+_MARKERS = {("flutter", "into"): ("o", "black"), ("flutter", "out of"): ("o", "white"),
+            ("divergence", "into"): ("s", "black"), ("divergence", "out of"): ("s", "white")}
+
+
+def plot_stability(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.PathLike[str], title: str = "") -> Path:
+    """Draw the frequencies (top) and growth rates (bottom) of all branches over the sweep parameter.
+
+    Stable stretches are thin and grey, unstable ones thick and coloured, each branch with its own entry in the
+    legend. Onsets carry a marker and, where there are at most twelve, their value and frequency. Below, each
+    growing branch is solid, its decaying mirror thin; the band is the uncertainty of Re λ, where it is wide enough
+    to be seen.
+
+    Parameters
+    ----------
+    modes, onsets : DataFrame
+        As in `modes.csv` and `onsets.csv`; `onsets` may be empty.
+    path : path
+        Where to write; the suffix chooses the format (png, pdf, svg).
+
+    Returns
+    -------
+    Path
+        The file written.
+    """
+    branches = collect_branches(modes, onsets)
+    growing = sorted((branch for branch in branches if branch.grows), key=lambda b: -b.frequency_hz[b.peak])
+    styles = {branch.number: style for branch, style in zip(growing, _styles(len(growing)), strict=True)}
+    unit, per_unit = _frequency_unit(modes)
+
+    figure = Figure(figsize=(10, 8), dpi=150, layout="constrained")
+    canvas = FigureCanvasAgg(figure)
+    top, bottom = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2]})
+    figure.suptitle(title)
+
+    for branch in branches:
+        _draw_stretches(top, branch, branch.frequency_hz / per_unit, styles.get(branch.number))
+    _draw_growth(bottom, branches, growing, styles, onsets)
+    markers = _mark_onsets(top, onsets, numbers(onsets, "value"), numbers(onsets, "frequency_hz") / per_unit)
+
+    top.set_ylabel(f"frequency ({unit})")
+    bottom.set_ylabel("growth rate Re λ (1/s)")
+    bottom.set_xlabel(_parameter_label(parameter_name(modes)))
+    _set_parameter_axis(bottom, numbers(modes, "value"))
+    top.set_ylim(*_padded(numbers(modes, "frequency_hz") / per_unit, floor=0.0))
+    for axes in (top, bottom):
+        axes.grid(True, color="0.92", lw=0.6)
+        axes.set_axisbelow(True)
+    _draw_legend(top, growing, styles, markers)
+
+    canvas.draw()  # settles the layout, which the labels need in pixels
+    figure.set_layout_engine("none")
+    if 0 < len(onsets) <= MAX_LABELLED_ONSETS:
+        _label_onsets(top, canvas, branches, onsets, parameter_name(modes), per_unit)
+    return _save(figure, path)
+
+
+def plot_root_locus(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.PathLike[str], title: str = "") -> Path:
+    """Draw the eigenvalues in the λ plane, Re λ in 1/s against Im λ/2π, coloured by the sweep parameter.
+
+    The unstable half plane is shaded, onsets are marked. Real eigenvalues far outside of the oscillating ones are
+    counted in a note instead of squeezing the rest into a line.
+
+    Parameters
+    ----------
+    modes, onsets : DataFrame
+        As in `modes.csv` and `onsets.csv`; `onsets` may be empty.
+    path : path
+        Where to write; the suffix chooses the format.
+    """
+    unit, per_unit = _frequency_unit(modes)
+    value, re, frequency = numbers(modes, "value"), numbers(modes, "re"), numbers(modes, "frequency_hz")
+    figure = Figure(figsize=(9, 7), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    figure.suptitle(title)
+
+    limits, notes = _growth_limits(modes)
+    for branch in collect_branches(modes, onsets):
+        ends = np.column_stack([branch.re, branch.frequency_hz / per_unit])
+        axes.add_collection(LineCollection(list(_pairs(ends)[branch.joined]), colors="0.8", linewidths=0.7, zorder=1))
+    points = axes.scatter(re, frequency / per_unit, c=value, s=14, cmap="viridis", zorder=3, linewidths=0)
+    if len(np.unique(value)) > 1:
+        figure.colorbar(points, ax=axes, label=_parameter_label(parameter_name(modes)), pad=0.02)
+    elif len(value):
+        notes.append(f"{parameter_symbol(parameter_name(modes))} = {value[0]:.6g}")
+    markers = _mark_onsets(axes, onsets, np.zeros(len(onsets)), numbers(onsets, "frequency_hz") / per_unit)
+
+    axes.set_xlim(*limits)
+    axes.set_ylim(*_padded(frequency / per_unit, floor=0.0))
+    axes.axvspan(0.0, max(limits[1], 0.0), color="tab:red", alpha=0.06, lw=0, zorder=0)
+    axes.axvline(0.0, color="0.3", lw=0.9, zorder=2)
+    axes.text(0.99, 0.99, "unstable", transform=axes.transAxes, ha="right", va="top", color="tab:red", fontsize=9)
+    if notes:
+        axes.set_title("\n".join(notes), fontsize=9, color="0.35", loc="left")
+    axes.set_xlabel("growth rate Re λ (1/s)")
+    axes.set_ylabel(f"Im λ / 2π ({unit})")
+    axes.grid(True, color="0.92", lw=0.6)
+    axes.set_axisbelow(True)
+    if markers:
+        axes.legend(handles=markers, loc="upper left", fontsize=8, framealpha=0.9)
+    return _save(figure, path)
+
+
+def _draw_stretches(axes: Axes, branch: Branch, y: Floats, style: dict[str, Any] | None) -> None:
+    """Draw one branch: thin grey where stable, in its style where unstable, markers where a point stands alone."""
+    pairs = _pairs(np.column_stack([branch.value, y]))
+    axes.add_collection(LineCollection(list(pairs[branch.joined]), colors="0.6", linewidths=0.7, zorder=2))
+    alone = ~(np.append(branch.joined, False) | np.append(False, branch.joined))
+    stable = alone & ~branch.unstable & (branch.onset == 0)
+    axes.plot(branch.value[stable], y[stable], "_", color="0.5", ms=12, mew=0.9, zorder=2)
+    if style is None:
+        return
+    inside = branch.unstable_segments()
+    # one polyline for each run of neighbouring segments, so that a dash pattern is not restarted at each point
+    for run in np.split(np.flatnonzero(inside), np.flatnonzero(np.diff(np.flatnonzero(inside)) > 1) + 1):
+        if len(run):
+            rows = np.append(run, run[-1] + 1)
+            axes.plot(branch.value[rows], y[rows], lw=2.4, solid_capstyle="butt", zorder=4, **style)
+    lone = branch.unstable & ~(np.append(inside, False) | np.append(False, inside))
+    axes.plot(branch.value[lone], y[lone], "D", color=style["color"], ms=5, zorder=5)
+
+
+def _draw_growth(
+    axes: Axes, branches: list[Branch], growing: list[Branch], styles: dict[int, dict[str, Any]], onsets: pd.DataFrame
+) -> None:
+    axes.axhline(0.0, color="0.3", lw=0.9, zorder=1)
+    if not growing:
+        _draw_least_stable(axes, branches)
+        return
+    curves = [(branch, styles[branch.number], True) for branch in growing]
+    for branch in growing:
+        mirror = find_mirror(branch, branches, onsets)
+        if mirror is not None:
+            curves.append((mirror, styles[branch.number], False))
+    heights = np.concatenate([branch.re[np.isfinite(branch.re)] for branch, _, _ in curves])
+    low, high = _padded(heights)
+    for branch, style, grows in curves:
+        pairs = _pairs(np.column_stack([branch.value, branch.re]))[branch.joined]
+        axes.add_collection(LineCollection(list(pairs), colors=style["color"], linewidths=0.8, alpha=0.7, zorder=3))
+        if len(branch.value) == 1 and not grows:
+            axes.plot(branch.value, branch.re, "_", color=style["color"], ms=12, zorder=3)
+        if not grows:
+            continue
+        _draw_stretches(axes, branch, branch.re, style)
+        if branch.re_uncertainty.max(initial=0.0) > 0.004 * (high - low):
+            lower, upper = branch.re - branch.re_uncertainty, branch.re + branch.re_uncertainty
+            if len(branch.value) > 1:
+                # NaN where the branch has a hole, so that the band has it too
+                hole = np.append(~branch.joined, False)
+                axes.fill_between(branch.value, np.where(hole, np.nan, lower), np.where(hole, np.nan, upper),
+                                  color=style["color"], alpha=0.2, lw=0, zorder=2)
+            else:
+                axes.errorbar(branch.value, branch.re, branch.re_uncertainty, color=style["color"], capsize=4, zorder=3)
+            low, high = min(low, np.nanmin(lower)), max(high, np.nanmax(upper))
+    axes.set_ylim(low, high)
+    axes.axhspan(0.0, high, color="tab:red", alpha=0.05, lw=0, zorder=0)
+
+
+def _draw_least_stable(axes: Axes, branches: list[Branch]) -> None:
+    """Without an unstable mode: draw the largest Re λ at each value, which tells how far instability is."""
+    axes.text(0.5, 0.82, "no unstable mode in this sweep", transform=axes.transAxes, ha="center", va="center",
+              fontsize=12, color="0.25")
+    if not branches:
+        axes.set_ylim(-1.0, 1.0)
+        return
+    value = np.concatenate([branch.value for branch in branches])
+    re = np.concatenate([branch.re for branch in branches])
+    value, re = value[np.isfinite(re)], re[np.isfinite(re)]
+    sweep = np.unique(value)
+    largest = np.array([re[value == v].max() for v in sweep])
+    axes.plot(sweep, largest, "o-" if len(sweep) == 1 else "-", color="0.45", lw=1.4, ms=5)
+    depth = max(-1.3 * float(largest.min(initial=0.0)), 1.0)
+    axes.set_ylim(-depth, max(0.6 * depth, 1.5 * float(largest.max(initial=0.0))))
+    if len(sweep):
+        axes.annotate("least stable mode", (sweep[len(sweep) // 2], largest[len(sweep) // 2]), xytext=(0, -8),
+                      textcoords="offset points", ha="center", va="top", fontsize=9, color="0.35")
+
+
+def _mark_onsets(axes: Axes, onsets: pd.DataFrame, x: Floats, y: Floats) -> list[Line2D]:
+    """Draw the onsets and return one legend handle for each sort that occurs."""
+    handles = []
+    kinds = onsets["kind"] if "kind" in onsets else pd.Series("flutter", index=onsets.index)
+    directions = onsets["direction"] if "direction" in onsets else pd.Series("into", index=onsets.index)
+    for (kind, direction), (marker, face) in _MARKERS.items():
+        rows = np.asarray((kinds == kind) & (directions == direction), dtype=bool)
+        if rows.any():
+            handles += axes.plot(x[rows], y[rows], marker, mfc=face, mec="black", ms=6, zorder=8, clip_on=False,
+                                 label=f"{kind}: {direction} instability")
+    return handles
+
+
+def _label_onsets(
+    axes: Axes, canvas: FigureCanvasAgg, branches: list[Branch], onsets: pd.DataFrame, name: str, per_unit: float
+) -> None:
+    symbol = parameter_symbol(name)
+    points, texts = [], []
+    for value, frequency in zip(numbers(onsets, "value"), numbers(onsets, "frequency_hz"), strict=True):
+        if np.isfinite(value) and np.isfinite(frequency):
+            points.append((value, frequency / per_unit))
+            number = f"{value:.3f}" if symbol == "μ" else f"{value:.4g}"
+            texts.append(f"{symbol} = {number}, {_frequency_text(frequency)}")
+    samples = [np.empty((0, 2))]
+    for branch in branches:
+        if len(branch.value):
+            fine = np.linspace(branch.value[0], branch.value[-1], 60)
+            samples.append(np.column_stack([fine, np.interp(fine, branch.value, branch.frequency_hz / per_unit)]))
+    place_labels(axes, canvas, points, texts, np.concatenate(samples))
+
+
+def _draw_legend(
+    axes: Axes, growing: list[Branch], styles: dict[int, dict[str, Any]], markers: Sequence[Line2D]
+) -> None:
+    handles = list(markers)
+    for branch in growing[:MAX_LEGEND_ENTRIES]:
+        text = f"branch {branch.number}, {_frequency_text(branch.frequency_hz[branch.peak])}"
+        handles.append(Line2D([], [], lw=2.4, label=text, **styles[branch.number]))
+    if len(growing) > MAX_LEGEND_ENTRIES:
+        handles.append(Line2D([], [], lw=0, label=f"and {len(growing) - MAX_LEGEND_ENTRIES} more branches"))
+    if growing:
+        handles.append(Line2D([], [], color="0.6", lw=0.7, label="stable"))
+    if handles:
+        axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
+
+
+def _growth_limits(modes: pd.DataFrame) -> tuple[tuple[float, float], list[str]]:
+    """Return the x range of the root locus, and what has to be said about it."""
+    re, frequency = numbers(modes, "re"), numbers(modes, "frequency_hz")
+    uncertainty = np.nan_to_num(numbers(modes, "re_uncertainty"))
+    magnitude = np.hypot(re, 2 * np.pi * frequency)
+    finite = np.isfinite(re)
+    if not finite.any():
+        return (-1.0, 1.0), ["no eigenvalues"]
+    # 1e-9 |λ| is rounding; what is beyond it and still marginal is covered by the uncertainty
+    if np.all(np.abs(re[finite]) <= np.maximum(uncertainty, 1e-9 * magnitude)[finite]):
+        width = max(1.0, 2.0 * float(np.abs(re[finite]).max()))
+        return (-width, width), ["Re λ = 0 within its uncertainty for all modes: neither damped nor growing"]
+    shown = finite & (frequency > 0)
+    if not shown.any():
+        shown = finite
+    low, high = _padded(np.append(re[shown], 0.0))
+    high = max(high, -0.15 * low)  # some of the unstable half plane is always seen
+    low = min(low, -0.15 * high)
+    outside = int(np.count_nonzero((re[finite] < low) | (re[finite] > high)))
+    return (low, high), [f"{outside} real eigenvalues lie outside of the picture"] if outside else []
+
+
+def _styles(count: int) -> list[dict[str, Any]]:
+    """Return a colour and dash pattern for each of `count` branches, all different up to thirty."""
+    if count <= 9:
+        # tab10 without its grey, which stands for stable
+        colours = [colormaps["tab10"](i) for i in (3, 0, 2, 1, 4, 5, 6, 8, 9)]
+        return [{"color": colour, "ls": "-"} for colour in colours[:count]]
+    hues = colormaps["turbo"](np.linspace(0.04, 0.96, -(-count // len(_DASHES))))
+    return [{"color": tuple(hues[i // len(_DASHES)]), "ls": _DASHES[i % len(_DASHES)]} for i in range(count)]
+
+
+def _pairs(points: Floats) -> Floats:
+    """Return (k − 1, 2, 2): the segments between neighbouring points, (k, 2)."""
+    return np.stack([points[:-1], points[1:]], axis=1)
+
+
+def _frequency_unit(modes: pd.DataFrame) -> tuple[str, float]:
+    frequency = numbers(modes, "frequency_hz")
+    return ("kHz", 1000.0) if np.nanmax(frequency, initial=0.0) >= 2000.0 else ("Hz", 1.0)
+
+
+def _frequency_text(frequency_hz: float) -> str:
+    return f"{frequency_hz / 1000:.2f} kHz" if frequency_hz >= 1000 else f"{frequency_hz:.4g} Hz"
+
+
+def _padded(values: Floats, floor: float | None = None) -> tuple[float, float]:
+    """Return limits a little beyond the values, never empty and, given `floor`, hardly below it."""
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return 0.0, 1.0
+    low, high = float(values.min()), float(values.max())
+    margin = 0.06 * (high - low) or max(0.1 * abs(high), 1e-3)
+    if floor is not None and low >= floor:
+        return max(low - margin, floor - 0.02 * (high - floor)), high + margin
+    return low - margin, high + margin
+
+
+def _parameter_label(name: str) -> str:
+    return PARAMETER_LABELS.get(name, name)
+
+
+def _set_parameter_axis(axes: Axes, values: Floats) -> None:
+    low, high = float(np.nanmin(values, initial=np.inf)), float(np.nanmax(values, initial=-np.inf))
+    if not np.isfinite([low, high]).all():
+        axes.set_xlim(0.0, 1.0)
+    elif low == high:
+        half = 0.1 * abs(low) or 0.1
+        axes.set_xlim(low - half, high + half)
+    elif low > 0 and high / low > 50:
+        axes.set_xscale("log")
+        axes.set_xlim(low, high)
+    else:
+        axes.set_xlim(low, high)
+
+
+def _save(figure: Figure, path: str | os.PathLike[str]) -> Path:
+    path = Path(path)
+    with replace_atomically(path) as temporary:
+        figure.savefig(temporary)
+    return path

@@ -1,0 +1,231 @@
+"""Pictures of mode shapes: two views side by side, drawn in a process of their own.
+
+Where no OpenGL context can be had, VTK may end the whole process. So all pictures of a run are drawn by one child
+process with a time limit (`fe_squeal.report.draw`); what it did not draw, Matplotlib draws here, more plainly.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.tri import Triangulation
+
+import fe_squeal
+from fe_squeal.report.files import replace_atomically
+from fe_squeal.report.shapes import (
+    Complexes,
+    Floats,
+    ShapeGrid,
+    boundary_triangles,
+    normalise_shape,
+    semi_major_amplitude,
+    sharp_edges,
+)
+from fe_squeal.report.vtk_files import VISIBLE, displacement_at, write_shape
+
+AMPLITUDE_COLOURS, NORMAL_COLOURS = "viridis", "RdBu_r"
+Z_AXIS = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class PictureJob:
+    """One picture to draw: the shape file to read, the .png to write, the text over it, the axis to look along."""
+
+    shape: Path
+    picture: Path
+    title: str
+    axis: tuple[float, float, float] = Z_AXIS
+
+
+def draw_shape(
+    grid: ShapeGrid,
+    u: Complexes,
+    path: str | os.PathLike[str],
+    title: str = "",
+    axis: tuple[float, float, float] = Z_AXIS,
+) -> str:
+    """Draw one shape as .png and return the renderer: "pyvista", or "matplotlib" where VTK cannot draw here.
+
+    Left: all bodies from obliquely above, warped by Re u (at most 5 % of the model's size) and coloured by
+    amplitude, the edges at rest in grey. Right: the body widest across `axis`, seen along the axis and coloured by
+    its displacement along it, with the nodal lines in black and the other bodies as outlines, so that nodal
+    diameters can be counted.
+
+    Parameters
+    ----------
+    u : (n, 3) complex
+        Any phase and size; it is normalised.
+    axis : (3,)
+        Axis of the disc, or the normal of a belt.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        job = PictureJob(write_shape(grid, u, Path(folder) / "shape.vtu"), path, title, axis)
+        return draw_shapes(grid, [u], [job])[0]
+
+
+def draw_shapes(
+    grid: ShapeGrid, shapes: Sequence[Complexes], jobs: Sequence[PictureJob], seconds: float | None = None
+) -> list[str]:
+    """Draw several shapes in one child process; return the renderer of each, "pyvista" or "matplotlib".
+
+    What the child did not draw within its time limit (default 60 s + 20 s each) is drawn by Matplotlib, after a
+    warning that says why.
+
+    Parameters
+    ----------
+    shapes : sequence of (n, 3) complex
+        Of the same order as `jobs`, for the fallback.
+    jobs : sequence of PictureJob
+        Their shape files are written already.
+    """
+    if not jobs:
+        return []
+    drawn, reason = _draw_in_child(jobs, 60.0 + 20.0 * len(jobs) if seconds is None else seconds)
+    missing = [i for i in range(len(jobs)) if i not in drawn]
+    if missing:
+        message = f"{len(missing)} of {len(jobs)} pictures of shapes are drawn by Matplotlib, more plainly: {reason}"
+        warnings.warn(message, RuntimeWarning, stacklevel=2)
+    for i in missing:
+        _draw_with_matplotlib(grid, shapes[i], jobs[i])
+    return ["pyvista" if i in drawn else "matplotlib" for i in range(len(jobs))]
+
+
+def _draw_in_child(jobs: Sequence[PictureJob], seconds: float) -> tuple[set[int], str]:
+    """Return the indices of the jobs that the child drew, and why it did not draw the others."""
+    if not sys.executable:
+        return set(), "no Python interpreter to start"
+    home = str(Path(fe_squeal.__file__).resolve().parents[1])
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH")]))}
+    orders = json.dumps([{"shape": str(job.shape.resolve()), "picture": str(job.picture.resolve()), "title": job.title,
+                          "axis": list(job.axis)} for job in jobs])
+    try:
+        child = subprocess.run([sys.executable, "-m", "fe_squeal.report.draw"], input=orders, capture_output=True,
+                               env=environment, timeout=seconds, encoding="utf-8", errors="replace", check=False)
+        output, errors = child.stdout, child.stderr.strip().splitlines()
+        reason = f"VTK's process ended with code {child.returncode}" + (f": {errors[-1]}" if errors else "")
+    except subprocess.TimeoutExpired as late:
+        output = late.stdout.decode(errors="replace") if isinstance(late.stdout, bytes) else late.stdout or ""
+        reason = f"VTK's process was not done after {seconds:.0f} s"
+    except OSError as error:
+        return set(), f"no process could be started ({error})"
+    # the child prints the number of each picture once it is complete; VTK may print other things
+    numbers = {int(line.split()[1]) for line in output.splitlines() if line.startswith("drawn ")}
+    return {i for i in numbers if jobs[i].picture.exists()}, reason
+
+
+def axis_frame(axis: Sequence[float]) -> Floats:
+    """Return the rotation (3, 3) whose rows are a right-handed frame with `axis`, normalised, as its third.
+
+    Examples
+    --------
+    >>> axis_frame([0, 0, 2]).tolist()
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    third = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    # the coordinate axis farthest from it; x is preferred so that z stays as it is
+    first = np.eye(3)[int(np.argmin(np.abs(third).round(9)))]
+    first = first - (first @ third) * third
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(third, first), third])
+
+
+def widest_body(points: Floats, cells: Any, body: Any) -> int:
+    """Return the body whose bounding box across z is largest: the disc under its pads."""
+    areas = {int(b): float(np.prod(np.ptp(points[np.unique(cells[body == b])], axis=0)[:2])) for b in np.unique(body)}
+    return max(areas, key=lambda b: areas[b])
+
+
+def normal_limit(u_n: Floats) -> float:
+    """Return the end of the colour scale for (m,) displacements along the axis; below 1e-3 of the shape's largest
+    amplitude they count as none, so that rounding is not blown up into a pattern."""
+    return max(float(np.abs(u_n).max(initial=0.0)), 1e-3)
+
+
+def compose_figure(title: str, body_name: str, limit: float) -> tuple[Figure, Axes, Axes]:
+    """Return a figure with titles and colour bars, and the axes for the left and the right view."""
+    figure = Figure(figsize=(12, 6), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, fontsize=13)
+    left, right = figure.subplots(1, 2)
+    for axes, text, colours, low, label in (
+        (left, f"real part, warped to {VISIBLE:.0%} of the model's size", AMPLITUDE_COLOURS, 0.0,
+         "amplitude over a period / largest"),
+        (right, f"{body_name}, seen along the axis; nodal lines black", NORMAL_COLOURS, -limit,
+         "displacement along the axis, Re u / largest amplitude"),
+    ):
+        axes.set_title(text, fontsize=10)
+        axes.set_axis_off()
+        scale = ScalarMappable(Normalize(low, limit if low else 1.0), colours)
+        figure.colorbar(scale, ax=axes, orientation="horizontal", shrink=0.7, aspect=35, pad=0.02, label=label)
+    return figure, left, right
+
+
+def save_picture(figure: Figure, path: Path) -> None:
+    """Write the figure as .png, atomically."""
+    with replace_atomically(path) as temporary:
+        figure.savefig(temporary, format="png")
+
+
+def _draw_with_matplotlib(grid: ShapeGrid, u: Complexes, job: PictureJob) -> None:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    frame = axis_frame(job.axis)
+    shape = normalise_shape(u)
+    points = grid.points @ frame.T
+    warped = points + displacement_at(grid, shape, 0.0) @ frame.T
+    u_n = shape.real @ frame[2]
+    main = widest_body(points, grid.cells, grid.body)
+    limit = normal_limit(u_n[np.unique(grid.cells[grid.body == main])])
+    figure, left, right = compose_figure(job.title, grid.body_names[main], limit)
+
+    triangles, _ = boundary_triangles(grid)
+    solid = figure.add_subplot(left.get_subplotspec(), projection="3d", computed_zorder=False)
+    colours = colormaps[AMPLITUDE_COLOURS](semi_major_amplitude(shape)[triangles].mean(axis=1))
+    # computed by hand: Matplotlib's own shading needs normals that all point outwards
+    a, b, c = warped[triangles].swapaxes(0, 1)
+    normal = np.cross(b - a, c - a)
+    light = np.abs(normal @ [0.3, -0.4, 0.87]) / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
+    colours[:, :3] *= (0.6 + 0.4 * light)[:, None]
+    solid.add_collection3d(Poly3DCollection(warped[triangles], facecolors=colours, edgecolors=colours, linewidths=0.2))
+    low, high = warped.min(axis=0), warped.max(axis=0)
+    solid.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    solid.set_box_aspect(np.maximum(high - low, 1e-3 * (high - low).max()), zoom=1.25)
+    solid.view_init(elev=35, azim=-60)
+    solid.set_axis_off()
+
+    triangles, _ = boundary_triangles(grid, main)
+    # painter's order, the nearest last
+    triangles = triangles[np.argsort(points[triangles, 2].mean(axis=1))]
+    shades = colormaps[NORMAL_COLOURS](Normalize(-limit, limit)(u_n[triangles].mean(axis=1)))
+    flat = list(points[triangles, :2])
+    right.add_collection(PolyCollection(flat, facecolors=shades, edgecolors=shades, linewidths=0.2))
+    upper = triangles[points[triangles, 2].min(axis=1) > points[triangles, 2].mean()]
+    if len(upper) and np.ptp(u_n[upper]) > 1e-3:
+        face = Triangulation(points[:, 0], points[:, 1], upper)
+        right.tricontour(face, u_n, levels=[0.0], colors="black", linewidths=1.5)
+    for part in np.unique(grid.body):
+        edges = sharp_edges(points, boundary_triangles(grid, int(part))[0])
+        right.add_collection(LineCollection(list(points[edges, :2]), colors="0.2", linewidths=0.7))
+    right.set_aspect("equal")
+    right.autoscale_view()
+    figure.text(0.995, 0.99, "drawn without OpenGL", ha="right", va="top", fontsize=7, color="0.5")
+    save_picture(figure, job.picture)

@@ -1,0 +1,238 @@
+"""Complex mode shapes on nodes and cells, ready for VTK."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import CellBasis
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Integers = NDArray[np.int64]
+
+TETRA, HEXAHEDRON, QUADRATIC_TETRA, TRIQUADRATIC_HEXAHEDRON = 10, 12, 24, 29
+
+_TETRA = [(0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2)]
+_HEXAHEDRON = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)]
+
+# Reference coordinates, doubled, of the nodes of each cell type in VTK's order
+# (vtkCell::GetParametricCoords; a test compares them)
+_DOUBLED_NODES = {
+    TETRA: _TETRA,
+    QUADRATIC_TETRA: [*_TETRA, (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)],
+    HEXAHEDRON: _HEXAHEDRON,
+    TRIQUADRATIC_HEXAHEDRON: [
+        *_HEXAHEDRON,
+        (1, 0, 0), (2, 1, 0), (1, 2, 0), (0, 1, 0), (1, 0, 2), (2, 1, 2), (1, 2, 2), (0, 1, 2),
+        (0, 0, 1), (2, 0, 1), (2, 2, 1), (0, 2, 1),
+        (0, 1, 1), (2, 1, 1), (1, 0, 1), (1, 2, 1), (1, 1, 0), (1, 1, 2), (1, 1, 1),
+    ],
+}  # fmt: skip
+REFERENCE_NODES: dict[int, Floats] = {kind: np.array(nodes) / 2.0 for kind, nodes in _DOUBLED_NODES.items()}
+
+
+@dataclass(frozen=True)
+class ShapeGrid:
+    """The mesh on which shapes are written.
+
+    Attributes
+    ----------
+    points : (n, 3) float, m
+    cells : (ne, nn) int
+        Points of each cell in VTK's node order, with positive volume.
+    vtk_cell_type : int
+        10, 24 (linear, quadratic tetrahedron), 12 or 29 (linear, triquadratic hexahedron).
+    body : (ne,) int
+        Index into `body_names` for each cell.
+    body_names : tuple of str
+    """
+
+    points: Floats
+    cells: Integers
+    vtk_cell_type: int
+    body: Integers
+    body_names: tuple[str, ...]
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the bounding box, m."""
+        return float(np.linalg.norm(np.ptp(self.points, axis=0)))
+
+
+def shape_grid(basis: CellBasis, body: Integers, body_names: tuple[str, ...]) -> ShapeGrid:
+    """Return the grid whose points are the degrees of freedom of a scalar nodal basis.
+
+    Point i of the grid is degree of freedom i of the basis, so a nodal array of the basis is a point array of the
+    grid as it stands.
+
+    Parameters
+    ----------
+    basis : CellBasis
+        Of `ElementTetP1`, `ElementTetP2`, `ElementHex1` or `ElementHex2`, on any mesh of that shape.
+    body : (ne,) int
+        Body of each element of the basis, index into `body_names`.
+
+    Raises
+    ------
+    ValueError
+        The element of the basis is none of the four.
+
+    Examples
+    --------
+    >>> import skfem
+    >>> mesh = skfem.MeshHex()
+    >>> shape_grid(skfem.CellBasis(mesh, skfem.ElementHex2()), np.zeros(1, dtype=int), ("block",)).cells.shape
+    (1, 27)
+    """
+    nodes = np.asarray(basis.elem.doflocs, dtype=float)
+    kinds = [kind for kind, reference in REFERENCE_NODES.items() if reference.shape == nodes.shape
+             and np.isin(_keys(reference), _keys(nodes)).all()]  # fmt: skip
+    if not kinds:
+        raise ValueError(f"no VTK cell for {type(basis.elem).__name__}; expected scalar TetP1, TetP2, Hex1 or Hex2")
+    reference = REFERENCE_NODES[kinds[0]]
+    dofs = np.asarray(basis.element_dofs, dtype=np.int64).T
+    cells = dofs[:, _match(nodes, reference)]
+    # An element with negative Jacobian is inside out for VTK. Exchanging x and y on the reference element turns it.
+    centre = reference[: 4 if len(reference) in (4, 10) else 8].mean(axis=0)
+    turned = np.asarray(basis.mapping.detDF(centre[:, None]))[:, 0] < 0
+    if basis.tind is not None:
+        turned = turned[basis.tind]
+    cells[turned] = dofs[turned][:, _match(nodes, reference[:, [1, 0, 2]])]
+    points = np.ascontiguousarray(np.asarray(basis.doflocs, dtype=float).T)
+    return ShapeGrid(points, cells, kinds[0], np.asarray(body, dtype=np.int64), tuple(body_names))
+
+
+def semi_major_amplitude(u: Complexes) -> Floats:
+    """Return the largest displacement of each point over one period.
+
+    The point moves on an ellipse, Re(u e^{iφ}); its semi-major axis is
+
+        max_φ |Re(u e^{iφ})| = √((uᴴu + |uᵀu|) / 2).
+
+    Since Re(z)·Re(z) = (zᴴz + Re zᵀz)/2 for any complex vector z, and Re((uᵀu) e^{2iφ}) reaches |uᵀu|.
+
+    Parameters
+    ----------
+    u : (n, 3) complex
+
+    Returns
+    -------
+    (n,) float, unit of `u`
+
+    Examples
+    --------
+    >>> semi_major_amplitude(np.array([[3.0, 4.0j, 0.0], [3.0, 4.0, 0.0]])).tolist()
+    [4.0, 5.0]
+    """
+    u = np.asarray(u, dtype=complex)
+    return np.sqrt((np.sum(np.abs(u) ** 2, axis=1) + np.abs(np.sum(u * u, axis=1))) / 2)
+
+
+def normalise_shape(u: Complexes) -> Complexes:
+    """Return `u` turned and scaled so that shapes can be compared and drawn.
+
+    The phase makes the real part as large as it can be (maximal Σ|Re u|², that is Σuᵀu real and positive), so that
+    Re u is the shape at its fullest and Im u the travelling part; the sign makes the largest entry of Re u
+    positive. The largest `semi_major_amplitude` is 1. A shape that is zero everywhere stays zero.
+
+    Parameters
+    ----------
+    u : (n, 3) complex
+
+    Examples
+    --------
+    >>> normalise_shape(np.array([[0.0, 2.0j, 0.0], [0.0, 0.0, -4.0j]])).real.sum(axis=1).round(12).tolist()
+    [-0.5, 1.0]
+    """
+    u = np.array(u, dtype=complex)
+    largest = semi_major_amplitude(u).max(initial=0.0)
+    if largest == 0.0:
+        return u
+    u /= largest
+    square = np.sum(u * u)
+    if abs(square) > 1e-9 * np.sum(np.abs(u) ** 2):
+        u *= np.exp(-0.5j * np.angle(square))
+    else:
+        # a wave that only travels is equally full at all times: start where its largest entry peaks
+        u *= np.exp(-1j * np.angle(u.flat[np.argmax(np.abs(u))]))
+    return u * np.sign(u.real.flat[np.argmax(np.abs(u.real))])
+
+
+def boundary_triangles(grid: ShapeGrid, body: int | None = None) -> tuple[Integers, Integers]:
+    """Return the outer surface as flat triangles, and the body of each.
+
+    A face counts as outer where no other cell of the same body shares it. The faces of quadratic cells are cut at
+    their middle nodes, into four triangles or eight.
+
+    Returns
+    -------
+    triangles : (nt, 3) int
+        Points of each, in no particular orientation.
+    body : (nt,) int
+    """
+    cells = grid.cells if body is None else grid.cells[grid.body == body]
+    bodies = grid.body if body is None else grid.body[grid.body == body]
+    patterns = _face_patterns(REFERENCE_NODES[grid.vtk_cell_type])
+    corners = np.concatenate([cells[:, face] for face, _ in patterns])
+    owner = np.tile(bodies, len(patterns))
+    keys = np.column_stack([owner, np.sort(corners, axis=1)])
+    _, first, count = np.unique(keys, axis=0, return_index=True, return_counts=True)
+    outer = first[count == 1]
+    pattern, cell = np.divmod(outer, len(cells))
+    cuts = np.array([cut for _, cut in patterns])  # (faces, triangles of a face, 3)
+    triangles = np.take_along_axis(cells[cell], cuts[pattern].reshape(len(outer), -1), axis=1).reshape(-1, 3)
+    return triangles, np.repeat(owner[outer], cuts.shape[1])
+
+
+def sharp_edges(points: Floats, triangles: Integers, degrees: float = 35.0) -> Integers:
+    """Return the edges (m, 2) of a surface where its triangles meet at more than `degrees`, or where it ends."""
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    order = np.lexsort(edges.T)
+    edges, normal = edges[order], np.tile(normal, (3, 1))[order]
+    paired = np.append((edges[1:] == edges[:-1]).all(axis=1), False)
+    first = np.flatnonzero(paired)
+    # the triangles have no common orientation, so the normals count up to sign
+    sharp = np.abs(np.sum(normal[first] * normal[first + 1], axis=1)) < np.cos(np.radians(degrees))
+    lonely = ~(paired | np.append(False, paired[:-1]))
+    return np.concatenate([edges[first[sharp]], edges[lonely]])
+
+
+def _face_patterns(nodes: Floats) -> list[tuple[list[int], list[tuple[int, int, int]]]]:
+    """Return for each face of a reference cell its corners and the triangles that it is cut into."""
+    tetra = len(nodes) in (4, 10)
+    place = {key: i for i, key in enumerate(_keys(nodes))}
+    planes = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)] if tetra else [
+        (0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]  # fmt: skip
+
+    def middle(*corners: int) -> int:
+        return place[int(_keys(nodes[list(corners)].mean(axis=0)[None])[0])]
+
+    patterns: list[tuple[list[int], list[tuple[int, int, int]]]] = []
+    for face in planes:
+        if len(nodes) in (4, 8):
+            cut = [(face[0], face[i], face[i + 1]) for i in range(1, len(face) - 1)]
+        elif tetra:
+            a, b, c = face[:3]
+            ab, bc, ca = middle(a, b), middle(b, c), middle(c, a)
+            cut = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+        else:
+            ring = [n for i in range(4) for n in (face[i], middle(face[i], face[(i + 1) % 4]))]
+            cut = [(ring[i], ring[(i + 1) % 8], middle(*face)) for i in range(8)]
+        patterns.append((list(face), cut))
+    return patterns
+
+
+def _keys(nodes: Floats) -> Integers:
+    """Return one integer for each node of a reference cell, whose coordinates are all 0, 1/2 or 1."""
+    return np.asarray(np.rint(2 * nodes) @ np.array([1, 3, 9]), dtype=np.int64)
+
+
+def _match(nodes: Floats, wanted: Floats) -> Integers:
+    """Return the index into `nodes` of each node in `wanted`."""
+    order = np.argsort(_keys(nodes))
+    return np.asarray(order[np.searchsorted(_keys(nodes)[order], _keys(wanted))], dtype=np.int64)

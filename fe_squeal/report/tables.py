@@ -1,0 +1,160 @@
+"""Tables for the terminal: what is unstable, and where it begins."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from fe_squeal.noise import classify_noise
+from fe_squeal.report.branches import numbers, parameter_name, parameter_symbol, total_uncertainty
+
+MAX_ROWS = 20
+
+
+def print_unstable(modes: pd.DataFrame, console: Console) -> None:
+    """Print the unstable modes, the fastest growing first.
+
+    With one sweep value: a row per mode. With several: a row per unstable interval of a branch, with the sweep
+    values it spans, its range of frequencies, and its largest growth rate with the damping ratio there.
+
+    Parameters
+    ----------
+    modes : DataFrame
+        As in `modes.csv`.
+    console : rich.console.Console
+    """
+    symbol = parameter_symbol(parameter_name(modes))
+    single = modes["value"].nunique() == 1
+    rows = unstable_intervals(modes)
+    if not rows:
+        values = numbers(modes, "value")
+        where = "" if not len(values) else f" at {symbol} = {_span(values.min(), values.max(), '.4g')}"
+        console.print(Text(f"No unstable mode{where}."))
+        return
+    branches = len({row.branch for row in rows})
+    head = f"Unstable modes at {symbol} = {rows[0].first:.6g}" if single else f"{branches} unstable branches"
+    table = _table(head if single or branches > 1 else "1 unstable branch")
+    heads = ["mode", "frequency\nHz", "growth rate\n1/s"] if single else [
+        "branch", f"unstable at\n{symbol}", "frequency\nHz", "largest growth\nrate, 1/s", f"at\n{symbol}"]
+    for text in (*heads, "damping\n%"):
+        table.add_column(text, justify="right")
+    table.add_column("noise")
+    for row in rows[:MAX_ROWS]:
+        cells = [_span(row.lowest_hz, row.highest_hz, ".0f" if row.highest_hz >= 1000 else ".4g"),
+                 _with_uncertainty(row.growth, row.uncertainty)]
+        if single:
+            cells.insert(0, str(row.mode))
+        else:
+            cells = [_name(row.branch), _span(row.first, row.last, ".4g"), *cells, f"{row.peak_value:.4g}"]
+        table.add_row(*cells, f"{100 * row.damping_ratio:.3g}", row.noise)
+    console.print(table)
+    if len(rows) > MAX_ROWS:
+        console.print(Text(f"... {len(rows) - MAX_ROWS} more in modes.csv"))
+
+
+def print_onsets(onsets: pd.DataFrame, console: Console) -> None:
+    """Print where modes turn unstable or stable again, in the order of the parameter.
+
+    Parameters
+    ----------
+    onsets : DataFrame
+        As in `onsets.csv`.
+    console : rich.console.Console
+    """
+    if not len(onsets):
+        console.print(Text("No onset of instability in this sweep."))
+        return
+    symbol = parameter_symbol(parameter_name(onsets))
+    ordered = onsets.sort_values("value", kind="stable")
+    table = _table("Onsets")
+    for head in (f"{symbol} at onset", "uncertainty", "frequency, Hz", "kind", "direction", "branches"):
+        table.add_column(head, justify="left" if head in ("kind", "direction") else "right")
+    value, uncertainty = numbers(ordered, "value"), numbers(ordered, "uncertainty")
+    frequency = numbers(ordered, "frequency_hz")
+    partners = np.column_stack([numbers(ordered, "branch_a"), numbers(ordered, "branch_b")])
+    for i in range(min(len(ordered), MAX_ROWS)):
+        row = ordered.iloc[i]
+        pair = " + ".join(_name(b) for b in partners[i] if not np.isnan(b))
+        known = "" if np.isnan(uncertainty[i]) else f"{uncertainty[i]:.1e}"
+        table.add_row(f"{value[i]:.8g}", known, f"{frequency[i]:.6g}", str(row["kind"]), str(row["direction"]), pair)
+    console.print(table)
+    if len(ordered) > MAX_ROWS:
+        console.print(Text(f"... {len(ordered) - MAX_ROWS} more in onsets.csv"))
+
+
+class UnstableInterval(NamedTuple):
+    """One run of neighbouring sweep values at which a branch is unstable; `growth` is its largest Re λ in 1/s, and
+    `uncertainty` (1/s), `damping_ratio`, `mode` and `noise` belong to that value, `peak_value`."""
+
+    branch: float
+    first: float
+    last: float
+    lowest_hz: float
+    highest_hz: float
+    growth: float
+    uncertainty: float
+    peak_value: float
+    damping_ratio: float
+    mode: int
+    noise: str
+
+
+def unstable_intervals(modes: pd.DataFrame) -> list[UnstableInterval]:
+    """Return the unstable intervals of all branches, the fastest growing first; a mode without a branch number stands
+    for itself."""
+    sweep, place = np.unique(numbers(modes, "value"), return_inverse=True)
+    unstable = np.asarray(modes["stability"] == "unstable", dtype=bool)
+    branch, re, frequency = numbers(modes, "branch"), numbers(modes, "re"), numbers(modes, "frequency_hz")
+    ratio, uncertainty, mode = numbers(modes, "damping_ratio"), total_uncertainty(modes), numbers(modes, "mode")
+    runs = [np.array([i]) for i in np.flatnonzero(unstable & np.isnan(branch))]
+    for number in np.unique(branch[unstable & np.isfinite(branch)]):
+        rows = np.flatnonzero(unstable & (branch == number))
+        rows = rows[np.argsort(place[rows], kind="stable")]
+        runs += np.split(rows, np.flatnonzero(np.diff(place[rows]) > 1) + 1)
+    result = []
+    for rows in runs:
+        top = rows[np.argmax(re[rows])]
+        result.append(UnstableInterval(
+            branch[top], sweep[place[rows[0]]], sweep[place[rows[-1]]], frequency[rows].min(), frequency[rows].max(),
+            re[top], uncertainty[top], sweep[place[top]], ratio[top], int(mode[top]), classify_noise(frequency[top])))
+    return sorted(result, key=lambda row: -row.growth)
+
+
+def _table(title: str) -> Table:
+    # without vertical rules seven columns fit into the 80 characters of a narrow terminal or a log
+    return Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+
+
+def _name(branch: float) -> str:
+    return "–" if math.isnan(branch) else f"{branch:.0f}"
+
+
+def _span(low: float, high: float, form: str) -> str:
+    """Return `low … high`, or the one number that both round to."""
+    first, last = format(low, form), format(high, form)
+    return first if first == last else f"{first} … {last}"
+
+
+def _with_uncertainty(value: float, uncertainty: float) -> str:
+    """Return the value to the digits that its uncertainty leaves, at most six, and the uncertainty to one.
+
+    Examples
+    --------
+    >>> _with_uncertainty(123.4567, 0.02), _with_uncertainty(123.4567, 0.0), _with_uncertainty(123.4567, 1e-9)
+    ('123.46 ± 0.02', '123.457', '123.457 ± 1e-09')
+    """
+    if not uncertainty > 0 or value == 0:
+        return f"{value:.6g}"
+    places = -math.floor(math.log10(uncertainty))
+    if uncertainty < 1e-5 * abs(value):
+        return f"{value:.6g} ± {uncertainty:.0e}"
+    if places < 0:
+        return f"{value:.0f} ± {uncertainty:.0f}"
+    return f"{value:.{places}f} ± {uncertainty:.{places}f}"

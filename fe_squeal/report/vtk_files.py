@@ -1,0 +1,117 @@
+"""Mode shapes as VTK files, for ParaView and everything else that reads them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from fe_squeal.report.files import replace_atomically
+from fe_squeal.report.shapes import Complexes, Floats, ShapeGrid, normalise_shape, semi_major_amplitude
+
+if TYPE_CHECKING:
+    import pyvista
+
+VISIBLE = 0.05  # largest drawn displacement over the size of the model
+
+
+def write_shape(
+    grid: ShapeGrid,
+    u: Complexes,
+    path: str | os.PathLike[str],
+    metadata: Mapping[str, float | int | str | tuple[str, ...]] | None = None,
+) -> Path:
+    """Write a complex shape, normalised by `normalise_shape`, as a compressed binary .vtu file.
+
+    Point arrays: `u_re`, `u_im` (n, 3) and `amplitude` (n,), the largest displacement over a period, at most 1.
+    Cell array: `body`. Field data: `body_names` and everything in `metadata`.
+
+    Parameters
+    ----------
+    grid : ShapeGrid
+    u : (n, 3) complex
+    path : path
+        Ends in .vtu.
+    metadata : mapping, optional
+        Say `frequency_hz`, `re`, `im`, `parameter`, `value`, `mode`, `branch`.
+    """
+    shape = normalise_shape(u)
+    data = _unstructured_grid(grid, grid.points)
+    data.point_data["u_re"] = np.ascontiguousarray(shape.real)
+    data.point_data["u_im"] = np.ascontiguousarray(shape.imag)
+    data.point_data["amplitude"] = semi_major_amplitude(shape)
+    data.field_data["body_names"] = list(grid.body_names)
+    for name, value in (metadata or {}).items():
+        data.field_data[name] = [value] if np.isscalar(value) else list(value)  # type: ignore[arg-type]
+    return _write_grid(data, Path(path))
+
+
+def write_animation(
+    grid: ShapeGrid, u: Complexes, path: str | os.PathLike[str], frames: int = 16, scale: float = VISIBLE
+) -> list[Path]:
+    """Write one period of the motion as a .pvd collection with a .vtu file per frame in `<stem>_frames/`.
+
+    Each frame has the points at rest, `displacement` = Re(u e^{2πik/frames}) scaled so that its largest value over
+    the period is `scale` times the diagonal of the bounding box ("Warp By Vector" with scale factor 1 shows it), and
+    `amplitude` as in `write_shape`. The growth of the mode is left out: the motion is periodic. Time runs from 0 to
+    1, in periods. Numbers are single precision, enough for a picture; the numbers proper are in the shape file.
+
+    Returns
+    -------
+    list of Path
+        The .pvd first, then the frames.
+    """
+    path = Path(path)
+    shape = normalise_shape(u)
+    folder = path.with_name(f"{path.stem}_frames")
+    data = _unstructured_grid(grid, grid.points.astype(np.float32))
+    data.point_data["amplitude"] = semi_major_amplitude(shape).astype(np.float32)
+    collection = ElementTree.Element("VTKFile", type="Collection", version="1.0", byte_order="LittleEndian")
+    sets = ElementTree.SubElement(collection, "Collection")
+    files = []
+    width = len(str(max(frames - 1, 10)))
+    for k in range(frames):
+        data.point_data["displacement"] = displacement_at(grid, shape, k / frames, scale).astype(np.float32)
+        file = folder / f"{path.stem}_{k:0{width}d}.vtu"
+        files.append(_write_grid(data, file))
+        ElementTree.SubElement(sets, "DataSet", timestep=repr(k / frames), group="", part="0",
+                               file=f"{folder.name}/{file.name}")  # fmt: skip
+    ElementTree.indent(collection)
+    with replace_atomically(path) as temporary:
+        ElementTree.ElementTree(collection).write(temporary, encoding="utf-8", xml_declaration=True)
+    return [path, *files]
+
+
+def displacement_at(grid: ShapeGrid, shape: Complexes, time: float, scale: float = VISIBLE) -> Floats:
+    """Return Re(u e^{2πi time}) · scale · size of the model, (n, 3) m, of a normalised shape; `time` in periods."""
+    return np.ascontiguousarray(np.real(shape * np.exp(2j * np.pi * time)) * scale * grid.size)
+
+
+def _unstructured_grid(grid: ShapeGrid, points: Any) -> pyvista.UnstructuredGrid:
+    import pyvista
+
+    data = pyvista.UnstructuredGrid({grid.vtk_cell_type: grid.cells}, points)
+    data.cell_data["body"] = grid.body.astype(np.int32)
+    return data
+
+
+def _write_grid(data: pyvista.UnstructuredGrid, path: Path) -> Path:
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
+    from fe_squeal.errors import OutputError
+
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(data)
+    # What ParaView writes itself: raw binary behind the XML, zlib (VTK's default level), the smallest of the forms
+    writer.SetDataModeToAppended()
+    writer.EncodeAppendedDataOff()
+    writer.SetCompressorTypeToZLib()
+    with replace_atomically(path) as temporary:
+        writer.SetFileName(os.fspath(temporary))
+        if not writer.Write():
+            raise OutputError(f"{path}: VTK cannot write it (no permission, or the disk is full)")
+    return path

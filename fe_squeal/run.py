@@ -1,0 +1,149 @@
+"""The main job: from a scene to a folder of results."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from . import __version__
+from .assembly import assemble
+from .errors import NotConvergedError, OutputError
+from .problem import Problem
+from .report import print_onsets, print_unstable
+from .results import export_shapes, peak_memory_mib, write_figures, write_record, write_tables
+from .scene import Scene
+from .sweep import Sweep, sweep
+
+INTERRUPTED = 130
+
+
+def run_scene(scene: Scene, out: Path, console: Console) -> int:
+    """Assemble, sweep, and write every result into a folder.
+
+    Returns
+    -------
+    int
+        0, or 130 if the user interrupted; what was finished is written then.
+
+    Raises
+    ------
+    InputError, NotConvergedError
+        After a failure of the solver, what did converge is in the folder, and run.json says so.
+    """
+    start = time.perf_counter()
+    prepare_folder(out)
+    problem = assemble(scene)
+    assert problem.model is not None
+    seconds = {"assembly": time.perf_counter() - start}
+    for text in problem.model.notes:
+        console.print(f"note: {text}", markup=False)
+    for text in problem.model.warnings:
+        console.print(f"warning: {text}", markup=False)
+    console.print(
+        f"{problem.unknowns} unknowns, {problem.problem_class} problem; effects on: "
+        f"{', '.join(scene.effects.names) or 'none'}",
+        markup=False,
+    )
+    status, result, failure = "complete", None, None
+    try:
+        result = sweep_scene(scene, problem, console)
+    except NotConvergedError as error:
+        status, failure, result = "not converged", error, _partial(error)
+    except KeyboardInterrupt as stop:
+        status, result = "interrupted", stop.args[0] if stop.args else None
+    if result is not None:
+        seconds |= dict(result.seconds)
+        clock = time.perf_counter()
+        write_results(scene, result, out)
+        seconds["output"] = time.perf_counter() - clock
+    seconds["total"] = time.perf_counter() - start
+    write_record(scene, problem, result, seconds, status, out, __version__)
+    if failure is not None:
+        raise failure
+    if result is not None:
+        _report(result, out, console, seconds["total"])
+    return INTERRUPTED if status == "interrupted" else 0
+
+
+def sweep_scene(scene: Scene, problem: Problem, console: Console) -> Sweep:
+    """Run the sweep that the scene asks for, with a progress bar on a terminal and plain lines elsewhere.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        With the sweep so far as its argument.
+    """
+    section = scene.sweep
+    nominal = problem.parameters.get("mu", 0.0)
+    values = [nominal] if section is None else [float(v) for v in section.grid]
+    parameter = "mu" if section is None else section.parameter
+    options = {
+        "modes": scene.solve.modes, "max_frequency": scene.solve.max_frequency, "tolerance": scene.solve.tolerance,
+        "keep_shapes": scene.output.shapes == "all",
+    }  # fmt: skip
+    if not console.is_terminal:
+        marks = {max(1, round(len(values) * part / 4)) for part in range(1, 5)}
+
+        def report(done: int, total: int) -> None:
+            if done in marks:
+                console.print(f"{parameter} = {values[done - 1]:.4g}: {done} of {total} values solved", markup=False)
+
+        return sweep(problem, values, parameter, progress=report, **options)  # type: ignore[arg-type]
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(f"sweep over {parameter}", total=len(values))
+        return sweep(
+            problem, values, parameter, progress=lambda done, _: bar.update(task, completed=done), **options  # type: ignore[arg-type]
+        )  # fmt: skip
+
+
+def write_results(scene: Scene, result: Sweep, out: Path) -> None:
+    """Write tables, figures and shapes."""
+    write_tables(result, out)
+    write_figures(result, out, scene.title)
+    if scene.output.shapes != "none" and result.problem.model is not None:
+        export_shapes(result, out / "shapes", scene.output.shapes)
+
+
+def prepare_folder(out: Path) -> None:
+    """Make the output folder and see that files can be written there, before anything is solved.
+
+    Raises
+    ------
+    OutputError
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=out)
+        os.close(handle)
+        os.unlink(name)
+    except OSError as error:
+        raise OutputError(
+            f"{out}: cannot write results here: {error.strerror or error}; expected a folder that can be written, given by -o"
+        ) from error
+
+
+def _partial(error: NotConvergedError) -> Sweep | None:
+    return error.partial if isinstance(error.partial, Sweep) else None
+
+
+def _report(result: Sweep, out: Path, console: Console, seconds: float) -> None:
+    print_onsets(result.onsets_dataframe(), console)
+    print_unstable(result.to_dataframe(), console)
+    c = result.completeness
+    proof = "proven by the inertia of K − σM" if c.proven else "not proven"
+    console.print(
+        f"{c.found} of {c.expected if c.expected is not None else '?'} modes found at {result.parameter} = "
+        f"{result.points[0].value:g} ({proof})",
+        markup=False,
+    )
+    for doubt in result.doubts:
+        console.print(f"warning: {doubt}", markup=False)
+    memory = peak_memory_mib()
+    peak = f", {memory:.0f} MiB" if memory is not None else ""
+    console.print(f"results in {out}: stability.png, root_locus.png, shapes/ ({seconds:.1f} s{peak})", markup=False)

@@ -1,0 +1,246 @@
+"""The scene: what the user wrote, validated before any mesh is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, PrivateAttr, field_validator, model_validator
+
+from .contact import Sliding
+from .effects.friction import Friction
+from .effects.springs import Spring
+from .geometry import Block, DiscPad
+from .materials import Material, material_axes
+from .schema import NonNegative, Positive, Section, Vector
+
+FRICTION_PARAMETER = "mu"
+_MU_PATHS = ("mu", "effects.friction.mu")
+
+
+class MeshSection(Section):
+    """Where the mesh comes from: a file, or a parametric geometry that gmsh meshes."""
+
+    file: str | None = None
+    length_unit: Literal["m", "mm"] = "m"
+    order: Literal[1, 2] = 2
+    disc_pad: DiscPad | None = None
+    block: Block | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> MeshSection:
+        geometries = [g for g in (self.disc_pad, self.block) if g is not None]
+        if self.file is None and not geometries:
+            raise ValueError("expected file = \"...\", or a geometry [mesh.disc_pad] or [mesh.block]")
+        if len(geometries) > 1:
+            raise ValueError("expected one geometry, [mesh.disc_pad] or [mesh.block], not both")
+        return self
+
+    @property
+    def geometry(self) -> DiscPad | Block | None:
+        """The parametric geometry, if there is one."""
+        return self.disc_pad or self.block
+
+    @property
+    def scale(self) -> float:
+        """Metres per unit of the file's coordinates."""
+        return 1e-3 if self.length_unit == "mm" else 1.0
+
+
+class Body(Section):
+    """A volume group with its material."""
+
+    material: str
+    groups: Annotated[list[str], Field(min_length=1)] | None = None
+    axes: Annotated[tuple[Vector, Vector], Field(strict=False)] | None = None
+
+    @field_validator("axes")
+    @classmethod
+    def _span_a_plane(cls, value: tuple[Vector, Vector] | None) -> tuple[Vector, Vector] | None:
+        if value is not None:
+            material_axes(*value)
+        return value
+
+
+class Support(Section):
+    """A surface group on which displacement components are held."""
+
+    surface: str
+    fixed: str
+
+    @field_validator("fixed")
+    @classmethod
+    def _components(cls, value: str) -> str:
+        if not value or set(value) - set("xyz") or len(set(value)) != len(value):
+            raise ValueError('expected any of the letters x, y and z, such as "xyz" or "z"')
+        return value
+
+
+class SlidingSection(Section):
+    """Motion of a counterface: rad/s about an axis through a centre, or m/s along a direction."""
+
+    axis: Vector | None = None
+    centre: Vector = (0.0, 0.0, 0.0)
+    direction: Vector | None = None
+    speed: float
+
+    @model_validator(mode="after")
+    def _either(self) -> SlidingSection:
+        if (self.axis is None) == (self.direction is None):
+            raise ValueError("expected either axis (and centre) for a rotation or direction for a straight belt")
+        if self.direction is not None and "centre" in self.model_fields_set:
+            raise ValueError("centre belongs to a rotation about an axis, not to a straight belt")
+        if not any(self.axis or self.direction or ()):
+            raise ValueError("expected an axis or direction that is not zero")
+        if self.speed == 0:
+            raise ValueError("speed: given 0; expected a number that is not zero, whose sign gives the direction")
+        return self
+
+    def motion(self) -> Sliding:
+        """Return the motion as arrays in SI units."""
+        vector = np.array(self.axis or self.direction, float)
+        velocity = vector / np.linalg.norm(vector) * self.speed
+        return Sliding(velocity, np.array(self.centre) if self.axis is not None else None)
+
+
+class Contact(Section):
+    """A pad's surface on a counterface."""
+
+    name: str = ""
+    surface: str
+    counterface: str
+    normal_stiffness: Positive
+    kind: Literal["sliding", "frictionless", "tied"] = "sliding"
+    friction_ratio: NonNegative = 1.0
+    normal_damping: NonNegative = 0.0
+    gap_tolerance: NonNegative | None = None
+    sliding: SlidingSection | None = None
+
+    @model_validator(mode="after")
+    def _slides(self) -> Contact:
+        if self.kind == "sliding" and self.sliding is None:
+            raise ValueError(
+                "a sliding contact needs sliding = { axis, centre, speed } or { direction, speed };"
+                ' or set kind = "frictionless" or "tied"'
+            )
+        return self
+
+    @property
+    def is_rigid(self) -> bool:
+        """Whether the counterface is rigid and has no mesh."""
+        return self.counterface == "rigid"
+
+
+class Effects(Section):
+    """Effects that are on; one whose table is absent is not simulated."""
+
+    friction: Friction | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects that are on."""
+        return tuple(n for n in type(self).model_fields if getattr(self, n) is not None)
+
+
+class SweepSection(Section):
+    """Values of the parameter that the sweep takes."""
+
+    parameter: str = FRICTION_PARAMETER
+    start: float | None = Field(default=None, alias="from")
+    stop: float | None = Field(default=None, alias="to")
+    points: Annotated[int, Field(ge=1)] | None = None
+    values: Annotated[list[float], Field(min_length=1)] | None = None
+
+    @field_validator("parameter")
+    @classmethod
+    def _known(cls, value: str) -> str:
+        if value not in _MU_PATHS:
+            raise ValueError('expected "mu" (short for effects.friction.mu), the parameter this version sweeps')
+        return FRICTION_PARAMETER
+
+    @model_validator(mode="after")
+    def _increasing(self) -> SweepSection:
+        ranged = [v is not None for v in (self.start, self.stop, self.points)]
+        if (self.values is not None) == any(ranged) or (any(ranged) and not all(ranged)):
+            raise ValueError("expected from, to and points, or values = [...]")
+        if np.any(np.diff(self.grid) <= 0):
+            raise ValueError(f"expected values that increase; got {self.grid.tolist()[:6]}")
+        return self
+
+    @property
+    def grid(self) -> np.ndarray:
+        """(m,) float: the values, increasing."""
+        if self.values is not None:
+            return np.array(self.values)
+        assert self.start is not None and self.stop is not None and self.points is not None
+        return np.linspace(self.start, self.stop, self.points)
+
+
+class Solve(Section):
+    """What the eigen-solver is asked for."""
+
+    modes: Annotated[int, Field(ge=1)] | None = None
+    max_frequency: Positive | None = None
+    method: Literal["auto", "direct"] = "auto"
+    tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
+
+    @model_validator(mode="after")
+    def _one_limit(self) -> Solve:
+        if self.modes is not None and self.max_frequency is not None:
+            raise ValueError("expected modes or max_frequency, not both")
+        return self
+
+
+class Output(Section):
+    """What is written beside the tables and figures."""
+
+    shapes: Literal["unstable", "all", "none"] = "unstable"
+
+
+class Scene(Section):
+    """A whole scene; `load_scene` reads one from TOML."""
+
+    title: str = ""
+    mesh: MeshSection
+    materials: Annotated[dict[str, Material], Field(min_length=1)]
+    bodies: Annotated[dict[str, Body], Field(min_length=1)]
+    supports: list[Support] = []
+    springs: list[Spring] = []
+    contacts: list[Contact] = []
+    effects: Effects = Effects()
+    sweep: SweepSection | None = None
+    solve: Solve = Solve(modes=20)
+    output: Output = Output()
+
+    _source: Path | None = PrivateAttr(default=None)
+
+    @property
+    def source(self) -> Path | None:
+        """The file the scene was read from."""
+        return self._source
+
+    @property
+    def mesh_path(self) -> Path | None:
+        """The mesh file; relative names are relative to the scene file."""
+        if self.mesh.file is None:
+            return None
+        folder = self._source.parent if self._source is not None else Path()
+        return folder / self.mesh.file
+
+    @property
+    def contact_names(self) -> tuple[str, ...]:
+        """Names of the contacts; those without one are numbered from 1."""
+        return tuple(c.name or f"contact_{i}" for i, c in enumerate(self.contacts, 1))
+
+    @model_validator(mode="after")
+    def _names_and_friction(self) -> Scene:
+        for key, names in (("contacts", self.contact_names), ("springs", [s.name for s in self.springs])):
+            double = {n for n in names if list(names).count(n) > 1}
+            if double:
+                raise ValueError(f'{key}: the name "{double.pop()}" is given twice; expected different names')
+        if self.effects.friction is not None and not any(c.kind == "sliding" for c in self.contacts):
+            raise ValueError('effects.friction: no contact slides; expected a [[contacts]] entry of kind "sliding"')
+        if self.sweep is not None and self.effects.friction is None:
+            raise ValueError("sweep.parameter: mu is swept, but there is no [effects.friction] with mu = ...")
+        return self

@@ -1,0 +1,261 @@
+"""Displacement spaces: unknowns, elastic element matrices, surface interpolation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+import skfem
+from skfem.assembly import Dofs
+from skfem.refdom import RefTet
+
+from .errors import SceneError
+
+_ELEMENTS = {
+    (True, 1): skfem.ElementTetP1,
+    (True, 2): skfem.ElementTetP2,
+    (False, 1): skfem.ElementHex1,
+    (False, 2): skfem.ElementHex2,
+}
+_BYTES_PER_CHUNK = 2e8  # of element matrices held at once
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Quadrature and interpolation on facets.
+
+    Attributes
+    ----------
+    points : (q, 3) float, m
+    normals : (q, 3) float
+        Outward unit normals.
+    weights : (q,) float, m^2
+    values : (q, nodes) sparse
+        Shape-function values: `values @ u_nodes` interpolates at the points.
+    facets : (f,) int
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    weights: np.ndarray
+    values: sp.csr_array
+    facets: np.ndarray
+
+    @property
+    def area(self) -> float:
+        """Area of the surface, m^2."""
+        return float(self.weights.sum())
+
+    def mean(self) -> np.ndarray:
+        """Return the (nodes,) weights of the mean of a nodal field over the surface."""
+        return np.asarray(self.values.T @ self.weights) / self.area
+
+
+@dataclass(frozen=True)
+class DisplacementSpace:
+    """Continuous piecewise polynomial displacements on a mesh; unknown 3 j + c is component c at node j.
+
+    Attributes
+    ----------
+    mesh : skfem.Mesh
+        Tetrahedra or hexahedra, straight or curved.
+    order : int
+        1 or 2.
+    fixed : (3 nodes,) bool
+        Displacements that supports hold at zero; they are not unknowns.
+    """
+
+    mesh: skfem.Mesh
+    order: int
+    fixed: np.ndarray
+
+    @cached_property
+    def element(self) -> skfem.Element:
+        """The scalar nodal element."""
+        return _ELEMENTS[self.mesh.refdom is RefTet, self.order]()
+
+    @cached_property
+    def dofs(self) -> Dofs:
+        """Numbering of the nodes."""
+        return Dofs(self.mesh, self.element)
+
+    @property
+    def nodes(self) -> int:
+        """Number of displacement nodes."""
+        return int(self.dofs.N)
+
+    @cached_property
+    def free(self) -> np.ndarray:
+        """(n,) int: positions of the unknowns among all 3*nodes displacements."""
+        return np.flatnonzero(~self.fixed)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns n."""
+        return len(self.free)
+
+    @cached_property
+    def coordinates(self) -> np.ndarray:
+        """(nodes, 3) float, m: where the nodes are (on curved edges too)."""
+        x = np.zeros((self.nodes, 3))
+        elements = np.arange(self.mesh.nelements)
+        for i, reference in enumerate(self.element.doflocs):
+            X = np.repeat(np.asarray(reference)[:, None], len(elements), axis=1)
+            x[self.dofs.element_dofs[i]] = geometry_map(self.mesh, elements, X)[0].T
+        return x
+
+    @property
+    def integration_order(self) -> int:
+        """Degree integrated exactly: the mass on straight elements, two more on curved tetrahedra."""
+        curved = self.mesh.refdom is RefTet and isinstance(self.mesh, skfem.MeshTet2)
+        return 2 * self.order + (2 if curved else 0)
+
+    def nodes_of(self, facets: np.ndarray) -> np.ndarray:
+        """Return the nodes on facets."""
+        return np.asarray(self.dofs.get_facet_dofs(facets).flatten())
+
+    def surface(self, facets: np.ndarray) -> Surface:
+        """Return quadrature and interpolation on boundary facets."""
+        basis = skfem.FacetBasis(
+            self.mesh, self.element, facets=facets, intorder=self.integration_order, dofs=self.dofs
+        )
+        q = basis.dx.size
+        rows = np.arange(q).reshape(basis.dx.shape)
+        values = sp.csr_array((q, self.nodes))
+        for i, (shape,) in enumerate(basis.basis):
+            columns = np.broadcast_to(basis.element_dofs[i][:, None], rows.shape)
+            entries = (np.asarray(shape).ravel(), (rows.ravel(), columns.ravel()))
+            values = values + sp.csr_array(entries, shape=values.shape)
+        points = np.asarray(basis.global_coordinates()).reshape(3, -1).T
+        normals = np.asarray(basis.normals).reshape(3, -1).T
+        return Surface(points, normals, basis.dx.ravel(), values, np.asarray(facets))
+
+    def along(self, values: sp.csr_array, directions: np.ndarray) -> sp.csr_array:
+        """Return the operator that gives the displacement along directions at points, on the unknowns.
+
+        Parameters
+        ----------
+        values : (q, nodes) sparse
+            Interpolation of a nodal field.
+        directions : (q, 3) or (3,) float
+
+        Returns
+        -------
+        (q, n) sparse
+        """
+        d = np.broadcast_to(directions, (values.shape[0], 3))
+        components = [sp.diags_array(d[:, c]) @ values for c in range(3)]
+        return self._interleave(components)[:, self.free]
+
+    def expand(self, u: np.ndarray) -> np.ndarray:
+        """Return nodal displacements (nodes, 3) of a vector of unknowns (n,)."""
+        full = np.zeros(3 * self.nodes, dtype=u.dtype)
+        full[self.free] = u
+        return full.reshape(-1, 3)
+
+    def _interleave(self, components: list[sp.csr_array]) -> sp.csr_array:
+        parts = [sp.coo_array(p) for p in components]
+        rows = np.concatenate([p.coords[0] for p in parts])
+        columns = np.concatenate([3 * p.coords[1] + c for c, p in enumerate(parts)])
+        data = np.concatenate([p.data for p in parts])
+        return sp.csr_array((data, (rows, columns)), shape=(parts[0].shape[0], 3 * self.nodes))
+
+
+def make_space(mesh: skfem.Mesh, order: int, supports: list[tuple[np.ndarray, str]]) -> DisplacementSpace:
+    """Return the displacement space with supports.
+
+    Parameters
+    ----------
+    mesh : skfem.Mesh
+    order : int
+        1 or 2.
+    supports : list of (facets, components)
+        Components are any of "x", "y", "z".
+    """
+    space = DisplacementSpace(mesh, order, np.zeros(0, bool))
+    fixed = np.zeros((space.nodes, 3), bool)
+    for facets, components in supports:
+        nodes = space.nodes_of(facets)
+        for c in components:
+            fixed[nodes, "xyz".index(c)] = True
+    if fixed.all():
+        raise SceneError("supports: every displacement is held; expected at least one free unknown")
+    return DisplacementSpace(mesh, order, fixed.ravel())
+
+
+def assemble_elasticity(
+    space: DisplacementSpace, elements: np.ndarray, stiffness: np.ndarray, density: float
+) -> tuple[sp.csr_array, sp.csr_array]:
+    """Return stiffness and mass matrix of a set of elements on the unknowns.
+
+    K_(Ia)(Jc) = ∫ ∂_b N_I C_abcd ∂_d N_J,  M_(Ia)(Jc) = δ_ac ∫ ρ N_I N_J.
+
+    Parameters
+    ----------
+    elements : (e,) int
+    stiffness : (3, 3, 3, 3) float, Pa
+    density : float, kg/m^3
+
+    Returns
+    -------
+    K, M : (n, n) sparse, N/m and kg
+    """
+    K = M = sp.csr_array((space.unknowns, space.unknowns))
+    nodes = len(space.element.doflocs)
+    step = max(1, int(_BYTES_PER_CHUNK / (8 * (3 * nodes) ** 2)))
+    mapping = space.mesh.mapping()
+    for start in range(0, len(elements), step):
+        chunk = elements[start : start + step]
+        basis = skfem.CellBasis(
+            space.mesh, space.element, mapping=mapping, elements=chunk, intorder=space.integration_order,
+            dofs=space.dofs, disable_doflocs=True,
+        )  # fmt: skip
+        N = np.stack([np.asarray(f[0]) for f in basis.basis], axis=1)  # (e, nodes, q)
+        dN = np.stack([f[0].grad for f in basis.basis], axis=0)  # (nodes, 3, e, q)
+        dN = np.moveaxis(dN, 2, 0)  # (e, nodes, 3, q)
+        stress = np.einsum("abcd,ejdq,eq->ejcabq", stiffness, dN, basis.dx, optimize=True)
+        e = len(chunk)
+        # Contract b and q in one batched matrix product: (e, I, bq) x (e, bq, Jca).
+        right = np.transpose(stress, (0, 4, 5, 1, 2, 3)).reshape(e, -1, nodes * 9)
+        block = (dN.reshape(e, nodes, -1) @ right).reshape(e, nodes, nodes, 3, 3)  # e I J c a
+        block = np.transpose(block, (0, 1, 4, 2, 3)).reshape(e, 3 * nodes, 3 * nodes)
+        mass = (N * (density * basis.dx)[:, None, :]) @ np.transpose(N, (0, 2, 1))
+        t = space.dofs.element_dofs[:, chunk].T  # (e, nodes)
+        t3 = (3 * t[:, :, None] + np.arange(3)).reshape(e, -1)
+        K = K + _scatter(block, t3, 3 * space.nodes)[space.free][:, space.free]
+        scalar = _scatter(mass, t, space.nodes)
+        M = M + sp.csr_array(sp.kron(scalar, sp.eye_array(3), format="csr"))[space.free][:, space.free]
+    # Rounding in the products leaves an asymmetry of some ulps that would hide the true class of the problem.
+    return sp.csr_array((K + K.T) / 2), sp.csr_array((M + M.T) / 2)
+
+
+def geometry_map(mesh: skfem.Mesh, elements: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions and Jacobians of reference points, one point per element.
+
+    Parameters
+    ----------
+    elements : (k,) int
+    X : (3, k) float
+        Reference coordinates.
+
+    Returns
+    -------
+    x : (3, k) float, m
+    J : (3, 3, k) float, m
+        J[i, j] = ∂x_i/∂X_j.
+    """
+    element, nodes = mesh.elem(), mesh.dofs.element_dofs[:, elements]
+    x, J = np.zeros((3, X.shape[1])), np.zeros((3, 3, X.shape[1]))
+    for i, node in enumerate(nodes):
+        phi, dphi = element.lbasis(X, i)
+        x += mesh.doflocs[:, node] * phi
+        J += mesh.doflocs[:, node][:, None] * np.asarray(dphi)[None]
+    return x, J
+
+
+def _scatter(blocks: np.ndarray, index: np.ndarray, n: int) -> sp.csr_array:
+    rows = np.broadcast_to(index[:, :, None], blocks.shape).ravel()
+    columns = np.broadcast_to(index[:, None, :], blocks.shape).ravel()
+    return sp.csr_array((blocks.ravel(), (rows, columns)), shape=(n, n))

@@ -1,0 +1,240 @@
+"""A sweep over one parameter: modes at every value, tracked into branches, with the onsets between them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pandas as pd
+
+from .eigen.pencil import Modes
+from .eigen.solve import Completeness, Request, prove_completeness, solve_modes
+from .energy import growth_shares
+from .errors import NotConvergedError
+from .noise import classify_noise
+from .onset import Onset, find_step_onsets, two_mode_value
+from .problem import Problem
+from .tracking import match_modes
+
+MODE_COLUMNS = (
+    "parameter,value,mode,branch,re,im,frequency_hz,damping_ratio,stability,noise,backward_error,re_uncertainty,"
+    "re_discretisation,im_discretisation"
+).split(",")
+ONSET_COLUMNS = (
+    "parameter,value,frequency_hz,kind,direction,crossing_speed,branch_a,branch_b,uncertainty,two_mode_value,"
+    "discretisation"
+).split(",")
+CONTRIBUTION_COLUMNS = "parameter,value,mode,branch,term,re_share".split(",")
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """The modes at one value of the parameter.
+
+    Attributes
+    ----------
+    value : float
+    modes : Modes
+        Without shapes.
+    branches : (k,) int
+    shapes : mapping of mode position to (n,) shape
+        Of the unstable modes, and of all modes where the sweep was asked to keep them.
+    """
+
+    value: float
+    modes: Modes
+    branches: np.ndarray
+    shapes: Mapping[int, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Result of a sweep.
+
+    Attributes
+    ----------
+    problem : Problem
+    parameter : str
+    points : tuple of SweepPoint
+    onsets : tuple of Onset
+    completeness : Completeness
+        Of the modes at the first value.
+    seconds : mapping of stage to s
+    doubts : sentences about what could not be made sure
+    """
+
+    problem: Problem
+    parameter: str
+    points: tuple[SweepPoint, ...]
+    onsets: tuple[Onset, ...]
+    completeness: Completeness
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def method(self) -> str:
+        """How the modes were solved for."""
+        return self.points[0].modes.method
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return one row per mode and value, the columns of modes.csv."""
+        rows = []
+        for point in self.points:
+            m = point.modes
+            for i, lam in enumerate(m.lam):
+                size, unstable = abs(lam), m.stability[i] == "unstable"
+                rows.append((
+                    self.parameter, point.value, i + 1, point.branches[i], lam.real, lam.imag, m.frequency_hz[i],
+                    -lam.real / size if size else 0.0, m.stability[i],
+                    classify_noise(m.frequency_hz[i]) if unstable else "",
+                    m.backward_error[i], m.re_uncertainty[i], np.nan, np.nan,
+                ))  # fmt: skip
+        return pd.DataFrame(rows, columns=MODE_COLUMNS)
+
+    def onsets_dataframe(self) -> pd.DataFrame:
+        """Return one row per onset, the columns of onsets.csv."""
+        rows = [
+            (o.parameter, o.value, o.frequency_hz, o.kind, o.direction, o.crossing_speed, o.branch_a, o.branch_b,
+             o.uncertainty, o.two_mode_value, np.nan)
+            for o in self.onsets
+        ]  # fmt: skip
+        frame = pd.DataFrame(rows, columns=ONSET_COLUMNS)
+        return frame.astype({"branch_a": "Int64", "branch_b": "Int64"})
+
+    def contributions_dataframe(self) -> pd.DataFrame:
+        """Return the shares of Re λ by term, and their sum, for every unstable mode: the columns of contributions.csv."""
+        rows = []
+        for point in self.points:
+            for i in np.flatnonzero(point.modes.stability == "unstable"):
+                shares = growth_shares(
+                    self.problem, complex(point.modes.lam[i]), point.shapes[int(i)], **{self.parameter: point.value}
+                )
+                key = (self.parameter, point.value, i + 1, point.branches[i])
+                rows += [(*key, term, share) for term, share in [*shares.items(), ("sum", sum(shares.values()))]]
+        return pd.DataFrame(rows, columns=CONTRIBUTION_COLUMNS)
+
+
+def sweep(
+    problem: Problem,
+    values: Sequence[float] | np.ndarray,
+    parameter: str = "mu",
+    modes: int | None = None,
+    max_frequency: float | None = None,
+    tolerance: float = 1e-8,
+    keep_shapes: bool = False,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Sweep:
+    """Solve for the complex modes at every value of a parameter, track them, and find the onsets.
+
+    Parameters
+    ----------
+    values : (m,) float, increasing
+    modes : int, optional
+        Number of lowest modes (default 20).
+    max_frequency : float, Hz, optional
+        All modes up to here instead.
+    keep_shapes : bool
+        Keep the shapes of all modes at the last value, not of the unstable ones alone.
+    progress : callable of (values done, values in all)
+
+    Raises
+    ------
+    NotConvergedError
+        `partial` is the sweep so far.
+    """
+    request = Request(None if max_frequency else modes or 20, max_frequency, tolerance)
+    tracker = _Tracker(problem, parameter, request)
+    for i, value in enumerate(values):
+        try:
+            tracker.advance(float(value), keep_all=keep_shapes and i == len(values) - 1)
+        except NotConvergedError as error:
+            done = tracker.result() if tracker.points else None
+            raise NotConvergedError(f"{parameter} = {value:g}: {error}", partial=done) from error
+        progress(i + 1, len(values))
+    return tracker.result()
+
+
+class _Tracker:
+    """The state of a running sweep."""
+
+    def __init__(self, problem: Problem, parameter: str, request: Request) -> None:
+        self.problem, self.parameter, self.request = problem, parameter, request
+        self.points: list[SweepPoint] = []
+        self.onsets: list[Onset] = []
+        self.seconds = {"eigenvalues": 0.0, "tracking": 0.0, "onsets": 0.0, "completeness": 0.0}
+        self.doubts: list[str] = []
+        self.completeness = Completeness(0, None, False)
+        self._first: Modes | None = None
+        self._previous: Modes | None = None
+        self._branches = np.zeros(0, int)
+        self._next_branch = 1
+
+    def advance(self, value: float, keep_all: bool) -> None:
+        """Solve at the next value."""
+        pencil = self.problem.pencil(**{self.parameter: value})
+        clock = time.perf_counter()
+        band = None if self._previous is None else float(self._previous.lam.imag.max(initial=0.0)) or None
+        modes = solve_modes(pencil, self.request, band)
+        clock = self._spend("eigenvalues", clock)
+        if self._previous is None:
+            self.completeness = prove_completeness(pencil, modes)
+            self._first = modes
+            clock = self._spend("completeness", clock)
+            if self.completeness.proven is False and self.completeness.expected is not None:
+                raise NotConvergedError(
+                    f"{self.completeness.found} modes found where the inertia counts {self.completeness.expected}", modes
+                )
+        branches = self._name_branches(modes, pencil.M)
+        clock = self._spend("tracking", clock)
+        if self._previous is not None:
+            self._find_onsets(value, modes, branches)
+            self._spend("onsets", clock)
+        kept = range(len(modes)) if keep_all else np.flatnonzero(modes.stability == "unstable")
+        shapes = {int(i): modes.right[:, i].copy() for i in kept}
+        self.points.append(SweepPoint(value, modes.without_shapes(), branches, shapes))
+        self._previous, self._branches = modes, branches
+
+    def result(self) -> Sweep:
+        """Return what was solved so far."""
+        return Sweep(
+            self.problem, self.parameter, tuple(self.points), tuple(sorted(self.onsets, key=lambda o: o.value)),
+            self.completeness, dict(self.seconds), tuple(self.doubts),
+        )  # fmt: skip
+
+    def _name_branches(self, modes: Modes, M: object) -> np.ndarray:
+        origin = np.full(len(modes), -1)
+        if self._previous is not None:
+            origin = match_modes(self._previous, modes, M)  # type: ignore[arg-type]
+        branches = np.zeros(len(modes), int)
+        for i, source in enumerate(origin):
+            if source >= 0:
+                branches[i] = self._branches[source]
+            else:
+                branches[i] = self._next_branch
+                self._next_branch += 1
+        return branches
+
+    def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray) -> None:
+        assert self._previous is not None and self._first is not None
+        ends = (self.points[-1].value, value)
+        try:
+            found = find_step_onsets(
+                self.problem, self.parameter, ends, (self._previous, modes), (self._branches, branches)
+            )
+        except (NotConvergedError, ValueError) as error:
+            self.doubts.append(f"an onset between {self.parameter} = {ends[0]:g} and {ends[1]:g} was not refined: {error}")
+            return
+        start, first_branches = self.points[0].value, self.points[0].branches
+        for onset in found:
+            at = [np.flatnonzero(first_branches == b) for b in (onset.branch_a, onset.branch_b)]
+            if all(len(i) for i in at) and self.problem.problem_class != "quadratic":
+                value2 = two_mode_value(self.problem, self.parameter, start, self._first, int(at[0][0]), int(at[1][0]))
+                onset = replace(onset, two_mode_value=value2)
+            self.onsets.append(onset)
+
+    def _spend(self, stage: str, since: float) -> float:
+        now = time.perf_counter()
+        self.seconds[stage] += now - since
+        return now

@@ -1,0 +1,46 @@
+"""Terms of the equation of motion: one matrix each, in one slot, with its own dependence on parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import prod
+from typing import Literal
+
+import scipy.sparse as sp
+
+Slot = Literal["M", "C", "K"]
+
+
+@dataclass(frozen=True)
+class Term:
+    """One contribution to M, C or K: matrix · Π parameter**power.
+
+    Attributes
+    ----------
+    name : str
+        Effect and where, as in "friction.outer".
+    slot : "M", "C" or "K"
+    matrix : (n, n) sparse, kg, N s/m or N/m
+    symmetric : bool
+        Whether the matrix is symmetric by its mathematics.
+    powers : mapping of parameter to exponent
+    """
+
+    name: str
+    slot: Slot
+    matrix: sp.csr_array
+    symmetric: bool
+    powers: Mapping[str, int] = field(default_factory=dict)
+
+    def coefficient(self, parameters: Mapping[str, float]) -> float:
+        """Return Π parameter**power."""
+        return prod((parameters[p] ** e for p, e in self.powers.items()), start=1.0)
+
+    def slope(self, parameter: str, parameters: Mapping[str, float]) -> float:
+        """Return the derivative of the coefficient by one parameter."""
+        e = self.powers.get(parameter, 0)
+        if e == 0:
+            return 0.0
+        others = prod((parameters[p] ** k for p, k in self.powers.items() if p != parameter), start=1.0)
+        return float(e * parameters[parameter] ** (e - 1) * others)

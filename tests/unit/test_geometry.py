@@ -1,0 +1,473 @@
+"""The parametric meshes against closed forms, and what the analysis relies on in them: symmetry, gluing, separation."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from importlib.abc import MetaPathFinder
+from pathlib import Path
+from typing import Any, Literal
+
+import gmsh
+import meshio
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from scipy.integrate import quad
+from scipy.spatial import cKDTree
+
+from fe_squeal.errors import MeshError, OutputError
+from fe_squeal.geometry import Block, DiscPad, write_mesh
+from fe_squeal.geometry.lattice import GroupedMesh
+from fe_squeal.geometry.structured import structured_block, structured_disc_pad
+
+Kind = Literal["hex", "tet"]
+BRAKE: dict[str, Any] = dict(
+    inner_radius=0.07,
+    outer_radius=0.13,
+    thickness=0.012,
+    pad_inner_radius=0.085,
+    pad_outer_radius=0.128,
+    pad_angle_deg=50,
+    pad_thickness=0.011,
+    back_plate_thickness=0.005,
+    size=0.014,
+)
+BLOCK: dict[str, Any] = dict(length=0.08, width=0.04, height=0.015, size=0.01)
+ROW: dict[str, Any] = {**BLOCK, "count": 3, "spacing": 0.02, "belt_thickness": 0.012, "belt_margin_x": 0.03}
+
+
+def integrals(path: Path) -> dict[str, float]:
+    """Volume or area of every group by gmsh's own reading of the file; asserts that no Jacobian is negative."""
+    sums = {}
+    gmsh.initialize([], readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.open(str(path))
+        for dimension, tag in gmsh.model.getPhysicalGroups():
+            total = 0.0
+            for entity in gmsh.model.getEntitiesForPhysicalGroup(dimension, tag):
+                (kind,) = gmsh.model.mesh.getElementTypes(dimension, entity)
+                # Exact for the Jacobians of 27-node hexahedra, which are of degree 5 in each direction.
+                points, weights = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss8")
+                _, determinants, _ = gmsh.model.mesh.getJacobians(kind, points, entity)
+                assert determinants.min() > 0.0
+                total += float(np.sum(determinants.reshape(-1, len(weights)) @ weights))
+            sums[gmsh.model.getPhysicalName(dimension, tag)] = total
+    finally:
+        gmsh.finalize()
+    return sums
+
+
+def group_cells(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Points and the cells of every group, as meshio reads them."""
+    mesh = meshio.read(path)
+    names = {(int(tag), int(dimension)): name for name, (tag, dimension) in mesh.field_data.items()}
+    cells: dict[str, list[np.ndarray]] = {}
+    for block, tags in zip(mesh.cells, mesh.cell_data["gmsh:physical"], strict=True):
+        cells.setdefault(names[int(tags[0]), block.dim], []).append(block.data)
+    return mesh.points, {name: np.vstack(blocks) for name, blocks in cells.items()}
+
+
+def area_factor(h: float, order: int) -> float:
+    """Area of a sector of angle 2h whose arc is a chord or a parabola, relative to the true one."""
+    return math.sin(2 * h) / (2 * h) if order == 1 else math.sin(h) * (4 - math.cos(h)) / (3 * h)
+
+
+def arc_factor(h: float, order: int) -> float:
+    """Length of that arc, relative to the true one."""
+    if order == 1:
+        return math.sin(h) / h
+    return quad(lambda t: math.hypot(2 * (1 - math.cos(h)) * t, math.sin(h)), 0, 1, epsabs=1e-14)[0] / h
+
+
+def exact(g: DiscPad, order: int | None) -> dict[str, float]:
+    """Volumes and areas of the groups: of the elements of the structured mesh, or the true ones for order None."""
+
+    def factors(half_angle: float) -> tuple[float, float]:
+        return (1.0, 1.0) if order is None else (area_factor(half_angle, order), arc_factor(half_angle, order))
+
+    plane, arc = factors(math.pi / g.disc_counts[1])
+    face = math.pi * (g.outer_radius**2 - g.inner_radius**2) * plane
+    values = {
+        "disc": face * g.thickness,
+        "disc_face_1": face,
+        "disc_face_2": face,
+        "hub": 2 * math.pi * g.inner_radius * g.thickness * arc,
+        "rim": 2 * math.pi * g.outer_radius * g.thickness * arc,
+    }
+    plane, arc = factors(g.pad_angle / g.pad_counts[1] / 2)
+    face = g.pad_angle / 2 * (g.pad_outer_radius**2 - g.pad_inner_radius**2) * plane
+    height = g.pad_thickness + g.back_plate_thickness
+    for number in range(1, g.pads + 1):
+        values[f"pad_{number}"] = face * g.pad_thickness
+        values[f"pad_face_{number}"] = values[f"pad_back_{number}"] = face
+        values[f"pad_inner_edge_{number}"] = g.pad_angle * g.pad_inner_radius * height * arc
+        values[f"pad_outer_edge_{number}"] = g.pad_angle * g.pad_outer_radius * height * arc
+        if g.has_back_plate:
+            values[f"back_plate_{number}"] = face * g.back_plate_thickness
+        if not g.is_ring:
+            end = (g.pad_outer_radius - g.pad_inner_radius) * height
+            values[f"pad_leading_{number}"] = values[f"pad_trailing_{number}"] = end
+    return values
+
+
+VARIANTS: list[dict[str, Any]] = [
+    {},
+    {"geometry_order": 1},
+    {"pads": 1, "gap": 0.001},
+    {"pad_angle_deg": 360},
+    {"pad_angle_deg": 340, "size": 1.0, "geometry_order": 1},  # as coarse as it gets
+    {"back_plate_thickness": 0, "refinement": 2},
+    {"pad_outer_radius": 0.14, "disc_layers": 3, "pad_layers": 2, "back_plate_layers": 2},
+]
+
+
+@pytest.mark.parametrize("change", VARIANTS, ids=str)
+def test_hexahedra_have_the_volumes_and_areas_of_their_curves(change: dict[str, Any], tmp_path: Path) -> None:
+    geometry = DiscPad(**{**BRAKE, **change})
+    found = integrals(write_mesh(geometry, tmp_path / "brake.msh"))
+    # Polynomials integrated exactly: rounding only. The arc lengths of the cylinders are roots: Gauss's error as well.
+    assert found == pytest.approx(exact(geometry, geometry.geometry_order), rel=1e-11)
+    h = max(math.pi / geometry.disc_counts[1], geometry.pad_angle / geometry.pad_counts[1] / 2)
+    true = exact(geometry, None)
+    bound = h**4 / 30 if geometry.geometry_order == 2 else 2 * h**2 / 3
+    for body in ("disc", "pad_1"):
+        assert 0.0 < 1.0 - found[body] / true[body] < bound  # as the docstring of DiscPad promises
+
+
+@pytest.mark.parametrize("change", [{}, {"geometry_order": 1}, {"pads": 1}, {"pad_angle_deg": 360}], ids=str)
+def test_tetrahedra_have_the_true_volumes_and_areas(change: dict[str, Any], tmp_path: Path) -> None:
+    geometry = DiscPad(**{**BRAKE, **change}, element="tet")
+    found = integrals(write_mesh(geometry, tmp_path / "brake.msh"))
+    # An edge may be half as long again as asked for; the bounds of the hexahedra then hold with h = 0.75 size / radius,
+    # and the errors of the two circles of a ring, each relative to its own disc, add up over the ring's smaller area.
+    h = 0.75 * geometry.size / geometry.inner_radius
+    circles = (geometry.outer_radius**2 + geometry.inner_radius**2) / (
+        geometry.pad_outer_radius**2 - geometry.pad_inner_radius**2
+    )
+    bound = circles * (h**4 / 30 if geometry.geometry_order == 2 else 2 * h**2 / 3)
+    assert found == pytest.approx(exact(geometry, None), rel=bound)
+
+
+@pytest.mark.parametrize("element", ["hex", "tet"])
+@pytest.mark.parametrize("order", [1, 2])
+def test_blocks_and_belt_fill_their_boxes(element: Kind, order: int, tmp_path: Path) -> None:
+    row = Block(**ROW, element=element, geometry_order=order)
+    path = write_mesh(row, tmp_path / "row.msh")
+    boxes = {f"block_{n}": (-0.14 + 0.1 * (n - 1), 0.08, 0.04, 0.0, 0.015) for n in (1, 2, 3)}
+    boxes["belt"] = (-0.17, 0.34, 0.04, -0.012, 0.012)
+    expected, places = {}, {}
+    for body, (x, length, width, z, height) in boxes.items():
+        prefix, suffix = ("belt_", "") if body == "belt" else ("", body.removeprefix("block"))
+        expected[body] = length * width * height
+        for side, axis, value, area in (
+            ("left", 0, x, width * height),
+            ("right", 0, x + length, width * height),
+            ("front", 1, -width / 2, length * height),
+            ("back", 1, width / 2, length * height),
+            ("bottom", 2, z, length * width),
+            ("top", 2, z + height, length * width),
+        ):
+            expected[prefix + side + suffix] = area
+            places[prefix + side + suffix] = (axis, value)
+    assert integrals(path) == pytest.approx(expected, rel=1e-10)  # gmsh places nodes to 1e-12 of its box
+    points, cells = group_cells(path)
+    for name, (axis, value) in places.items():
+        np.testing.assert_allclose(points[cells[name], axis], value, atol=1e-12)
+    bodies = [set(cells[body].ravel()) for body in boxes]
+    assert sum(map(len, bodies)) == len(points)  # so no two share a node
+
+
+def test_one_block_has_plain_names(tmp_path: Path) -> None:
+    _, cells = group_cells(write_mesh(Block(**BLOCK), tmp_path / "block.msh"))
+    assert set(cells) == {"block", "bottom", "top", "left", "right", "front", "back"}
+    assert len(cells["block"]) == 8 * 4 * 2
+
+
+@pytest.mark.parametrize("element", ["hex", "tet"])
+@pytest.mark.parametrize("angle", [50, 360])
+def test_groups_lie_where_they_should_and_share_the_right_nodes(element: Kind, angle: int, tmp_path: Path) -> None:
+    geometry = DiscPad(**{**BRAKE, "pad_angle_deg": angle}, element=element)
+    points, cells = group_cells(write_mesh(geometry, tmp_path / "brake.msh"))
+    radius, theta, z = np.hypot(points[:, 0], points[:, 1]), np.arctan2(points[:, 1], points[:, 0]), points[:, 2]
+    places = {"hub": (radius, 0.07), "rim": (radius, 0.13), "disc_face_1": (z, 0.006), "disc_face_2": (z, -0.006)}
+    for pad, sign in (("1", 1), ("2", -1)):
+        places |= {f"pad_face_{pad}": (z, sign * 0.006), f"pad_back_{pad}": (z, sign * 0.022)}
+        places |= {f"pad_inner_edge_{pad}": (radius, 0.085), f"pad_outer_edge_{pad}": (radius, 0.128)}
+        if angle < 360:
+            half = math.radians(25)
+            places |= {f"pad_leading_{pad}": (theta, -half), f"pad_trailing_{pad}": (theta, half)}
+    for name, (coordinate, value) in places.items():
+        on = cells[name].ravel()
+        if element == "tet" and name.startswith(("hub", "rim", "pad_inner", "pad_outer")):
+            on = cells[name][:, :3].ravel()  # mid-nodes of edges that gmsh had to straighten may leave the circle
+        np.testing.assert_allclose(coordinate[on], value, atol=1e-12)
+
+    nodes = {name: set(c.ravel()) for name, c in cells.items()}
+    for pad in ("1", "2"):
+        glued = np.array(sorted(nodes[f"pad_{pad}"] & nodes[f"back_plate_{pad}"]))
+        in_plane = np.flatnonzero(np.abs(np.abs(z) - 0.017) < 1e-12)
+        in_plane = in_plane[np.sign(z[in_plane]) == (1 if pad == "1" else -1)]
+        assert set(glued) == set(in_plane) and len(glued) > 0
+        assert not nodes["disc"] & nodes[f"pad_{pad}"]
+    assert not nodes["pad_1"] & nodes["pad_2"]
+    used = set().union(*(nodes[name] for name in ("disc", "pad_1", "pad_2", "back_plate_1", "back_plate_2")))
+    assert used == set(range(len(points)))
+
+
+def nearest(points: np.ndarray, images: np.ndarray, tolerance: float) -> np.ndarray:
+    """Match images to points one to one, within the tolerance; return the index of each image's point."""
+    found = cKDTree(points).query(images)
+    distance, index = np.asarray(found[0]), np.asarray(found[1])
+    assert distance.max() <= tolerance
+    assert len(set(index)) == len(points)
+    return index
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_one_sector_turns_the_disc_onto_itself(order: int) -> None:
+    geometry = DiscPad(**BRAKE, geometry_order=order)
+    mesh = structured_disc_pad(geometry)
+    disc = mesh.volumes["disc"]
+    points = mesh.points[: disc.max() + 1]
+    angle = 2 * math.pi / geometry.disc_counts[1]
+    turn = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
+    image = nearest(points, points @ turn.T, 1e-15 * 0.2)  # a few roundings of coordinates up to 0.13
+    assert {tuple(sorted(c)) for c in image[disc]} == {tuple(sorted(c)) for c in disc}
+    nearest(points, points * [-1.0, 1.0, 1.0], 0.0)  # quarters are copies of each other: equal to the last bit
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("axis", [1, 2])
+def test_brake_is_its_own_mirror_image(order: int, axis: int) -> None:
+    mesh = structured_disc_pad(DiscPad(**BRAKE, geometry_order=order, gap=0.0003))
+    mirror = np.ones(3)
+    mirror[axis] = -1.0
+    # Disc and pad faces are apart by the gap, so nearest neighbours are unique; to the last bit, hence 0.
+    image = nearest(mesh.points, mesh.points * mirror, 0.0)
+    swap = {"_1": "_2", "_2": "_1"} if axis == 2 else {}
+    for name, cells in mesh.volumes.items():
+        other = mesh.volumes[name[:-2] + swap.get(name[-2:], name[-2:])]
+        assert {tuple(sorted(c)) for c in image[cells]} == {tuple(sorted(c)) for c in other}
+
+
+def outflow(mesh: GroupedMesh, prefix: str, suffix: str) -> float:
+    """Integral of x·n/3 over the plane facets of a body; its volume if they are closed and point outwards.
+
+    The origin is moved, for seen from the axis the ends of a pad would count nothing.
+    """
+    total = 0.0
+    for name, cells in mesh.surfaces.items():
+        if name.startswith(prefix) and name.endswith(suffix):
+            x = mesh.points[cells[:, :4]] - [0.3, 0.5, 0.7]
+            normals = 0.5 * np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])  # length: the facet's area
+            total += float(np.sum(x.mean(axis=1) * normals)) / 3
+    return total
+
+
+def test_facets_of_hexahedra_point_outwards() -> None:
+    for angle in (50, 360):
+        geometry = DiscPad(**{**BRAKE, "pad_angle_deg": angle, "geometry_order": 1})
+        mesh, volumes = structured_disc_pad(geometry), exact(geometry, 1)
+        for pad in ("_1", "_2"):
+            assert outflow(mesh, "pad", pad) == pytest.approx(
+                volumes[f"pad{pad}"] + volumes[f"back_plate{pad}"], rel=1e-9
+            )
+        whole = volumes["disc"] + 2 * (volumes["pad_1"] + volumes["back_plate_1"])
+        assert outflow(mesh, "", "") == pytest.approx(whole, rel=1e-9)
+    for order in (1, 2):
+        row = structured_block(Block(**ROW, geometry_order=order))
+        assert outflow(row, "", "_2") == pytest.approx(0.08 * 0.04 * 0.015, rel=1e-9)
+        assert outflow(row, "belt", "") == pytest.approx(0.34 * 0.04 * 0.012, rel=1e-9)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_file_holds_the_mesh_to_the_last_bit(order: int, tmp_path: Path) -> None:
+    geometry = DiscPad(**BRAKE, geometry_order=order)
+    mesh = structured_disc_pad(geometry)
+    points, cells = group_cells(write_mesh(geometry, tmp_path / "brake.msh"))
+    assert set(cells) == set(mesh.volumes) | set(mesh.surfaces)
+    for name, expected in {**mesh.volumes, **mesh.surfaces}.items():
+        corners = 8 if name in mesh.volumes else 4  # what follows the corners, meshio numbers otherwise than gmsh
+        np.testing.assert_array_equal(points[cells[name][:, :corners]], mesh.points[expected[:, :corners]])
+        found, given = points[cells[name]].reshape(-1, 3), mesh.points[expected].reshape(-1, 3)
+        np.testing.assert_array_equal(np.unique(found, axis=0), np.unique(given, axis=0))
+
+
+def test_mid_nodes_lie_on_circles_and_halfway_along_straight_edges() -> None:
+    mesh = structured_disc_pad(DiscPad(**BRAKE))
+    for cells in mesh.volumes.values():
+        x = mesh.points[cells]
+        for middle, (a, b) in {8: (0, 1), 10: (0, 4), 16: (4, 5), 12: (1, 5)}.items():
+            np.testing.assert_allclose(x[:, middle], 0.5 * (x[:, a] + x[:, b]), rtol=0, atol=3e-17)  # two roundings
+        radius = np.hypot(x[..., 0], x[..., 1])
+        for middle, corner in {9: 0, 11: 1, 17: 4, 18: 5}.items():
+            np.testing.assert_allclose(radius[:, middle], radius[:, corner], rtol=4e-16)
+
+
+def test_counts_follow_the_size_and_double() -> None:
+    even = DiscPad(**{**BRAKE, "size": 0.01, "thickness": 0.02, "pad_thickness": 0.01})
+    half = DiscPad(**{**BRAKE, "size": 0.005, "thickness": 0.02, "pad_thickness": 0.01})
+    assert even.disc_counts == (6, 64, 2)  # 2 pi 0.1 / 0.01 = 62.8, to the nearest multiple of 4
+    assert half.disc_counts == (12, 124, 4)  # 125.7: rounding again
+    assert even.refined(2).disc_counts == (12, 128, 4)  # and here every element is halved
+    assert even.pad_counts == (4, 9, 1, 1)
+    assert even.refined(3).pad_counts == (12, 27, 3, 3)
+    assert even.refined(2).refined(3) == even.refined(6)
+    assert even.refined(2).edge_length == 0.005
+    block = Block(**BLOCK)
+    assert block.block_counts == (8, 4, 2)
+    assert Block(**{**BLOCK, "size": 0.005}).block_counts == (16, 8, 3)
+    assert Block(**{**BLOCK, "height": 0.02}).block_counts == (8, 4, 2)
+    assert Block(**{**BLOCK, "height": 0.02, "size": 0.005}).block_counts == (16, 8, 4)
+
+
+@pytest.mark.parametrize("element", ["hex", "tet"])
+def test_refined_meshes_have_more_elements(element: Kind, tmp_path: Path) -> None:
+    geometry = DiscPad(**BRAKE, element=element)
+    _, coarse = group_cells(write_mesh(geometry, tmp_path / "coarse.msh"))
+    _, fine = group_cells(write_mesh(geometry.refined(2), tmp_path / "fine.msh"))
+    ratio = len(fine["disc"]) / len(coarse["disc"])
+    assert ratio == 8 if element == "hex" else 3 < ratio < 12
+
+
+def test_millimetres_give_the_same_mesh_a_thousand_times_larger() -> None:
+    lengths = {key: value if key == "pad_angle_deg" else value * 1000.0 for key, value in BRAKE.items()}
+    metres, millimetres = structured_disc_pad(DiscPad(**BRAKE)), structured_disc_pad(DiscPad(**lengths))
+    np.testing.assert_allclose(millimetres.points, 1000.0 * metres.points, rtol=0, atol=1e-13)
+    blocks = Block(**BLOCK), Block(**{key: 1000 * value for key, value in BLOCK.items()})
+    assert blocks[0].block_counts == blocks[1].block_counts  # 0.015 / 0.01 falls just below 1.5 in floating point
+
+
+@pytest.mark.parametrize("geometry", [DiscPad(**BRAKE), DiscPad(**BRAKE, element="tet"), Block(**ROW, element="tet")])
+def test_same_geometry_gives_the_same_bytes(geometry: DiscPad | Block, tmp_path: Path) -> None:
+    first, second = (write_mesh(geometry, tmp_path / name).read_bytes() for name in ("a.msh", "b.msh"))
+    assert first == second
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.msh", "b.msh"]
+
+
+def test_gmsh_of_the_caller_is_left_as_it_was(tmp_path: Path) -> None:
+    gmsh.initialize([], readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 123.0)
+        gmsh.model.add("mine")
+        models = gmsh.model.list()
+        write_mesh(Block(**BLOCK, element="tet"), tmp_path / "block.msh")
+        assert gmsh.isInitialized()
+        assert gmsh.model.getCurrent() == "mine"
+        assert gmsh.model.list() == models
+        assert gmsh.option.getNumber("Mesh.MeshSizeMax") == 123.0
+    finally:
+        gmsh.finalize()
+    write_mesh(Block(**BLOCK, element="tet"), tmp_path / "block.msh")
+    assert not gmsh.isInitialized()
+
+
+def test_gmsh_not_installed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(sys.modules, "gmsh", None)
+    with pytest.raises(MeshError, match="pip install gmsh"):
+        write_mesh(Block(**BLOCK, element="tet"), tmp_path / "block.msh")
+    assert list(tmp_path.iterdir()) == []
+    assert write_mesh(DiscPad(**BRAKE), tmp_path / "brake.msh").exists()  # hexahedra need no gmsh
+
+
+@pytest.mark.parametrize(("library", "package"), [("libGLU.so.1", "libglu1-mesa"), ("libXft.so.2", "libxft2")])
+def test_gmsh_without_its_system_libraries(
+    library: str, package: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    class Broken(MetaPathFinder):
+        def find_spec(self, fullname: str, path: object, target: object = None) -> None:
+            if fullname == "gmsh":
+                raise OSError(f"{library}: cannot open shared object file: No such file or directory")
+
+    monkeypatch.delitem(sys.modules, "gmsh")
+    monkeypatch.setattr(sys, "meta_path", [Broken(), *sys.meta_path])
+    with pytest.raises(MeshError, match=f"apt-get install {package}") as caught:
+        write_mesh(Block(**BLOCK, element="tet"), tmp_path / "block.msh")
+    assert library in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_importing_the_package_does_not_import_gmsh() -> None:
+    code = "import sys, fe_squeal.geometry; print('gmsh' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_failure_keeps_the_old_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def fail(mesh: object, path: Path) -> None:
+        path.write_text("half")
+        raise KeyboardInterrupt
+
+    path = write_mesh(Block(**BLOCK), tmp_path / "block.msh")
+    before = path.read_bytes()
+    monkeypatch.setattr("fe_squeal.geometry.writing.write_msh", fail)
+    with pytest.raises(KeyboardInterrupt):
+        write_mesh(Block(**BLOCK), path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_paths_and_sizes_that_cannot_be(tmp_path: Path) -> None:
+    block = Block(**BLOCK)
+    with pytest.raises(OutputError, match=r"ends in \.msh"):
+        write_mesh(block, tmp_path / "block.vtu")
+    with pytest.raises(OutputError, match="there is no folder"):
+        write_mesh(block, tmp_path / "nowhere" / "block.msh")
+    (tmp_path / "folder.msh").mkdir()
+    with pytest.raises(OutputError, match="cannot be written"):
+        write_mesh(block, tmp_path / "folder.msh")
+    for change in ({"size": 1e-5}, {"size": 1e-5, "element": "tet"}, {"size": 1e-310}, {"layers": 10**6}):
+        with pytest.raises(MeshError, match="choose a larger size"):
+            write_mesh(Block(**{**BLOCK, **change}), tmp_path / "block.msh")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"outer_radius": 0.05}, "expected inner_radius < outer_radius"),
+        ({"pad_outer_radius": 0.085}, "expected pad_inner_radius < pad_outer_radius"),
+        ({"pad_inner_radius": 0.13, "pad_outer_radius": 0.15}, "does not lie over the disc"),
+        ({"pad_inner_radius": 0.03, "pad_outer_radius": 0.07}, "does not lie over the disc"),
+        ({"pad_angle_deg": 0}, "pad_angle_deg"),
+        ({"pad_angle_deg": 361}, "pad_angle_deg"),
+        ({"size": 0}, "size"),
+        ({"size": math.inf}, "size"),
+        ({"size": "0.01"}, "size"),
+        ({"gap": -1e-4}, "gap"),
+        ({"thickness": math.nan}, "thickness"),
+        ({"pads": 3}, "pads"),
+        ({"pads": True}, "pads"),
+        ({"element": "brick"}, "element"),
+        ({"geometry_order": 3}, "geometry_order"),
+        ({"disc_layers": 0}, "disc_layers"),
+        ({"back_plate_layers": 1, "back_plate_thickness": 0}, "there is no back plate"),
+        ({"disc_layers": 2, "element": "tet"}, 'layers belong to element = "hex"'),
+        ({"pad_radius": 0.1}, "pad_radius"),
+    ],
+    ids=str,
+)
+def test_bad_disc_pad_is_rejected(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        DiscPad(**{**BRAKE, **change})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"count": 0}, "count"),
+        ({"count": 1.0}, "count"),
+        ({"spacing": 0.01}, "there is one block"),
+        ({"count": 2, "spacing": -0.01}, "spacing"),
+        ({"belt_margin_x": 0.01}, "there is no belt"),
+        ({"belt_layers": 2}, "there is no belt"),
+        ({"layers": 2, "element": "tet"}, 'layers belong to element = "hex"'),
+        ({"height": -0.01}, "height"),
+    ],
+    ids=str,
+)
+def test_bad_block_is_rejected(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        Block(**{**BLOCK, **change})

@@ -1,0 +1,90 @@
+"""Mixed meshes split into tetrahedra: nothing hangs, volume and boundary stay."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from mesh_measures import area, grid_of_kinds, volume
+
+from fe_squeal.errors import MeshError
+from fe_squeal.mesh.building import build_mesh
+from fe_squeal.mesh.raw import CellBlock, RawMesh
+
+LINEAR = ["hexahedron", "wedge", "pyramid"]
+QUADRATIC = ["hexahedron20", "wedge15", "pyramid13"]
+FULL = ["hexahedron27", "wedge18", "pyramid14"]
+
+
+def shear(x):
+    return x @ np.array([[1.0, 0.2, 0.1], [0.0, 1.0, 0.3], [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize(
+    "kinds", [LINEAR, ["wedge"], ["pyramid", "hexahedron"], QUADRATIC, FULL, ["hexahedron20", "wedge"]]
+)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_split_grids_conform(kinds, seed):
+    """det(shear) = 1: volume 1; every boundary face of a cube gives two triangles, none is left inside."""
+    n = 3
+    mesh = build_mesh(grid_of_kinds(n, kinds, shear, seed), "grid.msh").mesh
+    boundary = mesh.boundary_facets()
+    assert len(boundary) == 6 * n * n * 2
+    assert volume(mesh) == pytest.approx(1.0, rel=1e-12)
+    corners = mesh.p[:, mesh.facets[:, boundary]] - shear(np.full((1, 3), 0.5)).T[:, :, None]
+    # Areas of the parallelepiped's faces, by the rows of the map.
+    a, b, c = np.eye(3) @ np.array([[1.0, 0.2, 0.1], [0.0, 1.0, 0.3], [0.0, 0.0, 1.0]])
+    exact = 2 * sum(np.linalg.norm(np.cross(u, v)) for u, v in ((a, b), (b, c), (c, a)))
+    assert area(mesh, boundary) == pytest.approx(exact, rel=1e-12)
+    assert corners.shape[1] == 3
+
+
+def test_curved_split_stays_curved():
+    """Quadratic cells of a quarter ring: the volume error falls as h^4 or better, far below the straight one's."""
+
+    def ring(x):
+        r, t = 1 + x[:, 0], np.pi / 2 * x[:, 1]
+        return np.column_stack([r * np.cos(t), r * np.sin(t), x[:, 2]])
+
+    exact, errors = 3 * np.pi / 4, {}
+    for n in (2, 4):
+        for name, kinds in (("curved", QUADRATIC), ("straight", LINEAR)):
+            errors[name, n] = abs(volume(build_mesh(grid_of_kinds(n, kinds, ring, 3), "r.msh").mesh) / exact - 1)
+    assert errors["curved", 4] < 1e-3 * 1 and errors["curved", 4] < errors["straight", 4] / 20
+    assert np.log2(errors["curved", 2] / errors["curved", 4]) > 3.5
+
+
+def test_tetrahedra_of_both_orders_are_promoted():
+    raw = grid_of_kinds(2, ["tetra", "tetra10"], shear, 5)
+    loaded = build_mesh(raw, "both.msh")
+    assert type(loaded.mesh).__name__ == "MeshTet2"
+    assert volume(loaded.mesh) == pytest.approx(1.0, rel=1e-12)
+    assert any("linear elements beside quadratic ones" in note for note in loaded.notes)
+
+
+def test_hexahedra_of_all_orders_become_27_nodes():
+    loaded = build_mesh(grid_of_kinds(2, ["hexahedron", "hexahedron20", "hexahedron27"], shear, 5), "both.msh")
+    assert type(loaded.mesh).__name__ == "MeshHex2"
+    assert volume(loaded.mesh) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_missing_midside_nodes_are_filled_from_the_neighbour():
+    raw = grid_of_kinds(1, ["tetra10"], lambda x: x + 0.05 * x**2, 2)
+    whole = volume(build_mesh(raw, "a.bdf").mesh)
+    nodes = raw.blocks[0].nodes.copy()
+    nodes[0, 4:] = -1
+    holes = RawMesh(raw.points, raw.node_labels, (CellBlock("tetra10", nodes, raw.blocks[0].labels),), {}, {})
+    loaded = build_mesh(holes, "b.bdf")
+    assert any("without some of their midside nodes" in note for note in loaded.notes)
+    # Only edges that no neighbour has become straight.
+    assert volume(loaded.mesh) == pytest.approx(whole, rel=0.02)
+
+
+def test_midside_nodes_that_lie_apart_are_refused():
+    raw = grid_of_kinds(1, ["tetra10"], lambda x: x, 2)
+    nodes, points = raw.blocks[0].nodes.copy(), raw.points
+    shared = nodes[0, 4 + 3 if False else 4 :][np.isin(nodes[0, 4:], nodes[1:, 4:])][0]
+    points = np.vstack([points, points[shared] + 0.02])
+    nodes[0][nodes[0] == shared] = len(points) - 1
+    broken = RawMesh(points, np.arange(len(points)), (CellBlock("tetra10", nodes, raw.blocks[0].labels),), {}, {})
+    with pytest.raises(MeshError, match="midside node there lies elsewhere"):
+        build_mesh(broken, "gap.inp")

@@ -1,0 +1,218 @@
+"""Figures of a sweep, on tables made from a model of two coupling modes with known onset."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib import image
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from fe_squeal.report import figures
+from fe_squeal.report.branches import collect_branches, find_mirror, parameter_symbol
+from fe_squeal.report.figures import plot_root_locus, plot_stability
+
+ONSET_COLUMNS = ["parameter", "value", "frequency_hz", "kind", "direction", "crossing_speed", "branch_a", "branch_b",
+                 "uncertainty", "two_mode_value", "discretisation"]
+SWEEP = np.linspace(0.0, 0.7, 36)
+
+
+def coupled_tables(pairs, values, *, damping=0.0, uncertainty=1e-6, uncoupled=(), parameter="mu"):
+    """Return modes and onsets of pairs (frequency, half split, mu_c): −λ² = a ± d sqrt(1 − mu/mu_c)."""
+    rows, onsets = [], []
+    for j, (frequency, split, critical) in enumerate(pairs):
+        d = 2 * (2 * np.pi) ** 2 * frequency * split
+        for value in values:
+            root = d * np.sqrt(1 - value / critical + 0j)
+            lam = 1j * np.sqrt((2 * np.pi * frequency) ** 2 + np.array([-root, root]))
+            if value > critical:
+                lam = lam[np.argsort(-lam.real)]
+            rows += [(parameter, value, 2 * j + 1 + b, lam[b].real - damping, lam[b].imag) for b in range(2)]
+        if damping == 0 and values[0] < critical < values[-1]:
+            partners = (2 * j + 1, 2 * j + 2)
+            onsets.append((parameter, critical, frequency, "flutter", "into", 1.0, *partners, 1e-9, critical, None))
+    for i, frequency in enumerate(uncoupled):
+        rows += [(parameter, v, 2 * len(pairs) + 1 + i, -damping, 2 * np.pi * frequency) for v in values]
+    modes = pd.DataFrame(rows, columns=["parameter", "value", "branch", "re", "im"])
+    modes["frequency_hz"] = modes.im / (2 * np.pi)
+    modes["damping_ratio"] = -modes.re / np.hypot(modes.re, modes.im)
+    modes["re_uncertainty"] = uncertainty
+    modes["re_discretisation"] = np.nan
+    grows, decays = modes.re > uncertainty, modes.re < -uncertainty
+    modes["stability"] = np.select([grows, decays], ["unstable", "stable"], "marginal")
+    modes["mode"] = modes.groupby("value").im.rank(method="first").astype(int)
+    modes["noise"] = ""
+    return modes.sort_values(["value", "mode"], ignore_index=True), pd.DataFrame(onsets, columns=ONSET_COLUMNS)
+
+
+def no_onsets():
+    return pd.DataFrame(columns=ONSET_COLUMNS)
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """Keep the figures that are saved, so that what stands on them can be read."""
+    kept: list[Figure] = []
+    save = figures._save
+    monkeypatch.setattr(figures, "_save", lambda figure, path: (kept.append(figure), save(figure, path))[1])
+    return kept
+
+
+def texts(axes: Axes) -> list[str]:
+    return [text.get_text() for text in axes.texts]
+
+
+def thick_lines(axes: Axes) -> list[np.ndarray]:
+    return [line.get_xydata() for line in axes.lines if line.get_linewidth() == 2.4 and len(line.get_xydata()) > 1]
+
+
+def test_branch_starts_to_be_unstable_at_the_onset():
+    modes, onsets = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP, uncoupled=[5000.0])
+    branches = collect_branches(modes, onsets)
+    assert [(b.number, b.grows) for b in branches] == [(1, True), (2, False), (3, False)]
+    inside = branches[0].unstable_segments()
+    first = np.flatnonzero(inside)[0]
+    assert branches[0].value[first] == 0.312 and branches[0].re[first] == 0.0
+    assert inside[first:].all() and not inside[:first].any()
+    assert not branches[1].unstable_segments().any()
+    assert branches[0].re[branches[0].peak] == modes.re.max()
+
+
+def test_branch_with_a_hole_is_not_joined_across_it():
+    modes, _ = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP)
+    holed = modes[~((modes.branch == 1) & modes.value.between(0.4, 0.5))]
+    branch = collect_branches(holed, no_onsets())[0]
+    gap = np.flatnonzero(~branch.joined)
+    assert len(gap) == 1
+    assert branch.value[gap[0]] < 0.4 and branch.value[gap[0] + 1] > 0.5
+
+
+def test_narrow_tongue_between_two_onsets_is_unstable():
+    modes, onsets = coupled_tables([(2413.0, 60.0, 0.31)], SWEEP[:20], uncoupled=[5000.0])
+    tongue = onsets.iloc[[0, 0]].assign(value=[0.103, 0.105], direction=["into", "out of"], branch_a=3, branch_b=np.nan,
+                                        frequency_hz=5000.0)
+    branch = collect_branches(modes, tongue)[2]
+    inside = branch.unstable_segments()
+    assert inside.sum() == 1 and branch.value[np.flatnonzero(inside)[0]] == 0.103
+
+
+def test_mirror_is_the_partner_at_the_onset_else_the_one_of_the_same_frequency():
+    modes, onsets = coupled_tables([(2413.0, 60.0, 0.312), (4000.0, 10.0, 0.2)], SWEEP, damping=30.0)
+    branches = collect_branches(modes, onsets)
+    assert [find_mirror(branches[i], branches, no_onsets()).number for i in (0, 2)] == [2, 4]
+    named = no_onsets()
+    named.loc[0] = {"value": 0.3, "frequency_hz": 2413.0, "branch_a": 4, "branch_b": 1, "direction": "into"}
+    assert find_mirror(branches[0], branches, named).number == 4
+
+
+def test_stability_of_one_unstable_branch(tmp_path, drawn):
+    modes, onsets = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP, uncoupled=np.linspace(0, 15000, 30))
+    path = plot_stability(modes, onsets, tmp_path / "stability.png", "disc with two pads")
+    picture = image.imread(path)
+    assert picture.shape[:2] == (1200, 1500) and picture[..., :3].std() > 0.02
+    top, bottom = drawn[0].axes
+    assert texts(top) == ["μ = 0.312, 2.41 kHz"]
+    [curve] = thick_lines(top)
+    # it begins at the onset and is in kHz
+    np.testing.assert_allclose(curve[0], [0.312, 2.413])
+    [rate] = thick_lines(bottom)
+    assert rate[-1, 1] == modes.re.max()
+    assert bottom.get_xlabel() == "friction coefficient μ (–)" and bottom.get_ylabel() == "growth rate Re λ (1/s)"
+    assert top.get_ylabel() == "frequency (kHz)" and drawn[0].get_suptitle() == "disc with two pads"
+    assert "branch 1, 2.41 kHz" in [text.get_text() for text in top.get_legend().get_texts()]
+
+
+def test_labels_do_not_overlap_and_stay_inside(tmp_path, drawn):
+    pairs = [(2400.0 + 40 * i, 15.0, 0.30 + 0.002 * i) for i in range(6)] + [(14900.0, 20.0, 0.69), (300.0, 5.0, 0.01)]
+    plot_stability(*coupled_tables(pairs, SWEEP), tmp_path / "stability.png")
+    top = drawn[0].axes[0]
+    renderer = drawn[0].canvas.get_renderer()
+    boxes = [text.get_bbox_patch().get_window_extent(renderer) for text in top.texts]
+    assert len(boxes) == 8
+    frame = top.get_window_extent(renderer)
+    for i, box in enumerate(boxes):
+        assert frame.x0 < box.x0 and box.x1 < frame.x1 and frame.y0 < box.y0 and box.y1 < frame.y1
+        assert not any(box.overlaps(other) for other in boxes[:i])
+
+
+def test_twenty_branches_have_different_styles_and_no_labels(tmp_path, drawn):
+    pairs = [(800.0 + 700 * i, 30.0, 0.05 + 0.03 * i) for i in range(20)]
+    plot_stability(*coupled_tables(pairs, SWEEP), tmp_path / "stability.png")
+    top = drawn[0].axes[0]
+    entries = [line for line in top.get_legend().get_lines() if line.get_label().startswith("branch")]
+    assert len(entries) == 20 and len({(str(e.get_color()), e.get_linestyle()) for e in entries}) == 20
+    assert texts(top) == []
+    assert len(thick_lines(top)) == 20
+
+
+def test_no_unstable_mode_is_said(tmp_path, drawn):
+    modes, onsets = coupled_tables([(2413.0, 60.0, 0.9)], SWEEP, damping=30.0)
+    plot_stability(modes, onsets, tmp_path / "stability.png")
+    bottom = drawn[0].axes[1]
+    assert "no unstable mode in this sweep" in texts(bottom)
+    low, high = bottom.get_ylim()
+    assert low < -30.0 < 0.0 < high
+
+
+def test_single_value_is_drawn_with_markers(tmp_path, drawn):
+    modes, onsets = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP[30:31], uncoupled=[5000.0])
+    plot_stability(modes, onsets, tmp_path / "stability.png")
+    top, bottom = drawn[0].axes
+    assert thick_lines(top) == []
+    diamonds = [line.get_xydata() for axes in (top, bottom) for line in axes.lines if line.get_marker() == "D"]
+    top_mode = modes.loc[modes.re.idxmax()]
+    np.testing.assert_allclose(np.concatenate(diamonds)[:, 1], [top_mode.frequency_hz / 1e3, top_mode.re])
+    assert top.get_xlim()[0] < 0.6 < top.get_xlim()[1]
+
+
+@pytest.mark.parametrize(("uncertainty", "bands"), [(20.0, 1), (1e-6, 0)])
+def test_uncertainty_band_is_drawn_where_it_can_be_seen(tmp_path, drawn, uncertainty, bands):
+    modes, onsets = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP)
+    plot_stability(modes.assign(re_uncertainty=uncertainty), onsets, tmp_path / "stability.png")
+    collections = drawn[0].axes[1].collections
+    assert sum(type(c).__name__ in ("PolyCollection", "FillBetweenPolyCollection") for c in collections) == bands
+
+
+def test_other_parameters_go_by_their_path_and_wide_ranges_are_logarithmic(tmp_path, drawn):
+    path = "contacts.outer.normal_stiffness"
+    modes, onsets = coupled_tables([(1200.0, 60.0, 3e7)], np.geomspace(1e6, 1e8, 20), parameter=path)
+    plot_stability(modes, onsets, tmp_path / "stability.png")
+    top, bottom = drawn[0].axes
+    assert bottom.get_xlabel() == path and bottom.get_xscale() == "log"
+    assert texts(top) == ["normal_stiffness = 3e+07, 1.20 kHz"] and top.get_ylabel() == "frequency (Hz)"
+    assert parameter_symbol("effects.friction.mu") == "μ"
+
+
+def test_empty_tables_are_drawn(tmp_path):
+    modes, _ = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP)
+    for plot in (plot_stability, plot_root_locus):
+        picture = image.imread(plot(modes.iloc[:0], no_onsets(), tmp_path / "empty.png"))
+        assert picture[..., :3].std() > 0.01
+
+
+def test_root_locus_shades_the_unstable_half_and_colours_by_value(tmp_path, drawn):
+    modes, onsets = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP)
+    plot_root_locus(modes, onsets, tmp_path / "root_locus.png", "title")
+    axes = drawn[0].axes[0]
+    points = next(c for c in axes.collections if type(c).__name__ == "PathCollection")
+    np.testing.assert_allclose(points.get_offsets(), modes[["re", "frequency_hz"]] * [1.0, 1e-3])
+    np.testing.assert_allclose(points.get_array(), modes.value)
+    assert axes.get_ylabel() == "Im λ / 2π (kHz)"
+    assert axes.get_xlim()[0] < modes.re.min() and axes.get_xlim()[1] > modes.re.max()
+    assert drawn[0].axes[1].get_ylabel() == "friction coefficient μ (–)"
+
+
+def test_root_locus_without_damping_or_instability_is_symmetric_and_says_so(tmp_path, drawn):
+    modes, onsets = coupled_tables([(2413.0, 60.0, 0.9)], SWEEP)
+    plot_root_locus(modes, onsets, tmp_path / "root_locus.png")
+    axes = drawn[0].axes[0]
+    assert axes.get_xlim() == (-1.0, 1.0)
+    assert "Re λ = 0 within its uncertainty" in axes.get_title(loc="left")
+
+
+def test_root_locus_counts_real_eigenvalues_outside(tmp_path, drawn):
+    modes, onsets = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP, damping=30.0)
+    far = modes.iloc[:2].assign(re=-1e6, im=0.0, frequency_hz=0.0)
+    plot_root_locus(pd.concat([modes, far]), onsets, tmp_path / "root_locus.png")
+    axes = drawn[0].axes[0]
+    assert axes.get_xlim()[0] > -1e4
+    assert axes.get_title(loc="left") == "2 real eigenvalues lie outside of the picture"

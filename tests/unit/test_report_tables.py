@@ -1,0 +1,124 @@
+"""Terminal tables and the small files of a run."""
+
+import io
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from rich.console import Console
+from test_report_figures import SWEEP, coupled_tables, no_onsets
+
+from fe_squeal.errors import OutputError
+from fe_squeal.noise import classify_noise
+from fe_squeal.report import print_onsets, print_unstable, replace_atomically, write_csv, write_json
+from fe_squeal.report.tables import unstable_intervals
+
+
+def printed(function, frame, width=80):
+    console = Console(file=io.StringIO(), width=width)
+    function(frame, console)
+    return console.file.getvalue()
+
+
+def test_noise_names_change_at_the_source_document_limits():
+    assert [classify_noise(f) for f in (0.0, 1e-9, 99.9, 100.0, 999.9, 1000.0, 15000.0)] == [
+        "divergence", "groan", "groan", "moan", "moan", "squeal", "squeal"]
+    for wrong in (-1.0, float("nan")):
+        with pytest.raises(ValueError, match="frequency_hz"):
+            classify_noise(wrong)
+
+
+def test_a_row_for_each_unstable_interval():
+    modes, _ = coupled_tables([(2413.0, 60.0, 0.312), (700.0, 5.0, 0.2)], SWEEP, uncertainty=0.25)
+    modes.loc[(modes.branch == 1) & np.isclose(modes.value, 0.5), "stability"] = "marginal"
+    rows = unstable_intervals(modes)
+    assert [row.growth for row in rows] == sorted((row.growth for row in rows), reverse=True)
+    spans = sorted((row.branch, row.first, row.last) for row in rows)
+    np.testing.assert_allclose(spans, [(1, 0.32, 0.48), (1, 0.52, 0.7), (3, 0.22, 0.7)])
+    top = rows[0]
+    best = modes.loc[modes.re.idxmax()]
+    assert (top.growth, top.peak_value, top.damping_ratio, top.mode) == (best.re, 0.7, best.damping_ratio, best["mode"])
+    assert (top.uncertainty, top.noise) == (0.25, "squeal")
+
+
+def test_unstable_table_of_a_sweep_fits_eighty_columns():
+    modes, _ = coupled_tables([(2413.0, 60.0, 0.312), (13000.0, 60.0, 0.2)], SWEEP, uncertainty=0.3)
+    text = printed(print_unstable, modes)
+    lines = text.splitlines()
+    assert max(map(len, lines)) <= 80 and lines[0].strip() == "2 unstable branches"
+    [row] = [line.split() for line in lines if line.split()[:1] == ["1"]]
+    assert row == ["1", "0.32", "…", "0.7", "2413", "…", "2414", "420.2", "±", "0.3", "0.7", "-2.77", "squeal"]
+
+
+def test_unstable_table_at_one_value_has_a_row_per_mode():
+    modes, _ = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP[30:31], uncoupled=[100.0], uncertainty=0.3)
+    text = printed(print_unstable, modes)
+    assert "Unstable modes at μ = 0.6" in text
+    # mode 1 is the uncoupled one; the growing and the decaying mode share the next frequency
+    assert ["2", "2414", "362.1", "±", "0.3"] in [line.split()[:5] for line in text.splitlines()]
+
+
+def test_long_tables_say_how_much_more_there_is():
+    tables = coupled_tables([(800.0 + 500 * i, 30.0, 0.05 + 0.02 * i) for i in range(25)], SWEEP)
+    assert printed(print_unstable, tables[0]).rstrip().endswith("... 5 more in modes.csv")
+    assert printed(print_onsets, tables[1]).rstrip().endswith("... 5 more in onsets.csv")
+
+
+def test_nothing_unstable_is_said():
+    modes, _ = coupled_tables([(2413.0, 60.0, 0.9)], SWEEP)
+    assert printed(print_unstable, modes) == "No unstable mode at μ = 0 … 0.7.\n"
+    assert printed(print_unstable, modes.iloc[:0]) == "No unstable mode.\n"
+    assert printed(print_onsets, no_onsets()) == "No onset of instability in this sweep.\n"
+
+
+def test_onsets_come_in_the_order_of_the_parameter():
+    _, onsets = coupled_tables([(2413.0, 60.0, 0.312), (5000.0, 60.0, 0.2)], SWEEP)
+    onsets.loc[0, "branch_b"] = np.nan
+    rows = [line.split() for line in printed(print_onsets, onsets).splitlines() if "flutter" in line]
+    assert rows == [["0.2", "1.0e-09", "5000", "flutter", "into", "3", "+", "4"],
+                    ["0.312", "1.0e-09", "2413", "flutter", "into", "1"]]
+
+
+def test_csv_keeps_every_bit(tmp_path):
+    numbers = np.random.default_rng(0).standard_normal(100) * 10.0 ** np.arange(-50, 50)
+    file = write_csv(pd.DataFrame({"re": numbers, "empty": np.nan}), tmp_path / "new" / "modes.csv")
+    rows = [line.split(",") for line in file.read_text().splitlines()]
+    assert rows[0] == ["re", "empty"]
+    assert [float(row[0]) for row in rows[1:]] == numbers.tolist() and {row[1] for row in rows[1:]} == {""}
+    assert os.listdir(tmp_path / "new") == ["modes.csv"]
+
+
+def test_json_takes_numpy_and_dataclasses(tmp_path):
+    @dataclass
+    class Stage:
+        name: str
+        seconds: np.float64
+
+    data = {"stage": Stage("μ", np.float64(0.5)), "list": np.array([1, 2]), "nan": [np.nan, np.inf], "lam": 1 - 2j,
+            "path": Path("a"), "set": {"b", "a"}, 3: np.True_}
+    file = write_json(data, tmp_path / "run.json")
+    assert json.loads(file.read_text(encoding="utf-8")) == {
+        "stage": {"name": "μ", "seconds": 0.5}, "list": [1, 2], "nan": [None, None], "lam": [1.0, -2.0],
+        "path": "a", "set": ["a", "b"], "3": True}
+    with pytest.raises(TypeError, match="object"):
+        write_json({"a": object()}, tmp_path / "other.json")
+    assert not (tmp_path / "other.json").exists()
+
+
+def test_an_interrupted_write_leaves_the_old_file(tmp_path):
+    file = tmp_path / "a.txt"
+    file.write_text("old")
+    with pytest.raises(KeyboardInterrupt), replace_atomically(file) as temporary:
+        temporary.write_text("half")
+        raise KeyboardInterrupt
+    assert file.read_text() == "old" and os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_unwritable_place_is_an_output_error(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match=r"file.*a\.csv: cannot be written"):
+        write_csv(pd.DataFrame({"a": [1]}), tmp_path / "file" / "a.csv")
