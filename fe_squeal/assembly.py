@@ -33,7 +33,8 @@ def read_mesh(scene: Scene) -> LoadedMesh:
     path = scene.mesh_path
     if path is not None:
         if not path.exists() and scene.mesh.geometry is not None:
-            raise MeshError(f"{path}: no such file; make it with: fe-squeal mesh {scene.source or 'SCENE.toml'} -o {path}")
+            source = scene.source or "SCENE.toml"
+            raise MeshError(f"{path}: no such file; make it with: fe-squeal mesh {source} -o {path}")
         return load_mesh(path, scene.mesh.length_unit)
     assert scene.mesh.geometry is not None
     with tempfile.TemporaryDirectory() as folder:
@@ -120,7 +121,8 @@ def find_bodies(scene: Scene, loaded: LoadedMesh) -> dict[str, np.ndarray]:
     bodies: dict[str, np.ndarray] = {}
     for number, (name, body) in enumerate(scene.bodies.items()):
         if body.material not in scene.materials:
-            raise SceneError(f'bodies.{name}.material: no material "{body.material}"{suggest(body.material, scene.materials)}')
+            hint = suggest(body.material, scene.materials)
+            raise SceneError(f'bodies.{name}.material: no material "{body.material}"{hint}')
         groups = body.groups or [name]
         key = f"bodies.{name}.groups" if body.groups else f"bodies.{name}"
         try:
@@ -160,8 +162,8 @@ def _check_sides(
     for group, facets, name in ((surface, pad, "surface"), (counterface, counter, "counterface")):
         if (mesh.f2t[1, facets] >= 0).any():
             raise SceneError(
-                f'{key}.{name}: "{group}" lies inside the mesh: the bodies share its nodes and are glued there; expected'
-                " a free surface, with separate nodes on either side"
+                f'{key}.{name}: "{group}" lies inside the mesh: the bodies share its nodes and are glued'
+                " there; expected a free surface, with separate nodes on either side"
             )
     sides = [{n for n, e in bodies.items() if np.isin(mesh.f2t[0, f], e).any()} for f in (pad, counter)]
     both = sides[0] & sides[1]

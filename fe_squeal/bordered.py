@@ -36,11 +36,13 @@ class Root:
     uncertainty: float
 
 
-def find_coalescence(problem: Problem, parameter: str, value: float, theta: float, x: np.ndarray, y: np.ndarray) -> Root:
+def find_coalescence(
+    problem: Problem, parameter: str, value: float, theta: float, x: np.ndarray, y: np.ndarray
+) -> Root:
     """Return where an undamped pair meets: a double root of g(θ, p) in θ.
 
     With borders b, c the system [[K − θM, b], [cᵀ, 0]] [x; g] = [0; 1] is regular at a defective eigenvalue, and g = 0
-    exactly where K − θM is singular. The meeting point is g = ∂g/∂θ = 0, solved by Newton in (θ, p); it is a regular root
+    exactly where K − θM is singular. The pair meets where g = ∂g/∂θ = 0, solved by Newton in (θ, p): a regular root
     although the eigenvalues themselves move with √|p − p_c|. (Govaerts, Numerical Methods for Bifurcations of Dynamical
     Equilibria, SIAM 2000, ch. 3 and 4: bordered matrices and singular points.)
 

@@ -7,7 +7,7 @@ import platform
 import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -28,7 +28,7 @@ app = typer.Typer(
 )  # fmt: skip
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene.", show_default=False)]
 # Typer carries click with it in some versions and imports it in others; its own exception leads to the base either way.
-_UsageError: type = typer.BadParameter.__bases__[0]
+_UsageError: Any = typer.BadParameter.__bases__[0]
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where the results go.", show_default=False)]
 
 
@@ -131,8 +131,8 @@ def main(arguments: list[str] | None = None) -> int:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
     except _UsageError as error:  # a wrong option or argument
-        error.show()  # type: ignore[attr-defined]
-        return error.exit_code  # type: ignore[attr-defined]
+        error.show()
+        return error.exit_code
     return int(code or 0)
 
 

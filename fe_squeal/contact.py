@@ -91,7 +91,8 @@ def contact_operators(
 ) -> ContactOperators:
     """Return the operators that couple a pad's surface to a counterface; the meshes need not match.
 
-    From each quadrature point of the pad's surface a line along the normal meets the counterface; the displacement there
+    From each quadrature point of the pad's surface a line along the normal meets the counterface; the displacement
+    there
     comes from the counterface's own shape functions. Points that meet nothing within the tolerance are not in contact.
 
     Parameters
@@ -122,8 +123,8 @@ def contact_operators(
             nearest = np.abs(separation[np.isfinite(separation)])
             gap = f"{nearest.min():.3g} m" if len(nearest) else "no point of one lies opposite the other"
             raise SceneError(
-                f"{name}: the surface and its counterface do not touch: nearest gap along the normal: {gap}; expected at"
-                f" most gap_tolerance = {tolerance:.3g} m; check the groups, or set gap_tolerance"
+                f"{name}: the surface and its counterface do not touch: nearest gap along the normal: {gap}; expected"
+                f" at most gap_tolerance = {tolerance:.3g} m; check the groups, or set gap_tolerance"
             )
         counter = _interpolate(space, hit.elements[keep], hit.reference[:, keep])
         values = values[keep] - counter
@@ -144,7 +145,7 @@ def contact_operators(
 
 @dataclass(frozen=True)
 class Hits:
-    """Where lines from points meet facets: distance along the line (inf: nowhere), element and reference coordinates."""
+    """Where lines from points meet facets: distance along the line (inf: nowhere), element, reference coordinates."""
 
     distance: np.ndarray
     elements: np.ndarray
@@ -154,7 +155,8 @@ class Hits:
 def locate_along(mesh: skfem.Mesh, facets: np.ndarray, points: np.ndarray, normals: np.ndarray) -> Hits:
     """Meet lines x = p − s n with facets whose outward normal is along n; the nearest meeting counts.
 
-    Solves F(Y(ξ)) + s n = p for (ξ, s) by Newton's method on the facet's own, possibly curved, geometry; s > 0 is a gap.
+    Solves F(Y(ξ)) + s n = p for (ξ, s) by Newton's method on the facet's own, possibly curved, geometry; s > 0 is
+    a gap.
 
     Parameters
     ----------

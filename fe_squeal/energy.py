@@ -11,8 +11,8 @@ def growth_shares(problem: Problem, lam: complex, u: np.ndarray, **values: float
     """Return the share of each term in Re λ; the shares add up to Re λ.
 
     Multiplying Q(λ)u = 0 by λ* uᴴ and taking real parts gives
-    Re λ = −(|λ|² uᴴC_s u + Im λ Im(uᴴK u)) / (|λ|² uᴴM u + uᴴK_s u), subscript s the Hermitian part. A symmetric stiffness
-    gives exactly zero and is left out.
+    Re λ = −(|λ|² uᴴC_s u + Im λ Im(uᴴK u)) / (|λ|² uᴴM u + uᴴK_s u), subscript s the Hermitian part. A symmetric
+    stiffness gives exactly zero and is left out.
 
     Parameters
     ----------
@@ -25,7 +25,8 @@ def growth_shares(problem: Problem, lam: complex, u: np.ndarray, **values: float
     dict of term name to 1/s
     """
     parameters = {**problem.parameters, **values}
-    inertia, stiffness, work = 0.0, 0.0, {}
+    inertia, stiffness = 0.0, 0.0
+    work: dict[str, float] = {}
     for term in problem.terms:
         c = term.coefficient(parameters)
         if not c:

@@ -55,7 +55,7 @@ class Material(Section):
     @classmethod
     def _stable_poisson(cls, value: float | list[float]) -> float | list[float]:
         if not isinstance(value, list) and not -1.0 < value < 0.5:
-            raise ValueError("expected a number with -1 < nu < 0.5, without which the material has no positive stiffness")
+            raise ValueError("expected a number with -1 < nu < 0.5, outside which the stiffness is not positive")
         return value
 
     @model_validator(mode="after")

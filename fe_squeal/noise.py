@@ -10,15 +10,16 @@ def classify_noise(frequency_hz: float) -> str:
     """Return the name of the noise that an instability of this frequency makes.
 
     Creep groan lies below 0.1 kHz and squeal from 1 kHz to beyond 10 kHz; the range between is moan and howl (Akay,
-    Acoustics of friction, J. Acoust. Soc. Am. 111, 2002). A non-oscillating instability has no noise.
+    Acoustics of friction, J. Acoust. Soc. Am. 111, 2002). An instability that does
+    not oscillate makes no sound and is called by its kind.
 
     Examples
     --------
     >>> [classify_noise(f) for f in (0.0, 60.0, 400.0, 2300.0)]
-    ['', 'groan', 'moan', 'squeal']
+    ['divergence', 'groan', 'moan', 'squeal']
     """
     if frequency_hz <= 0:
-        return ""
+        return "divergence"
     if frequency_hz < GROAN_BELOW_HZ:
         return "groan"
     return "moan" if frequency_hz < SQUEAL_FROM_HZ else "squeal"

@@ -29,8 +29,8 @@ class Onset:
     kind : "flutter" or "divergence"
     direction : "into" or "out of" instability, for a rising parameter
     crossing_speed : float
-        dRe λ/dp; at a meeting of two eigenvalues the coefficient of √|p − p_c|. NaN for a doublet that is coupled from the
-        start of the interval on, without a threshold.
+        dRe λ/dp; at a meeting of two eigenvalues the coefficient of √|p − p_c|. NaN for a doublet that is coupled
+        from the start of the interval on, without a threshold.
     branch_a, branch_b : int or None
     uncertainty : float
         Of `value`.
@@ -53,16 +53,22 @@ class Onset:
 def find_step_onsets(
     problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
     branches: tuple[np.ndarray, np.ndarray],
-) -> list[Onset]:  # fmt: skip
-    """Return the onsets between two neighbouring values of a sweep.
+) -> tuple[list[Onset], list[tuple[int, float, float]]]:  # fmt: skip
+    """Return the onsets between two neighbouring values of a sweep, and the unstable branches that begin between them.
 
     Parameters
     ----------
     values : (a, b)
     modes : at a and at b, with shapes
     branches : (k,) int each, the branch of every mode
+
+    Returns
+    -------
+    onsets : list of Onset
+    unknown : list of (branch, value where it is unstable, value where it is not known)
     """
     onsets: list[Onset] = []
+    unknown: list[tuple[int, float, float]] = []
     step: _Step | None = None
     for inner, outer, direction in ((0, 1, "into"), (1, 0, "out of")):
         stable_end, unstable_end = values[inner], values[outer]
@@ -72,7 +78,10 @@ def find_step_onsets(
         for j in np.flatnonzero(modes[outer].stability == "unstable"):
             branch = int(branches[outer][j])
             partner = int(branches[outer][partners[j]]) if partners[j] >= 0 else None
-            if unstable & {branch, partner} or not known & {branch, partner}:
+            if unstable & {branch, partner}:
+                continue
+            if not known & {branch, partner}:
+                unknown.append((branch, unstable_end, stable_end))
                 continue
             step = step or _Step(problem, parameter, modes)
             mode, ends = modes[outer].select(np.array([j])), (stable_end, unstable_end)
@@ -82,7 +91,7 @@ def find_step_onsets(
                 found = step.flutter(ends, mode) if mode.lam[0].imag else step.divergence(ends, mode)
             pair = sorted({branch, partner} - {None}) if partner is not None else [branch]
             onsets.append(replace(found, direction=direction, branch_a=pair[0], branch_b=pair[1] if pair[1:] else None))
-    return onsets
+    return onsets, unknown
 
 
 def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes, a: int, b: int) -> float:
@@ -208,7 +217,7 @@ class _Step:
 def _real_direction(vectors: np.ndarray) -> np.ndarray:
     """Return the real vector that the columns have in common: the leading left singular vector of their parts."""
     parts = np.hstack([vectors.real, vectors.imag])
-    w, v = np.linalg.eigh(parts.T @ parts)
+    _, v = np.linalg.eigh(parts.T @ parts)
     return np.asarray(parts @ v[:, -1])
 
 

@@ -27,7 +27,7 @@ class Model:
     """
 
     space: DisplacementSpace
-    bodies: Mapping[str, object]
+    bodies: Mapping[str, np.ndarray]
     contacts: Mapping[str, ContactOperators]
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()

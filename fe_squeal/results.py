@@ -36,8 +36,8 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
     Parameters
     ----------
     which : "unstable" or "all"
-        Every branch that becomes unstable, at the value where it grows fastest; or also every mode at the last value, for
-        which the sweep has to be made with keep_shapes=True.
+        Every branch that becomes unstable, at the value where it grows fastest; or also every mode at the last value,
+        for which the sweep has to be made with keep_shapes=True.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
     axis = next((tuple(c.normals.mean(axis=0)) for c in model.contacts.values()), (0.0, 0.0, 1.0))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RuntimeWarning)
-        files = _export(_grid(result.problem), shapes, folder, axis=axis)  # type: ignore[arg-type]
+        files = _export(_grid(result.problem), shapes, folder, axis=axis)
     for warning in caught:
         print(f"pictures: {warning.message}", file=sys.stderr)
     return files
@@ -79,7 +79,8 @@ def write_figures(result: Sweep, out: Path, title: str) -> list[Path]:
 
 
 def write_record(
-    scene: Scene, problem: Problem, result: Sweep | None, seconds: dict[str, float], status: str, out: Path, version: str
+    scene: Scene, problem: Problem, result: Sweep | None, seconds: dict[str, float], status: str, out: Path, version:
+    str
 ) -> None:
     """Write run.json."""
     model = problem.model

@@ -124,7 +124,8 @@ def prepare_folder(out: Path) -> None:
         os.unlink(name)
     except OSError as error:
         raise OutputError(
-            f"{out}: cannot write results here: {error.strerror or error}; expected a folder that can be written, given by -o"
+            f"{out}: cannot write results here: {error.strerror or error}; expected a folder that can be written,"
+            " given by -o"
         ) from error
 
 

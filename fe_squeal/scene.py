@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,7 +14,7 @@ from .effects.friction import Friction
 from .effects.springs import Spring
 from .geometry import Block, DiscPad
 from .materials import Material, material_axes
-from .schema import NonNegative, Positive, Section, Vector
+from .schema import NonNegative, Positive, Section, Text, Vector
 
 FRICTION_PARAMETER = "mu"
 _MU_PATHS = ("mu", "effects.friction.mu")
@@ -22,19 +23,33 @@ _MU_PATHS = ("mu", "effects.friction.mu")
 class MeshSection(Section):
     """Where the mesh comes from: a file, or a parametric geometry that gmsh meshes."""
 
-    file: str | None = None
+    file: Text | None = None
     length_unit: Literal["m", "mm"] = "m"
-    order: Literal[1, 2] = 2
+    order: int = 2
     disc_pad: DiscPad | None = None
     block: Block | None = None
+
+    @field_validator("file")
+    @classmethod
+    def _is_a_name(cls, value: str | None) -> str | None:
+        if value is not None and not value.isprintable():
+            raise ValueError("expected the name of a mesh file, without control characters")
+        return value
+
+    @field_validator("order")
+    @classmethod
+    def _one_or_two(cls, value: int) -> int:
+        if value not in (1, 2):  # not Literal[1, 2], which lets true and 1.0 through
+            raise ValueError("expected 1 or 2")
+        return value
 
     @model_validator(mode="after")
     def _one_source(self) -> MeshSection:
         geometries = [g for g in (self.disc_pad, self.block) if g is not None]
         if self.file is None and not geometries:
-            raise ValueError("expected file = \"...\", or a geometry [mesh.disc_pad] or [mesh.block]")
+            raise ValueError('given no mesh; expected file = "...", or a geometry [mesh.disc_pad] or [mesh.block]')
         if len(geometries) > 1:
-            raise ValueError("expected one geometry, [mesh.disc_pad] or [mesh.block], not both")
+            raise ValueError("given [mesh.disc_pad] and [mesh.block]; expected one geometry")
         return self
 
     @property
@@ -59,7 +74,10 @@ class Body(Section):
     @classmethod
     def _span_a_plane(cls, value: tuple[Vector, Vector] | None) -> tuple[Vector, Vector] | None:
         if value is not None:
-            material_axes(*value)
+            try:
+                material_axes(*value)
+            except ValueError as error:
+                raise ValueError(f"{error}; expected two vectors that span a plane") from error
         return value
 
 
@@ -85,16 +103,31 @@ class SlidingSection(Section):
     direction: Vector | None = None
     speed: float
 
+    @field_validator("axis", "direction")
+    @classmethod
+    def _nonzero(cls, value: Vector | None) -> Vector | None:
+        if value is not None and not any(value):
+            raise ValueError("expected a vector that is not zero")
+        return value
+
+    @field_validator("speed")
+    @classmethod
+    def _moves(cls, value: float) -> float:
+        if value == 0:
+            raise ValueError("expected a number that is not zero, whose sign gives the direction")
+        return value
+
     @model_validator(mode="after")
     def _either(self) -> SlidingSection:
         if (self.axis is None) == (self.direction is None):
-            raise ValueError("expected either axis (and centre) for a rotation or direction for a straight belt")
+            given = "neither axis nor direction" if self.axis is None else "both axis and direction"
+            raise ValueError(
+                f"given {given}; expected either axis (and centre) for a rotation or direction for a straight belt"
+            )
         if self.direction is not None and "centre" in self.model_fields_set:
-            raise ValueError("centre belongs to a rotation about an axis, not to a straight belt")
-        if not any(self.axis or self.direction or ()):
-            raise ValueError("expected an axis or direction that is not zero")
-        if self.speed == 0:
-            raise ValueError("speed: given 0; expected a number that is not zero, whose sign gives the direction")
+            raise ValueError(
+                "given direction and centre; expected centre with a rotation about an axis, not with a straight belt"
+            )
         return self
 
     def motion(self) -> Sliding:
@@ -149,8 +182,8 @@ class SweepSection(Section):
     parameter: str = FRICTION_PARAMETER
     start: float | None = Field(default=None, alias="from")
     stop: float | None = Field(default=None, alias="to")
-    points: Annotated[int, Field(ge=1)] | None = None
-    values: Annotated[list[float], Field(min_length=1)] | None = None
+    points: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    values: Annotated[list[float], Field(min_length=1, max_length=100_000)] | None = None
 
     @field_validator("parameter")
     @classmethod
@@ -159,13 +192,24 @@ class SweepSection(Section):
             raise ValueError('expected "mu" (short for effects.friction.mu), the parameter this version sweeps')
         return FRICTION_PARAMETER
 
+    @field_validator("values")
+    @classmethod
+    def _increasing(cls, value: list[float] | None) -> list[float] | None:
+        for a, b in pairwise(value or ()):
+            if a >= b:
+                raise ValueError(f"expected values that increase; {b:g} comes after {a:g}")
+        return value
+
     @model_validator(mode="after")
-    def _increasing(self) -> SweepSection:
-        ranged = [v is not None for v in (self.start, self.stop, self.points)]
-        if (self.values is not None) == any(ranged) or (any(ranged) and not all(ranged)):
-            raise ValueError("expected from, to and points, or values = [...]")
-        if np.any(np.diff(self.grid) <= 0):
-            raise ValueError(f"expected values that increase; got {self.grid.tolist()[:6]}")
+    def _one_range(self) -> SweepSection:
+        ranged = {"from": self.start, "to": self.stop, "points": self.points, "values": self.values}
+        given = [key for key, value in ranged.items() if value is not None]
+        if given not in (["from", "to", "points"], ["values"]):
+            raise ValueError(f"given {', '.join(given) or 'no values'}; expected from, to and points, or values = [...]")
+        if self.values is None and not (np.diff(self.grid) > 0).all():
+            raise ValueError(f"given from = {self.start:g}, to = {self.stop:g}; expected from < to")
+        if self.values is None and self.points == 1 and self.start != self.stop:
+            raise ValueError("given points = 1; expected at least 2 from one value to another (one: values = [...])")
         return self
 
     @property
@@ -180,7 +224,7 @@ class SweepSection(Section):
 class Solve(Section):
     """What the eigen-solver is asked for."""
 
-    modes: Annotated[int, Field(ge=1)] | None = None
+    modes: Annotated[int, Field(ge=1)] | None = None  # 20, or as many as there are, where max_frequency is not given
     max_frequency: Positive | None = None
     method: Literal["auto", "direct"] = "auto"
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
@@ -188,7 +232,7 @@ class Solve(Section):
     @model_validator(mode="after")
     def _one_limit(self) -> Solve:
         if self.modes is not None and self.max_frequency is not None:
-            raise ValueError("expected modes or max_frequency, not both")
+            raise ValueError("given modes and max_frequency; expected one of them")
         return self
 
 
@@ -210,7 +254,7 @@ class Scene(Section):
     contacts: list[Contact] = []
     effects: Effects = Effects()
     sweep: SweepSection | None = None
-    solve: Solve = Solve(modes=20)
+    solve: Solve = Solve()
     output: Output = Output()
 
     _source: Path | None = PrivateAttr(default=None)
@@ -236,11 +280,18 @@ class Scene(Section):
     @model_validator(mode="after")
     def _names_and_friction(self) -> Scene:
         for key, names in (("contacts", self.contact_names), ("springs", [s.name for s in self.springs])):
-            double = {n for n in names if list(names).count(n) > 1}
-            if double:
-                raise ValueError(f'{key}: the name "{double.pop()}" is given twice; expected different names')
+            for i, name in enumerate(names):
+                if name in names[:i]:
+                    raise ValueError(
+                        f'{key}[{i}].name: given "{name}", as {key}[{names.index(name)}] is; expected different names'
+                    )
+        for i, spring in enumerate(self.springs):
+            if not spring.name:
+                raise ValueError(f'springs[{i}].name: given ""; expected a name')
+            if spring.to == spring.surface:
+                raise ValueError(f'springs[{i}].to: given "{spring.to}", the spring\'s own surface; expected another one')
         if self.effects.friction is not None and not any(c.kind == "sliding" for c in self.contacts):
             raise ValueError('effects.friction: no contact slides; expected a [[contacts]] entry of kind "sliding"')
         if self.sweep is not None and self.effects.friction is None:
-            raise ValueError("sweep.parameter: mu is swept, but there is no [effects.friction] with mu = ...")
+            raise ValueError("sweep.parameter: given \"mu\", but no friction; expected [effects.friction] with mu = ...")
         return self

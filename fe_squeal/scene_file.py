@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
+import difflib
+import json
+import re
 import tomllib
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Any, NamedTuple, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 
 from .errors import SceneError, suggest
 from .scene import Scene
 
 _EXPECTED = {
-    "missing": "is missing",
-    "extra_forbidden": "unknown key",
     "float_type": "a number",
     "int_type": "a whole number",
     "string_type": "a text in quotes",
     "bool_type": "true or false",
-    "list_type": "a list",
-    "tuple_type": "a list of numbers",
-    "dict_type": "a table",
-    "model_type": "a table",
-    "model_attributes_type": "a table",
-    "finite_number": "a finite number",
+    "finite_number": "a finite number (the largest is 1.8e308)",
 }
+_SIGNS = {"greater_than": ">", "greater_than_equal": "≥", "less_than": "<", "less_than_equal": "≤"}
+_KINDS: dict[Any, str] = {float: "a number", int: "a whole number", str: "a text in quotes", tuple: "a list of numbers"}
+_Keys = tuple[int | str, ...]
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -36,15 +37,27 @@ def load_scene(path: str | Path) -> Scene:
         With the file, the key, what was given and what is expected.
     """
     path = Path(path)
-    if not path.exists():
-        raise SceneError(f"{path}: no such file; expected a scene in TOML")
-    if not path.is_file():
-        raise SceneError(f"{path}: not a file; expected a scene in TOML")
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        if not path.exists():
+            raise SceneError(f"{path}: no such file; expected a scene in TOML")
+        if not path.is_file():
+            raise SceneError(f"{path}: not a file; expected a scene in TOML")
+        content = path.read_bytes()
     except OSError as error:
-        raise SceneError(f"{path}: cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SceneError(f"{path}: cannot be read: {error.strerror or error}; expected a scene in TOML") from error
+    try:
+        text = content.decode("utf-8-sig")  # Windows editors put a byte order mark in front
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise SceneError(
+            f"{path}: not TOML: line {line} holds the byte 0x{content[error.start]:02x}, which is not UTF-8;"
+            " expected a text file saved as UTF-8"
+        ) from error
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(f"{path}: not TOML: {_syntax(str(error), text)}") from error
+    except ValueError as error:  # a whole number of more digits than Python reads
         raise SceneError(f"{path}: not TOML: {error}") from error
     except RecursionError as error:
         raise SceneError(f"{path}: not a scene: nested too deeply") from error
@@ -60,86 +73,196 @@ def parse_scene(data: dict[str, Any], source: str = "scene") -> Scene:
     --------
     >>> parse_scene({"mesh": {"flie": "a.msh"}}, "brake.toml")
     Traceback (most recent call last):
-    fe_squeal.errors.SceneError: brake.toml: mesh.flie: unknown key; did you mean "file"?
+    fe_squeal.errors.SceneError: brake.toml: mesh.flie: unknown key; did you mean "file"? (and 2 more)
     """
     try:
         return Scene.model_validate(data)
     except ValidationError as error:
-        # An unknown key is often a misspelled one that is then missing as well: say the cause first.
-        faults = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-        more = len({e["loc"] for e in faults}) - 1
-        tail = f" (and {more} more)" if more else ""
-        raise SceneError(f"{source}: {_describe(faults[0], data)}{tail}") from None
+        faults = _distinct([_locate(fault, data) for fault in error.errors()])
+        tail = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
+        raise SceneError(f"{source}: {_describe(faults[0])}{tail}") from None
     except RecursionError as error:
         raise SceneError(f"{source}: not a scene: nested too deeply") from error
 
 
-def _describe(fault: Any, data: dict[str, Any]) -> str:
-    keys, model = _locate(fault["loc"], data)
-    where = _dotted(keys) or "scene"
-    kind, context = fault["type"], fault.get("ctx", {})
-    if kind == "missing":
-        return f"{where}: is missing"
-    if kind == "extra_forbidden":
-        return f"{where}: unknown key{suggest(str(keys[-1]), _valid_keys(model))}"
-    if kind == "value_error":
-        message = str(context["error"])
-        return message if where == "scene" else f"{where}: {_given(fault['input'])}{message}"
-    if kind == "list_type" and isinstance(fault["input"], dict):
-        return f"{where}: given a table; expected a list of tables, written [[{where}]]"
-    if kind in ("too_short", "too_long"):
-        few, many = context.get("min_length"), context.get("max_length")
-        expected = f"at least {few} entries" if few is not None and kind == "too_short" else f"at most {many} entries"
-    elif kind == "literal_error":
-        expected = f"one of {context['expected']}"
-    elif kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
-        signs = {"greater_than": ">", "greater_than_equal": "≥", "less_than": "<", "less_than_equal": "≤"}
-        bound = next(iter(context.values()))
-        expected = f"a number {signs[kind]} {bound:g}"
-    else:
-        expected = _EXPECTED.get(kind, fault["msg"][0].lower() + fault["msg"][1:])
-    return f"{where}: {_given(fault['input'])}expected {expected}"
+class _Fault(NamedTuple):
+    """A fault that pydantic found, at keys of the scene file."""
+
+    keys: _Keys
+    section: type[BaseModel]  # the table that the last key belongs to
+    kind: str
+    given: Any
+    detail: Any
 
 
-def _locate(loc: tuple[int | str, ...], data: Any) -> tuple[list[int | str], type[BaseModel]]:
-    """Return the keys of a location that exist in the data (pydantic adds names of union members), and its section."""
+def _locate(error: Any, data: Any) -> _Fault:
+    """Return the fault with the keys that the data has: pydantic adds the names of union members to them."""
     keys: list[int | str] = []
-    model: Any = Scene
-    for i, part in enumerate(loc):
-        inside = (isinstance(data, dict) and part in data) or (isinstance(data, list) and isinstance(part, int))
-        if not inside and i < len(loc) - 1:
+    section: type[BaseModel] = Scene
+    inner, named = section, False  # the section that the last key leads to; whether a free name or an index comes next
+    kind, last = error["type"], len(error["loc"]) - 1
+    for i, part in enumerate(error["loc"]):
+        inside = part in data if isinstance(data, dict) else isinstance(data, list) and isinstance(part, int)
+        if not inside and not (i == last and kind == "missing"):
             continue
-        if not inside and isinstance(part, str) and ("[" in part or "-" in part or part in ("float", "int", "str")):
-            continue  # a union member at the end
         keys.append(part)
-        if i < len(loc) - 1:
-            model = _section_of(model, part) or model
+        section = inner
+        if named:
+            named = False
+        elif (field := _field(section, part)) is not None:
+            inner, named = _leads_to(field.annotation, section)
         data = data[part] if inside and (isinstance(data, dict) or int(part) < len(data)) else None
-    return keys, model
+    if kind == "missing" and keys and isinstance(keys[-1], int):  # an entry of a list of fixed length
+        return _Fault(tuple(keys[:-1]), section, "length", error["input"], {"length": keys[-1] + 1})
+    return _Fault(tuple(keys), section, kind, error["input"], error.get("ctx", {}))
 
 
-def _section_of(model: Any, key: int | str) -> Any:
-    """Return the section behind a key of a section, through lists, dictionaries and optionals."""
-    field = next((f for n, f in model.model_fields.items() if key in (n, f.alias)), None)
-    pending = [field.annotation] if field is not None else []
-    while pending:
-        annotation = pending.pop()
-        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-            return annotation
-        pending.extend(getattr(annotation, "__args__", ()))
-    return None
+def _distinct(faults: list[_Fault]) -> list[_Fault]:
+    """Return one fault per key, unknown keys first, without those that another one explains.
+
+    A value that may be a number or a list fails as both. A key that is missing because it is misspelled is one fault.
+    """
+    faults = sorted(faults, key=lambda f: f.kind != "extra_forbidden")
+    meant = {
+        (*f.keys[:-1], name)
+        for f in faults if f.kind == "extra_forbidden"
+        for name in difflib.get_close_matches(str(f.keys[-1]), _valid_keys(f.section), n=1)
+    }  # fmt: skip
+    found: dict[_Keys, _Fault] = {}
+    for fault in faults:
+        deeper = any(f.keys[: len(fault.keys)] == fault.keys != f.keys for f in faults)
+        if not deeper and not (fault.kind == "missing" and fault.keys in meant):
+            longer = fault.kind == "length" and fault.keys in found and found[fault.keys].kind == "length"
+            if longer or fault.keys not in found:
+                found[fault.keys] = fault
+    return list(found.values())
 
 
-def _valid_keys(model: type[BaseModel]) -> list[str]:
-    return [f.alias or n for n, f in model.model_fields.items()]
+def _describe(fault: _Fault) -> str:
+    where = _dotted(fault.keys) or "scene"
+    if fault.kind == "missing":
+        return f"{where}: is missing{_wanted(fault.section, fault.keys[-1], where)}"
+    if fault.kind == "extra_forbidden":
+        return f"{where}: unknown key{suggest(str(fault.keys[-1]), _valid_keys(fault.section))}"
+    if fault.kind == "value_error":
+        message = str(fault.detail["error"])
+        if not fault.keys:
+            return message
+        return f"{where}: {message}" if isinstance(fault.given, dict) else f"{where}: {_given(fault.given)}{message}"
+    return f"{where}: {_given(fault.given)}expected {_expected(fault, where)}"
 
 
-def _dotted(keys: list[int | str]) -> str:
-    return "".join(f"[{k}]" if isinstance(k, int) else f".{k}" for k in keys).removeprefix(".")
+def _expected(fault: _Fault, where: str) -> str:
+    kind, detail = fault.kind, fault.detail
+    if kind == "length":
+        return _entries(detail["length"])
+    if kind == "string_too_short":
+        return "a text that is not empty"
+    if kind == "too_short":
+        return f"at least {_entries(detail['min_length'])}"
+    if kind == "too_long":
+        return f"at most {_entries(detail['max_length'])}"
+    if kind == "literal_error":
+        return "one of " + detail["expected"].replace("'", '"')
+    if kind in _SIGNS:
+        bound = next(iter(detail.values()))
+        return f"{_KINDS[type(bound)]} {_SIGNS[kind]} {bound:g}"
+    if kind in ("model_type", "model_attributes_type", "dict_type"):
+        return f"a table, written {'{ ... }' if '[' in where else f'[{where}]'}"
+    if kind in ("list_type", "tuple_type"):
+        field = _field(fault.section, fault.keys[-1])
+        tables = field is not None and _leads_to(field.annotation, BaseModel)[0] is not BaseModel
+        return f"a list of tables, written [[{where}]]" if tables else "a list, written [...]"
+    if kind == "float_type" and isinstance(fault.given, int) and not isinstance(fault.given, bool):
+        kind = "finite_number"  # too many digits for a float
+    return _EXPECTED.get(kind, kind.replace("_", " "))
+
+
+def _wanted(section: type[BaseModel], key: int | str, where: str) -> str:
+    """Return the tail of a message about a missing key: what its value has to be."""
+    field = _field(section, key)
+    if field is None:
+        return ""
+    first = _options(field.annotation)[0]
+    if isinstance(first, type) and issubclass(first, BaseModel):
+        return f"; expected a table, written [{where}]"
+    if get_origin(first) is dict:
+        return f"; expected a table for each, written [{where}.NAME]"
+    bounds = [f" {s} {getattr(m, n):g}" for m in field.metadata for n, s in (("gt", ">"), ("ge", "≥")) if hasattr(m, n)]
+    text = _KINDS.get(get_origin(first) or first)
+    return f"; expected {text}{''.join(bounds)}" if text else ""
+
+
+def _field(section: type[BaseModel], key: int | str) -> FieldInfo | None:
+    return next((f for n, f in section.model_fields.items() if key == (f.alias or n)), None)
+
+
+def _leads_to(annotation: Any, default: type[BaseModel]) -> tuple[type[BaseModel], bool]:
+    """Return the section behind a field, and whether a free name or an index comes before its keys."""
+    for option in _options(annotation):
+        if get_origin(option) in (dict, list):
+            return _leads_to(get_args(option)[-1], default)[0], True
+        if isinstance(option, type) and issubclass(option, BaseModel):
+            return option, False
+    return default, False
+
+
+def _options(annotation: Any) -> list[Any]:
+    """Return the members of a union without None, each without the bounds around it."""
+    if get_origin(annotation) in (Union, UnionType):
+        return [o for member in get_args(annotation) if member is not type(None) for o in _options(member)]
+    return _options(annotation.__origin__) if hasattr(annotation, "__metadata__") else [annotation]
+
+
+def _valid_keys(section: type[BaseModel]) -> list[str]:
+    return [f.alias or n for n, f in section.model_fields.items()]
+
+
+def _syntax(message: str, text: str) -> str:
+    """Return tomllib's message with the line that it is about."""
+    found = re.search(r"at line (\d+)", message)
+    if found is None:
+        return message
+    line = text.split("\n")[int(found[1]) - 1].strip()
+    hint = "; a table or key is given twice, or once as [...] and once as [[...]]" if "overwrite" in message else ""
+    return f"{message}: {_shortened(json.dumps(line, ensure_ascii=False)[1:-1])}{hint}"
+
+
+def _dotted(keys: _Keys) -> str:
+    return "".join(f"[{k}]" if isinstance(k, int) else f".{_bare(k)}" for k in keys).removeprefix(".")
+
+
+def _bare(key: str) -> str:
+    return key if re.fullmatch(r"[\w-]+", key) else json.dumps(key)
+
+
+def _entries(count: int) -> str:
+    return "1 entry" if count == 1 else f"{count} entries"
 
 
 def _given(value: Any) -> str:
+    return f"given {_shortened(_toml(value))}; "
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _toml(value: Any) -> str:
+    """Return a value about as it is written in TOML."""
     if isinstance(value, dict | BaseModel):
-        return ""
-    text = f'"{value}"' if isinstance(value, str) else repr(value)
-    return f"given {text if len(text) <= 60 else text[:57] + '...'}; "
+        return "a table"
+    if isinstance(value, list) and value and all(isinstance(v, dict) for v in value):
+        return "a list of tables"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_toml(v) for v in value)}]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, int) and value.bit_length() > 200:
+        return f"a whole number of {value.bit_length()} bits"
+    if isinstance(value, float):
+        short = f"{value:g}"
+        return short if float(short) == value else repr(value)
+    return str(value)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from .eigen.pencil import Modes
+from .eigen.pencil import Modes, is_mirror
 from .eigen.solve import Completeness, Request, prove_completeness, solve_modes
 from .energy import growth_shares
 from .errors import NotConvergedError
@@ -19,14 +19,14 @@ from .problem import Problem
 from .tracking import match_modes
 
 MODE_COLUMNS = (
-    "parameter,value,mode,branch,re,im,frequency_hz,damping_ratio,stability,noise,backward_error,re_uncertainty,"
-    "re_discretisation,im_discretisation"
-).split(",")
+    "parameter", "value", "mode", "branch", "re", "im", "frequency_hz", "damping_ratio", "stability", "noise",
+    "backward_error", "re_uncertainty", "re_discretisation", "im_discretisation",
+)  # fmt: skip
 ONSET_COLUMNS = (
-    "parameter,value,frequency_hz,kind,direction,crossing_speed,branch_a,branch_b,uncertainty,two_mode_value,"
-    "discretisation"
-).split(",")
-CONTRIBUTION_COLUMNS = "parameter,value,mode,branch,term,re_share".split(",")
+    "parameter", "value", "frequency_hz", "kind", "direction", "crossing_speed", "branch_a", "branch_b", "uncertainty",
+    "two_mode_value", "discretisation",
+)  # fmt: skip
+CONTRIBUTION_COLUMNS = ("parameter", "value", "mode", "branch", "term", "re_share")
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Sweep:
                     classify_noise(m.frequency_hz[i]) if unstable else "",
                     m.backward_error[i], m.re_uncertainty[i], np.nan, np.nan,
                 ))  # fmt: skip
-        return pd.DataFrame(rows, columns=MODE_COLUMNS)
+        return pd.DataFrame(rows, columns=list(MODE_COLUMNS))
 
     def onsets_dataframe(self) -> pd.DataFrame:
         """Return one row per onset, the columns of onsets.csv."""
@@ -100,11 +100,11 @@ class Sweep:
              o.uncertainty, o.two_mode_value, np.nan)
             for o in self.onsets
         ]  # fmt: skip
-        frame = pd.DataFrame(rows, columns=ONSET_COLUMNS)
+        frame = pd.DataFrame(rows, columns=list(ONSET_COLUMNS))
         return frame.astype({"branch_a": "Int64", "branch_b": "Int64"})
 
     def contributions_dataframe(self) -> pd.DataFrame:
-        """Return the shares of Re λ by term, and their sum, for every unstable mode: the columns of contributions.csv."""
+        """Return the shares of Re λ by term, and their sum, for every unstable mode (contributions.csv)."""
         rows = []
         for point in self.points:
             for i in np.flatnonzero(point.modes.stability == "unstable"):
@@ -113,7 +113,7 @@ class Sweep:
                 )
                 key = (self.parameter, point.value, i + 1, point.branches[i])
                 rows += [(*key, term, share) for term, share in [*shares.items(), ("sum", sum(shares.values()))]]
-        return pd.DataFrame(rows, columns=CONTRIBUTION_COLUMNS)
+        return pd.DataFrame(rows, columns=list(CONTRIBUTION_COLUMNS))
 
 
 def sweep(
@@ -161,6 +161,7 @@ class _Tracker:
 
     def __init__(self, problem: Problem, parameter: str, request: Request) -> None:
         self.problem, self.parameter, self.request = problem, parameter, request
+        self._guarded = _with_guard(request)
         self.points: list[SweepPoint] = []
         self.onsets: list[Onset] = []
         self.seconds = {"eigenvalues": 0.0, "tracking": 0.0, "onsets": 0.0, "completeness": 0.0}
@@ -169,6 +170,7 @@ class _Tracker:
         self._first: Modes | None = None
         self._previous: Modes | None = None
         self._branches = np.zeros(0, int)
+        self._first_branches = np.zeros(0, int)
         self._next_branch = 1
 
     def advance(self, value: float, keep_all: bool) -> None:
@@ -176,24 +178,27 @@ class _Tracker:
         pencil = self.problem.pencil(**{self.parameter: value})
         clock = time.perf_counter()
         band = None if self._previous is None else float(self._previous.lam.imag.max(initial=0.0)) or None
-        modes = solve_modes(pencil, self.request, band)
+        modes = solve_modes(pencil, self._guarded, band)
         clock = self._spend("eigenvalues", clock)
         if self._previous is None:
-            self.completeness = prove_completeness(pencil, modes)
+            self.completeness = prove_completeness(pencil, modes).without(len(modes) - _wanted(modes, self.request))
             self._first = modes
             clock = self._spend("completeness", clock)
             if self.completeness.proven is False and self.completeness.expected is not None:
-                raise NotConvergedError(
-                    f"{self.completeness.found} modes found where the inertia counts {self.completeness.expected}", modes
-                )
+                c = self.completeness
+                raise NotConvergedError(f"{c.found} modes found where the inertia counts {c.expected}", modes)
         branches = self._name_branches(modes, pencil.M)
+        if self._previous is None:
+            self._first_branches = branches
         clock = self._spend("tracking", clock)
         if self._previous is not None:
             self._find_onsets(value, modes, branches)
             self._spend("onsets", clock)
-        kept = range(len(modes)) if keep_all else np.flatnonzero(modes.stability == "unstable")
+        wanted = _wanted(modes, self.request)
+        kept = range(wanted) if keep_all else np.flatnonzero(modes.stability[:wanted] == "unstable")
         shapes = {int(i): modes.right[:, i].copy() for i in kept}
-        self.points.append(SweepPoint(value, modes.without_shapes(), branches, shapes))
+        reported = modes.select(np.arange(wanted)).without_shapes()
+        self.points.append(SweepPoint(value, reported, branches[:wanted], shapes))
         self._previous, self._branches = modes, branches
 
     def result(self) -> Sweep:
@@ -206,7 +211,7 @@ class _Tracker:
     def _name_branches(self, modes: Modes, M: object) -> np.ndarray:
         origin = np.full(len(modes), -1)
         if self._previous is not None:
-            origin = match_modes(self._previous, modes, M)  # type: ignore[arg-type]
+            origin = match_modes(self._previous, modes, M)
         branches = np.zeros(len(modes), int)
         for i, source in enumerate(origin):
             if source >= 0:
@@ -220,14 +225,24 @@ class _Tracker:
         assert self._previous is not None and self._first is not None
         ends = (self.points[-1].value, value)
         try:
-            found = find_step_onsets(
+            found, unknown = find_step_onsets(
                 self.problem, self.parameter, ends, (self._previous, modes), (self._branches, branches)
             )
         except (NotConvergedError, ValueError) as error:
-            self.doubts.append(f"an onset between {self.parameter} = {ends[0]:g} and {ends[1]:g} was not refined: {error}")
+            where = f"{self.parameter} = {ends[0]:g} and {ends[1]:g}"
+            self.doubts.append(f"an onset between {where} was not refined: {error}")
             return
-        start, first_branches = self.points[0].value, self.points[0].branches
+        reported = {*self.points[-1].branches, *branches[: _wanted(modes, self.request)]}
+        self.doubts += [
+            f"branch {b} is unstable at {self.parameter} = {at:g} and was not known at {other:g}: its onset is not"
+            " found; ask for more modes or a finer sweep"
+            for b, at, other in unknown
+            if b in reported
+        ]
+        start, first_branches = self.points[0].value, self._first_branches
         for onset in found:
+            if not reported & {onset.branch_a, onset.branch_b}:
+                continue
             at = [np.flatnonzero(first_branches == b) for b in (onset.branch_a, onset.branch_b)]
             if all(len(i) for i in at) and self.problem.problem_class != "quadratic":
                 value2 = two_mode_value(self.problem, self.parameter, start, self._first, int(at[0][0]), int(at[1][0]))
@@ -238,3 +253,19 @@ class _Tracker:
         now = time.perf_counter()
         self.seconds[stage] += now - since
         return now
+
+
+def _with_guard(request: Request) -> Request:
+    """Return a request for some modes beyond those wanted: a mode that comes into the range has then been followed."""
+    if request.max_frequency_hz is not None:
+        return replace(request, max_frequency_hz=1.1 * request.max_frequency_hz)
+    assert request.count is not None
+    return replace(request, count=request.count + max(4, request.count // 5))
+
+
+def _wanted(modes: Modes, request: Request) -> int:
+    """Return how many of the modes, lowest first, were asked for; a pair λ, −λ* is not cut apart."""
+    if request.max_frequency_hz is not None:
+        return int(np.count_nonzero(modes.frequency_hz <= request.max_frequency_hz))
+    count = min(request.count or 0, len(modes))
+    return count + int(0 < count < len(modes) and is_mirror(modes.lam[count - 1], modes.lam[count]))

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.optimize import linear_sum_assignment
 
-from .eigen.pencil import Modes
+from .eigen.pencil import Modes, is_mirror
 
 _FREQUENCY_SCALE = 0.02  # relative change of an eigenvalue that weighs as much as a wholly different shape
 _NO_MATCH = 1.5  # cost from which a mode counts as new
@@ -32,9 +32,10 @@ def modal_assurance(a: np.ndarray, b: np.ndarray, M: sp.csr_array) -> np.ndarray
 def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> np.ndarray:
     """Return for each current mode the previous mode that it continues, or −1 for a new one.
 
-    The assignment minimises the sum of 1 − MAC and the relative change of λ. In a coupled pair λ, −λ* both shapes resemble
-    both predecessors alike; there the growing mode continues the growing one, and where two uncoupled modes have merged, the
-    lower of them.
+    The assignment minimises the sum of 1 − MAC and the relative change of λ. In a coupled pair λ, −λ* both shapes
+    resemble
+    both predecessors alike; there the growing mode continues the growing one, and where two uncoupled modes have
+    merged, the lower of them.
 
     Returns
     -------
@@ -75,8 +76,8 @@ def _order_pairs(origin: np.ndarray, before: np.ndarray, after: np.ndarray) -> N
         p, q = origin[i], origin[i + 1]
         if p < 0 or q < 0:
             continue
-        coupled_now = _mirror(after[i], after[i + 1])
-        coupled_before = _mirror(before[p], before[q])
+        coupled_now = is_mirror(after[i], after[i + 1])
+        coupled_before = is_mirror(before[p], before[q])
         if not (coupled_now or coupled_before):
             continue
         # Rank both sides by growth where they are coupled, else by falling frequency, and join equal ranks.
@@ -84,10 +85,6 @@ def _order_pairs(origin: np.ndarray, before: np.ndarray, after: np.ndarray) -> N
         then = before[[p, q]].real if coupled_before else -before[[p, q]].imag
         if (now[0] - now[1]) * (then[0] - then[1]) < 0:
             origin[i], origin[i + 1] = q, p
-
-
-def _mirror(a: complex, b: complex) -> bool:
-    return bool(a.real * b.real < 0 and abs(a + b.conjugate()) <= 1e-6 * abs(a))
 
 
 def _energy(u: np.ndarray, Mu: np.ndarray) -> np.ndarray:

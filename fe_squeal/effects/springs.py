@@ -14,8 +14,8 @@ from ..terms import Slot, Term
 class Spring(Section):
     """A spring along one direction.
 
-    On one surface of area A it is a foundation, K = ∫ (k/A) δu_d u_d dA; with `to` it acts on the difference of the mean
-    motions of two surfaces, K = k δr r with r = mean(u_d) − mean'(u_d).
+    On one surface of area A it is a foundation, K = ∫ (k/A) δu_d u_d dA; with `to` it acts on the difference of the
+    mean motions of two surfaces, K = k δr r with r = mean(u_d) − mean'(u_d).
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ def symmetric_modes(pencil: Pencil, factor: Factor, sigma: float, count: int) ->
     factor : Factor
         Of K − sigma M.
     """
-    operator = LinearOperator((pencil.n, pencil.n), matvec=factor.solve, dtype=float)  # type: ignore[call-arg]
+    operator = LinearOperator((pencil.n, pencil.n), matvec=factor.solve, dtype=float)
     theta, phi = _run(
         lambda: eigsh(
             pencil.K, count, M=pencil.M, sigma=sigma, OPinv=operator, tol=_TOLERANCE, v0=_start(pencil.n),
@@ -94,7 +94,7 @@ def _linearised(
         u = -solve(M @ (b + sigma * a) + C @ a)
         return np.concatenate([u, u + a / sigma])
 
-    operator = LinearOperator((2 * n, 2 * n), matvec=apply, dtype=float)  # type: ignore[call-arg]
+    operator = LinearOperator((2 * n, 2 * n), matvec=apply, dtype=float)
     k = 2 * count
     nu, z = _run(
         lambda: eigs(operator, k, which="LM", tol=_TOLERANCE, v0=_start(2 * n), ncv=_basis_size(k, 2 * n)), k
@@ -106,7 +106,7 @@ def _arnoldi(
     pencil: Pencil, solve: Callable[[np.ndarray], np.ndarray], sigma: float, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (θ, vectors) of the standard problem (K − σM)⁻¹M φ = ν φ, θ = σ + 1/ν."""
-    operator = LinearOperator((pencil.n, pencil.n), matvec=lambda x: solve(pencil.M @ x), dtype=float)  # type: ignore[call-arg]
+    operator = LinearOperator((pencil.n, pencil.n), matvec=lambda x: solve(pencil.M @ x), dtype=float)
     nu, vectors = _run(
         lambda: eigs(
             operator, count, which="LM", tol=_TOLERANCE, v0=_start(pencil.n), ncv=_basis_size(count, pencil.n)

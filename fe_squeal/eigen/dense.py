@@ -39,7 +39,9 @@ def solve_dense(pencil: Pencil) -> Modes:
         left, right = (la.solve_triangular(L, v, lower=True, trans="T") for v in sides)
     except la.LinAlgError:
         theta, left, right = _finite(*la.eig(K, M, left=True, right=True))
-    return modes_from_theta(pencil, *_real_if_real(theta, right, left), METHOD)
+    if not theta.imag.any():
+        theta, right, left = theta.real, right.real, left.real
+    return modes_from_theta(pencil, theta, right, left, METHOD)
 
 
 def _solve_quadratic(pencil: Pencil) -> Modes:
@@ -62,8 +64,3 @@ def _finite(w: np.ndarray, vl: np.ndarray, vr: np.ndarray) -> tuple[np.ndarray, 
     keep = np.isfinite(w)
     return w[keep], vl[:, keep], vr[:, keep]
 
-
-def _real_if_real(theta: np.ndarray, *vectors: np.ndarray) -> tuple[np.ndarray, ...]:
-    if np.iscomplexobj(theta) and not theta.imag.any():
-        return theta.real, *(v.real for v in vectors)
-    return theta, *vectors

@@ -106,7 +106,8 @@ class SuperLUFactor:
 class PardisoFactor:
     """LU or LDLᵀ factors by PARDISO.
 
-    pypardiso finds the library; its own `solve` compares the whole matrix with the last one and rebuilds its index arrays at
+    pypardiso finds the library; its own `solve` compares the whole matrix with the last one and rebuilds its index
+    arrays at
     every call, which takes longer than the solve, so here they are kept and the solve step is called directly.
     """
 

@@ -82,8 +82,8 @@ class Modes:
         Columns with Q(λ) φ = 0 and ψᴴ Q(λ) = 0, of unit mass φᴴMφ = 1 and, without damping, ψᴴMφ = 1, with damping
         ψᴴ(2λM + C)φ = 1. Real arrays where all are real.
     backward_error : (k,)
-        ‖Q(λ)φ‖ / ‖(|λ|²|M| + |λ||C| + |K|)|φ|‖: the smallest relative change of the entries that makes the pair exact, up to
-        the norm. Independent of units.
+        ‖Q(λ)φ‖ / ‖(|λ|²|M| + |λ||C| + |K|)|φ|‖: the smallest relative change of the entries that makes the pair
+        exact, up to the norm. Independent of units.
     re_uncertainty : (k,), rad/s
         How far Re λ may be from that of the exact problem through residual and rounding, see `quality`.
     condition : (k,)
@@ -123,3 +123,8 @@ class Modes:
         """(k,) str: unstable or stable beyond the uncertainty of Re λ, else marginal."""
         re, u = self.lam.real, self.re_uncertainty
         return np.where(re > u, "unstable", np.where(re < -u, "stable", "marginal"))
+
+
+def is_mirror(a: complex, b: complex) -> bool:
+    """Whether a and b are the two modes λ and −λ* of one complex pair θ, θ*."""
+    return bool(a.real * b.real < 0 and abs(a + b.conjugate()) <= 1e-6 * abs(a))

@@ -76,8 +76,8 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
 def _near_coalescence(first_order: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Bound the error of eigenvalues close to another one by the square-root law of a double eigenvalue.
 
-    With Δ the distance to the nearest other eigenvalue and u the first-order error (which grows as 1/Δ), the squared half
-    distance is uncertain by Δu, so each eigenvalue by at most √(Δu); far from coalescence u itself is smaller.
+    With Δ the distance to the nearest other eigenvalue and u the first-order error (which grows as 1/Δ), the squared
+    half distance is uncertain by Δu, so each eigenvalue by at most √(Δu); far from coalescence u itself is smaller.
     """
     if len(values) < 2:
         return first_order
@@ -91,7 +91,8 @@ def _near_coalescence(first_order: np.ndarray, values: np.ndarray) -> np.ndarray
 def _biorthogonal(left: np.ndarray, gram: np.ndarray) -> np.ndarray:
     """Return the basis of the left space whose Gram matrix with the right modes is the identity.
 
-    At a defective eigenvalue no such basis exists; the pseudo-inverse keeps it finite, and the condition number says so.
+    At a defective eigenvalue no such basis exists; the pseudo-inverse keeps it finite, and the condition number says
+    so.
     """
     scale = 1 / np.abs(gram).max(axis=1, initial=np.finfo(float).tiny)
     inverse = np.linalg.pinv(gram * scale[:, None], rcond=4 * np.finfo(float).eps)

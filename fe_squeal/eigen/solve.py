@@ -11,9 +11,10 @@ from ..errors import NotConvergedError
 from .arpack import nonsymmetric_modes, quadratic_modes, symmetric_modes
 from .dense import DENSE_LIMIT, solve_dense
 from .linear_solvers import factorize
-from .pencil import Modes, Pencil
+from .pencil import Modes, Pencil, is_mirror
 
-_RIGID_SHIFT = 1e-9  # of the largest ratio of diagonal stiffness to mass: far below any elastic mode, far above rounding
+# Of the largest ratio of diagonal stiffness to mass: far below any elastic mode, far above rounding.
+_RIGID_SHIFT = 1e-9
 _ROUNDS = 6  # how often the number of modes sought may grow
 
 
@@ -41,6 +42,10 @@ class Completeness:
     found: int
     expected: int | None
     proven: bool
+
+    def without(self, count: int) -> Completeness:
+        """Return the same for fewer modes."""
+        return Completeness(self.found - count, None if self.expected is None else self.expected - count, self.proven)
 
 
 def solve_modes(pencil: Pencil, request: Request, band: float | None = None) -> Modes:
@@ -116,7 +121,7 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None) -> Modes
         below = count_below(pencil, band) if pencil.problem_class == "symmetric" else None
         count = below if below is not None else 20
     sought = count + max(4, count // 10)
-    if pencil.problem_class == "quadratic":
+    if pencil.C is not None:
         # A real shift at the top of the band sees conjugate pairs alike and none of them is near it.
         sigma = band or _smallest_omega(pencil)
         shifted = sigma**2 * pencil.M + sigma * pencil.C + pencil.K
@@ -124,7 +129,7 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None) -> Modes
         # Without friction a shift below all modes keeps rigid modes and Lanczos regular; with it, one inside the band
         # halves the distance to the farthest wanted mode.
         inside = band is not None and not pencil.symmetric
-        sigma = band**2 / 2 if inside and band is not None else -_RIGID_SHIFT * _largest_ratio(pencil)
+        sigma = band**2 / 2 if band is not None and inside else -_RIGID_SHIFT * _largest_ratio(pencil)
         shifted = pencil.K - sigma * pencil.M
     factor = factorize(sp.csr_array(shifted), symmetric=pencil.problem_class == "symmetric")
     solver = {"symmetric": symmetric_modes, "nonsymmetric": nonsymmetric_modes, "quadratic": quadratic_modes}
@@ -155,16 +160,11 @@ def _wanted(modes: Modes, request: Request, radius: float) -> Modes | None:
     if len(modes) < count and np.isfinite(radius):
         return None
     count = min(count, len(modes))
-    if count and count < len(modes) and _is_mirror(modes.lam[count - 1], modes.lam[count]):
+    if count and count < len(modes) and is_mirror(modes.lam[count - 1], modes.lam[count]):
         count += 1
     if count and omega[count - 1] > radius:
         return None
     return modes.select(np.arange(count))
-
-
-def _is_mirror(a: complex, b: complex) -> bool:
-    """Whether a and b are the two modes λ and −λ* of one complex pair θ, θ*."""
-    return bool(a.real != 0 and abs(a + b.conjugate()) <= 1e-9 * abs(a))
 
 
 def _largest_ratio(pencil: Pencil) -> float:

@@ -228,7 +228,7 @@ def _read_elements(block: Block, scope: Scope, source: str) -> tuple[str, int]:
 
 
 def _read_skin(given: str, block: Block, scope: Scope) -> None:
-    """Keep the corners of shells and the like: over the faces of solids they make surface groups, as Gmsh exports them."""
+    """Keep the corners of shells: over the faces of solids they make surface groups, as Gmsh exports them."""
     found = _SKIN.match(given)
     if not found:
         return

@@ -34,7 +34,7 @@ def place_model(model: Model, source: str) -> RawMesh:
         prefixes.append((count["NSET"], prefix))
         cell_labels, cell_rows = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
         for cells in (cells for scope in scopes for cells in scope.cells):
-            rows = connect(cells.nodes, node_labels, cells.labels, "elements", f"{source}: {name}" if name else source)
+            rows = connect(cells.nodes, node_labels, cells.labels, "element", f"{source}: {name}" if name else source)
             blocks.append(CellBlock(cells.kind, np.where(rows < 0, -1, rows + count["NSET"]), cells.labels, prefix))
             cell_labels.append(cells.labels)
             cell_rows.append(count["ELSET"] + np.arange(len(rows)))

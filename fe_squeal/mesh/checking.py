@@ -219,9 +219,10 @@ def connect(wanted: Ints, labels: Ints, element_labels: Ints, what: str, source:
     lost = ((rows < 0) & (wanted != 0)).any(axis=1)
     if lost.any():
         missing = np.unique(wanted[(rows < 0) & (wanted != 0)]).astype(str)
+        names = element_labels[lost].astype(str)
+        who = f"{what} {names[0]} refers" if len(names) == 1 else f"{what}s {listed(names)} refer"
         raise MeshError(
-            f"{source}: {what} {listed(element_labels[lost].astype(str))} refer to node "
-            f"{listed(missing)}, which the file does not define; export the nodes too"
+            f"{source}: {who} to node {listed(missing)}, which the file does not define; export the nodes too"
         )
     return rows
 

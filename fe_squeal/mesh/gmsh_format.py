@@ -95,6 +95,8 @@ def read_gmsh(path: Path) -> RawMesh:
             return read_with_meshio(path)
         if not version.startswith(("2", "4")):
             raise MeshError(f"{path.name}: Gmsh format version {version} is not read; save it as 4.1 or 2.2 in Gmsh")
+        if "PartitionedEntities" in sections:
+            raise MeshError(f"{path.name}: the mesh is partitioned; save it unpartitioned in Gmsh")
         names = _physical_names(sections.get("PhysicalNames", b""))
         if version.startswith("4"):
             labels, points = _nodes4(_Cursor(sections["Nodes"], text, size, order))
@@ -245,7 +247,7 @@ def _raw(
     for some in cells:
         if some.type in _SOLIDS:
             kind, permutation = _SOLIDS[some.type]
-            nodes = connect(some.nodes, labels, some.labels, "elements", source)
+            nodes = connect(some.nodes, labels, some.labels, "element", source)
             nodes = nodes if permutation is None else nodes[:, permutation]
             blocks.append(CellBlock(kind, nodes, some.labels))
             index = at + np.arange(len(nodes))
@@ -253,7 +255,7 @@ def _raw(
             for tag in some.physical:
                 volumes.setdefault(names.get((3, abs(tag)), str(abs(tag))), []).append(index)
         elif some.type in _SURFACES and some.physical:
-            nodes = connect(some.nodes[:, : _SURFACES[some.type]], labels, some.labels, "surface elements", source)
+            nodes = connect(some.nodes[:, : _SURFACES[some.type]], labels, some.labels, "surface element", source)
             for tag in some.physical:
                 surfaces.setdefault(names.get((2, abs(tag)), str(abs(tag))), []).append(nodes)
     groups = {name: np.unique(np.concatenate(parts)) for name, parts in volumes.items()}

@@ -36,7 +36,11 @@ def read_with_meshio(path: Path) -> RawMesh:
         meshio cannot read the file.
     """
     import meshio
+    from meshio._mesh import topological_dimension
 
+    # meshio 5.3.5 forgets these two in its table of dimensions and stops at them with a KeyError.
+    topological_dimension.setdefault("wedge15", 3)
+    topological_dimension.setdefault("pyramid13", 3)
     printed = io.StringIO()
     try:
         # meshio prints and calls sys.exit on files it cannot read.

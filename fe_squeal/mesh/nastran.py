@@ -149,7 +149,7 @@ def _solids(
     for kind, which, width in ((linear, plain, corners), (quadratic, ~plain, count)):
         if which.any():
             some = table[which]
-            nodes = connect(some[:, 2 : 2 + width], labels, some[:, 0], "elements", source)
+            nodes = connect(some[:, 2 : 2 + width], labels, some[:, 0], "element", source)
             out.append((CellBlock(kind, nodes[:, _ORDER.get(kind, list(range(width)))], some[:, 0]), some[:, 1]))
     return out
 
@@ -168,7 +168,7 @@ def _shells(cards: list[Card], corners: int, labels: Ints, source: str) -> list[
         raise MeshError(
             f"{source}: {card.where}: {card.name} {card.text(0)} needs {corners} corner nodes; some are blank"
         )
-    nodes = connect(table[:, 2:], labels, table[:, 0], "shells", source)
+    nodes = connect(table[:, 2:], labels, table[:, 0], "shell", source)
     return [(int(pid), nodes[table[:, 1] == pid]) for pid in np.unique(table[:, 1])]
 
 

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 from skfem import Basis, FacetBasis, Functional
 
-from fe_squeal.mesh.elements import REFERENCE
+from fe_squeal.mesh.elements import REFERENCE, SHAPE, shape_functions
 from fe_squeal.mesh.raw import CellBlock, RawMesh
 
 
@@ -51,12 +51,14 @@ def grid_of_kinds(n, kinds, move, seed):
         return places.setdefault(tuple(np.round(x, 9)), len(places))
 
     cube = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], float)
-    base = {"hexahedron": [cube], "tetra": [cube[list(t)] for t in ((0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6),
-            (0, 4, 5, 6), (0, 5, 1, 6))], "wedge": [cube[[0, 1, 2, 4, 5, 6]], cube[[0, 2, 3, 4, 6, 7]]],
-            "pyramid": [np.vstack([cube[list(f)], [[0.5] * 3]]) for f in
-                        ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0))]}  # fmt: skip
-    from fe_squeal.mesh.elements import SHAPE, shape_functions
-
+    sixths = ((0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6))
+    sides = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0))
+    base = {
+        "hexahedron": [cube],
+        "tetra": [cube[list(t)] for t in sixths],
+        "wedge": [cube[[0, 1, 2, 4, 5, 6]], cube[[0, 2, 3, 4, 6, 7]]],
+        "pyramid": [np.vstack([cube[list(f)], [[0.5] * 3]]) for f in sides],
+    }
     for i, corner in enumerate(product(range(n), repeat=3)):
         kind = kinds[i // n % len(kinds)]  # by columns: the triangles of wedges must meet
         for shape in base[SHAPE[kind]]:

@@ -55,7 +55,7 @@ def test_brake_element_sets():
     assert {name: len(volume_group(loaded, name)) for name in expected} == expected
     with pytest.raises(MeshError, match='several parts have a set of that name; take one of them, such as "pad-'):
         volume_group(loaded, "Set-1")
-    with pytest.raises(MeshError, match='no surface group "pad_facee" in mesh_brake.inp; did you mean "pad_face"'):
+    with pytest.raises(MeshError, match=r'no surface group "pad_facee" in mesh_brake\.inp; did you mean "pad_face"'):
         surface_group(loaded, "pad_facee")
     with pytest.raises(MeshError, match="that is a volume group"):
         surface_group(loaded, "both_uppers")
@@ -166,9 +166,9 @@ def test_includes_and_inputs_are_followed(tmp_path):
     (tmp_path / "mesh.inc").write_text("*NODE, INPUT=sub/nodes.txt\n*ELEMENT, TYPE=C3D4,\nELSET=BODY\n5, 1, 2, 3, 4\n")
     loaded = written(tmp_path, "*INCLUDE, INPUT=mesh.inc\n")
     assert volume(loaded.mesh, volume_group(loaded, "BODY")) == pytest.approx(1 / 6, rel=1e-13)
-    with pytest.raises(MeshError, match='line 1: the included file "mesh.icn" does not exist; did you mean "mesh.inc"'):
+    with pytest.raises(MeshError, match=r'line 1: the included file "mesh\.icn" does not .*; did you mean "mesh\.inc"'):
         written(tmp_path, "*INCLUDE, INPUT=mesh.icn\n")
-    with pytest.raises(MeshError, match="does loop.inp include itself"):
+    with pytest.raises(MeshError, match=r"does loop\.inp include itself"):
         written(tmp_path, "*INCLUDE, INPUT=loop.inp\n", "loop.inp")
 
 
@@ -179,7 +179,7 @@ def test_includes_and_inputs_are_followed(tmp_path):
     ("*NODE\n1.5, 0, 0, 0\n", "node numbers must be whole numbers"),
     ("*NODE\n1, 0, 0, 0\n", "no volume elements; expected tetrahedra"),
     (TET + "*ELEMENT, TYPE=C3D4\n2, 1, 2, 3\n", 'need a number and 4 nodes each; see the data line "2, 1, 2, 3"'),
-    (TET + "*ELEMENT, TYPE=C3D4\n2, 1, 2, 3, 77\n", "elements 2 refer to node 77, which the file does not define"),
+    (TET + "*ELEMENT, TYPE=C3D4\n2, 1, 2, 3, 77\n", "element 2 refers to node 77, which the file does not define"),
     (TET + "*ELEMENT, TYPE=C3D4\n2, 1, 2, 3, 3\n", "element 2 has the same node twice"),
     (TET + "*ELEMENT, TYPE=C3D4\n2, 2, 3, 1, 4\n", "element 2 is a copy of another element"),
     (TET + "*NODE\n1, 5, 0, 0\n", "node number 1 is defined more than once at different places"),
@@ -189,7 +189,7 @@ def test_includes_and_inputs_are_followed(tmp_path):
     (TET + "*NSET, NSET=A, GENERATE\n4, 1\n", "GENERATE takes first, last and step"),
     (TET + "*NSET\n1\n", r"\*NSET without a name"),
     (TET + "*SURFACE, NAME=F\nE, S5\n", r'face "S5" does not exist on a solid with 4 faces; expected S1 \.\.\. S4'),
-    (TET + "*SURFACE, NAME=F\nEE, S1\n", 'surface "F" refers to element set "EE", which does not exist; did you mean "E"'),
+    (TET + "*SURFACE, NAME=F\nEE, S1\n", '"F" refers to element set "EE", which does not exist; did you mean "E"'),
     ("*INSTANCE, NAME=A, PART=P\n*END INSTANCE\n", 'instance "A" is of part "P", which does not exist'),
     (TET.replace("4, 0, 0, 1", "4, 0, 0, nan"), "the coordinates of node 4 are not finite"),
     (TET.replace("4, 0, 0, 1", "4, 1, 1, 0"), r'element 1 has zero volume \(group "E"\)'),

@@ -12,6 +12,7 @@ from mesh_measures import area, centre, grid_of_kinds, volume
 from fe_squeal.errors import MeshError
 from fe_squeal.mesh import from_skfem, load_mesh, surface_group, volume_group
 from fe_squeal.mesh.building import build_mesh
+from fe_squeal.mesh.elements import REFERENCE
 from fe_squeal.mesh.raw import CellBlock, RawMesh
 
 DATA = Path(__file__).parents[1] / "data"
@@ -109,7 +110,8 @@ def test_files_written_by_vtk(tmp_path, suffix):
     import pyvista as pv
 
     cube = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], float)
-    points = np.vstack([cube, cube + [3, 0, 0], [(6, 0, 0), (7, 0, 0), (6, 1, 0), (6, 0, 2), (7, 0, 2), (6, 1, 2)]])
+    beside = cube + np.array([3, 0, 0])
+    points = np.vstack([cube, beside, [(6, 0, 0), (7, 0, 0), (6, 1, 0), (6, 0, 2), (7, 0, 2), (6, 1, 2)]])
     cells = np.hstack([[8, *range(8)], [8, *range(8, 16)], [6, *range(16, 22)], [4, 0, 1, 2, 3]])
     grid = pv.UnstructuredGrid(cells, [12, 12, 13, 9], points)
     grid.cell_data["region"] = np.array([1, 2, 2, 7], dtype=np.int32)
@@ -119,6 +121,21 @@ def test_files_written_by_vtk(tmp_path, suffix):
     assert volume(loaded.mesh, volume_group(loaded, "region:2")) == pytest.approx(2.0, rel=1e-12)
     assert area(loaded.mesh, surface_group(loaded, "7")) == pytest.approx(1.0, rel=1e-12)
     assert "2 hexahedra split into 12 tetrahedra" in loaded.notes and "1 wedges split into 3 tetrahedra" in loaded.notes
+
+
+@pytest.mark.parametrize(
+    ("number", "kind", "exact"), [(26, "wedge15", 0.5), (27, "pyramid13", 4 / 3), (25, "hexahedron20", 1.0)]
+)
+def test_quadratic_cells_of_vtk(tmp_path, number, kind, exact):
+    """meshio's own table lacks the quadratic wedge and pyramid."""
+    import pyvista as pv
+
+    count = len(REFERENCE[kind])
+    pv.UnstructuredGrid(np.array([count, *range(count)]), [number], REFERENCE[kind]).save(tmp_path / "one.vtu")
+    mesh = load_mesh(tmp_path / "one.vtu").mesh
+    assert volume(mesh) == pytest.approx(exact, rel=1e-12)
+    stored = mesh.doflocs[:, mesh.dofs.edge_dofs[0]]
+    assert np.allclose(stored, mesh.p[:, mesh.edges].mean(axis=1), atol=1e-14)
 
 
 def test_xdmf_with_mixed_topology():
@@ -197,7 +214,8 @@ def test_wrong_units_are_suspected(tmp_path, size, unit, warned):
 
 def test_files_that_are_no_meshes(tmp_path):
     cases = {"missing.msh": "no such mesh file", "empty.msh": "the file is empty", "folder.inp": "this is a folder",
-             "text.msh": "not a readable", "text.vtu": "not a readable", "text.xdmf": "not a readable", "zip.xyz": "no mesh format is known",
+             "text.msh": "not a readable", "text.vtu": "not a readable", "text.xdmf": "not a readable",
+        "zip.xyz": "no mesh format is known",
              "binary.inp": "is not a text file", "two.obj": "no volume elements|not a readable"}  # fmt: skip
     (tmp_path / "empty.msh").touch()
     (tmp_path / "folder.inp").mkdir()
@@ -208,7 +226,7 @@ def test_files_that_are_no_meshes(tmp_path):
     for name, message in cases.items():
         with pytest.raises(MeshError, match=message):
             load_mesh(tmp_path / name)
-    with pytest.raises(MeshError, match='did you mean "empty.msh"'):
+    with pytest.raises(MeshError, match=r'did you mean "empty\.msh"'):
         load_mesh(tmp_path / "emty.msh")
     with pytest.raises(MeshError, match='length_unit "inch" is not known; valid: m, mm'):
         load_mesh(tmp_path / "empty.msh", "inch")

@@ -27,9 +27,6 @@ def printed(function, frame, width=80):
 def test_noise_names_change_at_the_source_document_limits():
     assert [classify_noise(f) for f in (0.0, 1e-9, 99.9, 100.0, 999.9, 1000.0, 15000.0)] == [
         "divergence", "groan", "groan", "moan", "moan", "squeal", "squeal"]
-    for wrong in (-1.0, float("nan")):
-        with pytest.raises(ValueError, match="frequency_hz"):
-            classify_noise(wrong)
 
 
 def test_a_row_for_each_unstable_interval():

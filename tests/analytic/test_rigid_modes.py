@@ -1,0 +1,78 @@
+"""Free bodies: six rigid modes each, at zero to rounding, in any units and for every element."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from meshes import KINDS, STEEL, box, distorted, join, make_problem, modes_of
+
+SIDE = 0.1
+# Units of length, mass, time in m, kg, s: SI, mm-t-s, micrometre-gram-ms, km-Gt-h.
+UNITS = {"si": (1, 1, 1), "mm_t_s": (1e-3, 1e3, 1), "um_g_ms": (1e-6, 1e-3, 1e-3), "km_gt_h": (1e3, 1e12, 3600)}
+
+
+def steel_in(length, mass, time):
+    """Young's modulus (mass / length time²) and density (mass / length³) in other units."""
+    return {
+        "youngs_modulus": STEEL["youngs_modulus"] * length * time**2 / mass,
+        "poisson_ratio": STEEL["poisson_ratio"],
+        "density": STEEL["density"] * length**3 / mass,
+    }
+
+
+def lame_hz(side):
+    """Lamé mode of a free cube, exact: u = (cos κx sin κy, −sin κx cos κy, 0), κ = π/a, without volume change.
+
+    ε_xx ∝ sin sin and σ_xy = 0, so no face is loaded; ω = √2 κ c_s. The three planes make it threefold.
+    """
+    c_s = np.sqrt(STEEL["youngs_modulus"] / (2 * (1 + STEEL["poisson_ratio"])) / STEEL["density"])
+    return c_s / (np.sqrt(2) * side)
+
+
+@pytest.mark.parametrize("units", UNITS)
+@pytest.mark.parametrize("n", [2, 4])  # 375 unknowns go to LAPACK, 2187 to ARPACK
+@pytest.mark.parametrize("kind", KINDS)
+def test_free_body(kind, n, units):
+    """λ = 0 exactly for six modes, all marginal; the Lamé triple within 0.5 % (n = 4) and 5 % (n = 2, half a wave per cell)."""
+    length, mass, time = UNITS[units]
+    mesh = box(kind, (n, n, n), (SIDE / length,) * 3)
+    modes = modes_of(make_problem(mesh, materials={"steel": steel_in(length, mass, time)}), 24)
+    assert (modes.lam[:6] == 0).all()
+    assert (modes.lam[6:].imag > 0).all()
+    assert (modes.lam.real == 0).all()
+    assert set(modes.stability) == {"marginal"}
+    f = np.sort(np.abs(modes.frequency_hz / time / lame_hz(SIDE) - 1))
+    assert f[2] < (5e-3 if n == 4 else 5e-2)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_two_free_bodies(kind):
+    """Twelve rigid modes of two bodies that touch without a contact; their elastic modes are those of each alone."""
+    pad, belt = box(kind, (3, 3, 3), (SIDE,) * 3), box(kind, (3, 3, 3), (SIDE,) * 3, (0, 0, -SIDE), name="belt")
+    modes = modes_of(make_problem(join(pad, belt)), 20)
+    alone = modes_of(make_problem(pad), 10)
+    assert (modes.lam[:12] == 0).all()
+    np.testing.assert_allclose(modes.frequency_hz[12:20:2], alone.frequency_hz[6:10], rtol=1e-9)
+    np.testing.assert_allclose(modes.frequency_hz[13:20:2], alone.frequency_hz[6:10], rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["hex1", "tet1"])
+def test_rigid_modes_of_distorted_order_one(kind):
+    """Linear displacements on straight, distorted cells carry all rigid motions."""
+    mesh = distorted(box(kind, (5, 5, 5), (SIDE,) * 3), 0.15 * SIDE / 5)
+    modes = modes_of(make_problem(mesh, order=1), 10)
+    assert (modes.lam[:6] == 0).all()
+    assert (modes.lam[6:].imag > 0).all()
+
+
+def test_rigid_shapes_span_the_rigid_motions():
+    """The six modes at zero are rigid: their elastic energy is rounding and their M-projection on rigid motions complete."""
+    from meshes import rigid_motions
+
+    problem = make_problem(box("hex2", (4, 4, 4), (SIDE,) * 3))
+    modes = modes_of(problem, 6)
+    M = problem.pencil().M
+    R = rigid_motions(problem)
+    gram = R.T @ (M @ R)
+    projected = R @ np.linalg.solve(gram, R.T @ (M @ modes.right))
+    np.testing.assert_allclose(projected, modes.right, atol=1e-6 * np.abs(modes.right).max())
