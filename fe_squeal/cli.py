@@ -16,7 +16,7 @@ from rich.table import Table
 from . import __version__
 from .assembly import assemble
 from .eigen.linear_solvers import solver_name
-from .errors import NotConvergedError, SceneError, SquealError
+from .errors import InputError, MeshError, NotConvergedError, SceneError, SquealError
 from .geometry import write_mesh
 from .report import print_onsets
 from .run import INTERRUPTED, run_scene, sweep_scene
@@ -78,9 +78,13 @@ def mesh(
     """Mesh the scene's parametric geometry."""
     loaded = load_scene(scene)
     if loaded.mesh.geometry is None:
-        raise SceneError(f"{scene}: mesh: there is no [mesh.disc_pad] or [mesh.block] to be meshed")
-    path = write_mesh(loaded.mesh.geometry, out or loaded.mesh_path or Path(f"{scene.stem}.msh"))
-    _console().print(f"wrote {path} ({path.stat().st_size / 1e6:.2f} MB)", markup=False)
+        raise SceneError(f"{scene}: mesh: given no geometry; expected [mesh.disc_pad] or [mesh.block], which is meshed")
+    try:
+        path = write_mesh(loaded.mesh.geometry, out or loaded.mesh_path or Path(f"{scene.stem}.msh"))
+    except MeshError as error:
+        key = "disc_pad" if loaded.mesh.disc_pad is not None else "block"
+        raise MeshError(f"{scene}: mesh.{key}: {error}") from error
+    _console().print(f"wrote {path} ({path.stat().st_size / 1e3:.1f} kB)", markup=False)
     return 0
 
 
@@ -89,7 +93,7 @@ def onset(scene: SceneFile) -> int:
     """Print the critical values of the sweep parameter alone, to full precision."""
     loaded = load_scene(scene)
     if loaded.sweep is None:
-        raise SceneError(f"{scene}: sweep: is missing; expected the interval to look in")
+        raise SceneError(f"{scene}: sweep: is missing; expected a table, written [sweep]: the interval to look in")
     console = _console()
     result = sweep_scene(loaded, assemble(loaded), console)
     print_onsets(result.onsets_dataframe(), console)
@@ -122,7 +126,7 @@ def info() -> int:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; never shows a traceback for bad input."""
     try:
-        code = app(arguments, standalone_mode=False)
+        code = app(arguments, standalone_mode=False, prog_name="fe-squeal")
     except SquealError as error:
         text = f"error: {error}" if not isinstance(error, NotConvergedError) else f"not converged: {error}"
         print(text, file=sys.stderr)
@@ -130,8 +134,15 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
-    except _UsageError as error:  # a wrong option or argument
-        error.show()
+    except OSError as error:  # a name that the system refuses, a disk that is full
+        name = f"{str(error.filename)[:200]}: " if error.filename is not None else ""
+        print(f"error: {name}{error.strerror or error}", file=sys.stderr)
+        return InputError.exit_code
+    except _UsageError as error:  # a wrong option or argument; without any argument the help
+        if sys.argv[1:] if arguments is None else arguments:
+            print(f"error: {error.format_message()}; see fe-squeal --help", file=sys.stderr)
+        else:
+            error.show()
         return error.exit_code
     return int(code or 0)
 

@@ -124,8 +124,8 @@ def material_axes(first: tuple[float, ...], second: tuple[float, ...]) -> np.nda
 
     Examples
     --------
-    >>> material_axes((0, 2, 0), (1, 1, 0))[1].tolist()
-    [1.0, 0.0, 0.0]
+    >>> material_axes((0, 2, 0), (0, 1, 1))[1].tolist()
+    [0.0, 0.0, 1.0]
     """
     a, b = np.array(first, float), np.array(second, float)
     normal = np.cross(a, b)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -63,11 +65,16 @@ def run_scene(scene: Scene, out: Path, console: Console) -> int:
         seconds["output"] = time.perf_counter() - clock
     seconds["total"] = time.perf_counter() - start
     write_record(scene, problem, result, seconds, status, out, __version__)
+    done = len(result.points) if result is not None else 0
     if failure is not None:
-        raise failure
+        raise NotConvergedError(f"{failure}; {done} values before it are in {out}", failure.partial)
     if result is not None:
-        _report(result, out, console, seconds["total"])
-    return INTERRUPTED if status == "interrupted" else 0
+        _report(scene, result, out, console, seconds["total"])
+    if status == "interrupted":
+        total = len(_values(scene, problem))
+        print(f"interrupted: {done} of {total} values were finished and are in {out}", file=sys.stderr)
+        return INTERRUPTED
+    return 0
 
 
 def sweep_scene(scene: Scene, problem: Problem, console: Console) -> Sweep:
@@ -78,10 +85,8 @@ def sweep_scene(scene: Scene, problem: Problem, console: Console) -> Sweep:
     KeyboardInterrupt
         With the sweep so far as its argument.
     """
-    section = scene.sweep
-    nominal = problem.parameters.get("mu", 0.0)
-    values = [nominal] if section is None else [float(v) for v in section.grid]
-    parameter = "mu" if section is None else section.parameter
+    values = _values(scene, problem)
+    parameter = "mu" if scene.sweep is None else scene.sweep.parameter
     options = {
         "modes": scene.solve.modes, "max_frequency": scene.solve.max_frequency, "tolerance": scene.solve.tolerance,
         "keep_shapes": scene.output.shapes == "all",
@@ -93,13 +98,15 @@ def sweep_scene(scene: Scene, problem: Problem, console: Console) -> Sweep:
             if done in marks:
                 console.print(f"{parameter} = {values[done - 1]:.4g}: {done} of {total} values solved", markup=False)
 
-        return sweep(problem, values, parameter, progress=report, **options)  # type: ignore[arg-type]
+        return _explained(sweep(problem, values, parameter, progress=report, **options), scene)  # type: ignore[arg-type]
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(f"sweep over {parameter}", total=len(values))
-        return sweep(
-            problem, values, parameter, progress=lambda done, _: bar.update(task, completed=done), **options  # type: ignore[arg-type]
-        )  # fmt: skip
+
+        def advance(done: int, total: int) -> None:
+            bar.update(task, completed=done)
+
+        return _explained(sweep(problem, values, parameter, progress=advance, **options), scene)  # type: ignore[arg-type]
 
 
 def write_results(scene: Scene, result: Sweep, out: Path) -> None:
@@ -129,15 +136,30 @@ def prepare_folder(out: Path) -> None:
         ) from error
 
 
+def _values(scene: Scene, problem: Problem) -> list[float]:
+    if scene.sweep is None:
+        return [problem.parameters.get("mu", 0.0)]
+    return [float(v) for v in scene.sweep.grid]
+
+
+def _explained(result: Sweep, scene: Scene) -> Sweep:
+    """Add the doubt that a range without any mode leaves."""
+    if any(len(point.modes) for point in result.points):
+        return result
+    doubt = f"solve.max_frequency: given {scene.solve.max_frequency:g} Hz; no mode lies below it, so nothing is shown"
+    return replace(result, doubts=(*result.doubts, doubt))
+
+
 def _partial(error: NotConvergedError) -> Sweep | None:
     return error.partial if isinstance(error.partial, Sweep) else None
 
 
-def _report(result: Sweep, out: Path, console: Console, seconds: float) -> None:
+def _report(scene: Scene, result: Sweep, out: Path, console: Console, seconds: float) -> None:
     print_onsets(result.onsets_dataframe(), console)
     print_unstable(result.to_dataframe(), console)
     c = result.completeness
-    proof = "proven by the inertia of K − σM" if c.proven else "not proven"
+    how = "LAPACK finds all modes" if result.method.startswith("dense") else "by the inertia of K − σM"
+    proof = f"proven: {how}" if c.proven else "not proven"
     console.print(
         f"{c.found} of {c.expected if c.expected is not None else '?'} modes found at {result.parameter} = "
         f"{result.points[0].value:g} ({proof})",
@@ -147,4 +169,5 @@ def _report(result: Sweep, out: Path, console: Console, seconds: float) -> None:
         console.print(f"warning: {doubt}", markup=False)
     memory = peak_memory_mib()
     peak = f", {memory:.0f} MiB" if memory is not None else ""
-    console.print(f"results in {out}: stability.png, root_locus.png, shapes/ ({seconds:.1f} s{peak})", markup=False)
+    shapes = ", shapes/" if scene.output.shapes != "none" and (out / "shapes").is_dir() else ""
+    console.print(f"results in {out}: stability.png, root_locus.png{shapes} ({seconds:.1f} s{peak})", markup=False)

@@ -36,10 +36,10 @@ class MeshSection(Section):
             raise ValueError("expected the name of a mesh file, without control characters")
         return value
 
-    @field_validator("order")
+    @field_validator("order", mode="before")
     @classmethod
-    def _one_or_two(cls, value: int) -> int:
-        if value not in (1, 2):  # not Literal[1, 2], which lets true and 1.0 through
+    def _one_or_two(cls, value: object) -> object:
+        if type(value) is not int or value not in (1, 2):  # Literal[1, 2] lets true and 1.0 through
             raise ValueError("expected 1 or 2")
         return value
 
@@ -205,7 +205,7 @@ class SweepSection(Section):
         ranged = {"from": self.start, "to": self.stop, "points": self.points, "values": self.values}
         given = [key for key, value in ranged.items() if value is not None]
         if given not in (["from", "to", "points"], ["values"]):
-            raise ValueError(f"given {', '.join(given) or 'no values'}; expected from, to and points, or values = [...]")
+            raise ValueError(f"given {', '.join(given) or 'nothing'}; expected from, to and points, or values = [...]")
         if self.values is None and not (np.diff(self.grid) > 0).all():
             raise ValueError(f"given from = {self.start:g}, to = {self.stop:g}; expected from < to")
         if self.values is None and self.points == 1 and self.start != self.stop:
@@ -289,9 +289,9 @@ class Scene(Section):
             if not spring.name:
                 raise ValueError(f'springs[{i}].name: given ""; expected a name')
             if spring.to == spring.surface:
-                raise ValueError(f'springs[{i}].to: given "{spring.to}", the spring\'s own surface; expected another one')
+                raise ValueError(f'springs[{i}].to: given "{spring.to}", its own surface; expected another one')
         if self.effects.friction is not None and not any(c.kind == "sliding" for c in self.contacts):
             raise ValueError('effects.friction: no contact slides; expected a [[contacts]] entry of kind "sliding"')
         if self.sweep is not None and self.effects.friction is None:
-            raise ValueError("sweep.parameter: given \"mu\", but no friction; expected [effects.friction] with mu = ...")
+            raise ValueError('sweep.parameter: given "mu", but no friction; expected [effects.friction] with mu')
         return self

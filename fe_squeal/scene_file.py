@@ -21,6 +21,7 @@ _EXPECTED = {
     "int_type": "a whole number",
     "string_type": "a text in quotes",
     "bool_type": "true or false",
+    "tuple_type": "a list of numbers",
     "finite_number": "a finite number (the largest is 1.8e308)",
 }
 _SIGNS = {"greater_than": ">", "greater_than_equal": "≥", "less_than": "<", "less_than_equal": "≤"}
@@ -161,7 +162,8 @@ def _expected(fault: _Fault, where: str) -> str:
     if kind == "too_short":
         return f"at least {_entries(detail['min_length'])}"
     if kind == "too_long":
-        return f"at most {_entries(detail['max_length'])}"
+        exactly = detail["field_type"] == "Tuple"
+        return f"{'' if exactly else 'at most '}{_entries(detail['max_length'])}"
     if kind == "literal_error":
         return "one of " + detail["expected"].replace("'", '"')
     if kind in _SIGNS:
@@ -169,7 +171,7 @@ def _expected(fault: _Fault, where: str) -> str:
         return f"{_KINDS[type(bound)]} {_SIGNS[kind]} {bound:g}"
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return f"a table, written {'{ ... }' if '[' in where else f'[{where}]'}"
-    if kind in ("list_type", "tuple_type"):
+    if kind == "list_type":
         field = _field(fault.section, fault.keys[-1])
         tables = field is not None and _leads_to(field.annotation, BaseModel)[0] is not BaseModel
         return f"a list of tables, written [[{where}]]" if tables else "a list, written [...]"
@@ -225,7 +227,7 @@ def _syntax(message: str, text: str) -> str:
         return message
     line = text.split("\n")[int(found[1]) - 1].strip()
     hint = "; a table or key is given twice, or once as [...] and once as [[...]]" if "overwrite" in message else ""
-    return f"{message}: {_shortened(json.dumps(line, ensure_ascii=False)[1:-1])}{hint}"
+    return f"{message}: {_shortened(''.join(c if c.isprintable() else '?' for c in line))}{hint}"
 
 
 def _dotted(keys: _Keys) -> str:
@@ -263,6 +265,6 @@ def _toml(value: Any) -> str:
     if isinstance(value, int) and value.bit_length() > 200:
         return f"a whole number of {value.bit_length()} bits"
     if isinstance(value, float):
-        short = f"{value:g}"
-        return short if float(short) == value else repr(value)
+        short = f"{value:g}" if float(f"{value:g}") == value else repr(value)
+        return f"{short}.0" if short.lstrip("-").isdigit() else short  # which tells it from a whole number
     return str(value)

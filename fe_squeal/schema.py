@@ -25,5 +25,5 @@ class Section(BaseModel):
         """Refuse numbers whose squares and products would overflow or vanish."""
         for number in value if isinstance(value, list | tuple) else (value,):
             if isinstance(number, float) and number and not _TINY < abs(number) < _HUGE:
-                raise ValueError(f"expected 0 or a number between {_TINY:g} and {_HUGE:g} in size")
+                raise ValueError(f"expected a number between {_TINY:g} and {_HUGE:g} in size, or 0")
         return value

@@ -142,17 +142,21 @@ def sweep(
     Raises
     ------
     NotConvergedError
-        `partial` is the sweep so far.
+        `partial` is the sweep so far (None if no value was finished).
+    KeyboardInterrupt
+        With the sweep so far as its argument.
     """
     request = Request(None if max_frequency else modes or 20, max_frequency, tolerance)
     tracker = _Tracker(problem, parameter, request)
     for i, value in enumerate(values):
         try:
             tracker.advance(float(value), keep_all=keep_shapes and i == len(values) - 1)
+            progress(i + 1, len(values))
         except NotConvergedError as error:
             done = tracker.result() if tracker.points else None
             raise NotConvergedError(f"{parameter} = {value:g}: {error}", partial=done) from error
-        progress(i + 1, len(values))
+        except KeyboardInterrupt as stop:
+            raise KeyboardInterrupt(tracker.result() if tracker.points else None) from stop
     return tracker.result()
 
 

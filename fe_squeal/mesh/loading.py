@@ -54,8 +54,8 @@ def load_mesh(path: str | Path, length_unit: str = "m") -> LoadedMesh:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = Path(folder, "pad.inp").write_text(text)
     ...     loaded = load_mesh(Path(folder, "pad.inp"), length_unit="mm")
-    >>> loaded.mesh.p.max().round(6), list(loaded.mesh.subdomains), list(loaded.mesh.boundaries)
-    (np.float64(0.06), ['PAD'], ['BACK'])
+    >>> float(loaded.mesh.p.max().round(6)), list(loaded.mesh.subdomains), list(loaded.mesh.boundaries)
+    (0.06, ['PAD'], ['BACK'])
     """
     path = Path(path)
     if length_unit not in UNITS:

@@ -36,7 +36,7 @@ def place_labels(
         Samples of the curves that a label should rather not cover.
     """
     scale = axes.figure.dpi / 72.0
-    frame = axes.get_window_extent().padded(-2)
+    frame = axes.get_window_extent().padded(-3 * scale)  # the label's own box is larger than its text
     pixels = axes.transData.transform(np.asarray(points, dtype=float).reshape(-1, 2))
     curves = axes.transData.transform(avoid)
     taken = [Bbox.from_bounds(x - 4 * scale, y - 4 * scale, 8 * scale, 8 * scale) for x, y in pixels]
@@ -62,7 +62,7 @@ def place_labels(
             label.remove()
             continue
         label.set_position(tuple(best[1] / scale))
-        taken.append(Bbox.from_bounds(*(pixel + best[1]), *size).padded(3))
+        taken.append(Bbox.from_bounds(*(pixel + best[1]), *size).padded(3 * scale))
         placed.append(label)
     return placed
 

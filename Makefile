@@ -1,0 +1,35 @@
+# make run: the main job; make test: linters, types, tests. Both make .venv first.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: run test test-lowest benchmarks clean
+
+run: .venv/installed
+	$(BIN)/fe-squeal run examples/disc_pad.toml -o results/disc_pad
+	@echo "Pictures: results/disc_pad/stability.png, results/disc_pad/root_locus.png, results/disc_pad/shapes/*.png"
+
+test: .venv/installed-test
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/pytest
+
+# The fast tests with the lowest versions that pyproject.toml admits.
+test-lowest: .venv-lowest/installed
+	.venv-lowest/bin/pytest -m "not slow"
+
+.venv/installed: pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --disable-pip-version-check -e .
+	@touch $@
+
+.venv/installed-test: .venv/installed
+	$(BIN)/pip install --quiet --disable-pip-version-check -e ".[test]"
+	@touch $@
+
+.venv-lowest/installed: pyproject.toml tests/lowest.txt
+	$(PYTHON) -m venv .venv-lowest
+	.venv-lowest/bin/pip install --quiet --disable-pip-version-check -c tests/lowest.txt -e . pytest hypothesis
+	@touch $@
+
+clean:
+	rm -rf .venv .venv-lowest results build *.egg-info
