@@ -19,10 +19,8 @@ _SIDES = {"left": (0, 0), "right": (0, -1), "front": (1, 0), "back": (1, -1), "b
 _QUADRATIC = {skfem.MeshHex1: skfem.MeshHex2, skfem.MeshTet1: skfem.MeshTet2}
 
 
-def box(kind, counts, size=(1.0, 1.0, 1.0), corner=(0.0, 0.0, 0.0), name="block", splits=None):
-    """Mesh a box; groups: the volume, and left/right, front/back, bottom/top (`left_<name>` ... unless name is "block").
-
-    splits: further volumes, name -> condition on the element midpoints; they replace the volume `name`.
+def box(kind, counts, size=(1.0, 1.0, 1.0), corner=(0.0, 0.0, 0.0), name="block"):
+    """Mesh a box; groups: the volume, and left/right, front/back, bottom/top (`left_<name>` unless it is "block").
     """
     axes = [c + np.linspace(0, s, n + 1) for c, s, n in zip(corner, size, counts, strict=True)]
     mesh = (skfem.MeshHex if kind.startswith("hex") else skfem.MeshTet).init_tensor(*axes)
@@ -32,8 +30,7 @@ def box(kind, counts, size=(1.0, 1.0, 1.0), corner=(0.0, 0.0, 0.0), name="block"
         side + suffix: (lambda x, a=axis, at=axes[axis][end]: np.abs(x[a] - at) < tiny)
         for side, (axis, end) in _SIDES.items()
     }
-    volumes = {name: lambda x: np.ones(x.shape[1], bool)} if splits is None else splits
-    return _raise(mesh.with_subdomains(volumes).with_boundaries(sides), kind)
+    return _raise(mesh.with_subdomains({name: np.arange(mesh.nelements)}).with_boundaries(sides), kind)
 
 
 def annulus(kind, counts, inner, outer, thickness, bottom=0.0, name="disc"):
@@ -95,7 +92,7 @@ def mapped(mesh, f):
 
 
 def distorted(mesh, amount, seed=0):
-    """Move the nodes inside a box-like mesh at random by up to `amount`; on quadratic meshes the edges become curved."""
+    """Move the nodes inside a box at random by up to `amount`; on quadratic meshes the edges become curved."""
     x = mesh.doflocs.copy()
     low, high = x.min(axis=1, keepdims=True), x.max(axis=1, keepdims=True)
     inside = ((x > low + 1e-9) & (x < high - 1e-9)).all(axis=0)
@@ -107,10 +104,9 @@ def join(*meshes):
     """Put meshes of one kind together without merging nodes."""
     kind = type(meshes[0])
     corners = next((linear for linear, quadratic in _QUADRATIC.items() if quadratic is kind), kind)
-    starts = np.cumsum([0] + [m.p.shape[1] for m in meshes])
-    mesh = corners(
-        np.hstack([m.p for m in meshes]), np.hstack([m.t + start for m, start in zip(meshes, starts, strict=False)])
-    )
+    starts = np.cumsum([0] + [m.nvertices for m in meshes])  # corners come first
+    points = np.hstack([m.p[:, : m.nvertices] for m in meshes])
+    mesh = corners(points, np.hstack([m.t + start for m, start in zip(meshes, starts, strict=False)]))
     rows = {tuple(f): i for i, f in enumerate(np.sort(mesh.facets, axis=0).T.tolist())}
     volumes, boundaries, elements = {}, {}, 0
     for m, start in zip(meshes, starts, strict=False):

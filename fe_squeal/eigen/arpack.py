@@ -6,6 +6,7 @@ import functools
 from collections.abc import Callable
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator, eigs, eigsh
 from threadpoolctl import ThreadpoolController
 
@@ -49,15 +50,31 @@ def nonsymmetric_modes(pencil: Pencil, factor: Factor, sigma: float, count: int)
     """
     theta, right = _arnoldi(pencil, factor.solve, sigma, count)
     theta_left, left = _arnoldi(pencil, factor.solve_transposed, sigma, count)
-    # A conjugate pair at the rim may be in one of the two sets only: keep what both have.
-    agree = np.abs(theta[:, None] - theta_left[None, :].conj()) <= 1e-6 * (np.abs(theta[:, None]) + np.abs(sigma))
-    theta, right, left = theta[agree.any(axis=1)], right[:, agree.any(axis=1)], left[:, agree.any(axis=0)]
-    if right.shape[1] != left.shape[1]:
-        raise NotConvergedError(
-            f"left and right modes near {np.sqrt(abs(sigma)) / (2 * np.pi):.6g} Hz do not pair:"
-            f" {right.shape[1]} right, {left.shape[1]} left"
-        )
+    inner, inner_left = _common(theta, theta_left, sigma)
+    theta, right = theta[inner], right[:, inner]
+    _, partner = linear_sum_assignment(np.abs(theta[:, None] - theta_left[None, inner_left].conj()))
+    left = left[:, inner_left[partner]]
     return modes_from_theta(pencil, theta, right, left, _method())
+
+
+def _common(theta: np.ndarray, theta_left: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the positions of right and left eigenvalues inside the widest clear ring around sigma.
+
+    Inside, both sets are the same; at the rim a conjugate pair or a multiple eigenvalue may be cut by one of them.
+
+    Raises
+    ------
+    NotConvergedError
+    """
+    radius, radius_left = np.abs(theta - sigma), np.abs(theta_left - sigma)
+    order = np.sort(radius)
+    for m in range(len(order) - 1, 0, -1):
+        if order[m] - order[m - 1] > 1e-6 * order[m]:
+            middle = (order[m] + order[m - 1]) / 2
+            inner, inner_left = np.flatnonzero(radius < middle), np.flatnonzero(radius_left < middle)
+            if len(inner) == len(inner_left):
+                return inner, inner_left
+    raise NotConvergedError(f"the {len(theta)} right and {len(theta_left)} left modes nearest the shift do not pair")
 
 
 def quadratic_modes(pencil: Pencil, factor: Factor, sigma: float, count: int) -> Modes:
@@ -73,13 +90,12 @@ def quadratic_modes(pencil: Pencil, factor: Factor, sigma: float, count: int) ->
     """
     lam, right = _linearised(pencil, factor.solve, sigma, count)
     lam_left, left = _linearised(pencil.transposed(), factor.solve_transposed, sigma, count)
-    index = np.argmin(np.abs(lam[:, None] - lam_left[None, :].conj()), axis=1)
-    agree = np.abs(lam - lam_left[index].conj()) <= 1e-6 * (np.abs(lam) + sigma)
-    # The left mode of λ* belongs to the conjugate row: ψᴴQ(λ) = 0 is Q(λ*)ᵀψ = 0.
-    upper = agree & (lam.imag >= 0)
-    if len(set(index[upper])) < upper.sum():
-        raise NotConvergedError("left and right damped modes do not pair: eigenvalues closer than 1e-6 of their size")
-    return modes_from_lambda(pencil, lam[upper], right[:, upper], left[:, index[upper]], _method())
+    inner, inner_left = _common(lam, lam_left, sigma)
+    lam, right = lam[inner], right[:, inner]
+    # The left mode of λ is the transposed problem's mode of λ*: ψᴴQ(λ) = 0 is Q(λ*)ᵀψ = 0.
+    _, partner = linear_sum_assignment(np.abs(lam[:, None] - lam_left[None, inner_left].conj()))
+    left, upper = left[:, inner_left[partner]], lam.imag >= 0
+    return modes_from_lambda(pencil, lam[upper], right[:, upper], left[:, upper], _method())
 
 
 def _linearised(

@@ -49,10 +49,14 @@ class Pencil:
 
     @cached_property
     def _absolute(self) -> tuple[sp.csr_array, ...]:
-        return tuple(abs(A) for A in (self.M, self.K, self.C) if A is not None)
+        return tuple(_scale_of_entries(A) for A in (self.M, self.K, self.C) if A is not None)
 
     def magnitude(self, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Return (|λ|²|M| + |λ||C| + |K|)|u|, the size of what cancels in `apply`."""
+        """Return (|λ|²|M| + |λ||C| + |K|)|u|, the size of what cancels in `apply`.
+
+        |A| stands for max(|A_ij|, √(A_ii A_jj)): a small entry between large diagonal ones is what a cancellation left in
+        the assembly, and is known no better than these.
+        """
         a, size = np.abs(u), np.abs(lam)
         M, K, *C = self._absolute
         r = (M @ a) * size**2 + K @ a
@@ -123,6 +127,14 @@ class Modes:
         """(k,) str: unstable or stable beyond the uncertainty of Re λ, else marginal."""
         re, u = self.lam.real, self.re_uncertainty
         return np.where(re > u, "unstable", np.where(re < -u, "stable", "marginal"))
+
+
+def _scale_of_entries(A: sp.csr_array) -> sp.csr_array:
+    both = sp.coo_array(abs(A) + abs(A.T))
+    i, j = both.coords
+    root = np.sqrt(np.abs(A.diagonal()))
+    diagonal = sp.csr_array((root[i] * root[j], (i, j)), shape=A.shape)
+    return sp.csr_array(abs(A).maximum(diagonal))
 
 
 def is_mirror(a: complex, b: complex) -> bool:

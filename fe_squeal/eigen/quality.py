@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from .pencil import Modes, Pencil
 
 # Entries of assembled matrices are sums of some tens of rounded products.
 ROUNDING = 8 * np.finfo(float).eps
+_EQUAL = 1e-9  # relative distance below which eigenvalues count as one multiple eigenvalue
 
 
 def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left: np.ndarray, method: str) -> Modes:
@@ -20,10 +23,10 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     ----------
     theta : (k,) real or complex, rad²/s²
     right, left : (n, k)
-        Any basis of the left eigenspaces of the same eigenvalues; it is biorthogonalised here.
+        Left vectors in the order of the right ones, any basis where eigenvalues are multiple; they are scaled here.
     """
     right = right / np.sqrt(np.abs(np.einsum("ij,ij->j", right.conj(), pencil.M @ right)))
-    left = _biorthogonal(left, left.conj().T @ (pencil.M @ right))
+    left = _biorthogonal(left, left.conj().T @ (pencil.M @ right), theta)
     lam = 1j * np.sqrt(theta.astype(complex))
     residual = pencil.apply(lam, right)
     magnitude = pencil.magnitude(lam, right)
@@ -60,7 +63,7 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     right = right / np.sqrt(np.abs(np.einsum("ij,ij->j", right.conj(), pencil.M @ right)))
     # ψ_iᴴ((λ_i + λ_j)M + C)φ_j vanishes for λ_i ≠ λ_j, and is ψᴴ(2λM + C)φ on the diagonal.
     mass = left.conj().T @ (pencil.M @ right)
-    left = _biorthogonal(left, (lam[:, None] + lam[None, :]) * mass + left.conj().T @ (pencil.C @ right))
+    left = _biorthogonal(left, (lam[:, None] + lam[None, :]) * mass + left.conj().T @ (pencil.C @ right), lam)
     residual = pencil.apply(lam, right)
     magnitude = pencil.magnitude(lam, right)
     backward = _column_norms(residual) / _column_norms(magnitude)
@@ -88,15 +91,29 @@ def _near_coalescence(first_order: np.ndarray, values: np.ndarray) -> np.ndarray
         return np.fmin(first_order, np.sqrt(gap * first_order))
 
 
-def _biorthogonal(left: np.ndarray, gram: np.ndarray) -> np.ndarray:
-    """Return the basis of the left space whose Gram matrix with the right modes is the identity.
+def _biorthogonal(left: np.ndarray, gram: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return left modes ψ with ψᴴ(weight)φ = 1 for their own φ and 0 within a multiple eigenvalue.
 
-    At a defective eigenvalue no such basis exists; the pseudo-inverse keeps it finite, and the condition number says
-    so.
+    Each pair is scaled by itself, so that a small ψᴴφ shows as the large condition number it is; only within a cluster of
+    equal eigenvalues is the basis of the left space free, and changed. At a defective eigenvalue no such basis exists:
+    the pseudo-inverse keeps it finite, and the condition number says so.
+
+    Parameters
+    ----------
+    gram : (k, k)
+        ψ_iᴴ(weight)φ_j of the given left vectors.
+    values : (k,)
+        Eigenvalues, in the order of both.
     """
-    scale = 1 / np.abs(gram).max(axis=1, initial=np.finfo(float).tiny)
-    inverse = np.linalg.pinv(gram * scale[:, None], rcond=4 * np.finfo(float).eps)
-    return np.asarray((left * scale) @ inverse.conj().T)
+    left = left.astype(np.result_type(left, gram))
+    near = np.abs(values[:, None] - values[None, :]) <= _EQUAL * np.maximum(np.abs(values)[:, None], np.abs(values))
+    _, cluster = connected_components(sp.csr_array(near), directed=False)
+    for c in np.unique(cluster):
+        i = np.flatnonzero(cluster == c)
+        block = gram[np.ix_(i, i)]
+        size = np.abs(block).max() or 1.0
+        left[:, i] = left[:, i] @ (np.linalg.pinv(block / size, rcond=np.finfo(float).eps) / size).conj().T
+    return left
 
 
 def _column_norms(x: np.ndarray) -> np.ndarray:

@@ -10,9 +10,10 @@ import functools
 
 import numpy as np
 import pytest
-from meshes import STEEL, annulus, frequencies, make_problem, modes_of
 from scipy.optimize import brentq
 from scipy.special import iv, ivp, jv, jvp, kv, kvp, yv, yvp
+
+from meshes import STEEL, annulus, frequencies, make_problem, modes_of
 
 OUTER, INNER, THICKNESS, NU = 0.2, 0.1, 0.004, 0.3
 RIGIDITY = STEEL["youngs_modulus"] * THICKNESS**3 / (12 * (1 - NU**2))
@@ -71,7 +72,7 @@ def test_free_values_solve_the_plate_equation(n):
 def name_modes(problem, modes, layer):
     """Return (nodal diameters, nodal circles, share of u_z in the middle plane) of each mode.
 
-    Diameters: the strongest Fourier order around the rim; circles: sign changes of that order's amplitude over the radius.
+    Diameters: the strongest Fourier order in θ; circles: sign changes of that order's amplitude over the radius.
     """
     x = problem.model.space.coordinates
     r, theta = np.hypot(x[:, 0], x[:, 1]), np.arctan2(x[:, 1], x[:, 0])
@@ -105,7 +106,8 @@ def solved(clamped):
 def found(clamped, n, circles):
     """Return frequencies of the bending modes of that shape."""
     _, modes, names = solved(clamped)
-    return [f for f, (m, c, share) in zip(modes.frequency_hz, names, strict=True) if (m, c) == (n, circles) and share > 0.5]
+    named = zip(modes.frequency_hz, names, strict=True)
+    return [f for f, (*name, share) in named if name == [n, circles] and share > 0.5]
 
 
 @pytest.mark.parametrize(("n", "circles"), CLAMPED)
@@ -161,7 +163,7 @@ def test_torsion_of_the_clamped_ring():
     The support at the bore leaves only u_θ: hold u_z everywhere on the flat faces to keep bending out of the band.
     """
     mesh = annulus("hex2", (8, 40, 1), INNER, OUTER, THICKNESS)
-    supports = [{"surface": "hub", "fixed": "xyz"}, {"surface": "top", "fixed": "z"}, {"surface": "bottom", "fixed": "z"}]
+    supports = [{"surface": s, "fixed": f} for s, f in (("hub", "xyz"), ("top", "z"), ("bottom", "z"))]
     problem = make_problem(mesh, materials=MATERIALS, supports=supports)
     f = modes_of(problem, 12).frequency_hz
     assert np.abs(f / torsion_hz() - 1).min() < 1e-3

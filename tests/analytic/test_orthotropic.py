@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
+
 from meshes import box, make_problem, term
 
 E1, E2, E3 = 130e9, 11e9, 7e9
@@ -71,7 +72,7 @@ def test_shear_moduli(plane, modulus):
 def test_off_axis_modulus(degrees):
     """1/E_x = c⁴/E1 + (1/G12 − 2ν12/E1) s²c² + s⁴/E2 for fibres at an angle in the plane (Jones 1975, eq. 2.97).
 
-    A free block under opposite unit tractions on two faces has a uniform stress; its rigid motion is left to least squares.
+    A free block under opposite unit tractions has a uniform stress; its rigid motion is left to least squares.
     """
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     problem = ply_problem("hex1", [[c, s, 0], [-s, c, 0]], [])

@@ -1,15 +1,16 @@
-"""Patch tests: constant strains, total masses and inertia, and scikit-fem's own elasticity as a second implementation."""
+"""Patch tests: constant strains, masses and inertia, and scikit-fem's own elasticity as a second implementation."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 import skfem
+from skfem.helpers import dot
+from skfem.models.elasticity import lame_parameters, linear_elasticity
+
 from fe_squeal.materials import Material, material_axes, stiffness_tensor
 from fe_squeal.spaces import assemble_elasticity, make_space
 from meshes import KINDS, STEEL, annulus, box, distorted, mapped, rotation
-from skfem.helpers import dot
-from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 ISOTROPIC = Material(**STEEL)
 WOOD = Material(
@@ -57,7 +58,8 @@ def test_constant_strain(name, order, material, axes):
     assert np.abs(force[inner]).max(initial=0.0) < 1e-12 * (abs(K) @ abs(u)).max()
     # The boundary carries ∫ σ·n N: its total virial is V σ.
     stress = np.einsum("ijkl,kl", C, strain)
-    np.testing.assert_allclose(force.T @ space.coordinates, volume(space.mesh) * stress, atol=1e-11 * np.abs(stress).max())
+    virial = force.T @ space.coordinates
+    np.testing.assert_allclose(virial, volume(space.mesh) * stress, atol=1e-11 * np.abs(stress).max())
 
 
 @pytest.mark.parametrize(("name", "order"), ORDERS)
@@ -113,7 +115,7 @@ def test_same_matrices_as_scikit_fem(name, order):
 
 @pytest.mark.parametrize("name", ["hex1", "hex2", "tet2", "ring"])
 def test_mass_matrix_against_high_quadrature(name):
-    """The kinetic energy of a smooth field: on distorted cells the quadrature of degree 2p is not exact but close, 1e-3."""
+    """The kinetic energy of a smooth field: on distorted cells the quadrature of degree 2p is close (1e-3)."""
     space, _, M = assemble(MESHES[name], 2)
     basis = skfem.CellBasis(space.mesh, space.element, intorder=8, dofs=space.dofs)
     B = skfem.BilinearForm(lambda u, v, w: STEEL["density"] * u * v).assemble(basis)

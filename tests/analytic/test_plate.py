@@ -1,14 +1,15 @@
 """A thick plate whose edges let it slide along their normals: Rayleigh–Lamb and SH waves are its exact modes.
 
-With u_z = 0 and no tangential displacement on the edges, a wave of wave number k = π√(m² + n²)/a fits the square exactly.
+With u_z = 0 and no tangential displacement on the edges, waves of wave number k = π√(m² + n²)/a fit the square exactly.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from meshes import box, frequencies, make_problem
 from scipy.optimize import brentq
+
+from meshes import box, frequencies, make_problem
 
 E, NU, RHO, SIDE, THICKNESS = 200e9, 0.3, 8000.0, 10.0, 1.0
 C_T = np.sqrt(E / (2 * (1 + NU)) / RHO)
@@ -20,7 +21,7 @@ SUPPORTS = [{"surface": s, "fixed": f} for s, f in (("left", "yz"), ("right", "y
 
 
 def lamb(omega, k, antisymmetric):
-    """Rayleigh–Lamb function, real and even in p and q: tan(qd)/tan(pd) = −((k² − q²)²/(4k²pq))^±1, d half the thickness.
+    """Rayleigh–Lamb function, real and even in p and q: tan(qd)/tan(pd) = −((k² − q²)²/(4k²pq))^±1, d = h/2.
 
     p² = ω²/c_L² − k², q² = ω²/c_T² − k² (Graff, Wave Motion in Elastic Solids, eq. 8.1.63 and 8.1.64); both sides are
     multiplied out and divided by p or q, so that no pole and no trivial root is left.
@@ -35,7 +36,10 @@ def lamb(omega, k, antisymmetric):
 
 
 def exact_frequencies():
-    """All frequencies below UP_TO_HZ: Lamb waves for m, n ≥ 1; SH waves ω² = c_T²(k² + (jπ/h)²) also for m = 0 or n = 0."""
+    """All frequencies below UP_TO_HZ: Lamb waves for m, n ≥ 1; SH waves ω = c_T k also for m = 0 or n = 0.
+
+    The SH waves ω² = c_T²(k² + (jπ/h)²) with j ≥ 1 begin at 1550 Hz.
+    """
     grid = 2 * np.pi * np.linspace(1.0, UP_TO_HZ, 461)
     found = []
     for m in range(9):
@@ -43,7 +47,6 @@ def exact_frequencies():
             k = np.pi * np.hypot(m, n) / SIDE
             if m + n == 0:
                 continue
-            # Above c_T k lies every further wave: SH waves have no branch below, j ≥ 1 none below c_T π/h = 1550 Hz.
             found += [C_T * k] if C_T * k < grid[-1] else []
             for antisymmetric in (True, False) if m and n else ():
                 values = np.array([lamb(w, k, antisymmetric) for w in grid])

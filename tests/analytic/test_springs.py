@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.linalg as la
+
 from meshes import STEEL, box, join, make_problem, modes_of, rigid_motions, term
 
 SIDE, HEIGHT = 0.1, 0.06
@@ -38,7 +39,7 @@ def foundation_on_rigid_motions(direction, stiffness):
 
 def mass_on_rigid_motions():
     """Rigid mass matrix about the centre of the bottom face, centre of mass at (0, 0, h/2)."""
-    cross = np.array([[0, HEIGHT / 2, 0], [-HEIGHT / 2, 0, 0], [0, 0, 0]])  # e_x × x = (0, −h/2, 0)·…
+    cross = np.array([[0, HEIGHT / 2, 0], [-HEIGHT / 2, 0, 0], [0, 0, 0]])  # columns e × c
     rotation = np.diag([SIDE**2 / 12 + HEIGHT**2 / 3] * 2 + [SIDE**2 / 6])
     return MASS * np.block([[np.eye(3), cross], [cross.T, rotation]])
 
@@ -79,8 +80,8 @@ def test_spring_between_two_blocks():
     assert lam[11].imag == pytest.approx(expected, rel=TOLERANCE)
 
 
-def test_spring_between_a_surface_and_itself_turned():
-    """Mean motions across an inclined line: force k (mean − mean') along d on both, opposite: no net force."""
+def test_inclined_spring_between_two_blocks():
+    """Force k (mean − mean')·d along d on both, opposite: no net force, rank one, k d dᵀ on either block."""
     upper = block(2, (-SIDE / 2, -SIDE / 2, 0.05))
     lower = block(2, (-SIDE / 2, -SIDE / 2, -HEIGHT), "lower")
     springs = [spring((1, 2, 3), "bottom", stiffness=STIFFNESS, to="top_lower")]
@@ -94,14 +95,13 @@ def test_spring_between_a_surface_and_itself_turned():
     assert np.linalg.matrix_rank(K) == 1
 
 
-@pytest.mark.parametrize("n", [1, 3])  # LAPACK (60 unknowns) and ARPACK (more than 400)
+@pytest.mark.parametrize("n", [2, 4])  # LAPACK and ARPACK
 @pytest.mark.parametrize("zeta", [0.02, 0.6, 1.5])
 def test_damper(n, zeta):
     """λ = −ζω ± ω√(ζ² − 1), ζ = c/(2√(km)): oscillating below ζ = 1, two real eigenvalues above.
 
     The side face is held along x and y, so that the block only moves along z.
     """
-    n = 2 * n
     omega = np.sqrt(STIFFNESS / MASS)
     damping = zeta * 2 * np.sqrt(STIFFNESS * MASS)
     supports = [{"surface": s, "fixed": "xy"} for s in ("left", "right", "front", "back")]

@@ -1,0 +1,167 @@
+"""Modes of sparse pencils against LAPACK on the full matrices, for every class and linear solver."""
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from fe_squeal.eigen import linear_solvers
+from fe_squeal.eigen.dense import DENSE_LIMIT, solve_dense
+from fe_squeal.eigen.linear_solvers import factorize, factorize_complex, has_pardiso
+from fe_squeal.eigen.pencil import Pencil
+from fe_squeal.eigen.solve import Request, count_below, prove_completeness, solve_modes
+from fe_squeal.errors import NotConvergedError
+
+N = DENSE_LIMIT + 100
+
+
+def chain(n=N, friction=0.0, damping=0.0, seed=1):
+    """A chain of unequal masses and springs, some of them with a follower force, and dashpots to ground."""
+    rng = np.random.default_rng(seed)
+    M = sp.diags_array(rng.uniform(0.5, 2.0, n)).tocsr()
+    k = rng.uniform(1.0, 3.0, n + 1)
+    K = sp.diags_array([k[:-1] + k[1:], -k[1:-1], -k[1:-1]], offsets=[0, 1, -1]).tocsr()
+    # Off-diagonal products of negative sign make some pairs flutter. A few places keep the spectrum well conditioned;
+    # all of them would make the modes grow exponentially along the chain.
+    i = np.linspace(20, n - 20, 8).astype(int)
+    F = sp.csr_array((3 * k[i + 1], (i, i + 1)), shape=(n, n))
+    C = sp.diags_array(damping * rng.uniform(0.0, 1.0, n)).tocsr() if damping else None
+    return Pencil(M, sp.csr_array(K + friction * F), C, symmetric=not friction)
+
+
+def reference(pencil):
+    """λ with Im λ ≥ 0 of the linearisation, by NumPy alone."""
+    M, K = pencil.M.toarray(), pencil.K.toarray()
+    C = np.zeros_like(M) if pencil.C is None else pencil.C.toarray()
+    n = len(M)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K), -la.solve(M, C)]])
+    lam = np.linalg.eigvals(A)
+    lam = lam[lam.imag >= 0]
+    return lam[np.argsort(lam.imag)]
+
+
+def distance(a, b):
+    """Largest distance of a value of a from the nearest of b."""
+    return max(np.abs(b - x).min() for x in a)
+
+
+@pytest.fixture(params=["pardiso", "superlu"])
+def solver(request, monkeypatch):
+    if request.param == "superlu":
+        monkeypatch.setattr(linear_solvers, "has_pardiso", lambda: False)
+    elif not has_pardiso():
+        pytest.fail("PARDISO is a dependency on this machine and cannot be loaded")
+    return request.param
+
+
+@pytest.mark.parametrize(
+    ("friction", "damping", "name"),
+    [(0.0, 0.0, "symmetric"), (0.9, 0.0, "nonsymmetric"), (0.0, 0.2, "quadratic"), (0.9, 0.2, "quadratic")],
+)
+def test_lowest_modes_agree_with_lapack(solver, friction, damping, name):
+    pencil = chain(friction=friction, damping=damping)
+    assert pencil.problem_class == name
+    modes = solve_modes(pencil, Request(count=12))
+    expected = reference(pencil)
+    # Condition numbers here are below 1e3 and the spectrum's radius is 3: 1e-10 leaves two digits.
+    assert distance(modes.lam, expected) < 1e-10 and distance(expected[:12], modes.lam) < 1e-10
+    assert modes.backward_error.max() < 1e-11
+    assert (np.diff(modes.lam.imag) >= 0).all()
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.2])
+def test_right_and_left_modes_are_biorthogonal_and_solve_their_equations(solver, damping):
+    pencil = chain(friction=0.9, damping=damping)
+    modes = solve_modes(pencil, Request(count=10))
+    right = pencil.apply(modes.lam, modes.right)
+    left = pencil.transposed().apply(modes.lam.conj(), modes.left)
+    assert np.abs(right).max() < 1e-12 and np.abs(left).max() < 1e-11 * np.abs(modes.left).max()
+    np.testing.assert_allclose(np.einsum("ij,ij->j", modes.right.conj(), pencil.M @ modes.right), 1, rtol=1e-12)
+    weight = pencil.derivative(modes.lam, modes.right) if damping else pencil.M @ modes.right
+    np.testing.assert_allclose(np.einsum("ij,ij->j", modes.left.conj(), weight), 1, rtol=1e-9)
+
+
+def test_all_modes_up_to_a_frequency(solver):
+    pencil = chain(friction=0.9)
+    expected = reference(pencil)
+    limit = 0.8
+    modes = solve_modes(pencil, Request(max_frequency_hz=limit / (2 * np.pi)))
+    assert len(modes) == (expected.imag <= limit).sum() > 30
+    assert distance(expected[expected.imag <= limit], modes.lam) < 1e-10
+
+
+def test_dense_and_sparse_paths_agree_on_a_damped_problem():
+    pencil = chain(friction=0.7, damping=0.3)
+    dense, sparse = solve_dense(pencil), solve_modes(pencil, Request(count=8))
+    assert distance(sparse.lam, dense.lam) < 1e-10
+    assert sparse.method != dense.method
+
+
+def test_uncertainty_covers_the_error_and_is_not_idle():
+    """Perturbing every entry by some roundings moves λ by less than the uncertainty, but by more than its 1e-4."""
+    pencil = chain(friction=0.9)
+    modes = solve_modes(pencil, Request(count=10))
+    rng = np.random.default_rng(5)
+    moved = []
+    for _ in range(5):
+        K = pencil.K.copy()
+        K.data *= 1 + 4 * np.finfo(float).eps * rng.uniform(-1, 1, K.nnz)
+        M = pencil.M.toarray()
+        theta = la.eig(la.solve(M, K.toarray()))[0]
+        lam = 1j * np.sqrt(theta.astype(complex))
+        moved.append([np.abs(lam - x).min() for x in modes.lam])
+    # LAPACK's own error on the full matrix (ε·radius²/2|λ|) is part of what moves.
+    bound = modes.re_uncertainty + 20 * np.finfo(float).eps * 9 / (2 * np.abs(modes.lam))
+    assert (np.max(moved, axis=0) < bound).all()
+    assert modes.re_uncertainty.max() < 1e-10
+
+
+def test_inertia_counts_the_modes_below_a_frequency():
+    if not has_pardiso():
+        pytest.fail("PARDISO is a dependency on this machine and cannot be loaded")
+    pencil = chain()
+    omega = np.sqrt(la.eigvalsh(pencil.K.toarray(), pencil.M.toarray()))
+    for limit in (0.01, 0.3, 1.0, 2.0):
+        assert count_below(pencil, limit) == (omega < limit).sum()
+    modes = solve_modes(pencil, Request(count=15))
+    assert prove_completeness(pencil, modes).proven
+    lost = modes.select(np.delete(np.arange(15), 4))
+    result = prove_completeness(pencil, lost)
+    assert (result.found, result.expected, result.proven) == (14, 15, False)
+
+
+def test_rigid_modes_are_zero_and_marginal():
+    """A free chain has one rigid mode; the next are those of a free rod, ω_j = 2√(k/m) sin(jπ/2n)."""
+    n = N
+    k = np.ones(n - 1)
+    diagonal = np.r_[1.0, 2 * np.ones(n - 2), 1.0]
+    K = sp.diags_array([diagonal, -k, -k], offsets=[0, 1, -1]).tocsr()
+    modes = solve_modes(Pencil(sp.eye_array(n, format="csr"), K, symmetric=True), Request(count=4))
+    assert modes.lam[0] == 0 and modes.stability[0] == "marginal"
+    np.testing.assert_allclose(modes.lam.imag[1:], 2 * np.sin(np.arange(1, 4) * np.pi / (2 * n)), rtol=1e-9)
+
+
+def test_divergence_gives_two_real_eigenvalues():
+    """K = diag(−4, 9), M = I: λ = ±2 and 3i."""
+    pencil = Pencil(sp.eye_array(2, format="csr"), sp.csr_array(np.diag([-4.0, 9.0])), symmetric=True)
+    modes = solve_modes(pencil, Request(count=3))
+    np.testing.assert_allclose(modes.lam, [2, -2, 3j], atol=1e-12)
+    assert modes.stability.tolist() == ["unstable", "stable", "marginal"]
+
+
+def test_factors_solve_both_ways(solver):
+    A = sp.csr_array(chain(friction=0.9).K - 0.7 * chain().M)
+    b = np.random.default_rng(2).standard_normal((N, 3)) * (1 + 2j)
+    factor = factorize(A, symmetric=False)
+    for x, matrix in ((factor.solve(b), A), (factor.solve_transposed(b), A.T)):
+        assert np.abs(matrix @ x - b).max() < 1e-11 * np.abs(x).max()
+    Z = sp.csr_array(A + 0.3j * chain().M)
+    solve, adjoint = factorize_complex(Z)
+    assert np.abs(Z @ solve(b[:, 0]) - b[:, 0]).max() < 1e-10
+    assert np.abs(Z.conj().T @ adjoint(b[:, 0]) - b[:, 0]).max() < 1e-10
+
+
+def test_a_tolerance_that_cannot_be_met_is_reported_with_the_modes():
+    with pytest.raises(NotConvergedError, match="tolerance") as caught:
+        solve_modes(chain(), Request(count=5, tolerance=1e-30))
+    assert len(caught.value.partial) == 5

@@ -1,0 +1,307 @@
+"""What a run writes: every file and column of the interface, and what is kept of a run that does not end."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scene_texts import CRITICAL_MU, environment, growth_of_rigid_block, read_rows, replaced, write_scene
+
+from fe_squeal.cli import main
+from fe_squeal.errors import NotConvergedError
+
+MODES = (
+    "parameter,value,mode,branch,re,im,frequency_hz,damping_ratio,stability,noise,backward_error,re_uncertainty,"
+    "re_discretisation,im_discretisation"
+)
+ONSETS = (
+    "parameter,value,frequency_hz,kind,direction,crossing_speed,branch_a,branch_b,uncertainty,two_mode_value,"
+    "discretisation"
+)
+CONTRIBUTIONS = "parameter,value,mode,branch,term,re_share"
+TABLES_AND_FIGURES = {"modes.csv", "onsets.csv", "contributions.csv", "run.json", "stability.png", "root_locus.png"}
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The results of the block, with shapes of its unstable mode."""
+    folder = tmp_path_factory.mktemp("run")
+    path = write_scene(folder, replaced('shapes = "none"', 'shapes = "unstable"'))
+    assert main(["run", str(path), "-o", str(folder / "out")]) == 0
+    return folder / "out"
+
+
+def header(path: Path) -> str:
+    return path.read_text(encoding="utf-8").split("\n", 1)[0]
+
+
+def test_files(out: Path) -> None:
+    assert {p.name for p in out.iterdir()} == TABLES_AND_FIGURES | {"shapes"}
+    assert header(out / "modes.csv") == MODES
+    assert header(out / "onsets.csv") == ONSETS
+    assert header(out / "contributions.csv") == CONTRIBUTIONS
+    for figure in ("stability.png", "root_locus.png"):
+        content = (out / figure).read_bytes()
+        assert content.startswith(b"\x89PNG\r\n\x1a\n") and len(content) > 10_000
+
+
+def test_modes(out: Path) -> None:
+    rows = read_rows(out / "modes.csv")
+    values = sorted({float(r["value"]) for r in rows})
+    assert values == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8])
+    for value in values:
+        here = [r for r in rows if float(r["value"]) == value]
+        assert [int(r["mode"]) for r in here] == list(range(1, 9))
+        assert np.all(np.diff([float(r["im"]) for r in here]) >= 0)
+        assert len({int(r["branch"]) for r in here}) == 8
+    for r in rows:
+        lam, uncertainty = complex(float(r["re"]), float(r["im"])), float(r["re_uncertainty"])
+        assert r["parameter"] == "mu"
+        assert float(r["frequency_hz"]) == pytest.approx(lam.imag / (2 * np.pi), rel=1e-14)
+        assert float(r["damping_ratio"]) == pytest.approx(-lam.real / abs(lam), rel=1e-14)
+        word = "unstable" if lam.real > uncertainty else "stable" if lam.real < -uncertainty else "marginal"
+        assert r["stability"] == word
+        assert r["noise"] == ("moan" if word == "unstable" else "")  # near 700 Hz
+        assert 0 <= float(r["backward_error"]) <= 1e-8
+        assert (r["re_discretisation"], r["im_discretisation"]) == ("", "")
+
+
+def test_growth_is_that_of_the_minimal_model(out: Path) -> None:
+    """The elastic block beside the rigid one: pitch and elasticity change some 0.1 % of it."""
+    rows = read_rows(out / "modes.csv")
+    unstable = {round(float(r["value"]), 9): float(r["re"]) for r in rows if r["stability"] == "unstable"}
+    assert sorted(unstable) == [0.6, 0.8]
+    for mu, growth in unstable.items():
+        assert growth == pytest.approx(growth_of_rigid_block(mu), rel=5e-3)
+
+
+def test_onsets(out: Path) -> None:
+    (onset,) = read_rows(out / "onsets.csv")
+    assert float(onset["value"]) == pytest.approx(CRITICAL_MU, rel=5e-3)
+    assert float(onset["two_mode_value"]) == pytest.approx(CRITICAL_MU, rel=5e-3)
+    assert (onset["parameter"], onset["kind"], onset["direction"]) == ("mu", "flutter", "into")
+    assert onset["discretisation"] == ""
+    unstable = {r["branch"] for r in read_rows(out / "modes.csv") if r["stability"] != "marginal"}
+    assert {onset["branch_a"], onset["branch_b"]} == unstable
+    # Re λ ≈ sqrt(COUPLING CONTACT (μ − μc)) / (2 m ω) near the onset.
+    assert float(onset["crossing_speed"]) == pytest.approx(growth_of_rigid_block(0.401) / np.sqrt(0.001), rel=0.01)
+    assert 0 < float(onset["uncertainty"]) < 1e-6
+
+
+def shares_add_up(folder: Path) -> list[str]:
+    """Assert that the shares of each unstable mode add up to its `sum` and to Re λ in modes.csv; return the terms.
+
+    Re λ is a small part of |λ| and comes with rounding of 1e-16 |λ| times the condition of the mode: 1e-9 |λ| is safe.
+    """
+    modes = {(r["value"], r["mode"], r["branch"]): r for r in read_rows(folder / "modes.csv")}
+    shares: dict[tuple[str, str, str], dict[str, float]] = {}
+    for r in read_rows(folder / "contributions.csv"):
+        shares.setdefault((r["value"], r["mode"], r["branch"]), {})[r["term"]] = float(r["re_share"])
+    assert set(shares) == {key for key, r in modes.items() if r["stability"] == "unstable"}
+    for key, terms in shares.items():
+        size = abs(complex(float(modes[key]["re"]), float(modes[key]["im"])))
+        total = sum(share for term, share in terms.items() if term != "sum")
+        assert abs(total - terms["sum"]) <= 1e-9 * size
+        assert abs(terms["sum"] - float(modes[key]["re"])) <= 1e-9 * size
+    return sorted({term for terms in shares.values() for term in terms})
+
+
+def test_contributions(out: Path) -> None:
+    assert shares_add_up(out) == ["friction.belt", "sum"]
+
+
+def test_record(out: Path) -> None:
+    record = json.loads((out / "run.json").read_text(encoding="utf-8"))
+    kinds = {
+        "version": str, "title": str, "scene": str, "status": str, "unknowns": int, "problem_class": str,
+        "effects": list, "method": str, "linear_solver": str, "seconds": dict, "peak_memory_mib": float,
+        "completeness": dict, "warnings": list,
+    }  # fmt: skip
+    assert {key: type(record[key]) for key in kinds} == kinds
+    assert record["title"] == "block on a belt"
+    assert record["scene"].endswith("block.toml")
+    assert (record["status"], record["unknowns"], record["problem_class"]) == ("complete", 90, "nonsymmetric")
+    assert record["effects"] == ["friction"]
+    assert record["completeness"] == {"found": 8, "expected": 8, "proven": True}
+    stages = record["seconds"]
+    assert {"assembly", "eigenvalues", "total"} <= set(stages)
+    assert all(isinstance(s, float) and s >= 0 for s in stages.values())
+    assert stages["total"] >= sum(s for stage, s in stages.items() if stage != "total") * 0.999
+    assert record["warnings"] == []
+
+
+def test_shapes(out: Path) -> None:
+    import pyvista
+
+    (file,) = (out / "shapes").glob("*.vtu")
+    shape = pyvista.read(file)
+    assert {"u_re", "u_im", "amplitude"} <= set(shape.point_data)
+    u = shape.point_data["u_re"] + 1j * shape.point_data["u_im"]
+    assert u.shape == (30, 3)
+    # The rigid block's flutter mode: x and z alike in size, almost nothing across.
+    size = np.sqrt((np.abs(u) ** 2).mean(axis=0))
+    assert size[0] == pytest.approx(size[2], rel=0.05)
+    assert size[1] < 0.05 * size[0]
+    assert np.all(shape.point_data["amplitude"] <= np.linalg.norm(np.abs(u), axis=1) * (1 + 1e-12))
+    assert file.with_suffix(".pvd").exists()
+    assert file.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_all_shapes_of_the_last_value(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures are left out: they take most of the time and are tested above."""
+    import fe_squeal.report.export
+
+    monkeypatch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)
+    text = replaced("from = 0.0\nto = 0.8\npoints = 5", "values = [0.0, 0.7]").replace('"none"', '"all"')
+    assert main(["run", str(write_scene(tmp_path, text)), "-o", str(tmp_path / "out")]) == 0
+    rows = [r for r in read_rows(tmp_path / "out" / "modes.csv") if r["value"] == "0.7"]
+    files = sorted(p.name for p in (tmp_path / "out" / "shapes").glob("*.vtu"))
+    assert len(rows) == len(files) == 8
+    branches = sorted(int(re.match(r"branch_(\d+)_mu_0.70_", name)[1]) for name in files)  # type: ignore[index]
+    assert branches == sorted(int(r["branch"]) for r in rows)
+
+
+def test_damped_run(tmp_path: Path) -> None:
+    """A damper makes the problem quadratic and takes a share; no sweep: one value, the nominal one."""
+    text = replaced('name = "across"', 'name = "across"\ndamping = 50.0')
+    text = replaced('name = "normal_1"', 'name = "normal_1"\ndamping = 20.0', text)
+    text = replaced("mu = 0.3", "mu = 0.8", text)
+    text = text[: text.index("[sweep]")] + text[text.index("[solve]") :]
+    assert main(["run", str(write_scene(tmp_path, text)), "-o", str(tmp_path / "out")]) == 0
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["problem_class"] == "quadratic"
+    terms = shares_add_up(tmp_path / "out")
+    assert {"friction.belt", "spring.normal_1", "sum"} <= set(terms)
+    rows = read_rows(tmp_path / "out" / "modes.csv")
+    assert {r["value"] for r in rows} == {"0.8"}
+    assert {"unstable", "stable"} <= {r["stability"] for r in rows}
+    assert read_rows(tmp_path / "out" / "onsets.csv") == []
+
+
+def test_no_mode_in_the_range_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The lowest mode is at 697 Hz: an empty table must not pass for a stable brake."""
+    path = write_scene(tmp_path, replaced("modes = 8", "max_frequency = 100.0"))
+    assert main(["run", str(path), "-o", str(tmp_path / "out")]) == 0
+    sentence = "solve.max_frequency: given 100 Hz; no mode lies below it"
+    assert f"warning: {sentence}" in capsys.readouterr().out
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["warnings"][0].startswith(sentence)
+    assert header(tmp_path / "out" / "modes.csv") == MODES
+
+
+def test_light_run_imports_no_pictures_and_no_mesher(tmp_path: Path) -> None:
+    """On a ready mesh and with shapes = "none", neither gmsh nor pyvista is loaded."""
+    write_scene(tmp_path, replaced("from = 0.0\nto = 0.8\npoints = 5", "values = [0.3]"))
+    program = (
+        "import sys; from fe_squeal.cli import main; code = main(['run', 'block.toml']);"
+        "print(code, [m for m in ('gmsh', 'pyvista', 'vtk', 'vtkmodules') if m in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, env=environment(), cwd=tmp_path, timeout=60
+    )
+    assert done.stdout.splitlines()[-1] == "0 []"
+    assert {p.name for p in (tmp_path / "block_results").iterdir()} == TABLES_AND_FIGURES
+    assert "results in block_results: stability.png, root_locus.png (" in done.stdout
+
+
+def fail_at(call: int, error: Callable[[], BaseException], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make the eigen-solver raise at its nth call."""
+    module = sys.modules["fe_squeal.sweep"]  # the package has a function of the same name
+    solve, calls = module.solve_modes, []
+
+    def failing(*arguments: Any) -> Any:
+        calls.append(1)
+        if len(calls) == call:
+            raise error()
+        return solve(*arguments)
+
+    monkeypatch.setattr(module, "solve_modes", failing)
+
+
+def kept(folder: Path) -> tuple[str, list[float], list[float]]:
+    """Return status and values of run.json, and the values in modes.csv."""
+    record = json.loads((folder / "run.json").read_text())
+    rows = read_rows(folder / "modes.csv") if (folder / "modes.csv").exists() else []
+    return record["status"], record["values"], sorted({float(r["value"]) for r in rows})
+
+
+def test_interrupted_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], out: Path
+) -> None:
+    """At the third value: the first two are written, with the same numbers as in the whole run."""
+    fail_at(3, KeyboardInterrupt, monkeypatch)
+    assert main(["run", str(write_scene(tmp_path)), "-o", str(tmp_path / "out")]) == 130
+    assert capsys.readouterr().err == f"interrupted: 2 of 5 values were finished and are in {tmp_path / 'out'}\n"
+    status, recorded, written = kept(tmp_path / "out")
+    assert status == "interrupted"
+    assert recorded == written == [0.0, 0.2]
+    whole = read_rows(out / "modes.csv")
+    part = read_rows(tmp_path / "out" / "modes.csv")
+    assert [float(r["im"]) for r in part] == pytest.approx([float(r["im"]) for r in whole[: len(part)]], rel=1e-12)
+    assert {p.name for p in (tmp_path / "out").iterdir()} == TABLES_AND_FIGURES
+
+
+def test_interrupted_before_anything_is_finished(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fail_at(1, KeyboardInterrupt, monkeypatch)
+    assert main(["run", str(write_scene(tmp_path)), "-o", str(tmp_path / "out")]) == 130
+    assert capsys.readouterr().err == f"interrupted: 0 of 5 values were finished and are in {tmp_path / 'out'}\n"
+    assert kept(tmp_path / "out") == ("interrupted", [], [])
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"run.json"}
+
+
+@pytest.mark.parametrize(("call", "done"), [(3, [0.0, 0.2]), (1, [])])
+def test_not_converged_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], call: int, done: list[float]
+) -> None:
+    fail_at(call, lambda: NotConvergedError("backward error 0.1 of a mode exceeds the tolerance 1e-08"), monkeypatch)
+    assert main(["run", str(write_scene(tmp_path)), "-o", str(tmp_path / "out")]) == 3
+    assert capsys.readouterr().err == (
+        f"not converged: mu = {0.2 * (call - 1):g}: backward error 0.1 of a mode exceeds the tolerance 1e-08;"
+        f" {len(done)} values before it are in {tmp_path / 'out'}\n"
+    )
+    assert kept(tmp_path / "out") == ("not converged", done, done)
+
+
+def test_tolerance_out_of_reach(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Rounding alone leaves more than 1e-20: no mode may be returned as if it had converged."""
+    path = write_scene(tmp_path, replaced("modes = 8", "modes = 8\ntolerance = 1e-20"))
+    assert main(["run", str(path), "-o", str(tmp_path / "out")]) == 3
+    assert "exceeds the tolerance 1e-20" in capsys.readouterr().err
+    assert kept(tmp_path / "out") == ("not converged", [], [])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for a child alone")
+def test_ctrl_c(tmp_path: Path) -> None:
+    """A real Ctrl-C in a sweep of many values: exit code 130, and the finished values are kept."""
+    write_scene(tmp_path, replaced("points = 5", "points = 400"))
+    program = (  # where the tests run in the background, the shell has SIGINT ignored
+        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler);"
+        "from fe_squeal.cli import main; sys.exit(main(['run', 'block.toml', '-o', 'out']))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", program],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment(), cwd=tmp_path,
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        for line in process.stdout:
+            if "100 of 400 values solved" in line:
+                break
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    status, recorded, written = kept(tmp_path / "out")
+    assert status == "interrupted"
+    assert 100 <= len(recorded) < 400
+    assert recorded == written
+    assert errors == f"interrupted: {len(recorded)} of 400 values were finished and are in out\n"
