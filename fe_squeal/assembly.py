@@ -34,12 +34,19 @@ def read_mesh(scene: Scene) -> LoadedMesh:
     if path is not None:
         if not path.exists() and scene.mesh.geometry is not None:
             source = scene.source or "SCENE.toml"
-            raise MeshError(f"{path}: no such file; make it with: fe-squeal mesh {source} -o {path}")
-        return load_mesh(path, scene.mesh.length_unit)
+            raise MeshError(f"mesh.file: {path}: no such file; make it with: fe-squeal mesh {source} -o {path}")
+        try:
+            return load_mesh(path, scene.mesh.length_unit)
+        except MeshError as error:
+            raise MeshError(f"mesh.file: {error}") from error
     assert scene.mesh.geometry is not None
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "geometry.msh"
-        write_mesh(scene.mesh.geometry, path)
+        try:
+            write_mesh(scene.mesh.geometry, path)
+        except MeshError as error:
+            kind = "disc_pad" if scene.mesh.disc_pad is not None else "block"
+            raise MeshError(f"mesh.{kind}: {error}") from error
         return load_mesh(path, scene.mesh.length_unit)
 
 
@@ -92,9 +99,8 @@ def _assemble(scene: Scene, loaded: LoadedMesh) -> Problem:
     for i, (name, contact) in enumerate(zip(scene.contact_names, scene.contacts, strict=True)):
         key = f"contacts[{i}]"
         pad = _facets(loaded, contact.surface, f"{key}.surface")
-        counter = None if contact.is_rigid else _facets(loaded, contact.counterface, f"{key}.counterface")
-        if counter is not None:
-            _check_sides(space, bodies, pad, counter, key, contact.surface, contact.counterface)
+        counter = None if contact.is_rigid else _facets(loaded, contact.counterface, f"{key}.counterface", "rigid")
+        _check_sides(space, bodies, pad, counter, key, contact.surface, contact.counterface)
         motion = contact.sliding.motion() if contact.sliding is not None else None
         operators = contact_operators(space, pad, counter, motion, contact.gap_tolerance, key)
         contacts[name] = operators
@@ -146,25 +152,31 @@ def find_bodies(scene: Scene, loaded: LoadedMesh) -> dict[str, np.ndarray]:
     return bodies
 
 
-def _facets(loaded: LoadedMesh, group: str, key: str) -> np.ndarray:
+def _facets(loaded: LoadedMesh, group: str, key: str, *others: str) -> np.ndarray:
+    """Return the facets of a group; `others` are words that would be valid as well."""
     try:
         return surface_group(loaded, group)
     except MeshError as error:
+        close = suggest(group, others)
+        if "did you mean" in close:
+            raise MeshError(f'{key}: no surface group "{group}" in {loaded.source}{close}') from error
         raise MeshError(f"{key}: {error}") from error
 
 
 def _check_sides(
-    space: DisplacementSpace, bodies: dict[str, np.ndarray], pad: np.ndarray, counter: np.ndarray, key: str,
+    space: DisplacementSpace, bodies: dict[str, np.ndarray], pad: np.ndarray, counter: np.ndarray | None, key: str,
     surface: str, counterface: str,
 ) -> None:  # fmt: skip
     """Refuse contact of a body with itself, and on facets inside a body."""
     mesh = space.mesh
     for group, facets, name in ((surface, pad, "surface"), (counterface, counter, "counterface")):
-        if (mesh.f2t[1, facets] >= 0).any():
+        if facets is not None and (mesh.f2t[1, facets] >= 0).any():
             raise SceneError(
                 f'{key}.{name}: "{group}" lies inside the mesh: the bodies share its nodes and are glued'
                 " there; expected a free surface, with separate nodes on either side"
             )
+    if counter is None:
+        return
     sides = [{n for n, e in bodies.items() if np.isin(mesh.f2t[0, f], e).any()} for f in (pad, counter)]
     both = sides[0] & sides[1]
     if both:

@@ -43,7 +43,7 @@ class Sliding:
         v = self.velocities(points)
         tangential = v - np.sum(v * normals, axis=1, keepdims=True) * normals
         size = np.linalg.norm(tangential, axis=1, keepdims=True)
-        slides = size > 1e-9 * np.abs(size).max(initial=0.0)
+        slides = size > 1e-9 * np.linalg.norm(v, axis=1).max(initial=0.0)
         return np.divide(tangential, size, out=np.zeros_like(tangential), where=slides)
 
 
@@ -121,15 +121,24 @@ def contact_operators(
         keep = np.abs(separation) <= tolerance
         if not keep.any():
             nearest = np.abs(separation[np.isfinite(separation)])
-            gap = f"{nearest.min():.3g} m" if len(nearest) else "no point of one lies opposite the other"
+            if len(nearest):
+                gap = f"the gap along the normal is {nearest.min():.3g} m"
+            else:
+                apart = cKDTree(space.surface(counter_facets).points).query(pad.points)[0].min()
+                gap = f"their points are {apart:.3g} m apart, and none lies opposite the other within reach"
             raise SceneError(
-                f"{name}: the surface and its counterface do not touch: nearest gap along the normal: {gap}; expected"
-                f" at most gap_tolerance = {tolerance:.3g} m; check the groups, or set gap_tolerance"
+                f"{name}: the surface and its counterface do not touch: {gap}; expected at most gap_tolerance ="
+                f" {tolerance:.3g} m; check the groups, or set gap_tolerance"
             )
         counter = _interpolate(space, hit.elements[keep], hit.reference[:, keep])
         values = values[keep] - counter
     points, n = pad.points[keep], n[keep]
     t = _tangents(n) if sliding is None else sliding.directions(points, n)
+    if sliding is not None and not t.any():
+        raise SceneError(
+            f"{name}.sliding: the counterface moves straight along the normal {np.round(n[0], 6).tolist()} of the"
+            " contact surface; expected a motion along the surface"
+        )
     return ContactOperators(
         gap=space.along(values, n),
         slip=space.along(values, t),

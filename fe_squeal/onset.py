@@ -111,7 +111,9 @@ def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes,
     if abs(cross) <= 1e-12 * np.abs(F).max() ** 2:
         return np.nan  # the two do not feel each other: they may cross, but not couple
     roots = np.roots([d_F**2 + cross, 2 * d_theta * d_F, d_theta**2])
-    real = roots.real[(np.abs(roots.imag) <= 1e-12 * np.abs(roots)) & (roots.real > 0)]
+    # A change that would shift eigenvalues by more than their own size is outside what two modes can tell.
+    sensible = (roots.real > 0) & (roots.real * np.abs(F).max() <= theta.max())
+    real = roots.real[(np.abs(roots.imag) <= 1e-12 * np.abs(roots)) & sensible]
     return float(start + real.min()) if len(real) else np.nan
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import tempfile
 import time
@@ -14,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from . import __version__
 from .assembly import assemble
-from .errors import NotConvergedError, OutputError
+from .errors import InputError, NotConvergedError, OutputError
 from .problem import Problem
 from .report import print_onsets, print_unstable
 from .results import export_shapes, peak_memory_mib, write_figures, write_record, write_tables
@@ -38,8 +39,15 @@ def run_scene(scene: Scene, out: Path, console: Console) -> int:
         After a failure of the solver, what did converge is in the folder, and run.json says so.
     """
     start = time.perf_counter()
+    existed = out.exists()
     prepare_folder(out)
-    problem = assemble(scene)
+    try:
+        problem = assemble(scene)
+    except InputError:
+        if not existed:
+            out.rmdir()
+        raise
+    remove_results(out)
     assert problem.model is not None
     seconds = {"assembly": time.perf_counter() - start}
     for text in problem.model.notes:
@@ -134,6 +142,16 @@ def prepare_folder(out: Path) -> None:
             f"{out}: cannot write results here: {error.strerror or error}; expected a folder that can be written,"
             " given by -o"
         ) from error
+
+
+def remove_results(out: Path) -> None:
+    """Remove what an earlier run wrote into the folder, so that results of two runs are never mixed."""
+    names = ["modes.csv", "onsets.csv", "contributions.csv", "run.json", "stability.png", "root_locus.png"]
+    shapes = [p for kind in ("vtu", "pvd", "png") for p in (out / "shapes").glob(f"*_*Hz.{kind}")]
+    for path in [out / name for name in names] + shapes:
+        path.unlink(missing_ok=True)
+    for frames in (out / "shapes").glob("*_*Hz_frames"):
+        shutil.rmtree(frames)
 
 
 def _values(scene: Scene, problem: Problem) -> list[float]:

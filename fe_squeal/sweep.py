@@ -11,12 +11,15 @@ import pandas as pd
 
 from .eigen.pencil import Modes, is_mirror
 from .eigen.solve import Completeness, Request, prove_completeness, solve_modes
+from .eigen.threads import one_openblas_thread
 from .energy import growth_shares
 from .errors import NotConvergedError
 from .noise import classify_noise
 from .onset import Onset, find_step_onsets, two_mode_value
 from .problem import Problem
 from .tracking import match_modes
+
+_REFINEMENTS = 4  # how often a step is halved while the continuation of a mode is in doubt
 
 MODE_COLUMNS = (
     "parameter", "value", "mode", "branch", "re", "im", "frequency_hz", "damping_ratio", "stability", "noise",
@@ -150,7 +153,8 @@ def sweep(
     tracker = _Tracker(problem, parameter, request)
     for i, value in enumerate(values):
         try:
-            tracker.advance(float(value), keep_all=keep_shapes and i == len(values) - 1)
+            with one_openblas_thread():
+                tracker.advance(float(value), keep_all=keep_shapes and i == len(values) - 1)
             progress(i + 1, len(values))
         except NotConvergedError as error:
             done = tracker.result() if tracker.points else None
@@ -176,34 +180,62 @@ class _Tracker:
         self._branches = np.zeros(0, int)
         self._first_branches = np.zeros(0, int)
         self._next_branch = 1
+        self._start = self._value = np.nan
+        self._M = problem.pencil().M
 
     def advance(self, value: float, keep_all: bool) -> None:
         """Solve at the next value."""
-        pencil = self.problem.pencil(**{self.parameter: value})
-        clock = time.perf_counter()
-        band = None if self._previous is None else float(self._previous.lam.imag.max(initial=0.0)) or None
-        modes = solve_modes(pencil, self._guarded, band)
-        clock = self._spend("eigenvalues", clock)
+        modes = self._solve(value)
         if self._previous is None:
-            self.completeness = prove_completeness(pencil, modes).without(len(modes) - _wanted(modes, self.request))
-            self._first = modes
-            clock = self._spend("completeness", clock)
-            if self.completeness.proven is False and self.completeness.expected is not None:
-                c = self.completeness
-                raise NotConvergedError(f"{c.found} modes found where the inertia counts {c.expected}", modes)
-        branches = self._name_branches(modes, pencil.M)
-        if self._previous is None:
-            self._first_branches = branches
-        clock = self._spend("tracking", clock)
-        if self._previous is not None:
-            self._find_onsets(value, modes, branches)
-            self._spend("onsets", clock)
+            self._begin(value, modes)
+        else:
+            self._follow(value, modes, _REFINEMENTS)
         wanted = _wanted(modes, self.request)
         kept = range(wanted) if keep_all else np.flatnonzero(modes.stability[:wanted] == "unstable")
         shapes = {int(i): modes.right[:, i].copy() for i in kept}
         reported = modes.select(np.arange(wanted)).without_shapes()
-        self.points.append(SweepPoint(value, reported, branches[:wanted], shapes))
-        self._previous, self._branches = modes, branches
+        self.points.append(SweepPoint(value, reported, self._branches[:wanted], shapes))
+
+    def _solve(self, value: float) -> Modes:
+        clock = time.perf_counter()
+        band = None if self._previous is None else float(self._previous.lam.imag.max(initial=0.0)) or None
+        modes = solve_modes(self.problem.pencil(**{self.parameter: value}), self._guarded, band)
+        self._spend("eigenvalues", clock)
+        return modes
+
+    def _begin(self, value: float, modes: Modes) -> None:
+        clock = time.perf_counter()
+        pencil = self.problem.pencil(**{self.parameter: value})
+        c = prove_completeness(pencil, modes).without(len(modes) - _wanted(modes, self.request))
+        if c.expected is not None and not c.proven:
+            raise NotConvergedError(f"{c.found} modes found where the inertia counts {c.expected}", modes)
+        self.completeness, self._start, self._first = c, value, modes
+        self._branches = self._first_branches = np.arange(1, len(modes) + 1)
+        self._next_branch = len(modes) + 1
+        self._value, self._previous = value, modes
+        self._spend("completeness", clock)
+
+    def _follow(self, value: float, modes: Modes, refinements: int) -> None:
+        """Name the branches at the next value and find the onsets on the way; halve the step while in doubt."""
+        assert self._previous is not None
+        clock = time.perf_counter()
+        match = match_modes(self._previous, modes, self._M)
+        clock = self._spend("tracking", clock)
+        if match.doubtful[: _wanted(modes, self.request)].any() and refinements:
+            middle = (self._value + value) / 2
+            self._follow(middle, self._solve(middle), refinements - 1)
+            self._follow(value, modes, refinements - 1)
+            return
+        branches = np.zeros(len(modes), int)
+        for i, source in enumerate(match.origin):
+            if source >= 0:
+                branches[i] = self._branches[source]
+            else:
+                branches[i] = self._next_branch
+                self._next_branch += 1
+        self._find_onsets(value, modes, branches)
+        self._value, self._previous, self._branches = value, modes, branches
+        self._spend("onsets", clock)
 
     def result(self) -> Sweep:
         """Return what was solved so far."""
@@ -212,22 +244,9 @@ class _Tracker:
             self.completeness, dict(self.seconds), tuple(self.doubts),
         )  # fmt: skip
 
-    def _name_branches(self, modes: Modes, M: object) -> np.ndarray:
-        origin = np.full(len(modes), -1)
-        if self._previous is not None:
-            origin = match_modes(self._previous, modes, M)
-        branches = np.zeros(len(modes), int)
-        for i, source in enumerate(origin):
-            if source >= 0:
-                branches[i] = self._branches[source]
-            else:
-                branches[i] = self._next_branch
-                self._next_branch += 1
-        return branches
-
     def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray) -> None:
         assert self._previous is not None and self._first is not None
-        ends = (self.points[-1].value, value)
+        ends = (self._value, value)
         try:
             found, unknown = find_step_onsets(
                 self.problem, self.parameter, ends, (self._previous, modes), (self._branches, branches)
@@ -236,14 +255,15 @@ class _Tracker:
             where = f"{self.parameter} = {ends[0]:g} and {ends[1]:g}"
             self.doubts.append(f"an onset between {where} was not refined: {error}")
             return
-        reported = {*self.points[-1].branches, *branches[: _wanted(modes, self.request)]}
+        before = self._branches[: _wanted(self._previous, self.request)]
+        reported = {*before, *branches[: _wanted(modes, self.request)]}
         self.doubts += [
             f"branch {b} is unstable at {self.parameter} = {at:g} and was not known at {other:g}: its onset is not"
             " found; ask for more modes or a finer sweep"
             for b, at, other in unknown
             if b in reported
         ]
-        start, first_branches = self.points[0].value, self._first_branches
+        start, first_branches = self._start, self._first_branches
         for onset in found:
             if not reported & {onset.branch_a, onset.branch_b}:
                 continue

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sp
 from scipy.optimize import linear_sum_assignment
 
-from .eigen.pencil import Modes, is_mirror
+from .eigen.pencil import Modes
 
 _FREQUENCY_SCALE = 0.02  # relative change of an eigenvalue that weighs as much as a wholly different shape
 _NO_MATCH = 1.5  # cost from which a mode counts as new
+_DOUBT = 0.7  # cost from which a continuation is looked at in smaller steps
+_EQUAL = 1e-3  # relative distance below which shapes may have mixed
 
 
 def modal_assurance(a: np.ndarray, b: np.ndarray, M: sp.csr_array) -> np.ndarray:
@@ -29,30 +33,52 @@ def modal_assurance(a: np.ndarray, b: np.ndarray, M: sp.csr_array) -> np.ndarray
     return np.divide(cross, size, out=np.zeros_like(cross), where=size > 0) ** 2
 
 
-def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> np.ndarray:
-    """Return for each current mode the previous mode that it continues, or −1 for a new one.
+@dataclass(frozen=True)
+class Match:
+    """How the modes of one value continue those of the value before.
+
+    Attributes
+    ----------
+    origin : (k,) int
+        For each current mode the position of the previous one that it continues, or −1 for a new one.
+    doubtful : (k,) bool
+        Whether another step in between would help: the shape or the frequency has changed much for a continuation.
+    """
+
+    origin: np.ndarray
+    doubtful: np.ndarray
+
+
+def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> Match:
+    """Find for each mode the one that it continues.
 
     The assignment minimises the sum of 1 − MAC and the relative change of λ. In a coupled pair λ, −λ* both shapes
-    resemble
-    both predecessors alike; there the growing mode continues the growing one, and where two uncoupled modes have
-    merged, the lower of them.
-
-    Returns
-    -------
-    (k,) int
+    resemble both predecessors alike; there the growing mode continues the growing one, and where two uncoupled modes
+    have merged, the lower of them. The shape of a mode that couples or comes apart may change as it will, and within a
+    multiple eigenvalue it means nothing; such modes are not doubtful.
     """
+    origin = np.full(len(current), -1)
     if not len(previous) or not len(current):
-        return np.full(len(current), -1)
+        return Match(origin, np.zeros(len(current), bool))
     distance = np.abs(previous.lam[:, None] - current.lam[None, :])
     size = _FREQUENCY_SCALE * np.maximum(np.abs(previous.lam)[:, None], np.abs(current.lam)[None, :])
     moved = np.divide(distance, size, out=np.zeros_like(distance), where=size > 0)
-    cost = 1 - modal_assurance(previous.right, current.right, M) + moved
+    assurance = modal_assurance(previous.right, current.right, M)
+    cost = 1 - assurance + moved
     rows, columns = linear_sum_assignment(cost)
-    origin = np.full(len(current), -1)
+    taken = np.full(len(current), np.inf)
+    taken[columns] = cost[rows, columns]
     accepted = cost[rows, columns] < _NO_MATCH
     origin[columns[accepted]] = rows[accepted]
-    _order_pairs(origin, previous.lam, current.lam)
-    return origin
+    before, now = mirror_partners(previous), mirror_partners(current)
+    _order_pairs(origin, previous.lam, current.lam, before, now)
+    coupling = (now >= 0) | ((origin >= 0) & (before[origin] >= 0))
+    # Shapes of equal frequency mix at will: what counts is how much of a mode the whole group has kept.
+    near = np.abs(previous.lam[:, None] - previous.lam[None, :]) <= _EQUAL * np.abs(previous.lam)[:, None]
+    group = near.astype(float) @ assurance
+    kept = np.where(origin >= 0, group[origin, np.arange(len(current))], 0.0)
+    doubtful = (origin < 0) | (~coupling & ((1 - kept) + moved[origin, np.arange(len(current))] > _DOUBT))
+    return Match(origin, doubtful)
 
 
 def mirror_partners(modes: Modes) -> np.ndarray:
@@ -70,21 +96,33 @@ def mirror_partners(modes: Modes) -> np.ndarray:
     return found
 
 
-def _order_pairs(origin: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
-    """Swap the origins of neighbouring modes where a pair couples, stays coupled or comes apart (see match_modes)."""
-    for i in range(len(after) - 1):
-        p, q = origin[i], origin[i + 1]
+def _order_pairs(
+    origin: np.ndarray, lam_before: np.ndarray, lam_now: np.ndarray, before: np.ndarray, now: np.ndarray
+) -> None:
+    """Join equal ranks where a pair couples, stays coupled or comes apart (see match_modes).
+
+    Modes rank by growth where they are coupled, else by falling frequency.
+
+    Parameters
+    ----------
+    before, now : (k,) int
+        Mirror partners, or −1.
+    """
+    coupled = [(i, j) for i, j in enumerate(now) if i < j]
+    parted = [
+        (i, j)
+        for i in range(len(origin))
+        for j in range(i + 1, len(origin))
+        if now[i] < 0 and now[j] < 0 and origin[i] >= 0 and before[origin[i]] == origin[j] >= 0
+    ]
+    for i, j in coupled + parted:
+        p, q = origin[i], origin[j]
         if p < 0 or q < 0:
             continue
-        coupled_now = is_mirror(after[i], after[i + 1])
-        coupled_before = is_mirror(before[p], before[q])
-        if not (coupled_now or coupled_before):
-            continue
-        # Rank both sides by growth where they are coupled, else by falling frequency, and join equal ranks.
-        now = after[[i, i + 1]].real if coupled_now else -after[[i, i + 1]].imag
-        then = before[[p, q]].real if coupled_before else -before[[p, q]].imag
-        if (now[0] - now[1]) * (then[0] - then[1]) < 0:
-            origin[i], origin[i + 1] = q, p
+        rank_now = lam_now[[i, j]].real if now[i] == j else -lam_now[[i, j]].imag
+        rank_before = lam_before[[p, q]].real if before[p] == q else -lam_before[[p, q]].imag
+        if (rank_now[0] - rank_now[1]) * (rank_before[0] - rank_before[1]) < 0:
+            origin[i], origin[j] = q, p
 
 
 def _energy(u: np.ndarray, Mu: np.ndarray) -> np.ndarray:

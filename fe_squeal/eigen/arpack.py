@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator, eigs, eigsh
-from threadpoolctl import ThreadpoolController
 
 from ..errors import NotConvergedError
 from .linear_solvers import Factor, solver_name
 from .pencil import Modes, Pencil
 from .quality import modes_from_lambda, modes_from_theta
+from .threads import one_openblas_thread
 
 _SEED = 20240607
 # Relative accuracy asked of 1/(θ−σ): the residuals of the modes then lie at rounding level, and a little looser saves
@@ -133,10 +132,8 @@ def _arnoldi(
 
 
 def _run(call: Callable[[], tuple[np.ndarray, np.ndarray]], count: int) -> tuple[np.ndarray, np.ndarray]:
-    # OpenBLAS's threads and those of MKL under PARDISO wait for each other in turn; the small products of ARPACK are
-    # several times faster on one.
     try:
-        with _openblas().limit(limits=1):
+        with one_openblas_thread():
             return call()
     except ArpackNoConvergence as error:
         raise NotConvergedError(
@@ -144,11 +141,6 @@ def _run(call: Callable[[], tuple[np.ndarray, np.ndarray]], count: int) -> tuple
         ) from error
     except ArpackError as error:
         raise NotConvergedError(f"ARPACK: {error}") from error
-
-
-@functools.cache
-def _openblas() -> ThreadpoolController:
-    return ThreadpoolController().select(internal_api="openblas")
 
 
 def _basis_size(count: int, n: int) -> int:

@@ -54,8 +54,8 @@ class Pencil:
     def magnitude(self, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return (|λ|²|M| + |λ||C| + |K|)|u|, the size of what cancels in `apply`.
 
-        |A| stands for max(|A_ij|, √(A_ii A_jj)): a small entry between large diagonal ones is what a cancellation left in
-        the assembly, and is known no better than these.
+        |A| stands for max(|A_ij|, √(A_ii A_jj)): a small entry between large diagonal ones is what a cancellation left
+        in the assembly, and is known no better than these.
         """
         a, size = np.abs(u), np.abs(lam)
         M, K, *C = self._absolute

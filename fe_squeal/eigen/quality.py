@@ -94,9 +94,9 @@ def _near_coalescence(first_order: np.ndarray, values: np.ndarray) -> np.ndarray
 def _biorthogonal(left: np.ndarray, gram: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return left modes ψ with ψᴴ(weight)φ = 1 for their own φ and 0 within a multiple eigenvalue.
 
-    Each pair is scaled by itself, so that a small ψᴴφ shows as the large condition number it is; only within a cluster of
-    equal eigenvalues is the basis of the left space free, and changed. At a defective eigenvalue no such basis exists:
-    the pseudo-inverse keeps it finite, and the condition number says so.
+    Each pair is scaled by itself, so that a small ψᴴφ shows as the large condition number it is; only within a cluster
+    of equal eigenvalues is the basis of the left space free, and changed. At a defective eigenvalue no such basis
+    exists: the pseudo-inverse keeps it finite, and the condition number says so.
 
     Parameters
     ----------

@@ -61,8 +61,9 @@ def test_friction_acts_here():
 
 def test_negative_mu_is_reversed_sliding():
     """t changes its sign with the velocity, and only μt enters: the same matrix, so 1e-9 is the solver's."""
-    same_spectrum(modes_of(brake(), 16, mu=-MU).lam, modes_of(brake(speed=-2.0), 16).lam)
-    assert np.abs(modes_of(brake(), 16, mu=-MU).lam[:16] / modes_of(brake(), 16).lam[:16] - 1).max() > 1e-6
+    backwards = modes_of(brake(), 16, mu=-MU).lam
+    same_spectrum(backwards, modes_of(brake(speed=-2.0), 16).lam)
+    assert np.abs(backwards[:16] - modes_of(brake(), 16).lam[:16]).max() > 100.0  # rad/s: it is not even in μ
 
 
 def test_turned_in_space():

@@ -76,7 +76,7 @@ def test_off_axis_modulus(degrees):
     """
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     problem = ply_problem("hex1", [[c, s, 0], [-s, c, 0]], [])
-    f = traction(problem, "right", [1, 0, 0]) - traction(problem, "left", [1, 0, 0])
+    f = traction(problem, "right", [1.0, 0.0, 0.0]) - traction(problem, "left", [1.0, 0.0, 0.0])
     u = np.linalg.lstsq(problem.pencil().K.toarray(), f, rcond=1e-12)[0]
     # The work of the tractions is that of the uniform stress: f·u = V σ ε_x with σ = 1.
     modulus = SIZE.prod() / (f @ u)

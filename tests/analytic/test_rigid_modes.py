@@ -30,7 +30,6 @@ def lame_hz(side):
     return c_s / (np.sqrt(2) * side)
 
 
-@pytest.mark.xfail(reason="the uncertainty of semisimple zeros is taken too small (quality._near_coalescence)")
 @pytest.mark.parametrize("units", UNITS)
 @pytest.mark.parametrize("n", [2, 4])  # 375 unknowns go to LAPACK, 2187 to ARPACK
 @pytest.mark.parametrize("kind", KINDS)
@@ -47,7 +46,6 @@ def test_free_body(kind, n, units):
     assert f[2] < 0.4 / n**2
 
 
-@pytest.mark.xfail(reason="the uncertainty of semisimple zeros is taken too small (quality._near_coalescence)")
 @pytest.mark.parametrize("kind", KINDS)
 def test_two_free_bodies(kind):
     """Twelve rigid modes of two bodies that touch without a contact; their elastic modes are those of each alone."""
@@ -81,6 +79,22 @@ def test_rigid_shapes_span_the_rigid_motions():
 
 @pytest.mark.xfail(reason="linear displacements on quadratic geometry do not hold x itself, so rotations are not rigid")
 def test_order_one_on_curved_cells_keeps_rigid_motions():
-    """`order = 1` with a file of quadratic cells must give six rigid modes too; now the ring turns at 473 Hz and more."""
+    """`order = 1` with a file of quadratic cells must give six rigid modes too; now a turn has 473 Hz."""
     modes = modes_of(make_problem(annulus("hex2", (2, 12, 1), 0.1, 0.2, 0.02), order=1), 8)
     assert np.abs(modes.lam[:6]).max() < 1e-4 * modes.lam[7].imag
+
+
+@pytest.mark.xfail(reason="quality._near_coalescence shrinks the uncertainty of semisimple multiple eigenvalues")
+def test_free_ring():
+    """An undamped symmetric problem has nothing unstable: six zeros, however small the gaps between them come out."""
+    modes = modes_of(make_problem(annulus("hex1", (2, 12, 1), 0.1, 0.2, 0.02), order=1), 10)
+    assert (modes.lam[:6] == 0).all()
+    assert set(modes.stability) == {"marginal"}
+
+
+@pytest.mark.xfail(reason="quality._near_coalescence shrinks the uncertainty of semisimple multiple eigenvalues")
+def test_doublets_are_as_uncertain_as_single_modes():
+    """A doublet of a symmetric pencil moves by the perturbation itself, so it is no surer than its neighbours."""
+    ring = annulus("hex2", (2, 16, 1), 0.1, 0.2, 0.02)
+    modes = modes_of(make_problem(ring, supports=[{"surface": "hub", "fixed": "xyz"}]), 6)
+    assert modes.re_uncertainty[1] > 0.1 * modes.re_uncertainty[0]  # n = 0 and n = 1 at 1604 and 1624 Hz

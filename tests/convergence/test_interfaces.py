@@ -60,7 +60,7 @@ def press(pad_cells, belt_cells):
     problem = make_problem(join(pad, belt), supports=supports, contacts=[contact])
     space, pressure = problem.model.space, 1e6
     top = space.surface(space.mesh.boundaries["top_pad"])
-    f = space.along(top.values, [0, 0, -1.0]).T @ top.weights * pressure
+    f = space.along(top.values, [0.0, 0.0, -1.0]).T @ top.weights * pressure
     u = space.expand(spla.spsolve(problem.pencil().K.tocsc(), f))
     E, nu = STEEL["youngs_modulus"], STEEL["poisson_ratio"]
     x, closing = space.coordinates, pressure / STIFFNESS
