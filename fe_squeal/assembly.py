@@ -18,7 +18,7 @@ from .materials import material_axes
 from .mesh import LoadedMesh, load_mesh, surface_group, volume_group
 from .problem import Model, Problem
 from .scene import Scene
-from .spaces import DisplacementSpace, make_space
+from .spaces import DisplacementSpace, make_space, straightened
 from .terms import Term
 
 
@@ -83,7 +83,10 @@ def _assemble(scene: Scene, loaded: LoadedMesh) -> Problem:
     supports = [
         (_facets(loaded, s.surface, f"supports[{i}].surface"), s.fixed) for i, s in enumerate(scene.supports)
     ]
-    space = make_space(loaded.mesh, scene.mesh.order, supports)
+    mesh, notes = loaded.mesh, loaded.notes
+    if scene.mesh.order == 1 and (straight := straightened(mesh)) is not mesh:
+        mesh, notes = straight, (*notes, "order = 1: curved edges are made straight, or rotations would not be free")
+    space = make_space(mesh, scene.mesh.order, supports)
     terms: list[Term] = []
     for name, elements in bodies.items():
         body = scene.bodies[name]
@@ -112,7 +115,7 @@ def _assemble(scene: Scene, loaded: LoadedMesh) -> Problem:
     if wanted is not None and wanted > space.unknowns:
         raise SceneError(f"solve.modes: given {wanted}; expected at most {space.unknowns}, the number of unknowns")
     parameters = {"mu": scene.effects.friction.mu} if scene.effects.friction is not None else {}
-    model = Model(space, bodies, contacts, loaded.notes, loaded.warnings + tuple(_doubts(contacts)))
+    model = Model(space, bodies, contacts, notes, loaded.warnings + tuple(_doubts(contacts)))
     return Problem(tuple(terms), parameters, model)
 
 

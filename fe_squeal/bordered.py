@@ -176,5 +176,6 @@ class _Bordered:
         self.g_p = -float(self.w @ dAx) / size
         self.g_theta_theta = 2 * float(self.w @ (M @ x_theta)) / size
         self.g_theta_p = float(w_p @ Mx + self.w @ (M @ x_p)) / size
-        magnitude = np.abs(self.w) @ (abs(pencil.K) @ np.abs(self.x) + abs(theta) * (M @ np.abs(self.x)))
+        lam = np.array([1j * np.sqrt(abs(theta))])
+        magnitude = float(np.abs(self.w) @ pencil.magnitude(lam, self.x[:, None])[:, 0])
         self.p_rounding = ROUNDING * magnitude / size / abs(self.g_p) if self.g_p else np.inf

@@ -89,7 +89,7 @@ def find_step_onsets(
                 found = step.crossing(ends, mode)
             else:
                 found = step.flutter(ends, mode) if mode.lam[0].imag else step.divergence(ends, mode)
-            pair = sorted({branch, partner} - {None}) if partner is not None else [branch]
+            pair = sorted({branch, partner}) if partner is not None and found.kind == "flutter" else [branch]
             onsets.append(replace(found, direction=direction, branch_a=pair[0], branch_b=pair[1] if pair[1:] else None))
     return onsets, unknown
 
@@ -102,9 +102,9 @@ def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes,
     """
     dK = problem.derivative(parameter, "K", **{parameter: start})
     left, right = modes.left, modes.right
-    if dK is None or left is None or np.iscomplexobj(right):
+    if dK is None or left is None or right[:, [a, b]].imag.any():
         return np.nan
-    F = left[:, [a, b]].T @ (dK @ right[:, [a, b]])
+    F = left[:, [a, b]].real.T @ (dK @ right[:, [a, b]].real)
     theta = modes.lam[[a, b]].imag ** 2
     d_theta, d_F = theta[0] - theta[1], F[0, 0] - F[1, 1]
     cross = 4 * F[0, 1] * F[1, 0]

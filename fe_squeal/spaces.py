@@ -9,7 +9,8 @@ import numpy as np
 import scipy.sparse as sp
 import skfem
 from skfem.assembly import Dofs
-from skfem.refdom import RefTet
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefTet, RefTri
 
 from .errors import SceneError
 
@@ -116,11 +117,17 @@ class DisplacementSpace:
         """Return the nodes on facets."""
         return np.asarray(self.dofs.get_facet_dofs(facets).flatten())
 
-    def surface(self, facets: np.ndarray) -> Surface:
-        """Return quadrature and interpolation on boundary facets."""
-        basis = skfem.FacetBasis(
-            self.mesh, self.element, facets=facets, intorder=self.integration_order, dofs=self.dofs
-        )
+    def surface(self, facets: np.ndarray, parts: int = 1) -> Surface:
+        """Return quadrature and interpolation on boundary facets.
+
+        Parameters
+        ----------
+        parts : int
+            Every edge is cut into so many parts and each part of a facet integrated by itself, for integrands that are
+            smooth only piece by piece.
+        """
+        quadrature = subdivided_quadrature(self.mesh.brefdom, self.integration_order, parts)
+        basis = skfem.FacetBasis(self.mesh, self.element, facets=facets, quadrature=quadrature, dofs=self.dofs)
         q = basis.dx.size
         rows = np.arange(q).reshape(basis.dx.shape)
         values = sp.csr_array((q, self.nodes))
@@ -145,7 +152,7 @@ class DisplacementSpace:
         -------
         (q, n) sparse
         """
-        d = np.broadcast_to(directions, (values.shape[0], 3))
+        d = np.broadcast_to(np.asarray(directions, float), (values.shape[0], 3))
         components = [sp.diags_array(d[:, c]) @ values for c in range(3)]
         return self._interleave(components)[:, self.free]
 
@@ -183,6 +190,19 @@ def make_space(mesh: skfem.Mesh, order: int, supports: list[tuple[np.ndarray, st
     if fixed.all():
         raise SceneError("supports: every displacement is held; expected at least one free unknown")
     return DisplacementSpace(mesh, order, fixed.ravel())
+
+
+def straightened(mesh: skfem.Mesh) -> skfem.Mesh:
+    """Return the mesh with straight edges between its corners, groups kept; a straight mesh itself.
+
+    Displacements of order 1 hold no rotation of a curved element: they would stiffen it against rigid motions.
+    """
+    kinds = {skfem.MeshTet2: skfem.MeshTet1, skfem.MeshHex2: skfem.MeshHex1}
+    kind = next((k for quadratic, k in kinds.items() if isinstance(mesh, quadratic)), None)
+    if kind is None:
+        return mesh
+    corners = mesh.t.max() + 1
+    return kind(mesh.doflocs[:, :corners], mesh.t, _subdomains=mesh.subdomains, _boundaries=mesh.boundaries)
 
 
 def assemble_elasticity(
@@ -253,6 +273,25 @@ def geometry_map(mesh: skfem.Mesh, elements: np.ndarray, X: np.ndarray) -> tuple
         x += mesh.doflocs[:, node] * phi
         J += mesh.doflocs[:, node][:, None] * np.asarray(dphi)[None]
     return x, J
+
+
+def subdivided_quadrature(refdom: type, order: int, parts: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a composite rule on the reference triangle or square, cut into parts² equal pieces.
+
+    Returns
+    -------
+    X : (2, q), W : (q,)
+    """
+    X, W = get_quadrature(refdom, order)
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(parts), np.arange(parts), indexing="ij"))
+    if refdom is not RefTri:
+        pieces = [(np.array([a, b]), 1.0) for a, b in zip(i, j, strict=True)]
+    else:
+        # Upright triangles from their lower left corner, and those upside down from their upper right one.
+        pieces = [(np.array([a, b]), 1.0) for a, b in zip(i, j, strict=True) if a + b < parts]
+        pieces += [(np.array([a + 1, b + 1]), -1.0) for a, b in zip(i, j, strict=True) if a + b < parts - 1]
+    points = [(corner[:, None] + sign * X) / parts for corner, sign in pieces]
+    return np.concatenate(points, axis=1), np.tile(W / parts**2, len(pieces))
 
 
 def _scatter(blocks: np.ndarray, index: np.ndarray, n: int) -> sp.csr_array:

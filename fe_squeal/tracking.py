@@ -10,9 +10,9 @@ from scipy.optimize import linear_sum_assignment
 
 from .eigen.pencil import Modes
 
-_FREQUENCY_SCALE = 0.02  # relative change of an eigenvalue that weighs as much as a wholly different shape
+_FREQUENCY_SCALE = 0.02  # relative change of an eigenvalue that weighs half as much as a wholly different shape
 _NO_MATCH = 1.5  # cost from which a mode counts as new
-_DOUBT = 0.7  # cost from which a continuation is looked at in smaller steps
+_DOUBT = 0.4  # change of shape, 1 − MAC, from which a continuation is looked at in smaller steps
 _EQUAL = 1e-3  # relative distance below which shapes may have mixed
 
 
@@ -42,7 +42,7 @@ class Match:
     origin : (k,) int
         For each current mode the position of the previous one that it continues, or −1 for a new one.
     doubtful : (k,) bool
-        Whether another step in between would help: the shape or the frequency has changed much for a continuation.
+        Whether another step in between would help: the shape has changed much for a continuation.
     """
 
     origin: np.ndarray
@@ -52,17 +52,17 @@ class Match:
 def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> Match:
     """Find for each mode the one that it continues.
 
-    The assignment minimises the sum of 1 − MAC and the relative change of λ. In a coupled pair λ, −λ* both shapes
-    resemble both predecessors alike; there the growing mode continues the growing one, and where two uncoupled modes
-    have merged, the lower of them. The shape of a mode that couples or comes apart may change as it will, and within a
-    multiple eigenvalue it means nothing; such modes are not doubtful.
+    The assignment minimises the sum of 1 − MAC and x/(1 + x), x the relative change of λ in units of 2 %. In a
+    coupled pair λ, −λ* both shapes resemble both predecessors alike; there the growing mode continues the growing one,
+    and where two uncoupled modes have merged, the lower of them. The shape of a mode that couples or comes apart may
+    change as it will, and within a multiple eigenvalue it means nothing; such modes are not doubtful.
     """
     origin = np.full(len(current), -1)
     if not len(previous) or not len(current):
         return Match(origin, np.zeros(len(current), bool))
     distance = np.abs(previous.lam[:, None] - current.lam[None, :])
     size = _FREQUENCY_SCALE * np.maximum(np.abs(previous.lam)[:, None], np.abs(current.lam)[None, :])
-    moved = np.divide(distance, size, out=np.zeros_like(distance), where=size > 0)
+    moved = np.divide(distance, size + distance, out=np.zeros_like(distance), where=distance > 0)
     assurance = modal_assurance(previous.right, current.right, M)
     cost = 1 - assurance + moved
     rows, columns = linear_sum_assignment(cost)
@@ -77,7 +77,7 @@ def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> Match:
     near = np.abs(previous.lam[:, None] - previous.lam[None, :]) <= _EQUAL * np.abs(previous.lam)[:, None]
     group = near.astype(float) @ assurance
     kept = np.where(origin >= 0, group[origin, np.arange(len(current))], 0.0)
-    doubtful = (origin < 0) | (~coupling & ((1 - kept) + moved[origin, np.arange(len(current))] > _DOUBT))
+    doubtful = ~coupling & (1 - kept > _DOUBT) | (origin < 0) & (current.lam.imag > 0)
     return Match(origin, doubtful)
 
 
@@ -118,6 +118,8 @@ def _order_pairs(
     for i, j in coupled + parted:
         p, q = origin[i], origin[j]
         if p < 0 or q < 0:
+            if now[i] == j and (lam_now[i].real > lam_now[j].real) == (p < 0):
+                origin[i], origin[j] = q, p  # the known one of the two is the growing one
             continue
         rank_now = lam_now[[i, j]].real if now[i] == j else -lam_now[[i, j]].imag
         rank_before = lam_before[[p, q]].real if before[p] == q else -lam_before[[p, q]].imag

@@ -33,7 +33,8 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     backward = _column_norms(residual) / _column_norms(magnitude)
     correction = np.abs(np.einsum("ij,ij->j", left.conj(), residual))
     amplification = np.einsum("ij,ij->j", np.abs(left), magnitude)
-    u_theta = _near_coalescence(correction + ROUNDING * amplification, theta)
+    least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
+    u_theta = _near_coalescence(correction + ROUNDING * amplification, least, theta)
 
     # A rigid mode: θ is zero within what rounding leaves.
     rigid = np.abs(theta) <= u_theta
@@ -45,7 +46,7 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     divergent = np.flatnonzero(~rigid & (np.abs(lam.imag) <= u_re) & (np.abs(lam.real) > u_re) & (theta.imag == 0))
     lam[divergent] = lam[divergent].real
     index = np.concatenate([np.arange(len(lam)), divergent])
-    lam = np.concatenate([lam, -lam[divergent]])
+    lam = np.concatenate([lam, -lam[divergent]]) + 0.0  # turns −0 into 0
     order = np.lexsort((-lam.real, lam.imag))
     index, lam = index[order], lam[order]
     return Modes(lam, right[:, index], left[:, index], backward[index], u_re[index], condition[index], method)
@@ -69,18 +70,22 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     backward = _column_norms(residual) / _column_norms(magnitude)
     correction = np.abs(np.einsum("ij,ij->j", left.conj(), residual))
     amplification = np.einsum("ij,ij->j", np.abs(left), magnitude)
-    u = _near_coalescence(correction + ROUNDING * amplification, lam)
+    dissipation = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.C @ right))
+    least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
+    least = least / np.maximum(2 * np.abs(lam) + dissipation, np.finfo(float).tiny)
+    u = _near_coalescence(correction + ROUNDING * amplification, least, lam)
     with np.errstate(divide="ignore"):
         condition = amplification / np.abs(lam)
     order = np.lexsort((-lam.real, lam.imag))
     return Modes(lam, right, left, backward, u, condition, method).select(order)
 
 
-def _near_coalescence(first_order: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _near_coalescence(first_order: np.ndarray, least: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Bound the error of eigenvalues close to another one by the square-root law of a double eigenvalue.
 
     With Δ the distance to the nearest other eigenvalue and u the first-order error (which grows as 1/Δ), the squared
-    half distance is uncertain by Δu, so each eigenvalue by at most √(Δu); far from coalescence u itself is smaller.
+    half distance is uncertain by Δu, so each eigenvalue by at most √(Δu); far from coalescence u itself is smaller. A
+    multiple eigenvalue with a full set of modes has Δ = 0 and keeps the error of a well-conditioned one, `least`.
     """
     if len(values) < 2:
         return first_order
@@ -88,7 +93,7 @@ def _near_coalescence(first_order: np.ndarray, values: np.ndarray) -> np.ndarray
     np.fill_diagonal(distance, np.inf)
     gap = distance.min(axis=1)
     with np.errstate(invalid="ignore"):
-        return np.fmin(first_order, np.sqrt(gap * first_order))
+        return np.fmax(least, np.fmin(first_order, np.sqrt(gap * first_order)))
 
 
 def _biorthogonal(left: np.ndarray, gram: np.ndarray, values: np.ndarray) -> np.ndarray:

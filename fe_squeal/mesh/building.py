@@ -95,6 +95,9 @@ def from_skfem(mesh: skfem.Mesh, source: str = "<python>") -> LoadedMesh:
     groups = _checked_groups(mesh.subdomains, mesh.nelements, "subdomain", source)
     surfaces = _checked_groups(mesh.boundaries, mesh.nfacets, "boundary", source)
     raw = RawMesh(mesh.doflocs.T, np.arange(mesh.doflocs.shape[1]), (block,), groups, {})
+    loose = np.setdiff1d(raw.node_labels, nodes)
+    if len(loose):
+        raise MeshError(f"{source}: {len(loose)} nodes belong to no element, the first is {loose[0]}; expected none")
     check_points(raw, source)
     check_cells(raw, source)
     left = jacobian_range(kind, raw.points, nodes)[1] < 0

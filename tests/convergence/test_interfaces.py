@@ -71,15 +71,15 @@ def press(pad_cells, belt_cells):
 
 
 def test_contact_patch():
-    """A uniform pressure passes exactly (1e-9) where the meshes match or the belt's cells are cut at their edges by the
-    pad's. Elsewhere the pad's quadrature does not see the belt's edges inside its facets: the belt gets the right force
-    and moment, but spread with an error, that falls with the mesh.
+    """A uniform pressure passes exactly (1e-9) where the meshes match or the pieces of the pad's quadrature end at the
+    edges of the belt's cells. Elsewhere the belt gets the right force and moment, spread with an error that falls with
+    the mesh. Without the pieces it is 0.14 for 3:2 and 0.59 for 2:4 cells.
     """
-    assert press((3, 3, 1), (3, 3, 1)) < 1e-9
-    assert press((4, 4, 1), (2, 2, 1)) < 1e-9
-    errors = [press((3 * n, 3 * n, 1), (2 * n, 2 * n, 1)) for n in (1, 2, 3)]
+    for pad, belt in ((3, 3), (4, 2), (3, 2), (2, 4)):
+        assert press((pad, pad, 1), (belt, belt, 1)) < 1e-9
+    errors = [press((5 * n, 5 * n, 1), (7 * n, 7 * n, 1)) for n in (1, 2, 3)]
     assert errors[0] > errors[1] > errors[2]
-    assert errors[2] < 0.05
+    assert errors[0] < 0.01 and errors[2] < 0.001
 
 
 def test_tied_contact_tends_to_the_merged_mesh():

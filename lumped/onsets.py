@@ -1,0 +1,218 @@
+"""Critical friction coefficients of M q̈ + C q̇ + (K0 + μ F) q = 0, all of them, to machine precision."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import scipy.linalg as la
+
+from .spectrum import Complexes, mass_normalized, solve_eigenvalues, state_matrix
+from .springs import Floats
+
+_RELATIVE_DISTANCE = 1e-3  # of the two eigenvalues that the two-parameter problem puts beside each other
+_STEP = 1e-6  # relative to 1 + |μ|: how far from an onset its two sides are looked at
+_SCAN = 401
+
+
+@dataclass(frozen=True)
+class Onset:
+    """A friction coefficient at which a motion becomes unstable, or stable again.
+
+    Attributes
+    ----------
+    mu : float
+    omega : float, rad/s
+        Its frequency there; 0 for a divergence.
+    kind : {"flutter", "hopf", "divergence"}
+        Two undamped frequencies merge; a damped pair crosses the imaginary axis; det K = 0.
+    into : bool
+        Whether the instability begins as μ rises.
+    slope : float
+        `hopf`: dRe λ/dμ, rad/s. `flutter`: the factor g in Re λ = g √(μ − μ_c), rad/s, on its unstable side.
+        `divergence`: nan.
+    """
+
+    mu: float
+    omega: float
+    kind: str
+    into: bool
+    slope: float
+
+
+def find_onsets(M: Floats, C: Floats, K0: Floats, F: Floats, lower: float, upper: float) -> list[Onset]:
+    """Find all flutter or Hopf points and divergences with lower < μ < upper, by ascending μ.
+
+    Parameters
+    ----------
+    M, C, K0, F : (n, n) arrays
+        M diagonal; K(μ) = K0 + μ F.
+    lower, upper : float
+        May be infinite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> K0 = np.array([[3.0, -1.0], [-1.0, 4.0]])
+    >>> F = np.array([[0.0, 4.0], [0.0, 0.0]])
+    >>> [(o.kind, o.mu) for o in find_onsets(np.eye(2), 0 * K0, K0, F, 0, np.inf)]  # ((3-4)²/4 + 1)/4
+    [('flutter', 0.3125)]
+    """
+    if C.any():
+        found = _hopf_points(M, C, K0, F, lower, upper)
+    else:
+        found = _flutter_points(mass_normalized(M, K0), mass_normalized(M, F))
+    found += _divergences(M, K0, F)
+    return sorted((o for o in found if lower < o.mu < upper), key=lambda o: o.mu)
+
+
+def double_eigenvalues(A: Floats, B: Floats) -> list[tuple[float, complex]]:
+    """Find approximations (μ, θ) of all real μ at which A + μ B has a double eigenvalue θ.
+
+    Two vectors with (A + μB) x = θ x and (A + μB) y = (1+ε) θ y make z = x ⊗ y an eigenvector of the pencil
+
+        [(1+ε) A⊗I − I⊗A] z + μ [(1+ε) B⊗I − I⊗B] z = 0,
+
+    whose n² eigenvalues μ lie within O(ε²) of those at which θ is double.
+
+    Parameters
+    ----------
+    A, B : (n, n) arrays
+
+    References
+    ----------
+    Jarlebring, Kvaal, Michiels, SIAM J. Matrix Anal. Appl. 32 (2011) 902-927.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> pairs = double_eigenvalues(np.diag([1.0, 2.0]), np.diag([1.0, 0.5]))
+    >>> [round(mu, 2) for mu, _ in pairs], round(pairs[0][1].real, 2)
+    ([2.0, 2.0], 3.0)
+    """
+    n = len(A)
+    one = np.eye(n)
+    k = 1 + _RELATIVE_DISTANCE
+    D1 = k * np.kron(A, one) - np.kron(one, A)
+    D0 = k * np.kron(B, one) - np.kron(one, B)
+    mu, Z = la.eig(D1, -D0)
+    found = []
+    for value, z in zip(mu, Z.T, strict=True):
+        if not np.isfinite(value) or abs(value.imag) > _RELATIVE_DISTANCE * (1 + abs(value)):
+            continue
+        x = la.svd(z.reshape(n, n))[0][:, 0]
+        found.append((float(value.real), complex(x.conj() @ (A + value.real * B) @ x)))
+    return sorted(found, key=lambda pair: pair[0])
+
+
+def _flutter_points(A: Floats, B: Floats) -> list[Onset]:
+    """Refine the double eigenvalues on s² = ((θi − θj)/2)², which is analytic in μ where θi and θj are not."""
+    onsets: list[Onset] = []
+    for start, theta in double_eigenvalues(A, B):
+        onset = _refine_flutter(A, B, start, theta)
+        if onset and not any(abs(onset.mu - o.mu) < 1e-10 * (1 + abs(o.mu)) for o in onsets):
+            onsets.append(onset)
+    return onsets
+
+
+def _refine_flutter(A: Floats, B: Floats, start: float, theta: complex) -> Onset | None:
+    scale = np.abs(A + start * B).max() ** 2
+
+    def pair(mu: float, near: complex) -> tuple[float, complex]:
+        values = np.linalg.eigvals(A + mu * B).astype(complex)
+        a, b = values[np.argsort(np.abs(values - near))[:2]]
+        return float((((a - b) / 2) ** 2).real), complex((a + b) / 2)
+
+    step = _STEP * (1 + abs(start))
+    previous, mu = start, start + step
+    f_previous, theta = pair(previous, theta)
+    for _ in range(50):
+        f, theta = pair(mu, theta)
+        if f == f_previous or mu == previous:
+            break
+        previous, mu, f_previous = mu, mu - f * (mu - previous) / (f - f_previous), f
+        if abs(mu - start) > 0.1 * (1 + abs(start)):
+            return None
+    f, theta = pair(mu, theta)
+    below, above = pair(mu - step, theta)[0], pair(mu + step, theta)[0]
+    merges = abs(f) < 1e-3 * abs(above - below) and below * above < 0 and abs(above - below) > 1e-13 * scale
+    if not merges or theta.real <= 0:  # a crossing without coupling, or two motions that diverge anyway
+        return None
+    omega = float(np.sqrt(theta.real))
+    return Onset(float(mu), omega, "flutter", above < 0, float(np.sqrt(abs(above - below) / (2 * step)) / (2 * omega)))
+
+
+def _divergences(M: Floats, K0: Floats, F: Floats) -> list[Onset]:
+    """Real roots of det(K0 + μ F)."""
+    # ponytail: a root where two real λ cross at once is not told apart from a simple one; no model here has one
+    A, B = mass_normalized(M, K0), mass_normalized(M, F)
+    values = la.eigvals(A, -B)
+    values = values[np.isfinite(values)]
+    real = values[np.abs(values.imag) < 1e-9 * (1 + np.abs(values))].real
+    onsets = []
+    for mu in np.unique(real):
+        h = _STEP * (1 + abs(mu))
+        below, above = (np.linalg.det(A + (mu + s) * B) for s in (-h, h))
+        if abs(mu) < 1e6 and below * above < 0:
+            onsets.append(Onset(float(mu), 0.0, "divergence", bool(above < 0), float("nan")))
+    return onsets
+
+
+def _hopf_points(M: Floats, C: Floats, K0: Floats, F: Floats, lower: float, upper: float) -> list[Onset]:
+    """Crossings of the imaginary axis, from the bialternate sum, polished by Newton's method on Re λ(μ)."""
+    starts = [*_zero_sums(state_matrix(M, C, K0), state_matrix(M, C, K0 + F) - state_matrix(M, C, K0))]
+    # The bialternate pencil is singular if a motion stays undamped for every μ; a scan finds the others then.
+    low, high = max(lower, -10.0), min(upper, 10.0)
+    mu = np.linspace(low, high, _SCAN)
+    growth = solve_eigenvalues(M, C, K0 + mu[:, None, None] * F).real.max(-1)
+    starts += [(a + b) / 2 for (a, ga), (b, gb) in pairwise(zip(mu, growth, strict=True)) if ga * gb < 0]
+    onsets: list[Onset] = []
+    for start in starts:
+        for lam in solve_eigenvalues(M, C, K0 + start * F):
+            onset = _polish_hopf(M, C, K0, F, start, lam) if lam.imag > 0 else None
+            if onset and not any(abs(onset.mu - o.mu) < 1e-10 * (1 + abs(o.mu)) for o in onsets):
+                onsets.append(onset)
+    return onsets
+
+
+def _zero_sums(A: Floats, B: Floats) -> Floats:
+    """Return the real μ at which two eigenvalues of A + μ B sum to zero: X → AX + XAᵀ on skew X is singular there."""
+    n = len(A)
+    i, j = np.triu_indices(n, 1)
+    P = np.zeros((n * n, len(i)))
+    P[i * n + j, range(len(i))] = np.sqrt(0.5)
+    P[j * n + i, range(len(i))] = -np.sqrt(0.5)
+    one = np.eye(n)
+    L0, L1 = (P.T @ (np.kron(X, one) + np.kron(one, X)) @ P for X in (A, B))
+    mu = la.eigvals(L0, -L1)
+    mu = mu[np.isfinite(mu) & (np.abs(mu) < 1e6)]
+    return np.unique(mu[np.abs(mu.imag) < 1e-5 * (1 + np.abs(mu))].real)
+
+
+def _polish_hopf(M: Floats, C: Floats, K0: Floats, F: Floats, mu: float, lam: complex) -> Onset | None:
+    start, first = mu, lam
+    for _ in range(30):
+        slope = _derivative(M, C, K0 + mu * F, F, lam).real
+        if slope == 0 or not np.isfinite(slope):
+            return None
+        step = -lam.real / slope
+        mu += step
+        if abs(mu - start) > 0.1 * (1 + abs(start)):
+            return None
+        values: Complexes = solve_eigenvalues(M, C, K0 + mu * F)
+        lam = complex(values[np.argmin(np.abs(values - lam))])
+        if abs(step) <= 1e-15 * (1 + abs(mu)):
+            break
+    if abs(lam.real) > 1e-12 * (1 + abs(lam)) or lam.imag <= 1e-8 * abs(first):
+        return None
+    slope = _derivative(M, C, K0 + mu * F, F, lam).real
+    return Onset(float(mu), float(lam.imag), "hopf", bool(slope > 0), float(slope))
+
+
+def _derivative(M: Floats, C: Floats, K: Floats, F: Floats, lam: complex) -> complex:
+    """dλ/dμ = −yᴴ F x / yᴴ (2λM + C) x."""
+    u, _, vh = np.linalg.svd(lam * lam * M + lam * C + K)
+    x, y = vh[-1].conj(), u[:, -1].conj()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return complex(-(y @ F @ x) / (y @ (2 * lam * M + C) @ x))
