@@ -33,3 +33,10 @@ test-lowest: .venv-lowest/installed
 
 clean:
 	rm -rf .venv .venv-lowest results build *.egg-info
+
+# The pictures of README.md.
+.PHONY: docs
+docs: run
+	mkdir -p docs/images
+	cp results/disc_pad/stability.png docs/images/stability.png
+	cp results/disc_pad/shapes/branch_16_*.png docs/images/shape.png

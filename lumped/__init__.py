@@ -1,4 +1,12 @@
 """Lumped models of brake squeal: the references against which finite-element results are checked."""
 
-from .models import MODELS, LumpedModel, Minimal, NineDof, Oscillator, RigidPad, TwoMass, UncoupledDisc
-from .models.minimal import critical_friction
+from .models import MODELS, LumpedModel, Minimal, NineDof, Oscillator, RigidPad, TwoMass, UncoupledDisc, critical_friction
+from .onsets import Onset
+from .parameters import parse_settings
+from .run import evaluate, run_study
+from .studies import STUDIES
+
+__all__ = [
+    "MODELS", "STUDIES", "LumpedModel", "Minimal", "NineDof", "Onset", "Oscillator", "RigidPad", "TwoMass",
+    "UncoupledDisc", "critical_friction", "evaluate", "parse_settings", "run_study",
+]  # fmt: skip

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import scipy.linalg as la
+from scipy.optimize import brentq
 
 from .spectrum import Complexes, mass_normalized, solve_eigenvalues, state_matrix
 from .springs import Floats
@@ -129,23 +130,28 @@ def _refine_flutter(A: Floats, B: Floats, start: float, theta: complex) -> Onset
     f_previous, theta = pair(previous, theta)
     for _ in range(50):
         f, theta = pair(mu, theta)
-        if f == f_previous or mu == previous:
-            break
+        if f == f_previous:
+            return None  # constant: the two never approach each other
         previous, mu, f_previous = mu, mu - f * (mu - previous) / (f - f_previous), f
         if abs(mu - start) > 0.1 * (1 + abs(start)):
             return None
+        if abs(mu - previous) < 0.01 * step:
+            break
+    low, high = mu - step, mu + step
+    below, above = pair(low, theta)[0], pair(high, theta)[0]
+    if below * above >= 0 or abs(above - below) < 1e-13 * scale:
+        return None  # a crossing without coupling: s² touches zero and turns back
+    mu = float(brentq(lambda value: pair(value, theta)[0], low, high, xtol=1e-16, rtol=4 * np.finfo(float).eps))
     f, theta = pair(mu, theta)
-    below, above = pair(mu - step, theta)[0], pair(mu + step, theta)[0]
-    merges = abs(f) < 1e-3 * abs(above - below) and below * above < 0 and abs(above - below) > 1e-13 * scale
-    if not merges or theta.real <= 0:  # a crossing without coupling, or two motions that diverge anyway
+    if abs(f) > 1e-3 * abs(above - below) or theta.real <= 0:  # a jump of the pair, or two motions that diverge anyway
         return None
     omega = float(np.sqrt(theta.real))
-    return Onset(float(mu), omega, "flutter", above < 0, float(np.sqrt(abs(above - below) / (2 * step)) / (2 * omega)))
+    return Onset(mu, omega, "flutter", above < 0, float(np.sqrt(abs(above - below) / (2 * step)) / (2 * omega)))
 
 
 def _divergences(M: Floats, K0: Floats, F: Floats) -> list[Onset]:
     """Real roots of det(K0 + μ F)."""
-    # ponytail: a root where two real λ cross at once is not told apart from a simple one; no model here has one
+    # The sign of the determinant tells a first divergence from its end; a second one beside it would be misread.
     A, B = mass_normalized(M, K0), mass_normalized(M, F)
     values = la.eigvals(A, -B)
     values = values[np.isfinite(values)]
@@ -207,6 +213,8 @@ def _polish_hopf(M: Floats, C: Floats, K0: Floats, F: Floats, mu: float, lam: co
     if abs(lam.real) > 1e-12 * (1 + abs(lam)) or lam.imag <= 1e-8 * abs(first):
         return None
     slope = _derivative(M, C, K0 + mu * F, F, lam).real
+    if abs(slope) * (1 + abs(mu)) < 1e-9 * np.abs(C).max() / M.max():
+        return None  # an undamped motion that friction does not reach stays on the axis for every μ
     return Onset(float(mu), float(lam.imag), "hopf", bool(slope > 0), float(slope))
 
 

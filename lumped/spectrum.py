@@ -157,5 +157,5 @@ def _eigenvalues(A: Floats, undamped: bool) -> Complexes:
     values = np.linalg.eigvals(A).astype(complex)
     if undamped:
         root = np.sqrt(-values)
-        values = np.concatenate([root, -root], axis=-1)
+        values = np.concatenate([root, -root], axis=-1) + 0.0  # turns -0.0 into 0.0
     return np.take_along_axis(values, np.lexsort((values.real, values.imag)), -1)

@@ -17,7 +17,8 @@ class TwoMass(LumpedModel):
     """Two masses with three degrees of freedom, q = (x1, x2 along the belt, y2 normal).
 
     k1x ‖ c1x ties m1 to the wall, k2x ‖ c2x and the inclined spring k (angle θ1) tie m2 to m1, ky ‖ cy holds m2
-    on the belt. Friction acts on m2. The source prints no matrices; this layout has its names and its trends.
+    on the belt. Friction acts on m2. The source prints no matrices; this layout has its names and its trends. Its
+    angle is counted from the belt: k acts along (cos θ1, −sin θ1).
 
     Examples
     --------
@@ -35,7 +36,7 @@ class TwoMass(LumpedModel):
     k2x: float = parameter(10.0, "N/m", "spring from m1 to m2 along the belt")
     ky: float = parameter(50.0, "N/m", "contact spring, normal to the belt")
     k: float = parameter(5.0, "N/m", "inclined spring from m1 to m2")
-    theta1: float = parameter(45.0, "°", "angle of the inclined spring", "any")
+    theta1: float = parameter(45.0, "°", "angle of the inclined spring from the belt", "any")
     c1x: float = parameter(0.0, "N s/m", "damper beside k1x")
     c2x: float = parameter(0.0, "N s/m", "damper beside k2x")
     cy: float = parameter(0.0, "N s/m", "damper beside ky")
@@ -54,7 +55,8 @@ class TwoMass(LumpedModel):
     @property
     def K0(self) -> Floats:
         """Stiffness matrix without friction."""
-        return add_spring(self._chain(self.k1x, self.k2x, self.ky), self.k, inclined(self.theta1, 1, 2, x_other=0))
+        from_normal = 90.0 - self.theta1
+        return add_spring(self._chain(self.k1x, self.k2x, self.ky), self.k, inclined(from_normal, 1, 2, x_other=0))
 
     @property
     def friction_matrix(self) -> Floats:

@@ -91,10 +91,8 @@ def test_pair_that_couples_and_parts_again():
     # D = μ² − 3μ + 2 = K12(μ) · 1 needs μ and μ²: two friction terms.
     base = problem([[1.0, 0.0], [0.0, 1.0]])
     lower = Term("lower", "K", sp.csr_array(np.array([[0.0, 0.0], [1.0, 0.0]])), False)
-    terms = [
-        Term(f"mu{power}", "K", sp.csr_array(np.array([[0.0, value], [0.0, 0.0]])), False, {"mu": power} if power else {})
-        for power, value in ((0, 2.0), (1, -3.0), (2, 1.0))
-    ]
+    upper = sp.csr_array(np.array([[0.0, 1.0], [0.0, 0.0]]))
+    terms = [Term(f"mu{e}", "K", upper * c, False, {"mu": e}) for e, c in ((0, 2.0), (1, -3.0), (2, 1.0))]
     result = sweep(Problem((*base.terms, lower, *terms), {"mu": 0.5}), [0.5, 0.8, 1.3, 1.7, 2.4], modes=2)
     into, out = result.onsets
     assert (into.direction, out.direction) == ("into", "out of")
@@ -133,7 +131,7 @@ def test_tracking_follows_shapes_through_crossing_and_veering():
     for point in result.points:
         mu, branch = point.value, dict(zip(point.branches, point.modes.lam.imag**2, strict=True))
         low, high = 2 + mu / 2 + np.array([-1, 1]) * np.hypot(1 - mu / 2, 0.05)
-        # Crossing keeps the shape: branch 2 stays at 2 throughout. Veering keeps the order: eigenvalue curves do not cross.
+        # Crossing keeps the shape: branch 2 stays at 2 throughout. Veering keeps the order of the curves.
         np.testing.assert_allclose([branch[1], branch[2], branch[3]], [low, 2.0, high], rtol=1e-12)
     assert result.onsets == ()
 
