@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 from .bordered import find_coalescence, find_crossing, find_zero
 from .eigen.dense import DENSE_LIMIT, solve_dense
 from .eigen.pencil import Modes
+from .eigen.solve import Request, solve_modes
 from .errors import NotConvergedError
 from .problem import Problem
 from .tracking import mirror_partners, modal_assurance
@@ -155,7 +156,14 @@ class _Step:
         def pair(p: float) -> Modes:
             near = self.modes(p)
             weight = modal_assurance(plane, near.right, M).sum(axis=0)
-            return near.select(np.argsort(-weight, kind="stable")[:2])
+            first = int(np.argmax(weight))
+            # Of two equal pairs the plane holds parts of both: the partner is the best among different eigenvalues.
+            other = np.abs(near.lam**2 - near.lam[first] ** 2) > 1e-9 * abs(near.lam[first]) ** 2
+            other &= weight > 1e-2 * weight[first]
+            other[first] = False
+            if not other.any():
+                other = np.arange(len(near)) != first
+            return near.select(np.array([first, int(np.argmax(np.where(other, weight, -1.0)))]))
 
         def discriminant(p: float) -> float:
             a, b = -(pair(p).lam ** 2)
@@ -173,10 +181,34 @@ class _Step:
         left = two.left
         assert left is not None
         x, y = (self.V @ _real_direction(v / np.linalg.norm(v, axis=0)) for v in (two.right, left))
-        root = find_coalescence(self.problem, self.parameter, rough, theta, x, y)
-        if abs(root.value - rough) > 0.1 * step:
-            raise NotConvergedError(f"Newton's method left the step for {root.value:.6g}")
-        return self._onset(root.value, np.sqrt(root.theta) / (2 * np.pi), "flutter", root.coefficient, root.uncertainty)
+        try:
+            root = find_coalescence(self.problem, self.parameter, rough, theta, x, y)
+            if abs(root.value - rough) <= 0.1 * step:
+                frequency = np.sqrt(root.theta) / (2 * np.pi)
+                return self._onset(root.value, frequency, "flutter", root.coefficient, root.uncertainty)
+        except NotConvergedError:
+            pass  # several equal pairs meet at once, where no border is regular: bracket on the full problem instead
+        value = float(brentq(discriminant, *ends, xtol=1e-12 * step, rtol=8.9e-16))
+        width = self._confirm(value, ends, mode)
+        return self._onset(value, np.sqrt(theta) / (2 * np.pi), "flutter", np.nan, width)
+
+    def _confirm(self, value: float, ends: tuple[float, float], mode: Modes) -> float:
+        """Return the width of the smallest bracket around an onset of the small model that holds on the full one."""
+        omega, growth = float(mode.lam[0].imag), complex(mode.lam[0])
+        for width in (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2):
+            side = np.copysign(width * abs(ends[1] - ends[0]), ends[1] - ends[0])
+            unstable = []
+            for p in (value - side, value + side):
+                modes = solve_modes(self.problem.pencil(**{self.parameter: p}), self._request(omega))
+                near = np.abs(modes.lam.imag - omega) <= max(0.01 * omega, 2 * abs(growth.real))
+                unstable.append(int(np.count_nonzero((modes.stability == "unstable") & near)))
+            if unstable[1] > unstable[0]:
+                return float(abs(side))
+        raise NotConvergedError(f"no change of stability near {self.parameter} = {value:.6g} on the full problem")
+
+    @staticmethod
+    def _request(omega: float) -> Request:
+        return Request(max_frequency_hz=1.02 * omega / (2 * np.pi))
 
     def divergence(self, ends: tuple[float, float], mode: Modes) -> Onset:
         """An eigenvalue θ passes zero."""

@@ -65,7 +65,9 @@ def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> Match:
     moved = np.divide(distance, size + distance, out=np.zeros_like(distance), where=distance > 0)
     assurance = modal_assurance(previous.right, current.right, M)
     cost = 1 - assurance + moved
-    rows, columns = linear_sum_assignment(cost)
+    # Growth begins and ends with an onset only: among modes of equal frequency the growing ones stay the growing ones.
+    changed = np.abs(_sign(previous)[:, None] - _sign(current)[None, :]) / 2
+    rows, columns = linear_sum_assignment(cost + changed)
     taken = np.full(len(current), np.inf)
     taken[columns] = cost[rows, columns]
     accepted = cost[rows, columns] < _NO_MATCH
@@ -87,12 +89,12 @@ def mirror_partners(modes: Modes) -> np.ndarray:
     Only an undamped spectrum has them: a coupled pair is one growing and one decaying mode of the same frequency.
     """
     lam, found = modes.lam, np.full(len(modes), -1)
-    for i in np.flatnonzero(np.abs(lam.real) > modes.re_uncertainty):
-        gap = np.abs(lam + lam[i].conjugate())
+    for i in np.flatnonzero(_sign(modes) > 0):
+        gap = np.where(found < 0, np.abs(lam + lam[i].conjugate()), np.inf)
         gap[i] = np.inf
         j = int(np.argmin(gap))
         if gap[j] <= 4 * modes.re_uncertainty[i] + 1e-9 * abs(lam[i]):
-            found[i] = j
+            found[i], found[j] = j, i
     return found
 
 
@@ -125,6 +127,10 @@ def _order_pairs(
         rank_before = lam_before[[p, q]].real if before[p] == q else -lam_before[[p, q]].imag
         if (rank_now[0] - rank_now[1]) * (rank_before[0] - rank_before[1]) < 0:
             origin[i], origin[j] = q, p
+
+
+def _sign(modes: Modes) -> np.ndarray:
+    return np.where(np.abs(modes.lam.real) > modes.re_uncertainty, np.sign(modes.lam.real), 0.0)
 
 
 def _energy(u: np.ndarray, Mu: np.ndarray) -> np.ndarray:

@@ -1,6 +1,16 @@
 """Lumped models of brake squeal: the references against which finite-element results are checked."""
 
-from .models import MODELS, LumpedModel, Minimal, NineDof, Oscillator, RigidPad, TwoMass, UncoupledDisc, critical_friction
+from .models import (
+    MODELS,
+    LumpedModel,
+    Minimal,
+    NineDof,
+    Oscillator,
+    RigidPad,
+    TwoMass,
+    UncoupledDisc,
+    critical_friction,
+)
 from .onsets import Onset
 from .parameters import parse_settings
 from .run import evaluate, run_study

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +54,9 @@ def draw_study(result: Result, title: str, path: str | os.PathLike[str], spatial
     else:
         assert isinstance(result, Table)
         _draw_noise_map(figure, result)
-    canvas.draw()
+    # Matplotlib's 3-D projection warns of an overflow once in a while, on finite data that are the same in every run.
+    with np.errstate(over="ignore", invalid="ignore"):
+        canvas.draw()
     picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
     picture.quantize(colors=128, dither=Image.Dither.NONE).save(path, optimize=True)
     return Path(path)
@@ -61,7 +64,7 @@ def draw_study(result: Result, title: str, path: str | os.PathLike[str], spatial
 
 def _label(axis: Axis) -> str:
     symbols = [_SYMBOLS.get(name, name) for name in axis.names]
-    text = symbols[0] if len(symbols) == 1 else f"{symbols[0]} = … = {symbols[-1]}"
+    text = " = ".join(symbols if len(symbols) < 4 else [symbols[0], "…", symbols[-1]])
     return f"{text} ({axis.unit})" if axis.unit else f"friction coefficient {text}" if text == "μ" else text
 
 
@@ -88,16 +91,15 @@ def _draw_sweep(figure: Any, result: Sweep, spatial: bool) -> None:
         bottom.set_xlim(result.axis.values[0], result.axis.values[-1])
         top.set_title(_headline(panel if len(panels) > 1 else "", cases), fontsize=9.5)
         if len(cases) > 1:
-            bottom.legend(fontsize=8, loc="upper left")
+            bottom.legend(fontsize=8, loc="lower left")
         if spatial:
             _draw_curves(figure.add_subplot(grid[2, column], projection="3d"), result.axis, cases)
 
 
 def _headline(panel: str, cases: list[Case]) -> str:
-    ends = "; ".join(f"{a:.5g} … {b:.5g}" for a, b in cases[0].unstable)
-    shaded = f"shaded: unstable, {ends}" if ends else "no growing motion"
-    if len(cases) > 1:
-        shaded = f"shaded: {cases[0].label} unstable, {ends}" if ends else "undamped: no growing motion"
+    ends = ";  ".join(f"{a:.5g}…{b:.5g}" for a, b in cases[0].unstable)
+    which = f"{cases[0].label}, " if len(cases) > 1 else ""
+    shaded = "\n".join(textwrap.wrap(f"shaded: {which}unstable, {ends}" if ends else f"{which}nothing grows", 62))
     return f"{panel}\n{shaded}" if panel else shaded
 
 
@@ -122,13 +124,21 @@ def _draw_curves(axes: Any, axis: Axis, cases: list[Case]) -> None:
             color = _COLORS[number] if len(cases) > 1 else _COLORS[mode % len(_COLORS)]
             lam = case.lam[:, mode]
             axes.plot(axis.values, np.abs(lam.imag), lam.real, color=color, lw=1.4)
-    axes.set_xlabel(_label(axis))
-    axes.set_ylabel("|ω| (rad/s)")
+    axes.set_xlabel(_label(axis).removeprefix("friction coefficient "), labelpad=8)
+    axes.set_ylabel("|ω| (rad/s)", labelpad=8)
     axes.set_zlabel("σ (rad/s)")
     axes.view_init(28, -58)
-    axes.set_box_aspect((1.5, 1.2, 0.9), zoom=0.85)
+    axes.set_box_aspect((1.7, 1.2, 0.9), zoom=0.95)
+    _thin_ticks(axes)
     if max(np.abs(case.lam.real).max() for case in cases) < 0.02:
         axes.set_zlim(-0.02, 0.02)
+
+
+def _thin_ticks(axes: Any) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    for part in (axes.xaxis, axes.yaxis, axes.zaxis):
+        part.set_major_locator(MaxNLocator(5))
 
 
 def _draw_surface(figure: Any, result: Surface) -> None:
@@ -146,16 +156,15 @@ def _draw_surface(figure: Any, result: Surface) -> None:
         solid.set_zlabel("max Re λ (rad/s)")
         solid.set_zlim(low, high)
         solid.view_init(30, -130)
-        solid.set_box_aspect(None, zoom=0.85)
+        solid.set_box_aspect(None, zoom=0.95)
+        _thin_ticks(solid)
         flat = figure.add_subplot(rows, 2, 2 * row + 2)
         image = flat.pcolormesh(X, Y, growth, shading="gouraud", **style)
-        noise = 1e-6  # growth rates are zero to rounding in the stable region
-        if growth.max() > noise > growth.min():
-            flat.contour(X, Y, growth, levels=[noise], colors="white", linewidths=1.5)
-        elif growth.max() <= noise:
-            text = "decaying everywhere" if growth.max() < -noise else "marginal everywhere"
-            flat.text(0.5, 0.5, text, transform=flat.transAxes, ha="center", color="white")
-        flat.set_title(f"{label}\nwhite line: onset", fontsize=9.5)
+        onset = result.onset[row]
+        flat.plot(np.where(np.isfinite(onset), onset, np.nan), result.y.values, color="white", lw=1.5)
+        flat.set_xlim(result.x.values[0], result.x.values[-1])
+        line = "white line: onset" if (onset < result.x.values[-1]).any() else "nothing grows"
+        flat.set_title(f"{label}\n{line}", fontsize=9.5)
         flat.set_xlabel(_label(result.x))
         flat.set_ylabel(_label(result.y))
         figure.colorbar(image, ax=flat, label="max Re λ (rad/s)")
@@ -178,21 +187,24 @@ def _draw_responses(figure: Any, result: Responses) -> None:
 
 
 def _draw_grid(figure: Any, result: Grid) -> None:
-    """Maps over the first two axes for four values of each of the others."""
+    """Maps over the first two axes, for three values of the third and four of the fourth that have finite ones."""
     from matplotlib.colors import LogNorm
 
     first, second, third, fourth = result.axes
-    rows = np.unique(np.linspace(0, len(third.values) - 1, 3).astype(int))
-    columns = np.unique(np.linspace(0, len(fourth.values) - 1, 5).astype(int)[:-1] + 2)
-    figure.set_size_inches(12, 9)
     shown = np.where((result.values > 0) & np.isfinite(result.values), result.values, np.nan)
+    some = np.flatnonzero(np.isfinite(shown).any((0, 1, 2)))
+    rows = np.linspace(0, len(third.values) - 1, 3).astype(int)
+    columns = some[np.linspace(0, len(some) - 1, 4).astype(int)]
+    figure.set_size_inches(12, 9)
     all_axes = figure.subplots(len(rows), len(columns), sharex=True, sharey=True, squeeze=False)
     for (i, j), axes in np.ndenumerate(all_axes):
         values = np.ma.masked_invalid(shown[:, :, rows[i], columns[j]].T)
-        axes.set_facecolor("#dfe8df")
-        image = axes.pcolormesh(first.values, second.values, values, norm=LogNorm(0.03, 10), cmap="viridis", shading="nearest")
-        labels = (f"{_SYMBOLS.get(a.name, a.name)} = {a.values[n]:g} {a.unit}" for a, n in ((third, rows[i]), (fourth, columns[j])))
-        axes.set_title(", ".join(labels), fontsize=9)
+        axes.set_facecolor("#d5d5d5")
+        style = dict(norm=LogNorm(0.03, 10), cmap="viridis", shading="nearest")
+        image = axes.pcolormesh(first.values, second.values, values, **style)
+        where = ((third, rows[i]), (fourth, columns[j]))
+        texts = (f"{_SYMBOLS.get(a.name, a.name)} = {a.values[n]:g} {a.unit}" for a, n in where)
+        axes.set_title(", ".join(texts), fontsize=9)
         if i == len(rows) - 1:
             axes.set_xlabel(_label(first))
         if j == 0:

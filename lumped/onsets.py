@@ -64,7 +64,7 @@ def find_onsets(M: Floats, C: Floats, K0: Floats, F: Floats, lower: float, upper
         found = _hopf_points(M, C, K0, F, lower, upper)
     else:
         found = _flutter_points(mass_normalized(M, K0), mass_normalized(M, F))
-    found += _divergences(M, K0, F)
+    found += _divergences(M, C, K0, F)
     return sorted((o for o in found if lower < o.mu < upper), key=lambda o: o.mu)
 
 
@@ -75,7 +75,8 @@ def double_eigenvalues(A: Floats, B: Floats) -> list[tuple[float, complex]]:
 
         [(1+ε) A⊗I − I⊗A] z + μ [(1+ε) B⊗I − I⊗B] z = 0,
 
-    whose n² eigenvalues μ lie within O(ε²) of those at which θ is double.
+    whose finite eigenvalues μ lie within O(ε²) of those at which θ is double. Where θ = 0, all of them fulfil it: those
+    come out as well.
 
     Parameters
     ----------
@@ -88,9 +89,9 @@ def double_eigenvalues(A: Floats, B: Floats) -> list[tuple[float, complex]]:
     Examples
     --------
     >>> import numpy as np
-    >>> pairs = double_eigenvalues(np.diag([1.0, 2.0]), np.diag([1.0, 0.5]))
-    >>> [round(mu, 2) for mu, _ in pairs], round(pairs[0][1].real, 2)
-    ([2.0, 2.0], 3.0)
+    >>> pairs = double_eigenvalues(np.array([[3.0, -1.0], [-1.0, 4.0]]), np.array([[0.0, 4.0], [0.0, 0.0]]))
+    >>> [(round(mu, 4), round(theta.real, 1)) for mu, theta in pairs if theta.real > 0.1]
+    [(0.3125, 3.5)]
     """
     n = len(A)
     one = np.eye(n)
@@ -149,19 +150,18 @@ def _refine_flutter(A: Floats, B: Floats, start: float, theta: complex) -> Onset
     return Onset(mu, omega, "flutter", above < 0, float(np.sqrt(abs(above - below) / (2 * step)) / (2 * omega)))
 
 
-def _divergences(M: Floats, K0: Floats, F: Floats) -> list[Onset]:
-    """Real roots of det(K0 + μ F)."""
-    # The sign of the determinant tells a first divergence from its end; a second one beside it would be misread.
-    A, B = mass_normalized(M, K0), mass_normalized(M, F)
-    values = la.eigvals(A, -B)
-    values = values[np.isfinite(values)]
-    real = values[np.abs(values.imag) < 1e-9 * (1 + np.abs(values))].real
+def _divergences(M: Floats, C: Floats, K0: Floats, F: Floats) -> list[Onset]:
+    """Real roots of det(K0 + μ F) at which an eigenvalue passes through zero."""
+    values = la.eigvals(mass_normalized(M, K0), -mass_normalized(M, F))
+    values = values[np.isfinite(values) & (np.abs(values) < 1e6)]
     onsets = []
-    for mu in np.unique(real):
-        h = _STEP * (1 + abs(mu))
-        below, above = (np.linalg.det(A + (mu + s) * B) for s in (-h, h))
-        if abs(mu) < 1e6 and below * above < 0:
-            onsets.append(Onset(float(mu), 0.0, "divergence", bool(above < 0), float("nan")))
+    for mu in np.unique(values[np.abs(values.imag) < 1e-9 * (1 + np.abs(values))].real):
+        u, _, vh = np.linalg.svd(K0 + mu * F)
+        x, y = vh[-1], u[:, -1]
+        # near zero λ = −(μ − μ0) yᵀFx / yᵀCx, and without damping λ² = −(μ − μ0) yᵀFx / yᵀMx
+        slope, inertia = -(y @ F @ x), y @ (C if C.any() else M) @ x
+        if abs(slope) > 1e-12 * np.abs(F).max() and inertia != 0:
+            onsets.append(Onset(float(mu), 0.0, "divergence", bool(slope / inertia > 0), float("nan")))
     return onsets
 
 

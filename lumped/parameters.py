@@ -112,7 +112,9 @@ def parse_settings(texts: Iterable[str]) -> dict[str, str]:
     return settings
 
 
-def read_settings(owner: str, model_class: type, settings: Mapping[str, str], mu: float) -> tuple[dict[str, Any], float]:
+def read_settings(
+    owner: str, model_class: type, settings: Mapping[str, str], mu: float
+) -> tuple[dict[str, Any], float]:
     """Turn settings into the model's keyword arguments and the friction coefficient.
 
     Parameters

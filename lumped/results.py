@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq, linear_sum_assignment
 
 from .model import LumpedModel
@@ -64,12 +65,14 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Surface:
-    """Largest Re λ over two parameters: `growth[case]` is (len(y), len(x)), rad/s."""
+    """Largest Re λ over two parameters: `growth[case]` is (len(y), len(x)), rad/s, and `onset[case]` the lowest
+    critical μ at each y, infinite where there is none."""
 
     x: Axis
     y: Axis
     labels: tuple[str, ...]
     growth: tuple[Floats, ...]
+    onset: tuple[Floats, ...]
 
 
 @dataclass(frozen=True)
@@ -167,11 +170,12 @@ def surface(x: Axis, y: Axis, cases: Mapping[str, LumpedModel]) -> Surface:
     >>> result.growth[0].round(6).tolist()
     [[0.0, 0.0], [0.0, 0.399788]]
     """
-    growth = []
+    growth, onset = [], []
     for model in cases.values():
-        rows = [replace(model, **dict.fromkeys(y.names, float(v))).eigenvalues(x.values).real.max(-1) for v in y.values]
-        growth.append(np.stack(rows))
-    return Surface(x, y, tuple(cases), tuple(growth))
+        models = [replace(model, **dict.fromkeys(y.names, float(v))) for v in y.values]
+        growth.append(np.stack([m.eigenvalues(x.values).real.max(-1) for m in models]))
+        onset.append(np.array([min(m.critical_mu(), default=np.inf) for m in models]))
+    return Surface(x, y, tuple(cases), tuple(growth), tuple(onset))
 
 
 def responses(model: LumpedModel, x0: Sequence[float], times: Floats, mu: Mapping[str, float]) -> Responses:
@@ -183,10 +187,11 @@ def responses(model: LumpedModel, x0: Sequence[float], times: Floats, mu: Mappin
 
 
 def find_unstable_intervals(
-    model: LumpedModel, axis: Axis, mu: float, unstable: Floats | None = None
+    model: LumpedModel, axis: Axis, mu: float, unstable: NDArray[np.bool_] | None = None
 ) -> tuple[tuple[float, float], ...]:
-    """Find the intervals of a parameter in which a model is unstable; windows narrower than the axis' step may be missed.
+    """Find the intervals of a parameter in which a model is unstable.
 
+    A window narrower than the axis' step may be missed.
     Each end is bisected on the stability until one crossing is left and then refined: undamped on the discriminant
     Π (θi − θj)², which has a simple zero where two frequencies merge; damped on max Re λ.
 

@@ -65,8 +65,8 @@ def evaluate(model_name: str, settings: Mapping[str, str]) -> dict[str, Any]:
     Returns
     -------
     dict
-        `eigenvalues`: [[Re, Im], ...], rad/s, ascending by Im λ; `critical_mu`: the μ > 0 at which a flutter begins; also
-        `mu`, `uncertainty` (of each λ, rad/s) and `stability` (`unstable`, `marginal` or `stable`).
+        `eigenvalues`: [[Re, Im], ...], rad/s, ascending by Im λ; `critical_mu`: the μ > 0 at which a flutter begins;
+        also `mu`, `uncertainty` (of each λ, rad/s) and `stability` (`unstable`, `marginal` or `stable`).
 
     Raises
     ------

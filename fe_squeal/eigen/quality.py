@@ -31,10 +31,9 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     residual = pencil.apply(lam, right)
     magnitude = pencil.magnitude(lam, right)
     backward = _column_norms(residual) / _column_norms(magnitude)
-    correction = np.abs(np.einsum("ij,ij->j", left.conj(), residual))
-    amplification = np.einsum("ij,ij->j", np.abs(left), magnitude)
+    first_order, amplification = _perturbation(left, residual, magnitude, theta)
     least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
-    u_theta = _near_coalescence(correction + ROUNDING * amplification, least, theta)
+    u_theta = _near_coalescence(first_order, least, theta)
 
     # A rigid mode: θ is zero within what rounding leaves.
     rigid = np.abs(theta) <= u_theta
@@ -68,16 +67,37 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     residual = pencil.apply(lam, right)
     magnitude = pencil.magnitude(lam, right)
     backward = _column_norms(residual) / _column_norms(magnitude)
-    correction = np.abs(np.einsum("ij,ij->j", left.conj(), residual))
-    amplification = np.einsum("ij,ij->j", np.abs(left), magnitude)
+    first_order, amplification = _perturbation(left, residual, magnitude, lam)
     dissipation = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.C @ right))
     least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
     least = least / np.maximum(2 * np.abs(lam) + dissipation, np.finfo(float).tiny)
-    u = _near_coalescence(correction + ROUNDING * amplification, least, lam)
+    u = _near_coalescence(first_order, least, lam)
     with np.errstate(divide="ignore"):
         condition = amplification / np.abs(lam)
     order = np.lexsort((-lam.real, lam.imag))
     return Modes(lam, right, left, backward, u, condition, method).select(order)
+
+
+def _perturbation(
+    left: np.ndarray, residual: np.ndarray, magnitude: np.ndarray, values: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the error of each eigenvalue by perturbation theory, and how much of it one rounding would be.
+
+    With T_ij = |ψ_iᴴ r_j| + ε|ψ_i|ᵀ(magnitude)_j, eigenvalue i moves by T_ii and through its neighbours by
+    T_ij T_ji / |θ_i − θ_j|, or √(T_ij T_ji) where that is smaller: the modes of a doublet are free to turn.
+
+    Returns
+    -------
+    first_order, amplification : (k,)
+    """
+    amplification = np.abs(left).T @ magnitude
+    T = np.abs(left.conj().T @ residual) + ROUNDING * amplification
+    both = T * T.T
+    gap = np.abs(values[:, None] - values[None, :])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        through = np.fmin(np.sqrt(both), both / gap)
+    np.fill_diagonal(through, T.diagonal())
+    return through.sum(axis=1), amplification.diagonal()
 
 
 def _near_coalescence(first_order: np.ndarray, least: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -99,7 +99,7 @@ def critical_friction(
     Examples
     --------
     >>> critical_friction(10, [5, 10, 20], 10, 120, 60).round(6).tolist()
-    [-0.202073, inf, 0.329914]
+    [-0.209946, inf, 0.329914]
     """
     (s1, c1), (s2, c2) = direction(theta1), direction(theta2)
     p1, p2, p3 = (np.asarray(k, dtype=float) for k in (k1, k2, k3))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -12,11 +13,11 @@ from ..study import Notes, Result, Study, intervals, of_sweep
 
 BASE = Minimal()
 REGULAR = Minimal(k2=20.0)
-_DAMPED = {"c1": 0.3, "c2": 0.3, "c3": 0.3}
+_DAMPED: dict[str, Any] = {"c1": 0.3, "c2": 0.3, "c3": 0.3}
 _LABELS = {"base values (k2 = 10 N/m)": BASE, "k2 = 20 N/m": REGULAR}
 
 
-def _both(names: str, values: np.ndarray, mu: float = 0.5, **changes: float) -> Sweep:
+def _both(names: str, values: np.ndarray, mu: float = 0.5, **changes: Any) -> Sweep:
     cases = {(label, label): (replace(model, **changes), mu) for label, model in _LABELS.items()}
     return sweep(axis_of(BASE, names, values), cases)
 
@@ -28,14 +29,15 @@ def _friction() -> Sweep:
 def _friction_notes(result: Sweep) -> Notes:
     readings = [Minimal(k2=20.0, friction=f).critical_mu()[0] for f in ("printed", "contact", "full")]
     return Notes(
-        "At k2 = 20 N/m the two frequencies meet at μ_c = {:.6f} and a growing and a decaying motion leave the axis like "
-        "a square root. At the base values both frequencies are √15 rad/s for every μ: nothing merges, there is no "
-        "threshold, and the growth rate is zero to rounding.".format(readings[0]),
-        "The gap between the two frequencies at μ = 0 buys friction. Which stiffness carries the normal load matters: "
-        f"the threshold is {readings[0]:.5f} if all of it does, {readings[1]:.5f} if the contact spring alone does, and "
-        f"{readings[2]:.5f} if the whole normal equation is taken.",
-        "A threshold in the base values: a = d = 15 N/m and b = 0 leave the eigenvalues at ±i√15 for every μ. Computed "
-        f"with rounding, b = −1.8e-15 N/m gives Re λ near 1e-8; it is {BASE.spectrum(0.5).stability}, not unstable.",
+        f"At k2 = 20 N/m the two frequencies meet at μ_c = {readings[0]:.6f} and a growing and a decaying motion "
+        "leave the axis like a square root. At the base values both frequencies are √15 rad/s for every μ: nothing "
+        "merges, there is no threshold, and the growth rate is zero to rounding.",
+        "The gap between the two frequencies at μ = 0 buys friction. Which stiffness carries the normal load "
+        f"matters: the threshold is {readings[0]:.5f} if all of it does, {readings[1]:.5f} if the contact spring "
+        f"alone does, and {readings[2]:.5f} if the whole normal equation is taken.",
+        "The claim that the base values have a threshold: a = d = 15 N/m and b = 0 leave the eigenvalues at ±i√15 "
+        "for every μ. Computed with rounding, b = −1.8e-15 N/m gives Re λ near 1e-8; it is "
+        f"{BASE.spectrum(0.5).stability}, not unstable.",
     )
 
 
@@ -46,10 +48,12 @@ def _theta2() -> Sweep:
 def _theta2_notes(result: Sweep) -> Notes:
     base, regular = result.cases
     return Notes(
-        f"At μ = 0.5 and k2 = 10 N/m the mass is unstable for θ2 in {intervals(base)} degrees; at k2 = 20 N/m "
-        f"in {intervals(regular)} degrees. A spring has no sense of direction: everything repeats after 180°.",
-        "The sign of the coupling b decides: b ≥ 0 cannot flutter with this direction of sliding. The base angle, 60°, "
-        "is exactly the edge of an unstable window.",
+        f"At μ = 0.5 and k2 = 10 N/m the mass is unstable for θ2 in {intervals(base)} degrees; at k2 = 20 N/m in "
+        f"{intervals(regular)} degrees; the window from {regular.unstable[1][0]:.0f}° to "
+        f"{regular.unstable[1][1]:.0f}° is a divergence, det K < 0, without oscillation. A spring has no sense of "
+        "direction: everything repeats after 180°.",
+        "The sign of the coupling b decides: b ≥ 0 cannot flutter with this direction of sliding. The base angle, "
+        "60°, is exactly the edge of an unstable window.",
     )
 
 
@@ -62,12 +66,12 @@ def _k2_notes(result: Sweep) -> Notes:
     printed, contact = result.cases
     edge = printed.unstable[0][1]
     return Notes(
-        f"At μ = 0.5 the mass is unstable for k2 in {intervals(printed, 7)} N/m; if the contact spring alone carries "
-        f"load, in {intervals(contact, 7)} N/m.",
+        f"At μ = 0.5 the mass is unstable for k2 in {intervals(printed, 7)} N/m; if the contact spring alone "
+        f"carries load, in {intervals(contact, 7)} N/m.",
         "A stiffness is good or bad by what it does to the two frequencies and to their coupling, not by its size. "
         "The base value 10 N/m is the lower edge of the window.",
-        f"\"Higher stiffness delays instability\": raising k2 from 10 N/m creates flutter, and it lasts up to "
-        f"{edge:.2f} N/m.",
+        "The claim that higher stiffness delays instability: raising k2 from 10 N/m creates flutter, and it lasts "
+        f"up to {edge:.2f} N/m.",
     )
 
 
@@ -79,16 +83,16 @@ def _surface(name: str) -> Surface:
 
 def _surface_notes(name: str) -> Notes:
     seen = {
-        "k1": "With k2 = 10 N/m only k1 < 10 N/m can flutter: beyond it the coupling b is positive. With k2 = 20 N/m the "
-        "edge lies at k1 = 20 N/m.",
-        "k2": "The unstable region opens at k2 = 10 N/m, where its threshold falls to zero, and closes towards larger k2 "
-        "as the frequencies move apart.",
+        "k1": "With k2 = 10 N/m only k1 < 10 N/m can flutter: beyond it the coupling b is positive. With k2 = "
+        "20 N/m the edge lies at k1 = 20 N/m.",
+        "k2": "The unstable region opens at k2 = 10 N/m, where its threshold falls to zero, and closes "
+        "towards larger k2 as the frequencies move apart.",
         "k3": "At the base values k3 changes nothing but one frequency: b = 0, and the plane stays at zero. At "
-        "k2 = 20 N/m the threshold is lowest near k3 = 15 N/m, where both frequencies of the uncoupled mass agree.",
+        "k2 = 20 N/m the threshold is lowest at k3 = 16.6 N/m, next to 15 N/m, where a = d.",
     }  # fmt: skip
     follows = {
-        "k1": "The two inclined springs act through their difference; balance is the edge of instability, not the middle "
-        "of safety.",
+        "k1": "The two inclined springs act through their difference; balance is the edge of instability, not "
+        "the middle of safety.",
         "k2": "Near the edge the threshold grows like (k2 − 10)/(15√3): the base point has no margin at all.",
         "k3": "Move the contact stiffness away from the value at which a = d; to both sides the threshold rises.",
     }  # fmt: skip
@@ -106,16 +110,15 @@ def _damping() -> Sweep:
 
 
 def _damping_notes(result: Sweep) -> Notes:
-    plain, equal, unequal, single = (
-        replace(REGULAR, **c).critical_mu()[0] for c in ({}, _DAMPED, {"c1": 0.3, "c2": 0.3}, {"c3": 0.3})
-    )
+    models = (REGULAR, replace(REGULAR, **_DAMPED), replace(REGULAR, c1=0.3, c2=0.3), replace(REGULAR, c3=0.3))
+    plain, equal, unequal, single = (model.critical_mu()[0] for model in models)
     base = replace(BASE, **_DAMPED).eigenvalues(1.0)[-1]
     return Notes(
-        f"Equal dampers move the onset at k2 = 20 N/m from {plain:.5f} to {equal:.5f} and round the square root off. "
-        f"At the base values λ = {base.real:.3f} ± {base.imag:.4f}i rad/s for every μ.",
+        f"Equal dampers move the onset at k2 = 20 N/m from {plain:.5f} to {equal:.5f} and round the square root "
+        f"off. At the base values λ = {base.real:.3f} ± {base.imag:.4f}i rad/s for every μ.",
         "Damping must reach both motions alike. A damper on one of them alone can lower the threshold.",
-        f"\"Damping delays the onset\": without c3 it falls to {unequal:.6f}, and c3 alone, however small, lowers it to "
-        f"{single:.6f} = |b|/d.",
+        f"The claim that damping delays the onset: without c3 it falls to {unequal:.6f}, and c3 alone, however "
+        f"small, lowers it to {single:.6f} = |b|/d.",
     )
 
 
@@ -127,10 +130,10 @@ def _c3_notes(result: Sweep) -> Notes:
     regular = result.cases[1]
     return Notes(
         f"At μ = 0.5 and k2 = 20 N/m the largest growth rate goes from {regular.growth[0]:.4f} to "
-        f"{regular.growth[-1]:.4f} rad/s over the sweep (unstable for c3 in {intervals(regular)} N s/m). At the base "
-        "values the mass decays throughout.",
-        "More normal damping helps here because c1 and c2 are there too; by itself it lowers the threshold (see the "
-        "damping study).",
+        f"{regular.growth[-1]:.4f} rad/s over the sweep (unstable for c3 in {intervals(regular)} N s/m). At the "
+        "base values the mass decays throughout.",
+        "More normal damping helps here because c1 and c2 are there too; by itself it lowers the threshold (see "
+        "the damping study).",
     )
 
 
@@ -151,14 +154,14 @@ def _surface_c_notes(result: Result) -> Notes:
 def _responses() -> Responses:
     mu_c = REGULAR.critical_mu()[0]
     mu = {"below": 0.9 * mu_c, "at μ_c": mu_c, "above": 1.1 * mu_c}
-    return responses(REGULAR, [1.0, 0.0], np.linspace(0, 60, 2401), mu)
+    return responses(REGULAR, [1.0, 0.0], np.linspace(0, 40, 1601), mu)
 
 
 def _responses_notes(result: Result) -> Notes:
     assert isinstance(result, Responses)
     return Notes(
-        "k2 = 20 N/m. Below μ_c the two frequencies beat and x(t) stays bounded; at μ_c its envelope grows like t; above it "
-        f"like exp({result.rates[2]:.4f} t).",
+        "k2 = 20 N/m. Below μ_c the two frequencies beat and x(t) stays bounded; at μ_c its envelope grows like t; "
+        f"above it like exp({result.rates[2]:.4f} t).",
         "Beating with a long period is the sign that two frequencies are about to merge: friction is near its limit.",
     )
 
@@ -182,8 +185,8 @@ def _map_notes(result: Result) -> Notes:
     free = float(np.mean((result.values < 0) | np.isinf(result.values)))
     return Notes(
         f"θ1 = 120°. Over k1, k2, k3 from 5 to 50 N/m and θ2 from 0° to 175°, {100 * free:.1f} % of the grid cannot "
-        f"flutter with this direction of sliding (b ≥ 0). Of the rest the largest threshold is {forward.max():.4g}, at "
-        f"{_best(result.axes, forward)}; for either direction of sliding the largest is {either.max():.4g}, at "
+        f"flutter with this direction of sliding (b ≥ 0). Of the rest the largest threshold is {forward.max():.4g}, "
+        f"at {_best(result.axes, forward)}; for either direction of sliding the largest is {either.max():.4g}, at "
         f"{_best(result.axes, either)}.",
         "There is no optimal point but an optimal region: no coupling (b → 0) with the two frequencies far apart "
         "(a ≠ d), where the threshold has no upper bound. b → 0 with a = d, the base values, is the worst "

@@ -9,7 +9,7 @@ from ..results import Sweep, axis_of, sweep
 from ..study import Notes, Study, intervals, of_sweep, sweep_one
 
 BASE = NineDof()
-DAMPED = NineDof(**{f"c{i}": 0.1 for i in range(1, 10)})
+DAMPED = NineDof(c1=0.1, c2=0.1, c3=0.1, c4=0.1, c5=0.1, c6=0.1, c7=0.1, c8=0.1, c9=0.1)
 _RECONSTRUCTION = "The model is a reconstruction: the source prints neither its matrices nor its dimensions. "
 
 
@@ -18,10 +18,10 @@ def _friction_notes(result: Sweep) -> Notes:
     return Notes(
         f"{_RECONSTRUCTION}Flutter begins at μ = {found}; the source reports the first two, as 0.9 and 2.7. Other "
         "frequencies meet and cross without any effect.",
-        "In a system of many modes most crossings are harmless; only pairs that friction couples with opposite signs "
-        "merge. Looking at frequencies alone overstates the danger.",
-        "\"Eigenvalues shift from negative to positive real parts\": without damping none is ever negative without its "
-        f"positive mirror image (±{result.cases[0].growth[-1]:.4f} rad/s at μ = 4).",
+        "In a system of many modes most crossings are harmless; only pairs that friction couples with opposite "
+        "signs merge. Looking at frequencies alone overstates the danger.",
+        "The claim that eigenvalues move from negative to positive real parts: without damping none is ever "
+        f"negative without its positive mirror image (±{result.cases[0].growth[-1]:.4f} rad/s at μ = 4).",
     )
 
 
@@ -38,10 +38,10 @@ def _kc_notes(result: Sweep) -> Notes:
 def _k_notes(result: Sweep) -> Notes:
     case = result.cases[0]
     return Notes(
-        f"At μ = 0.5, with k1 to k4 together, the system is unstable in {intervals(case)} N/m. The gaps hold the stable "
-        "ranges that the source names, 3 to 4 and 5 to 6 N/m.",
-        "Stability comes and goes with stiffness: between two tested values that are quiet there may be one that is not. "
-        "Sweep finely, or look for the onsets themselves.",
+        f"At μ = 0.5, with k1 to k4 together, the system is unstable in {intervals(case)} N/m. The gaps hold the "
+        "stable ranges that the source names, 3 to 4 and 5 to 6 N/m.",
+        "Stability comes and goes with stiffness: between two tested values that are quiet there may be one that "
+        "is not. Sweep finely, or look for the onsets themselves.",
     )
 
 
@@ -55,10 +55,11 @@ def _damping_notes(result: Sweep) -> Notes:
     plain, damped = BASE.onsets(0, 4), [o for o in DAMPED.onsets(0, 4) if o.into]
     later = ", ".join(f"{o.mu:.5f}" for o in damped)
     return Notes(
-        f"Equal dampers on all nine coordinates move the first onset from {plain[0].mu:.5f} to {damped[0].mu:.5f} (at "
-        f"{damped[0].omega:.4f} rad/s); onsets up to μ = 4: {later}. Every Re λ is shifted down by 0.05 rad/s on average.",
-        "A weak flutter is cured by little damping: the first onset has a growth of 0.055 √(μ − μ_c) rad/s, which 0.05 rad/s "
-        "of damping outweighs for a long way.",
+        f"Equal dampers on all nine coordinates move the first onset from {plain[0].mu:.5f} to {damped[0].mu:.5f} "
+        f"(at {damped[0].omega:.4f} rad/s); onsets up to μ = 4: {later}. Every Re λ is shifted down by 0.05 rad/s "
+        "on average.",
+        "A weak flutter is cured by little damping: the first onset has a growth of 0.055 √(μ − μ_c) rad/s, which "
+        "0.05 rad/s of damping outweighs for a long way.",
     )
 
 

@@ -21,27 +21,27 @@ def _friction_notes(result: Sweep) -> Notes:
     return Notes(
         f"The frequencies meet at μ_c = {mu_c:.4f}; the source reads about 0.35 off its figure. If only the contact "
         f"spring carries load the threshold is {contact:.4f}.",
-        "The threshold is a property of the structure, not of the friction law: here friction is constant and does not "
-        "fall with sliding speed.",
+        "The threshold is a property of the structure, not of the friction law: here friction is constant and does "
+        "not fall with sliding speed.",
     )
 
 
 def _responses() -> Responses:
     mu_c = BASE.critical_mu()[0]
     mu = {"below": 0.9 * mu_c, "at μ_c": mu_c, "above": 1.1 * mu_c}
-    return responses(BASE, [1.0, 0.0], np.linspace(0, 50, 2001), mu)
+    return responses(BASE, [1.0, 0.0], np.linspace(0, 30, 1201), mu)
 
 
 def _responses_notes(result: Result) -> Notes:
     assert isinstance(result, Responses)
-    late = BASE.response([1.0, 0.0], [0.0, 0.0], np.linspace(990, 1000, 2001), result.mu[1])
+    late = BASE.response([1.0, 0.0], [0.0, 0.0], np.linspace(996, 1000, 801), result.mu[1])
     slope = float(np.abs(late[:, 0]).max() / 1000)
     return Notes(
         "From rest at x = 1 m, y = 0: bounded beating below μ_c, growth in proportion to t at μ_c, growth like "
         f"exp({result.rates[2]:.4f} t) above it.",
-        "A measured amplitude that rises in a straight line marks the threshold; an exponential one says how far above "
-        "it the brake is.",
-        "\"At μ_c the oscillation neither decays nor grows\": two eigenvectors fall into one there, the motion holds a "
+        "A measured amplitude that rises in a straight line marks the threshold; an exponential one says how far "
+        "above it the brake is.",
+        "The claim that the motion at μ_c is neutral: two eigenvectors fall into one there, the motion holds a "
         f"term t sin ωt, and the amplitude of x rises by {slope:.3f} m each second.",
     )
 
@@ -59,9 +59,9 @@ def _noise_map() -> Table:
 
 def _noise_notes(result: Result) -> Notes:
     return Notes(
-        "All stiffnesses of the oscillator times one factor: the threshold stays at 0.362, the frequency at which it "
-        "flutters rises with the root of the factor, from groan (below 100 Hz) through the range between to squeal "
-        "(1 kHz and up). The factor that makes it squeal is near 1.9e6.",
+        "All stiffnesses of the oscillator times one factor: the threshold stays at 0.362, the frequency at which "
+        "it flutters rises with the root of the factor, from groan (below 100 Hz) through the range between to "
+        "squeal (1 kHz and up). The factor that makes it squeal is near 1.9e6.",
         "Ratios of stiffness decide whether a brake is noisy, stiffness over mass decides what the noise is called.",
     )
 

@@ -12,9 +12,9 @@ from ..study import Notes, Study, intervals, of_sweep, sweep_one
 
 BASE = TwoMass()
 _MIRROR = (
-    "\"As {} rises, the real part becomes more negative and the system is more damped\": there is no damping. The "
-    "spectrum is symmetric under λ → −λ, so that the most negative real part, {:.4f} rad/s, is the mirror image of the "
-    "largest growth rate, {:+.4f} rad/s."
+    "The claim that raising {} makes the real parts more negative and so damps the system: there is no damping. "
+    "The spectrum is symmetric under λ → −λ, so that the most negative real part, {:.4f} rad/s, is the mirror "
+    "image of the largest growth rate, {:+.4f} rad/s."
 )
 
 
@@ -28,8 +28,8 @@ def _friction_notes(result: Sweep) -> Notes:
     mu_c = BASE.critical_mu()[0]
     contact = TwoMass(friction="contact").critical_mu()[0]
     return Notes(
-        f"The second and third frequency merge at μ_c = {mu_c:.6f} ({contact:.6f} if ky alone carries the load); the first stays "
-        "apart and rises a little.",
+        f"The second and third frequency merge at μ_c = {mu_c:.6f} ({contact:.6f} if ky alone carries the load); "
+        "the first stays apart and rises a little.",
         "Of three motions two matter: the ones that meet. Frictions above 0.2 are ordinary for brake pads, so that "
         "this pair must be moved apart.",
         _mirror("μ", case),
@@ -51,20 +51,22 @@ def _k() -> Sweep:
 def _k_notes(result: Sweep) -> Notes:
     still, sliding = result.cases
     return Notes(
-        f"Without friction, as the source's table has it, every frequency rises with k and nothing grows. At μ = 0.4 the "
-        f"system is unstable for k in {intervals(sliding, 7)} N/m (of 1 to 80 N/m).",
+        "Without friction, as the source's table has it, every frequency rises with k and nothing grows. At μ = "
+        f"0.4 the system is unstable for k in {intervals(sliding, 7)} N/m (of 1 to 80 N/m).",
         "A stiffer inclined spring lifts one frequency away from the other: above 10 N/m this pair is safe.",
-        "\"The real part becomes more negative with k\" at μ = 0: K is symmetric and positive definite there, every "
-        f"Re λ is {abs(still.growth).max():g} for every k. Only the imaginary parts move.",
+        "The claim that k makes the real parts more negative, at μ = 0: K is symmetric and positive definite "
+        f"there, every Re λ is {abs(still.growth).max():g} for every k. Only the imaginary parts move.",
     )
 
 
 def _theta1_notes(result: Sweep) -> Notes:
     return Notes(
-        f"At μ = 0.4 the system is unstable for θ1 in {intervals(result.cases[0], 7)} degrees; all repeats after 180°.",
-        "Between 90° and 180° the inclined spring couples with the other sign and flutter is impossible at this μ: turning "
-        "the link, which costs no stiffness, is the strongest measure here.",
-        "\"The angle changes the damping\": C = 0 for every angle; the real parts come in pairs of equal size.",
+        f"At μ = 0.4 the system is unstable for θ1 in {intervals(result.cases[0], 7)} degrees; all repeats after "
+        "180°.",
+        "Between 90° and 180° the inclined spring couples with the other sign and flutter is impossible at this μ: "
+        "turning the link, which costs no stiffness, is the strongest measure here.",
+        "The claim that the angle changes the damping: C = 0 for every angle; the real parts come in pairs of equal "
+        "size.",
     )
 
 
@@ -83,23 +85,23 @@ def _damped_notes(c: float, result: Sweep) -> Notes:
     case = result.cases[1]
     ratio = float((-case.lam.real / np.abs(case.lam)).max())
     return Notes(
-        f"The onset moves from {plain:.6f} without damping to {damped:.6f}: down, since the normal motion is undamped. "
-        f"With cy = {c:g} N s/m as well it rises to {all_three:.6f}.",
+        f"The onset moves from {plain:.6f} without damping to {damped:.6f}: down, since the normal motion is "
+        f"undamped. With cy = {c:g} N s/m as well it rises to {all_three:.6f}.",
         "Damp the motion that has the least of it. Damping along the belt alone does not buy friction.",
-        "\"Critical and overdamped regimes\" do not occur: over 0 ≤ μ ≤ 0.6 every |Im λ| ≥ "
-        f"{case.lam.imag.min():.4f} rad/s, no damping ratio exceeds {ratio:.3f}, and the largest Re λ at μ = 0.6 is "
-        f"{case.growth[-1]:+.3f} rad/s, growing. Nor does friction make the real parts more negative: their sum over "
-        f"all six λ is −tr(M⁻¹C) = {-3 * c - c / 2:.3g} rad/s at every μ.",
+        f"The claim of critical and overdamped regimes: over 0 ≤ μ ≤ 0.6 every |Im λ| ≥ {case.lam.imag.min():.4f} "
+        f"rad/s, no damping ratio exceeds {ratio:.3f}, and the largest Re λ at μ = 0.6 is {case.growth[-1]:+.3f} "
+        "rad/s, growing. Nor does friction make the real parts more negative: their sum over all six λ is "
+        f"−tr(M⁻¹C) = {-3 * c - c / 2:.3g} rad/s at every μ.",
     )
 
 
 def _one_damper_notes(name: str, result: Sweep) -> Notes:
     case = result.cases[0]
     return Notes(
-        f"At μ = 0.4 the largest growth rate falls from {case.growth[0]:.4f} to {case.growth[-1]:.4f} rad/s as {name} goes from "
-        "0 to 0.7 N s/m.",
+        f"At μ = 0.4 the largest growth rate falls from {case.growth[0]:.4f} to {case.growth[-1]:.4f} rad/s as "
+        f"{name} goes from 0 to 0.7 N s/m.",
         "One damper slows the growth and does not stop it; a squeal that builds up more slowly is still a squeal.",
-        f"\"Higher {name} gives stability\": the growth rate stays positive over the whole sweep, "
+        f"The claim that a higher {name} gives stability: the growth rate stays positive over the whole sweep, "
         f"{case.growth[-1]:+.4f} rad/s at its end.",
     )
 
@@ -115,12 +117,15 @@ def _sweep_friction() -> Sweep:
 
 
 STUDIES = [
-    Study("friction", "1.3.2", "two-mass model over friction", _sweep_friction, of_sweep(_friction_notes), spatial=True),
-    _stiffness("k1x", 50, "Stiffen the support of the first mass beyond 13.9 N/m and the frequencies no longer meet."),
-    _stiffness("k2x", 50, "Softer or stiffer both help: the window lies around the value at which two frequencies meet.",
+    Study("friction", "1.3.2", "two-mass model over friction", _sweep_friction, of_sweep(_friction_notes),
+          spatial=True),
+    _stiffness("k1x", 50, "Stiffen the support of the first mass beyond 13.9 N/m and the frequencies no "
+    "longer meet."),
+    _stiffness("k2x", 50, "Softer or stiffer both help: the window lies around the value at which two "
+    "frequencies meet.",
                " Raising k2x from 5 N/m makes the system unstable first."),
-    _stiffness("ky", 100, "The contact stiffness must not put the normal frequency onto a tangential one; pads that wear "
-               "or heat up move along this axis.", " Raising ky from 40 N/m makes the system unstable."),
+    _stiffness("ky", 100, "The contact stiffness must not put the normal frequency onto a tangential one; "
+    "pads that wear or heat up move along this axis.", " Raising ky from 40 N/m makes the system unstable."),
     Study("k", "1.3.3", "two-mass model over k", _k, of_sweep(_k_notes), spatial=True),
     Study("theta1", "1.3.4", "two-mass model over θ1, μ = 0.4",
           lambda: sweep_one(BASE, "theta1", 0, 360, 0.4, 720), of_sweep(_theta1_notes), spatial=True),

@@ -16,20 +16,21 @@ BASE = UncoupledDisc()
 def _friction_notes(result: Sweep) -> Notes:
     moved = float(np.ptp(BASE.eigenvalues(np.linspace(0, 5, 101)).imag, axis=0).max())
     return Notes(
-        "A reconstruction of the kind of model that the source describes. Friction drives the tangential motion, and "
-        f"nothing comes back: K is block triangular. Over 0 ≤ μ ≤ 5 no frequency moves by more than {moved:.1e} rad/s.",
-        "A model without a path from tangential to normal motion cannot squeal by mode coupling. If a finite-element "
-        "model shows no friction dependence at all, look for the missing path.",
+        "A reconstruction of the kind of model that the source describes. Friction drives the tangential motion, "
+        f"and nothing comes back: K is block triangular. Over 0 ≤ μ ≤ 5 no frequency moves by more than {moved:.1g} "
+        "rad/s.",
+        "A model without a path from tangential to normal motion cannot squeal by mode coupling. If a "
+        "finite-element model shows no friction dependence at all, look for the missing path.",
     )
 
 
 def _rigid_pad_notes(result: Sweep) -> Notes:
     return Notes(
-        "A rigid pad that moves along the normal and rotates, on two unequal contact springs, with no inclined spring: "
-        f"K = [[3, 1], [1 − 3μ, 4 − μ]] flutters from μ = 7 − 2√11 = {RigidPad().critical_mu()[0]:.5f}.",
+        "A rigid pad that moves along the normal and rotates, on two unequal contact springs, with no inclined "
+        f"spring: K = [[3, 1], [1 − 3μ, 4 − μ]] flutters from μ = 7 − 2√11 = {RigidPad().critical_mu()[0]:.5f}.",
         "Any path will do: here the moment of the friction force about the centre of the pad. Low pads and centred "
         "pressure lower the coupling.",
-        "\"Mode coupling occurs only when a diagonal stiffness is present\": this pad has none and flutters from "
+        "The claim that mode coupling needs a diagonal stiffness: this pad has none and flutters from "
         f"{7 - 2 * math.sqrt(11):.5f} on.",
     )
 

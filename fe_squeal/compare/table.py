@@ -1,0 +1,153 @@
+"""Finite-element models of the lumped systems beside the lumped systems themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+
+import lumped
+
+from ..eigen.pencil import Modes
+from ..eigen.solve import Request, solve_modes
+from ..errors import SceneError, suggest
+from ..problem import Problem
+from ..sweep import sweep
+from .cases import Case, minimal, nine_dof, two_mass, uncoupled_disc
+
+_SOFTER = (1e-2, 1e-1, 1.0)  # of a case's modulus: three steps for the fitted order
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What is compared: friction coefficients of the spectra, the interval of the onsets, and Young's modulus (Pa,
+    against springs of 1 to 50 N/m on bodies of 1 m)."""
+
+    make: Callable[[], Case]
+    values: tuple[float, ...]
+    interval: tuple[float, float, int]
+    modulus: float = 1e6
+
+
+SETUPS = {
+    "minimal": Setup(minimal, (0.0, 0.5, 1.0), (0.0, 1.0, 6)),
+    "minimal-damped": Setup(
+        lambda: minimal(lumped.Minimal(k2=20.0, c1=0.3, c2=0.3, c3=0.3)), (0.0, 0.5, 1.0), (0.0, 1.0, 6)
+    ),
+    "minimal-sprung-at-top": Setup(lambda: minimal(springs_on="top"), (), (0.0, 1.0, 6)),
+    "two-mass": Setup(two_mass, (0.0, 0.1, 0.4), (0.0, 0.6, 7)),
+    "nine-dof": Setup(nine_dof, (0.0, 0.5, 2.0), (0.0, 4.0, 41), 3e6),
+    "uncoupled-disc": Setup(uncoupled_disc, (0.0, 1.0, 5.0), (0.0, 5.0, 6)),
+}
+
+
+def compare(name: str = "all") -> pd.DataFrame:
+    """Return a row per quantity: case, quantity, lumped, finite_elements, difference.
+
+    Of a spectrum the eigenvalue that differs most is shown, with its relative difference; of the friction matrix,
+    projected on the rigid motions, the largest entry, with the largest difference of any entry relative to it.
+
+    Parameters
+    ----------
+    name : str
+        A key of SETUPS, or "all".
+
+    Raises
+    ------
+    SceneError
+        If there is no such case.
+    """
+    if name != "all" and name not in SETUPS:
+        raise SceneError(f'compare: no case "{name}"{suggest(name, [*SETUPS, "all"])}')
+    rows = [row for key in (SETUPS if name == "all" else [name]) for row in compare_case(key)]
+    return pd.DataFrame(rows, columns=["case", "quantity", "lumped", "finite_elements", "difference"])
+
+
+def compare_case(name: str) -> list[tuple[str, str, float, float, float]]:
+    """Return the rows of one case."""
+    setup = SETUPS[name]
+    case = setup.make()
+    stiff = case.problem(setup.modulus)
+    rows: list[tuple[str, str, float, float, float]] = []
+    R = case.rigid_motions(stiff)
+    friction = stiff.derivative("mu", "K")
+    assert friction is not None
+    projected, expected = R.T @ (friction @ R), case.model.friction_matrix
+    size = np.abs(expected).max()
+    gap = np.abs(projected - expected).max() / size
+    rows.append((name, "K_f, largest entry (N/m)", size, float(np.abs(projected).max()), gap))
+    for mu in setup.values:
+        difference, model, fem = spectrum_difference(case, stiff, mu)
+        rows.append((name, f"|λ| at μ = {mu:g} (rad/s)", abs(model), abs(fem), difference))
+    if setup.values:
+        slope = stiffness_rate(case, setup.modulus, setup.values[-1])
+        rows.append((name, "order in 1/E", 1.0, slope, abs(slope - 1.0)))
+    rows += _onset_rows(name, case, stiff, setup)
+    if name == "uncoupled-disc":
+        drift = spectrum_drift(case.problem(1e-2 * setup.modulus), setup.values)
+        rows.append((name, "change of λ over μ", 0.0, drift, drift))
+    return rows
+
+
+def lumped_modes(case: Case, problem: Problem, mu: float) -> Modes:
+    """Return the modes that move as the lumped masses do, without the rotations and deformations of the bodies.
+
+    With P the mass projection on the rigid motions R, ψᴴMPφ/ψᴴMφ is the share of the lumped coordinates in a mode,
+    right and left together: friction drives a rotation by a translation, so that φ alone may be mostly rotation.
+    """
+    pencil = problem.pencil(mu=mu)
+    modes = solve_modes(pencil, Request(count=problem.unknowns))
+    assert modes.left is not None
+    R = case.rigid_motions(problem)
+    MR = pencil.M @ R
+    through = np.einsum("ij,ij->j", (modes.left.conj().T @ MR).T, np.linalg.solve(R.T @ MR, MR.T @ modes.right))
+    whole = np.einsum("ij,ij->j", modes.left.conj(), pencil.M @ modes.right)
+    return modes.select(np.flatnonzero(np.abs(through / whole) > 0.5))
+
+
+def spectrum_difference(case: Case, problem: Problem, mu: float) -> tuple[float, complex, complex]:
+    """Return the largest relative difference of an eigenvalue, with the lumped and the finite-element one."""
+    reference = case.model.eigenvalues(mu)
+    reference = reference[reference.imag > 1e-6 * np.abs(reference).max()]
+    found = lumped_modes(case, problem, mu).lam
+    nearest = found[np.argmin(np.abs(reference[:, None] - found[None, :]), axis=1)]
+    difference = np.abs(nearest - reference) / np.abs(reference)
+    worst = int(np.argmax(difference))
+    return float(difference[worst]), complex(reference[worst]), complex(nearest[worst])
+
+
+def stiffness_rate(case: Case, modulus: float, mu: float) -> float:
+    """Return the fitted order in 1/E of the largest change of an eigenvalue from one modulus to the next."""
+    moduli = [modulus * s for s in _SOFTER]
+    spectra = [lumped_modes(case, case.problem(E), mu).lam for E in (0.1 * moduli[0], *moduli)]
+    changes = [max(np.abs(b - x).min() for x in a) for a, b in pairwise(spectra)]
+    return float(-np.polyfit(np.log(moduli), np.log(changes), 1)[0])
+
+
+def spectrum_drift(problem: Problem, values: tuple[float, ...]) -> float:
+    """Return the largest relative change of an eigenvalue between values of μ."""
+    spectra = [solve_modes(problem.pencil(mu=mu), Request(count=9)).lam.imag for mu in values]
+    return float(max(np.abs(s / spectra[0] - 1).max() for s in spectra[1:]))
+
+
+def _onset_rows(
+    name: str, case: Case, problem: Problem, setup: Setup
+) -> list[tuple[str, str, float, float, float]]:  # fmt: skip
+    low, high, points = setup.interval
+    rotations = problem.unknowns if problem.unknowns < 12 else 12
+    result = sweep(problem, np.linspace(low, high, points), modes=rotations if name == "nine-dof" else 4)
+    found = [o.value for o in result.onsets if o.direction == "into"]
+    expected = [mu for mu in case.model.critical_mu() if low < mu < high]
+    if name == "minimal-sprung-at-top":
+        value = found[0] if found else np.nan
+        return [(name, "critical μ", expected[0], value, np.nan)]
+    rows = []
+    for mu in expected:
+        nearest = min(found, key=lambda f: abs(f - mu), default=np.nan)
+        rows.append((name, "critical μ", mu, nearest, abs(nearest - mu) / mu))
+    if not expected:
+        rows.append((name, "number of onsets", 0.0, float(len(found)), float(len(found))))
+    return rows

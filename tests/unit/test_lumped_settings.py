@@ -1,0 +1,81 @@
+"""Settings of the lumped models: what is read, and what the messages say about what is not."""
+
+import json
+import math
+
+import pytest
+from numpy.testing import assert_allclose
+
+from lumped import MODELS, Minimal, NineDof, evaluate, parse_settings
+from lumped.noise import name_noise
+
+
+def test_evaluate_gives_plain_numbers():
+    result = evaluate("minimal", parse_settings(["k2=20", "mu=0.4", "friction=printed"]))
+    json.loads(json.dumps(result, allow_nan=False))
+    assert_allclose(result["critical_mu"], [4 / (7 * math.sqrt(3))], rtol=1e-14)
+    assert len(result["eigenvalues"]) == 4
+    assert_allclose(result["eigenvalues"][-1][1], 4.47952756539986, rtol=1e-13)
+    assert result["stability"] == "unstable" and result["mu"] == 0.4
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_defaults(name):
+    result = evaluate(name, {})
+    assert len(result["eigenvalues"]) == 2 * len(MODELS[name].coordinates)
+    assert result["mu"] == MODELS[name].default_mu
+    assert json.loads(json.dumps(result, allow_nan=False))["critical_mu"] == result["critical_mu"]
+
+
+def test_degenerate_base_values():
+    assert evaluate("minimal", {"mu": "1"})["stability"] == "marginal"
+    assert evaluate("minimal", {})["critical_mu"] == []
+
+
+@pytest.mark.parametrize(
+    ("model", "settings", "message"),
+    [
+        ("minimall", {}, 'no lumped model "minimall"; did you mean "minimal"'),
+        ("minimal", {"tetha2": "3"}, 'minimal: no parameter "tetha2"; did you mean "theta2"'),
+        ("two-mass", {"q": "3"}, 'no parameter "q"; valid: m1, m2'),
+        ("minimal", {"k2": "ten"}, 'k2 = "ten"; expected a number (N/m)'),
+        ("minimal", {"k2": "nan"}, "k2 = nan; expected zero or a positive number (N/m)"),
+        ("minimal", {"theta1": "inf"}, "theta1 = inf; expected a finite number (°)"),
+        ("minimal", {"m": "-1"}, "m = -1 kg (mass); expected a positive number"),
+        ("minimal", {"m": "0"}, "m = 0 kg (mass); expected a positive number"),
+        ("two-mass", {"cy": "-0.1"}, "cy = -0.1 N s/m (damper beside ky); expected zero or a positive number"),
+        ("minimal", {"mu": "inf"}, "mu = inf; expected a finite number"),
+        ("minimal", {"mu": "a"}, 'mu = "a"; expected a number'),
+        ("minimal", {"friction": "contakt"}, 'friction = "contakt"; did you mean "contact"'),
+        ("nine-dof", {"friction": "printed"}, 'friction = "printed"; valid: contact'),
+        ("minimal", {"name": "x"}, 'no parameter "name"'),
+    ],
+)
+def test_bad_settings(model, settings, message):
+    with pytest.raises(ValueError) as caught:
+        evaluate(model, settings)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [(["k2"], '"k2" is no setting'), (["=3"], "expected name=value"), (["k2="], "expected name=value"),
+     (["k2=1", "k2=2"], "k2 is set twice, to 1 and to 2")],
+)  # fmt: skip
+def test_bad_texts(texts, message):
+    with pytest.raises(ValueError) as caught:
+        parse_settings(texts)
+    assert message in str(caught.value)
+
+
+def test_models_check_what_python_gives_them():
+    with pytest.raises(ValueError, match="k2 = '20'"):
+        Minimal(k2="20")
+    with pytest.raises(ValueError, match="jb"):
+        NineDof(jb=0.0)
+
+
+def test_noise_bands():
+    assert [name_noise(f) for f in (-1, 0, 1, 99.9, 100, 999, 1000, 12000)] == [
+        "divergence", "divergence", "groan", "groan", "moan", "moan", "squeal", "squeal",
+    ]  # fmt: skip
