@@ -76,8 +76,10 @@ def find_coalescence(
     raise NotConvergedError(f"coalescence near {parameter} = {value:.6g}: Newton's method did not converge")
 
 
-def find_zero(problem: Problem, parameter: str, value: float, x: np.ndarray, y: np.ndarray) -> Root:
-    """Return where an eigenvalue θ passes zero (divergence): a root of g(0, p), by Newton.
+def find_zero(
+    problem: Problem, parameter: str, value: float, x: np.ndarray, y: np.ndarray, width: float
+) -> Root:
+    """Return where an eigenvalue θ passes zero (divergence): a root of g(0, p) within `width` of `value`, by Newton.
 
     Raises
     ------
@@ -88,6 +90,8 @@ def find_zero(problem: Problem, parameter: str, value: float, x: np.ndarray, y: 
         b = _Bordered(problem, parameter, p, 0.0, x, y)
         step = -b.g / b.g_p
         p, x, y = p + step, b.x, b.w
+        if abs(p - value) > width or b.p_rounding > 0.1 * width:
+            break
         if abs(step) <= b.p_rounding or (abs(step) < 1e-6 * max(abs(p), 1e-3) and abs(step) >= 0.25 * last):
             return Root(float(p), 0.0, float(np.sqrt(abs(b.g_p / b.g_theta))), float(abs(step) + b.p_rounding))
         last = abs(step)
@@ -95,7 +99,7 @@ def find_zero(problem: Problem, parameter: str, value: float, x: np.ndarray, y: 
 
 
 def find_crossing(
-    problem: Problem, parameter: str, value: float, omega: float, x: np.ndarray, y: np.ndarray
+    problem: Problem, parameter: str, value: float, omega: float, x: np.ndarray, y: np.ndarray, width: float
 ) -> Root:
     """Return where an eigenvalue of a damped problem crosses the imaginary axis: g(iω, p) = 0, by Newton in (ω, p).
 
@@ -106,6 +110,8 @@ def find_crossing(
     ----------
     x, y : (n,) complex
         Approximate right and left mode.
+    width : float
+        How far from `value` the root may lie. Where Re λ hardly depends on p, rounding alone would allow any p.
 
     Raises
     ------
@@ -138,6 +144,8 @@ def find_crossing(
         speed = float((-g_p / g_lam).real)
         rounding = ROUNDING * float(np.abs(y) @ pencil.magnitude(np.array([lam]), x[:, None])[:, 0]) / size / abs(g_lam)
         rounding = rounding / abs(speed) if speed else np.inf
+        if abs(p - value) > width or rounding > 0.1 * width:
+            break
         if abs(step[1]) <= rounding or (abs(step[1]) < 1e-6 * max(abs(p), 1e-3) and abs(step[1]) >= 0.25 * last):
             return Root(float(p), float(omega**2), speed, float(abs(step[1]) + rounding))
         last = abs(step[1])

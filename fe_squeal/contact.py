@@ -10,7 +10,7 @@ import skfem
 from scipy.spatial import cKDTree
 
 from .errors import SceneError
-from .spaces import DisplacementSpace, geometry_map
+from .spaces import ROUNDED, DisplacementSpace, geometry_map
 
 _NEWTON_STEPS = 25
 _INSIDE = 1e-6  # slack of reference coordinates: a point on an edge belongs to the facets on both sides
@@ -245,8 +245,10 @@ def _parts(mesh: skfem.Mesh, pad: np.ndarray, counter: np.ndarray) -> int:
     """
     centres = [mesh.p[:, mesh.facets[:, f]].mean(axis=1).T for f in (pad, counter)]
     sizes = [float(np.median(np.ptp(mesh.p[:, mesh.facets[:, f]], axis=1).max(axis=0))) for f in (pad, counter)]
-    distance = cKDTree(centres[1]).query(centres[0])[0]
-    if distance.max() <= 1e-6 * sizes[0]:
+    distance, nearest = cKDTree(centres[1]).query(centres[0])
+    spans = [np.linalg.norm(np.ptp(mesh.p[:, mesh.facets[:, f]], axis=1), axis=0) for f in (pad, counter)]
+    # Equal centres are not enough: those of a mesh three times finer are among them.
+    if distance.max() <= 1e-6 * sizes[0] and np.allclose(spans[0], spans[1][nearest], rtol=1e-6):
         return 1
     return int(np.clip(np.ceil(2 * sizes[0] / sizes[1]), 2, _MOST_PARTS))
 
@@ -255,8 +257,10 @@ def _interpolate(space: DisplacementSpace, elements: np.ndarray, X: np.ndarray) 
     """Return the (q, nodes) operator that evaluates a nodal field at reference points X (3, q) of elements (q,)."""
     nodes = space.dofs.element_dofs[:, elements]
     data = np.stack([np.broadcast_to(space.element.lbasis(X, i)[0], elements.shape) for i in range(len(nodes))])
+    data[np.abs(data) < ROUNDED] = 0.0
     rows = np.broadcast_to(np.arange(len(elements)), nodes.shape)
-    return sp.csr_array((data.ravel(), (rows.ravel(), nodes.ravel())), shape=(len(elements), space.nodes))
+    some = data != 0.0
+    return sp.csr_array((data[some], (rows[some], nodes[some])), shape=(len(elements), space.nodes))
 
 
 def _tangents(normals: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from .errors import NotConvergedError
 from .problem import Problem
 from .tracking import mirror_partners, modal_assurance
 
+_BISECTED = 1e-7  # of the sweep step: the bracket where only stability itself can be told
 _BRACKET = 1e-2  # of the sweep step: where Newton's method takes over from the bracketing
 
 
@@ -185,30 +186,36 @@ class _Step:
             root = find_coalescence(self.problem, self.parameter, rough, theta, x, y)
             if abs(root.value - rough) <= 0.1 * step:
                 frequency = np.sqrt(root.theta) / (2 * np.pi)
+                if abs(root.value - ends[0]) <= root.uncertainty:  # a doublet split by no more than rounding
+                    return self._onset(ends[0], frequency, "flutter", np.nan, root.uncertainty)
                 return self._onset(root.value, frequency, "flutter", root.coefficient, root.uncertainty)
         except NotConvergedError:
             pass  # several equal pairs meet at once, where no border is regular: bracket on the full problem instead
-        value = float(brentq(discriminant, *ends, xtol=1e-12 * step, rtol=8.9e-16))
-        width = self._confirm(value, ends, mode)
-        return self._onset(value, np.sqrt(theta) / (2 * np.pi), "flutter", np.nan, width)
+        return self._bisect(ends, mode)
 
-    def _confirm(self, value: float, ends: tuple[float, float], mode: Modes) -> float:
-        """Return the width of the smallest bracket around an onset of the small model that holds on the full one."""
-        omega, growth = float(mode.lam[0].imag), complex(mode.lam[0])
-        for width in (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2):
-            side = np.copysign(width * abs(ends[1] - ends[0]), ends[1] - ends[0])
-            unstable = []
-            for p in (value - side, value + side):
-                modes = solve_modes(self.problem.pencil(**{self.parameter: p}), self._request(omega))
-                near = np.abs(modes.lam.imag - omega) <= max(0.01 * omega, 2 * abs(growth.real))
-                unstable.append(int(np.count_nonzero((modes.stability == "unstable") & near)))
-            if unstable[1] > unstable[0]:
-                return float(abs(side))
-        raise NotConvergedError(f"no change of stability near {self.parameter} = {value:.6g} on the full problem")
+    def _bisect(self, ends: tuple[float, float], mode: Modes) -> Onset:
+        """Bracket a change of stability on the full problem: between no unstable mode of this frequency and one."""
+        omega, growth = float(mode.lam[0].imag), float(mode.lam[0].real)
+        request = Request(max_frequency_hz=1.02 * max(omega, abs(growth)) / (2 * np.pi))
 
-    @staticmethod
-    def _request(omega: float) -> Request:
-        return Request(max_frequency_hz=1.02 * omega / (2 * np.pi))
+        def unstable(p: float) -> int:
+            modes = solve_modes(self.problem.pencil(**{self.parameter: p}), request)
+            near = np.abs(modes.lam.imag - omega) <= max(0.01 * omega, 2 * abs(growth))
+            return int(np.count_nonzero((modes.stability == "unstable") & near))
+
+        stable_end, unstable_end = ends
+        before = unstable(stable_end)
+        if unstable(unstable_end) <= before:
+            raise NotConvergedError(f"no change of stability near {omega / (2 * np.pi):.6g} Hz on the full problem")
+        while abs(unstable_end - stable_end) > _BISECTED * abs(ends[1] - ends[0]):
+            middle = (stable_end + unstable_end) / 2
+            if unstable(middle) > before:
+                unstable_end = middle
+            else:
+                stable_end = middle
+        value, width = (stable_end + unstable_end) / 2, abs(unstable_end - stable_end)
+        kind = "flutter" if omega else "divergence"
+        return self._onset(value, omega / (2 * np.pi), kind, np.nan, width)
 
     def divergence(self, ends: tuple[float, float], mode: Modes) -> Onset:
         """An eigenvalue θ passes zero."""
@@ -221,11 +228,17 @@ class _Step:
 
         rough = brentq(theta, *ends, xtol=_BRACKET * abs(ends[1] - ends[0]), rtol=8.9e-16)
         x = mode.right[:, 0].real
-        root = find_zero(self.problem, self.parameter, rough, x, x)
+        root = find_zero(self.problem, self.parameter, rough, x, x, 0.1 * abs(ends[1] - ends[0]))
         return self._onset(root.value, 0.0, "divergence", root.coefficient, root.uncertainty)
 
     def crossing(self, ends: tuple[float, float], mode: Modes) -> Onset:
         """Re λ of a damped mode changes sign."""
+        try:
+            return self._find_crossing(ends, mode)
+        except (NotConvergedError, ValueError):  # so little damping that Re λ is lost in rounding on the stable side
+            return self._bisect(ends, mode)
+
+    def _find_crossing(self, ends: tuple[float, float], mode: Modes) -> Onset:
         shape, M, target = self.shape(mode), self.small.pencil().M, complex(mode.lam[0])
 
         def follow(p: float) -> Modes:
@@ -237,7 +250,8 @@ class _Step:
         at = follow(rough)
         assert at.left is not None
         x, y = self.V @ at.right[:, 0], self.V @ at.left[:, 0]
-        root = find_crossing(self.problem, self.parameter, rough, float(at.lam[0].imag), x, y)
+        width = 0.1 * abs(ends[1] - ends[0])
+        root = find_crossing(self.problem, self.parameter, rough, float(at.lam[0].imag), x, y, width)
         omega = np.sqrt(root.theta)
         kind = "flutter" if omega > 1e-6 * abs(target) else "divergence"
         return self._onset(root.value, omega / (2 * np.pi), kind, root.coefficient, root.uncertainty)

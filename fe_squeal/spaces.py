@@ -20,6 +20,7 @@ _ELEMENTS = {
     (False, 1): skfem.ElementHex1,
     (False, 2): skfem.ElementHex2,
 }
+ROUNDED = 1e-13  # size below which shape functions and direction components, of order 1, are rounding
 _BYTES_PER_CHUNK = 2e8  # of element matrices held at once
 
 
@@ -129,12 +130,11 @@ class DisplacementSpace:
         quadrature = subdivided_quadrature(self.mesh.brefdom, self.integration_order, parts)
         basis = skfem.FacetBasis(self.mesh, self.element, facets=facets, quadrature=quadrature, dofs=self.dofs)
         q = basis.dx.size
-        rows = np.arange(q).reshape(basis.dx.shape)
-        values = sp.csr_array((q, self.nodes))
-        for i, (shape,) in enumerate(basis.basis):
-            columns = np.broadcast_to(basis.element_dofs[i][:, None], rows.shape)
-            entries = (np.asarray(shape).ravel(), (rows.ravel(), columns.ravel()))
-            values = values + sp.csr_array(entries, shape=values.shape)
+        shapes = np.stack([np.asarray(shape) for (shape,) in basis.basis])  # (local nodes, facets, points)
+        rows = np.broadcast_to(np.arange(q).reshape(basis.dx.shape), shapes.shape)
+        columns = np.broadcast_to(basis.element_dofs[:, :, None], shapes.shape)
+        some = np.abs(shapes) >= ROUNDED  # nodes off the facet have no part in it but rounding
+        values = sp.csr_array((shapes[some], (rows[some], columns[some])), shape=(q, self.nodes))
         points = np.asarray(basis.global_coordinates()).reshape(3, -1).T
         normals = np.asarray(basis.normals).reshape(3, -1).T
         return Surface(points, normals, basis.dx.ravel(), values, np.asarray(facets))
@@ -153,6 +153,7 @@ class DisplacementSpace:
         (q, n) sparse
         """
         d = np.broadcast_to(np.asarray(directions, float), (values.shape[0], 3))
+        d = np.where(np.abs(d) < ROUNDED, 0.0, d)
         components = [sp.diags_array(d[:, c]) @ values for c in range(3)]
         return self._interleave(components)[:, self.free]
 
@@ -167,7 +168,8 @@ class DisplacementSpace:
         rows = np.concatenate([p.coords[0] for p in parts])
         columns = np.concatenate([3 * p.coords[1] + c for c, p in enumerate(parts)])
         data = np.concatenate([p.data for p in parts])
-        return sp.csr_array((data, (rows, columns)), shape=(parts[0].shape[0], 3 * self.nodes))
+        some = data != 0.0
+        return sp.csr_array((data[some], (rows[some], columns[some])), shape=(parts[0].shape[0], 3 * self.nodes))
 
 
 def make_space(mesh: skfem.Mesh, order: int, supports: list[tuple[np.ndarray, str]]) -> DisplacementSpace:

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from .eigen.pencil import Modes, is_mirror
-from .eigen.solve import Completeness, Request, prove_completeness, solve_modes
+from .eigen.pencil import Modes
+from .eigen.solve import Completeness, Request, prove_completeness, solve_modes, wanted_count
 from .eigen.threads import one_openblas_thread
 from .energy import growth_shares
 from .errors import NotConvergedError
@@ -19,6 +19,7 @@ from .onset import Onset, find_step_onsets, two_mode_value
 from .problem import Problem
 from .tracking import match_modes
 
+_RIM = 0.9  # of the highest |λ| known: a mode beyond may leave the range by itself
 _REFINEMENTS = 4  # how often a step is halved while the continuation of a mode is in doubt
 
 MODE_COLUMNS = (
@@ -190,7 +191,7 @@ class _Tracker:
             self._begin(value, modes)
         else:
             self._follow(value, modes, _REFINEMENTS)
-        wanted = _wanted(modes, self.request)
+        wanted = wanted_count(modes, self.request)
         kept = range(wanted) if keep_all else np.flatnonzero(modes.stability[:wanted] == "unstable")
         shapes = {int(i): modes.right[:, i].copy() for i in kept}
         reported = modes.select(np.arange(wanted)).without_shapes()
@@ -206,7 +207,7 @@ class _Tracker:
     def _begin(self, value: float, modes: Modes) -> None:
         clock = time.perf_counter()
         pencil = self.problem.pencil(**{self.parameter: value})
-        c = prove_completeness(pencil, modes).without(len(modes) - _wanted(modes, self.request))
+        c = prove_completeness(pencil, modes).without(len(modes) - wanted_count(modes, self.request))
         if c.expected is not None and not c.proven:
             raise NotConvergedError(f"{c.found} modes found where the inertia counts {c.expected}", modes)
         self.completeness, self._start, self._first = c, value, modes
@@ -221,21 +222,21 @@ class _Tracker:
         clock = time.perf_counter()
         match = match_modes(self._previous, modes, self._M)
         clock = self._spend("tracking", clock)
-        if match.doubtful[: _wanted(modes, self.request)].any() and refinements:
-            middle = (self._value + value) / 2
-            self._follow(middle, self._solve(middle), refinements - 1)
-            self._follow(value, modes, refinements - 1)
-            return
-        branches = np.zeros(len(modes), int)
-        for i, source in enumerate(match.origin):
-            if source >= 0:
-                branches[i] = self._branches[source]
-            else:
-                branches[i] = self._next_branch
-                self._next_branch += 1
-        self._find_onsets(value, modes, branches)
-        self._value, self._previous, self._branches = value, modes, branches
-        self._spend("onsets", clock)
+        doubtful = bool(match.doubtful[: wanted_count(modes, self.request)].any())
+        if not (doubtful and refinements):
+            names = iter(range(self._next_branch, self._next_branch + len(modes)))
+            branches = np.array([self._branches[i] if i >= 0 else next(names) for i in match.origin], dtype=int)
+            found, doubts = self._find_onsets(value, modes, branches)
+            clock = self._spend("onsets", clock)
+            if not (doubts and refinements):
+                self.onsets += found
+                self.doubts += doubts
+                self._next_branch = next(names)
+                self._value, self._previous, self._branches = value, modes, branches
+                return
+        middle = (self._value + value) / 2
+        self._follow(middle, self._solve(middle), refinements - 1)
+        self._follow(value, modes, refinements - 1)
 
     def result(self) -> Sweep:
         """Return what was solved so far."""
@@ -244,34 +245,41 @@ class _Tracker:
             self.completeness, dict(self.seconds), tuple(self.doubts),
         )  # fmt: skip
 
-    def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray) -> None:
+    def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray) -> tuple[list[Onset], list[str]]:
+        """Return the onsets between the last value and this one, and what stays open between them."""
         assert self._previous is not None and self._first is not None
-        ends = (self._value, value)
+        ends, name = (self._value, value), self.parameter
+        known = wanted_count(self._previous, self.request)
+        reported = {*self._branches[:known], *branches[: wanted_count(modes, self.request)]}
+        lost = ~np.isin(self._branches[:known], branches) & (
+            np.abs(self._previous.lam[:known]) < _RIM * np.abs(modes.lam).max(initial=0.0)
+        )
+        doubts = [
+            f"branch {b} is not found again between {name} = {ends[0]:g} and {ends[1]:g}"
+            for b in self._branches[:known][lost & (self._previous.lam[:known].imag > 0)]
+        ]
         try:
             found, unknown = find_step_onsets(
-                self.problem, self.parameter, ends, (self._previous, modes), (self._branches, branches)
+                self.problem, name, ends, (self._previous, modes), (self._branches, branches)
             )
         except (NotConvergedError, ValueError) as error:
-            where = f"{self.parameter} = {ends[0]:g} and {ends[1]:g}"
-            self.doubts.append(f"an onset between {where} was not refined: {error}")
-            return
-        before = self._branches[: _wanted(self._previous, self.request)]
-        reported = {*before, *branches[: _wanted(modes, self.request)]}
-        self.doubts += [
-            f"branch {b} is unstable at {self.parameter} = {at:g} and was not known at {other:g}: its onset is not"
-            " found; ask for more modes or a finer sweep"
+            return [], [*doubts, f"an onset between {name} = {ends[0]:g} and {ends[1]:g} was not refined: {error}"]
+        doubts += [
+            f"branch {b} is unstable at {name} = {at:g} and was not known at {other:g}: its onset is not found; ask for"
+            " more modes or a finer sweep"
             for b, at, other in unknown
             if b in reported
         ]
-        start, first_branches = self._start, self._first_branches
+        onsets = []
         for onset in found:
             if not reported & {onset.branch_a, onset.branch_b}:
                 continue
-            at = [np.flatnonzero(first_branches == b) for b in (onset.branch_a, onset.branch_b)]
+            at = [np.flatnonzero(self._first_branches == b) for b in (onset.branch_a, onset.branch_b)]
             if all(len(i) for i in at) and self.problem.problem_class != "quadratic":
-                value2 = two_mode_value(self.problem, self.parameter, start, self._first, int(at[0][0]), int(at[1][0]))
-                onset = replace(onset, two_mode_value=value2)
-            self.onsets.append(onset)
+                predicted = two_mode_value(self.problem, name, self._start, self._first, int(at[0][0]), int(at[1][0]))
+                onset = replace(onset, two_mode_value=predicted)
+            onsets.append(onset)
+        return onsets, doubts
 
     def _spend(self, stage: str, since: float) -> float:
         now = time.perf_counter()
@@ -285,11 +293,3 @@ def _with_guard(request: Request) -> Request:
         return replace(request, max_frequency_hz=1.1 * request.max_frequency_hz)
     assert request.count is not None
     return replace(request, count=request.count + max(4, request.count // 5))
-
-
-def _wanted(modes: Modes, request: Request) -> int:
-    """Return how many of the modes, lowest first, were asked for; a pair λ, −λ* is not cut apart."""
-    if request.max_frequency_hz is not None:
-        return int(np.count_nonzero(modes.frequency_hz <= request.max_frequency_hz))
-    count = min(request.count or 0, len(modes))
-    return count + int(0 < count < len(modes) and is_mirror(modes.lam[count - 1], modes.lam[count]))

@@ -45,19 +45,30 @@ def solve_dense(pencil: Pencil) -> Modes:
 
 
 def _solve_quadratic(pencil: Pencil) -> Modes:
-    """Linearise [[0, I], [−K, −C]] z = λ [[I, 0], [0, M]] z, z = (u, λu), with time in units of 1/ω0."""
+    """Linearise [[0, I], [−K, −C]] z = λ [[I, 0], [0, M]] z, z = (u, λu), with time in units of 1/ω0.
+
+    With M = LLᵀ it is a standard problem in Lᵀu, several times cheaper than QZ, which is left for a singular M.
+    """
     assert pencil.C is not None
     M, C, K = (A.toarray() for A in (pencil.M, pencil.C, pencil.K))
     n = len(M)
     omega0 = np.sqrt(max(la.norm(K), np.finfo(float).tiny) / la.norm(M))
-    scale = la.norm(M) * omega0**2
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-K / scale, -C * omega0 / scale]])
-    B = la.block_diag(np.eye(n), M * omega0**2 / scale)
-    lam, left, right = _finite(*la.eig(A, B, left=True, right=True))
+    identity = np.eye(n)
+    try:
+        L = la.cholesky(M, lower=True)
+        K, C = (la.solve_triangular(L, la.solve_triangular(L, A, lower=True).T, lower=True).T for A in (K, C))
+        A = np.block([[np.zeros((n, n)), identity], [-K / omega0**2, -C / omega0]])
+        lam, left, right = la.eig(A, left=True, right=True)
+        right, left = (la.solve_triangular(L, v, lower=True, trans="T") for v in (right[:n], left[n:]))
+    except la.LinAlgError:
+        scale = la.norm(M) * omega0**2
+        A = np.block([[np.zeros((n, n)), identity], [-K / scale, -C * omega0 / scale]])
+        lam, left, right = _finite(*la.eig(A, la.block_diag(identity, M * omega0**2 / scale), left=True, right=True))
+        right, left = right[:n], left[n:]
     lam = lam * omega0
     keep = lam.imag >= 0
     # The lower half of a left vector of this linearisation is a left mode.
-    return modes_from_lambda(pencil, lam[keep], right[:n, keep], left[n:, keep], METHOD)
+    return modes_from_lambda(pencil, lam[keep], right[:, keep], left[:, keep], METHOD)
 
 
 def _finite(w: np.ndarray, vl: np.ndarray, vr: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -127,7 +127,8 @@ class PardisoFactor:
         self._ia = self._matrix.indptr.astype(np.int32) + 1
         self._ja = self._matrix.indices.astype(np.int32) + 1
         self._call(12, np.zeros((self._n, 1)))
-        self.negative_pivots = int(self._iparm[22]) if symmetric else None
+        # A perturbed pivot (iparm(14)) leaves its sign open.
+        self.negative_pivots = int(self._iparm[22]) if symmetric and not self._iparm[13] else None
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻¹ b."""

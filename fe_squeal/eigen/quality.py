@@ -72,6 +72,10 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
     least = least / np.maximum(2 * np.abs(lam) + dissipation, np.finfo(float).tiny)
     u = _near_coalescence(first_order, least, lam)
+    # A rigid mode: λ is zero within what rounding of the stiffness leaves, √(ε|φ|ᵀ|K||φ|) at unit mass.
+    rounding = np.sqrt(ROUNDING * np.einsum("ij,ij->j", np.abs(right), pencil.magnitude(np.zeros(len(lam)), right)))
+    rigid = np.abs(lam) <= rounding
+    lam, u = np.where(rigid, 0.0, lam), np.where(rigid, rounding, u)
     with np.errstate(divide="ignore"):
         condition = amplification / np.abs(lam)
     order = np.lexsort((-lam.real, lam.imag))

@@ -15,7 +15,7 @@ from .pencil import Modes, Pencil, is_mirror
 
 # Of the largest ratio of diagonal stiffness to mass: far below any elastic mode, far above rounding.
 _RIGID_SHIFT = 1e-9
-_ROUNDS = 6  # how often the number of modes sought may grow
+_BELOW = 0.05  # of the band: how far below zero the shift lies, in frequency
 
 
 @dataclass(frozen=True)
@@ -118,36 +118,42 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None) -> Modes
     count = request.count or 0
     if request.max_frequency_hz is not None:
         band = 2 * np.pi * request.max_frequency_hz
-        below = count_below(pencil, band) if pencil.problem_class == "symmetric" else None
+        # Friction and damping change the number of modes in a band by a few at most: start from the symmetric part's.
+        below = count_below(_symmetric_part(pencil), band)
         count = below if below is not None else 20
     sought = count + max(4, count // 10)
     if pencil.C is not None:
-        # A real shift at the top of the band sees conjugate pairs alike and none of them is near it.
-        sigma = band or _smallest_omega(pencil)
+        # A real shift at the top of the band sees conjugate pairs alike, and none of them is near it.
+        sigma = band or _undamped_band(pencil, request)
         shifted = sigma**2 * pencil.M + sigma * pencil.C + pencil.K
     else:
-        # Without friction a shift below all modes keeps rigid modes and Lanczos regular; with it, one inside the band
-        # halves the distance to the farthest wanted mode.
-        inside = band is not None and not pencil.symmetric
-        sigma = band**2 / 2 if band is not None and inside else -_RIGID_SHIFT * _largest_ratio(pencil)
+        # Just below zero: the eigenvalues nearest are then all those of |θ| up to a limit, flutter and divergence too.
+        sigma = -((_BELOW * band) ** 2) if band is not None else -_RIGID_SHIFT * _largest_ratio(pencil)
         shifted = pencil.K - sigma * pencil.M
     factor = factorize(sp.csr_array(shifted), symmetric=pencil.problem_class == "symmetric")
     solver = {"symmetric": symmetric_modes, "nonsymmetric": nonsymmetric_modes, "quadratic": quadratic_modes}
-    for _ in range(_ROUNDS):
+    while True:
         sought = min(sought, pencil.n - 2)
         modes = solver[pencil.problem_class](pencil, factor, sigma, sought)
-        if sought == pencil.n - 2:
-            radius = np.inf
-        elif pencil.problem_class == "quadratic":
-            radius = np.sqrt(max(np.abs(modes.lam - sigma).max() ** 2 - sigma**2, 0.0))
-        else:
-            reach = np.abs(-(modes.lam**2) - sigma).max()
-            radius = np.sqrt(sigma + reach) if reach >= sigma else 0.0
+        radius = _known_radius(pencil, modes, sigma)
         wanted = _wanted(modes, request, radius)
         if wanted is not None:
             return wanted
-        sought = int(1.4 * sought) + 4
-    raise NotConvergedError(f"{len(modes)} modes found, the wanted range is still not covered", partial=modes)
+        if sought == pencil.n - 2:
+            raise NotConvergedError(f"{len(modes)} modes found, the wanted range is still not covered", partial=modes)
+        limit = band or float(modes.lam.imag.max(initial=0.0))
+        growth = (limit / radius) ** 1.5 if 0 < radius < limit else 1.4
+        sought = int(np.clip(growth, 1.2, 3.0) * sought) + 4
+
+
+def _known_radius(pencil: Pencil, modes: Modes, sigma: float) -> float:
+    """Return the |λ| (undamped), or Im λ at Re λ ≤ 0 (damped), up to which all modes are among those nearest sigma."""
+    if not len(modes):
+        return 0.0
+    if pencil.C is not None:
+        return float(np.sqrt(max(np.abs(modes.lam - sigma).max() ** 2 - sigma**2, 0.0)))
+    reach = np.abs(modes.lam**2 + sigma).max()
+    return float(np.sqrt(max(reach - abs(sigma), 0.0)))
 
 
 def _wanted(modes: Modes, request: Request, radius: float) -> Modes | None:
@@ -156,21 +162,41 @@ def _wanted(modes: Modes, request: Request, radius: float) -> Modes | None:
     if request.max_frequency_hz is not None:
         limit = 2 * np.pi * request.max_frequency_hz
         return modes.select(np.flatnonzero(omega <= limit)) if radius > limit else None
-    count = request.count or 0
-    if len(modes) < count and np.isfinite(radius):
+    count = wanted_count(modes, request)
+    if count < (request.count or 0) + _real(modes).sum() and np.isfinite(radius):
         return None
-    count = min(count, len(modes))
-    if count and count < len(modes) and is_mirror(modes.lam[count - 1], modes.lam[count]):
-        count += 1
     if count and omega[count - 1] > radius:
         return None
     return modes.select(np.arange(count))
 
 
+def wanted_count(modes: Modes, request: Request) -> int:
+    """Return how many of the modes, lowest first, were asked for.
+
+    Real eigenvalues come besides: in a heavily damped problem they would crowd out every oscillating mode. A pair λ,
+    −λ* is not cut apart.
+    """
+    if request.max_frequency_hz is not None:
+        return int(np.count_nonzero(modes.frequency_hz <= request.max_frequency_hz))
+    count = min((request.count or 0) + int(_real(modes).sum()), len(modes))
+    return count + int(0 < count < len(modes) and is_mirror(modes.lam[count - 1], modes.lam[count]))
+
+
+def _real(modes: Modes) -> np.ndarray:
+    return np.asarray((modes.lam.imag == 0) & (modes.lam.real != 0))
+
+
+def _symmetric_part(pencil: Pencil) -> Pencil:
+    return Pencil(pencil.M, sp.csr_array((pencil.K + pencil.K.T) / 2), symmetric=True)
+
+
+def _undamped_band(pencil: Pencil, request: Request) -> float:
+    """Return about where the wanted modes end: the undamped ones without friction, a little more than half of them."""
+    count = min(max(request.count or 1, 2), pencil.n - 2)
+    modes = _solve_sparse(_symmetric_part(pencil), Request(count=count), None)
+    return float(np.abs(modes.lam).max()) or float(np.sqrt(_RIGID_SHIFT * _largest_ratio(pencil)))
+
+
 def _largest_ratio(pencil: Pencil) -> float:
     mass = pencil.M.diagonal()
     return float(np.max(pencil.K.diagonal()[mass > 0] / mass[mass > 0]))
-
-
-def _smallest_omega(pencil: Pencil) -> float:
-    return float(np.sqrt(_RIGID_SHIFT * _largest_ratio(pencil)))
