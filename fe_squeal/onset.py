@@ -198,24 +198,26 @@ class _Step:
         omega, growth = float(mode.lam[0].imag), float(mode.lam[0].real)
         request = Request(max_frequency_hz=1.02 * max(omega, abs(growth)) / (2 * np.pi))
 
-        def unstable(p: float) -> int:
+        def unstable(p: float) -> np.ndarray:
             modes = solve_modes(self.problem.pencil(**{self.parameter: p}), request)
             near = np.abs(modes.lam.imag - omega) <= max(0.01 * omega, 2 * abs(growth))
-            return int(np.count_nonzero((modes.stability == "unstable") & near))
+            return np.asarray(modes.lam[(modes.stability == "unstable") & near])
 
         stable_end, unstable_end = ends
-        before = unstable(stable_end)
-        if unstable(unstable_end) <= before:
+        before, behind = unstable(stable_end), unstable(unstable_end)
+        if len(behind) <= len(before):
             raise NotConvergedError(f"no change of stability near {omega / (2 * np.pi):.6g} Hz on the full problem")
         while abs(unstable_end - stable_end) > _BISECTED * abs(ends[1] - ends[0]):
             middle = (stable_end + unstable_end) / 2
-            if unstable(middle) > before:
-                unstable_end = middle
+            found = unstable(middle)
+            if len(found) > len(before):
+                unstable_end, behind = middle, found
             else:
                 stable_end = middle
         value, width = (stable_end + unstable_end) / 2, abs(unstable_end - stable_end)
-        kind = "flutter" if omega else "divergence"
-        return self._onset(value, omega / (2 * np.pi), kind, np.nan, width)
+        # The mode that has just become unstable is the one that hardly grows.
+        omega = float(behind[np.argmin(behind.real)].imag)
+        return self._onset(value, omega / (2 * np.pi), "flutter" if omega else "divergence", np.nan, width)
 
     def divergence(self, ends: tuple[float, float], mode: Modes) -> Onset:
         """An eigenvalue θ passes zero."""

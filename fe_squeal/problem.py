@@ -49,6 +49,10 @@ class Problem:
     parameters: Mapping[str, float]
     model: Model | None = None
 
+    def __repr__(self) -> str:
+        size = f"{self.unknowns} unknowns, {len(self.terms)} terms"
+        return f"Problem({self.problem_class}, {size}, {dict(self.parameters)})"
+
     @property
     def unknowns(self) -> int:
         """Number of unknowns n."""

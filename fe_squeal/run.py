@@ -152,6 +152,8 @@ def remove_results(out: Path) -> None:
         path.unlink(missing_ok=True)
     for frames in (out / "shapes").glob("*_*Hz_frames"):
         shutil.rmtree(frames)
+    if (out / "shapes").is_dir() and not any((out / "shapes").iterdir()):
+        (out / "shapes").rmdir()
 
 
 def _values(scene: Scene, problem: Problem) -> list[float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,7 +14,7 @@ from .eigen.pencil import Modes
 from .eigen.solve import Completeness, Request, prove_completeness, solve_modes, wanted_count
 from .eigen.threads import one_openblas_thread
 from .energy import growth_shares
-from .errors import NotConvergedError
+from .errors import NotConvergedError, SceneError, suggest
 from .noise import classify_noise
 from .onset import Onset, find_step_onsets, two_mode_value
 from .problem import Problem
@@ -76,6 +77,10 @@ class Sweep:
     completeness: Completeness
     seconds: Mapping[str, float] = field(default_factory=dict)
     doubts: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        ends = f"{self.points[0].value:g} to {self.points[-1].value:g}"
+        return f"Sweep({self.parameter} = {ends}, {len(self.points)} values; {len(self.onsets)} onsets; {self.problem!r})"
 
     @property
     def method(self) -> str:
@@ -145,11 +150,14 @@ def sweep(
 
     Raises
     ------
+    SceneError
+        Values that are empty, not finite or not increasing; a parameter that the problem does not have.
     NotConvergedError
         `partial` is the sweep so far (None if no value was finished).
     KeyboardInterrupt
         With the sweep so far as its argument.
     """
+    values = _checked(problem, parameter, values)
     request = Request(None if max_frequency else modes or 20, max_frequency, tolerance)
     tracker = _Tracker(problem, parameter, request)
     for i, value in enumerate(values):
@@ -163,6 +171,15 @@ def sweep(
         except KeyboardInterrupt as stop:
             raise KeyboardInterrupt(tracker.result() if tracker.points else None) from stop
     return tracker.result()
+
+
+def _checked(problem: Problem, parameter: str, values: Sequence[float] | np.ndarray) -> np.ndarray:
+    grid = np.atleast_1d(np.asarray(values, dtype=float))
+    if grid.ndim != 1 or not len(grid) or not np.isfinite(grid).all() or (np.diff(grid) <= 0).any():
+        raise SceneError(f"sweep: given the values {values}; expected finite numbers that increase, at least one")
+    if parameter not in problem.parameters and len(grid) > 1:
+        raise SceneError(f'sweep: the problem has no parameter "{parameter}"{suggest(parameter, problem.parameters)}')
+    return grid
 
 
 class _Tracker:
@@ -210,6 +227,12 @@ class _Tracker:
         c = prove_completeness(pencil, modes).without(len(modes) - wanted_count(modes, self.request))
         if c.expected is not None and not c.proven:
             raise NotConvergedError(f"{c.found} modes found where the inertia counts {c.expected}", modes)
+        free = int(np.count_nonzero(modes.lam == 0))
+        if free:
+            self.doubts.append(
+                f"{free} of the modes are rigid motions of frequency 0: a body is free to move unless supports or springs"
+                " hold it"
+            )
         self.completeness, self._start, self._first = c, value, modes
         self._branches = self._first_branches = np.arange(1, len(modes) + 1)
         self._next_branch = len(modes) + 1
@@ -224,7 +247,7 @@ class _Tracker:
         clock = self._spend("tracking", clock)
         doubtful = bool(match.doubtful[: wanted_count(modes, self.request)].any())
         if not (doubtful and refinements):
-            names = iter(range(self._next_branch, self._next_branch + len(modes)))
+            names = itertools.count(self._next_branch)
             branches = np.array([self._branches[i] if i >= 0 else next(names) for i in match.origin], dtype=int)
             found, doubts = self._find_onsets(value, modes, branches)
             clock = self._spend("onsets", clock)
