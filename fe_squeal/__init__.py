@@ -16,7 +16,8 @@ from .problem import Problem
 from .results import export_shapes, find_onsets
 from .scene import Scene
 from .scene_file import load_scene, parse_scene
-from .sweep import Sweep, sweep
+from .sweep import sweep
+from .sweep_result import Sweep
 
 try:
     __version__ = version("fe-squeal")

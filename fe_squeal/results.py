@@ -16,7 +16,8 @@ from .problem import Problem
 from .report import ShapeGrid, plot_root_locus, plot_stability, shape_grid, shape_name, write_csv, write_json
 from .report import export_shapes as _export
 from .scene import Scene
-from .sweep import Sweep, SweepPoint, sweep
+from .sweep import sweep
+from .sweep_result import Sweep, SweepPoint
 
 
 def find_onsets(problem: Problem, values: np.ndarray, parameter: str = "mu", modes: int = 20) -> tuple[Onset, ...]:

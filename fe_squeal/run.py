@@ -20,7 +20,8 @@ from .problem import Problem
 from .report import print_onsets, print_unstable
 from .results import export_shapes, peak_memory_mib, write_figures, write_record, write_tables
 from .scene import Scene
-from .sweep import Sweep, sweep
+from .sweep import sweep
+from .sweep_result import Sweep
 
 INTERRUPTED = 130
 

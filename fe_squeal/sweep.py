@@ -1,128 +1,25 @@
-"""A sweep over one parameter: modes at every value, tracked into branches, with the onsets between them."""
+"""A sweep over one parameter: modes at every value, followed into branches, with the onsets between them."""
 
 from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 
 from .eigen.pencil import Modes
 from .eigen.solve import Completeness, Request, prove_completeness, solve_modes, wanted_count
 from .eigen.threads import one_openblas_thread
-from .energy import growth_shares
 from .errors import NotConvergedError, SceneError, suggest
-from .noise import classify_noise
 from .onset import Onset, find_step_onsets, two_mode_value
 from .problem import Problem
+from .sweep_result import Sweep, SweepPoint
 from .tracking import match_modes
 
 _RIM = 0.9  # of the highest |λ| known: a mode beyond may leave the range by itself
 _REFINEMENTS = 4  # how often a step is halved while the continuation of a mode is in doubt
-
-MODE_COLUMNS = (
-    "parameter", "value", "mode", "branch", "re", "im", "frequency_hz", "damping_ratio", "stability", "noise",
-    "backward_error", "re_uncertainty", "re_discretisation", "im_discretisation",
-)  # fmt: skip
-ONSET_COLUMNS = (
-    "parameter", "value", "frequency_hz", "kind", "direction", "crossing_speed", "branch_a", "branch_b", "uncertainty",
-    "two_mode_value", "discretisation",
-)  # fmt: skip
-CONTRIBUTION_COLUMNS = ("parameter", "value", "mode", "branch", "term", "re_share")
-
-
-@dataclass(frozen=True)
-class SweepPoint:
-    """The modes at one value of the parameter.
-
-    Attributes
-    ----------
-    value : float
-    modes : Modes
-        Without shapes.
-    branches : (k,) int
-    shapes : mapping of mode position to (n,) shape
-        Of the unstable modes, and of all modes where the sweep was asked to keep them.
-    """
-
-    value: float
-    modes: Modes
-    branches: np.ndarray
-    shapes: Mapping[int, np.ndarray]
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """Result of a sweep.
-
-    Attributes
-    ----------
-    problem : Problem
-    parameter : str
-    points : tuple of SweepPoint
-    onsets : tuple of Onset
-    completeness : Completeness
-        Of the modes at the first value.
-    seconds : mapping of stage to s
-    doubts : sentences about what could not be made sure
-    """
-
-    problem: Problem
-    parameter: str
-    points: tuple[SweepPoint, ...]
-    onsets: tuple[Onset, ...]
-    completeness: Completeness
-    seconds: Mapping[str, float] = field(default_factory=dict)
-    doubts: tuple[str, ...] = ()
-
-    def __repr__(self) -> str:
-        ends = f"{self.points[0].value:g} to {self.points[-1].value:g}"
-        return f"Sweep({self.parameter} = {ends}, {len(self.points)} values; {len(self.onsets)} onsets; {self.problem!r})"
-
-    @property
-    def method(self) -> str:
-        """How the modes were solved for."""
-        return self.points[0].modes.method
-
-    def to_dataframe(self) -> pd.DataFrame:
-        """Return one row per mode and value, the columns of modes.csv."""
-        rows = []
-        for point in self.points:
-            m = point.modes
-            for i, lam in enumerate(m.lam):
-                size, unstable = abs(lam), m.stability[i] == "unstable"
-                rows.append((
-                    self.parameter, point.value, i + 1, point.branches[i], lam.real, lam.imag, m.frequency_hz[i],
-                    -lam.real / size if size else 0.0, m.stability[i],
-                    classify_noise(m.frequency_hz[i]) if unstable else "",
-                    m.backward_error[i], m.re_uncertainty[i], np.nan, np.nan,
-                ))  # fmt: skip
-        return pd.DataFrame(rows, columns=list(MODE_COLUMNS))
-
-    def onsets_dataframe(self) -> pd.DataFrame:
-        """Return one row per onset, the columns of onsets.csv."""
-        rows = [
-            (o.parameter, o.value, o.frequency_hz, o.kind, o.direction, o.crossing_speed, o.branch_a, o.branch_b,
-             o.uncertainty, o.two_mode_value, np.nan)
-            for o in self.onsets
-        ]  # fmt: skip
-        frame = pd.DataFrame(rows, columns=list(ONSET_COLUMNS))
-        return frame.astype({"branch_a": "Int64", "branch_b": "Int64"})
-
-    def contributions_dataframe(self) -> pd.DataFrame:
-        """Return the shares of Re λ by term, and their sum, for every unstable mode (contributions.csv)."""
-        rows = []
-        for point in self.points:
-            for i in np.flatnonzero(point.modes.stability == "unstable"):
-                shares = growth_shares(
-                    self.problem, complex(point.modes.lam[i]), point.shapes[int(i)], **{self.parameter: point.value}
-                )
-                key = (self.parameter, point.value, i + 1, point.branches[i])
-                rows += [(*key, term, share) for term, share in [*shares.items(), ("sum", sum(shares.values()))]]
-        return pd.DataFrame(rows, columns=list(CONTRIBUTION_COLUMNS))
 
 
 def sweep(
@@ -230,8 +127,7 @@ class _Tracker:
         free = int(np.count_nonzero(modes.lam == 0))
         if free:
             self.doubts.append(
-                f"{free} of the modes are rigid motions of frequency 0: a body is free to move unless supports or springs"
-                " hold it"
+                f"{free} of the modes are rigid motions of frequency 0: no support or spring holds a body against them"
             )
         self.completeness, self._start, self._first = c, value, modes
         self._branches = self._first_branches = np.arange(1, len(modes) + 1)
