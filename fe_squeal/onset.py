@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from scipy.optimize import brentq
 
 from .bordered import find_coalescence, find_crossing, find_zero
-from .eigen.dense import DENSE_LIMIT, solve_dense
+from .eigen.dense import solve_dense
 from .eigen.pencil import Modes
 from .eigen.solve import Request, solve_modes
 from .errors import NotConvergedError
@@ -17,6 +17,8 @@ from .problem import Problem
 from .tracking import mirror_partners, modal_assurance
 
 _BISECTED = 1e-7  # of the sweep step: the bracket where only stability itself can be told
+_INNER = 4  # values inside a step at which the small model is asked for hidden instabilities
+_SMALL = 60  # unknowns up to which the small model is the problem itself
 _BRACKET = 1e-2  # of the sweep step: where Newton's method takes over from the bracketing
 
 
@@ -54,24 +56,30 @@ class Onset:
 
 def find_step_onsets(
     problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
-    branches: tuple[np.ndarray, np.ndarray],
-) -> tuple[list[Onset], list[tuple[int, float, float]]]:  # fmt: skip
-    """Return the onsets between two neighbouring values of a sweep, and the unstable branches that begin between them.
+    branches: tuple[np.ndarray, np.ndarray], below: float,
+) -> tuple[list[Onset], list[tuple[int, float, float]], float | None]:  # fmt: skip
+    """Return the onsets between two neighbouring values of a sweep, and what they leave unexplained.
 
     Parameters
     ----------
     values : (a, b)
     modes : at a and at b, with shapes
     branches : (k,) int each, the branch of every mode
+    below : float, rad/s
+        Frequency up to which modes matter.
 
     Returns
     -------
     onsets : list of Onset
     unknown : list of (branch, value where it is unstable, value where it is not known)
+    hidden : float or None
+        A value inside the step where the number of unstable modes is not what these onsets make it.
     """
     onsets: list[Onset] = []
     unknown: list[tuple[int, float, float]] = []
-    step: _Step | None = None
+    if not len(modes[0]) or not len(modes[1]):
+        return onsets, unknown, None
+    step = _Step(problem, parameter, modes)
     for inner, outer, direction in ((0, 1, "into"), (1, 0, "out of")):
         stable_end, unstable_end = values[inner], values[outer]
         unstable = {int(b) for b, s in zip(branches[inner], modes[inner].stability, strict=True) if s == "unstable"}
@@ -85,7 +93,6 @@ def find_step_onsets(
             if not known & {branch, partner}:
                 unknown.append((branch, unstable_end, stable_end))
                 continue
-            step = step or _Step(problem, parameter, modes)
             mode, ends = modes[outer].select(np.array([j])), (stable_end, unstable_end)
             if problem.problem_class == "quadratic":
                 found = step.crossing(ends, mode)
@@ -93,7 +100,7 @@ def find_step_onsets(
                 found = step.flutter(ends, mode) if mode.lam[0].imag else step.divergence(ends, mode)
             pair = sorted({branch, partner}) if partner is not None and found.kind == "flutter" else [branch]
             onsets.append(replace(found, direction=direction, branch_a=pair[0], branch_b=pair[1] if pair[1:] else None))
-    return onsets, unknown
+    return onsets, unknown, step.hidden(values, modes[0], onsets, below)
 
 
 def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes, a: int, b: int) -> float:
@@ -129,13 +136,34 @@ class _Step:
     def __init__(self, problem: Problem, parameter: str, modes: tuple[Modes, Modes]) -> None:
         self.problem, self.parameter = problem, parameter
         M = problem.pencil().M
-        if problem.unknowns <= DENSE_LIMIT:
+        if problem.unknowns <= _SMALL:
             self.V = np.eye(problem.unknowns)
         else:
             vectors = [v for m in modes for v in (m.right, m.left) if v is not None]
             self.V = _orthonormal(np.hstack([p for v in vectors for p in (v.real, v.imag) if p.any()]), M)
         self.small = problem.project(self.V)
         self._MV = M @ self.V
+
+    def hidden(self, ends: tuple[float, float], first: Modes, onsets: list[Onset], below: float) -> float | None:
+        """Return a value inside the step where the small model's unstable modes are not those that the onsets explain.
+
+        A pair that couples and parts again between two values of the sweep shows here and at neither end.
+        """
+
+        def counts(m: Modes) -> np.ndarray:
+            growing = m.lam.imag[m.stability == "unstable"]
+            return np.array([np.count_nonzero(growing <= edge * below) for edge in (0.98, 1.02)])
+
+        before, step = counts(first), abs(ends[1] - ends[0])
+        slack = before[1] - before[0]  # modes at the rim of the range may pass it
+        for p in np.linspace(*ends, _INNER + 2)[1:-1]:
+            if any(abs(o.value - p) < _BRACKET * step for o in onsets):
+                continue
+            explained = before[0] + sum(1 if o.direction == "into" else -1 for o in onsets if o.value < p)
+            low, high = counts(self.modes(p))
+            if not low - slack <= explained <= high + slack:
+                return float(p)
+        return None
 
     def shape(self, mode: Modes) -> np.ndarray:
         """Return the (r, 1) coordinates of a mode."""

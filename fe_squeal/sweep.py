@@ -178,8 +178,9 @@ class _Tracker:
             for b in self._branches[:known][lost & (self._previous.lam[:known].imag > 0)]
         ]
         try:
-            found, unknown = find_step_onsets(
-                self.problem, name, ends, (self._previous, modes), (self._branches, branches)
+            below = float(modes.lam[: wanted_count(modes, self.request)].imag.max(initial=0.0))
+            found, unknown, hidden = find_step_onsets(
+                self.problem, name, ends, (self._previous, modes), (self._branches, branches), below
             )
         except (NotConvergedError, ValueError) as error:
             return [], [*doubts, f"an onset between {name} = {ends[0]:g} and {ends[1]:g} was not refined: {error}"]
@@ -189,6 +190,8 @@ class _Tracker:
             for b, at, other in unknown
             if b in reported
         ]
+        if hidden is not None:
+            doubts.append(f"near {name} = {hidden:g} other modes are unstable than the onsets found explain")
         onsets = []
         for onset in found:
             if not reported & {onset.branch_a, onset.branch_b}:

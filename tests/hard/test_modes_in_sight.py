@@ -109,3 +109,16 @@ def test_nested_meshes_are_not_taken_for_matching(ratio):
     error = np.abs(forces[face, 2] + tributary[face])
     assert error.max() < 0.3 * tributary.max()
     assert np.count_nonzero(forces[face, 2]) == np.count_nonzero(tributary[face])
+
+
+def test_a_pair_that_couples_and_parts_inside_one_step_is_found():
+    """θ = 100 ± √((μ−1)(μ−1.4)) beside 480 other modes, values 0, 2, 4: nothing is unstable at any of them."""
+    base = diagonal(np.r_[100.0, 100.0, 200.0 + np.arange(N - 2)])
+    terms = [Term("low", "K", sp.csr_array(([1.0], ([1], [0])), shape=(N, N)), False)]
+    for power, value in ((0, 1.4), (1, -2.4), (2, 1.0)):
+        upper = sp.csr_array(([value], ([0], [1])), shape=(N, N))
+        terms.append(Term(f"up{power}", "K", upper, False, {"mu": power}))
+    result = sweep(Problem((*base.terms, *terms), {"mu": 0.0}), [0.0, 2.0, 4.0], modes=10)
+    assert [o.direction for o in result.onsets] == ["into", "out of"]
+    np.testing.assert_allclose([o.value for o in result.onsets], [1.0, 1.4], atol=1e-9)
+    assert result.doubts == ()
