@@ -40,3 +40,4 @@ docs: run
 	mkdir -p docs/images
 	cp results/disc_pad/stability.png docs/images/stability.png
 	cp results/disc_pad/shapes/branch_16_*.png docs/images/shape.png
+	$(BIN)/python -m fe_squeal.scene_reference > docs/scene.md

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .contact import ContactOperators, contact_operators
+from .doubts import doubts
 from .effects.contact_stiffness import contact_terms
 from .effects.elasticity import elastic_terms
 from .effects.friction import friction_terms
@@ -115,7 +116,7 @@ def _assemble(scene: Scene, loaded: LoadedMesh) -> Problem:
     if wanted is not None and wanted > space.unknowns:
         raise SceneError(f"solve.modes: given {wanted}; expected at most {space.unknowns}, the number of unknowns")
     parameters = {"mu": scene.effects.friction.mu} if scene.effects.friction is not None else {}
-    model = Model(space, bodies, contacts, notes, loaded.warnings + tuple(_doubts(contacts)))
+    model = Model(space, bodies, contacts, notes, (*loaded.warnings, *_doubts(contacts), *doubts(scene, loaded, space)))
     return Problem(tuple(terms), parameters, model)
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+_LIKE = 0.66  # of difflib: "EE" is like "E", "rotation" is not like "friction"
+_MOST = 100  # names in one message: more than any table has keys
+
 
 class SquealError(Exception):
     """Base of every error this package raises on purpose; `exit_code` is what the command returns."""
@@ -41,7 +44,7 @@ class NotConvergedError(SquealError):
 
 
 def suggest(name: str, valid: Iterable[str]) -> str:
-    """Return the tail of a message about an unknown name: the nearest valid one, or all of them.
+    """Return the tail of a message about an unknown name: the nearest valid one, or all where none is nearest.
 
     Examples
     --------
@@ -49,12 +52,21 @@ def suggest(name: str, valid: Iterable[str]) -> str:
     '; did you mean "pad_face"?'
     >>> suggest("hub", ["pad_face", "disc_face"])
     '; valid: disc_face, pad_face'
+    >>> suggest("bottom", ["bottom_1", "bottom_2", "top_1"])
+    '; valid: bottom_1, bottom_2, top_1'
     """
-    names = sorted(valid)
-    close = difflib.get_close_matches(name, names, n=1)
-    if close:
-        return f'; did you mean "{close[0]}"?'
+    names = sorted(set(valid))
+    nearest = nearest_name(name, names)
+    if nearest is not None:
+        return f'; did you mean "{nearest}"?'
     if not names:
         return "; there are none"
-    shown = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+    shown = ", ".join(names[:_MOST]) + (f" and {len(names) - _MOST} more" if len(names) > _MOST else "")
     return f"; valid: {shown}"
+
+
+def nearest_name(name: str, valid: Iterable[str]) -> str | None:
+    """Return the name that the given one is probably a misspelling of; None where none is close, or two are alike."""
+    close = difflib.get_close_matches(name, list(valid), n=2, cutoff=_LIKE)
+    likeness = [difflib.SequenceMatcher(None, other, name).ratio() for other in close]
+    return None if not close or likeness[1:] == likeness[:1] else close[0]

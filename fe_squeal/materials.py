@@ -16,15 +16,18 @@ VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 class Material(Section):
     """A linear elastic material, isotropic (numbers) or orthotropic (lists of three).
 
-    Parameters
+    Attributes
     ----------
-    youngs_modulus : float or (E1, E2, E3), Pa
-    poisson_ratio : float or (nu23, nu13, nu12)
-        nu_ij is minus the strain along j over the strain along i under a stress along i.
-    shear_modulus : (G23, G13, G12), Pa; orthotropic only
+    youngs_modulus : float or [E1, E2, E3], Pa
+        Young's modulus; orthotropic: along the material axes 1, 2 and 3.
+    poisson_ratio : float or [nu23, nu13, nu12]
+        nu_ij = −strain_j/strain_i under a stress along i alone; above −1 and below 0.5 for an isotropic material.
     density : float, kg/m^3
+        Mass per volume.
+    shear_modulus : [G23, G13, G12], Pa
+        Shear moduli in the planes 2-3, 1-3 and 1-2; with an orthotropic material only.
     loss_factor : float
-        Structural damping eta of K(1 + i eta).
+        Structural damping eta of K(1 + i eta); read by `[effects.structural_damping]`, no effect without it.
 
     Examples
     --------

@@ -21,7 +21,22 @@ _MU_PATHS = ("mu", "effects.friction.mu")
 
 
 class MeshSection(Section):
-    """Where the mesh comes from: a file, or a parametric geometry that gmsh meshes."""
+    """Where the mesh comes from: a file, or a parametric geometry, or both: then the file is what runs.
+
+    Attributes
+    ----------
+    file : str
+        The mesh file, relative to the scene file: .msh, .inp, .bdf, .vtu, .vtk, .xdmf, .med, ... `fe-squeal mesh` makes
+        it from the geometry.
+    length_unit : "m" or "mm"
+        Unit of the file's coordinates, and of the lengths in `[mesh.disc_pad]` and `[mesh.block]`; of nothing else.
+    order : 1 or 2
+        Polynomial order of the displacements.
+    disc_pad : table
+        Parametric geometry.
+    block : table
+        Parametric geometry; one of the two.
+    """
 
     file: Text | None = None
     length_unit: Literal["m", "mm"] = "m"
@@ -64,7 +79,19 @@ class MeshSection(Section):
 
 
 class Body(Section):
-    """A volume group with its material."""
+    """A volume group with its material; every element belongs to exactly one body. NAME is the group.
+
+    Attributes
+    ----------
+    material : str
+        Name of a material above.
+    groups : list of str
+        Volume groups of the mesh that make up the body, where NAME is not the group itself.
+    axes : two vectors
+        Axes 1 and 2 of an orthotropic material in global coordinates, [[x, y, z], [x, y, z]]; axis 3 is across both,
+        and the second vector need only lie in the plane of axes 1 and 2 (default: x and y). The same throughout
+        the body.
+    """
 
     material: str
     groups: Annotated[list[str], Field(min_length=1)] | None = None
@@ -82,7 +109,15 @@ class Body(Section):
 
 
 class Support(Section):
-    """A surface group on which displacement components are held."""
+    """A surface group on which displacement components are held.
+
+    Attributes
+    ----------
+    surface : str
+        Surface group of the mesh.
+    fixed : str
+        The global components that are held: any of the letters x, y, z, such as "xyz" or "z".
+    """
 
     surface: str
     fixed: str
@@ -96,7 +131,21 @@ class Support(Section):
 
 
 class SlidingSection(Section):
-    """Motion of a counterface: rad/s about an axis through a centre, or m/s along a direction."""
+    """Motion of a counterface: rad/s about an axis through a centre, or m/s along a direction.
+
+    Only the direction of the motion counts for the friction force, the speed for its sign.
+
+    Attributes
+    ----------
+    axis : vector
+        Axis of a rotation, of any length.
+    centre : vector, m
+        A point of the axis, with `axis` alone; in metres whatever `length_unit` is.
+    direction : vector
+        Direction of a straight belt, of any length; instead of `axis`.
+    speed : float, rad/s or m/s
+        About the axis by the right hand, or along the direction; not zero, negative the other way.
+    """
 
     axis: Vector | None = None
     centre: Vector = (0.0, 0.0, 0.0)
@@ -138,7 +187,30 @@ class SlidingSection(Section):
 
 
 class Contact(Section):
-    """A pad's surface on a counterface."""
+    """A pad's surface on a counterface.
+
+    Attributes
+    ----------
+    name : str
+        For messages and results (default: contact_1, contact_2, ...).
+    surface : str
+        Surface group of the pad.
+    counterface : str
+        Surface group of the moving body, or "rigid" for one without a mesh.
+    normal_stiffness : float, N/m per m^2
+        Contact stiffness.
+    kind : "sliding" or "frictionless" or "tied"
+        A tied contact couples all three directions.
+    friction_ratio : float
+        This contact's friction coefficient as a multiple of effects.friction.mu.
+    normal_damping : float, N s/m per m^2
+        Contact damping.
+    gap_tolerance : float, m
+        Gaps and overlaps of the two meshes up to it are taken as closed (default: 2 % of the mean facet size of the
+        pad); in metres whatever `length_unit` is.
+    sliding : table
+        Motion of the counterface; needed by a sliding contact.
+    """
 
     name: str = ""
     surface: str
@@ -166,7 +238,13 @@ class Contact(Section):
 
 
 class Effects(Section):
-    """Effects that are on; one whose table is absent is not simulated."""
+    """Effects that are on; one whose table is absent is not simulated.
+
+    Attributes
+    ----------
+    friction : table
+        Friction in every sliding contact.
+    """
 
     friction: Friction | None = None
 
@@ -177,7 +255,21 @@ class Effects(Section):
 
 
 class SweepSection(Section):
-    """Values of the parameter that the sweep takes."""
+    """Values of the parameter that the sweep takes: `from`, `to` and `points`, or `values`.
+
+    Attributes
+    ----------
+    parameter : str
+        "mu", short for effects.friction.mu.
+    from : float
+        First value.
+    to : float
+        Last value.
+    points : int
+        Number of values, equally spaced from the first to the last.
+    values : list of float
+        The values themselves, increasing.
+    """
 
     parameter: str = FRICTION_PARAMETER
     start: float | None = Field(default=None, alias="from")
@@ -222,7 +314,19 @@ class SweepSection(Section):
 
 
 class Solve(Section):
-    """What the eigen-solver is asked for."""
+    """What the eigen-solver is asked for.
+
+    Attributes
+    ----------
+    modes : int
+        Number of modes, the lowest (default: 20, or as many as there are, where `max_frequency` is not given).
+    max_frequency : float, Hz
+        All modes up to it, instead of `modes`.
+    method : "auto" or "direct"
+        How the modes are computed; "auto" chooses.
+    tolerance : float
+        Relative backward error at which an eigenvalue is taken as converged.
+    """
 
     modes: Annotated[int, Field(ge=1)] | None = None  # 20, or as many as there are, where max_frequency is not given
     max_frequency: Positive | None = None
@@ -237,13 +341,45 @@ class Solve(Section):
 
 
 class Output(Section):
-    """What is written beside the tables and figures."""
+    """What is written beside the tables and figures.
+
+    Attributes
+    ----------
+    shapes : "unstable" or "all" or "none"
+        Which mode shapes are written, for ParaView and as pictures.
+    """
 
     shapes: Literal["unstable", "all", "none"] = "unstable"
 
 
 class Scene(Section):
-    """A whole scene; `load_scene` reads one from TOML."""
+    """A whole scene; `load_scene` reads one from TOML.
+
+    Attributes
+    ----------
+    title : str
+        For figures and run.json.
+    mesh : table
+        The mesh.
+    materials : table of tables
+        At least one.
+    bodies : table of tables
+        At least one.
+    supports : list of tables
+        Held surfaces.
+    springs : list of tables
+        Springs and dampers.
+    contacts : list of tables
+        Contacts.
+    effects : table
+        What is simulated beyond elasticity and contact stiffness.
+    sweep : table
+        Where to solve; without it once, at the friction coefficient of `[effects.friction]`.
+    solve : table
+        Number of modes and accuracy.
+    output : table
+        What is written.
+    """
 
     title: str = ""
     mesh: MeshSection

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import re
 import tomllib
@@ -13,7 +12,7 @@ from typing import Any, NamedTuple, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from .errors import SceneError, suggest
+from .errors import SceneError, nearest_name, suggest
 from .scene import Scene
 
 _EXPECTED = {
@@ -127,7 +126,7 @@ def _distinct(faults: list[_Fault]) -> list[_Fault]:
     meant = {
         (*f.keys[:-1], name)
         for f in faults if f.kind == "extra_forbidden"
-        for name in difflib.get_close_matches(str(f.keys[-1]), _valid_keys(f.section), n=1)
+        if (name := nearest_name(str(f.keys[-1]), _valid_keys(f.section))) is not None
     }  # fmt: skip
     found: dict[_Keys, _Fault] = {}
     for fault in faults:

@@ -15,7 +15,7 @@ class Friction(Section):
     With pressure p = p0 − k_n g, the pad feels the traction μ p t along the counterface's velocity, the counterface the
     opposite. The virtual work of its change is −∫ μ k_n g δs dA, so that μ K_f stands beside K with a plus sign.
 
-    Parameters
+    Attributes
     ----------
     mu : float
         Friction coefficient, nominal; a sweep replaces it. A negative one is reversed sliding.

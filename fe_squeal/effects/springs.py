@@ -17,14 +17,20 @@ class Spring(Section):
     On one surface of area A it is a foundation, K = ∫ (k/A) δu_d u_d dA; with `to` it acts on the difference of the
     mean motions of two surfaces, K = k δr r with r = mean(u_d) − mean'(u_d).
 
-    Parameters
+    Attributes
     ----------
-    name, surface : str
-    direction : vector; its length does not matter
-    stiffness : float, N/m, total
-    damping : float, N s/m, total
-    to : str, optional
-        Second surface.
+    name : str
+        For messages and results; each spring its own.
+    surface : str
+        Surface group of the mesh.
+    direction : vector
+        Direction in which it acts, in global coordinates, of any length.
+    stiffness : float, N/m
+        In all, over the whole surface; stiffness or damping above 0.
+    damping : float, N s/m
+        In all, over the whole surface.
+    to : str
+        A second surface group.
     """
 
     name: str

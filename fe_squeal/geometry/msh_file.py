@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from fe_squeal.geometry.lattice import GroupedMesh, Ints
 
+_END = b"$EndMeshFormat\n"
 _GMSH_TYPE = {(2, 4): 3, (2, 9): 10, (3, 8): 5, (3, 27): 12}  # (dimension, nodes per element) -> gmsh's element type
 
 
@@ -17,7 +19,8 @@ def write_msh(mesh: GroupedMesh, path: Path) -> None:
 
     Coordinates are written in the fewest digits that read back to the same double.
     """
-    path.write_text("".join(f"{line}\n" for line in _lines(mesh)), encoding="ascii")
+    path.write_text("".join(f"{line}\n" for line in _lines(mesh)), encoding="ascii", newline="\n")
+    mark_as_ours(path)
 
 
 def _lines(mesh: GroupedMesh) -> Iterator[str]:
@@ -57,6 +60,28 @@ def _lines(mesh: GroupedMesh) -> Iterator[str]:
             element += 1
             yield f"{element} " + " ".join(str(node + 1) for node in nodes)
     yield "$EndElements"
+
+
+def mark_as_ours(path: Path) -> None:
+    """Put a comment behind the header that tells our files from others, with a check sum: one edited since is not ours.
+
+    Readers pass over it; gmsh keeps it when it saves a mesh that somebody changed.
+    """
+    data = path.read_bytes().replace(b"\r\n", b"\n")
+    header, end, rest = data.partition(_END)
+    path.write_bytes(header + end + _comment(data) + rest)
+
+
+def is_ours(path: Path) -> bool:
+    """Tell whether a file is a mesh that this package wrote, and nobody changed."""
+    data = path.read_bytes().replace(b"\r\n", b"\n")
+    header, end, rest = data.partition(_END)
+    comment, closing, rest = rest.partition(b"$EndComments\n")
+    return comment + closing == _comment(header + end + rest)
+
+
+def _comment(data: bytes) -> bytes:
+    return f"$Comments\nmade by fe-squeal, {hashlib.sha256(data).hexdigest()}\n$EndComments\n".encode()
 
 
 def _owned_nodes(mesh: GroupedMesh) -> dict[str, Ints]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from fe_squeal.errors import MeshError, OutputError
 from fe_squeal.geometry.block import Block
 from fe_squeal.geometry.disc_pad import DiscPad
-from fe_squeal.geometry.msh_file import write_msh
+from fe_squeal.geometry.msh_file import is_ours, mark_as_ours, write_msh
 from fe_squeal.geometry.structured import structured_block, structured_disc_pad
 from fe_squeal.geometry.tetrahedra import write_tetrahedra
 
@@ -16,11 +16,16 @@ from fe_squeal.geometry.tetrahedra import write_tetrahedra
 MAX_ELEMENTS = 3_000_000
 
 
-def write_mesh(geometry: DiscPad | Block, path: str | os.PathLike[str]) -> Path:
+def write_mesh(geometry: DiscPad | Block, path: str | os.PathLike[str], keep_others: bool = False) -> Path:
     """Mesh a geometry and write it as a gmsh .msh file (version 4.1, text), in the geometry's own unit of length.
 
     The same geometry gives the same bytes each time. The file appears at once when it is complete; an older one of that
     name stays until then.
+
+    Parameters
+    ----------
+    keep_others : bool
+        Refuse to write over a file that this function did not write.
 
     Returns
     -------
@@ -30,7 +35,7 @@ def write_mesh(geometry: DiscPad | Block, path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     OutputError
-        The name does not end in .msh, or the file cannot be written.
+        The name does not end in .msh, the file cannot be written, or it is to be kept.
     MeshError
         The size asks for too many elements; or, with element = "tet", gmsh cannot be loaded or fails.
 
@@ -47,12 +52,15 @@ def write_mesh(geometry: DiscPad | Block, path: str | os.PathLike[str]) -> Path:
         raise OutputError(f"{path}: a mesh is written as a gmsh file; expected a name that ends in .msh")
     if not path.parent.is_dir():
         raise OutputError(f"{path}: there is no folder {path.parent}; make it first")
+    if keep_others and path.exists() and not _may_replace(path):
+        raise OutputError(f"{path}: there is a file that fe-squeal mesh did not write; give another (-o) or --force")
     _check_number_of_elements(geometry)
     partial = path.with_name(f".{path.stem}.{os.getpid()}.msh")  # gmsh chooses the format by the ending
     try:
         partial.touch()  # a folder that cannot be written is found before the meshing, not after it
         if geometry.element == "tet":
             write_tetrahedra(geometry, partial)
+            mark_as_ours(partial)
         elif isinstance(geometry, DiscPad):
             write_msh(structured_disc_pad(geometry), partial)
         else:
@@ -63,6 +71,13 @@ def write_mesh(geometry: DiscPad | Block, path: str | os.PathLike[str]) -> Path:
     finally:
         partial.unlink(missing_ok=True)
     return path
+
+
+def _may_replace(path: Path) -> bool:
+    try:
+        return path.stat().st_size == 0 or is_ours(path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
 def _check_number_of_elements(geometry: DiscPad | Block) -> None:

@@ -44,7 +44,7 @@ def draw_file(shape: Path, picture: Path, title: str, axis: list[float]) -> None
     main = widest_body(np.asarray(grid.points), nodes, body)
     limit = normal_limit(real[np.unique(nodes[body == main]), 2])
 
-    figure, left, right = compose_figure(title, str(grid.field_data["body_names"][main]), limit)
+    figure, left, right = compose_figure(title, str(grid.field_data["body_names"][main]), limit, axis)
     left.imshow(_oblique_view(grid, real * VISIBLE * size), interpolation="antialiased")
     right.imshow(_axial_view(grid, body, main, limit), interpolation="antialiased")
     save_picture(figure, picture)

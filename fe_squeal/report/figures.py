@@ -82,6 +82,7 @@ def plot_stability(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pat
         axes.set_axisbelow(True)
     _draw_legend(top, growing, styles, markers)
 
+    figure.align_ylabels([top, bottom])
     canvas.draw()  # settles the layout, which the labels need in pixels
     figure.set_layout_engine("none")
     if 0 < len(onsets) <= MAX_LABELLED_ONSETS:
@@ -118,7 +119,7 @@ def plot_root_locus(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pa
         figure.colorbar(points, ax=axes, label=_parameter_label(parameter_name(modes)), pad=0.02)
     elif len(value):
         notes.append(f"{parameter_symbol(parameter_name(modes))} = {value[0]:.6g}")
-    markers = _mark_onsets(axes, onsets, np.zeros(len(onsets)), numbers(onsets, "frequency_hz") / per_unit)
+    markers = _mark_onsets(axes, onsets, np.zeros(len(onsets)), numbers(onsets, "frequency_hz") / per_unit, 3.5)
 
     axes.set_xlim(*limits)
     axes.set_ylim(*_padded(frequency / per_unit, floor=0.0))
@@ -205,13 +206,14 @@ def _draw_least_stable(axes: Axes, branches: list[Branch]) -> None:
     largest = np.array([re[value == v].max() for v in sweep])
     axes.plot(sweep, largest, "o-" if len(sweep) == 1 else "-", color="0.45", lw=1.4, ms=5)
     depth = max(-1.3 * float(largest.min(initial=0.0)), 1.0)
-    axes.set_ylim(-depth, max(0.6 * depth, 1.5 * float(largest.max(initial=0.0))))
+    depth = max(depth, 1.5 * float(largest.max(initial=0.0)))
+    axes.set_ylim(-depth, depth)
     if len(sweep):
         axes.annotate("least stable mode", (sweep[len(sweep) // 2], largest[len(sweep) // 2]), xytext=(0, -8),
                       textcoords="offset points", ha="center", va="top", fontsize=9, color="0.35")
 
 
-def _mark_onsets(axes: Axes, onsets: pd.DataFrame, x: Floats, y: Floats) -> list[Line2D]:
+def _mark_onsets(axes: Axes, onsets: pd.DataFrame, x: Floats, y: Floats, size: float = 6.0) -> list[Line2D]:
     """Draw the onsets and return one legend handle for each sort that occurs."""
     handles = []
     kinds = onsets["kind"] if "kind" in onsets else pd.Series("flutter", index=onsets.index)
@@ -219,7 +221,7 @@ def _mark_onsets(axes: Axes, onsets: pd.DataFrame, x: Floats, y: Floats) -> list
     for (kind, direction), (marker, face) in _MARKERS.items():
         rows = np.asarray((kinds == kind) & (directions == direction), dtype=bool)
         if rows.any():
-            handles += axes.plot(x[rows], y[rows], marker, mfc=face, mec="black", ms=6, zorder=8, clip_on=False,
+            handles += axes.plot(x[rows], y[rows], marker, mfc=face, mec="black", ms=size, zorder=8, clip_on=False,
                                  label=f"{kind}: {direction} instability")
     return handles
 
@@ -252,7 +254,7 @@ def _draw_legend(
     if len(growing) > MAX_LEGEND_ENTRIES:
         handles.append(Line2D([], [], lw=0, label=f"and {len(growing) - MAX_LEGEND_ENTRIES} more branches"))
     if growing:
-        handles.append(Line2D([], [], color="0.6", lw=0.7, label="stable"))
+        handles.append(Line2D([], [], color="0.6", lw=0.7, label="marginal or stable"))
     if handles:
         axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
 

@@ -25,6 +25,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 import fe_squeal
@@ -160,7 +161,22 @@ def normal_limit(u_n: Floats) -> float:
     return max(float(np.abs(u_n).max(initial=0.0)), 1e-3)
 
 
-def compose_figure(title: str, body_name: str, limit: float) -> tuple[Figure, Axes, Axes]:
+def direction_text(axis: Sequence[float]) -> str:
+    """Return `z` for a coordinate axis, else the direction as `(x, y, z)`.
+
+    Examples
+    --------
+    >>> direction_text([0, 0, -2]), direction_text([0, 3, 4])
+    ('−z', '(0, 0.6, 0.8)')
+    """
+    unit = (np.asarray(axis, dtype=float) / np.linalg.norm(axis)).round(3) + 0.0
+    if np.count_nonzero(unit) == 1:
+        i = int(np.argmax(np.abs(unit)))
+        return ("−" if unit[i] < 0 else "") + "xyz"[i]
+    return "(" + ", ".join(f"{x:.3g}" for x in unit) + ")"
+
+
+def compose_figure(title: str, body_name: str, limit: float, axis: Sequence[float] = Z_AXIS) -> tuple[Figure, Axes, Axes]:
     """Return a figure with titles and colour bars, and the axes for the left and the right view."""
     figure = Figure(figsize=(12, 6), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
@@ -169,13 +185,14 @@ def compose_figure(title: str, body_name: str, limit: float) -> tuple[Figure, Ax
     for axes, text, colours, low, label in (
         (left, f"real part, warped to {VISIBLE:.0%} of the model's size", AMPLITUDE_COLOURS, 0.0,
          "amplitude over a period / largest"),
-        (right, f"{body_name}, seen along the axis; nodal lines black", NORMAL_COLOURS, -limit,
-         "displacement along the axis, Re u / largest amplitude"),
+        (right, f"{body_name}, seen along {direction_text(axis)}; nodal lines black", NORMAL_COLOURS, -limit,
+         f"displacement along {direction_text(axis)}, Re u / largest amplitude"),
     ):
         axes.set_title(text, fontsize=10)
         axes.set_axis_off()
         scale = ScalarMappable(Normalize(low, limit if low else 1.0), colours)
-        figure.colorbar(scale, ax=axes, orientation="horizontal", shrink=0.7, aspect=35, pad=0.02, label=label)
+        figure.colorbar(scale, ax=axes, orientation="horizontal", shrink=0.7, aspect=35, pad=0.02, label=label,
+                        ticks=MaxNLocator(4))
     return figure, left, right
 
 
@@ -195,7 +212,7 @@ def _draw_with_matplotlib(grid: ShapeGrid, u: Complexes, job: PictureJob) -> Non
     u_n = shape.real @ frame[2]
     main = widest_body(points, grid.cells, grid.body)
     limit = normal_limit(u_n[np.unique(grid.cells[grid.body == main])])
-    figure, left, right = compose_figure(job.title, grid.body_names[main], limit)
+    figure, left, right = compose_figure(job.title, grid.body_names[main], limit, job.axis)
 
     triangles, _ = boundary_triangles(grid)
     solid = figure.add_subplot(left.get_subplotspec(), projection="3d", computed_zorder=False)

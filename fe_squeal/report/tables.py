@@ -62,6 +62,9 @@ def print_unstable(modes: pd.DataFrame, console: Console) -> None:
 def print_onsets(onsets: pd.DataFrame, console: Console) -> None:
     """Print where modes turn unstable or stable again, in the order of the parameter.
 
+    Beside each value stands what the pair's own two modes at the start of the sweep predict in closed form: where the
+    two agree, a two-mode picture of the brake suffices.
+
     Parameters
     ----------
     onsets : DataFrame
@@ -74,16 +77,18 @@ def print_onsets(onsets: pd.DataFrame, console: Console) -> None:
     symbol = parameter_symbol(parameter_name(onsets))
     ordered = onsets.sort_values("value", kind="stable")
     table = _table("Onsets")
-    for head in (f"{symbol} at onset", "uncertainty", "frequency, Hz", "kind", "direction", "branches"):
+    for head in (f"{symbol} at onset", "uncertainty", "two modes", "frequency, Hz", "kind", "direction", "branches"):
         table.add_column(head, justify="left" if head in ("kind", "direction") else "right")
     value, uncertainty = numbers(ordered, "value"), numbers(ordered, "uncertainty")
-    frequency = numbers(ordered, "frequency_hz")
+    frequency, two_modes = numbers(ordered, "frequency_hz"), numbers(ordered, "two_mode_value")
     partners = np.column_stack([numbers(ordered, "branch_a"), numbers(ordered, "branch_b")])
     for i in range(min(len(ordered), MAX_ROWS)):
         row = ordered.iloc[i]
         pair = " + ".join(_name(b) for b in partners[i] if not np.isnan(b))
         known = "" if np.isnan(uncertainty[i]) else f"{uncertainty[i]:.1e}"
-        table.add_row(f"{value[i]:.8g}", known, f"{frequency[i]:.6g}", str(row["kind"]), str(row["direction"]), pair)
+        guess = "" if np.isnan(two_modes[i]) else f"{two_modes[i]:.4g}"
+        words = (str(row["kind"]), str(row["direction"]))
+        table.add_row(f"{value[i]:.8g}", known, guess, f"{frequency[i]:.6g}", *words, pair)
     console.print(table)
     if len(ordered) > MAX_ROWS:
         console.print(Text(f"... {len(ordered) - MAX_ROWS} more in onsets.csv"))
@@ -147,12 +152,16 @@ def _with_uncertainty(value: float, uncertainty: float) -> str:
 
     Examples
     --------
+    >>> _with_uncertainty(0.0000861, 2e-6)
+    '8.61e-05 ± 2e-06'
     >>> _with_uncertainty(123.4567, 0.02), _with_uncertainty(123.4567, 0.0), _with_uncertainty(123.4567, 1e-9)
     ('123.46 ± 0.02', '123.457', '123.457 ± 1e-09')
     """
     if not uncertainty > 0 or value == 0:
         return f"{value:.6g}"
     places = -math.floor(math.log10(uncertainty))
+    if abs(value) < 0.01:
+        return f"{value:.4g} ± {uncertainty:.0e}"
     if uncertainty < 1e-5 * abs(value):
         return f"{value:.6g} ± {uncertainty:.0e}"
     if places < 0:

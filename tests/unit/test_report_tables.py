@@ -74,9 +74,10 @@ def test_nothing_unstable_is_said():
 
 def test_onsets_come_in_the_order_of_the_parameter():
     _, onsets = coupled_tables([(2413.0, 60.0, 0.312), (5000.0, 60.0, 0.2)], SWEEP)
-    onsets.loc[0, "branch_b"] = np.nan
+    onsets.loc[0, ["branch_b", "two_mode_value"]] = np.nan
+    onsets.loc[1, "two_mode_value"] = 0.21347
     rows = [line.split() for line in printed(print_onsets, onsets).splitlines() if "flutter" in line]
-    assert rows == [["0.2", "1.0e-09", "5000", "flutter", "into", "3", "+", "4"],
+    assert rows == [["0.2", "1.0e-09", "0.2135", "5000", "flutter", "into", "3", "+", "4"],
                     ["0.312", "1.0e-09", "2413", "flutter", "into", "1"]]
 
 
