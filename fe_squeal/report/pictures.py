@@ -176,7 +176,9 @@ def direction_text(axis: Sequence[float]) -> str:
     return "(" + ", ".join(f"{x:.3g}" for x in unit) + ")"
 
 
-def compose_figure(title: str, body_name: str, limit: float, axis: Sequence[float] = Z_AXIS) -> tuple[Figure, Axes, Axes]:
+def compose_figure(
+    title: str, body_name: str, limit: float, axis: Sequence[float] = Z_AXIS
+) -> tuple[Figure, Axes, Axes]:
     """Return a figure with titles and colour bars, and the axes for the left and the right view."""
     figure = Figure(figsize=(12, 6), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
