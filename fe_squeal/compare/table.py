@@ -18,6 +18,7 @@ from ..problem import Problem
 from ..sweep import sweep
 from .cases import Case, minimal, nine_dof, two_mass, uncoupled_disc
 
+_DEFORMING = 10.0  # times the highest lumped frequency: deformations of the bodies lie far above, rotations below
 _SOFTER = (1e-2, 1e-1, 1.0)  # of a case's modulus: three steps for the fitted order
 
 
@@ -85,6 +86,8 @@ def compare_case(name: str) -> list[tuple[str, str, float, float, float]]:
     if setup.values:
         slope = stiffness_rate(case, setup.modulus, setup.values[-1])
         rows.append((name, "order in 1/E", 1.0, slope, abs(slope - 1.0)))
+    for label, omega in rotations(case, stiff):
+        rows.append((name, f"rotation of {label} (rad/s)", np.nan, omega, np.nan))
     rows += _onset_rows(name, case, stiff, setup)
     if name == "uncoupled-disc":
         drift = spectrum_drift(case.problem(1e-2 * setup.modulus), setup.values)
@@ -106,6 +109,23 @@ def lumped_modes(case: Case, problem: Problem, mu: float) -> Modes:
     through = np.einsum("ij,ij->j", (modes.left.conj().T @ MR).T, np.linalg.solve(R.T @ MR, MR.T @ modes.right))
     whole = np.einsum("ij,ij->j", modes.left.conj(), pencil.M @ modes.right)
     return modes.select(np.flatnonzero(np.abs(through / whole) > 0.5))
+
+
+def rotations(case: Case, problem: Problem) -> list[tuple[str, float]]:
+    """Return the body and the frequency at μ = 0 of each mode that is neither the lumped model's nor a deformation."""
+    assert problem.model is not None
+    pencil, space = problem.pencil(mu=0.0), problem.model.space
+    modes = solve_modes(pencil, Request(count=problem.unknowns))
+    lumped_ones = lumped_modes(case, problem, 0.0).lam.imag
+    highest = _DEFORMING * lumped_ones.max()
+    found = []
+    for i, omega in enumerate(modes.lam.imag):
+        if omega > highest or np.abs(lumped_ones - omega).min() <= 1e-9 * highest:
+            continue
+        motion = np.abs(space.expand(modes.right[:, i]))
+        size = {b: motion[space.dofs.element_dofs[:, e]].max() for b, e in problem.model.bodies.items()}
+        found.append((max(size, key=lambda b: size[b]), float(omega)))
+    return found
 
 
 def spectrum_difference(case: Case, problem: Problem, mu: float) -> tuple[float, complex, complex]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fe_squeal.compare import SETUPS, compare_case
-from fe_squeal.compare.table import lumped_modes
+from fe_squeal.compare.table import lumped_modes, rotations
 
 
 @pytest.fixture(scope="module", params=list(SETUPS))
@@ -56,3 +56,6 @@ def test_rotations_are_set_apart():
     case = setup.make()
     problem = case.problem(setup.modulus)
     assert len(lumped_modes(case, problem, 0.5)) == 9
+    # A pad on springs k over its whole height turns with ω² = k_x/m: k1 + k8/2 for the first two, k10/2 for the third.
+    found = dict(rotations(case, problem))
+    assert found == pytest.approx({"pad_1": 1.5**0.5, "pad_2": 1.5**0.5, "pad_3": 0.5**0.5}, rel=5e-3)
