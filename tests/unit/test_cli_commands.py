@@ -21,7 +21,7 @@ from fe_squeal.mesh import load_mesh
 
 def run_process(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "fe_squeal", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, env=environment(), cwd=cwd, timeout=60)
+    return subprocess.run(command, capture_output=True, encoding="utf-8", env=environment(), cwd=cwd, timeout=60)
 
 
 @pytest.mark.parametrize(

@@ -203,7 +203,7 @@ def test_light_run_imports_no_pictures_and_no_mesher(tmp_path: Path) -> None:
         "print(code, [m for m in ('gmsh', 'pyvista', 'vtk', 'vtkmodules') if m in sys.modules])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, env=environment(), cwd=tmp_path, timeout=60
+        [sys.executable, "-c", program], capture_output=True, encoding="utf-8", env=environment(), cwd=tmp_path, timeout=60
     )
     assert done.stdout.splitlines()[-1] == "0 []"
     assert {p.name for p in (tmp_path / "block_results").iterdir()} == TABLES_AND_FIGURES
@@ -288,7 +288,7 @@ def test_ctrl_c(tmp_path: Path) -> None:
     )
     process = subprocess.Popen(
         [sys.executable, "-c", program],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment(), cwd=tmp_path,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", env=environment(), cwd=tmp_path,
     )  # fmt: skip
     try:
         assert process.stdout is not None
