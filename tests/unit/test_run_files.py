@@ -203,8 +203,9 @@ def test_light_run_imports_no_pictures_and_no_mesher(tmp_path: Path) -> None:
         "print(code, [m for m in ('gmsh', 'pyvista', 'vtk', 'vtkmodules') if m in sys.modules])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, encoding="utf-8", env=environment(), cwd=tmp_path, timeout=60
-    )
+        [sys.executable, "-c", program], capture_output=True, encoding="utf-8", env=environment(), cwd=tmp_path,
+        timeout=60,
+    )  # fmt: skip
     assert done.stdout.splitlines()[-1] == "0 []"
     assert {p.name for p in (tmp_path / "block_results").iterdir()} == TABLES_AND_FIGURES
     assert "results in block_results: stability.png, root_locus.png (" in done.stdout
