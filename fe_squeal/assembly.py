@@ -2,61 +2,47 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
 
 import numpy as np
+import scipy.sparse as sp
 
-from .contact import ContactOperators, contact_operators
-from .doubts import doubts
+from .bodies import contact_sides, find_bodies, find_facets, read_mesh
+from .contact import ContactOperators, Sliding, contact_operators
+from .doubts import doubts, doubts_of_preload
 from .effects.contact_stiffness import contact_terms
 from .effects.elasticity import elastic_terms
+from .effects.falling_friction import FallingFriction, falling_friction_terms
 from .effects.friction import friction_terms
+from .effects.friction_damping import FrictionDamping, friction_damping_terms
+from .effects.preload import BaseState, PressedContact, pressure_load, solve_preload
+from .effects.rayleigh import rayleigh_terms
+from .effects.rotation import rotation_motion, rotation_terms
 from .effects.springs import spring_terms
-from .errors import MeshError, SceneError, suggest
-from .geometry import write_mesh
+from .effects.stress_stiffening import stiffening_term
+from .effects.structural_damping import structural_terms
+from .errors import MeshError, SceneError
 from .materials import material_axes
-from .mesh import LoadedMesh, load_mesh, surface_group, volume_group
+from .matrix_scene import matrix_problem
+from .mesh import LoadedMesh
 from .problem import Model, Problem
-from .scene import Scene
-from .spaces import DisplacementSpace, make_space, straightened
+from .rotating import centrifugal_load, check_revolution, is_transversal
+from .scene import MU, MatrixScene, Scene, number_at, with_numbers
+from .spaces import make_space, straightened
 from .terms import Term
 
-
-def read_mesh(scene: Scene) -> LoadedMesh:
-    """Read the scene's mesh, or make it from the parametric geometry.
-
-    Raises
-    ------
-    MeshError
-        If the file is bad, or gmsh is needed and cannot be imported.
-    """
-    path = scene.mesh_path
-    if path is not None:
-        if not path.exists() and scene.mesh.geometry is not None:
-            source = scene.source or "SCENE.toml"
-            raise MeshError(f"mesh.file: {path}: no such file; make it with: fe-squeal mesh {source} -o {path}")
-        try:
-            return load_mesh(path, scene.mesh.length_unit)
-        except MeshError as error:
-            raise MeshError(f"mesh.file: {error}") from error
-    assert scene.mesh.geometry is not None
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "geometry.msh"
-        try:
-            write_mesh(scene.mesh.geometry, path)
-        except MeshError as error:
-            kind = "disc_pad" if scene.mesh.disc_pad is not None else "block"
-            raise MeshError(f"mesh.{kind}: {error}") from error
-        return load_mesh(path, scene.mesh.length_unit)
+_KEPT = 4  # versions of one thing that are kept: at a value, beside it for differences, and one more
+_Made = TypeVar("_Made")
 
 
-def assemble(scene: Scene, mesh: LoadedMesh | None = None) -> Problem:
+def assemble(scene: Scene | MatrixScene, mesh: LoadedMesh | None = None) -> Problem:
     """Assemble the terms of a scene.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or MatrixScene
     mesh : LoadedMesh, optional
         Used instead of the scene's own mesh.
 
@@ -67,130 +53,290 @@ def assemble(scene: Scene, mesh: LoadedMesh | None = None) -> Problem:
     Raises
     ------
     SceneError, MeshError
-        Where scene and mesh do not fit together.
+        Where scene and mesh do not fit together, or a matrix file is bad.
+    NotConvergedError
+        If the static state of a preload is not found.
     """
     where = f"{scene.source}: " if scene.source is not None else ""
     try:
-        loaded = read_mesh(scene) if mesh is None else mesh
-        return _assemble(scene, loaded)
+        if isinstance(scene, MatrixScene):
+            return matrix_problem(scene)
+        return Assembly(scene, read_mesh(scene) if mesh is None else mesh).problem({})
     except SceneError as error:
         raise SceneError(f"{where}{error}") from error
     except MeshError as error:
         raise MeshError(f"{where}{error}") from error
 
 
-def _assemble(scene: Scene, loaded: LoadedMesh) -> Problem:
-    bodies = find_bodies(scene, loaded)
-    supports = [
-        (_facets(loaded, s.surface, f"supports[{i}].surface"), s.fixed) for i, s in enumerate(scene.supports)
-    ]
-    mesh, notes = loaded.mesh, loaded.notes
-    if scene.mesh.order == 1 and (straight := straightened(mesh)) is not mesh:
-        mesh, notes = straight, (*notes, "order = 1: curved edges are made straight, or rotations would not be free")
-    space = make_space(mesh, scene.mesh.order, supports)
-    terms: list[Term] = []
-    for name, elements in bodies.items():
-        body = scene.bodies[name]
-        axes = material_axes(*body.axes) if body.axes is not None else None
-        terms += elastic_terms(space, name, elements, scene.materials[body.material], axes)
-    for i, spring in enumerate(scene.springs):
-        surface = space.surface(_facets(loaded, spring.surface, f"springs[{i}].surface"))
-        other = None
-        if spring.to is not None:
-            other = space.surface(_facets(loaded, spring.to, f"springs[{i}].to"))
-        terms += spring_terms(space, spring, surface, other)
-    contacts: dict[str, ContactOperators] = {}
-    for i, (name, contact) in enumerate(zip(scene.contact_names, scene.contacts, strict=True)):
-        key = f"contacts[{i}]"
-        pad = _facets(loaded, contact.surface, f"{key}.surface")
-        counter = None if contact.is_rigid else _facets(loaded, contact.counterface, f"{key}.counterface", "rigid")
-        _check_sides(space, bodies, pad, counter, key, contact.surface, contact.counterface)
-        motion = contact.sliding.motion() if contact.sliding is not None else None
-        operators = contact_operators(space, pad, counter, motion, contact.gap_tolerance, key)
-        contacts[name] = operators
-        stiffness = contact.normal_stiffness
-        terms += contact_terms(name, operators, stiffness, contact.normal_damping, contact.kind == "tied")
-        if contact.kind == "sliding" and scene.effects.friction is not None:
-            terms += friction_terms(name, operators, stiffness, contact.friction_ratio)
-    wanted = scene.solve.modes
-    if wanted is not None and wanted > space.unknowns:
-        raise SceneError(f"solve.modes: given {wanted}; expected at most {space.unknowns}, the number of unknowns")
-    parameters = {"mu": scene.effects.friction.mu} if scene.effects.friction is not None else {}
-    model = Model(space, bodies, contacts, notes, (*loaded.warnings, *_doubts(contacts), *doubts(scene, loaded, space)))
-    return Problem(tuple(terms), parameters, model)
+class Assembly:
+    """A scene on its mesh, with what was made from it; at other numbers only what depends on them is made anew."""
 
+    def __init__(self, scene: Scene, loaded: LoadedMesh) -> None:
+        self.scene = scene
+        self.bodies = find_bodies(scene, loaded)
+        supports = [
+            (find_facets(loaded, s.surface, f"supports[{i}].surface"), s.fixed) for i, s in enumerate(scene.supports)
+        ]
+        mesh, self.notes = loaded.mesh, loaded.notes
+        if scene.mesh.order == 1 and (straight := straightened(mesh)) is not mesh:
+            mesh = straight
+            self.notes += ("order = 1: curved edges are made straight, or rotations would not be free",)
+        self.space = make_space(mesh, scene.mesh.order, supports)
+        self.loaded = loaded
+        self._made: dict[str, list[tuple[object, Any]]] = {}
+        self._sides: dict[str, set[str]] = {}
+        wanted = scene.solve.modes
+        if wanted is not None and wanted > self.space.unknowns:
+            n = self.space.unknowns
+            raise SceneError(f"solve.modes: given {wanted}; expected at most {n}, the number of unknowns")
 
-def find_bodies(scene: Scene, loaded: LoadedMesh) -> dict[str, np.ndarray]:
-    """Return the elements of each body; every element belongs to exactly one.
+    def number(self, path: str) -> float:
+        """Return a number as it stands in the scene."""
+        return number_at(self.scene, path)
 
-    Raises
-    ------
-    SceneError, MeshError
-    """
-    owner = np.full(loaded.mesh.nelements, -1)
-    bodies: dict[str, np.ndarray] = {}
-    for number, (name, body) in enumerate(scene.bodies.items()):
-        if body.material not in scene.materials:
-            hint = suggest(body.material, scene.materials)
-            raise SceneError(f'bodies.{name}.material: no material "{body.material}"{hint}')
-        groups = body.groups or [name]
-        key = f"bodies.{name}.groups" if body.groups else f"bodies.{name}"
-        try:
-            elements = np.unique(np.concatenate([volume_group(loaded, g) for g in groups]))
-        except MeshError as error:
-            raise MeshError(f"{key}: {error}") from error
-        taken = owner[elements] >= 0
-        if taken.any():
-            first = list(scene.bodies)[owner[elements[taken][0]]]
-            raise SceneError(f"{key}: {taken.sum()} elements belong to body {first} as well; expected one body each")
-        owner[elements] = number
-        bodies[name] = elements
-    free = owner < 0
-    if free.any():
-        groups = [g for g, e in (loaded.mesh.subdomains or {}).items() if free[e].any()]
-        hint = f' (volume group "{groups[0]}")' if groups else ""
-        raise SceneError(
-            f"bodies: {free.sum()} elements of {loaded.source}{hint} belong to no body and so have no material; add"
-            f" [bodies.{groups[0] if groups else 'NAME'}] with material = ..."
-        )
-    return bodies
+    def problem(self, values: Mapping[str, float]) -> Problem:
+        """Return the problem with other numbers, by their paths."""
+        return self._kept("problem", tuple(sorted(values.items())), lambda: self._build(values))
 
+    def _build(self, values: Mapping[str, float]) -> Problem:
+        scene = with_numbers(self.scene, values) if values else self.scene
+        masses, elastics = self._elastic(scene)
+        springs = self._springs(scene)
+        contacts = self._contacts(scene)
+        motions = self._rotation(scene)
+        terms = [t for pair in zip(masses.values(), elastics.values(), strict=True) for t in pair] + springs
+        damping, static = [], [*elastics.values(), *(t for t in springs if t.slot == "K")]
+        rayleigh = scene.effects.rayleigh
+        structural = scene.effects.structural_damping
+        for name, body in scene.bodies.items():
+            own = (body.rayleigh, f"bodies.{name}.rayleigh") if body.rayleigh is not None else None
+            law = own or ((rayleigh, "effects.rayleigh") if rayleigh is not None else None)
+            path = f"materials.{body.material}"
+            if law is not None:
+                damping += rayleigh_terms(*law, name, masses[name], elastics[name])
+            if structural is not None:
+                loss = scene.materials[body.material].loss_factor
+                damping += structural_terms(structural, name, loss, f"{path}.loss_factor", elastics[name])
+            if name in motions:
+                damping += rotation_terms(
+                    self.space, name, self.bodies[name], path, motions[name], elastics[name], law, self._kept
+                )
+        tied = {
+            name: contact_terms(name, contacts[name], c.normal_stiffness, c.normal_damping, tied=True)
+            for name, c in zip(scene.contact_names, scene.contacts, strict=True)
+            if c.kind == "tied"
+        }
+        static += [t for found in tied.values() for t in found if t.slot == "K"]
+        base = self._base(scene, contacts, static, motions)
+        for name, operators in contacts.items():
+            terms += tied[name] if name in tied else self._interface(scene, name, operators, base)
+        if scene.effects.stress_stiffening is not None and base is not None:
+            for name, elements in self.bodies.items():
+                terms.append(stiffening_term(self.space, name, elements, scene.stiffness(name), base.u))
+        terms += damping
+        paths = sorted({p for t in terms for p in t.powers} | ({MU} if scene.effects.friction is not None else set()))
+        parameters = {p: number_at(scene, p) for p in paths}
+        return Problem(
+            tuple(terms), parameters, self._model(scene, contacts, base), self,
+            self._coupled(scene, static, base), dict(values),
+        )  # fmt: skip
 
-def _facets(loaded: LoadedMesh, group: str, key: str, *others: str) -> np.ndarray:
-    """Return the facets of a group; `others` are words that would be valid as well."""
-    try:
-        return surface_group(loaded, group)
-    except MeshError as error:
-        close = suggest(group, others)
-        if "did you mean" in close:
-            raise MeshError(f'{key}: no surface group "{group}" in {loaded.source}{close}') from error
-        raise MeshError(f"{key}: {error}") from error
+    def _kept(self, kind: str, key: object, make: Callable[[], _Made]) -> _Made:
+        """Return what was made from the same key before, or make it."""
+        entries = self._made.setdefault(kind, [])
+        for known, thing in entries:
+            if known == key:
+                return thing
+        made = make()
+        entries.append((key, made))
+        del entries[:-_KEPT]
+        return made
 
+    def _elastic(self, scene: Scene) -> tuple[dict[str, Term], dict[str, Term]]:
+        masses, elastics = {}, {}
+        for name, elements in self.bodies.items():
+            body = scene.bodies[name]
+            material = scene.materials[body.material]
+            shape = material.model_dump_json() if material.is_orthotropic else material.poisson_ratio
+            axes = material_axes(*body.axes) if body.axes is not None else None
+            masses[name], elastics[name] = self._kept(
+                f"elastic.{name}", (shape, body.axes),
+                lambda n=name, e=elements, m=material, b=body, a=axes: elastic_terms(  # type: ignore[misc]
+                    self.space, n, e, m, f"materials.{b.material}", a
+                ),
+            )  # fmt: skip
+        return masses, elastics
 
-def _check_sides(
-    space: DisplacementSpace, bodies: dict[str, np.ndarray], pad: np.ndarray, counter: np.ndarray | None, key: str,
-    surface: str, counterface: str,
-) -> None:  # fmt: skip
-    """Refuse contact of a body with itself, and on facets inside a body."""
-    mesh = space.mesh
-    for group, facets, name in ((surface, pad, "surface"), (counterface, counter, "counterface")):
-        if facets is not None and (mesh.f2t[1, facets] >= 0).any():
-            raise SceneError(
-                f'{key}.{name}: "{group}" lies inside the mesh: the bodies share its nodes and are glued'
-                " there; expected a free surface, with separate nodes on either side"
+    def _springs(self, scene: Scene) -> list[Term]:
+        terms = []
+        for i, spring in enumerate(scene.springs):
+
+            def make(i: int = i, spring: Any = spring) -> list[Term]:
+                surface = self.space.surface(find_facets(self.loaded, spring.surface, f"springs[{i}].surface"))
+                other = None
+                if spring.to is not None:
+                    other = self.space.surface(find_facets(self.loaded, spring.to, f"springs[{i}].to"))
+                return spring_terms(self.space, spring, surface, other)
+
+            key = (spring.direction, bool(spring.stiffness), bool(spring.damping))
+            terms += self._kept(f"spring.{spring.name}", key, make)
+        return terms
+
+    def _contacts(self, scene: Scene) -> dict[str, ContactOperators]:
+        contacts = {}
+        for i, (name, contact) in enumerate(zip(scene.contact_names, scene.contacts, strict=True)):
+            motion = contact.sliding.motion() if contact.sliding is not None else None
+
+            def make(i: int = i, name: str = name, contact: Any = contact, motion: Any = motion) -> ContactOperators:
+                key = f"contacts[{i}]"
+                pad = find_facets(self.loaded, contact.surface, f"{key}.surface")
+                counter = None
+                if not contact.is_rigid:
+                    counter = find_facets(self.loaded, contact.counterface, f"{key}.counterface", "rigid")
+                sides = contact_sides(
+                    self.space.mesh, self.bodies, pad, counter, key, contact.surface, contact.counterface
+                )
+                self._sides[name] = sides[1]
+                return contact_operators(self.space, pad, counter, motion, contact.gap_tolerance, key)
+
+            contacts[name] = self._kept(f"contact.{name}", (_way(motion), contact.gap_tolerance), make)
+        return contacts
+
+    def _rotation(self, scene: Scene) -> dict[str, Sliding]:
+        rotation = scene.effects.rotation
+        motions: dict[str, Sliding] = {}
+        for name in rotation.bodies if rotation is not None else ():
+            assert rotation is not None
+            pressed = {
+                c: contact.sliding.motion()
+                for c, contact in zip(scene.contact_names, scene.contacts, strict=True)
+                if contact.sliding is not None and name in self._sides[c]
+            }
+            motions[name] = motion = rotation_motion(rotation, name, pressed)
+            self._kept(
+                f"revolution.{name}", _way(motion),
+                lambda n=name, m=motion: check_revolution(self.space.mesh, self.bodies[n], m, n),  # type: ignore[misc]
+            )  # fmt: skip
+            if not is_transversal(scene.stiffness(name), motion):
+                raise SceneError(
+                    f"effects.rotation: the material of body {name} is not the same all around the axis; expected an"
+                    " isotropic one, or an orthotropic one with axis 3 along the axis and equal values along 1 and 2"
+                )
+        return motions
+
+    def _base(
+        self, scene: Scene, contacts: dict[str, ContactOperators], static: list[Term], motions: dict[str, Sliding]
+    ) -> BaseState | None:
+        preload, friction = scene.effects.preload, scene.effects.friction
+        if preload is None:
+            return None
+        numbers = {p: number_at(scene, p) for t in static for p in t.powers}
+        K = sp.csr_array(sum(t.matrix * t.coefficient(numbers) for t in static))
+        load, resultant = np.zeros(self.space.unknowns), np.zeros(3)
+        for group, pressure in preload.pressures.items():
+            surface = self.space.surface(find_facets(self.loaded, group, f"effects.preload.pressures.{group}"))
+            forces, total = pressure_load(self.space, surface, pressure)
+            load, resultant = load + forces, resultant + total
+        for name, motion in motions.items():
+            density = scene.materials[scene.bodies[name].material].density
+            load = load + centrifugal_load(self.space, self.bodies[name], density, motion)
+        mu = 0.0 if friction is None else friction.mu if preload.mu == "swept" else preload.mu
+        pressed = {
+            name: PressedContact(
+                contacts[name], c.normal_stiffness, c.friction_ratio if c.kind == "sliding" else 0.0,
+                c.sliding.motion() if c.sliding is not None else None,
             )
-    if counter is None:
-        return
-    sides = [{n for n, e in bodies.items() if np.isin(mesh.f2t[0, f], e).any()} for f in (pad, counter)]
-    both = sides[0] & sides[1]
-    if both:
-        raise SceneError(
-            f'{key}.surface: "{surface}" and the counterface "{counterface}" both lie on body {sorted(both)[0]};'
-            " expected a surface of the pad and one of the moving body"
+            for name, c in zip(scene.contact_names, scene.contacts, strict=True)
+            if c.kind != "tied"
+        }  # fmt: skip
+        size = float(np.ptp(self.space.mesh.p, axis=1).max())
+        key = (
+            load.tobytes(), mu, tuple(sorted(numbers.items())), tuple(id(t.matrix) for t in static),
+            tuple((id(c.operators), c.stiffness, c.friction_ratio) for c in pressed.values()), preload.lift_off,
+        )  # fmt: skip
+        before = self._made.get("base", [])
+        start = before[-1][1] if before else None
+        return self._kept(
+            "base", key, lambda: solve_preload(K, load, resultant, pressed, mu, preload.lift_off, size, start)
         )
 
+    def _interface(
+        self, scene: Scene, name: str, operators: ContactOperators, base: BaseState | None
+    ) -> list[Term]:
+        """Return the terms of a contact that is not tied, on its closed part."""
+        contact = scene.contacts[scene.contact_names.index(name)]
+        pressure: np.ndarray | None = None
+        key: object = None
+        if base is not None:
+            state = base.contacts[name]
+            pressure, key = np.maximum(state.pressure, 0.0), state.closed.tobytes()
+            operators = replace(operators, weights=operators.weights * state.closed)
+        sizes = (bool(contact.normal_damping), contact.kind == "sliding", contact.friction_ratio != 0)
+        effects = scene.effects
 
-def _doubts(contacts: dict[str, ContactOperators]) -> list[str]:
+        def make() -> list[Term]:
+            terms = contact_terms(name, operators, contact.normal_stiffness, contact.normal_damping)
+            if contact.kind == "sliding" and effects.friction is not None:
+                terms += friction_terms(name, operators, contact.friction_ratio)
+            return terms
+
+        terms = list(self._kept(f"interface.{name}", (id(operators.gap), key, sizes), make))
+        if contact.kind != "sliding" or not contact.friction_ratio or contact.sliding is None:
+            return terms
+        ratio = {f"contacts.{name}.friction_ratio": 1}
+        p0 = np.ones(len(operators.weights)) if pressure is None else pressure
+
+        def powers(effect: FrictionDamping | FallingFriction, own: str) -> dict[str, int]:
+            where = own if effect.contact_pressure is not None else "friction_damping"
+            return ratio if base is not None else {**ratio, f"effects.{where}.contact_pressure": 1}
+
+        if (damping := effects.friction_damping) is not None:
+            speed = contact.sliding.motion().speeds(operators.points, operators.normals)
+            counts = {MU: 1, **powers(damping, "friction_damping")}
+            terms += self._kept(
+                f"friction_damping.{name}", (id(operators.gap), p0.tobytes(), speed.tobytes(), str(counts)),
+                lambda: friction_damping_terms(name, operators, p0, speed, counts),
+            )  # fmt: skip
+        if (falling := effects.falling_friction) is not None and falling.slope:
+            slopes = {"effects.falling_friction.slope": 1, **powers(falling, "falling_friction")}
+            terms += self._kept(
+                f"falling_friction.{name}", (id(operators.gap), p0.tobytes(), str(slopes)),
+                lambda: falling_friction_terms(name, operators, p0, slopes),
+            )  # fmt: skip
+        return terms
+
+    def _coupled(self, scene: Scene, static: list[Term], base: BaseState | None) -> frozenset[str]:
+        """Return the parameters that the static state depends on."""
+        preload = scene.effects.preload
+        if base is None or preload is None:
+            return frozenset()
+        names = {p for t in static for p in t.powers}
+        names |= {f"contacts.{n}.{key}" for n in scene.contact_names for key in ("normal_stiffness", "friction_ratio")}
+        if preload.mu == "swept":
+            names.add(MU)
+        if scene.effects.rotation is not None:
+            names |= {f"materials.{m}.density" for m in scene.materials}
+        return frozenset(names)
+
+    def _model(self, scene: Scene, contacts: dict[str, ContactOperators], base: BaseState | None) -> Model:
+        warnings = self._kept(
+            "doubts", None,
+            lambda: (*self.loaded.warnings, *_coverage(contacts), *doubts(self.scene, self.loaded, self.space)),
+        )  # fmt: skip
+        if base is not None:
+            warnings += tuple(doubts_of_preload(scene, contacts, base))
+        return Model(self.space, self.bodies, contacts, self.notes, warnings, base)
+
+
+def _way(motion: Sliding | None) -> object:
+    """Return what counts of a motion for the direction of sliding: all but the speed."""
+    if motion is None:
+        return None
+    unit = np.round(motion.velocity / np.linalg.norm(motion.velocity), 15)
+    return (*unit, *(motion.centre if motion.centre is not None else ()))
+
+
+def _coverage(contacts: dict[str, ContactOperators]) -> list[str]:
     return [
         f"contact {name}: only {100 * c.coverage:.3g} % of the surface lies on its counterface within the tolerance"
         for name, c in contacts.items()

@@ -160,9 +160,11 @@ class _Bordered:
     ) -> None:
         pencil = problem.pencil(**{parameter: p})
         M, A = pencil.M, sp.csr_array(pencil.K - theta * pencil.M)
-        dK = problem.derivative(parameter, "K", **{parameter: p})
         n = pencil.n
-        dA = sp.csr_array((n, n)) if dK is None else dK
+        zero = sp.csr_array((n, n))
+        dK, dM = (problem.derivative(parameter, slot, **{parameter: p}) for slot in ("K", "M"))
+        dM = zero if dM is None else dM
+        dA = sp.csr_array((zero if dK is None else dK) - theta * dM)
         # Borders along M y and M x are far from the range of A and its transpose; their size is that of A.
         size = abs(A).max()
         b, c = (M @ y), (M @ x)
@@ -183,7 +185,7 @@ class _Bordered:
         self.g_theta = float(self.w @ Mx) / size
         self.g_p = -float(self.w @ dAx) / size
         self.g_theta_theta = 2 * float(self.w @ (M @ x_theta)) / size
-        self.g_theta_p = float(w_p @ Mx + self.w @ (M @ x_p)) / size
+        self.g_theta_p = float(w_p @ Mx + self.w @ (M @ x_p) + self.w @ (dM @ self.x)) / size
         lam = np.array([1j * np.sqrt(abs(theta))])
         magnitude = float(np.abs(self.w) @ pencil.magnitude(lam, self.x[:, None])[:, 0])
         self.p_rounding = ROUNDING * magnitude / size / abs(self.g_p) if self.g_p else np.inf

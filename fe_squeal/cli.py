@@ -10,21 +10,21 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
 from . import __version__
-from .assembly import assemble, read_mesh
+from .assembly import assemble
+from .bodies import read_mesh
+from .check import describe, group_table
 from .eigen.linear_solvers import solver_name
 from .errors import InputError, MeshError, NotConvergedError, SceneError, SquealError
 from .geometry import write_mesh
-from .materials import Material
-from .mesh.measures import area_of, volume_of
 from .report import print_onsets
 from .run import INTERRUPTED, run_scene, sweep_scene
+from .scene import Scene
 from .scene_file import load_scene
 
 app = typer.Typer(
@@ -64,46 +64,18 @@ def check(
 ) -> int:
     """Validate scene and mesh without solving."""
     loaded = load_scene(scene)
-    if groups:
+    if groups and isinstance(loaded, Scene):
         try:
             found = read_mesh(loaded)
         except MeshError as error:
             raise MeshError(f"{scene}: {error}") from error
-        _console().print(_group_table(found.mesh))
+        _console().print(group_table(found.mesh))
     problem = assemble(loaded)
-    model = problem.model
-    assert model is not None
     console = _console()
-    mesh = model.space.mesh
-    table = Table(show_header=False, box=None, pad_edge=False)
-    for name, elements in model.bodies.items():
-        material = loaded.materials[loaded.bodies[name].material]
-        volume, _ = volume_of(mesh, elements)
-        corners = mesh.p[:, np.unique(mesh.t[:, elements])]
-        extent = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(corners.min(axis=1), corners.max(axis=1), strict=True))
-        table.add_row(
-            f"body {name}",
-            f"{len(elements)} elements of {loaded.bodies[name].material}, {volume:.4g} m3,"
-            f" {volume * material.density:.4g} kg; x, y, z in m: {extent}",
-        )
-        table.add_row("", _values(material))
-    for i, support in enumerate(loaded.supports):
-        table.add_row(f"support {i + 1}", f"{support.surface} fixed in {', '.join(support.fixed)}")
-    for spring in loaded.springs:
-        table.add_row(f"spring {spring.name}", f"{spring.surface}{f' to {spring.to}' if spring.to else ''}")
-    for name, c in model.contacts.items():
-        table.add_row(f"contact {name}", f"{c.area:.4g} m2 closed, {100 * c.coverage:.4g} % of the surface")
-    # Sizes and places by --groups.
-    table.add_row("volume groups", ", ".join(mesh.subdomains or {}))
-    table.add_row("surface groups", ", ".join(mesh.boundaries or {}))
-    table.add_row("effects on", ", ".join(loaded.effects.names) or "none")
-    table.add_row("problem class", problem.problem_class)
-    table.add_row("unknowns", f"{problem.unknowns} (order {model.space.order})")
-    pencil = problem.pencil()
-    table.add_row("matrix entries", f"{pencil.K.nnz}")
-    console.print(table)
-    for text in (*model.notes, *(f"warning: {w}" for w in model.warnings)):
-        console.print(text, markup=False)
+    console.print(describe(loaded, problem))
+    if problem.model is not None:
+        for text in (*problem.model.notes, *(f"warning: {w}" for w in problem.model.warnings)):
+            console.print(text, markup=False)
     return 0
 
 
@@ -115,7 +87,7 @@ def mesh(
 ) -> int:
     """Mesh the scene's parametric geometry."""
     loaded = load_scene(scene)
-    if loaded.mesh.geometry is None:
+    if not isinstance(loaded, Scene) or loaded.mesh.geometry is None:
         raise SceneError(f"{scene}: mesh: given no geometry; expected [mesh.disc_pad] or [mesh.block], which is meshed")
     try:
         path = write_mesh(loaded.mesh.geometry, out or loaded.mesh_path or Path(f"{scene.stem}.msh"), not force)
@@ -245,38 +217,6 @@ def main(arguments: list[str] | None = None) -> int:
             error.show()
         return error.exit_code
     return int(code or 0)
-
-
-def _values(material: Material) -> str:
-    """Return a material's values with their symbols."""
-    parts = []
-    for value, labels in (
-        (material.youngs_modulus, ("E1", "E2", "E3")),
-        (material.shear_modulus, ("G23", "G13", "G12")),
-        (material.poisson_ratio, ("nu23", "nu13", "nu12")),
-    ):
-        if isinstance(value, list):
-            parts += [f"{label} = {v:g}" for label, v in zip(labels, value, strict=True)]
-        elif value is not None:
-            parts.append(f"{labels[0].rstrip('0123456789')} = {value:g}")
-    return ", ".join([*parts, f"rho = {material.density:g}"]) + " (Pa, kg/m3)"
-
-
-def _group_table(mesh: Any) -> Table:
-    table = Table(box=SIMPLE_HEAD)
-    for column in ("group", "kind", "count", "m3 or m2", "centre (m)", "mean normal"):
-        table.add_column(column, no_wrap=True)
-
-    def point(x: np.ndarray) -> str:
-        return ", ".join(f"{v + 0.0:.4g}" for v in np.where(np.abs(x) < 1e-9, 0.0, x))
-
-    for name, elements in (mesh.subdomains or {}).items():
-        size, centre = volume_of(mesh, np.asarray(elements))
-        table.add_row(name, "volume", str(len(elements)), f"{size:.4g}", point(centre), "")
-    for name, facets in (mesh.boundaries or {}).items():
-        size, centre, normal = area_of(mesh, np.asarray(facets))
-        table.add_row(name, "surface", str(len(facets)), f"{size:.4g}", point(centre), point(normal))
-    return table
 
 
 def _console() -> Console:

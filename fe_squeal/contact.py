@@ -39,6 +39,11 @@ class Sliding:
             return np.broadcast_to(self.velocity, points.shape)
         return np.cross(self.velocity, points - self.centre)
 
+    def speeds(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Return the sliding speeds |v| in the plane across the normals, (q,) m/s."""
+        v = self.velocities(points)
+        return np.asarray(np.linalg.norm(v - np.sum(v * normals, axis=1, keepdims=True) * normals, axis=1))
+
     def directions(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Return unit sliding directions t in the plane across the normals, (q, 3); zero where nothing slides."""
         v = self.velocities(points)

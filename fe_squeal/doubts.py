@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from .contact import ContactOperators
+from .effects.preload import BaseState, ContactState
 from .mesh import LoadedMesh, surface_group
 from .scene import Scene
 from .spaces import DisplacementSpace
 
 _DENSITY = (100.0, 30000.0)  # kg/m^3: from foams to osmium
 _MODULUS = (1e6, 1e13)  # Pa: from rubber to beyond diamond
+_FOLLOWING = 1e-3  # of the friction stiffness: the size of the follower terms from which they are spoken of
 _LARGE_GAP = 0.05  # of the model's size
 
 
@@ -31,10 +34,10 @@ def _materials(scene: Scene) -> Iterable[str]:
             odd = [v for v in values if not _MODULUS[0] <= v <= _MODULUS[1]]
             if odd:
                 yield f"materials.{name}.{key} = {odd[0]:g}: is this in SI units, Pa?"
-        if material.loss_factor and getattr(scene.effects, "structural_damping", None) is None:
-            known = "structural_damping" in type(scene.effects).model_fields
-            reason = "is not on" if known else "this version does not have"
-            yield f"materials.{name}.loss_factor has no effect: it is read by structural damping, which {reason}"
+        if material.loss_factor and scene.effects.structural_damping is None:
+            yield f"materials.{name}.loss_factor has no effect: [effects.structural_damping], which reads it, is not on"
+    if scene.effects.structural_damping is not None and not any(m.loss_factor for m in scene.materials.values()):
+        yield "effects.structural_damping has no effect: no material has a loss_factor"
 
 
 def _held(scene: Scene, loaded: LoadedMesh, space: DisplacementSpace) -> Iterable[str]:
@@ -67,3 +70,26 @@ def _gaps(scene: Scene, space: DisplacementSpace) -> Iterable[str]:
                 f"contact {name}: gap_tolerance = {contact.gap_tolerance:g} m is"
                 f" {100 * contact.gap_tolerance / size:.3g} % of the model's size; it is in metres always"
             )
+
+
+def doubts_of_preload(
+    scene: Scene, contacts: Mapping[str, ContactOperators], base: BaseState
+) -> Iterable[str]:
+    """Yield a sentence for each contact whose static state is outside what the equations hold."""
+    for name, contact in zip(scene.contact_names, scene.contacts, strict=True):
+        if name not in base.contacts:
+            continue
+        ratio = follower_ratio(contacts[name], base.contacts[name], contact.normal_stiffness)
+        if ratio > _FOLLOWING:
+            yield (
+                f"contact {name}: p0/(k_n l) = {ratio:.2g}: terms of this size beside the friction stiffness, of forces"
+                " that follow the surface, are left out"
+            )
+        pulling = contacts[name].weights[base.contacts[name].pressure < 0].sum() / contacts[name].area
+        if pulling > 0:
+            yield f"contact {name}: {100 * pulling:.3g} % of its area pulls in the preload, for lift_off = false"
+
+
+def follower_ratio(operators: ContactOperators, state: ContactState, stiffness: float) -> float:
+    """Return p0/(k_n ℓ), the size of the follower terms that are left out over the friction stiffness; ℓ = √area."""
+    return float(np.abs(state.pressure).max(initial=0.0) / (stiffness * np.sqrt(operators.area)))

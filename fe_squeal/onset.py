@@ -79,7 +79,7 @@ def find_step_onsets(
     unknown: list[tuple[int, float, float]] = []
     if not len(modes[0]) or not len(modes[1]):
         return onsets, unknown, None
-    step = _Step(problem, parameter, modes)
+    step = _Step(problem, parameter, values, modes)
     for inner, outer, direction in ((0, 1, "into"), (1, 0, "out of")):
         stable_end, unstable_end = values[inner], values[outer]
         unstable = {int(b) for b, s in zip(branches[inner], modes[inner].stability, strict=True) if s == "unstable"}
@@ -94,7 +94,7 @@ def find_step_onsets(
                 unknown.append((branch, unstable_end, stable_end))
                 continue
             mode, ends = modes[outer].select(np.array([j])), (stable_end, unstable_end)
-            if problem.problem_class == "quadratic":
+            if problem.is_damped:
                 found = step.crossing(ends, mode)
             else:
                 found = step.flutter(ends, mode) if mode.lam[0].imag else step.divergence(ends, mode)
@@ -111,7 +111,8 @@ def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes,
     """
     dK = problem.derivative(parameter, "K", **{parameter: start})
     left, right = modes.left, modes.right
-    if dK is None or left is None or right[:, [a, b]].imag.any():
+    moves_mass = problem.derivative(parameter, "M", **{parameter: start}) is not None
+    if dK is None or moves_mass or left is None or right[:, [a, b]].imag.any():
         return np.nan
     F = left[:, [a, b]].real.T @ (dK @ right[:, [a, b]].real)
     theta = modes.lam[[a, b]].imag ** 2
@@ -133,15 +134,17 @@ class _Step:
     inside one step leaves the small model good enough to start Newton's method on the full one.
     """
 
-    def __init__(self, problem: Problem, parameter: str, modes: tuple[Modes, Modes]) -> None:
+    def __init__(
+        self, problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes]
+    ) -> None:
         self.problem, self.parameter = problem, parameter
-        M = problem.pencil().M
+        M = problem.pencil(**{parameter: values[0]}).M
         if problem.unknowns <= _SMALL:
             self.V = np.eye(problem.unknowns)
         else:
             vectors = [v for m in modes for v in (m.right, m.left) if v is not None]
             self.V = _orthonormal(np.hstack([p for v in vectors for p in (v.real, v.imag) if p.any()]), M)
-        self.small = problem.project(self.V)
+        self.small = problem.interpolated(parameter, *values).project(self.V)
         self._MV = M @ self.V
 
     def hidden(self, ends: tuple[float, float], first: Modes, onsets: list[Onset], below: float) -> float | None:

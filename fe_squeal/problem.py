@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
 
 from .contact import ContactOperators
+from .effects.preload import BaseState
 from .eigen.pencil import Pencil, ProblemClass
+from .errors import SceneError, SquealError, suggest
+from .scene.paths import paths_of
 from .spaces import DisplacementSpace
 from .terms import Slot, Term
+
+_DIFFERENCE = 1e-4  # relative step of the differences that stand for derivatives where terms are made anew
 
 
 @dataclass(frozen=True)
@@ -24,6 +30,8 @@ class Model:
     bodies : mapping of body to (e,) int elements
     contacts : mapping of contact to its operators
     notes, warnings : what was converted or looks doubtful, a sentence each
+    base : BaseState or None
+        The static state under preload.
     """
 
     space: DisplacementSpace
@@ -31,27 +39,51 @@ class Model:
     contacts: Mapping[str, ContactOperators]
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    base: BaseState | None = None
+
+
+class Source(Protocol):
+    """What makes the terms anew at other values."""
+
+    def problem(self, values: Mapping[str, float]) -> Problem:
+        """Return the problem with other numbers, by their paths."""
+
+    def number(self, path: str) -> float:
+        """Return a number as it stands in the scene."""
 
 
 @dataclass(frozen=True)
 class Problem:
     """A sum of terms with the values of their parameters.
 
+    A parameter is known by its path in the scene, "mu" for short the friction coefficient. Those that are powers in the
+    terms' coefficients are changed by recombining the terms; for others `source` makes the terms that depend on them
+    anew. A name of several paths, "a, b", moves these together.
+
     Attributes
     ----------
     terms : tuple of Term
     parameters : mapping of name to value
-        Nominal values, e.g. {"mu": 0.3}.
+        Values of those that are powers in coefficients, e.g. {"mu": 0.3}.
     model : Model or None
+    source : Source or None
+    coupled : frozenset of str
+        Parameters that the terms' matrices depend on as well, through the static state.
+    changed : mapping of path to value
+        What differs from the scene.
     """
 
     terms: tuple[Term, ...]
     parameters: Mapping[str, float]
     model: Model | None = None
+    source: Source | None = None
+    coupled: frozenset[str] = frozenset()
+    changed: Mapping[str, float] = field(default_factory=dict)
+    _sums: dict[object, sp.csr_array | None] = field(default_factory=dict, repr=False, compare=False)
 
     def __repr__(self) -> str:
         size = f"{self.unknowns} unknowns, {len(self.terms)} terms"
-        return f"Problem({self.problem_class}, {size}, {dict(self.parameters)})"
+        return f"Problem({self.problem_class}, {size}, {len(self.parameters)} parameters)"
 
     @property
     def unknowns(self) -> int:
@@ -61,13 +93,77 @@ class Problem:
     @property
     def problem_class(self) -> ProblemClass:
         """The class of the problem over all values of its parameters."""
+        if any(t.imaginary for t in self.terms):
+            return "complex"
         if any(t.slot == "C" for t in self.terms):
             return "quadratic"
         return "symmetric" if all(t.symmetric for t in self.terms) else "nonsymmetric"
 
-    def with_parameters(self, **values: float) -> Problem:
-        """Return the same problem at other values of parameters."""
-        return replace(self, parameters={**self.parameters, **values})
+    @property
+    def is_damped(self) -> bool:
+        """Whether it has velocity-proportional or structural terms: eigenvalues then come without mirror images."""
+        return self.problem_class in ("quadratic", "complex")
+
+    def value(self, parameter: str) -> float:
+        """Return the present value of a parameter, the first one of several.
+
+        Raises
+        ------
+        SceneError
+            If there is no such parameter.
+        """
+        path = paths_of(parameter)[0]
+        if path in self.parameters:
+            return self.parameters[path]
+        if path in self.changed:
+            return self.changed[path]
+        if self.source is None:
+            raise SceneError(f'the problem has no parameter "{path}"{suggest(path, self.parameters)}')
+        return self.source.number(path)
+
+    def has(self, parameter: str) -> bool:
+        """Whether there is such a parameter."""
+        try:
+            self.value(parameter)
+        except SceneError:
+            return False
+        return True
+
+    def is_affine(self, parameter: str) -> bool:
+        """Whether a parameter changes the coefficients of the terms alone."""
+        return all(p in self.parameters and p not in self.coupled for p in paths_of(parameter))
+
+    def at(self, **values: float) -> Problem:
+        """Return the problem at other values of parameters; terms are made anew where that is needed.
+
+        Raises
+        ------
+        SceneError
+            If there is no such parameter, or the scene does not allow its value.
+        """
+        wanted = {path: value for name, value in values.items() for path in paths_of(name)}
+        moved = {p: v for p, v in wanted.items() if self.value(p) != v}
+        if not moved:
+            return self
+        changed = {**self.changed, **moved}
+        if all(self.is_affine(p) for p in moved):
+            return replace(self, parameters={**self.parameters, **moved}, changed=changed)
+        if self.source is None:
+            raise SceneError(f"a problem without a scene cannot be made anew at {moved}")
+        return self.source.problem(changed)
+
+    def prepared(self, parameter: str, values: np.ndarray) -> Problem:
+        """Return the same problem with every term that occurs at one of the values of a parameter.
+
+        A damper of zero has no term; swept from there on it has one, which is zero at the start.
+        """
+        if self.is_affine(parameter) or self.source is None:
+            return self
+        try:
+            other = self.at(**{parameter: float(values[np.argmax(np.abs(values))])})
+        except SquealError:  # a sweep that reaches this value says so then, and keeps what it has
+            return self
+        return other if other.is_affine(parameter) else self
 
     def pencil(self, **values: float) -> Pencil:
         """Return the matrices at given values of parameters; a term whose coefficient is zero costs nothing.
@@ -82,12 +178,25 @@ class Problem:
         >>> problem.pencil().problem_class, problem.pencil(mu=0.0).problem_class
         ('nonsymmetric', 'symmetric')
         """
-        parameters = {**self.parameters, **values}
-        present = [(t, c) for t in self.terms if (c := t.coefficient(parameters)) != 0.0]
-        symmetric = all(t.symmetric for t, _ in present if t.slot == "K")
-        M, C, K = (_sum([(t.matrix, c) for t, c in present if t.slot == s]) for s in ("M", "C", "K"))
+        moving = {path for name in values for path in paths_of(name)}
+        problem = self.at(**values)
+        symmetric = all(t.symmetric for t in problem.terms if t.slot == "K" and t.coefficient(problem.parameters))
+        M, C, K = (problem._slot(slot, moving) for slot in ("M", "C", "K"))
         zero = sp.csr_array((self.unknowns, self.unknowns))
         return Pencil(zero if M is None else M, zero if K is None else K, C, symmetric)
+
+    def _slot(self, slot: str, moving: set[str]) -> sp.csr_array | None:
+        """Return the sum of one slot; that of the terms which do not depend on `moving` is kept for the next time."""
+        terms = [t for t in self.terms if t.slot == slot]
+        if not moving:
+            return _sum([(t, t.coefficient(self.parameters)) for t in terms])
+        fixed = tuple(sorted((p, v) for p, v in self.parameters.items() if p not in moving))
+        if (slot, fixed) not in self._sums:
+            still = [t for t in terms if not moving & set(t.powers)]
+            self._sums[slot, fixed] = _sum([(t, t.coefficient(self.parameters)) for t in still])
+        rest = _sum([(t, t.coefficient(self.parameters)) for t in terms if moving & set(t.powers)])
+        constant = self._sums[slot, fixed]
+        return rest if constant is None else constant if rest is None else sp.csr_array(constant + rest)
 
     def project(self, V: np.ndarray) -> Problem:
         """Return the Galerkin projection of every term on the columns of a real V (n, r): terms VᵀAV of size r."""
@@ -95,19 +204,54 @@ class Problem:
         return Problem(terms, self.parameters)
 
     def derivative(self, parameter: str, slot: Slot, **values: float) -> sp.csr_array | None:
-        """Return ∂M, ∂C or ∂K by a parameter; None where it does not depend on it."""
-        parameters = {**self.parameters, **values}
-        return _sum([
-            (t.matrix, slope)
-            for t in self.terms
-            if t.slot == slot and (slope := t.slope(parameter, parameters)) != 0.0
-        ])  # fmt: skip
+        """Return ∂M, ∂C or ∂K by a parameter; None where it does not depend on it.
+
+        Exact where the parameter is a power in coefficients, a central difference of the matrices elsewhere.
+        """
+        here = self.at(**values)
+        paths = paths_of(parameter)
+        if here.is_affine(parameter):
+            slopes = [(t, sum(t.slope(p, here.parameters) for p in paths)) for t in here.terms if t.slot == slot]
+            return _sum(slopes)
+        p = here.value(parameter)
+        step = _DIFFERENCE * (abs(p) or abs(self.value(parameter)) or 1.0)
+        above, below = (here.at(**{parameter: p + sign * step}) for sign in (1, -1))
+        parts = [(t, sign * t.coefficient(q.parameters)) for q, sign in ((above, 1), (below, -1)) for t in q.terms]
+        change = _sum([(t, c / (2 * step)) for t, c in parts if t.slot == slot])
+        return change if change is not None and abs(change).max() > 0 else None
+
+    def interpolated(self, parameter: str, low: float, high: float) -> Problem:
+        """Return a problem whose matrices are quadratic in a parameter and agree at both ends and the middle.
+
+        Itself where the parameter changes coefficients alone. It knows no other parameter.
+        """
+        if self.is_affine(parameter):
+            return self
+        nodes = np.array([low, (low + high) / 2, high])
+        basis = np.linalg.inv(np.vander(nodes, 3, increasing=True))  # power, node
+        pencils = [self.pencil(**{parameter: float(p)}) for p in nodes]
+        symmetric = all(p.symmetric for p in pencils)
+        terms = []
+        for slot in ("M", "C", "K"):
+            given = [getattr(p, slot) for p in pencils]
+            if all(A is None for A in given):
+                continue
+            parts = [sp.csr_array(pencils[0].M.shape) if A is None else A for A in given]
+            for power in range(3):
+                A = sp.csr_array(sum(w * part for w, part in zip(basis[power], parts, strict=True)))
+                for matrix, imaginary in ((A.real, False), (A.imag, True)):
+                    if imaginary <= np.iscomplexobj(A):
+                        powers = {paths_of(parameter)[0]: power}
+                        term = Term(f"{slot}{power}", slot, sp.csr_array(matrix), slot == "M" or symmetric, powers)
+                        terms.append(replace(term, imaginary=imaginary))
+        return Problem(tuple(terms), dict.fromkeys(paths_of(parameter), low))
 
 
-def _sum(parts: list[tuple[sp.csr_array, float]]) -> sp.csr_array | None:
-    if not parts:
-        return None
-    total = parts[0][0] * parts[0][1]
-    for matrix, coefficient in parts[1:]:
-        total = total + matrix * coefficient
-    return sp.csr_array(total)
+def _sum(parts: list[tuple[Term, float]]) -> sp.csr_array | None:
+    """Return Σ coefficient · matrix, complex where a term is imaginary; None where nothing is left."""
+    total = None
+    for term, coefficient in parts:
+        if coefficient:
+            matrix = term.matrix * (1j * coefficient if term.imaginary else coefficient)
+            total = matrix if total is None else total + matrix
+    return None if total is None else sp.csr_array(total)

@@ -8,14 +8,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import skfem
 
 from .eigen.linear_solvers import solver_name
+from .energy import energy_balance
 from .onset import Onset
+from .preload_results import model_grid, preload_dataframe, preload_record
 from .problem import Problem
-from .report import ShapeGrid, plot_root_locus, plot_stability, shape_grid, shape_name, write_csv, write_json
 from .report import export_shapes as _export
-from .scene import Scene
+from .report import (
+    plot_contributions,
+    plot_root_locus,
+    plot_stability,
+    replace_atomically,
+    shape_name,
+    write_csv,
+    write_json,
+)
+from .scene import MatrixScene, Scene
 from .sweep import sweep
 from .sweep_result import Sweep, SweepPoint
 
@@ -32,7 +41,7 @@ def find_onsets(problem: Problem, values: np.ndarray, parameter: str = "mu", mod
 
 
 def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") -> list[Path]:
-    """Write complex mode shapes for ParaView, with a picture each.
+    """Write complex mode shapes for ParaView, with a picture each; those of matrices from files as arrays (.npz).
 
     Parameters
     ----------
@@ -45,44 +54,49 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
     list of Path
     """
     model = result.problem.model
-    if model is None:
-        raise ValueError("the problem has no mesh to draw shapes on")
     chosen = _fastest_growing(result)
     if which == "all":
         last = result.points[-1]
         chosen += [(last, i) for i in last.shapes if not any(p is last and i == j for p, j in chosen)]
-    shapes = [_shape(result, point, i) for point, i in chosen]
-    if not shapes:
+    if not chosen:
         return []
+    if model is None:
+        return [_write_array(result, point, i, Path(folder)) for point, i in chosen]
+    shapes = [_shape(result, point, i) for point, i in chosen]
     axis = next((tuple(c.normals.mean(axis=0)) for c in model.contacts.values()), (0.0, 0.0, 1.0))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RuntimeWarning)
-        files = _export(_grid(result.problem), shapes, folder, axis=axis)
+        files = _export(model_grid(model), shapes, folder, axis=axis)
     for warning in caught:
         print(f"pictures: {warning.message}", file=sys.stderr)
     return files
 
 
 def write_tables(result: Sweep, out: Path) -> None:
-    """Write modes.csv, onsets.csv and contributions.csv."""
+    """Write modes.csv, onsets.csv, contributions.csv and sensitivities.csv."""
     write_csv(result.to_dataframe(), out / "modes.csv")
     write_csv(result.onsets_dataframe(), out / "onsets.csv")
     write_csv(result.contributions_dataframe(), out / "contributions.csv")
+    write_csv(result.sensitivities_dataframe(), out / "sensitivities.csv")
+    pressed = preload_dataframe(result)
+    if pressed is not None:
+        write_csv(pressed, out / "preload.csv")
 
 
 def write_figures(result: Sweep, out: Path, title: str) -> list[Path]:
-    """Draw stability.png and root_locus.png."""
+    """Draw stability.png, root_locus.png and contributions.png."""
     modes, onsets = result.to_dataframe(), result.onsets_dataframe()
     return [
         plot_stability(modes, onsets, out / "stability.png", title),
         plot_root_locus(modes, onsets, out / "root_locus.png", title),
+        plot_contributions(result.contributions_dataframe(), modes, out / "contributions.png", title),
     ]
 
 
 def write_record(
-    scene: Scene, problem: Problem, result: Sweep | None, seconds: dict[str, float], status: str, out: Path, version:
-    str
-) -> None:
+    scene: Scene | MatrixScene, problem: Problem, result: Sweep | None, seconds: dict[str, float], status: str,
+    out: Path, version: str,
+) -> None:  # fmt: skip
     """Write run.json."""
     model = problem.model
     record: dict[str, Any] = {
@@ -92,7 +106,7 @@ def write_record(
         "status": status,
         "unknowns": problem.unknowns,
         "problem_class": problem.problem_class,
-        "effects": list(scene.effects.names),
+        "effects": list(scene.effect_names),
         "terms": [{"name": t.name, "slot": t.slot, "powers": dict(t.powers)} for t in problem.terms],
         "method": result.method if result is not None else None,
         "linear_solver": solver_name(),
@@ -105,6 +119,8 @@ def write_record(
             name: {"area_m2": c.area, "coverage": c.coverage, "largest_gap_m": float(np.abs(c.separation).max())}
             for name, c in (model.contacts if model is not None else {}).items()
         },
+        "preload": preload_record(scene, problem),
+        "unstable": _attribution(result) if result is not None else [],
         "notes": list(model.notes) if model is not None else [],
         "warnings": (list(model.warnings) if model is not None else []) + (list(result.doubts) if result else []),
     }
@@ -131,21 +147,41 @@ def _fastest_growing(result: Sweep) -> list[tuple[SweepPoint, int]]:
     return [best[b] for b in sorted(best)]
 
 
-def _shape(result: Sweep, point: SweepPoint, i: int) -> tuple[str, np.ndarray, dict[str, Any]]:
+def _attribution(result: Sweep) -> list[dict[str, Any]]:
+    """Return for each unstable branch, where it grows fastest, whence its growth comes and what moves it."""
+    found = []
+    for point, i in _fastest_growing(result):
+        lam = complex(point.modes.lam[i])
+        shares = energy_balance(result.problem, lam, point.shapes[i], **{result.parameter: point.value})
+        moves = point.sensitivities.get(i, {})
+        found.append({
+            **_info(result, point, i),
+            "re_shares": {name: s.growth for name, s in shares.items() if s.growth},
+            "energy_shares": {name: s.energy for name, s in shares.items() if np.isfinite(s.energy)},
+            "sensitivities": {path: {"at": at, "dre": d.real, "dim": d.imag} for path, (at, d) in moves.items()},
+        })  # fmt: skip
+    return found
+
+
+def _info(result: Sweep, point: SweepPoint, i: int) -> dict[str, Any]:
     lam = point.modes.lam[i]
-    info = {
+    return {
         "parameter": result.parameter, "value": point.value, "mode": i + 1, "branch": int(point.branches[i]),
         "re": lam.real, "im": lam.imag, "frequency_hz": point.modes.frequency_hz[i],
     }  # fmt: skip
+
+
+def _shape(result: Sweep, point: SweepPoint, i: int) -> tuple[str, np.ndarray, dict[str, Any]]:
     assert result.problem.model is not None
+    info = _info(result, point, i)
     return shape_name(info), result.problem.model.space.expand(point.shapes[i]), info
 
 
-def _grid(problem: Problem) -> ShapeGrid:
-    assert problem.model is not None
-    space, bodies = problem.model.space, problem.model.bodies
-    basis = skfem.CellBasis(space.mesh, space.element, intorder=1, dofs=space.dofs)
-    owner = np.zeros(space.mesh.nelements, int)
-    for number, elements in enumerate(bodies.values()):
-        owner[elements] = number
-    return shape_grid(basis, owner, tuple(bodies))
+def _write_array(result: Sweep, point: SweepPoint, i: int, folder: Path) -> Path:
+    """Write a shape (n,) complex as the array `u` of an .npz file, with what it belongs to beside it."""
+    info = _info(result, point, i)
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{shape_name(info)}.npz"
+    with replace_atomically(path) as temporary, open(temporary, "wb") as file:
+        np.savez(file, u=point.shapes[i], **info)
+    return path

@@ -15,18 +15,19 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from . import __version__
 from .assembly import assemble
-from .errors import InputError, NotConvergedError, OutputError
+from .errors import InputError, NotConvergedError, OutputError, SceneError
+from .preload_results import write_preload
 from .problem import Problem
 from .report import print_onsets, print_unstable
 from .results import export_shapes, peak_memory_mib, write_figures, write_record, write_tables
-from .scene import Scene
+from .scene import MU, MatrixScene, Scene
 from .sweep import sweep
 from .sweep_result import Sweep
 
 INTERRUPTED = 130
 
 
-def run_scene(scene: Scene, out: Path, console: Console) -> int:
+def run_scene(scene: Scene | MatrixScene, out: Path, console: Console) -> int:
     """Assemble, sweep, and write every result into a folder.
 
     Returns
@@ -44,20 +45,20 @@ def run_scene(scene: Scene, out: Path, console: Console) -> int:
     prepare_folder(out)
     try:
         problem = assemble(scene)
-    except InputError:
+    except (InputError, NotConvergedError):
         if not existed:
             out.rmdir()
         raise
     remove_results(out)
-    assert problem.model is not None
     seconds = {"assembly": time.perf_counter() - start}
-    for text in problem.model.notes:
-        console.print(f"note: {text}", markup=False)
-    for text in problem.model.warnings:
-        console.print(f"warning: {text}", markup=False)
+    if problem.model is not None:
+        for text in problem.model.notes:
+            console.print(f"note: {text}", markup=False)
+        for text in problem.model.warnings:
+            console.print(f"warning: {text}", markup=False)
     console.print(
         f"{problem.unknowns} unknowns, {problem.problem_class} problem; effects on: "
-        f"{', '.join(scene.effects.names) or 'none'}",
+        f"{', '.join(scene.effect_names) or 'none'}",
         markup=False,
     )
     status, result, failure = "complete", None, None
@@ -65,6 +66,8 @@ def run_scene(scene: Scene, out: Path, console: Console) -> int:
         result = sweep_scene(scene, problem, console)
     except NotConvergedError as error:
         status, failure, result = "not converged", error, _partial(error)
+    except SceneError as error:
+        raise SceneError(f"{scene.source}: {error}" if scene.source is not None else str(error)) from error
     except KeyboardInterrupt as stop:
         status, result = "interrupted", stop.args[0] if stop.args else None
     if result is not None:
@@ -86,7 +89,7 @@ def run_scene(scene: Scene, out: Path, console: Console) -> int:
     return 0
 
 
-def sweep_scene(scene: Scene, problem: Problem, console: Console) -> Sweep:
+def sweep_scene(scene: Scene | MatrixScene, problem: Problem, console: Console) -> Sweep:
     """Run the sweep that the scene asks for, with a progress bar on a terminal and plain lines elsewhere.
 
     Raises
@@ -95,7 +98,7 @@ def sweep_scene(scene: Scene, problem: Problem, console: Console) -> Sweep:
         With the sweep so far as its argument.
     """
     values = _values(scene, problem)
-    parameter = "mu" if scene.sweep is None else scene.sweep.parameter
+    parameter = MU if scene.sweep is None else scene.sweep.parameter
     options = {
         "modes": scene.solve.modes, "max_frequency": scene.solve.max_frequency, "tolerance": scene.solve.tolerance,
         "keep_shapes": scene.output.shapes == "all",
@@ -118,11 +121,13 @@ def sweep_scene(scene: Scene, problem: Problem, console: Console) -> Sweep:
         return _explained(sweep(problem, values, parameter, progress=advance, **options), scene)  # type: ignore[arg-type]
 
 
-def write_results(scene: Scene, result: Sweep, out: Path) -> None:
+def write_results(scene: Scene | MatrixScene, result: Sweep, out: Path) -> None:
     """Write tables, figures and shapes."""
     write_tables(result, out)
     write_figures(result, out, scene.title)
-    if scene.output.shapes != "none" and result.problem.model is not None:
+    if isinstance(scene, Scene):
+        write_preload(scene, result.problem, out)
+    if scene.output.shapes != "none":
         export_shapes(result, out / "shapes", scene.output.shapes)
 
 
@@ -147,9 +152,11 @@ def prepare_folder(out: Path) -> None:
 
 def remove_results(out: Path) -> None:
     """Remove what an earlier run wrote into the folder, so that results of two runs are never mixed."""
-    names = ["modes.csv", "onsets.csv", "contributions.csv", "run.json", "stability.png", "root_locus.png"]
-    shapes = [p for kind in ("vtu", "pvd", "png") for p in (out / "shapes").glob(f"*_*Hz.{kind}")]
-    for path in [out / name for name in names] + shapes:
+    tables = ["modes.csv", "onsets.csv", "contributions.csv", "sensitivities.csv", "preload.csv", "run.json"]
+    figures = ["stability.png", "root_locus.png", "contributions.png", "preload.png"]
+    figures += ["preload.vtu", "preload_contacts.vtu"]
+    shapes = [p for kind in ("vtu", "pvd", "png", "npz") for p in (out / "shapes").glob(f"*_*Hz.{kind}")]
+    for path in [out / name for name in tables + figures] + shapes:
         path.unlink(missing_ok=True)
     for frames in (out / "shapes").glob("*_*Hz_frames"):
         shutil.rmtree(frames)
@@ -157,13 +164,13 @@ def remove_results(out: Path) -> None:
         (out / "shapes").rmdir()
 
 
-def _values(scene: Scene, problem: Problem) -> list[float]:
+def _values(scene: Scene | MatrixScene, problem: Problem) -> list[float]:
     if scene.sweep is None:
-        return [problem.parameters.get("mu", 0.0)]
+        return [problem.parameters.get(MU, 0.0)]
     return [float(v) for v in scene.sweep.grid]
 
 
-def _explained(result: Sweep, scene: Scene) -> Sweep:
+def _explained(result: Sweep, scene: Scene | MatrixScene) -> Sweep:
     """Add the doubt that a range without any mode leaves."""
     if any(len(point.modes) for point in result.points):
         return result
@@ -175,7 +182,7 @@ def _partial(error: NotConvergedError) -> Sweep | None:
     return error.partial if isinstance(error.partial, Sweep) else None
 
 
-def _report(scene: Scene, result: Sweep, out: Path, console: Console, seconds: float) -> None:
+def _report(scene: Scene | MatrixScene, result: Sweep, out: Path, console: Console, seconds: float) -> None:
     print_onsets(result.onsets_dataframe(), console)
     print_unstable(result.to_dataframe(), console)
     c = result.completeness

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from .errors import SceneError, nearest_name, suggest
-from .scene import Scene
+from .scene import MatrixScene, Scene
 
 _EXPECTED = {
     "float_type": "a number",
@@ -28,8 +28,8 @@ _KINDS: dict[Any, str] = {float: "a number", int: "a whole number", str: "a text
 _Keys = tuple[int | str, ...]
 
 
-def load_scene(path: str | Path) -> Scene:
-    """Read and validate a scene file.
+def load_scene(path: str | Path) -> Scene | MatrixScene:
+    """Read and validate a scene file: a scene on a mesh, or one of matrices where it has `[[terms]]`.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def load_scene(path: str | Path) -> Scene:
     return scene
 
 
-def parse_scene(data: dict[str, Any], source: str = "scene") -> Scene:
+def parse_scene(data: dict[str, Any], source: str = "scene") -> Scene | MatrixScene:
     """Validate a scene given as nested dictionaries.
 
     Examples
@@ -75,10 +75,11 @@ def parse_scene(data: dict[str, Any], source: str = "scene") -> Scene:
     Traceback (most recent call last):
     fe_squeal.errors.SceneError: brake.toml: mesh.flie: unknown key; did you mean "file"? (and 2 more)
     """
+    kind: type[Scene] | type[MatrixScene] = MatrixScene if "terms" in data else Scene
     try:
-        return Scene.model_validate(data)
+        return kind.model_validate(data)
     except ValidationError as error:
-        faults = _distinct([_locate(fault, data) for fault in error.errors()])
+        faults = _distinct([_locate(fault, data, kind) for fault in error.errors()])
         tail = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
         raise SceneError(f"{source}: {_describe(faults[0])}{tail}") from None
     except RecursionError as error:
@@ -95,10 +96,9 @@ class _Fault(NamedTuple):
     detail: Any
 
 
-def _locate(error: Any, data: Any) -> _Fault:
+def _locate(error: Any, data: Any, section: type[BaseModel]) -> _Fault:
     """Return the fault with the keys that the data has: pydantic adds the names of union members to them."""
     keys: list[int | str] = []
-    section: type[BaseModel] = Scene
     inner, named = section, False  # the section that the last key leads to; whether a free name or an index comes next
     kind, last = error["type"], len(error["loc"]) - 1
     for i, part in enumerate(error["loc"]):

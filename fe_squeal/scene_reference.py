@@ -11,10 +11,10 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from .scene import Scene
+from .scene import MatrixScene, Scene
 from .scene_file import _options, _toml
 
-_UNITS = ("m", "Pa", "Hz", "degrees", "length", "kg/m^3", "rad/s or m/s", "N/m", "N s/m", "N/m per m^2", "N s/m per m^2")
+_UNITS = ("m", "Pa", "Hz", "degrees", "length", "kg/m^3", "rad/s or m/s", "rad/s", "s/m", "1/s", "s", "N/m", "N s/m", "N/m per m^2", "N s/m per m^2")
 _TYPES = {"float": "number", "int": "whole number", "str": "text", "vector": "list of 3 numbers", "two vectors":
           "list of 2 vectors", "list of str": "list of texts", "list of float": "list of numbers"}  # fmt: skip
 _HEAD = """\
@@ -34,6 +34,14 @@ poisson_ratio = [nu23, nu13, nu12], with nu_ij = −strain_j/strain_i under a st
 material axes 1 and 2 in global coordinates.
 """
 
+_MATRICES = """\
+# A scene of matrices
+
+Matrices from another program instead of a mesh: a file that has `[[terms]]` in place of `[mesh]`, `[materials]`, `[bodies]`,
+`[[supports]]`, `[[springs]]`, `[[contacts]]` and `[effects]`. `[sweep]`, `[solve]` and `[output]` are the same; shapes are
+written as arrays.
+"""
+
 
 def reference() -> str:
     """Return the reference as Markdown.
@@ -43,12 +51,15 @@ def reference() -> str:
     LookupError
         A key has no description in its section's docstring.
     """
-    return "\n".join([_HEAD, *_section(Scene, "")])
+    return "\n".join([_HEAD, *_section(Scene, ""), _MATRICES, *_section(MatrixScene, "", ("sweep", "solve", "output"))])
 
 
-def _section(section: type[BaseModel], where: str) -> list[str]:
+def _section(section: type[BaseModel], where: str, known: tuple[str, ...] = ()) -> list[str]:
+    """Return the lines of a section and of those inside it, but for the tables in `known`, which stand elsewhere."""
     prose, described = _docstring(section)
     lines = [f"## `{where}`" if where else "## The whole", "", *prose, ""]
+    if not section.model_fields:
+        return lines
     lines += ["| key | type | unit | default | meaning |", "|---|---|---|---|---|"]
     inner: list[str] = []
     for name, field in section.model_fields.items():
@@ -61,7 +72,7 @@ def _section(section: type[BaseModel], where: str) -> list[str]:
         path = f"{where.strip('[]')}.{key}".removeprefix(".")
         for option in _options(field.annotation):
             target = get_args(option)[-1] if get_origin(option) in (dict, list) else option
-            if isinstance(target, type) and issubclass(target, BaseModel):
+            if isinstance(target, type) and issubclass(target, BaseModel) and key not in known:
                 form = {dict: f"[{path}.NAME]", list: f"[[{path}]]"}.get(get_origin(option), f"[{path}]")
                 inner += _section(target, form)
     return [*lines, "", *inner]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -207,6 +208,51 @@ def straightened(mesh: skfem.Mesh) -> skfem.Mesh:
     return kind(mesh.doflocs[:, :corners], mesh.t, _subdomains=mesh.subdomains, _boundaries=mesh.boundaries)
 
 
+@dataclass(frozen=True)
+class ElementShapes:
+    """Shape functions on some elements at their quadrature points.
+
+    Attributes
+    ----------
+    nodes : (e, j) int
+    values : (e, j, q) float
+    gradients : (e, j, 3, q) float, 1/m
+    points : (e, 3, q) float, m
+    dx : (e, q) float, m^3
+    """
+
+    nodes: np.ndarray
+    values: np.ndarray
+    gradients: np.ndarray
+    points: np.ndarray
+    dx: np.ndarray
+
+
+def element_shapes(space: DisplacementSpace, elements: np.ndarray) -> Iterator[ElementShapes]:
+    """Yield the shape functions of elements (e,), so many elements at once that their matrices stay small."""
+    step = max(1, int(_BYTES_PER_CHUNK / (8 * (3 * len(space.element.doflocs)) ** 2)))
+    mapping = space.mesh.mapping()
+    for start in range(0, len(elements), step):
+        chunk = elements[start : start + step]
+        basis = skfem.CellBasis(
+            space.mesh, space.element, mapping=mapping, elements=chunk, intorder=space.integration_order,
+            dofs=space.dofs, disable_doflocs=True,
+        )  # fmt: skip
+        yield ElementShapes(
+            nodes=space.dofs.element_dofs[:, chunk].T,
+            values=np.stack([np.asarray(f[0]) for f in basis.basis], axis=1),
+            gradients=np.moveaxis(np.stack([f[0].grad for f in basis.basis], axis=0), 2, 0),
+            points=np.moveaxis(np.asarray(basis.global_coordinates()), 0, 1),
+            dx=basis.dx,
+        )
+
+
+def scatter_scalar(space: DisplacementSpace, blocks: np.ndarray, nodes: np.ndarray) -> sp.csr_array:
+    """Return the (n, n) matrix of a form that acts on each component alike, from its element blocks (e, j, j)."""
+    scalar = _scatter(blocks, nodes, space.nodes)
+    return sp.csr_array(sp.kron(scalar, sp.eye_array(3), format="csr"))[space.free][:, space.free]
+
+
 def assemble_elasticity(
     space: DisplacementSpace, elements: np.ndarray, stiffness: np.ndarray, density: float
 ) -> tuple[sp.csr_array, sp.csr_array]:
@@ -225,30 +271,18 @@ def assemble_elasticity(
     K, M : (n, n) sparse, N/m and kg
     """
     K = M = sp.csr_array((space.unknowns, space.unknowns))
-    nodes = len(space.element.doflocs)
-    step = max(1, int(_BYTES_PER_CHUNK / (8 * (3 * nodes) ** 2)))
-    mapping = space.mesh.mapping()
-    for start in range(0, len(elements), step):
-        chunk = elements[start : start + step]
-        basis = skfem.CellBasis(
-            space.mesh, space.element, mapping=mapping, elements=chunk, intorder=space.integration_order,
-            dofs=space.dofs, disable_doflocs=True,
-        )  # fmt: skip
-        N = np.stack([np.asarray(f[0]) for f in basis.basis], axis=1)  # (e, nodes, q)
-        dN = np.stack([f[0].grad for f in basis.basis], axis=0)  # (nodes, 3, e, q)
-        dN = np.moveaxis(dN, 2, 0)  # (e, nodes, 3, q)
-        stress = np.einsum("abcd,ejdq,eq->ejcabq", stiffness, dN, basis.dx, optimize=True)
-        e = len(chunk)
+    for shapes in element_shapes(space, elements):
+        N, dN, t = shapes.values, shapes.gradients, shapes.nodes
+        e, nodes = t.shape
+        stress = np.einsum("abcd,ejdq,eq->ejcabq", stiffness, dN, shapes.dx, optimize=True)
         # Contract b and q in one batched matrix product: (e, I, bq) x (e, bq, Jca).
         right = np.transpose(stress, (0, 4, 5, 1, 2, 3)).reshape(e, -1, nodes * 9)
         block = (dN.reshape(e, nodes, -1) @ right).reshape(e, nodes, nodes, 3, 3)  # e I J c a
         block = np.transpose(block, (0, 1, 4, 2, 3)).reshape(e, 3 * nodes, 3 * nodes)
-        mass = (N * (density * basis.dx)[:, None, :]) @ np.transpose(N, (0, 2, 1))
-        t = space.dofs.element_dofs[:, chunk].T  # (e, nodes)
+        mass = (N * (density * shapes.dx)[:, None, :]) @ np.transpose(N, (0, 2, 1))
         t3 = (3 * t[:, :, None] + np.arange(3)).reshape(e, -1)
         K = K + _scatter(block, t3, 3 * space.nodes)[space.free][:, space.free]
-        scalar = _scatter(mass, t, space.nodes)
-        M = M + sp.csr_array(sp.kron(scalar, sp.eye_array(3), format="csr"))[space.free][:, space.free]
+        M = M + scatter_scalar(space, mass, t)
     # Rounding in the products leaves an asymmetry of some ulps that would hide the true class of the problem.
     return sp.csr_array((K + K.T) / 2), sp.csr_array((M + M.T) / 2)
 

@@ -12,9 +12,10 @@ import numpy as np
 from .eigen.pencil import Modes
 from .eigen.solve import Completeness, Request, prove_completeness, solve_modes, wanted_count
 from .eigen.threads import one_openblas_thread
-from .errors import NotConvergedError, SceneError, suggest
+from .errors import NotConvergedError, SceneError
 from .onset import Onset, find_step_onsets, two_mode_value
 from .problem import Problem
+from .sensitivity import sensitivities
 from .sweep_result import Sweep, SweepPoint
 from .tracking import match_modes
 
@@ -48,13 +49,17 @@ def sweep(
     Raises
     ------
     SceneError
-        Values that are empty, not finite or not increasing; a parameter that the problem does not have.
+        Values that are empty, not finite or not increasing; a parameter that the problem does not have; no static state
+        at the first value.
     NotConvergedError
         `partial` is the sweep so far (None if no value was finished).
     KeyboardInterrupt
         With the sweep so far as its argument.
     """
     values = _checked(problem, parameter, values)
+    if len(values) == 1 and not problem.has(parameter):  # a scene without friction has no mu, and needs none
+        problem = replace(problem, parameters={**problem.parameters, parameter: float(values[0])})
+    problem = problem.prepared(parameter, values)
     request = Request(None if max_frequency else modes or 20, max_frequency, tolerance)
     tracker = _Tracker(problem, parameter, request)
     for i, value in enumerate(values):
@@ -62,9 +67,12 @@ def sweep(
             with one_openblas_thread():
                 tracker.advance(float(value), keep_all=keep_shapes and i == len(values) - 1)
             progress(i + 1, len(values))
-        except NotConvergedError as error:
-            done = tracker.result() if tracker.points else None
-            raise NotConvergedError(f"{parameter} = {value:g}: {error}", partial=done) from error
+        except (NotConvergedError, SceneError) as error:
+            # Behind a value that was solved, a scene that makes no sense (a contact that opens) ends the sweep there.
+            text = f"{parameter} = {value:g}: {error}"
+            if isinstance(error, SceneError) and not tracker.points:
+                raise SceneError(text) from error
+            raise NotConvergedError(text, partial=tracker.result() if tracker.points else None) from error
         except KeyboardInterrupt as stop:
             raise KeyboardInterrupt(tracker.result() if tracker.points else None) from stop
     return tracker.result()
@@ -74,8 +82,8 @@ def _checked(problem: Problem, parameter: str, values: Sequence[float] | np.ndar
     grid = np.atleast_1d(np.asarray(values, dtype=float))
     if grid.ndim != 1 or not len(grid) or not np.isfinite(grid).all() or (np.diff(grid) <= 0).any():
         raise SceneError(f"sweep: given the values {values}; expected finite numbers that increase, at least one")
-    if parameter not in problem.parameters and len(grid) > 1:
-        raise SceneError(f'sweep: the problem has no parameter "{parameter}"{suggest(parameter, problem.parameters)}')
+    if len(grid) > 1:
+        problem.value(parameter)  # raises where there is none
     return grid
 
 
@@ -96,7 +104,7 @@ class _Tracker:
         self._first_branches = np.zeros(0, int)
         self._next_branch = 1
         self._start = self._value = np.nan
-        self._M = problem.pencil().M
+        self._M = problem.pencil().M  # weighs shapes; nominal, whatever the sweep does to it
 
     def advance(self, value: float, keep_all: bool) -> None:
         """Solve at the next value."""
@@ -108,8 +116,14 @@ class _Tracker:
         wanted = wanted_count(modes, self.request)
         kept = range(wanted) if keep_all else np.flatnonzero(modes.stability[:wanted] == "unstable")
         shapes = {int(i): modes.right[:, i].copy() for i in kept}
+        here = self.problem.at(**{self.parameter: value})
+        moves = {}
+        for i in np.flatnonzero(modes.stability[:wanted] == "unstable"):
+            found = sensitivities(here, modes, int(i))
+            moves[int(i)] = {path: (here.value(path), d) for path, d in found.items()}
         reported = modes.select(np.arange(wanted)).without_shapes()
-        self.points.append(SweepPoint(value, reported, self._branches[:wanted], shapes))
+        base, contacts = (here.model.base, here.model.contacts) if here.model is not None else (None, {})
+        self.points.append(SweepPoint(value, reported, self._branches[:wanted], shapes, moves, base, contacts))
 
     def _solve(self, value: float) -> Modes:
         clock = time.perf_counter()
@@ -197,7 +211,7 @@ class _Tracker:
             if not reported & {onset.branch_a, onset.branch_b}:
                 continue
             at = [np.flatnonzero(self._first_branches == b) for b in (onset.branch_a, onset.branch_b)]
-            if all(len(i) for i in at) and self.problem.problem_class != "quadratic":
+            if all(len(i) for i in at) and not self.problem.is_damped:
                 predicted = two_mode_value(self.problem, name, self._start, self._first, int(at[0][0]), int(at[1][0]))
                 onset = replace(onset, two_mode_value=predicted)
             onsets.append(onset)

@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
+from .contact import ContactOperators
+from .effects.preload import BaseState
 from .eigen.pencil import Modes
 from .eigen.solve import Completeness
-from .energy import growth_shares
+from .energy import energy_balance
 from .noise import classify_noise
 from .onset import Onset
 from .problem import Problem
@@ -23,7 +25,8 @@ ONSET_COLUMNS = (
     "parameter", "value", "frequency_hz", "kind", "direction", "crossing_speed", "branch_a", "branch_b", "uncertainty",
     "two_mode_value", "discretisation",
 )  # fmt: skip
-CONTRIBUTION_COLUMNS = ("parameter", "value", "mode", "branch", "term", "re_share")
+CONTRIBUTION_COLUMNS = ("parameter", "value", "mode", "branch", "term", "re_share", "energy_share")
+SENSITIVITY_COLUMNS = ("parameter", "value", "mode", "branch", "number", "at", "dre", "dim")
 
 
 @dataclass(frozen=True)
@@ -38,12 +41,20 @@ class SweepPoint:
     branches : (k,) int
     shapes : mapping of mode position to (n,) shape
         Of the unstable modes, and of all modes where the sweep was asked to keep them.
+    sensitivities : mapping of mode position to {path: (number, ∂λ/∂number)}
+        Of the unstable modes.
+    base : BaseState or None
+        The static state under preload.
+    contacts : mapping of contact to its operators
     """
 
     value: float
     modes: Modes
     branches: np.ndarray
     shapes: Mapping[int, np.ndarray]
+    sensitivities: Mapping[int, Mapping[str, tuple[float, complex]]] = field(default_factory=dict)
+    base: BaseState | None = None
+    contacts: Mapping[str, ContactOperators] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -106,13 +117,24 @@ class Sweep:
         return frame.astype({"branch_a": "Int64", "branch_b": "Int64"})
 
     def contributions_dataframe(self) -> pd.DataFrame:
-        """Return the shares of Re λ by term, and their sum, for every unstable mode (contributions.csv)."""
+        """Return the shares of Re λ and of the energy by term, of every unstable mode (contributions.csv)."""
         rows = []
         for point in self.points:
             for i in np.flatnonzero(point.modes.stability == "unstable"):
-                shares = growth_shares(
+                found = energy_balance(
                     self.problem, complex(point.modes.lam[i]), point.shapes[int(i)], **{self.parameter: point.value}
                 )
                 key = (self.parameter, point.value, i + 1, point.branches[i])
-                rows += [(*key, term, share) for term, share in [*shares.items(), ("sum", sum(shares.values()))]]
+                rows += [(*key, term, share.growth, share.energy) for term, share in found.items()]
+                rows.append((*key, "sum", sum(share.growth for share in found.values()), np.nan))
         return pd.DataFrame(rows, columns=list(CONTRIBUTION_COLUMNS))
+
+    def sensitivities_dataframe(self) -> pd.DataFrame:
+        """Return ∂Re λ and ∂Im λ by every number that terms scale with, of every unstable mode (sensitivities.csv)."""
+        rows = [
+            (self.parameter, point.value, i + 1, point.branches[i], path, at, d.real, d.imag)
+            for point in self.points
+            for i, found in point.sensitivities.items()
+            for path, (at, d) in found.items()
+        ]
+        return pd.DataFrame(rows, columns=list(SENSITIVITY_COLUMNS))

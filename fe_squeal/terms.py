@@ -14,17 +14,22 @@ Slot = Literal["M", "C", "K"]
 
 @dataclass(frozen=True)
 class Term:
-    """One contribution to M, C or K: matrix · Π parameter**power.
+    """One contribution to M, C or K: matrix · Π parameter**power, times i where it is imaginary.
 
     Attributes
     ----------
     name : str
         Effect and where, as in "friction.outer".
     slot : "M", "C" or "K"
-    matrix : (n, n) sparse, kg, N s/m or N/m
+    matrix : (n, n) sparse float
+        In kg, N s/m or N/m once the parameters are multiplied in.
     symmetric : bool
         Whether the matrix is symmetric by its mathematics.
     powers : mapping of parameter to exponent
+    skew : bool
+        Whether it is skew by its mathematics.
+    imaginary : bool
+        Whether it counts with i, as structural damping does.
     """
 
     name: str
@@ -32,6 +37,15 @@ class Term:
     matrix: sp.csr_array
     symmetric: bool
     powers: Mapping[str, int] = field(default_factory=dict)
+    skew: bool = False
+    imaginary: bool = False
+
+    @property
+    def conservative(self) -> bool:
+        """Whether the term can do no net work in a period of a steady vibration, whatever the shape."""
+        if self.slot == "C":
+            return self.skew
+        return self.symmetric and not self.imaginary
 
     def coefficient(self, parameters: Mapping[str, float]) -> float:
         """Return Π parameter**power."""

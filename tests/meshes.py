@@ -144,7 +144,11 @@ def frequencies(problem: Problem, count: int, **values) -> np.ndarray:
 
 def term(problem: Problem, name: str, slot: str = "K"):
     """Return the sparse matrix of one term by the beginning of its name."""
-    (found,) = [t.matrix for t in problem.terms if t.name.startswith(name) and t.slot == slot]
+    (found,) = [
+        t.matrix * t.coefficient({**problem.parameters, "mu": 1.0})
+        for t in problem.terms
+        if t.name.startswith(name) and t.slot == slot
+    ]
     return found
 
 

@@ -20,10 +20,12 @@ def contact_terms(
     """
     W = sp.diags_array(operators.weights)
     rows = [operators.gap, operators.slip, operators.cross] if tied else [operators.gap]
-    slots: list[tuple[Slot, float]] = [("K", stiffness), ("C", damping)]
-    terms = []
-    for slot, size in slots:
-        if size:
-            matrix = sum((G.T @ (W * size) @ G for G in rows), start=sp.csr_array((rows[0].shape[1],) * 2))
-            terms.append(Term(f"contact.{name}", slot, sp.csr_array((matrix + matrix.T) / 2), symmetric=True))
-    return terms
+    shape = sum((G.T @ W @ G for G in rows), start=sp.csr_array((rows[0].shape[1],) * 2))
+    shape = sp.csr_array((shape + shape.T) / 2)
+    slots: list[tuple[Slot, str, float]] = [("K", "normal_stiffness", stiffness), ("C", "normal_damping", damping)]
+    path = f"contacts.{name}"
+    return [
+        Term(f"contact.{name}", slot, shape, symmetric=True, powers={f"{path}.{key}": 1})
+        for slot, key, size in slots
+        if size
+    ]

@@ -24,16 +24,17 @@ class Friction(Section):
     mu: float
 
 
-def friction_terms(name: str, operators: ContactOperators, stiffness: float, ratio: float) -> list[Term]:
-    """Return the friction term of one sliding contact, which counts with mu.
+def friction_terms(name: str, operators: ContactOperators, ratio: float) -> list[Term]:
+    """Return the friction term of one sliding contact, which counts with mu and the contact's stiffness.
 
     Parameters
     ----------
-    stiffness : float, N/m per m^2
     ratio : float
         This contact's friction coefficient over mu; nothing is made where it is zero.
     """
     if not ratio:
         return []
-    matrix = operators.slip.T @ sp.diags_array(operators.weights * (stiffness * ratio)) @ operators.gap
-    return [Term(f"friction.{name}", "K", sp.csr_array(matrix), symmetric=False, powers={"mu": 1})]
+    matrix = operators.slip.T @ sp.diags_array(operators.weights) @ operators.gap
+    path = f"contacts.{name}"
+    powers = {"mu": 1, f"{path}.normal_stiffness": 1, f"{path}.friction_ratio": 1}
+    return [Term(f"friction.{name}", "K", sp.csr_array(matrix), symmetric=False, powers=powers)]

@@ -65,5 +65,6 @@ def spring_terms(space: DisplacementSpace, spring: Spring, surface: Surface, oth
         motion = space.along(means, direction)
         shape = motion.T @ motion
     shape = sp.csr_array((shape + shape.T) / 2)
-    slots: list[tuple[Slot, float]] = [("K", spring.stiffness), ("C", spring.damping)]
-    return [Term(f"spring.{spring.name}", slot, shape * size, symmetric=True) for slot, size in slots if size]
+    slots: list[tuple[Slot, str, float]] = [("K", "stiffness", spring.stiffness), ("C", "damping", spring.damping)]
+    name, path = f"spring.{spring.name}", f"springs.{spring.name}"
+    return [Term(name, slot, shape, symmetric=True, powers={f"{path}.{key}": 1}) for slot, key, size in slots if size]

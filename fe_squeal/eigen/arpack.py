@@ -11,7 +11,7 @@ from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator
 from ..errors import NotConvergedError
 from .linear_solvers import Factor, solver_name
 from .pencil import Modes, Pencil
-from .quality import modes_from_lambda, modes_from_theta
+from .quality import in_upper_half, modes_from_lambda, modes_from_theta
 from .threads import one_openblas_thread
 
 _SEED = 20240607
@@ -40,15 +40,18 @@ def symmetric_modes(pencil: Pencil, factor: Factor, sigma: float, count: int) ->
 
 
 def nonsymmetric_modes(pencil: Pencil, factor: Factor, sigma: float, count: int) -> Modes:
-    """Return the `count` modes of K φ = θ M φ nearest sigma, right and left, by Arnoldi in real arithmetic.
+    """Return the `count` modes of K φ = θ M φ nearest sigma, right and left, by Arnoldi in the arithmetic of K.
 
     Parameters
     ----------
     factor : Factor
-        Of K − sigma M; its transposed solves give the left modes.
+        Of K − sigma M; its adjoint solves give the left modes, unless K = Kᵀ is complex: these are φ* then.
     """
     theta, right = _arnoldi(pencil, factor.solve, sigma, count)
-    theta_left, left = _arnoldi(pencil, factor.solve_transposed, sigma, count)
+    if pencil.is_complex and pencil.symmetric:
+        theta_left, left = theta.conj(), right.conj()
+    else:
+        theta_left, left = _arnoldi(pencil, factor.solve_adjoint, sigma, count)
     inner, inner_left = _common(theta, theta_left, sigma)
     theta, right = theta[inner], right[:, inner]
     _, partner = linear_sum_assignment(np.abs(theta[:, None] - theta_left[None, inner_left].conj()))
@@ -88,12 +91,12 @@ def quadratic_modes(pencil: Pencil, factor: Factor, sigma: float, count: int) ->
         Of Q(σ) = σ²M + σC + K.
     """
     lam, right = _linearised(pencil, factor.solve, sigma, count)
-    lam_left, left = _linearised(pencil.transposed(), factor.solve_transposed, sigma, count)
+    lam_left, left = _linearised(pencil.transposed(), factor.solve_adjoint, sigma, count)
     inner, inner_left = _common(lam, lam_left, sigma)
     lam, right = lam[inner], right[:, inner]
-    # The left mode of λ is the transposed problem's mode of λ*: ψᴴQ(λ) = 0 is Q(λ*)ᵀψ = 0.
+    # The left mode of λ is the transposed problem's mode of λ*: ψᴴQ(λ) = 0 is Q(λ)ᴴψ = 0.
     _, partner = linear_sum_assignment(np.abs(lam[:, None] - lam_left[None, inner_left].conj()))
-    left, upper = left[:, inner_left[partner]], lam.imag >= 0
+    left, upper = left[:, inner_left[partner]], in_upper_half(pencil, lam)
     return modes_from_lambda(pencil, lam[upper], right[:, upper], left[:, upper], _method())
 
 
@@ -109,11 +112,10 @@ def _linearised(
         u = -solve(M @ (b + sigma * a) + C @ a)
         return np.concatenate([u, u + a / sigma])
 
-    operator = LinearOperator((2 * n, 2 * n), matvec=apply, dtype=float)
+    operator = LinearOperator((2 * n, 2 * n), matvec=apply, dtype=pencil.K.dtype)
     k = 2 * count
-    nu, z = _run(
-        lambda: eigs(operator, k, which="LM", tol=_TOLERANCE, v0=_start(2 * n), ncv=_basis_size(k, 2 * n)), k
-    )
+    v0 = _start(2 * n).astype(pencil.K.dtype)
+    nu, z = _run(lambda: eigs(operator, k, which="LM", tol=_TOLERANCE, v0=v0, ncv=_basis_size(k, 2 * n)), k)
     return sigma + 1 / nu, z[:n]
 
 
@@ -121,13 +123,9 @@ def _arnoldi(
     pencil: Pencil, solve: Callable[[np.ndarray], np.ndarray], sigma: float, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (θ, vectors) of the standard problem (K − σM)⁻¹M φ = ν φ, θ = σ + 1/ν."""
-    operator = LinearOperator((pencil.n, pencil.n), matvec=lambda x: solve(pencil.M @ x), dtype=float)
-    nu, vectors = _run(
-        lambda: eigs(
-            operator, count, which="LM", tol=_TOLERANCE, v0=_start(pencil.n), ncv=_basis_size(count, pencil.n)
-        ),
-        count,
-    )
+    operator = LinearOperator((pencil.n, pencil.n), matvec=lambda x: solve(pencil.M @ x), dtype=pencil.K.dtype)
+    v0, basis = _start(pencil.n).astype(pencil.K.dtype), _basis_size(count, pencil.n)
+    nu, vectors = _run(lambda: eigs(operator, count, which="LM", tol=_TOLERANCE, v0=v0, ncv=basis), count)
     return sigma + 1 / nu, vectors
 
 

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 import scipy.linalg as la
 
+from ..errors import NotConvergedError
 from .pencil import Modes, Pencil
-from .quality import modes_from_lambda, modes_from_theta
+from .quality import in_upper_half, modes_from_lambda, modes_from_theta
+from .refine import ACCURATE, equilibrate, pair_errors, refine
 
-DENSE_LIMIT = 400  # unknowns up to which all modes come from LAPACK: a second at most
+DENSE_LIMIT = 400  # unknowns up to which all modes come from LAPACK: seconds, tens of them where QZ is needed
 METHOD = "dense (LAPACK)"
+
+Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # eigenvalues (k,), right and left vectors (n, k)
+_FEW = 0.1  # share of inaccurate pairs that is left to refinement
+# In units of ω0: larger ones with no digit right are infinite eigenvalues, which rounding has split.
+_HUGE, _WRONG = 1e4, 1e-8
 
 
 def solve_dense(pencil: Pencil) -> Modes:
@@ -23,55 +32,118 @@ def solve_dense(pencil: Pencil) -> Modes:
     array([1., 3.])
     """
     K, M = pencil.K.toarray(), pencil.M.toarray()
-    if pencil.C is not None:
-        return _solve_quadratic(pencil)
-    if pencil.symmetric:
-        try:
-            theta, phi = la.eigh(K, M)
-            return modes_from_theta(pencil, theta, phi, phi, METHOD)
-        except la.LinAlgError:
-            pass  # M is singular: some eigenvalues are infinite, which QZ handles
-    try:
-        # With M = LLᵀ the standard problem L⁻¹KL⁻ᵀ is several times cheaper than QZ.
-        L = la.cholesky(M, lower=True)
-        A = la.solve_triangular(L, la.solve_triangular(L, K, lower=True).T, lower=True).T
-        theta, *sides = la.eig(A, left=True, right=True)
-        left, right = (la.solve_triangular(L, v, lower=True, trans="T") for v in sides)
-    except la.LinAlgError:
-        theta, left, right = _finite(*la.eig(K, M, left=True, right=True))
-    if not theta.imag.any():
+    C = None if pencil.C is None else pencil.C.toarray()
+    d, omega0 = equilibrate(M, C, K)
+    K, M = d[:, None] * K * d, omega0**2 * d[:, None] * M * d
+    if C is not None:
+        C = omega0 * d[:, None] * C * d
+        lam, right, left = _best([K, C, M], _damped_methods(M, C, K))
+        keep = in_upper_half(pencil, omega0 * lam)
+        pairs = refine([K, C, M], lam[keep], right[:, keep], left[:, keep])
+        lam, right, left = _finite([K, C, M], pairs)
+        return modes_from_lambda(pencil, omega0 * lam, d[:, None] * right, d[:, None] * left, METHOD)
+    real_symmetric = pencil.symmetric and not pencil.is_complex
+    methods = _symmetric_methods(M, K) if real_symmetric else _undamped_methods(M, K)
+    theta, right, left = refine([K, -M], *_best([K, -M], methods))
+    if not pencil.is_complex and not theta.imag.any():
         theta, right, left = theta.real, right.real, left.real
-    return modes_from_theta(pencil, theta, right, left, METHOD)
+    return modes_from_theta(pencil, omega0**2 * theta, d[:, None] * right, d[:, None] * left, METHOD)
 
 
-def _solve_quadratic(pencil: Pencil) -> Modes:
-    """Linearise [[0, I], [−K, −C]] z = λ [[I, 0], [0, M]] z, z = (u, λu), with time in units of 1/ω0.
+def _best(A: Sequence[np.ndarray], methods: Sequence[Callable[[], Pairs]]) -> Pairs:
+    """Return the pairs of the first method that gets nearly all of them right, of the best one if none does."""
+    tried: list[tuple[float, Pairs]] = []
+    for method in methods:
+        try:
+            pairs = method()
+        except la.LinAlgError:
+            continue
+        tried.append((float(np.mean(~(pair_errors(A, *pairs) <= ACCURATE))), pairs))
+        if tried[-1][0] <= _FEW:
+            break
+    if not tried:
+        raise NotConvergedError("LAPACK finds no eigenvalues of these matrices")
+    return min(tried, key=lambda t: t[0])[1]
 
-    With M = LLᵀ it is a standard problem in Lᵀu, several times cheaper than QZ, which is left for a singular M.
-    """
-    assert pencil.C is not None
-    M, C, K = (A.toarray() for A in (pencil.M, pencil.C, pencil.K))
-    n = len(M)
-    omega0 = np.sqrt(max(la.norm(K), np.finfo(float).tiny) / la.norm(M))
-    identity = np.eye(n)
-    try:
+
+def _symmetric_methods(M: np.ndarray, K: np.ndarray) -> list[Callable[[], Pairs]]:
+    def direct() -> Pairs:
+        theta, phi = la.eigh(K, M)
+        return theta, phi, phi
+
+    def inverted() -> Pairs:
+        """1/(θ + 1) of M against K + M, where M is singular or nearly so and K has no strong divergence."""
+        nu, phi = la.eigh(M, K + M)
+        finite = nu > len(M) * np.finfo(float).eps
+        return 1 / nu[finite] - 1, phi[:, finite], phi[:, finite]
+
+    return [direct, inverted, lambda: _qz(K, M)]
+
+
+def _undamped_methods(M: np.ndarray, K: np.ndarray) -> list[Callable[[], Pairs]]:
+    def standard() -> Pairs:
+        """With M = LLᵀ the standard problem L⁻¹KL⁻ᵀ is several times cheaper than QZ."""
         L = la.cholesky(M, lower=True)
-        K, C = (la.solve_triangular(L, la.solve_triangular(L, A, lower=True).T, lower=True).T for A in (K, C))
-        A = np.block([[np.zeros((n, n)), identity], [-K / omega0**2, -C / omega0]])
+        theta, left, right = la.eig(_congruent(L, K), left=True, right=True)
+        return theta, _back(L, right), _back(L, left)
+
+    return [standard, lambda: _qz(K, M)]
+
+
+def _damped_methods(M: np.ndarray, C: np.ndarray, K: np.ndarray) -> list[Callable[[], Pairs]]:
+    """Linearise [[0, I], [−K, −C]] z = λ [[I, 0], [0, M]] z, z = (u, λu); the lower half of a left z is a left mode."""
+    n = len(M)
+    zero, identity = np.zeros((n, n)), np.eye(n)
+
+    def standard() -> Pairs:
+        """With M = LLᵀ a standard problem in Lᵀu, several times cheaper than QZ."""
+        L = la.cholesky(M, lower=True)
+        A = np.block([[zero, identity], [-_congruent(L, K), -_congruent(L, C)]])
         lam, left, right = la.eig(A, left=True, right=True)
-        right, left = (la.solve_triangular(L, v, lower=True, trans="T") for v in (right[:n], left[n:]))
-    except la.LinAlgError:
-        scale = la.norm(M) * omega0**2
-        A = np.block([[np.zeros((n, n)), identity], [-K / scale, -C * omega0 / scale]])
-        lam, left, right = _finite(*la.eig(A, la.block_diag(identity, M * omega0**2 / scale), left=True, right=True))
-        right, left = right[:n], left[n:]
-    lam = lam * omega0
-    keep = lam.imag >= 0
-    # The lower half of a left vector of this linearisation is a left mode.
-    return modes_from_lambda(pencil, lam[keep], right[:, keep], left[:, keep], METHOD)
+        return lam, _back(L, right[:n]), _back(L, left[n:])
+
+    def general(unit: float = 1.0) -> Pairs:
+        """QZ with λ in multiples of a unit: a linearisation is accurate for λ near it where C is large."""
+        size = max(np.abs(K).max(), unit * np.abs(C).max(), unit**2 * np.abs(M).max()) or 1.0
+        A = np.block([[zero, identity], [-K / size, -unit / size * C]])
+        lam, right, left = _qz(A, la.block_diag(identity, unit**2 / size * M))
+        return unit * lam, right[:n], left[n:]
+
+    def by_ranges() -> Pairs:
+        """Creeping modes around K/C, ordinary ones around 1 and fast ones around C/M, each with its own unit."""
+        k, c, m = (np.abs(A.diagonal()) for A in (K, C, M))
+        if not ((c > 0) & (k > 0)).any() or not ((c > 0) & (m > 0)).any():
+            raise la.LinAlgError("no unknown is damped")
+        slow = float(np.median((k / np.where(c > 0, c, 1.0))[(c > 0) & (k > 0)]))
+        fast = float(np.median((c / np.where(m > 0, m, 1.0))[(c > 0) & (m > 0)]))
+        borders = [0.0, np.sqrt(min(slow, 1.0)), np.sqrt(max(fast, 1.0)), np.inf]
+        parts = []
+        for unit, low, high in zip((slow, 1.0, fast), borders[:-1], borders[1:], strict=True):
+            lam, right, left = general(unit)
+            inside = (low <= np.abs(lam)) & (np.abs(lam) < high)
+            parts.append((lam[inside], right[:, inside], left[:, inside]))
+        lam, right, left = (np.concatenate(p, axis=-1) for p in zip(*parts, strict=True))
+        return lam, right, left
+
+    return [standard, general, by_ranges]
 
 
-def _finite(w: np.ndarray, vl: np.ndarray, vr: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    keep = np.isfinite(w)
-    return w[keep], vl[:, keep], vr[:, keep]
+def _qz(A: np.ndarray, B: np.ndarray) -> Pairs:
+    (alpha, beta), left, right = la.eig(A, B, left=True, right=True, homogeneous_eigvals=True)
+    finite = np.abs(beta) > len(A) * np.finfo(float).eps * la.norm(B, 1)
+    return alpha[finite] / beta[finite], right[:, finite], left[:, finite]
 
+
+def _finite(A: Sequence[np.ndarray], pairs: Pairs) -> Pairs:
+    lam, right, left = pairs
+    keep = ~((np.abs(lam) > _HUGE) & (pair_errors(A, *pairs) > _WRONG))
+    return lam[keep], right[:, keep], left[:, keep]
+
+
+def _congruent(L: np.ndarray, A: np.ndarray) -> np.ndarray:
+    """Return L⁻¹AL⁻ᵀ."""
+    return np.asarray(la.solve_triangular(L, la.solve_triangular(L, A, lower=True).T, lower=True).T)
+
+
+def _back(L: np.ndarray, x: np.ndarray) -> np.ndarray:
+    return np.asarray(la.solve_triangular(L, x, lower=True, trans="T"))

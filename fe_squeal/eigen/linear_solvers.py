@@ -16,14 +16,16 @@ from ..errors import NotConvergedError
 
 Solve = Callable[[np.ndarray], np.ndarray]
 
-_SYMMETRIC_INDEFINITE, _NONSYMMETRIC = -2, 11
+# PARDISO's numbers of the matrix types, by (symmetric, complex).
+_TYPES = {(True, False): -2, (False, False): 11, (True, True): 6, (False, True): 13}
+_ADJOINT, _TRANSPOSED = 1, 2  # of iparm(12)
 
 
 class Factor(Protocol):
-    """A factorised real matrix A."""
+    """A factorised real or complex matrix A."""
 
     negative_pivots: int | None
-    """Number of negative eigenvalues of a symmetric A (Sylvester's law of inertia); None where it is not known."""
+    """Number of negative eigenvalues of a real symmetric A (Sylvester's law of inertia); None where not known."""
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻¹ b for b (n,) or (n, k), real or complex."""
@@ -31,9 +33,18 @@ class Factor(Protocol):
     def solve_transposed(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻ᵀ b."""
 
+    def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
+        """Return A⁻ᴴ b."""
+
 
 def factorize(A: sp.csr_array, symmetric: bool) -> Factor:
-    """Factorise a real sparse matrix with the best solver that is installed.
+    """Factorise a sparse matrix with the best solver that is installed.
+
+    Parameters
+    ----------
+    A : (n, n) sparse, real or complex
+    symmetric : bool
+        Whether A = Aᵀ, also where it is complex.
 
     Raises
     ------
@@ -65,21 +76,9 @@ def _pardiso() -> Any:
 
 
 def factorize_complex(A: sp.csr_array) -> tuple[Solve, Solve]:
-    """Return functions that apply A⁻¹ and A⁻ᴴ of a complex matrix, through the real matrix [[Re, −Im], [Im, Re]].
-
-    Twice the size, and real factors: the transpose of the real form is that of the conjugate transpose.
-    """
-    n = A.shape[0]
-    factor = factorize(sp.csr_array(sp.block_array([[A.real, -A.imag], [A.imag, A.real]])), symmetric=False)
-
-    def through(solve: Solve) -> Solve:
-        def apply(b: np.ndarray) -> np.ndarray:
-            x = solve(np.concatenate([b.real, b.imag]))
-            return np.asarray(x[:n] + 1j * x[n:])
-
-        return apply
-
-    return through(factor.solve), through(factor.solve_transposed)
+    """Return functions that apply A⁻¹ and A⁻ᴴ of a complex matrix."""
+    factor = factorize(sp.csr_array(A, dtype=complex), symmetric=False)
+    return factor.solve, factor.solve_adjoint
 
 
 class SuperLUFactor:
@@ -88,6 +87,7 @@ class SuperLUFactor:
     negative_pivots: int | None = None
 
     def __init__(self, A: sp.csr_array, symmetric: bool) -> None:
+        self._complex = np.iscomplexobj(A)
         try:
             ordering = "MMD_AT_PLUS_A" if symmetric else "COLAMD"
             self._lu = splu(sp.csc_array(A), permc_spec=ordering, options={"SymmetricMode": symmetric})
@@ -96,26 +96,37 @@ class SuperLUFactor:
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻¹ b."""
-        return _by_parts(self._lu.solve, b)
+        return self._apply("N", b)
 
     def solve_transposed(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻ᵀ b."""
-        return _by_parts(lambda x: self._lu.solve(x, trans="T"), b)
+        return self._apply("T", b)
+
+    def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
+        """Return A⁻ᴴ b."""
+        return self._apply("H", b)
+
+    def _apply(self, trans: str, b: np.ndarray) -> np.ndarray:
+        if self._complex:
+            return np.asarray(self._lu.solve(np.asarray(b, dtype=complex), trans=trans))
+        return _by_parts(lambda x: self._lu.solve(x, trans=trans), b)
 
 
 class PardisoFactor:
     """LU or LDLᵀ factors by PARDISO.
 
-    pypardiso finds the library; its own `solve` compares the whole matrix with the last one and rebuilds its index
-    arrays at
-    every call, which takes longer than the solve, so here they are kept and the solve step is called directly.
+    pypardiso finds the library; its own `solve` takes real matrices only, compares the whole matrix with the last one
+    and rebuilds its index arrays at every call, which takes longer than the solve, so here they are kept and the solve
+    step is called directly.
     """
 
     def __init__(self, A: sp.csr_array, symmetric: bool) -> None:
-        self._matrix = sp.csr_array(sp.triu(A, format="csr") if symmetric else A, copy=True)
+        self._dtype = np.complex128 if np.iscomplexobj(A) else np.float64
+        self._matrix = sp.csr_array(sp.triu(A, format="csr") if symmetric else A, dtype=self._dtype, copy=True)
         self._matrix.sort_indices()
         self._n = A.shape[0]
-        self._mtype = _SYMMETRIC_INDEFINITE if symmetric else _NONSYMMETRIC
+        self._symmetric = symmetric
+        self._mtype = _TYPES[symmetric, np.iscomplexobj(A)]
         self._handle = np.zeros(64, dtype=np.int64)
         self._iparm = np.zeros(64, dtype=np.int32)
         self._perm = np.zeros(0, dtype=np.int32)
@@ -128,24 +139,32 @@ class PardisoFactor:
         self._ja = self._matrix.indices.astype(np.int32) + 1
         self._call(12, np.zeros((self._n, 1)))
         # A perturbed pivot (iparm(14)) leaves its sign open.
-        self.negative_pivots = int(self._iparm[22]) if symmetric and not self._iparm[13] else None
+        counts = symmetric and not np.iscomplexobj(A) and not self._iparm[13]
+        self.negative_pivots = int(self._iparm[22]) if counts else None
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻¹ b."""
-        return _by_parts(functools.partial(self._call, 33), b)
+        return self._apply(0, b)
 
     def solve_transposed(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻ᵀ b."""
-        self._iparm[11] = 2
-        try:
-            return _by_parts(functools.partial(self._call, 33), b)
-        finally:
-            self._iparm[11] = 0
+        return self._apply(0 if self._symmetric else _TRANSPOSED, b)
+
+    def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
+        """Return A⁻ᴴ b."""
+        if self._symmetric:
+            return self._apply(0, b.conj()).conj()
+        return self._apply(_ADJOINT, b)
+
+    def _apply(self, which: int, b: np.ndarray) -> np.ndarray:
+        self._iparm[11] = which
+        solve = functools.partial(self._call, 33)
+        return solve(b) if self._dtype is np.complex128 else _by_parts(solve, b)
 
     def _call(self, phase: int, b: np.ndarray) -> np.ndarray:
-        b = np.asfortranarray(b, dtype=np.float64)
+        b = np.asfortranarray(b, dtype=self._dtype)
         x, error = np.zeros_like(b, order="F"), ctypes.c_int32(0)
-        doubles = ctypes.POINTER(ctypes.c_double)
+        doubles = ctypes.POINTER(ctypes.c_double)  # a complex number is two of them
         ints = ctypes.POINTER(ctypes.c_int32)
 
         def integer(value: int) -> Any:

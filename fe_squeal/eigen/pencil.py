@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 import scipy.sparse as sp
 
-ProblemClass = Literal["symmetric", "nonsymmetric", "quadratic"]
+ProblemClass = Literal["symmetric", "nonsymmetric", "quadratic", "complex"]
 
 
 @dataclass(frozen=True)
@@ -18,11 +18,14 @@ class Pencil:
 
     Attributes
     ----------
-    M, K : (n, n) sparse float, kg and N/m
-        M symmetric positive semidefinite.
+    M : (n, n) sparse float, kg
+        Symmetric positive semidefinite.
+    K : (n, n) sparse float or complex, N/m
+        Complex with structural damping. That law belongs to oscillations of Im λ > 0 alone (its conjugate to the other
+        half plane), so only these eigenvalues mean anything then.
     C : (n, n) sparse float or None, N s/m
     symmetric : bool
-        Whether K is symmetric.
+        Whether K = Kᵀ, also where it is complex.
     """
 
     M: sp.csr_array
@@ -36,8 +39,15 @@ class Pencil:
         return int(self.M.shape[0])
 
     @property
+    def is_complex(self) -> bool:
+        """Whether K is complex, by its type."""
+        return bool(np.iscomplexobj(self.K))
+
+    @property
     def problem_class(self) -> ProblemClass:
-        """The cheapest class that the matrices allow."""
+        """The cheapest class that the matrices allow; complex with or without C."""
+        if self.is_complex:
+            return "complex"
         if self.C is not None:
             return "quadratic"
         return "symmetric" if self.symmetric else "nonsymmetric"
@@ -68,16 +78,16 @@ class Pencil:
         return r if self.C is None else r + self.C @ u
 
     def transposed(self) -> Pencil:
-        """Return the pencil of the left modes."""
-        if self.symmetric and self.C is None:
+        """Return the pencil of the left modes, λ*²M + λ*Cᵀ + Kᴴ: the left mode of λ is its mode of λ*."""
+        if self.symmetric and self.C is None and not self.is_complex:
             return self
         C = None if self.C is None else sp.csr_array(self.C.T)
-        return replace(self, K=sp.csr_array(self.K.T), C=C)
+        return replace(self, K=sp.csr_array(self.K.T.conj()), C=C)
 
 
 @dataclass(frozen=True)
 class Modes:
-    """Eigenpairs of a pencil, by rising Im λ ≥ 0; one of each conjugate pair.
+    """Eigenpairs of a pencil, by rising Im λ ≥ 0: one of each conjugate pair, the upper half plane of a complex K.
 
     Attributes
     ----------

@@ -17,7 +17,8 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     """Return the modes of an undamped pencil from K φ = θ M φ, θ = −λ².
 
     A complex pair θ, θ* gives the two modes λ and −λ*; θ < 0 gives the two real λ = ±√−θ; a θ that is zero within its
-    uncertainty gives one mode λ = 0 whose re_uncertainty is the square root of that.
+    uncertainty gives one mode λ = 0 whose re_uncertainty is the square root of that. Of a complex K each θ gives one
+    mode, that of Im λ ≥ 0.
 
     Parameters
     ----------
@@ -25,7 +26,7 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     right, left : (n, k)
         Left vectors in the order of the right ones, any basis where eigenvalues are multiple; they are scaled here.
     """
-    right = right / np.sqrt(np.abs(np.einsum("ij,ij->j", right.conj(), pencil.M @ right)))
+    right = _unit_mass(pencil, right)
     left = _biorthogonal(left, left.conj().T @ (pencil.M @ right), theta)
     lam = 1j * np.sqrt(theta.astype(complex))
     residual = pencil.apply(lam, right)
@@ -42,7 +43,12 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     with np.errstate(divide="ignore"):
         u_re = np.minimum(u_theta / (2 * np.abs(lam)), np.sqrt(u_theta))
         condition = amplification / (2 * np.abs(theta))
-    divergent = np.flatnonzero(~rigid & (np.abs(lam.imag) <= u_re) & (np.abs(lam.real) > u_re) & (theta.imag == 0))
+    if pencil.is_complex:
+        divergent = np.zeros(0, dtype=int)
+        u_re = _outside_the_law(lam, u_re)
+    else:
+        real = (np.abs(lam.imag) <= u_re) & (np.abs(lam.real) > u_re) & (theta.imag == 0)
+        divergent = np.flatnonzero(~rigid & real)
     lam[divergent] = lam[divergent].real
     index = np.concatenate([np.arange(len(lam)), divergent])
     lam = np.concatenate([lam, -lam[divergent]]) + 0.0  # turns −0 into 0
@@ -52,7 +58,7 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
 
 
 def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray, method: str) -> Modes:
-    """Return the modes of a damped pencil from its eigenpairs with Im λ ≥ 0.
+    """Return the modes of a pencil with C from its eigenpairs that are `in_upper_half`.
 
     Parameters
     ----------
@@ -60,7 +66,7 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     right, left : (n, k) complex
         Left vectors in the order of the right ones, any basis where eigenvalues are multiple.
     """
-    right = right / np.sqrt(np.abs(np.einsum("ij,ij->j", right.conj(), pencil.M @ right)))
+    right = _unit_mass(pencil, right)
     # ψ_iᴴ((λ_i + λ_j)M + C)φ_j vanishes for λ_i ≠ λ_j, and is ψᴴ(2λM + C)φ on the diagonal.
     mass = left.conj().T @ (pencil.M @ right)
     left = _biorthogonal(left, (lam[:, None] + lam[None, :]) * mass + left.conj().T @ (pencil.C @ right), lam)
@@ -76,10 +82,46 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     rounding = np.sqrt(ROUNDING * np.einsum("ij,ij->j", np.abs(right), pencil.magnitude(np.zeros(len(lam)), right)))
     rigid = np.abs(lam) <= rounding
     lam, u = np.where(rigid, 0.0, lam), np.where(rigid, rounding, u)
+    order = np.lexsort((-lam.real, lam.imag))
+    if pencil.is_complex:
+        u = _outside_the_law(lam, u)
+        order = order[lam[order].imag >= 0]
     with np.errstate(divide="ignore"):
         condition = amplification / np.abs(lam)
-    order = np.lexsort((-lam.real, lam.imag))
     return Modes(lam, right, left, backward, u, condition, method).select(order)
+
+
+def in_upper_half(pencil: Pencil, lam: np.ndarray) -> np.ndarray:
+    """Return which eigenvalues of a pencil with C to keep: Im λ ≥ 0, and rigid ones that rounding put below.
+
+    The others of a real pencil are conjugates of these. With a complex K, λ = 0 of a rigid body that a dashpot holds
+    may come out on either side; that of a free body is double and splits into ±δ, of which one is enough.
+    """
+    upper = lam.imag >= 0
+    mass = pencil.M.diagonal()
+    if not pencil.is_complex or not (mass > 0).any():
+        return np.asarray(upper)
+    largest = np.max(np.abs(pencil.K.diagonal())[mass > 0] / mass[mass > 0])
+    tiny = np.abs(lam) <= np.sqrt(ROUNDING * largest)
+    for i in np.flatnonzero(tiny & ~upper):
+        upper[i] = not (np.abs(lam[tiny & (lam.imag >= 0)] + lam[i]) <= 0.1 * np.abs(lam[i])).any()
+    return np.asarray(upper)
+
+
+def _outside_the_law(lam: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Return re_uncertainty of a complex K: at least |λ| where |Re λ| ≥ |Im λ|, so that such a mode is marginal.
+
+    K(1 + iη) holds for Im λ > 0 and its conjugate for Im λ < 0, so motion that does not oscillate has no law: for θ
+    near the negative real axis, Im θ of either sign and however small decides whether the root in the upper half plane
+    is a growing or a decaying one. That is a choice of the model and says nothing about stability.
+    """
+    return np.where(np.abs(lam.real) >= np.abs(lam.imag), np.maximum(u, np.abs(lam)), u)
+
+
+def _unit_mass(pencil: Pencil, right: np.ndarray) -> np.ndarray:
+    """Return the columns with φᴴMφ = 1; those without any mass, which damping makes possible, as they are."""
+    mass = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.M @ right))
+    return np.asarray(right / np.sqrt(np.where(mass > 0, mass, 1.0)))
 
 
 def _perturbation(

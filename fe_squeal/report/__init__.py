@@ -9,20 +9,25 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from fe_squeal.report.contributions import plot_contributions
     from fe_squeal.report.export import export_shapes, shape_name
     from fe_squeal.report.figures import plot_root_locus, plot_stability
     from fe_squeal.report.files import replace_atomically, write_csv, write_json
     from fe_squeal.report.pictures import draw_shape, draw_shapes
+    from fe_squeal.report.preload import ContactFace, export_preload
     from fe_squeal.report.shapes import ShapeGrid, normalise_shape, semi_major_amplitude, shape_grid
     from fe_squeal.report.tables import print_onsets, print_unstable
     from fe_squeal.report.vtk_files import write_animation, write_shape
 
 __all__ = [
+    "ContactFace",
     "ShapeGrid",
     "draw_shape",
     "draw_shapes",
+    "export_preload",
     "export_shapes",
     "normalise_shape",
+    "plot_contributions",
     "plot_root_locus",
     "plot_stability",
     "print_onsets",
@@ -38,10 +43,12 @@ __all__ = [
 ]
 
 _MODULES = {
+    "contributions": ("plot_contributions",),
     "export": ("export_shapes", "shape_name"),
     "figures": ("plot_root_locus", "plot_stability"),
     "files": ("replace_atomically", "write_csv", "write_json"),
     "pictures": ("draw_shape", "draw_shapes"),
+    "preload": ("ContactFace", "export_preload"),
     "shapes": ("ShapeGrid", "normalise_shape", "semi_major_amplitude", "shape_grid"),
     "tables": ("print_onsets", "print_unstable"),
     "vtk_files": ("write_animation", "write_shape"),

@@ -83,6 +83,16 @@ def parameter_symbol(name: str) -> str:
     return "μ" if name in PARAMETER_LABELS else name.rsplit(".", 1)[-1]
 
 
+def value_text(value: float) -> str:
+    """Return a sweep value for a label: two decimals where they are enough (0.6 as 0.60), else up to six digits."""
+    return f"{value:.2f}" if 0 <= value < 100 and round(value, 2) == value else f"{value:.6g}"
+
+
+def frequency_text(frequency_hz: float) -> str:
+    """Return a frequency for a label, in Hz or from 1000 Hz in kHz."""
+    return f"{frequency_hz / 1000:.2f} kHz" if frequency_hz >= 1000 else f"{frequency_hz:.4g} Hz"
+
+
 def numbers(frame: pd.DataFrame, column: str) -> Floats:
     """Return a column as (n,) floats, NaN where it is empty or the whole column is absent."""
     if column not in frame.columns:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fe_squeal.report.branches import parameter_symbol
+from fe_squeal.report.branches import parameter_symbol, value_text
 from fe_squeal.report.pictures import Z_AXIS, PictureJob, draw_shapes
 from fe_squeal.report.shapes import Complexes, ShapeGrid
 from fe_squeal.report.vtk_files import write_animation, write_shape
@@ -88,7 +88,7 @@ def shape_name(info: Mapping[str, Any]) -> str:
     parts = [f"branch_{int(info['branch']):02d}" if known else f"mode_{int(info.get('mode', 0)):02d}"]
     if "value" in info:
         short = str(info.get("parameter", "value")).rsplit(".", 1)[-1]
-        parts += [re.sub(r"[^A-Za-z0-9_-]+", "-", short), _number(float(info["value"]))]
+        parts += [re.sub(r"[^A-Za-z0-9_-]+", "-", short), value_text(float(info["value"]))]
     if "frequency_hz" in info:
         frequency = float(info["frequency_hz"])
         parts.append(f"{frequency:.0f}Hz" if frequency >= 100 else f"{frequency:.3g}Hz")
@@ -109,12 +109,7 @@ def shape_title(info: Mapping[str, Any]) -> str:
     if "re" in info:
         parts.append(f"Re λ = {float(info['re']):+.4g} 1/s")
     if "value" in info:
-        parts.append(f"{parameter_symbol(str(info.get('parameter', 'value')))} = {_number(float(info['value']))}")
+        parts.append(f"{parameter_symbol(str(info.get('parameter', 'value')))} = {value_text(float(info['value']))}")
     head = next((f"{key} {int(info[key])}:  " for key in ("branch", "mode")
                  if info.get(key) is not None and np.isfinite(info[key])), "")
     return head + ",  ".join(parts)
-
-
-def _number(value: float) -> str:
-    """Return four digits, two of them behind the point where that is enough (0.6 as 0.60)."""
-    return f"{value:.2f}" if 0 <= value < 100 and round(value, 2) == value else f"{value:.6g}"

@@ -22,6 +22,7 @@ from fe_squeal.report.branches import (
     Floats,
     collect_branches,
     find_mirror,
+    frequency_text,
     numbers,
     parameter_name,
     parameter_symbol,
@@ -235,7 +236,7 @@ def _label_onsets(
         if np.isfinite(value) and np.isfinite(frequency):
             points.append((value, frequency / per_unit))
             number = f"{value:.3f}" if symbol == "μ" else f"{value:.4g}"
-            texts.append(f"{symbol} = {number}, {_frequency_text(frequency)}")
+            texts.append(f"{symbol} = {number}, {frequency_text(frequency)}")
     samples = [np.empty((0, 2))]
     for branch in branches:
         if len(branch.value):
@@ -249,7 +250,7 @@ def _draw_legend(
 ) -> None:
     handles = list(markers)
     for branch in growing[:MAX_LEGEND_ENTRIES]:
-        text = f"branch {branch.number}, {_frequency_text(branch.frequency_hz[branch.peak])}"
+        text = f"branch {branch.number}, {frequency_text(branch.frequency_hz[branch.peak])}"
         handles.append(Line2D([], [], lw=2.4, label=text, **styles[branch.number]))
     if len(growing) > MAX_LEGEND_ENTRIES:
         handles.append(Line2D([], [], lw=0, label=f"and {len(growing) - MAX_LEGEND_ENTRIES} more branches"))
@@ -299,10 +300,6 @@ def _pairs(points: Floats) -> Floats:
 def _frequency_unit(modes: pd.DataFrame) -> tuple[str, float]:
     frequency = numbers(modes, "frequency_hz")
     return ("kHz", 1000.0) if np.nanmax(frequency, initial=0.0) >= 2000.0 else ("Hz", 1.0)
-
-
-def _frequency_text(frequency_hz: float) -> str:
-    return f"{frequency_hz / 1000:.2f} kHz" if frequency_hz >= 1000 else f"{frequency_hz:.4g} Hz"
 
 
 def _padded(values: Floats, floor: float | None = None) -> tuple[float, float]:

@@ -40,14 +40,14 @@ def write_shape(
         Say `frequency_hz`, `re`, `im`, `parameter`, `value`, `mode`, `branch`.
     """
     shape = normalise_shape(u)
-    data = _unstructured_grid(grid, grid.points)
+    data = unstructured_grid(grid, grid.points)
     data.point_data["u_re"] = np.ascontiguousarray(shape.real)
     data.point_data["u_im"] = np.ascontiguousarray(shape.imag)
     data.point_data["amplitude"] = semi_major_amplitude(shape)
     data.field_data["body_names"] = list(grid.body_names)
     for name, value in (metadata or {}).items():
         data.field_data[name] = [value] if np.isscalar(value) else list(value)  # type: ignore[arg-type]
-    return _write_grid(data, Path(path))
+    return write_grid(data, Path(path))
 
 
 def write_animation(
@@ -68,7 +68,7 @@ def write_animation(
     path = Path(path)
     shape = normalise_shape(u)
     folder = path.with_name(f"{path.stem}_frames")
-    data = _unstructured_grid(grid, grid.points.astype(np.float32))
+    data = unstructured_grid(grid, grid.points.astype(np.float32))
     data.point_data["amplitude"] = semi_major_amplitude(shape).astype(np.float32)
     collection = ElementTree.Element("VTKFile", type="Collection", version="1.0", byte_order="LittleEndian")
     sets = ElementTree.SubElement(collection, "Collection")
@@ -77,7 +77,7 @@ def write_animation(
     for k in range(frames):
         data.point_data["displacement"] = displacement_at(grid, shape, k / frames, scale).astype(np.float32)
         file = folder / f"{path.stem}_{k:0{width}d}.vtu"
-        files.append(_write_grid(data, file))
+        files.append(write_grid(data, file))
         ElementTree.SubElement(sets, "DataSet", timestep=repr(k / frames), group="", part="0",
                                file=f"{folder.name}/{file.name}")  # fmt: skip
     ElementTree.indent(collection)
@@ -91,7 +91,8 @@ def displacement_at(grid: ShapeGrid, shape: Complexes, time: float, scale: float
     return np.ascontiguousarray(np.real(shape * np.exp(2j * np.pi * time)) * scale * grid.size)
 
 
-def _unstructured_grid(grid: ShapeGrid, points: Any) -> pyvista.UnstructuredGrid:
+def unstructured_grid(grid: ShapeGrid, points: Any) -> pyvista.UnstructuredGrid:
+    """Return the cells of the grid on the given points, with the cell array `body`."""
     import pyvista
 
     data = pyvista.UnstructuredGrid({grid.vtk_cell_type: grid.cells}, points)
@@ -99,7 +100,8 @@ def _unstructured_grid(grid: ShapeGrid, points: Any) -> pyvista.UnstructuredGrid
     return data
 
 
-def _write_grid(data: pyvista.UnstructuredGrid, path: Path) -> Path:
+def write_grid(data: pyvista.UnstructuredGrid, path: Path) -> Path:
+    """Write a grid as a compressed binary .vtu file, atomically."""
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
     from fe_squeal.errors import OutputError

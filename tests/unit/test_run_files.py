@@ -26,8 +26,12 @@ ONSETS = (
     "parameter,value,frequency_hz,kind,direction,crossing_speed,branch_a,branch_b,uncertainty,two_mode_value,"
     "discretisation"
 )
-CONTRIBUTIONS = "parameter,value,mode,branch,term,re_share"
-TABLES_AND_FIGURES = {"modes.csv", "onsets.csv", "contributions.csv", "run.json", "stability.png", "root_locus.png"}
+CONTRIBUTIONS = "parameter,value,mode,branch,term,re_share,energy_share"
+SENSITIVITIES = "parameter,value,mode,branch,number,at,dre,dim"
+TABLES_AND_FIGURES = {
+    "modes.csv", "onsets.csv", "contributions.csv", "sensitivities.csv", "run.json", "stability.png", "root_locus.png",
+    "contributions.png",
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +52,8 @@ def test_files(out: Path) -> None:
     assert header(out / "modes.csv") == MODES
     assert header(out / "onsets.csv") == ONSETS
     assert header(out / "contributions.csv") == CONTRIBUTIONS
-    for figure in ("stability.png", "root_locus.png"):
+    assert header(out / "sensitivities.csv") == SENSITIVITIES
+    for figure in ("stability.png", "root_locus.png", "contributions.png"):
         content = (out / figure).read_bytes()
         assert content.startswith(b"\x89PNG\r\n\x1a\n") and len(content) > 10_000
 
@@ -111,7 +116,7 @@ def shares_add_up(folder: Path) -> list[str]:
         total = sum(share for term, share in terms.items() if term != "sum")
         assert abs(total - terms["sum"]) <= 1e-9 * size
         assert abs(terms["sum"] - float(modes[key]["re"])) <= 1e-9 * size
-    return sorted({term for terms in shares.values() for term in terms})
+    return sorted({term for terms in shares.values() for term, share in terms.items() if share})
 
 
 def test_contributions(out: Path) -> None:

@@ -1,0 +1,49 @@
+"""Friction that depends on the sliding speed."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..contact import ContactOperators
+from ..schema import Positive, Section
+from ..terms import Term
+
+
+class FallingFriction(Section):
+    """Velocity-dependent friction C_μ = ∫ p0 (dμ/dv) δs ṡ dA.
+
+    The sliding speed is v − ṡ, so the pad feels −(dμ/dv) ṡ p0 along the counterface's velocity. A coefficient that
+    falls with speed, dμ/dv < 0, feeds energy in; `mu` is its value at the steady speed. (Derived by virtual work; Popp
+    and Stelter, Phil. Trans. R. Soc. A 332, 1990.)
+
+    Attributes
+    ----------
+    slope : float, s/m
+        dμ/dv; negative where friction falls with speed. A contact's `friction_ratio` multiplies it, as it does mu.
+    contact_pressure : float, Pa
+        Pressure p0 in all contacts, where there is no preload that gives it (default: that of friction_damping).
+    """
+
+    slope: float
+    contact_pressure: Positive | None = None
+
+
+def falling_friction_terms(
+    name: str, operators: ContactOperators, pressure: np.ndarray, powers: dict[str, int]
+) -> list[Term]:
+    """Return the term of one sliding contact.
+
+    Parameters
+    ----------
+    pressure : (q,) float, Pa
+        Of the steady state; 1 where `powers` has it.
+    powers : mapping of parameter to exponent
+        Has the slope.
+    """
+    size = operators.weights * pressure
+    if not size.any():
+        return []
+    matrix = operators.slip.T @ sp.diags_array(size) @ operators.slip
+    matrix = sp.csr_array((matrix + matrix.T) / 2)
+    return [Term(f"falling_friction.{name}", "C", matrix, symmetric=True, powers=powers)]

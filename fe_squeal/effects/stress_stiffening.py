@@ -1,0 +1,40 @@
+"""Stress stiffening: the static stress resists, or helps, rotations of the material."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..schema import Section
+from ..spaces import DisplacementSpace, scatter_scalar
+from ..stress import element_stress
+from ..terms import Term
+
+
+class StressStiffening(Section):
+    """Geometric stiffness K_σ = ∫ σ0_ij ∂_iδu·∂_ju dV of the preload's stress σ0 = C:ε(u0).
+
+    Tension stiffens, pressure softens. Needs `[effects.preload]`; where a body rotates, σ0 includes the centrifugal
+    stress. (Zienkiewicz and Taylor, The Finite Element Method, vol. 2.) It has no keys.
+    """
+
+
+def stiffening_term(
+    space: DisplacementSpace, body: str, elements: np.ndarray, stiffness: np.ndarray, u: np.ndarray
+) -> Term:
+    """Return the geometric stiffness of one body.
+
+    Parameters
+    ----------
+    elements : (e,) int
+    stiffness : (3, 3, 3, 3) float, Pa
+    u : (n,) float, m
+        Static displacements.
+    """
+    K = sp.csr_array((space.unknowns, space.unknowns))
+    for shapes, stress in element_stress(space, elements, stiffness, u):
+        weighted = np.einsum("eabq,ejbq,eq->ejaq", stress, shapes.gradients, shapes.dx, optimize=True)
+        e, j = shapes.nodes.shape
+        blocks = shapes.gradients.reshape(e, j, -1) @ np.transpose(weighted.reshape(e, j, -1), (0, 2, 1))
+        K = K + scatter_scalar(space, blocks, shapes.nodes)
+    return Term(f"stress_stiffening.{body}", "K", sp.csr_array((K + K.T) / 2), symmetric=True)

@@ -1,0 +1,46 @@
+"""Structural damping: K(1 + iη) of elastic bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..schema import Positive, Section
+from ..terms import Term
+
+_PATH = "effects.structural_damping.reference_frequency_hz"
+
+
+class StructuralDamping(Section):
+    """Structural (hysteretic) damping: elastic stiffness K(1 + iη) with the materials' loss factors η.
+
+    It acts at each mode's own frequency, Re λ ≈ −ηω/2, and for Im λ > 0 only. Frozen at a reference frequency, as
+    other programs do it, it is the viscous damping C = η K/ω_ref, right at that frequency alone. Contact, friction and
+    springs are not damped by it. (Crandall, The role of damping in vibration theory, J. Sound Vib. 11, 1970.)
+
+    Attributes
+    ----------
+    reference_frequency_hz : float, Hz
+        Freezes the damping at one frequency (default: each mode's own).
+    """
+
+    reference_frequency_hz: Positive | None = None
+
+
+def structural_terms(
+    damping: StructuralDamping, body: str, loss_factor: float, path: str, elastic: Term
+) -> list[Term]:
+    """Return the damping term of one body; none where its loss factor is zero.
+
+    Parameters
+    ----------
+    path : str
+        Of the loss factor.
+    elastic : Term
+        Of the body.
+    """
+    if not loss_factor:
+        return []
+    name, powers = f"structural_damping.{body}", {path: 1, **elastic.powers}
+    if damping.reference_frequency_hz is None:
+        return [Term(name, "K", elastic.matrix, symmetric=True, powers=powers, imaginary=True)]
+    return [Term(name, "C", elastic.matrix / (2 * np.pi), symmetric=True, powers={_PATH: -1, **powers})]

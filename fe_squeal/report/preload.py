@@ -1,0 +1,138 @@
+"""Files and a picture of the static state under preload: displacement, stress and contact pressure."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fe_squeal.report.shapes import Floats, ShapeGrid
+from fe_squeal.report.vtk_files import unstructured_grid, write_grid
+
+
+@dataclass(frozen=True)
+class ContactFace:
+    """What presses on the face of one contact.
+
+    Attributes
+    ----------
+    points : (q, 3) float, m
+        Quadrature points.
+    normals : (q, 3) float
+        Out of the counterface.
+    directions : (q, 3) float
+        Along the counterface's velocity relative to the pad; zero where nothing slides.
+    weights : (q,) float, m^2
+    pressure : (q,) float, Pa
+    closed : (q,) bool
+    normal_force : float, N
+    torque : float, N m
+        Of the friction about the axis of rotation; NaN where there is no such axis.
+    """
+
+    points: Floats
+    normals: Floats
+    directions: Floats
+    weights: Floats
+    pressure: Floats
+    closed: NDArray[np.bool_]
+    normal_force: float
+    torque: float = np.nan
+
+    @property
+    def closed_part(self) -> float:
+        """Part of the area that is closed."""
+        return float(self.weights[self.closed].sum() / self.weights.sum())
+
+
+def export_preload(
+    grid: ShapeGrid,
+    displacement: Floats,
+    contacts: Mapping[str, ContactFace],
+    folder: str | os.PathLike[str],
+    *,
+    mu: float = np.nan,
+    von_mises: Floats | None = None,
+    title: str = "",
+    picture: bool = True,
+) -> list[Path]:
+    """Write `preload.vtu` and, where there are contacts, `preload_contacts.vtu` and `preload.png`.
+
+    `preload.vtu` has the point array `displacement` in m, the cell arrays `body` and `von_mises` in Pa, and the field
+    data `body_names`, `mu`, `contact_names`, and per contact `normal_force` in N and `torque` in N m.
+    `preload_contacts.vtu` has every quadrature point as a vertex, with `contact` (index into `contact_names`),
+    `contact_pressure` in Pa, `closed` (0 or 1), `normal`, `sliding_direction` and `weight` in m².
+
+    Parameters
+    ----------
+    displacement : (n, 3) float, m
+    contacts : mapping of name to ContactFace
+    folder : path
+        Made where it is missing.
+    mu : float
+        Friction coefficient of the static solve.
+    von_mises : (ne,) float, Pa, optional
+        Of each cell.
+    title : str
+        Over the picture.
+    picture : bool
+        Whether to write the .png.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+
+    Raises
+    ------
+    ValueError
+        An array does not fit the grid.
+    OutputError
+        A file cannot be written.
+    """
+    folder = Path(folder)
+    if np.shape(displacement) != grid.points.shape:
+        raise ValueError(f"displacement of shape {np.shape(displacement)}; expected {grid.points.shape}")
+    data = unstructured_grid(grid, grid.points)
+    data.point_data["displacement"] = np.ascontiguousarray(displacement, dtype=float)
+    if von_mises is not None:
+        if np.shape(von_mises) != (len(grid.cells),):
+            raise ValueError(f"von_mises of shape {np.shape(von_mises)}; expected {(len(grid.cells),)}")
+        data.cell_data["von_mises"] = np.asarray(von_mises, dtype=float)
+    data.field_data["body_names"] = list(grid.body_names)
+    data.field_data["mu"] = [mu]
+    if contacts:
+        data.field_data["contact_names"] = list(contacts)
+        data.field_data["normal_force"] = [face.normal_force for face in contacts.values()]
+        data.field_data["torque"] = [face.torque for face in contacts.values()]
+    files = [write_grid(data, folder / "preload.vtu")]
+    if contacts:
+        files.append(write_contact_points(contacts, folder / "preload_contacts.vtu"))
+    if contacts and picture:
+        from fe_squeal.report.pressure import plot_pressure
+
+        files.append(plot_pressure(contacts, folder / "preload.png", title))
+    return files
+
+
+def write_contact_points(contacts: Mapping[str, ContactFace], path: str | os.PathLike[str]) -> Path:
+    """Write the quadrature points of all contacts as vertices of a .vtu file, as described at `export_preload`."""
+    import pyvista
+
+    faces = list(contacts.values())
+    points = np.concatenate([face.points for face in faces])
+    vertices = np.arange(len(points))[:, None]
+    data = pyvista.UnstructuredGrid({pyvista.CellType.VERTEX: vertices}, points)
+    sizes = [len(face.points) for face in faces]
+    data.point_data["contact"] = np.repeat(np.arange(len(faces), dtype=np.int32), sizes)
+    data.point_data["contact_pressure"] = np.concatenate([face.pressure for face in faces])
+    data.point_data["closed"] = np.concatenate([face.closed for face in faces]).astype(np.uint8)
+    data.point_data["normal"] = np.concatenate([face.normals for face in faces])
+    data.point_data["sliding_direction"] = np.concatenate([face.directions for face in faces])
+    data.point_data["weight"] = np.concatenate([face.weights for face in faces])
+    data.field_data["contact_names"] = list(contacts)
+    return write_grid(data, Path(path))

@@ -1,0 +1,232 @@
+"""Picture of the contact pressure: each contact's face seen along its normal."""
+
+from __future__ import annotations
+
+import math
+import os
+import textwrap
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Colormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import FancyArrowPatch, Patch
+from matplotlib.patheffects import Normal, Stroke
+from matplotlib.tri import Triangulation
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay, QhullError, cKDTree
+
+from fe_squeal.report.files import replace_atomically
+from fe_squeal.report.pictures import axis_frame, direction_text
+from fe_squeal.report.preload import ContactFace
+from fe_squeal.report.shapes import Floats
+
+MAX_COLUMNS = 3
+FACE_INCHES = 3.6  # the longer side of a face
+PIXELS = 500  # along the longer side of a face
+COLOURS, OPEN_COLOUR, PULLING_COLOUR = "viridis", "0.78", "tab:red"
+LARGEST_TRIANGLE = 1.25  # between neighbouring points, over the mean area that these stand for
+_RING = 0.5  # mean of the unit sliding directions below which one arrow would not tell how the face slides
+
+
+def plot_pressure(contacts: Mapping[str, ContactFace], path: str | os.PathLike[str], title: str = "") -> Path:
+    """Draw the pressure on the face of each contact, a panel each, seen from the pad along the mean normal.
+
+    Each spot has the value at its nearest quadrature point: the closed part by colour, on one scale for all contacts
+    that starts from 0, the open part grey. A face is drawn as far as its outermost quadrature points. The arrow points
+    along the sliding of the counterface.
+
+    Parameters
+    ----------
+    contacts : mapping of name to ContactFace
+        At least one.
+    path : path
+        Where to write; the suffix chooses the format (png, pdf, svg).
+
+    Returns
+    -------
+    Path
+        The file written.
+    """
+    path = Path(path)
+    figure = pressure_figure(contacts, title)
+    with replace_atomically(path) as temporary:
+        figure.savefig(temporary)
+    return path
+
+
+def pressure_figure(contacts: Mapping[str, ContactFace], title: str = "") -> Figure:
+    """Return the figure that `plot_pressure` writes."""
+    peak = max(_peak(face) for face in contacts.values())
+    pulls = any((face.pressure[face.closed] < 0).any() for face in contacts.values())
+    unit, size = pressure_unit(peak)
+    scale = Normalize(0.0, peak / size if peak > 0 else 1.0)
+    colours = colormaps[COLOURS].with_extremes(under=PULLING_COLOUR, bad=OPEN_COLOUR)
+
+    columns = min(len(contacts), MAX_COLUMNS)
+    rows = math.ceil(len(contacts) / columns)
+    texts = [_describe(name, face) for name, face in contacts.items()]
+    sizes = np.array([_panel_size(*pair) for pair in zip(contacts.values(), texts, strict=True)])
+    width, heights = sizes[:, 0].max() * columns + 1.2, [sizes[i * columns :][:columns, 1].max() for i in range(rows)]
+    head = textwrap.fill(title, int(11 * width))
+    figure = Figure(figsize=(width, sum(heights) + 0.7 + 0.2 * len(head.split("\n"))), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(head, fontsize=11)
+    panels = figure.subplots(rows, columns, squeeze=False, gridspec_kw={"height_ratios": heights}).ravel()
+    for axes in panels[len(contacts) :]:
+        axes.set_axis_off()
+    slides = []
+    for axes, face, text in zip(panels, contacts.values(), texts, strict=False):
+        axes.set_title(text, fontsize=9)
+        slides.append(_draw_face(axes, face, colours, scale, size))
+    figure.colorbar(ScalarMappable(scale, colours), ax=panels.tolist(), label=f"contact pressure ({unit})",
+                    extend="min" if pulls else "neither", shrink=0.8, aspect=30, pad=0.02)
+    keys: list[Any] = []
+    if any(not face.closed.all() for face in contacts.values()):
+        keys.append(Patch(color=OPEN_COLOUR, label="open"))
+    if pulls:
+        keys.append(Patch(color=PULLING_COLOUR, label="pulls (held closed)"))
+    if any(slides):
+        keys.append(Line2D([], [], ls="", marker=r"$\rightarrow$", ms=14, mfc="black", mec="black",
+                           label="sliding of the counterface"))  # fmt: skip
+    if keys:
+        figure.legend(handles=keys, loc="outside lower center", ncols=len(keys), fontsize=9, frameon=False)
+    return figure
+
+
+def face_frame(face: ContactFace) -> Floats:
+    """Return the frame (3, 3) in which a face is drawn: across, up, and towards the viewer along the mean normal."""
+    mean = face.weights @ face.normals / face.weights.sum()
+    # a face that closes on itself has no mean normal; it is seen where it presses most
+    return axis_frame(mean if np.linalg.norm(mean) > 0.05 else face.normals[np.argmax(face.pressure)])
+
+
+def pressure_unit(peak: float) -> tuple[str, float]:
+    """Return the unit in which a pressure in Pa is well read, and its size in Pa.
+
+    Examples
+    --------
+    >>> pressure_unit(2.7e6), pressure_unit(3e4), pressure_unit(0.0)
+    (('MPa', 1000000.0), ('kPa', 1000.0), ('Pa', 1.0))
+    """
+    for unit, size in (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3)):
+        if peak >= 0.1 * size:
+            return unit, size
+    return "Pa", 1.0
+
+
+def _peak(face: ContactFace) -> float:
+    return float(face.pressure[face.closed].max(initial=0.0))
+
+
+def _draw_face(axes: Axes, face: ContactFace, colours: Colormap, scale: Normalize, size: float) -> bool:
+    """Draw one panel; return whether it got an arrow."""
+    frame = face_frame(face)
+    points, directions = 1e3 * face.points @ frame[:2].T, face.directions @ frame[:2].T
+    tilt = face.normals @ frame[2]
+    near = tilt > 0  # what turns away from the viewer is hidden
+    values = np.where(face.closed, face.pressure / size, np.nan)
+    image, extent = _nearest_values(points[near], 1e6 * (face.weights * tilt)[near], values[near])
+    # open spots are NaN, which `colours` shows in grey; beside the face nothing is drawn
+    pixels = colours(scale(np.ma.masked_invalid(image.data)))
+    pixels[image.mask] = 0.0
+    axes.imshow(pixels, extent=extent, origin="lower", interpolation="none", aspect="equal", zorder=2)
+    axes.set_xlabel(f"{direction_text(frame[0])} (mm)")
+    axes.set_ylabel(f"{direction_text(frame[1])} (mm)")
+    axes.tick_params(labelsize=8)
+    axes.locator_params(nbins=6)
+    axes.grid(True, color="0.92", lw=0.6)
+    return _draw_arrows(axes, points[near], face.weights[near], directions[near])
+
+
+def _describe(name: str, face: ContactFace) -> str:
+    unit, size = pressure_unit(_peak(face))
+    lines = [textwrap.fill(name, 60), f"seen along {direction_text(-face_frame(face)[2])}",
+             f"normal force {_newtons(face.normal_force)}, closed {100 * face.closed_part:.3g} % of the area",
+             f"peak {_peak(face) / size:.3g} {unit}"]  # fmt: skip
+    if math.isfinite(face.torque):
+        lines[-1] += f", braking torque {face.torque:.4g} N m"
+    return "\n".join(lines)
+
+
+def _panel_size(face: ContactFace, text: str) -> tuple[float, float]:
+    """Return width and height of a panel in inches: its face, the labels around it and the title above it."""
+    sides = np.ptp(face.points @ face_frame(face)[:2].T, axis=0)
+    width, height = np.maximum(FACE_INCHES * sides / max(float(sides.max()), 1e-300), 0.8)
+    lines = text.split("\n")
+    # 0.07 in is a letter of 9 pt; the layout itself does not look at the width of titles
+    return max(width + 1.0, 0.07 * max(map(len, lines)) + 0.2), height + 0.7 + 0.17 * len(lines)
+
+
+def _nearest_values(points: Floats, weights: Floats, values: Floats) -> tuple[np.ma.MaskedArray, Any]:
+    """Return an image of the values at the nearest points, masked beside the face, and its extent in mm."""
+    side = np.sqrt(np.abs(weights).mean())  # of the square that a point stands for
+    low, high = points.min(axis=0) - side, points.max(axis=0) + side
+    step = (high - low).max() / PIXELS
+    x, y = np.meshgrid(*(np.arange(a, b, step) + step / 2 for a, b in zip(low, high, strict=True)))
+    tree = cKDTree(points)
+    distance, nearest = tree.query(np.stack([x, y], axis=-1))
+    triangles = _triangles_on_face(points, weights, tree)
+    if len(triangles):
+        finder = Triangulation(points[:, 0], points[:, 1], triangles).get_trifinder()
+        inside = np.asarray(finder(x, y)) >= 0
+    else:
+        inside = np.asarray(distance <= side)
+    extent = (low[0], low[0] + step * x.shape[1], low[1], low[1] + step * x.shape[0])
+    return np.ma.masked_array(values[nearest], ~inside), extent
+
+
+def _triangles_on_face(points: Floats, weights: Floats, tree: cKDTree) -> NDArray[np.int32]:
+    """Return triangles (t, 3) between the points that lie on the face, not across a slot, a hole or a bay of its edge;
+    none where the points are fewer than three or all on a line."""
+    try:
+        triangles = Delaunay(points).simplices
+    except QhullError:
+        return np.zeros((0, 3), dtype=np.int32)
+    corners = points[triangles]
+    sides = np.roll(corners, -1, axis=1) - corners
+    area = 0.5 * np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+    # by areas, unlike by lengths, neighbours are told from others on stretched meshes too
+    part = area / np.abs(weights)[triangles].mean(axis=1)
+    # slivers along a bay of the edge have small areas, but large circumscribed circles
+    with np.errstate(divide="ignore", invalid="ignore"):
+        radius = np.linalg.norm(sides, axis=2).prod(axis=1) / (4 * area)
+    reach = 1.5 * tree.query(points, k=[min(25, len(points))])[0][:, 0]
+    near = radius <= reach[triangles].max(axis=1)
+    return np.asarray(triangles[(part > 1e-6) & (part <= LARGEST_TRIANGLE) & near], dtype=np.int32)
+
+
+def _draw_arrows(axes: Axes, points: Floats, weights: Floats, directions: Floats) -> bool:
+    """Draw the sliding direction: one arrow, or six around the centre where the face slides in circles."""
+    if not directions.any():
+        return False
+    centre = weights @ points / weights.sum()
+    mean = weights @ directions / weights.sum()
+    if np.linalg.norm(mean) > _RING:
+        places = [int(np.argmin(np.linalg.norm(points - centre, axis=1)))]
+        arrows = mean[None]
+    else:
+        angles = np.arange(6) * np.pi / 3
+        radius = np.linalg.norm(points - centre, axis=1).mean()
+        wanted = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+        places = [int(np.argmin(np.linalg.norm(points - place, axis=1))) for place in wanted]
+        arrows = directions[places]
+    length = 0.16 * np.ptp(points, axis=0).max()
+    for place, arrow in zip(points[places], arrows, strict=True):
+        half = 0.5 * length * arrow / max(float(np.linalg.norm(arrow)), 1e-300)
+        axes.add_patch(FancyArrowPatch(
+            place - half, place + half, arrowstyle="-|>", mutation_scale=13, lw=1.6, color="black", zorder=4,
+            shrinkA=0, shrinkB=0, path_effects=[Stroke(linewidth=4.0, foreground="white"), Normal()],
+        ))  # fmt: skip
+    return True
+
+
+def _newtons(force: float) -> str:
+    return f"{force / 1000:.4g} kN" if abs(force) >= 1000 else f"{force:.4g} N"

@@ -1,0 +1,66 @@
+"""Bodies and what holds them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, field_validator
+
+from ..effects.rayleigh import Rayleigh
+from ..materials import material_axes
+from ..schema import Section, Vector
+
+
+class Body(Section):
+    """A volume group with its material; every element belongs to exactly one body. NAME is the group.
+
+    Attributes
+    ----------
+    material : str
+        Name of a material above.
+    groups : list of str
+        Volume groups of the mesh that make up the body, where NAME is not the group itself.
+    axes : two vectors
+        Axes 1 and 2 of an orthotropic material in global coordinates, [[x, y, z], [x, y, z]]; axis 3 is across both,
+        and the second vector need only lie in the plane of axes 1 and 2 (default: x and y). The same throughout
+        the body.
+    rayleigh : table
+        Rayleigh damping of this body, instead of that of the whole model.
+    """
+
+    material: str
+    groups: Annotated[list[str], Field(min_length=1)] | None = None
+    axes: Annotated[tuple[Vector, Vector], Field(strict=False)] | None = None
+    rayleigh: Rayleigh | None = None
+
+    @field_validator("axes")
+    @classmethod
+    def _span_a_plane(cls, value: tuple[Vector, Vector] | None) -> tuple[Vector, Vector] | None:
+        if value is not None:
+            try:
+                material_axes(*value)
+            except ValueError as error:
+                raise ValueError(f"{error}; expected two vectors that span a plane") from error
+        return value
+
+
+class Support(Section):
+    """A surface group on which displacement components are held.
+
+    Attributes
+    ----------
+    surface : str
+        Surface group of the mesh.
+    fixed : str
+        The global components that are held: any of the letters x, y, z, such as "xyz" or "z".
+    """
+
+    surface: str
+    fixed: str
+
+    @field_validator("fixed")
+    @classmethod
+    def _components(cls, value: str) -> str:
+        if not value or set(value) - set("xyz") or len(set(value)) != len(value):
+            raise ValueError('expected any of the letters x, y and z, such as "xyz" or "z"')
+        return value

@@ -1,0 +1,119 @@
+"""Contacts and the motion of their counterfaces."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from pydantic import field_validator, model_validator
+
+from ..contact import Sliding
+from ..schema import NonNegative, Positive, Section, Vector
+
+
+class SlidingSection(Section):
+    """Motion of a counterface: rad/s about an axis through a centre, or m/s along a direction.
+
+    Only the direction of the motion counts for the friction force, the speed for its sign; slip damping and rotation
+    need the speed itself.
+
+    Attributes
+    ----------
+    axis : vector
+        Axis of a rotation, of any length.
+    centre : vector, m
+        A point of the axis, with `axis` alone; in metres whatever `length_unit` is.
+    direction : vector
+        Direction of a straight belt, of any length; instead of `axis`.
+    speed : float, rad/s or m/s
+        About the axis by the right hand, or along the direction; not zero, negative the other way.
+    """
+
+    axis: Vector | None = None
+    centre: Vector = (0.0, 0.0, 0.0)
+    direction: Vector | None = None
+    speed: float
+
+    @field_validator("axis", "direction")
+    @classmethod
+    def _nonzero(cls, value: Vector | None) -> Vector | None:
+        if value is not None and not any(value):
+            raise ValueError("expected a vector that is not zero")
+        return value
+
+    @field_validator("speed")
+    @classmethod
+    def _moves(cls, value: float) -> float:
+        if value == 0:
+            raise ValueError("expected a number that is not zero, whose sign gives the direction")
+        return value
+
+    @model_validator(mode="after")
+    def _either(self) -> SlidingSection:
+        if (self.axis is None) == (self.direction is None):
+            given = "neither axis nor direction" if self.axis is None else "both axis and direction"
+            raise ValueError(
+                f"given {given}; expected either axis (and centre) for a rotation or direction for a straight belt"
+            )
+        if self.direction is not None and "centre" in self.model_fields_set:
+            raise ValueError(
+                "given direction and centre; expected centre with a rotation about an axis, not with a straight belt"
+            )
+        return self
+
+    def motion(self) -> Sliding:
+        """Return the motion as arrays in SI units."""
+        vector = np.array(self.axis or self.direction, float)
+        velocity = vector / np.linalg.norm(vector) * self.speed
+        return Sliding(velocity, np.array(self.centre) if self.axis is not None else None)
+
+
+class Contact(Section):
+    """A pad's surface on a counterface.
+
+    Attributes
+    ----------
+    name : str
+        For messages and results (default: contact_1, contact_2, ...).
+    surface : str
+        Surface group of the pad.
+    counterface : str
+        Surface group of the moving body, or "rigid" for one without a mesh.
+    normal_stiffness : float, N/m per m^2
+        Contact stiffness.
+    kind : "sliding" or "frictionless" or "tied"
+        A tied contact couples all three directions.
+    friction_ratio : float
+        This contact's friction coefficient as a multiple of effects.friction.mu.
+    normal_damping : float, N s/m per m^2
+        Contact damping.
+    gap_tolerance : float, m
+        Gaps and overlaps of the two meshes up to it are taken as closed (default: 2 % of the mean facet size of the
+        pad); in metres whatever `length_unit` is.
+    sliding : table
+        Motion of the counterface; needed by a sliding contact.
+    """
+
+    name: str = ""
+    surface: str
+    counterface: str
+    normal_stiffness: Positive
+    kind: Literal["sliding", "frictionless", "tied"] = "sliding"
+    friction_ratio: NonNegative = 1.0
+    normal_damping: NonNegative = 0.0
+    gap_tolerance: NonNegative | None = None
+    sliding: SlidingSection | None = None
+
+    @model_validator(mode="after")
+    def _slides(self) -> Contact:
+        if self.kind == "sliding" and self.sliding is None:
+            raise ValueError(
+                "a sliding contact needs sliding = { axis, centre, speed } or { direction, speed };"
+                ' or set kind = "frictionless" or "tied"'
+            )
+        return self
+
+    @property
+    def is_rigid(self) -> bool:
+        """Whether the counterface is rigid and has no mesh."""
+        return self.counterface == "rigid"

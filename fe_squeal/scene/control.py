@@ -1,0 +1,117 @@
+"""What is asked for: the sweep, the number of modes, the output."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from ..schema import Positive, Section
+from .paths import MU, canonical, paths_of
+
+
+class SweepSection(Section):
+    """Values of the parameter that the sweep takes: `from`, `to` and `points`, or `values`.
+
+    Attributes
+    ----------
+    parameter : str
+        "mu", short for effects.friction.mu, or the dotted path of any other number of the scene, such as
+        "contacts.NAME.normal_stiffness", "springs.NAME.damping" or "materials.NAME.youngs_modulus"; a list of paths
+        moves several together.
+    from : float
+        First value.
+    to : float
+        Last value.
+    points : int
+        Number of values, equally spaced from the first to the last.
+    values : list of float
+        The values themselves, increasing.
+    """
+
+    parameter: str = MU
+    start: float | None = Field(default=None, alias="from")
+    stop: float | None = Field(default=None, alias="to")
+    points: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    values: Annotated[list[float], Field(min_length=1, max_length=100_000)] | None = None
+
+    @field_validator("parameter", mode="before")
+    @classmethod
+    def _paths(cls, value: object) -> object:
+        """Join a list of paths into one name, with "mu" short for effects.friction.mu."""
+        paths = [p for p in (value if isinstance(value, list) else [value]) if isinstance(p, str) and p.strip()]
+        if not paths or (isinstance(value, list) and len(paths) < len(value)):
+            raise ValueError('expected "mu", the path of a number such as "springs.NAME.damping", or a list of paths')
+        names = [canonical(p) for path in paths for p in paths_of(path)]
+        if len(set(names)) < len(names):
+            raise ValueError("expected different paths")
+        return ", ".join(names)
+
+    @field_validator("values")
+    @classmethod
+    def _increasing(cls, value: list[float] | None) -> list[float] | None:
+        for a, b in pairwise(value or ()):
+            if a >= b:
+                raise ValueError(f"expected values that increase; {b:g} comes after {a:g}")
+        return value
+
+    @model_validator(mode="after")
+    def _one_range(self) -> SweepSection:
+        ranged = {"from": self.start, "to": self.stop, "points": self.points, "values": self.values}
+        given = [key for key, value in ranged.items() if value is not None]
+        if given not in (["from", "to", "points"], ["values"]):
+            raise ValueError(f"given {', '.join(given) or 'nothing'}; expected from, to and points, or values = [...]")
+        if self.values is None and not (np.diff(self.grid) > 0).all():
+            raise ValueError(f"given from = {self.start:g}, to = {self.stop:g}; expected from < to")
+        if self.values is None and self.points == 1 and self.start != self.stop:
+            raise ValueError("given points = 1; expected at least 2 from one value to another (one: values = [...])")
+        return self
+
+    @property
+    def grid(self) -> np.ndarray:
+        """(m,) float: the values, increasing."""
+        if self.values is not None:
+            return np.array(self.values)
+        assert self.start is not None and self.stop is not None and self.points is not None
+        return np.linspace(self.start, self.stop, self.points)
+
+
+class Solve(Section):
+    """What the eigen-solver is asked for.
+
+    Attributes
+    ----------
+    modes : int
+        Number of modes, the lowest (default: 20, or as many as there are, where `max_frequency` is not given).
+    max_frequency : float, Hz
+        All modes up to it, instead of `modes`.
+    method : "auto" or "direct"
+        How the modes are computed; "auto" chooses.
+    tolerance : float
+        Relative backward error at which an eigenvalue is taken as converged.
+    """
+
+    modes: Annotated[int, Field(ge=1)] | None = None  # 20, or as many as there are, where max_frequency is not given
+    max_frequency: Positive | None = None
+    method: Literal["auto", "direct"] = "auto"
+    tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
+
+    @model_validator(mode="after")
+    def _one_limit(self) -> Solve:
+        if self.modes is not None and self.max_frequency is not None:
+            raise ValueError("given modes and max_frequency; expected one of them")
+        return self
+
+
+class Output(Section):
+    """What is written beside the tables and figures.
+
+    Attributes
+    ----------
+    shapes : "unstable" or "all" or "none"
+        Which mode shapes are written, for ParaView and as pictures.
+    """
+
+    shapes: Literal["unstable", "all", "none"] = "unstable"

@@ -1,0 +1,115 @@
+"""A scene whose matrices come from another program."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from ..errors import suggest
+from ..schema import Section, Text
+from .base import BaseScene
+from .control import Output, Solve, SweepSection
+from .paths import paths_of
+
+
+class TermSection(Section):
+    """One matrix of (λ²M + λC + K)u = 0 from a file; terms of the same role add up.
+
+    Attributes
+    ----------
+    role : "mass" or "damping" or "stiffness"
+        Where it counts.
+    file : str
+        Matrix Market .mtx, SciPy .npz, NumPy .npy or MATLAB .mat, relative to the scene file; real and square. Nothing
+        in a file is executed.
+    variable : str
+        Name of the matrix in a .mat file; needed where the file holds several.
+    scale : float
+        Factor.
+    powers : table of int
+        Parameter = exponent: the term counts with Π parameter^exponent, negative exponents too (default: constant).
+    imaginary : bool
+        Whether the term counts with i, as structural damping does; with role "stiffness" alone.
+    """
+
+    role: Literal["mass", "damping", "stiffness"]
+    file: Text
+    variable: str | None = None
+    scale: float = 1.0
+    powers: dict[str, int] = {}
+    imaginary: bool = False
+
+    @field_validator("powers")
+    @classmethod
+    def _sensible(cls, value: dict[str, int]) -> dict[str, int]:
+        for name, exponent in value.items():
+            if not -20 <= exponent <= 20:
+                raise ValueError(f"{name}: given {exponent}; expected an exponent from -20 to 20")
+        return value
+
+    @model_validator(mode="after")
+    def _where(self) -> TermSection:
+        if self.imaginary and self.role != "stiffness":
+            raise ValueError(f'given imaginary = true with role = "{self.role}"; expected it with role = "stiffness"')
+        return self
+
+
+class MatrixScene(BaseScene):
+    """A scene of matrices; `load_scene` reads one from TOML that has `[[terms]]`.
+
+    Attributes
+    ----------
+    title : str
+        For figures and run.json.
+    parameters : table of float
+        Parameters by name, with their nominal values.
+    terms : list of tables
+        The matrices, all of one size.
+    sweep : table
+        Where to solve; without it once, at the nominal values.
+    solve : table
+        Number of modes and accuracy.
+    output : table
+        What is written.
+    """
+
+    title: str = ""
+    parameters: dict[str, float] = {}
+    terms: Annotated[list[TermSection], Field(min_length=1)]
+    sweep: SweepSection | None = None
+    solve: Solve = Solve()
+    output: Output = Output()
+
+    @property
+    def effect_names(self) -> tuple[str, ...]:
+        """No effects: what the matrices stand for is not known."""
+        return ()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> MatrixScene:
+        for name in self.parameters:
+            if not name or "," in name:
+                raise ValueError(f'parameters: given the name "{name}"; expected one not empty, and without a comma')
+        for i, term in enumerate(self.terms):
+            for name, exponent in term.powers.items():
+                if name not in self.parameters:
+                    raise ValueError(
+                        f'terms[{i}].powers.{name}: is no parameter{suggest(name, self.parameters)}; expected'
+                        " [parameters] to have it"
+                    )
+                if exponent < 0 and self.parameters[name] == 0:
+                    raise ValueError(f"terms[{i}].powers.{name}: given {exponent}, and parameters.{name} = 0")
+        if not any(t.role == "mass" for t in self.terms) or not any(t.role == "stiffness" for t in self.terms):
+            raise ValueError('terms: expected at least one of role = "mass" and one of role = "stiffness"')
+        if self.sweep is not None:
+            self._check_sweep(self.sweep)
+        return self
+
+    def _check_sweep(self, sweep: SweepSection) -> None:
+        for path in paths_of(sweep.parameter):
+            if path not in self.parameters:
+                known = suggest(path, self.parameters)
+                raise ValueError(f'sweep.parameter: given "{path}", which is no parameter{known}')
+            if (sweep.grid == 0).any() and any(t.powers.get(path, 0) < 0 for t in self.terms):
+                raise ValueError(f"sweep: given the value 0 for {path}, of which a term has a negative power")

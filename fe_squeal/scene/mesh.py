@@ -1,0 +1,68 @@
+"""Where the mesh comes from."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import field_validator, model_validator
+
+from ..geometry import Block, DiscPad
+from ..schema import Section, Text
+
+
+class MeshSection(Section):
+    """Where the mesh comes from: a file, or a parametric geometry, or both: then the file is what runs.
+
+    Attributes
+    ----------
+    file : str
+        The mesh file, relative to the scene file: .msh, .inp, .bdf, .vtu, .vtk, .xdmf, .med, ... `fe-squeal mesh` makes
+        it from the geometry.
+    length_unit : "m" or "mm"
+        Unit of the file's coordinates, and of the lengths in `[mesh.disc_pad]` and `[mesh.block]`; of nothing else.
+    order : 1 or 2
+        Polynomial order of the displacements.
+    disc_pad : table
+        Parametric geometry.
+    block : table
+        Parametric geometry; one of the two.
+    """
+
+    file: Text | None = None
+    length_unit: Literal["m", "mm"] = "m"
+    order: int = 2
+    disc_pad: DiscPad | None = None
+    block: Block | None = None
+
+    @field_validator("file")
+    @classmethod
+    def _is_a_name(cls, value: str | None) -> str | None:
+        if value is not None and not value.isprintable():
+            raise ValueError("expected the name of a mesh file, without control characters")
+        return value
+
+    @field_validator("order", mode="before")
+    @classmethod
+    def _one_or_two(cls, value: object) -> object:
+        if type(value) is not int or value not in (1, 2):  # Literal[1, 2] lets true and 1.0 through
+            raise ValueError("expected 1 or 2")
+        return value
+
+    @model_validator(mode="after")
+    def _one_source(self) -> MeshSection:
+        geometries = [g for g in (self.disc_pad, self.block) if g is not None]
+        if self.file is None and not geometries:
+            raise ValueError('given no mesh; expected file = "...", or a geometry [mesh.disc_pad] or [mesh.block]')
+        if len(geometries) > 1:
+            raise ValueError("given [mesh.disc_pad] and [mesh.block]; expected one geometry")
+        return self
+
+    @property
+    def geometry(self) -> DiscPad | Block | None:
+        """The parametric geometry, if there is one."""
+        return self.disc_pad or self.block
+
+    @property
+    def scale(self) -> float:
+        """Metres per unit of the file's coordinates."""
+        return 1e-3 if self.length_unit == "mm" else 1.0

@@ -1,0 +1,250 @@
+"""Bodies of revolution that turn, against closed forms in the frame that does not turn.
+
+A wave e^{i(ωt + mθ)} of the body's cylindrical components that has ω₀ in the body has ω₀ − mΩ here: m = −n runs with
+the rotation, m = n against it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.sparse.linalg import spsolve
+
+from fe_squeal import rotating
+from fe_squeal.contact import Sliding
+from fe_squeal.eigen.pencil import Pencil
+from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.errors import SceneError
+from fe_squeal.materials import Material, material_axes, stiffness_tensor
+from fe_squeal.spaces import assemble_elasticity, make_space
+from meshes import KINDS, STEEL, annulus, box, mapped, rotation
+
+OUTER, INNER, THICKNESS = 0.2, 0.1, 0.004
+RING_INNER, RING_RADIUS, RING_OUTER, RING_WIDTH = 0.198, 0.2, 0.202, 0.004
+RHO, E = STEEL["density"], STEEL["youngs_modulus"]
+ELASTICITY = stiffness_tensor(Material(**STEEL))
+
+
+class Body:
+    def __init__(self, mesh, order=2, held=()):
+        self.space = make_space(mesh, order, [(mesh.boundaries[group], "xyz") for group in held])
+        self.elements = np.arange(mesh.nelements)
+        self.K, self.M = assemble_elasticity(self.space, self.elements, ELASTICITY, RHO)
+
+    def gyroscopic(self, motion):
+        return rotating.gyroscopic_matrices(self.space, self.elements, RHO, motion)
+
+    def circulatory(self, motion):
+        return rotating.circulatory_matrices(self.space, self.elements, self.K, RHO, motion)
+
+    def rigid(self):
+        """Return (n, 6): translations along and rotations about x, y and z, of a body that is not held."""
+        x = self.space.coordinates
+        fields = [np.tile(e, (len(x), 1)) for e in np.eye(3)] + [np.cross(e, x) for e in np.eye(3)]
+        return np.stack([field.ravel() for field in fields], axis=1)
+
+
+def disc(held=()):
+    return Body(annulus("hex2", (2, 20, 1), INNER, OUTER, THICKNESS), held=held)
+
+
+def ring():
+    return Body(annulus("hex2", (1, 24, 1), RING_INNER, RING_OUTER, RING_WIDTH))
+
+
+def about_z(speed, centre=(0.0, 0.0, 0.0)):
+    return Sliding(np.array([0.0, 0.0, speed]), np.array(centre))
+
+
+def radial(x):
+    return np.column_stack([x[:, :2] / np.linalg.norm(x[:, :2], axis=1, keepdims=True), np.zeros(len(x))])
+
+
+def axial(x):
+    return [0.0, 0.0, 1.0]
+
+
+def waves(body, modes, n, direction):
+    """Return λ of the waves with n diameters in a direction field, with and against the rotation."""
+    x = body.space.coordinates
+    u = np.stack([(body.space.expand(shape) * direction(x)).sum(axis=1) for shape in modes.right.T])
+    share = np.abs(u @ np.exp(-1j * np.outer(np.arctan2(x[:, 1], x[:, 0]), [-n, n])))
+    return modes.lam[np.argmax(share, axis=0)]  # of modes of unit mass
+
+
+def solve(body, count, K=None, C=None):
+    K = body.K if K is None else sp.csr_array(body.K + K)
+    return solve_modes(Pencil(body.M, K, C, symmetric=C is None), Request(count=count))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_gyroscopic_matrix_is_skew_and_convected_stiffness_symmetric(kind):
+    turning = rotation()
+    mesh = mapped(annulus(kind, (1, 8, 1), INNER, OUTER, THICKNESS), lambda x: turning @ x + 0.3)
+    motion = Sliding(40.0 * turning[:, 2], np.full(3, 0.3))
+    it = Body(mesh, int(kind[-1]))
+    G, K = it.gyroscopic(motion)
+    B_K, B_M = it.circulatory(motion)
+    for skew in (G, B_K, B_M):
+        assert abs(skew).max() > 0 and abs(skew + skew.T).max() == 0.0
+    assert abs(K - K.T).max() == 0.0
+    assert np.linalg.eigvalsh(K.toarray()).max() <= 1e-12 * abs(K).max()
+
+
+def test_rigid_motions_have_the_inertia_of_the_annulus():
+    """Translations do not convect; e × r convects to e × w, so that K_Ω and G of two are moments of inertia.
+
+    Fixed here, they turn backwards in the body, without strain: Lu = −Ω × e and −(Ω × e) × r.
+    """
+    speed, it = 40.0, disc()
+    G, K = it.gyroscopic(about_z(speed))
+    B_K, B_M = it.circulatory(about_z(speed))
+    shifts, (x_turn, y_turn, z_turn) = it.rigid()[:, :3], it.rigid().T[3:]
+    for A, u in ((G, shifts), (K, shifts), (B_K, it.rigid())):
+        assert np.abs(A @ u).max() <= 1e-10 * np.abs(A).max()
+    polar = RHO * THICKNESS * np.pi / 2 * (OUTER**4 - INNER**4)
+    assert z_turn @ K @ z_turn == pytest.approx(-(speed**2) * polar, rel=1e-4)
+    assert x_turn @ K @ x_turn == pytest.approx(-(speed**2) * polar / 2, rel=1e-4)
+    assert x_turn @ G @ y_turn == pytest.approx(speed * polar, rel=1e-4)
+    assert abs(x_turn @ G @ z_turn) <= 1e-10 * speed * polar
+    size = speed * RHO * THICKNESS * np.pi * (OUTER**2 - INNER**2)
+    np.testing.assert_allclose(shifts.T @ B_M @ shifts, size * np.cross(np.eye(3)[2], np.eye(3)), atol=1e-4 * size)
+
+
+@pytest.mark.parametrize("speed", [30.0, -30.0])
+def test_bending_waves_split_by_n_times_the_speed(speed):
+    it = disc()
+    at_rest = solve(it, 12)
+    G, K = it.gyroscopic(about_z(speed))
+    turning = solve(it, 16, K, G)
+    for n in (2, 3):
+        rest = waves(it, at_rest, n, axial).imag
+        forward, backward = waves(it, turning, n, axial).imag
+        assert forward - backward == pytest.approx(2 * n * speed, rel=1e-3)
+        # Second order in Ω is (nΩ)²/ω₀ if the two matrices do not fit together: 5 rad/s.
+        assert (forward + backward) / 2 == pytest.approx(rest[0], abs=0.1)
+
+
+def test_ring_waves_in_its_plane_split_by_coriolis_too():
+    """Thin inextensional ring: the pattern turns with Ω(n² − 1)/(n² + 1), as found by Bryan (1890)."""
+    speed, it = 20.0, ring()
+    G, K = it.gyroscopic(about_z(speed))
+    turning = solve(it, 20, K, G)
+    for n in (2, 3):
+        forward, backward = waves(it, turning, n, radial).imag
+        assert forward - backward == pytest.approx(2 * n * speed * (n**2 - 1) / (n**2 + 1), rel=5e-4)
+
+
+@pytest.mark.parametrize(("held", "kind"), [((), "beta"), (("hub",), "beta"), ((), "alpha")])
+def test_damping_in_the_body_does_not_see_the_frame(held, kind):
+    """μ = λ + imΩ obeys μ² + 2δμ + ω₀² = 0, 2δ = βω₀² or α; without the circulatory matrix λ stands for this μ."""
+    it, n = disc(held), 2
+    rest = waves(it, solve(it, 12), n, axial).imag[0]
+    speed, delta, ways = 0.1 * rest, 0.01 * rest, np.array([1, -1])
+    G, K = it.gyroscopic(about_z(speed))
+    B_K, B_M = it.circulatory(about_z(speed))
+    beta = 2 * delta / rest**2
+    damping, B = (beta * it.K, beta * B_K) if kind == "beta" else (2 * delta * it.M, 2 * delta * B_M)
+    C = sp.csr_array(G + damping)
+    seen = waves(it, solve(it, 18, K + B, C), n, axial)
+    np.testing.assert_allclose(seen.real, -delta, rtol=1e-3)
+    np.testing.assert_allclose(seen.imag, np.sqrt(rest**2 - delta**2) + ways * n * speed, rtol=1e-3)
+    unseen = waves(it, solve(it, 18, K, C), n, axial)
+    np.testing.assert_allclose(unseen.real, -delta * (1 + ways * n * speed / rest), rtol=1e-3)
+
+
+def test_centrifugal_load_on_a_ring():
+    speed, it = 50.0, ring()
+    f = rotating.centrifugal_load(it.space, it.elements, RHO, about_z(speed))
+    total = speed**2 * RHO * RING_WIDTH * 2 * np.pi * (RING_OUTER**3 - RING_INNER**3) / 3
+    np.testing.assert_allclose(it.space.expand(f).sum(axis=0), 0.0, atol=1e-11 * total)
+    assert radial(it.space.coordinates).ravel() @ f == pytest.approx(total, rel=1e-4)
+    # Held against rigid motions by the mass, the ring expands by ρΩ²r³/E.
+    x, rigid = it.space.coordinates, it.M @ it.rigid()
+    bordered = sp.block_array([[it.K, rigid], [rigid.T, None]], format="csc")
+    u = it.space.expand(spsolve(bordered, np.append(f, np.zeros(6)))[: len(f)])
+    middle = np.abs(np.linalg.norm(x[:, :2], axis=1) - RING_RADIUS) < 1e-6
+    np.testing.assert_allclose((u * radial(x)).sum(axis=1)[middle], RHO * speed**2 * RING_RADIUS**3 / E, rtol=2e-3)
+
+
+def rounded(section):
+    """Map a square about the origin (2, k) onto the disc in it."""
+    size = np.linalg.norm(section, axis=0)
+    return section * np.abs(section).max(axis=0) / np.where(size > 0, size, 1.0)
+
+
+def solid_disc(n=4):
+    square = box("hex1", (2 * n, 2 * n, 1), size=(2.0, 2.0, 0.2), corner=(-1.0, -1.0, 0.0))
+    return mapped(square, lambda x: np.vstack([rounded(x[:2]), x[2]]))
+
+
+def check(mesh, motion):
+    rotating.check_revolution(mesh, np.arange(mesh.nelements), motion, "rotor")
+
+
+@pytest.mark.parametrize("around", [8, 24])
+@pytest.mark.parametrize("kind", KINDS)
+def test_bodies_of_revolution_are_accepted(kind, around):
+    turning = rotation()
+    mesh = annulus(kind, (2, around, 1), INNER, OUTER, 0.02)
+    cones = mapped(mesh, lambda x: np.vstack([x[:2] * (1 + 3 * x[2]), x[2] + 0.3 * np.linalg.norm(x[:2], axis=0)]))
+    for shape in (mesh, cones):
+        check(mapped(shape, lambda x: turning @ x + 0.3), Sliding(5.0 * turning[:, 2], np.full(3, 0.3)))
+
+
+def torus(around, across):
+    """Tetrahedra in a ring of round section, turned at random in the section so that no edge runs around the axis."""
+    mesh = annulus("tet1", (across, around, across), 0.7, 1.3, 0.6, bottom=-0.3)
+    turn = np.exp(1j * np.random.default_rng(3).uniform(-0.5, 0.5, mesh.p.shape[1]) / across)
+
+    def bent(x):
+        dr, z = rounded(np.stack([np.linalg.norm(x[:2], axis=0) - 1.0, x[2]]))
+        section = (dr + 1j * z) * turn
+        return np.vstack([x[:2] / np.linalg.norm(x[:2], axis=0) * (1 + section.real), section.imag])
+
+    return mapped(mesh, bent)
+
+
+@pytest.mark.parametrize("mesh", [torus(12, 3), torus(36, 6), solid_disc()], ids=["coarse torus", "torus", "axis"])
+def test_curved_meridians_and_facets_on_the_axis_are_accepted(mesh):
+    check(mesh, about_z(1.0))
+
+
+def sector():
+    block = box("hex1", (2, 4, 1), size=(1.0, 1.0, 0.2), corner=(1.0, 0.0, 0.0))
+    return mapped(block, lambda x: np.stack([x[0] * np.cos(x[1]), x[0] * np.sin(x[1]), x[2]]))
+
+
+def disc_with_hole():
+    mesh = solid_disc(8)
+    x, y, _ = mesh.p[:, mesh.t].mean(axis=1)
+    return mesh.restrict(np.flatnonzero(np.hypot(x - 0.5, y) > 0.2))
+
+
+OTHER = {
+    "hole beside the axis": (disc_with_hole(), about_z(1.0)),
+    "block": (box("hex1", (2, 2, 1), corner=(-0.5, -0.5, 0.0)), about_z(1.0)),
+    "block beside the axis": (box("tet1", (3, 2, 1), corner=(4.0, 0.0, 0.0)), about_z(1.0)),
+    "5 % off": (annulus("hex1", (2, 12, 1), 0.5, 1.0, 0.1), about_z(1.0, (0.05, 0.0, 0.0))),
+    "solid, 5 % off": (solid_disc(), about_z(1.0, (0.0, 0.05, 0.0))),
+    "torus, off": (torus(24, 6), about_z(1.0, (0.3, 0.0, 0.0))),
+    "tilted": (annulus("tet2", (2, 24, 1), 0.5, 1.0, 0.1), Sliding(np.array([0.05, 0.0, 1.0]), np.zeros(3))),
+    "sector": (sector(), about_z(1.0)),
+}
+
+
+@pytest.mark.parametrize(("mesh", "motion"), OTHER.values(), ids=OTHER)
+def test_other_bodies_are_refused(mesh, motion):
+    with pytest.raises(SceneError, match=r'body "rotor" is not a body of revolution .* at \[.* slope of .* at most'):
+        check(mesh, motion)
+
+
+def test_material_may_have_the_axis_of_the_body_only():
+    moduli = {"youngs_modulus": [9e9, 9e9, 3e9], "poisson_ratio": [0.2, 0.2, 0.3], "density": 2e3}
+    across = Material(**moduli, shear_modulus=[2e9, 2e9, 9e9 / 2.6])
+    square, axis = Material(**moduli, shear_modulus=[2e9, 2e9, 9e9]), about_z(7.0)
+    assert rotating.is_transversal(ELASTICITY, Sliding(np.array([1.0, 2.0, 3.0]), np.zeros(3)))
+    assert rotating.is_transversal(stiffness_tensor(across), axis)
+    assert not rotating.is_transversal(stiffness_tensor(square), axis)
+    assert not rotating.is_transversal(stiffness_tensor(across, material_axes((0, 1, 0), (0, 0, 1))), axis)
