@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from .bodies import contact_sides, find_bodies, find_facets, read_mesh
 from .contact import ContactOperators, Sliding, contact_operators
-from .doubts import doubts, doubts_of_preload
+from .doubts import doubts, doubts_of_preload, doubts_of_rotation
 from .effects.contact_stiffness import contact_terms
 from .effects.elasticity import elastic_terms
 from .effects.falling_friction import FallingFriction, falling_friction_terms
@@ -28,7 +28,8 @@ from .materials import material_axes
 from .matrix_scene import matrix_problem
 from .mesh import LoadedMesh
 from .problem import Model, Problem
-from .rotating import centrifugal_load, check_revolution, is_transversal
+from .revolution import check_revolution, check_ring, is_transversal
+from .rotating import centrifugal_load
 from .scene import MU, MatrixScene, Scene, number_at, with_numbers
 from .spaces import make_space, straightened
 from .terms import Term
@@ -137,7 +138,7 @@ class Assembly:
         paths = sorted({p for t in terms for p in t.powers} | ({MU} if scene.effects.friction is not None else set()))
         parameters = {p: number_at(scene, p) for p in paths}
         return Problem(
-            tuple(terms), parameters, self._model(scene, contacts, base), self,
+            tuple(terms), parameters, self._model(scene, contacts, base, motions, terms, parameters), self,
             self._coupled(scene, static, base), dict(values),
         )  # fmt: skip
 
@@ -215,7 +216,7 @@ class Assembly:
             motions[name] = motion = rotation_motion(rotation, name, pressed)
             self._kept(
                 f"revolution.{name}", _way(motion),
-                lambda n=name, m=motion: check_revolution(self.space.mesh, self.bodies[n], m, n),  # type: ignore[misc]
+                lambda n=name, m=motion: self._check_revolution(n, m),  # type: ignore[misc]
             )  # fmt: skip
             if not is_transversal(scene.stiffness(name), motion):
                 raise SceneError(
@@ -223,6 +224,19 @@ class Assembly:
                     " isotropic one, or an orthotropic one with axis 3 along the axis and equal values along 1 and 2"
                 )
         return motions
+
+    def _check_revolution(self, name: str, motion: Sliding) -> None:
+        """Refuse a body, or what holds it, that is not the same all around the axis of rotation."""
+        mesh, elements = self.space.mesh, self.bodies[name]
+        check_revolution(mesh, elements, motion, name)
+        holding = [(f"supports[{i}]", s.surface) for i, s in enumerate(self.scene.supports)]
+        for i, spring in enumerate(self.scene.springs):
+            holding += [(f"springs[{i}]", s) for s in (spring.surface, spring.to) if s is not None]
+        for key, group in holding:
+            facets = find_facets(self.loaded, group, key)
+            mine = facets[np.isin(mesh.f2t[0, facets], elements)]
+            if len(mine):
+                check_ring(mesh, mine, motion, key, name)
 
     def _base(
         self, scene: Scene, contacts: dict[str, ContactOperators], static: list[Term], motions: dict[str, Sliding]
@@ -318,13 +332,19 @@ class Assembly:
             names |= {f"materials.{m}.density" for m in scene.materials}
         return frozenset(names)
 
-    def _model(self, scene: Scene, contacts: dict[str, ContactOperators], base: BaseState | None) -> Model:
+    def _model(
+        self, scene: Scene, contacts: dict[str, ContactOperators], base: BaseState | None,
+        motions: dict[str, Sliding], terms: list[Term], parameters: dict[str, float],
+    ) -> Model:  # fmt: skip
         warnings = self._kept(
             "doubts", None,
             lambda: (*self.loaded.warnings, *_coverage(contacts), *doubts(self.scene, self.loaded, self.space)),
         )  # fmt: skip
         if base is not None:
             warnings += tuple(doubts_of_preload(scene, contacts, base))
+        if motions and scene.effects.stress_stiffening is None:
+            still = [t for t in terms if not t.name.startswith("convection.")]
+            warnings += tuple(doubts_of_rotation(self.space, self.bodies, motions, still, parameters))
         return Model(self.space, self.bodies, contacts, self.notes, warnings, base)
 
 

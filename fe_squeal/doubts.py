@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from .contact import ContactOperators
+from .contact import ContactOperators, Sliding
 from .effects.preload import BaseState, ContactState
 from .mesh import LoadedMesh, surface_group
 from .scene import Scene
 from .spaces import DisplacementSpace
+from .terms import Term
 
 _DENSITY = (100.0, 30000.0)  # kg/m^3: from foams to osmium
 _MODULUS = (1e6, 1e13)  # Pa: from rubber to beyond diamond
 _FOLLOWING = 1e-3  # of the friction stiffness: the size of the follower terms from which they are spoken of
 _LARGE_GAP = 0.05  # of the model's size
+_HELD = 10.0  # times Ω²M: the stiffness against a rigid motion beside which that of the centrifugal stress is small
 
 
 def doubts(scene: Scene, loaded: LoadedMesh, space: DisplacementSpace) -> list[str]:
@@ -69,6 +71,48 @@ def _gaps(scene: Scene, space: DisplacementSpace) -> Iterable[str]:
             yield (
                 f"contact {name}: gap_tolerance = {contact.gap_tolerance:g} m is"
                 f" {100 * contact.gap_tolerance / size:.3g} % of the model's size; it is in metres always"
+            )
+
+
+def doubts_of_rotation(
+    space: DisplacementSpace, bodies: Mapping[str, np.ndarray], motions: Mapping[str, Sliding], terms: Sequence[Term],
+    parameters: Mapping[str, float],
+) -> Iterable[str]:  # fmt: skip
+    """Yield a sentence for each rotating body that can turn or tilt against no more than its own inertia.
+
+    The stiffness of the centrifugal stress is what such motions have against K_Ω: with it a turned body stays where it
+    is and a tilted one wobbles with 2Ω; without it the turned one has λ = ±iΩ.
+
+    Parameters
+    ----------
+    terms : sequence of Term
+        Of all bodies, springs and contacts.
+    """
+    for name, motion in motions.items():
+        speed = np.linalg.norm(motion.velocity)
+        axis = motion.velocity / speed
+        nodes = np.unique(space.dofs.element_dofs[:, bodies[name]])
+        x = space.coordinates[nodes]
+        middle = motion.centre + axis * ((x.mean(axis=0) - motion.centre) @ axis)
+        free = []
+        for word, across in (("turn about the axis", axis), ("tilt", np.cross(axis, np.eye(3)[np.argmin(axis**2)]))):
+            u = np.zeros((space.nodes, 3))
+            u[nodes] = np.cross(across / np.linalg.norm(across), x - middle)
+            v = u.ravel()[space.free]
+            energy = {
+                slot: sum(
+                    float(v @ (t.matrix @ v)) * t.coefficient(parameters)
+                    for t in terms
+                    if t.slot == slot and t.symmetric and not t.imaginary
+                )
+                for slot in ("M", "K")
+            }
+            if energy["K"] < _HELD * speed**2 * energy["M"]:
+                free.append(word)
+        if free:
+            yield (
+                f"effects.rotation: body {name} is free to {' and to '.join(free)}; without [effects.stress_stiffening]"
+                f" its slow motions, up to some {2 * speed / (2 * np.pi):.3g} Hz, are not right"
             )
 
 

@@ -249,7 +249,7 @@ def element_shapes(space: DisplacementSpace, elements: np.ndarray) -> Iterator[E
 
 def scatter_scalar(space: DisplacementSpace, blocks: np.ndarray, nodes: np.ndarray) -> sp.csr_array:
     """Return the (n, n) matrix of a form that acts on each component alike, from its element blocks (e, j, j)."""
-    scalar = _scatter(blocks, nodes, space.nodes)
+    scalar = scatter(blocks, nodes, space.nodes)
     return sp.csr_array(sp.kron(scalar, sp.eye_array(3), format="csr"))[space.free][:, space.free]
 
 
@@ -281,7 +281,7 @@ def assemble_elasticity(
         block = np.transpose(block, (0, 1, 4, 2, 3)).reshape(e, 3 * nodes, 3 * nodes)
         mass = (N * (density * shapes.dx)[:, None, :]) @ np.transpose(N, (0, 2, 1))
         t3 = (3 * t[:, :, None] + np.arange(3)).reshape(e, -1)
-        K = K + _scatter(block, t3, 3 * space.nodes)[space.free][:, space.free]
+        K = K + scatter(block, t3, 3 * space.nodes)[space.free][:, space.free]
         M = M + scatter_scalar(space, mass, t)
     # Rounding in the products leaves an asymmetry of some ulps that would hide the true class of the problem.
     return sp.csr_array((K + K.T) / 2), sp.csr_array((M + M.T) / 2)
@@ -330,7 +330,8 @@ def subdivided_quadrature(refdom: type, order: int, parts: int) -> tuple[np.ndar
     return np.concatenate(points, axis=1), np.tile(W / parts**2, len(pieces))
 
 
-def _scatter(blocks: np.ndarray, index: np.ndarray, n: int) -> sp.csr_array:
+def scatter(blocks: np.ndarray, index: np.ndarray, n: int) -> sp.csr_array:
+    """Return the (n, n) sum of element matrices (e, j, j) at the rows and columns of index (e, j)."""
     rows = np.broadcast_to(index[:, :, None], blocks.shape).ravel()
     columns = np.broadcast_to(index[:, None, :], blocks.shape).ravel()
     return sp.csr_array((blocks.ravel(), (rows, columns)), shape=(n, n))

@@ -15,10 +15,9 @@ from fe_squeal import rotating
 from fe_squeal.contact import Sliding
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.solve import Request, solve_modes
-from fe_squeal.errors import SceneError
-from fe_squeal.materials import Material, material_axes, stiffness_tensor
+from fe_squeal.materials import Material, stiffness_tensor
 from fe_squeal.spaces import assemble_elasticity, make_space
-from meshes import KINDS, STEEL, annulus, box, mapped, rotation
+from meshes import KINDS, STEEL, annulus, mapped, rotation
 
 OUTER, INNER, THICKNESS = 0.2, 0.1, 0.004
 RING_INNER, RING_RADIUS, RING_OUTER, RING_WIDTH = 0.198, 0.2, 0.202, 0.004
@@ -166,85 +165,3 @@ def test_centrifugal_load_on_a_ring():
     u = it.space.expand(spsolve(bordered, np.append(f, np.zeros(6)))[: len(f)])
     middle = np.abs(np.linalg.norm(x[:, :2], axis=1) - RING_RADIUS) < 1e-6
     np.testing.assert_allclose((u * radial(x)).sum(axis=1)[middle], RHO * speed**2 * RING_RADIUS**3 / E, rtol=2e-3)
-
-
-def rounded(section):
-    """Map a square about the origin (2, k) onto the disc in it."""
-    size = np.linalg.norm(section, axis=0)
-    return section * np.abs(section).max(axis=0) / np.where(size > 0, size, 1.0)
-
-
-def solid_disc(n=4):
-    square = box("hex1", (2 * n, 2 * n, 1), size=(2.0, 2.0, 0.2), corner=(-1.0, -1.0, 0.0))
-    return mapped(square, lambda x: np.vstack([rounded(x[:2]), x[2]]))
-
-
-def check(mesh, motion):
-    rotating.check_revolution(mesh, np.arange(mesh.nelements), motion, "rotor")
-
-
-@pytest.mark.parametrize("around", [8, 24])
-@pytest.mark.parametrize("kind", KINDS)
-def test_bodies_of_revolution_are_accepted(kind, around):
-    turning = rotation()
-    mesh = annulus(kind, (2, around, 1), INNER, OUTER, 0.02)
-    cones = mapped(mesh, lambda x: np.vstack([x[:2] * (1 + 3 * x[2]), x[2] + 0.3 * np.linalg.norm(x[:2], axis=0)]))
-    for shape in (mesh, cones):
-        check(mapped(shape, lambda x: turning @ x + 0.3), Sliding(5.0 * turning[:, 2], np.full(3, 0.3)))
-
-
-def torus(around, across):
-    """Tetrahedra in a ring of round section, turned at random in the section so that no edge runs around the axis."""
-    mesh = annulus("tet1", (across, around, across), 0.7, 1.3, 0.6, bottom=-0.3)
-    turn = np.exp(1j * np.random.default_rng(3).uniform(-0.5, 0.5, mesh.p.shape[1]) / across)
-
-    def bent(x):
-        dr, z = rounded(np.stack([np.linalg.norm(x[:2], axis=0) - 1.0, x[2]]))
-        section = (dr + 1j * z) * turn
-        return np.vstack([x[:2] / np.linalg.norm(x[:2], axis=0) * (1 + section.real), section.imag])
-
-    return mapped(mesh, bent)
-
-
-@pytest.mark.parametrize("mesh", [torus(12, 3), torus(36, 6), solid_disc()], ids=["coarse torus", "torus", "axis"])
-def test_curved_meridians_and_facets_on_the_axis_are_accepted(mesh):
-    check(mesh, about_z(1.0))
-
-
-def sector():
-    block = box("hex1", (2, 4, 1), size=(1.0, 1.0, 0.2), corner=(1.0, 0.0, 0.0))
-    return mapped(block, lambda x: np.stack([x[0] * np.cos(x[1]), x[0] * np.sin(x[1]), x[2]]))
-
-
-def disc_with_hole():
-    mesh = solid_disc(8)
-    x, y, _ = mesh.p[:, mesh.t].mean(axis=1)
-    return mesh.restrict(np.flatnonzero(np.hypot(x - 0.5, y) > 0.2))
-
-
-OTHER = {
-    "hole beside the axis": (disc_with_hole(), about_z(1.0)),
-    "block": (box("hex1", (2, 2, 1), corner=(-0.5, -0.5, 0.0)), about_z(1.0)),
-    "block beside the axis": (box("tet1", (3, 2, 1), corner=(4.0, 0.0, 0.0)), about_z(1.0)),
-    "5 % off": (annulus("hex1", (2, 12, 1), 0.5, 1.0, 0.1), about_z(1.0, (0.05, 0.0, 0.0))),
-    "solid, 5 % off": (solid_disc(), about_z(1.0, (0.0, 0.05, 0.0))),
-    "torus, off": (torus(24, 6), about_z(1.0, (0.3, 0.0, 0.0))),
-    "tilted": (annulus("tet2", (2, 24, 1), 0.5, 1.0, 0.1), Sliding(np.array([0.05, 0.0, 1.0]), np.zeros(3))),
-    "sector": (sector(), about_z(1.0)),
-}
-
-
-@pytest.mark.parametrize(("mesh", "motion"), OTHER.values(), ids=OTHER)
-def test_other_bodies_are_refused(mesh, motion):
-    with pytest.raises(SceneError, match=r'body "rotor" is not a body of revolution .* at \[.* slope of .* at most'):
-        check(mesh, motion)
-
-
-def test_material_may_have_the_axis_of_the_body_only():
-    moduli = {"youngs_modulus": [9e9, 9e9, 3e9], "poisson_ratio": [0.2, 0.2, 0.3], "density": 2e3}
-    across = Material(**moduli, shear_modulus=[2e9, 2e9, 9e9 / 2.6])
-    square, axis = Material(**moduli, shear_modulus=[2e9, 2e9, 9e9]), about_z(7.0)
-    assert rotating.is_transversal(ELASTICITY, Sliding(np.array([1.0, 2.0, 3.0]), np.zeros(3)))
-    assert rotating.is_transversal(stiffness_tensor(across), axis)
-    assert not rotating.is_transversal(stiffness_tensor(square), axis)
-    assert not rotating.is_transversal(stiffness_tensor(across, material_axes((0, 1, 0), (0, 0, 1))), axis)
