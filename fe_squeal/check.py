@@ -19,9 +19,9 @@ def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
     if isinstance(scene, Scene):
         _mesh_rows(table, scene, problem)
     else:
-        for section, term in zip(scene.terms, problem.terms, strict=False):
+        for term in problem.terms:
             kind = "symmetric" if term.symmetric else "skew" if term.skew else "nonsymmetric"
-            table.add_row(f"{section.role} {section.file}", f"{term.matrix.nnz} entries, {kind}")
+            table.add_row(term.name, f"{term.matrix.nnz} entries, {kind}")
         table.add_row("parameters", ", ".join(f"{k} = {v:g}" for k, v in scene.parameters.items()) or "none")
     table.add_row("effects on", ", ".join(scene.effect_names) or "none")
     table.add_row("problem class", problem.problem_class)

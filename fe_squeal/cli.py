@@ -24,7 +24,7 @@ from .errors import InputError, MeshError, NotConvergedError, SceneError, Squeal
 from .geometry import write_mesh
 from .report import print_onsets
 from .run import INTERRUPTED, run_scene, sweep_scene
-from .scene import Scene
+from .scene import MatrixScene, Scene
 from .scene_file import load_scene
 
 app = typer.Typer(
@@ -88,6 +88,8 @@ def mesh(
     """Mesh the scene's parametric geometry."""
     loaded = load_scene(scene)
     if not isinstance(loaded, Scene) or loaded.mesh.geometry is None:
+        if isinstance(loaded, MatrixScene):
+            raise SceneError(f"{scene}: terms: a scene of matrices has no mesh; expected one with [mesh]")
         raise SceneError(f"{scene}: mesh: given no geometry; expected [mesh.disc_pad] or [mesh.block], which is meshed")
     try:
         path = write_mesh(loaded.mesh.geometry, out or loaded.mesh_path or Path(f"{scene.stem}.msh"), not force)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 
+from .eigen.shift_invert import occupied
 from .errors import SceneError
 from .matrix_files import measure_symmetry, read_matrix
 from .problem import Problem
@@ -13,6 +16,7 @@ from .scene import MatrixScene
 from .terms import Slot, Term
 
 _SLOTS: dict[str, Slot] = {"mass": "M", "damping": "C", "stiffness": "K"}
+_MOST_CONSTRAINTS = 2000  # up to which their independence is checked, by a full matrix of so many rows
 
 
 def matrix_problem(scene: MatrixScene) -> Problem:
@@ -24,13 +28,15 @@ def matrix_problem(scene: MatrixScene) -> Problem:
         If a file is bad, sizes differ, or a mass matrix is not symmetric.
     """
     terms: list[Term] = []
+    n = 0
     for i, section in enumerate(scene.terms):
         try:
             matrix = read_matrix(scene.folder / section.file, section.variable)
         except SceneError as error:
             raise SceneError(f"terms[{i}].file: {error}") from error
-        if terms and matrix.shape != terms[0].matrix.shape:
-            first, n, m = scene.terms[0].file, terms[0].matrix.shape[0], matrix.shape[0]
+        n = n or matrix.shape[0]
+        if matrix.shape[0] != n:
+            first, m = scene.terms[0].file, matrix.shape[0]
             raise SceneError(
                 f"terms[{i}].file: {section.file} has {m} rows, and {first} of terms[0] has {n}; expected one size"
             )
@@ -54,6 +60,36 @@ def matrix_problem(scene: MatrixScene) -> Problem:
     for slot, role in (("M", "mass"), ("K", "stiffness")):
         if not any(t.slot == slot and not t.imaginary for t in terms):
             raise SceneError(f"terms: every {role} matrix is zero; expected one that is not")
+    _check_rows(terms)
     return Problem(tuple(terms), dict(scene.parameters))
+
+
+def _check_rows(terms: list[Term]) -> None:
+    """Refuse rows that leave the problem singular for all λ: every number would be an eigenvalue."""
+    n = terms[0].matrix.shape[0]
+    moving = np.zeros(n, dtype=bool)
+    for t in terms:
+        if t.slot != "K":
+            moving |= occupied(t.matrix)
+    stiffness = [t.matrix for t in terms if t.slot == "K"]
+    held = np.any([A.diagonal() != 0 for A in stiffness], axis=0)
+    rows = np.flatnonzero(~moving & ~held)  # Lagrange multipliers
+    if not len(rows):
+        return
+    B = sp.csr_array(sp.hstack([A[rows] for A in stiffness]))
+    size = np.sqrt(np.asarray(B.multiply(B).sum(axis=1)))
+    if not size.all():
+        row = rows[size == 0][0] + 1
+        raise SceneError(f"terms: row {row} is empty in all matrices; expected an entry in every row")
+    if len(rows) > _MOST_CONSTRAINTS:
+        return
+    B = sp.csr_array(sp.diags_array(1 / size) @ B)
+    r, order = la.qr((B @ B.T).toarray(), mode="r", pivoting=True)
+    dependent = np.abs(r.diagonal()) <= 8 * len(rows) * np.finfo(float).eps
+    if dependent.any():
+        raise SceneError(
+            f"terms: row {rows[order[dependent]].min() + 1} is a constraint that follows from others"
+            f" ({np.count_nonzero(dependent)} such); expected constraints that do not depend on each other"
+        )
 
 

@@ -75,7 +75,8 @@ def parse_scene(data: dict[str, Any], source: str = "scene") -> Scene | MatrixSc
     Traceback (most recent call last):
     fe_squeal.errors.SceneError: brake.toml: mesh.flie: unknown key; did you mean "file"? (and 2 more)
     """
-    kind: type[Scene] | type[MatrixScene] = MatrixScene if "terms" in data else Scene
+    of_matrices = "terms" in data or ("parameters" in data and "mesh" not in data)
+    kind: type[Scene] | type[MatrixScene] = MatrixScene if of_matrices else Scene
     try:
         return kind.model_validate(data)
     except ValidationError as error:

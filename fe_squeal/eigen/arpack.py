@@ -2,64 +2,70 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator, eigs, eigsh
 
 from ..errors import NotConvergedError
-from .linear_solvers import Factor, solver_name
+from .linear_solvers import solver_name
 from .pencil import Modes, Pencil
 from .quality import in_upper_half, modes_from_lambda, modes_from_theta
-from .threads import one_openblas_thread
-
-_SEED = 20240607
-# Relative accuracy asked of 1/(θ−σ): the residuals of the modes then lie at rounding level, and a little looser saves
-# little, because the last digits come with the last restart.
-_TOLERANCE = 1e-13
+from .shift_invert import ShiftInverted
 
 
-def symmetric_modes(pencil: Pencil, factor: Factor, sigma: float, count: int) -> Modes:
-    """Return the `count` modes of K φ = θ M φ nearest sigma, K symmetric, by Lanczos.
+def symmetric_modes(pencil: Pencil, operator: ShiftInverted, count: int, below: int = 0) -> tuple[Modes, bool]:
+    """Return the `count` modes of K φ = θ M φ nearest the shift, K symmetric, and whether these are all.
 
     Parameters
     ----------
-    factor : Factor
-        Of K − sigma M.
+    below : int
+        Number of θ below the shift: all these are returned, however far below they lie.
     """
-    operator = LinearOperator((pencil.n, pencil.n), matvec=factor.solve, dtype=float)
-    theta, phi = _run(
-        lambda: eigsh(
-            pencil.K, count, M=pencil.M, sigma=sigma, OPinv=operator, tol=_TOLERANCE, v0=_start(pencil.n),
-            ncv=_basis_size(count, pencil.n),
-        ),
-        count,
-    )  # fmt: skip
-    return modes_from_theta(pencil, theta, phi, phi, _method())
+    theta, x, sigma = *operator.largest_symmetric(count, "LM"), operator.sigma
+    every = len(theta) < count or count == operator.size
+    if below:
+        # 1/(θ − σ) is negative for these alone, so that Lanczos finds them from their own end, near or far.
+        far, x_far = operator.largest_symmetric(below, "SA")
+        far, x_far = operator.refined(far[far < sigma], x_far[:, far < sigma])
+        theta, x = np.append(far, theta[theta > sigma]), np.hstack([x_far, x[:, theta > sigma]])
+    return modes_from_theta(pencil, theta, x, x, _method()), every
 
 
-def nonsymmetric_modes(pencil: Pencil, factor: Factor, sigma: float, count: int) -> Modes:
-    """Return the `count` modes of K φ = θ M φ nearest sigma, right and left, by Arnoldi in the arithmetic of K.
+def nonsymmetric_modes(pencil: Pencil, operator: ShiftInverted, count: int) -> tuple[Modes, bool]:
+    """Return the `count` modes of K φ = θ M φ nearest the shift, right and left, and whether these are all.
 
-    Parameters
-    ----------
-    factor : Factor
-        Of K − sigma M; its adjoint solves give the left modes, unless K = Kᵀ is complex: these are φ* then.
+    The left modes of a complex K = Kᵀ are φ*.
     """
-    theta, right = _arnoldi(pencil, factor.solve, sigma, count)
+    theta, right = operator.largest(count)
+    every = len(theta) < count or count == operator.size
     if pencil.is_complex and pencil.symmetric:
         theta_left, left = theta.conj(), right.conj()
     else:
-        theta_left, left = _arnoldi(pencil, factor.solve_adjoint, sigma, count)
-    inner, inner_left = _common(theta, theta_left, sigma)
+        theta_left, left = operator.largest(count, adjoint=True)
+    inner, inner_left = _common(theta, theta_left, operator.sigma, every)
     theta, right = theta[inner], right[:, inner]
     _, partner = linear_sum_assignment(np.abs(theta[:, None] - theta_left[None, inner_left].conj()))
     left = left[:, inner_left[partner]]
-    return modes_from_theta(pencil, theta, right, left, _method())
+    return modes_from_theta(pencil, theta, right, left, _method()), every
 
 
-def _common(theta: np.ndarray, theta_left: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
+def quadratic_modes(pencil: Pencil, operator: ShiftInverted, count: int) -> tuple[Modes, bool]:
+    """Return the modes of (λ²M + λC + K) φ = 0 among the 2·count eigenvalues nearest the shift, and whether all are.
+    """
+    count = min(2 * count, operator.most)
+    lam, right = operator.largest(count)
+    every = len(lam) < count or count == operator.size
+    lam_left, left = operator.largest(count, adjoint=True)
+    inner, inner_left = _common(lam, lam_left, operator.sigma, every)
+    lam, right = lam[inner], right[:, inner]
+    # The left mode of λ is the transposed problem's mode of λ*: ψᴴQ(λ) = 0 is Q(λ)ᴴψ = 0.
+    _, partner = linear_sum_assignment(np.abs(lam[:, None] - lam_left[None, inner_left].conj()))
+    left, upper = left[:, inner_left[partner]], in_upper_half(pencil, lam)
+    return modes_from_lambda(pencil, lam[upper], right[:, upper], left[:, upper], _method()), every
+
+
+def _common(
+    theta: np.ndarray, theta_left: np.ndarray, sigma: float, every: bool
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the positions of right and left eigenvalues inside the widest clear ring around sigma.
 
     Inside, both sets are the same; at the rim a conjugate pair or a multiple eigenvalue may be cut by one of them.
@@ -68,6 +74,8 @@ def _common(theta: np.ndarray, theta_left: np.ndarray, sigma: float) -> tuple[np
     ------
     NotConvergedError
     """
+    if every and len(theta) == len(theta_left):
+        return np.arange(len(theta)), np.arange(len(theta))
     radius, radius_left = np.abs(theta - sigma), np.abs(theta_left - sigma)
     order = np.sort(radius)
     for m in range(len(order) - 1, 0, -1):
@@ -77,76 +85,6 @@ def _common(theta: np.ndarray, theta_left: np.ndarray, sigma: float) -> tuple[np
             if len(inner) == len(inner_left):
                 return inner, inner_left
     raise NotConvergedError(f"the {len(theta)} right and {len(theta_left)} left modes nearest the shift do not pair")
-
-
-def quadratic_modes(pencil: Pencil, factor: Factor, sigma: float, count: int) -> Modes:
-    """Return the modes of (λ²M + λC + K) φ = 0 among the 2·count eigenvalues nearest a real sigma, rad/s.
-
-    The linearisation in (u, λu) is inverted with the n×n factors of Q(σ) alone: (u, v) of (A − σ)(u, v) = (a, b) is
-    u = −Q(σ)⁻¹(Mb + (C + σM)a), v = σu + a. The second half is scaled by |σ|, so that both weigh alike.
-
-    Parameters
-    ----------
-    factor : Factor
-        Of Q(σ) = σ²M + σC + K.
-    """
-    lam, right = _linearised(pencil, factor.solve, sigma, count)
-    lam_left, left = _linearised(pencil.transposed(), factor.solve_adjoint, sigma, count)
-    inner, inner_left = _common(lam, lam_left, sigma)
-    lam, right = lam[inner], right[:, inner]
-    # The left mode of λ is the transposed problem's mode of λ*: ψᴴQ(λ) = 0 is Q(λ)ᴴψ = 0.
-    _, partner = linear_sum_assignment(np.abs(lam[:, None] - lam_left[None, inner_left].conj()))
-    left, upper = left[:, inner_left[partner]], in_upper_half(pencil, lam)
-    return modes_from_lambda(pencil, lam[upper], right[:, upper], left[:, upper], _method())
-
-
-def _linearised(
-    pencil: Pencil, solve: Callable[[np.ndarray], np.ndarray], sigma: float, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return (λ, u) of the 2n×2n linearisation nearest sigma."""
-    M, C, n = pencil.M, pencil.C, pencil.n
-    assert C is not None
-
-    def apply(z: np.ndarray) -> np.ndarray:
-        a, b = z[:n], z[n:] * sigma
-        u = -solve(M @ (b + sigma * a) + C @ a)
-        return np.concatenate([u, u + a / sigma])
-
-    operator = LinearOperator((2 * n, 2 * n), matvec=apply, dtype=pencil.K.dtype)
-    k = 2 * count
-    v0 = _start(2 * n).astype(pencil.K.dtype)
-    nu, z = _run(lambda: eigs(operator, k, which="LM", tol=_TOLERANCE, v0=v0, ncv=_basis_size(k, 2 * n)), k)
-    return sigma + 1 / nu, z[:n]
-
-
-def _arnoldi(
-    pencil: Pencil, solve: Callable[[np.ndarray], np.ndarray], sigma: float, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return (θ, vectors) of the standard problem (K − σM)⁻¹M φ = ν φ, θ = σ + 1/ν."""
-    operator = LinearOperator((pencil.n, pencil.n), matvec=lambda x: solve(pencil.M @ x), dtype=pencil.K.dtype)
-    v0, basis = _start(pencil.n).astype(pencil.K.dtype), _basis_size(count, pencil.n)
-    nu, vectors = _run(lambda: eigs(operator, count, which="LM", tol=_TOLERANCE, v0=v0, ncv=basis), count)
-    return sigma + 1 / nu, vectors
-
-
-def _run(call: Callable[[], tuple[np.ndarray, np.ndarray]], count: int) -> tuple[np.ndarray, np.ndarray]:
-    try:
-        with one_openblas_thread():
-            return call()
-    except ArpackNoConvergence as error:
-        raise NotConvergedError(
-            f"ARPACK: {len(error.eigenvalues)} of {count} modes converged", partial=error.eigenvalues
-        ) from error
-    except ArpackError as error:
-        raise NotConvergedError(f"ARPACK: {error}") from error
-
-
-def _basis_size(count: int, n: int) -> int:
-    return min(n, max(2 * count + 1, 20))
-
-
-def _start(n: int) -> np.ndarray:
-    return np.random.default_rng(_SEED).standard_normal(n)
 
 
 def _method() -> str:

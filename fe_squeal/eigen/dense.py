@@ -10,19 +10,20 @@ import scipy.linalg as la
 from ..errors import NotConvergedError
 from .pencil import Modes, Pencil
 from .quality import in_upper_half, modes_from_lambda, modes_from_theta
-from .refine import ACCURATE, equilibrate, pair_errors, refine
+from .refine import ACCURATE, pair_errors, refine
 
 DENSE_LIMIT = 400  # unknowns up to which all modes come from LAPACK: seconds, tens of them where QZ is needed
 METHOD = "dense (LAPACK)"
 
 Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # eigenvalues (k,), right and left vectors (n, k)
 _FEW = 0.1  # share of inaccurate pairs that is left to refinement
-# In units of ω0: larger ones with no digit right are infinite eigenvalues, which rounding has split.
+# In units of ω0: larger ones with no digit right are infinite eigenvalues, or those of equal penalties, which rounding
+# has split.
 _HUGE, _WRONG = 1e4, 1e-8
 
 
-def solve_dense(pencil: Pencil) -> Modes:
-    """Return all finite modes of a small pencil.
+def solve_dense(pencil: Pencil, highest: float = np.inf) -> Modes:
+    """Return all finite modes of a small pencil, or those up to |λ| = highest, rad/s.
 
     Examples
     --------
@@ -31,34 +32,38 @@ def solve_dense(pencil: Pencil) -> Modes:
     >>> solve_dense(Pencil(sp.eye_array(2, format="csr"), K, symmetric=True)).lam.imag**2
     array([1., 3.])
     """
-    K, M = pencil.K.toarray(), pencil.M.toarray()
-    C = None if pencil.C is None else pencil.C.toarray()
-    d, omega0 = equilibrate(M, C, K)
+    d, omega0 = pencil.units
+    pencil = pencil.dense()
+    K, M, C = pencil.K, pencil.M, pencil.C
     K, M = d[:, None] * K * d, omega0**2 * d[:, None] * M * d
     if C is not None:
         C = omega0 * d[:, None] * C * d
-        lam, right, left = _best([K, C, M], _damped_methods(M, C, K))
+        lam, right, left = _best([K, C, M], _damped_methods(M, C, K), highest / omega0)
         keep = in_upper_half(pencil, omega0 * lam)
         pairs = refine([K, C, M], lam[keep], right[:, keep], left[:, keep])
-        lam, right, left = _finite([K, C, M], pairs)
+        lam, right, left = _finite([K, C, M], pairs, _HUGE)
         return modes_from_lambda(pencil, omega0 * lam, d[:, None] * right, d[:, None] * left, METHOD)
     real_symmetric = pencil.symmetric and not pencil.is_complex
     methods = _symmetric_methods(M, K) if real_symmetric else _undamped_methods(M, K)
-    theta, right, left = refine([K, -M], *_best([K, -M], methods))
+    pairs = refine([K, -M], *_best([K, -M], methods, (highest / omega0) ** 2))
+    theta, right, left = _finite([K, -M], pairs, _HUGE**2)
     if not pencil.is_complex and not theta.imag.any():
         theta, right, left = theta.real, right.real, left.real
     return modes_from_theta(pencil, omega0**2 * theta, d[:, None] * right, d[:, None] * left, METHOD)
 
 
-def _best(A: Sequence[np.ndarray], methods: Sequence[Callable[[], Pairs]]) -> Pairs:
-    """Return the pairs of the first method that gets nearly all of them right, of the best one if none does."""
+def _best(A: Sequence[np.ndarray], methods: Sequence[Callable[[], Pairs]], highest: float) -> Pairs:
+    """Return the pairs up to |v| = highest of the first method that gets nearly all of them right, or of the best."""
     tried: list[tuple[float, Pairs]] = []
     for method in methods:
         try:
-            pairs = method()
+            v, x, y = method()
         except la.LinAlgError:
             continue
-        tried.append((float(np.mean(~(pair_errors(A, *pairs) <= ACCURATE))), pairs))
+        keep = np.abs(v) <= highest
+        pairs = v[keep], x[:, keep], y[:, keep]
+        wrong = ~(pair_errors(A, *pairs) <= ACCURATE)
+        tried.append((float(wrong.mean()) if len(wrong) else 0.0, pairs))
         if tried[-1][0] <= _FEW:
             break
     if not tried:
@@ -77,7 +82,35 @@ def _symmetric_methods(M: np.ndarray, K: np.ndarray) -> list[Callable[[], Pairs]
         finite = nu > len(M) * np.finfo(float).eps
         return 1 / nu[finite] - 1, phi[:, finite], phi[:, finite]
 
-    return [direct, inverted, lambda: _qz(K, M)]
+    def constrained() -> Pairs:
+        """Unknowns without mass, eliminated from K φ = θ M φ: QZ would split equal eigenvalues into complex pairs.
+
+        Their own stiffness K00 makes some follow the others statically. Its null vectors are Lagrange multipliers:
+        their rows are constraints Bu = 0, on whose null space the others move.
+        """
+        rest, light = (np.flatnonzero(f) for f in (M.diagonal() > 0, M.diagonal() == 0))
+        if not len(light):
+            raise la.LinAlgError("every unknown has mass")
+        w, v = la.eigh(K[np.ix_(light, light)])
+        stiff = np.abs(w) > len(w) * np.finfo(float).eps * max(np.abs(w).max(), 1.0)  # of entries of order one
+        across = v.T @ K[np.ix_(light, rest)]
+        follow = -across[stiff] / w[stiff, None]
+        S = K[np.ix_(rest, rest)] + across[stiff].T @ follow
+        B = across[~stiff]
+        free = la.null_space(B) if len(B) else np.eye(len(rest))
+        if free.shape[1] != len(rest) - len(B):
+            raise la.LinAlgError("the constraints depend on each other")
+        mass = M[np.ix_(rest, rest)]
+        theta, y = la.eigh(free.T @ S @ free, free.T @ mass @ free)
+        phi = np.zeros((len(M), len(theta)))
+        phi[rest] = free @ y
+        phi[light] = v[:, stiff] @ (follow @ phi[rest])
+        if len(B):  # the forces that hold the constraints
+            forces = la.lstsq(B.T, (mass @ phi[rest]) * theta - S @ phi[rest])[0]
+            phi[light] += v[:, ~stiff] @ forces
+        return theta, phi, phi
+
+    return [direct, inverted, constrained, lambda: _qz(K, M)]
 
 
 def _undamped_methods(M: np.ndarray, K: np.ndarray) -> list[Callable[[], Pairs]]:
@@ -134,10 +167,12 @@ def _qz(A: np.ndarray, B: np.ndarray) -> Pairs:
     return alpha[finite] / beta[finite], right[:, finite], left[:, finite]
 
 
-def _finite(A: Sequence[np.ndarray], pairs: Pairs) -> Pairs:
-    lam, right, left = pairs
-    keep = ~((np.abs(lam) > _HUGE) & (pair_errors(A, *pairs) > _WRONG))
-    return lam[keep], right[:, keep], left[:, keep]
+def _finite(A: Sequence[np.ndarray], pairs: Pairs, huge: float) -> Pairs:
+    v, right, left = pairs
+    keep = np.abs(v) <= huge
+    if not keep.all():
+        keep |= pair_errors(A, *pairs) <= _WRONG
+    return v[keep], right[:, keep], left[:, keep]
 
 
 def _congruent(L: np.ndarray, A: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ Solve = Callable[[np.ndarray], np.ndarray]
 
 # PARDISO's numbers of the matrix types, by (symmetric, complex).
 _TYPES = {(True, False): -2, (False, False): 11, (True, True): 6, (False, True): 13}
+_DEFINITE = 2
 _ADJOINT, _TRANSPOSED = 1, 2  # of iparm(12)
 
 
@@ -120,13 +121,13 @@ class PardisoFactor:
     step is called directly.
     """
 
-    def __init__(self, A: sp.csr_array, symmetric: bool) -> None:
+    def __init__(self, A: sp.csr_array, symmetric: bool, definite: bool = False) -> None:
         self._dtype = np.complex128 if np.iscomplexobj(A) else np.float64
         self._matrix = sp.csr_array(sp.triu(A, format="csr") if symmetric else A, dtype=self._dtype, copy=True)
         self._matrix.sort_indices()
         self._n = A.shape[0]
         self._symmetric = symmetric
-        self._mtype = _TYPES[symmetric, np.iscomplexobj(A)]
+        self._mtype = _DEFINITE if definite else _TYPES[symmetric, np.iscomplexobj(A)]
         self._handle = np.zeros(64, dtype=np.int64)
         self._iparm = np.zeros(64, dtype=np.int32)
         self._perm = np.zeros(0, dtype=np.int32)
@@ -135,6 +136,11 @@ class PardisoFactor:
         iparm = self._iparm
         iparm[0], iparm[1], iparm[7] = 1, 3, 0
         iparm[9], iparm[10], iparm[12], iparm[20] = (8, 0, 0, 1) if symmetric else (13, 1, 1, 0)
+        diagonal = np.abs(A.diagonal())
+        if symmetric and not definite and diagonal.min() <= 10.0 ** -iparm[9] * diagonal.max():
+            # Pivots this far below the norm are perturbed, all of them beside a penalty of 1e20, unless scaling comes
+            # before; matching besides prepares pivots of two rows where the diagonal is zero (Lagrange multipliers).
+            iparm[10] = iparm[12] = 1
         self._ia = self._matrix.indptr.astype(np.int32) + 1
         self._ja = self._matrix.indices.astype(np.int32) + 1
         self._call(12, np.zeros((self._n, 1)))

@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 import scipy.sparse as sp
 
+from .refine import equilibrate
+
 ProblemClass = Literal["symmetric", "nonsymmetric", "quadratic", "complex"]
 
 
@@ -58,6 +60,11 @@ class Pencil:
         return r if self.C is None else r + (self.C @ u) * lam
 
     @cached_property
+    def units(self) -> tuple[np.ndarray, float]:
+        """Units of the unknowns (n,) and of λ in which the entries of all matrices are of order one, powers of two."""
+        return equilibrate(self.M, self.C, self.K)
+
+    @cached_property
     def _absolute(self) -> tuple[sp.csr_array, ...]:
         return tuple(_scale_of_entries(A) for A in (self.M, self.K, self.C) if A is not None)
 
@@ -76,6 +83,11 @@ class Pencil:
         """Return the columns (2λM + C) u."""
         r = (self.M @ u) * (2 * lam)
         return r if self.C is None else r + self.C @ u
+
+    def dense(self) -> Pencil:
+        """Return the same with full arrays, whose products are faster where the matrices are small and full."""
+        C = None if self.C is None else self.C.toarray()
+        return replace(self, M=self.M.toarray(), K=self.K.toarray(), C=C)
 
     def transposed(self) -> Pencil:
         """Return the pencil of the left modes, λ*²M + λ*Cᵀ + Kᴴ: the left mode of λ is its mode of λ*."""
@@ -97,7 +109,8 @@ class Modes:
         ψᴴ(2λM + C)φ = 1. Real arrays where all are real.
     backward_error : (k,)
         ‖Q(λ)φ‖ / ‖(|λ|²|M| + |λ||C| + |K|)|φ|‖: the smallest relative change of the entries that makes the pair
-        exact, up to the norm. Independent of units.
+        exact, up to the norm. Rows count in the pencil's own units, so that forces beside moments, penalties and
+        constraints do not matter.
     re_uncertainty : (k,), rad/s
         How far Re λ may be from that of the exact problem through residual and rounding, see `quality`.
     condition : (k,)
@@ -140,6 +153,9 @@ class Modes:
 
 
 def _scale_of_entries(A: sp.csr_array) -> sp.csr_array:
+    if isinstance(A, np.ndarray):
+        root, size = np.sqrt(np.abs(A.diagonal())), np.abs(A)
+        return np.maximum(size, np.where(size + size.T > 0, np.outer(root, root), 0.0))
     both = sp.coo_array(abs(A) + abs(A.T))
     i, j = both.coords
     root = np.sqrt(np.abs(A.diagonal()))

@@ -31,7 +31,7 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     lam = 1j * np.sqrt(theta.astype(complex))
     residual = pencil.apply(lam, right)
     magnitude = pencil.magnitude(lam, right)
-    backward = _column_norms(residual) / _column_norms(magnitude)
+    backward = _backward_errors(pencil, residual, magnitude)
     first_order, amplification = _perturbation(left, residual, magnitude, theta)
     least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
     u_theta = _near_coalescence(first_order, least, theta)
@@ -72,19 +72,25 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     left = _biorthogonal(left, (lam[:, None] + lam[None, :]) * mass + left.conj().T @ (pencil.C @ right), lam)
     residual = pencil.apply(lam, right)
     magnitude = pencil.magnitude(lam, right)
-    backward = _column_norms(residual) / _column_norms(magnitude)
+    backward = _backward_errors(pencil, residual, magnitude)
     first_order, amplification = _perturbation(left, residual, magnitude, lam)
     dissipation = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.C @ right))
     least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
     least = least / np.maximum(2 * np.abs(lam) + dissipation, np.finfo(float).tiny)
     u = _near_coalescence(first_order, least, lam)
-    # A rigid mode: λ is zero within what rounding of the stiffness leaves, √(ε|φ|ᵀ|K||φ|) at unit mass.
-    rounding = np.sqrt(ROUNDING * np.einsum("ij,ij->j", np.abs(right), pencil.magnitude(np.zeros(len(lam)), right)))
+    # A rigid mode: λ is zero within what rounding δ of φᴴKφ leaves, the root of λ²φᴴMφ + λ|φᴴCφ| = δ. Where damping
+    # holds more than mass, as in creeping, that is δ/|φᴴCφ|, far below the √δ of a free body.
+    stiffness = np.abs(residual) + ROUNDING * pencil.magnitude(np.zeros(len(lam)), right)
+    delta = np.einsum("ij,ij->j", np.abs(right), stiffness)
+    mass = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.M @ right))
+    rounding = 2 * delta / np.maximum(dissipation + np.sqrt(dissipation**2 + 4 * mass * delta), np.finfo(float).tiny)
     rigid = np.abs(lam) <= rounding
     lam, u = np.where(rigid, 0.0, lam), np.where(rigid, rounding, u)
+    if pencil.is_complex:
+        lam = np.where(_is_real(lam, pencil.n), lam.real, lam)
+        u = _outside_the_law(lam, u)
     order = np.lexsort((-lam.real, lam.imag))
     if pencil.is_complex:
-        u = _outside_the_law(lam, u)
         order = order[lam[order].imag >= 0]
     with np.errstate(divide="ignore"):
         condition = amplification / np.abs(lam)
@@ -95,9 +101,12 @@ def in_upper_half(pencil: Pencil, lam: np.ndarray) -> np.ndarray:
     """Return which eigenvalues of a pencil with C to keep: Im λ ≥ 0, and rigid ones that rounding put below.
 
     The others of a real pencil are conjugates of these. With a complex K, λ = 0 of a rigid body that a dashpot holds
-    may come out on either side; that of a free body is double and splits into ±δ, of which one is enough.
+    may come out on either side; that of a free body is double and splits into ±δ, of which one is enough. Where
+    dashpots leave no more than rounding of Im λ, its sign says nothing either.
     """
     upper = lam.imag >= 0
+    if pencil.is_complex:
+        upper |= _is_real(lam, pencil.n)
     mass = pencil.M.diagonal()
     if not pencil.is_complex or not (mass > 0).any():
         return np.asarray(upper)
@@ -106,6 +115,10 @@ def in_upper_half(pencil: Pencil, lam: np.ndarray) -> np.ndarray:
     for i in np.flatnonzero(tiny & ~upper):
         upper[i] = not (np.abs(lam[tiny & (lam.imag >= 0)] + lam[i]) <= 0.1 * np.abs(lam[i])).any()
     return np.asarray(upper)
+
+
+def _is_real(lam: np.ndarray, n: int) -> np.ndarray:
+    return np.asarray(np.abs(lam.imag) <= n * np.finfo(float).eps * np.abs(lam))
 
 
 def _outside_the_law(lam: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -185,6 +198,11 @@ def _biorthogonal(left: np.ndarray, gram: np.ndarray, values: np.ndarray) -> np.
         size = np.abs(block).max() or 1.0
         left[:, i] = left[:, i] @ (np.linalg.pinv(block / size, rcond=np.finfo(float).eps) / size).conj().T
     return left
+
+
+def _backward_errors(pencil: Pencil, residual: np.ndarray, magnitude: np.ndarray) -> np.ndarray:
+    d = pencil.units[0][:, None]
+    return _column_norms(d * residual) / _column_norms(d * magnitude)
 
 
 def _column_norms(x: np.ndarray) -> np.ndarray:

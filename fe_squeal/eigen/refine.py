@@ -7,16 +7,18 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 
 ACCURATE = 1e-12  # backward error, some thousand roundings, beyond which a pair is worth the work of refinement
 _STEPS = 3
 
 
-def equilibrate(M: np.ndarray, C: np.ndarray | None, K: np.ndarray) -> tuple[np.ndarray, float]:
+def equilibrate(M: sp.csr_array, C: sp.csr_array | None, K: sp.csr_array) -> tuple[np.ndarray, float]:
     """Return d (n,) and ω0 such that the entries of ω0²DMD, ω0DCD and DKD are of order one, D = diag(d).
 
     ω0 is the median frequency of a single unknown, √(K_ii/M_ii): norms would be those of the stiffest few. Both are
-    powers of two, so that scaling adds no rounding.
+    powers of two, so that scaling adds no rounding. An unknown without any diagonal entry, a Lagrange multiplier, has
+    the unit that makes its largest entry in K one.
     """
     m, k = np.abs(M.diagonal()), np.abs(K.diagonal())
     both = (m > 0) & (k > 0)
@@ -24,8 +26,16 @@ def equilibrate(M: np.ndarray, C: np.ndarray | None, K: np.ndarray) -> tuple[np.
     size = k + omega0**2 * m
     if C is not None:
         size = size + omega0 * np.abs(C.diagonal())
-    size[size == 0] = 1.0
-    return _power_of_two(1 / np.sqrt(size)), omega0
+    empty = size == 0
+    size[empty] = 1.0
+    d = _power_of_two(1 / np.sqrt(size))
+    if empty.any() and not empty.all():
+        entries = sp.coo_array(abs(K) + abs(K.T))
+        i, j = entries.coords
+        largest = np.zeros(len(d))
+        np.maximum.at(largest, j, np.where(empty[i], 0.0, d[i] * entries.data))
+        d[empty] = _power_of_two(1 / np.where(largest > 0, largest, 1.0))[empty]
+    return d, omega0
 
 
 def pair_errors(A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

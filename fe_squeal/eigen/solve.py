@@ -10,11 +10,14 @@ import scipy.sparse as sp
 from ..errors import NotConvergedError
 from .arpack import nonsymmetric_modes, quadratic_modes, symmetric_modes
 from .dense import DENSE_LIMIT, solve_dense
-from .linear_solvers import factorize
+from .inertia import count_below, finite_below
 from .pencil import Modes, Pencil, is_mirror
+from .shift_invert import ShiftInverted
 
 # Of the largest ratio of diagonal stiffness to mass: far below any elastic mode, far above rounding.
 _RIGID_SHIFT = 1e-9
+_PENALTY = 1e6  # times the median of these ratios: larger ones stand for infinity
+_LIGHT = 0.2  # damping ratio up to which all modes of a damped problem are found, beyond it the nearer ones alone
 _BELOW = 0.05  # of the band: how far below zero the shift lies, in frequency
 
 
@@ -69,7 +72,7 @@ def solve_modes(pencil: Pencil, request: Request, band: float | None = None) -> 
     array([1., 2., 3.])
     """
     if pencil.n <= DENSE_LIMIT:
-        modes = _wanted(solve_dense(pencil), request, np.inf)
+        modes = select_wanted(solve_dense(pencil), request, np.inf)
         assert modes is not None
     else:
         modes = _solve_sparse(pencil, request, band)
@@ -81,16 +84,10 @@ def solve_modes(pencil: Pencil, request: Request, band: float | None = None) -> 
     return modes
 
 
-def count_below(pencil: Pencil, omega: float) -> int | None:
-    """Return how many modes of a symmetric pencil lie below omega (rad/s), by the inertia of K − ω²M.
-
-    None where the factorisation gives no inertia. Modes of negative θ (divergence) count as well.
-    """
-    return factorize(sp.csr_array(pencil.K - omega**2 * pencil.M), symmetric=True).negative_pivots
-
-
 def prove_completeness(pencil: Pencil, modes: Modes) -> Completeness:
     """Count the modes up to the highest one found by the inertia just above it (symmetric pencils).
+
+    A θ < 0 that is missing counts as one mode here, although it makes two.
 
     Returns
     -------
@@ -102,8 +99,9 @@ def prove_completeness(pencil: Pencil, modes: Modes) -> Completeness:
         return Completeness(found, found, True)
     if pencil.problem_class != "symmetric" or not found:
         return Completeness(found, None, False)
+    # Of a divergence there are the two modes ±λ of one θ < 0.
+    omega = np.sort(modes.lam.imag[modes.lam.real <= 0])
     # Count in the highest clear gap between two modes, so that no multiple eigenvalue is cut.
-    omega = np.sort(modes.lam.imag)
     gaps = np.flatnonzero(np.diff(omega) > 1e-5 * omega[1:])
     if not len(gaps):
         return Completeness(found, None, False)
@@ -119,30 +117,33 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None) -> Modes
     if request.max_frequency_hz is not None:
         band = 2 * np.pi * request.max_frequency_hz
         # Friction and damping change the number of modes in a band by a few at most: start from the symmetric part's.
-        below = count_below(_symmetric_part(pencil), band)
+        below = count_below(symmetric_part(pencil), band)
         count = below if below is not None else 20
     sought = count + max(4, count // 10)
     if pencil.C is not None:
         # A real positive shift sees both half planes alike, and no mode is near it. In the middle of the band it takes
         # a quarter less solves than at the top, and costs the upper modes no accuracy.
         sigma = (band or _undamped_band(pencil, request)) / 2
-        shifted = sigma**2 * pencil.M + sigma * pencil.C + pencil.K
     else:
         # Just below zero: the eigenvalues nearest are then all those of |θ| up to a limit, flutter and divergence too.
         sigma = -((_BELOW * band) ** 2) if band is not None else -_RIGID_SHIFT * _largest_ratio(pencil)
-        shifted = pencil.K - sigma * pencil.M
-    factor = factorize(sp.csr_array(shifted), symmetric=pencil.symmetric and pencil.C is None)
-    solver = quadratic_modes if pencil.C is not None else nonsymmetric_modes
+    operator = ShiftInverted(pencil, sigma)
+    divergent = 0
     if pencil.problem_class == "symmetric":
-        solver = symmetric_modes
+        divergent = finite_below(pencil, operator.negative_pivots) or 0
     while True:
-        sought = min(sought, pencil.n - 2)
-        modes = solver(pencil, factor, sigma, sought)
-        radius = _known_radius(pencil, modes, sigma)
-        wanted = _wanted(modes, request, radius)
+        sought = min(sought, operator.most)
+        if pencil.C is not None:
+            modes, every = quadratic_modes(pencil, operator, sought)
+        elif pencil.problem_class == "symmetric":
+            modes, every = symmetric_modes(pencil, operator, sought, divergent)
+        else:
+            modes, every = nonsymmetric_modes(pencil, operator, sought)
+        radius = np.inf if every else _known_radius(pencil, modes, sigma)
+        wanted = select_wanted(modes, request, radius)
         if wanted is not None:
             return wanted
-        if sought == pencil.n - 2:
+        if sought == operator.most:
             raise NotConvergedError(f"{len(modes)} modes found, the wanted range is still not covered", partial=modes)
         limit = band or float(modes.lam.imag.max(initial=0.0))
         growth = (limit / radius) ** 1.5 if 0 < radius < limit else 1.4
@@ -150,18 +151,21 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None) -> Modes
 
 
 def _known_radius(pencil: Pencil, modes: Modes, sigma: float) -> float:
-    """Return the |λ| (undamped), or Im λ at Re λ = 0 (damped), up to which all modes are among those nearest sigma.
+    """Return the |λ| (undamped), or Im λ (damped), up to which all modes are among those nearest sigma.
 
-    A complex K damps all modes, so there it is Im λ along the ray Re λ = −tilt Im λ of the most damped ones.
+    With damping it is Im λ along the ray Re λ = −tilt Im λ: of the most damped modes where K is complex, which damps
+    all, else of the lightly damped ones and of the partners of growing ones, as far to the left as these to the right.
     """
     if not len(modes):
         return 0.0
-    tilt = _tilt(pencil, modes) if pencil.is_complex else 0.0
+    tilt = _tilt(pencil, modes) if pencil.is_complex else _light(modes) if pencil.C is not None else 0.0
     if pencil.C is not None:
         # |λ − σ| on the ray: (1 + tilt²) Im² + 2 tilt σ Im + σ² = reach².
         a, b, c = 1 + tilt**2, tilt * sigma, np.abs(modes.lam - sigma).max() ** 2 - sigma**2
         return float((np.sqrt(b**2 + a * max(c, 0.0)) - b) / a)
-    reach = np.abs(modes.lam**2 + sigma).max()
+    # All divergent modes of a symmetric pencil are known, however far they are.
+    near = modes.lam[modes.lam.real == 0] if pencil.problem_class == "symmetric" else modes.lam
+    reach = np.abs(near**2 + sigma).max(initial=0.0)
     return float(np.sqrt(max(reach - abs(sigma), 0.0) / (1 + tilt**2)))
 
 
@@ -175,7 +179,14 @@ def _tilt(pencil: Pencil, modes: Modes) -> float:
     return float(np.max(np.append(-damped.real / damped.imag, by_loss)))
 
 
-def _wanted(modes: Modes, request: Request, radius: float) -> Modes | None:
+def _light(modes: Modes) -> float:
+    """Return the largest |Re λ| / Im λ of growing and lightly damped modes."""
+    oscillating = modes.lam[modes.lam.imag > 0]
+    ratio = oscillating.real / oscillating.imag
+    return float(np.abs(ratio[ratio > -_LIGHT]).max(initial=0.0))
+
+
+def select_wanted(modes: Modes, request: Request, radius: float) -> Modes | None:
     """Return the modes asked for, or None if they reach beyond the radius (rad/s) inside which all are known."""
     omega = modes.lam.imag
     if request.max_frequency_hz is not None:
@@ -208,18 +219,31 @@ def _beside(modes: Modes) -> np.ndarray:
     return np.asarray((lam != 0) & ((lam.imag == 0) | (modes.re_uncertainty >= np.abs(lam))))
 
 
-def _symmetric_part(pencil: Pencil) -> Pencil:
+def symmetric_part(pencil: Pencil) -> Pencil:
+    """Return the pencil without damping, its K made symmetric.
+
+    The equation of an unknown without mass may stand there with either sign: with the one that a multiplier's
+    constraint has in [[K, −Bᵀ], [B, 0]], nothing of it would be left.
+    """
     K = pencil.K.real
+    turned = (pencil.M.diagonal() == 0) & (np.asarray(K.multiply(K.T).sum(axis=1)) < 0)
+    if turned.any():
+        K = sp.csr_array(sp.diags_array(np.where(turned, -1.0, 1.0)) @ K)
     return Pencil(pencil.M, sp.csr_array((K + K.T) / 2), symmetric=True)
 
 
 def _undamped_band(pencil: Pencil, request: Request) -> float:
     """Return about where the wanted modes end: the undamped ones without friction, a little more than half of them."""
     count = min(max(request.count or 1, 2), pencil.n - 2)
-    modes = _solve_sparse(_symmetric_part(pencil), Request(count=count), None)
-    return float(np.abs(modes.lam).max()) or float(np.sqrt(_RIGID_SHIFT * _largest_ratio(pencil)))
+    modes = _solve_sparse(symmetric_part(pencil), Request(count=count), None)
+    return float(np.abs(modes.lam).max(initial=0.0)) or float(np.sqrt(_RIGID_SHIFT * _largest_ratio(pencil)))
 
 
 def _largest_ratio(pencil: Pencil) -> float:
-    mass = pencil.M.diagonal()
-    return float(np.max(pencil.K.real.diagonal()[mass > 0] / mass[mass > 0]))
+    """Return the largest ratio of diagonal stiffness to mass that is not one of a penalty."""
+    mass, stiffness = pencil.M.diagonal(), np.abs(pencil.K.real.diagonal())
+    both = (mass > 0) & (stiffness > 0)
+    if not both.any():
+        return 1.0
+    ratios = stiffness[both] / mass[both]
+    return float(ratios[ratios <= _PENALTY * np.median(ratios)].max())

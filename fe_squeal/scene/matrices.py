@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field, field_validator, model_validator
 
@@ -11,6 +11,8 @@ from ..schema import Section, Text
 from .base import BaseScene
 from .control import Output, Solve, SweepSection
 from .paths import paths_of
+
+Role = Literal["mass", "damping", "stiffness"]
 
 
 class TermSection(Section):
@@ -33,12 +35,19 @@ class TermSection(Section):
         Whether the term counts with i, as structural damping does; with role "stiffness" alone.
     """
 
-    role: Literal["mass", "damping", "stiffness"]
+    role: Role
     file: Text
     variable: str | None = None
     scale: float = 1.0
     powers: dict[str, int] = {}
     imaginary: bool = False
+
+    @field_validator("role", mode="before")
+    @classmethod
+    def _known(cls, value: object) -> object:
+        if isinstance(value, str) and value not in get_args(Role):
+            raise ValueError(f"expected a role{suggest(value, get_args(Role))}")
+        return value
 
     @field_validator("powers")
     @classmethod

@@ -3,85 +3,25 @@
 from __future__ import annotations
 
 import csv
-import gzip
-import io
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.io
 import scipy.linalg as la
 import scipy.sparse as sp
+from matrix_scenes import SUFFIXES, assert_near, run, sweep_text, upper, write_scene
 
-from fe_squeal import assemble, load_scene
-from fe_squeal import sweep as solve_sweep
 from fe_squeal.cli import main
 from lumped import Minimal, NineDof, TwoMass
 
-SUFFIXES = (".mtx", ".npz", ".npy", ".mat", ".mtx.gz")
 GYROSCOPE = np.array([[0.0, 2.0], [-2.0, 0.0]])
 B = 5 * np.sqrt(3) / 2
-SITE, PULL = np.array([[22.5, -B], [-B, 17.5]]), np.array([[0.0, 10.0], [0.0, 0.0]])  # flutter from μ = 1/√3 on
-GLUE, KC, ALPHA = 0.5, 100.0, 0.02
-
-
-def write_matrix(path: Path, A: np.ndarray | sp.sparray) -> None:
-    dense = A.toarray() if sp.issparse(A) else np.asarray(A, float)
-    if ".mtx" in path.name:
-        stream = io.BytesIO()
-        scipy.io.mmwrite(stream, sp.coo_array(A), precision=17)
-        path.write_bytes(gzip.compress(stream.getvalue()) if path.name.endswith(".gz") else stream.getvalue())
-    elif path.suffix == ".npz":
-        sp.save_npz(path, sp.csc_array(A))
-    elif path.suffix == ".npy":
-        np.save(path, dense)
-    else:
-        scipy.io.savemat(path, {"A": sp.csc_array(A), "other": dense[:1, :1], "note": "exported"})
-
-
-def write_scene(folder: Path, terms: list, parameters: dict[str, float], tail: str = "", suffixes=SUFFIXES) -> Path:
-    """Write terms (role, matrix, further lines) into files of mixed formats, and the scene of them."""
-    text = "".join(["[parameters]\n", *(f"{name} = {float(value)!r}\n" for name, value in parameters.items())])
-    for i, (role, matrix, *lines) in enumerate(terms):
-        name = f"{role}_{i}{suffixes[i % len(suffixes)]}"
-        write_matrix(folder / name, matrix)
-        lines += ['variable = "A"'] if name.endswith(".mat") else []
-        text += "\n".join(["[[terms]]", f'role = "{role}"', f'file = "{name}"', *lines, ""])
-    (folder / "scene.toml").write_text(text + tail)
-    return folder / "scene.toml"
-
-
-def sweep_text(parameter: str, start: float, stop: float, points: int, modes: int = 20) -> str:
-    text = f'[sweep]\nparameter = "{parameter}"\nfrom = {float(start)!r}\nto = {float(stop)!r}\npoints = {points}\n'
-    return f"{text}[solve]\nmodes = {modes}\n"
-
-
-def run(folder, terms, parameters, *sweep, suffixes=SUFFIXES):
-    scene = load_scene(write_scene(folder, terms, parameters, sweep_text(*sweep), suffixes))
-    return solve_sweep(assemble(scene), scene.sweep.grid, scene.sweep.parameter, modes=scene.solve.modes)
 
 
 def friction_terms(model) -> list:
     damping = [("damping", model.C)] if model.C.any() else []
     return [("mass", model.M), ("stiffness", model.K0), ("stiffness", model.friction_matrix, "powers = { mu = 1 }"),
             *damping]  # fmt: skip
-
-
-def upper(lam: np.ndarray) -> np.ndarray:
-    """Return the eigenvalues that the program reports of all, in its order."""
-    lam = np.where(np.abs(lam) * 1e-13 < np.abs(lam.imag), lam, lam.real)
-    lam = lam[lam.imag >= 0]
-    return lam[np.lexsort((-lam.real.round(9), lam.imag.round(9)))]
-
-
-def assert_near(point, exact: np.ndarray, rel: float) -> None:
-    """Every eigenvalue found is one of the exact ones, and none below the highest found is missing."""
-    exact, found = upper(exact), point.modes.lam
-    size = np.maximum(np.abs(found), 1e-3 * np.abs(found).max())
-    assert (np.abs(found[:, None] - exact[None, :]).min(axis=1) <= rel * size).all()
-    below = exact[exact.imag <= found.imag.max() * (1 - 1e-6)]
-    assert (np.abs(below[:, None] - found[None, :]).min(axis=1) <= rel * np.maximum(np.abs(below), size.min())).all()
 
 
 @pytest.mark.parametrize(

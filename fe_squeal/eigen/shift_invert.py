@@ -1,0 +1,225 @@
+"""The shift-inverted operator of a pencil, on those unknowns alone that have inertia or damping."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator, eigs, eigsh
+
+from ..errors import NotConvergedError
+from .dense import DENSE_LIMIT
+from .linear_solvers import Factor, Solve, factorize
+from .pencil import Pencil
+from .threads import one_openblas_thread
+
+_SEED = 20240607
+# Relative accuracy asked of 1/(θ−σ): the residuals of the modes then lie at rounding level, and a little looser saves
+# little, because the last digits come with the last restart.
+_TOLERANCE = 1e-13
+_SMALL = 100  # unknowns up to which all eigenvalues of the operator cost less than Krylov steps, and are safer
+_ASIDE = 1e-5  # relative distance from an eigenvalue at which inverse iteration gains five digits a step
+_ALIKE = 1e3  # ratio of units of the unknowns up to which scaling is not worth a copy of the matrices
+_SHARE = 4  # one of so many eigenvalues wanted: the same holds
+
+Pairs = tuple[np.ndarray, np.ndarray]  # eigenvalues (k,), vectors (n, k)
+
+
+class ShiftInverted:
+    """(K − σM)⁻¹M, or the inverse of the shifted linearisation of λ²M + λC + K, with eigenvalues 1/(θ − σ), 1/(λ − σ).
+
+    Unknowns without mass (nodes that only carry springs, Lagrange multipliers) follow the others statically. As
+    unknowns of the operator they would bring eigenvalues 0 in Jordan blocks, whose rounding looks like modes, and parts
+    of the vectors that the M-norm of a Krylov method does not see; so it acts on the others, and its vectors are
+    expanded by a solve in the end. With C the state is (u, λu/σ): u of unknowns with mass or damping, λu of those with
+    mass.
+
+    Time has the pencil's own unit, since ARPACK takes eigenvalues below 1e-11 for zero. Unknowns of unlike units
+    (rotations beside translations, penalties) are scaled: the norm of a Krylov space would see the large ones alone.
+
+    Parameters
+    ----------
+    sigma : float
+        A shift of θ, rad²/s², with C one of λ, rad/s.
+
+    Attributes
+    ----------
+    negative_pivots : int or None
+        Of K − σM where K is symmetric.
+    size : int
+        Number of unknowns of the operator.
+    most : int
+        How many eigenvalues can be asked for.
+    """
+
+    def __init__(self, pencil: Pencil, sigma: float) -> None:
+        d, omega0 = pencil.units
+        self._d = d if d.max() > _ALIKE * d.min() else None
+        self._unit = omega0**2 if pencil.C is None else omega0
+        self.pencil = pencil = _scaled(pencil, self._d, omega0)
+        self.sigma, self._shift = sigma, sigma / self._unit
+        self._factor = self._factorized(self._shift)
+        self.negative_pivots = self._factor.negative_pivots
+        mass = occupied(pencil.M)
+        active = mass if pencil.C is None else mass | occupied(pencil.C)
+        self._active, self._mass = np.flatnonzero(active), np.flatnonzero(mass)
+        self._moving = np.flatnonzero(mass[active])  # those with mass among the active ones
+        self.size = len(self._active) + (0 if pencil.C is None else len(self._mass))
+        self.most = self.size if self.size <= 2 * DENSE_LIMIT else self.size - 2
+        if not len(self._mass):
+            raise NotConvergedError("no unknown has a mass")
+
+    def largest(self, count: int, adjoint: bool = False) -> Pairs:
+        """Return the θ or λ nearest the shift and the vectors u; fewer where there are no more.
+
+        Parameters
+        ----------
+        adjoint : bool
+            Of the adjoint problem, whose vectors are the left modes of λ*.
+        """
+        solve = self._factor.solve_adjoint if adjoint else self._factor.solve
+        respond = (self._undamped if self.pencil.C is None else self._damped)(solve, adjoint)
+        dtype, k = self.pencil.K.dtype, len(self._active)
+
+        def apply(z: np.ndarray) -> np.ndarray:
+            u = respond(z)
+            if self.pencil.C is None:
+                return u[self._active]
+            return np.concatenate([u[self._active], u[self._mass] + z[:k][self._moving] / self._shift])
+
+        if self._takes_all(count):
+            nu, z = la.eig(apply(np.eye(self.size, dtype=dtype)))
+            order = np.argsort(-np.abs(nu), kind="stable")[:count]
+            nu, z = nu[order], z[:, order]
+        else:
+            operator = LinearOperator((self.size, self.size), matvec=apply, dtype=dtype)
+            v0, basis = _start(self.size).astype(dtype), _basis_size(count, self.size)
+            nu, z = _run(lambda: eigs(operator, count, which="LM", tol=_TOLERANCE, v0=v0, ncv=basis), count)
+        nu, z = _nonzero(nu, z, self.size)
+        return self._unit * (self._shift + 1 / nu), self._in_units(z[:k] if k == self.pencil.n else respond(z))
+
+    def largest_symmetric(self, count: int, which: str) -> Pairs:
+        """Return θ and φ of an undamped symmetric pencil: those nearest the shift ("LM"), or those below it ("SA")."""
+        n, sigma, rows = self.pencil.n, self._shift, self._active
+        M = sp.csr_array(_columns(self.pencil.M, rows)[rows]) if self.size < n else self.pencil.M
+        if self._takes_all(count):
+            root = _root(M.toarray())
+            x = self._factor.solve(self._pad(root))
+            nu, y = la.eigh(root.T @ x[rows])
+            order = np.argsort(-np.abs(nu) if which == "LM" else nu)[:count]
+            nu, y = _nonzero(nu[order], y[:, order], self.size)
+            return self._unit * (sigma + 1 / nu), self._in_units(x @ y)
+        operator = LinearOperator(M.shape, matvec=lambda b: self._factor.solve(self._pad(b))[rows], dtype=float)
+        theta, x = _run(
+            lambda: eigsh(
+                M, count, M=M, sigma=sigma, which=which, OPinv=operator, tol=_TOLERANCE, v0=_start(self.size),
+                ncv=_basis_size(count, self.size),
+            ),
+            count,
+        )  # fmt: skip
+        plain = self.size == n and self._d is None  # else the M-norm may hardly see some unknowns
+        nu, index = _nonzero(1 / (theta - sigma), np.arange(len(theta))[None, :], self.size)
+        theta, x = theta[index[0]], x[:, index[0]]
+        return self._unit * theta, self._in_units(x if plain else self._factor.solve(self._pad(M @ x)))
+
+    def refined(self, theta: np.ndarray, x: np.ndarray) -> Pairs:
+        """Return eigenpairs of a symmetric pencil that lie far from the shift, improved by inverse iteration."""
+        M, K = self.pencil.M, self.pencil.K
+        theta, x = theta / self._unit, x.copy() if self._d is None else x / self._d[:, None]
+        for i in range(len(theta)):
+            # Not at the eigenvalue itself, where perturbed pivots would blur the vector.
+            factor, y = self._factorized(theta[i] * (1 + _ASIDE)), x[:, i]
+            for _ in range(3):
+                y = factor.solve(M @ y)
+                y /= np.linalg.norm(y)
+            theta[i], x[:, i] = y @ (K @ y) / (y @ (M @ y)), y
+        return self._unit * theta, self._in_units(x)
+
+    def _factorized(self, sigma: float) -> Factor:
+        M, C, K = self.pencil.M, self.pencil.C, self.pencil.K
+        if C is not None:
+            return factorize(sp.csr_array(sigma**2 * M + sigma * C + K), symmetric=False)
+        return factorize(sp.csr_array(K - sigma * M), symmetric=self.pencil.symmetric)
+
+    def _in_units(self, x: np.ndarray) -> np.ndarray:
+        return x if self._d is None else self._d[:, None] * x
+
+    def _undamped(self, solve: Solve, adjoint: bool) -> Solve:
+        M = _columns(self.pencil.M, self._active)
+        return lambda z: solve(M @ z)
+
+    def _damped(self, solve: Solve, adjoint: bool) -> Solve:
+        """With the n×n factors of Q(σ) alone: (u, v) of (A − σ)(u, v) = (a, b) is u = −Q(σ)⁻¹(Mb + (C + σM)a)."""
+        assert self.pencil.C is not None
+        M = _columns(self.pencil.M, self._mass)
+        C = _columns(sp.csr_array(self.pencil.C.T) if adjoint else self.pencil.C, self._active)
+        sigma, k = self._shift, len(self._active)
+        return lambda z: -solve(M @ (z[k:] * sigma + sigma * z[:k][self._moving]) + C @ z[:k])
+
+    def _pad(self, b: np.ndarray) -> np.ndarray:
+        full = np.zeros((self.pencil.n, *b.shape[1:]), b.dtype)
+        full[self._active] = b
+        return full
+
+    def _takes_all(self, count: int) -> bool:
+        return self.size <= _SMALL or (self.size <= 2 * DENSE_LIMIT and _SHARE * count >= self.size)
+
+
+def _scaled(pencil: Pencil, d: np.ndarray | None, omega0: float) -> Pencil:
+    """Return the pencil of D(λ²M + λC + K)D with λ in multiples of ω0."""
+
+    def scale(A: sp.csr_array, factor: float) -> sp.csr_array:
+        if d is not None:
+            A = sp.csr_array(sp.diags_array(d) @ A @ sp.diags_array(d))
+        return A if factor == 1 else A * factor
+
+    C = None if pencil.C is None else scale(pencil.C, omega0)
+    return replace(pencil, M=scale(pencil.M, omega0**2), C=C, K=scale(pencil.K, 1.0))
+
+
+def _columns(A: sp.csr_array, index: np.ndarray) -> sp.csr_array:
+    return A if len(index) == A.shape[1] else sp.csr_array(A[:, index])
+
+
+def occupied(A: sp.csr_array) -> np.ndarray:
+    """Return (n,) bool, which rows or columns of a matrix hold anything."""
+    size = abs(A)
+    return np.asarray((size.sum(axis=0) > 0) | (size.sum(axis=1) > 0))
+
+
+
+def _root(M: np.ndarray) -> np.ndarray:
+    """Return L with M = LLᵀ, of as many columns as M has rank."""
+    d = np.sqrt(M.diagonal())
+    w, v = la.eigh(M / d[:, None] / d)
+    keep = w > len(w) * np.finfo(float).eps
+    return np.asarray(d[:, None] * v[:, keep] * np.sqrt(w[keep]))
+
+
+def _nonzero(nu: np.ndarray, z: np.ndarray, size: int) -> Pairs:
+    """Return the pairs without those that are zero but for rounding: infinite eigenvalues, which are no modes."""
+    keep = np.abs(nu) > size * np.finfo(float).eps * np.abs(nu).max(initial=0.0)
+    return nu[keep], z[:, keep]
+
+
+def _run(call: Callable[[], Pairs], count: int) -> Pairs:
+    try:
+        with one_openblas_thread():
+            return call()
+    except ArpackNoConvergence as error:
+        raise NotConvergedError(
+            f"ARPACK: {len(error.eigenvalues)} of {count} modes converged", partial=error.eigenvalues
+        ) from error
+    except ArpackError as error:
+        raise NotConvergedError(f"ARPACK: {error}") from error
+
+
+def _basis_size(count: int, n: int) -> int:
+    return min(n, max(2 * count + 1, 20))
+
+
+def _start(n: int) -> np.ndarray:
+    return np.random.default_rng(_SEED).standard_normal(n)
