@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
-import scipy.sparse as sp
 
+from .base_state import base_state, state_parameters
 from .bodies import contact_sides, find_bodies, find_facets, read_mesh
 from .contact import ContactOperators, Sliding, contact_operators
 from .doubts import doubts, doubts_of_preload, doubts_of_rotation
@@ -17,9 +17,9 @@ from .effects.elasticity import elastic_terms
 from .effects.falling_friction import FallingFriction, falling_friction_terms
 from .effects.friction import friction_terms
 from .effects.friction_damping import FrictionDamping, friction_damping_terms
-from .effects.preload import BaseState, PressedContact, pressure_load, solve_preload
+from .effects.preload import BaseState
 from .effects.rayleigh import rayleigh_terms
-from .effects.rotation import rotation_motion, rotation_terms
+from .effects.rotation import rotation_terms
 from .effects.springs import spring_terms
 from .effects.stress_stiffening import stiffening_term
 from .effects.structural_damping import structural_terms
@@ -28,8 +28,7 @@ from .materials import material_axes
 from .matrix_scene import matrix_problem
 from .mesh import LoadedMesh
 from .problem import Model, Problem
-from .revolution import check_revolution, check_ring, is_transversal
-from .rotating import centrifugal_load
+from .rotating_bodies import rotating_motions
 from .scene import MU, MatrixScene, Scene, number_at, with_numbers
 from .spaces import make_space, straightened
 from .terms import Term
@@ -104,7 +103,7 @@ class Assembly:
         masses, elastics = self._elastic(scene)
         springs = self._springs(scene)
         contacts = self._contacts(scene)
-        motions = self._rotation(scene)
+        motions = rotating_motions(scene, self.space, self.bodies, self.loaded, self._sides, self._kept)
         terms = [t for pair in zip(masses.values(), elastics.values(), strict=True) for t in pair] + springs
         damping, static = [], [*elastics.values(), *(t for t in springs if t.slot == "K")]
         rayleigh = scene.effects.rayleigh
@@ -128,7 +127,11 @@ class Assembly:
             if c.kind == "tied"
         }
         static += [t for found in tied.values() for t in found if t.slot == "K"]
-        base = self._base(scene, contacts, static, motions)
+        before = self._made.get("base", [])
+        base = base_state(
+            scene, self.space, self.bodies, self.loaded, contacts, static, motions,
+            before[-1][1] if before else None, self._kept,
+        )  # fmt: skip
         for name, operators in contacts.items():
             terms += tied[name] if name in tied else self._interface(scene, name, operators, base)
         if scene.effects.stress_stiffening is not None and base is not None:
@@ -139,7 +142,7 @@ class Assembly:
         parameters = {p: number_at(scene, p) for p in paths}
         return Problem(
             tuple(terms), parameters, self._model(scene, contacts, base, motions, terms, parameters), self,
-            self._coupled(scene, static, base), dict(values),
+            state_parameters(scene, static, base), dict(values),
         )  # fmt: skip
 
     def _kept(self, kind: str, key: object, make: Callable[[], _Made]) -> _Made:
@@ -184,7 +187,7 @@ class Assembly:
         return terms
 
     def _contacts(self, scene: Scene) -> dict[str, ContactOperators]:
-        contacts = {}
+        contacts: dict[str, ContactOperators] = {}
         for i, (name, contact) in enumerate(zip(scene.contact_names, scene.contacts, strict=True)):
             motion = contact.sliding.motion() if contact.sliding is not None else None
 
@@ -200,79 +203,9 @@ class Assembly:
                 self._sides[name] = sides[1]
                 return contact_operators(self.space, pad, counter, motion, contact.gap_tolerance, key)
 
-            contacts[name] = self._kept(f"contact.{name}", (_way(motion), contact.gap_tolerance), make)
+            key = (None if motion is None else motion.way, contact.gap_tolerance)
+            contacts[name] = self._kept(f"contact.{name}", key, make)
         return contacts
-
-    def _rotation(self, scene: Scene) -> dict[str, Sliding]:
-        rotation = scene.effects.rotation
-        motions: dict[str, Sliding] = {}
-        for name in rotation.bodies if rotation is not None else ():
-            assert rotation is not None
-            pressed = {
-                c: contact.sliding.motion()
-                for c, contact in zip(scene.contact_names, scene.contacts, strict=True)
-                if contact.sliding is not None and name in self._sides[c]
-            }
-            motions[name] = motion = rotation_motion(rotation, name, pressed)
-            self._kept(
-                f"revolution.{name}", _way(motion),
-                lambda n=name, m=motion: self._check_revolution(n, m),  # type: ignore[misc]
-            )  # fmt: skip
-            if not is_transversal(scene.stiffness(name), motion):
-                raise SceneError(
-                    f"effects.rotation: the material of body {name} is not the same all around the axis; expected an"
-                    " isotropic one, or an orthotropic one with axis 3 along the axis and equal values along 1 and 2"
-                )
-        return motions
-
-    def _check_revolution(self, name: str, motion: Sliding) -> None:
-        """Refuse a body, or what holds it, that is not the same all around the axis of rotation."""
-        mesh, elements = self.space.mesh, self.bodies[name]
-        check_revolution(mesh, elements, motion, name)
-        holding = [(f"supports[{i}]", s.surface) for i, s in enumerate(self.scene.supports)]
-        for i, spring in enumerate(self.scene.springs):
-            holding += [(f"springs[{i}]", s) for s in (spring.surface, spring.to) if s is not None]
-        for key, group in holding:
-            facets = find_facets(self.loaded, group, key)
-            mine = facets[np.isin(mesh.f2t[0, facets], elements)]
-            if len(mine):
-                check_ring(mesh, mine, motion, key, name)
-
-    def _base(
-        self, scene: Scene, contacts: dict[str, ContactOperators], static: list[Term], motions: dict[str, Sliding]
-    ) -> BaseState | None:
-        preload, friction = scene.effects.preload, scene.effects.friction
-        if preload is None:
-            return None
-        numbers = {p: number_at(scene, p) for t in static for p in t.powers}
-        K = sp.csr_array(sum(t.matrix * t.coefficient(numbers) for t in static))
-        load, resultant = np.zeros(self.space.unknowns), np.zeros(3)
-        for group, pressure in preload.pressures.items():
-            surface = self.space.surface(find_facets(self.loaded, group, f"effects.preload.pressures.{group}"))
-            forces, total = pressure_load(self.space, surface, pressure)
-            load, resultant = load + forces, resultant + total
-        for name, motion in motions.items():
-            density = scene.materials[scene.bodies[name].material].density
-            load = load + centrifugal_load(self.space, self.bodies[name], density, motion)
-        mu = 0.0 if friction is None else friction.mu if preload.mu == "swept" else preload.mu
-        pressed = {
-            name: PressedContact(
-                contacts[name], c.normal_stiffness, c.friction_ratio if c.kind == "sliding" else 0.0,
-                c.sliding.motion() if c.sliding is not None else None,
-            )
-            for name, c in zip(scene.contact_names, scene.contacts, strict=True)
-            if c.kind != "tied"
-        }  # fmt: skip
-        size = float(np.ptp(self.space.mesh.p, axis=1).max())
-        key = (
-            load.tobytes(), mu, tuple(sorted(numbers.items())), tuple(id(t.matrix) for t in static),
-            tuple((id(c.operators), c.stiffness, c.friction_ratio) for c in pressed.values()), preload.lift_off,
-        )  # fmt: skip
-        before = self._made.get("base", [])
-        start = before[-1][1] if before else None
-        return self._kept(
-            "base", key, lambda: solve_preload(K, load, resultant, pressed, mu, preload.lift_off, size, start)
-        )
 
     def _interface(
         self, scene: Scene, name: str, operators: ContactOperators, base: BaseState | None
@@ -319,19 +252,6 @@ class Assembly:
             )  # fmt: skip
         return terms
 
-    def _coupled(self, scene: Scene, static: list[Term], base: BaseState | None) -> frozenset[str]:
-        """Return the parameters that the static state depends on."""
-        preload = scene.effects.preload
-        if base is None or preload is None:
-            return frozenset()
-        names = {p for t in static for p in t.powers}
-        names |= {f"contacts.{n}.{key}" for n in scene.contact_names for key in ("normal_stiffness", "friction_ratio")}
-        if preload.mu == "swept":
-            names.add(MU)
-        if scene.effects.rotation is not None:
-            names |= {f"materials.{m}.density" for m in scene.materials}
-        return frozenset(names)
-
     def _model(
         self, scene: Scene, contacts: dict[str, ContactOperators], base: BaseState | None,
         motions: dict[str, Sliding], terms: list[Term], parameters: dict[str, float],
@@ -346,14 +266,6 @@ class Assembly:
             still = [t for t in terms if not t.name.startswith("convection.")]
             warnings += tuple(doubts_of_rotation(self.space, self.bodies, motions, still, parameters))
         return Model(self.space, self.bodies, contacts, self.notes, warnings, base)
-
-
-def _way(motion: Sliding | None) -> object:
-    """Return what counts of a motion for the direction of sliding: all but the speed."""
-    if motion is None:
-        return None
-    unit = np.round(motion.velocity / np.linalg.norm(motion.velocity), 15)
-    return (*unit, *(motion.centre if motion.centre is not None else ()))
 
 
 def _coverage(contacts: dict[str, ContactOperators]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,12 +28,16 @@ class Root:
         Of √|p − p_c| in the growth rate behind the root, rad/s; at a crossing dRe λ/dp.
     uncertainty : float
         Of `value`: last Newton step and rounding.
+    right, left : (n,)
+        Vectors of Q(λ) there.
     """
 
     value: float
     theta: float
     coefficient: float
     uncertainty: float
+    right: np.ndarray = field(repr=False)
+    left: np.ndarray = field(repr=False)
 
 
 def find_coalescence(
@@ -69,7 +73,7 @@ def find_coalescence(
         # Quadratic convergence ends at rounding level: stop where a step no longer shrinks.
         if size <= b.p_rounding or (size < 1e-6 * max(abs(p), 1e-3) and size >= 0.25 * last):
             coefficient = np.sqrt(2 * abs(b.g_p / b.g_theta_theta)) / (2 * np.sqrt(abs(theta)))
-            return Root(float(p), float(theta), float(coefficient), float(size + b.p_rounding))
+            return Root(float(p), float(theta), float(coefficient), float(size + b.p_rounding), x, y)
         if not np.isfinite(step).all() or size > 10 * (abs(value) + 1):
             break
         last = size
@@ -93,7 +97,8 @@ def find_zero(
         if abs(p - value) > width or b.p_rounding > 0.1 * width:
             break
         if abs(step) <= b.p_rounding or (abs(step) < 1e-6 * max(abs(p), 1e-3) and abs(step) >= 0.25 * last):
-            return Root(float(p), 0.0, float(np.sqrt(abs(b.g_p / b.g_theta))), float(abs(step) + b.p_rounding))
+            coefficient = float(np.sqrt(abs(b.g_p / b.g_theta)))
+            return Root(float(p), 0.0, coefficient, float(abs(step) + b.p_rounding), x, y)
         last = abs(step)
     raise NotConvergedError(f"divergence near {parameter} = {value:.6g}: Newton's method did not converge")
 
@@ -147,7 +152,7 @@ def find_crossing(
         if abs(p - value) > width or rounding > 0.1 * width:
             break
         if abs(step[1]) <= rounding or (abs(step[1]) < 1e-6 * max(abs(p), 1e-3) and abs(step[1]) >= 0.25 * last):
-            return Root(float(p), float(omega**2), speed, float(abs(step[1]) + rounding))
+            return Root(float(p), float(omega**2), speed, float(abs(step[1]) + rounding), x, y)
         last = abs(step[1])
     raise NotConvergedError(f"crossing near {parameter} = {value:.6g}: Newton's method did not converge")
 

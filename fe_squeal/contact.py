@@ -33,6 +33,12 @@ class Sliding:
     velocity: np.ndarray
     centre: np.ndarray | None = None
 
+    @property
+    def way(self) -> tuple[float, ...]:
+        """What decides on the direction of sliding: all but the speed."""
+        unit = np.round(self.velocity / np.linalg.norm(self.velocity), 15)
+        return (*unit.tolist(), *(self.centre.tolist() if self.centre is not None else ()))
+
     def velocities(self, points: np.ndarray) -> np.ndarray:
         """Return the counterface's velocity at (q, 3) points, (q, 3) m/s."""
         if self.centre is None:

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.optimize import brentq
 
-from .bordered import find_coalescence, find_crossing, find_zero
+from .bordered import Root, find_coalescence, find_crossing, find_zero
 from .eigen.dense import solve_dense
 from .eigen.pencil import Modes
 from .eigen.solve import Request, solve_modes
 from .errors import NotConvergedError
 from .problem import Problem
+from .reduced import ReducedModel
 from .tracking import mirror_partners, modal_assurance
 
 _BISECTED = 1e-7  # of the sweep step: the bracket where only stability itself can be told
 _INNER = 4  # values inside a step at which the small model is asked for hidden instabilities
+_CHEAP = 20_000  # unknowns up to which an onset of a reduced model is refined on the problem itself in any case
+_SURE = 1e-8  # relative uncertainty of such an onset that is good enough
 _SMALL = 60  # unknowns up to which the small model is the problem itself
 _BRACKET = 1e-2  # of the sweep step: where Newton's method takes over from the bracketing
+
+_Start = tuple[float, float, np.ndarray, np.ndarray]  # parameter, θ, right and left vector
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,7 @@ class Onset:
 
 def find_step_onsets(
     problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
-    branches: tuple[np.ndarray, np.ndarray], below: float,
+    branches: tuple[np.ndarray, np.ndarray], below: float, model: ReducedModel | None = None,
 ) -> tuple[list[Onset], list[tuple[int, float, float]], float | None]:  # fmt: skip
     """Return the onsets between two neighbouring values of a sweep, and what they leave unexplained.
 
@@ -67,6 +73,8 @@ def find_step_onsets(
     branches : (k,) int each, the branch of every mode
     below : float, rad/s
         Frequency up to which modes matter.
+    model : ReducedModel, optional
+        Of which the modes are.
 
     Returns
     -------
@@ -79,7 +87,7 @@ def find_step_onsets(
     unknown: list[tuple[int, float, float]] = []
     if not len(modes[0]) or not len(modes[1]):
         return onsets, unknown, None
-    step = _Step(problem, parameter, values, modes)
+    step = _Step(problem, parameter, values, modes, model)
     for inner, outer, direction in ((0, 1, "into"), (1, 0, "out of")):
         stable_end, unstable_end = values[inner], values[outer]
         unstable = {int(b) for b, s in zip(branches[inner], modes[inner].stability, strict=True) if s == "unstable"}
@@ -135,9 +143,11 @@ class _Step:
     """
 
     def __init__(
-        self, problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes]
-    ) -> None:
-        self.problem, self.parameter = problem, parameter
+        self, problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
+        model: ReducedModel | None = None,
+    ) -> None:  # fmt: skip
+        self.full, self.parameter, self.model = problem, parameter, model
+        self.problem = problem = problem if model is None else model.condensed
         M = problem.pencil(**{parameter: values[0]}).M
         if problem.unknowns <= _SMALL:
             self.V = np.eye(problem.unknowns)
@@ -214,7 +224,8 @@ class _Step:
         assert left is not None
         x, y = (self.V @ _real_direction(v / np.linalg.norm(v, axis=0)) for v in (two.right, left))
         try:
-            root = find_coalescence(self.problem, self.parameter, rough, theta, x, y)
+            root = self._refined(lambda problem, start: find_coalescence(problem, self.parameter, *start),
+                                 (rough, theta, x, y))  # fmt: skip
             if abs(root.value - rough) <= 0.1 * step:
                 frequency = np.sqrt(root.theta) / (2 * np.pi)
                 if abs(root.value - ends[0]) <= root.uncertainty:  # a doublet split by no more than rounding
@@ -261,7 +272,11 @@ class _Step:
 
         rough = brentq(theta, *ends, xtol=_BRACKET * abs(ends[1] - ends[0]), rtol=8.9e-16)
         x = mode.right[:, 0].real
-        root = find_zero(self.problem, self.parameter, rough, x, x, 0.1 * abs(ends[1] - ends[0]))
+        width = 0.1 * abs(ends[1] - ends[0])
+        root = self._refined(
+            lambda problem, start: find_zero(problem, self.parameter, start[0], start[2], start[3], width),
+            (rough, 0.0, x, x),
+        )  # fmt: skip
         return self._onset(root.value, 0.0, "divergence", root.coefficient, root.uncertainty)
 
     def crossing(self, ends: tuple[float, float], mode: Modes) -> Onset:
@@ -284,10 +299,31 @@ class _Step:
         assert at.left is not None
         x, y = self.V @ at.right[:, 0], self.V @ at.left[:, 0]
         width = 0.1 * abs(ends[1] - ends[0])
-        root = find_crossing(self.problem, self.parameter, rough, float(at.lam[0].imag), x, y, width)
+        root = self._refined(
+            lambda problem, start: find_crossing(
+                problem, self.parameter, start[0], float(np.sqrt(start[1])), start[2], start[3], width
+            ),
+            (rough, float(at.lam[0].imag) ** 2, x, y),
+        )  # fmt: skip
         omega = np.sqrt(root.theta)
         kind = "flutter" if omega > 1e-6 * abs(target) else "divergence"
         return self._onset(root.value, omega / (2 * np.pi), kind, root.coefficient, root.uncertainty)
+
+    def _refined(self, newton: Callable[[Problem, _Start], Root], start: _Start) -> Root:
+        """Return a root of the problem from a start nearby.
+
+        With a reduced model the root is that of the small problem, and the residuals of its vectors on the problem
+        itself tell how far it may be off; where that is too far, or a few factorisations cost little, Newton's method
+        goes on there.
+        """
+        if self.model is None:
+            return newton(self.problem, start)
+        root = newton(self.problem, start)
+        uncertainty = root.uncertainty + self.model.root_uncertainty(root)
+        if uncertainty <= _SURE * abs(root.value) and self.full.unknowns > _CHEAP:
+            return replace(root, uncertainty=uncertainty)
+        x, y = (self.model.lift(v) for v in (root.right, root.left))
+        return newton(self.full, (root.value, root.theta, x, y))
 
     def _onset(self, value: float, frequency_hz: float, kind: str, speed: float, uncertainty: float) -> Onset:
         return Onset(

@@ -198,10 +198,40 @@ class Problem:
         constant = self._sums[slot, fixed]
         return rest if constant is None else constant if rest is None else sp.csr_array(constant + rest)
 
+    def condensed(self, parameter: str) -> Problem:
+        """Return the same problem over one parameter as few terms: one for each slot and power of the parameter.
+
+        Raises
+        ------
+        SceneError
+            If the parameter does more than change coefficients.
+        """
+        paths = paths_of(parameter)
+        if not self.is_affine(parameter):
+            raise SceneError(f"{parameter} changes matrices, not coefficients alone")
+        groups: dict[tuple[Slot, int, bool], list[tuple[Term, float]]] = {}
+        for t in self.terms:
+            others = replace(t, powers={p: e for p, e in t.powers.items() if p not in paths})
+            c = others.coefficient(self.parameters)
+            if c:
+                key = (t.slot, sum(t.powers.get(p, 0) for p in paths), t.imaginary)
+                groups.setdefault(key, []).append((replace(t, imaginary=False), c))
+        terms = []
+        for (slot, power, imaginary), parts in groups.items():
+            matrix = _sum(parts)
+            assert matrix is not None
+            symmetric, skew = all(t.symmetric for t, _ in parts), all(t.skew for t, _ in parts)
+            name = f"{slot}{power}" + ("i" if imaginary else "")
+            terms.append(Term(name, slot, matrix, symmetric, {paths[0]: power}, skew, imaginary))
+        return Problem(tuple(terms), dict.fromkeys(paths, self.value(parameter)))
+
     def project(self, V: np.ndarray) -> Problem:
         """Return the Galerkin projection of every term on the columns of a real V (n, r): terms VᵀAV of size r."""
-        terms = tuple(replace(t, matrix=sp.csr_array(V.T @ (t.matrix @ V))) for t in self.terms)
-        return Problem(terms, self.parameters)
+        terms = []
+        for t in self.terms:
+            rows = np.flatnonzero(np.diff(t.matrix.indptr))  # springs and contacts have few
+            terms.append(replace(t, matrix=sp.csr_array(V[rows].T @ (t.matrix[rows] @ V))))
+        return Problem(tuple(terms), self.parameters)
 
     def derivative(self, parameter: str, slot: Slot, **values: float) -> sp.csr_array | None:
         """Return ∂M, ∂C or ∂K by a parameter; None where it does not depend on it.

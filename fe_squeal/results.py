@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from .eigen.linear_solvers import solver_name
-from .energy import energy_balance
 from .onset import Onset
 from .preload_results import model_grid, preload_dataframe, preload_record
 from .problem import Problem
@@ -151,8 +150,7 @@ def _attribution(result: Sweep) -> list[dict[str, Any]]:
     """Return for each unstable branch, where it grows fastest, whence its growth comes and what moves it."""
     found = []
     for point, i in _fastest_growing(result):
-        lam = complex(point.modes.lam[i])
-        shares = energy_balance(result.problem, lam, point.shapes[i], **{result.parameter: point.value})
+        shares = result.balance(point, i)
         moves = point.sensitivities.get(i, {})
         found.append({
             **_info(result, point, i),

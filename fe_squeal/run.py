@@ -101,7 +101,7 @@ def sweep_scene(scene: Scene | MatrixScene, problem: Problem, console: Console) 
     parameter = MU if scene.sweep is None else scene.sweep.parameter
     options = {
         "modes": scene.solve.modes, "max_frequency": scene.solve.max_frequency, "tolerance": scene.solve.tolerance,
-        "keep_shapes": scene.output.shapes == "all",
+        "keep_shapes": scene.output.shapes == "all", "method": scene.solve.method,
     }  # fmt: skip
     if not console.is_terminal:
         marks = {max(1, round(len(values) * part / 4)) for part in range(1, 5)}

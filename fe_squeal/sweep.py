@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,11 +15,13 @@ from .eigen.threads import one_openblas_thread
 from .errors import NotConvergedError, SceneError
 from .onset import Onset, find_step_onsets, two_mode_value
 from .problem import Problem
+from .reduced import ReducedModel
 from .sensitivity import sensitivities
-from .sweep_result import Sweep, SweepPoint
+from .sweep_result import LiftedShapes, Sweep, SweepPoint
 from .tracking import match_modes
 
 _RIM = 0.9  # of the highest |λ| known: a mode beyond may leave the range by itself
+_VALUES, _UNKNOWNS = 5, 2000  # from which a small model pays
 _REFINEMENTS = 4  # how often a step is halved while the continuation of a mode is in doubt
 
 
@@ -31,6 +33,7 @@ def sweep(
     max_frequency: float | None = None,
     tolerance: float = 1e-8,
     keep_shapes: bool = False,
+    method: str = "auto",
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Sweep:
     """Solve for the complex modes at every value of a parameter, track them, and find the onsets.
@@ -44,6 +47,9 @@ def sweep(
         All modes up to here instead.
     keep_shapes : bool
         Keep the shapes of all modes at the last value, not of the unstable ones alone.
+    method : "auto", "direct", "reduced" or "modal"
+        A solve at every value, a small model that holds over the sweep within the tolerance, or one of the modes
+        without friction and damping alone; "auto" takes the small model where that pays.
     progress : callable of (values done, values in all)
 
     Raises
@@ -62,6 +68,7 @@ def sweep(
     problem = problem.prepared(parameter, values)
     request = Request(None if max_frequency else modes or 20, max_frequency, tolerance)
     tracker = _Tracker(problem, parameter, request)
+    tracker.reduce(values, method)
     for i, value in enumerate(values):
         try:
             with one_openblas_thread():
@@ -95,7 +102,7 @@ class _Tracker:
         self._guarded = _with_guard(request)
         self.points: list[SweepPoint] = []
         self.onsets: list[Onset] = []
-        self.seconds = {"eigenvalues": 0.0, "tracking": 0.0, "onsets": 0.0, "completeness": 0.0}
+        self.seconds = {"reduction": 0.0, "eigenvalues": 0.0, "tracking": 0.0, "onsets": 0.0, "completeness": 0.0}
         self.doubts: list[str] = []
         self.completeness = Completeness(0, None, False)
         self._first: Modes | None = None
@@ -105,6 +112,31 @@ class _Tracker:
         self._next_branch = 1
         self._start = self._value = np.nan
         self._M = problem.pencil().M  # weighs shapes; nominal, whatever the sweep does to it
+        self._model: ReducedModel | None = None
+        self._tracked = problem  # the problem whose coordinates the modes have: this one, or the small one
+
+    def reduce(self, values: np.ndarray, method: str) -> None:
+        """Make the small model, if the method asks for it."""
+        pays = len(values) >= _VALUES and self.problem.unknowns >= _UNKNOWNS and self.problem.is_affine(self.parameter)
+        if method == "direct" or (method == "auto" and not pays):
+            return
+        clock = time.perf_counter()
+        try:
+            with one_openblas_thread():
+                model = ReducedModel(self.problem, self.parameter, values, self._guarded, modal=method == "modal")
+        except NotConvergedError as error:
+            if method != "auto":
+                raise
+            self.doubts.append(f"solved directly at every value: {error}")
+            self._spend("reduction", clock)
+            return
+        self._model, self._tracked = model, model.small
+        self._M = self._tracked.pencil().M
+        if method == "modal":
+            self.doubts.append(
+                f"modal projection: an eigenvalue may be off by {100 * model.worst:.2g} % of |λ|, as estimated"
+            )
+        self._spend("reduction", clock)
 
     def advance(self, value: float, keep_all: bool) -> None:
         """Solve at the next value."""
@@ -115,20 +147,26 @@ class _Tracker:
             self._follow(value, modes, _REFINEMENTS)
         wanted = wanted_count(modes, self.request)
         kept = range(wanted) if keep_all else np.flatnonzero(modes.stability[:wanted] == "unstable")
-        shapes = {int(i): modes.right[:, i].copy() for i in kept}
-        here = self.problem.at(**{self.parameter: value})
+        shapes: Mapping[int, np.ndarray] = {int(i): modes.right[:, i].copy() for i in kept}
+        here = self._tracked.at(**{self.parameter: value})
         moves = {}
         for i in np.flatnonzero(modes.stability[:wanted] == "unstable"):
             found = sensitivities(here, modes, int(i))
             moves[int(i)] = {path: (here.value(path), d) for path, d in found.items()}
         reported = modes.select(np.arange(wanted)).without_shapes()
-        base, contacts = (here.model.base, here.model.contacts) if here.model is not None else (None, {})
+        model = self.problem.at(**{self.parameter: value}).model
+        base, contacts = (model.base, model.contacts) if model is not None else (None, {})
+        if self._model is not None:
+            shapes = LiftedShapes(shapes, self._model.basis.V)
         self.points.append(SweepPoint(value, reported, self._branches[:wanted], shapes, moves, base, contacts))
 
     def _solve(self, value: float) -> Modes:
         clock = time.perf_counter()
-        band = None if self._previous is None else float(self._previous.lam.imag.max(initial=0.0)) or None
-        modes = solve_modes(self.problem.pencil(**{self.parameter: value}), self._guarded, band)
+        if self._model is not None:
+            modes = self._model.modes(value)
+        else:
+            band = None if self._previous is None else float(self._previous.lam.imag.max(initial=0.0)) or None
+            modes = solve_modes(self.problem.pencil(**{self.parameter: value}), self._guarded, band)
         self._spend("eigenvalues", clock)
         return modes
 
@@ -175,7 +213,7 @@ class _Tracker:
         """Return what was solved so far."""
         return Sweep(
             self.problem, self.parameter, tuple(self.points), tuple(sorted(self.onsets, key=lambda o: o.value)),
-            self.completeness, dict(self.seconds), tuple(self.doubts),
+            self.completeness, dict(self.seconds), tuple(self.doubts), None if self._model is None else self._tracked,
         )  # fmt: skip
 
     def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray) -> tuple[list[Onset], list[str]]:
@@ -194,7 +232,7 @@ class _Tracker:
         try:
             below = float(modes.lam[: wanted_count(modes, self.request)].imag.max(initial=0.0))
             found, unknown, hidden = find_step_onsets(
-                self.problem, name, ends, (self._previous, modes), (self._branches, branches), below
+                self.problem, name, ends, (self._previous, modes), (self._branches, branches), below, self._model
             )
         except (NotConvergedError, ValueError) as error:
             return [], [*doubts, f"an onset between {name} = {ends[0]:g} and {ends[1]:g} was not refined: {error}"]
@@ -212,7 +250,7 @@ class _Tracker:
                 continue
             at = [np.flatnonzero(self._first_branches == b) for b in (onset.branch_a, onset.branch_b)]
             if all(len(i) for i in at) and not self.problem.is_damped:
-                predicted = two_mode_value(self.problem, name, self._start, self._first, int(at[0][0]), int(at[1][0]))
+                predicted = two_mode_value(self._tracked, name, self._start, self._first, int(at[0][0]), int(at[1][0]))
                 onset = replace(onset, two_mode_value=predicted)
             onsets.append(onset)
         return onsets, doubts

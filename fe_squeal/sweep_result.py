@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,10 +12,11 @@ from .contact import ContactOperators
 from .effects.preload import BaseState
 from .eigen.pencil import Modes
 from .eigen.solve import Completeness
-from .energy import energy_balance
+from .energy import Share, energy_balance
 from .noise import classify_noise
 from .onset import Onset
 from .problem import Problem
+from .reduced import lift
 
 MODE_COLUMNS = (
     "parameter", "value", "mode", "branch", "re", "im", "frequency_hz", "damping_ratio", "stability", "noise",
@@ -27,6 +28,22 @@ ONSET_COLUMNS = (
 )  # fmt: skip
 CONTRIBUTION_COLUMNS = ("parameter", "value", "mode", "branch", "term", "re_share", "energy_share")
 SENSITIVITY_COLUMNS = ("parameter", "value", "mode", "branch", "number", "at", "dre", "dim")
+
+
+class LiftedShapes(Mapping[int, np.ndarray]):
+    """Shapes V y (n,) by position, made from few coordinates when they are asked for."""
+
+    def __init__(self, coordinates: Mapping[int, np.ndarray], V: np.ndarray) -> None:
+        self.coordinates, self._V = coordinates, V
+
+    def __getitem__(self, i: int) -> np.ndarray:
+        return lift(self._V, self.coordinates[i])
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.coordinates)
+
+    def __len__(self) -> int:
+        return len(self.coordinates)
 
 
 @dataclass(frozen=True)
@@ -71,6 +88,8 @@ class Sweep:
         Of the modes at the first value.
     seconds : mapping of stage to s
     doubts : sentences about what could not be made sure
+    small : Problem or None
+        The reduced problem, whose coordinates the shapes were found in.
     """
 
     problem: Problem
@@ -80,6 +99,7 @@ class Sweep:
     completeness: Completeness
     seconds: Mapping[str, float] = field(default_factory=dict)
     doubts: tuple[str, ...] = ()
+    small: Problem | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
         ends = f"{self.points[0].value:g} to {self.points[-1].value:g}"
@@ -116,14 +136,19 @@ class Sweep:
         frame = pd.DataFrame(rows, columns=list(ONSET_COLUMNS))
         return frame.astype({"branch_a": "Int64", "branch_b": "Int64"})
 
+    def balance(self, point: SweepPoint, i: int) -> dict[str, Share]:
+        """Return the shares of the terms in one mode whose shape is known."""
+        problem, shapes = self.problem, point.shapes
+        if self.small is not None and isinstance(shapes, LiftedShapes):
+            problem, shapes = self.small, shapes.coordinates
+        return energy_balance(problem, complex(point.modes.lam[i]), shapes[i], **{self.parameter: point.value})
+
     def contributions_dataframe(self) -> pd.DataFrame:
         """Return the shares of Re λ and of the energy by term, of every unstable mode (contributions.csv)."""
         rows = []
         for point in self.points:
             for i in np.flatnonzero(point.modes.stability == "unstable"):
-                found = energy_balance(
-                    self.problem, complex(point.modes.lam[i]), point.shapes[int(i)], **{self.parameter: point.value}
-                )
+                found = self.balance(point, int(i))
                 key = (self.parameter, point.value, i + 1, point.branches[i])
                 rows += [(*key, term, share.growth, share.energy) for term, share in found.items()]
                 rows.append((*key, "sum", sum(share.growth for share in found.values()), np.nan))

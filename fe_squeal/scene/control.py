@@ -87,15 +87,17 @@ class Solve(Section):
         Number of modes, the lowest (default: 20, or as many as there are, where `max_frequency` is not given).
     max_frequency : float, Hz
         All modes up to it, instead of `modes`.
-    method : "auto" or "direct"
-        How the modes are computed; "auto" chooses.
+    method : "auto", "direct", "reduced" or "modal"
+        How the modes are computed: "direct" solves at every value; "reduced" makes a small model that holds over the
+        sweep within the tolerance; "modal" projects on the modes without friction and damping and tells the error that
+        this makes; "auto" takes "reduced" for a large problem at many values, where the parameter allows it.
     tolerance : float
         Relative backward error at which an eigenvalue is taken as converged.
     """
 
     modes: Annotated[int, Field(ge=1)] | None = None  # 20, or as many as there are, where max_frequency is not given
     max_frequency: Positive | None = None
-    method: Literal["auto", "direct"] = "auto"
+    method: Literal["auto", "direct", "reduced", "modal"] = "auto"
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
 
     @model_validator(mode="after")

@@ -1,0 +1,243 @@
+"""A basis of few vectors, the projection of every term on it, and how far its modes are from those of the problem."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from ..eigen.dense import solve_dense
+from ..eigen.pencil import Modes, Pencil
+from ..problem import Problem
+from ..terms import Slot
+
+_SAMPLES = 24  # random vectors per norm: residual norms come out within some 15 %
+_SEED = 20250411
+_RANK = 1e-12  # of a Gram matrix: what is linearly dependent
+_POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}
+
+
+class ReducedBasis:
+    """Vectors V (n, r) with VᵀPV = 1, the terms VᵀAV, and random samples of the residuals of their modes.
+
+    For a mode λ, φ = Vy, ψ = Vw of the small problem, with residuals ρ = Q(λ)φ and η = Q(λ)ᴴψ, both orthogonal to V,
+    λ is off by ηᴴQ(λ)⁻¹ρ / ψᴴQ'(λ)φ to leading order: the product of two small vectors. Q(λ) is close to the positive
+    definite P = K − σM on what V leaves out, of frequencies beyond those of the modes, so that ‖η‖‖ρ‖ in the norm of
+    P⁻¹ = L⁻ᵀL⁻¹ bounds it. The norms are those of ZᵀA_tV y summed over the terms with Z = L⁻ᵀS, S random with
+    E SSᵀ = 1: no vector of length n is formed for any mode. (Two-sided Galerkin error: Benner, Gugercin, Willcox, SIAM
+    Rev. 57, 2015; random samples of residuals: Balabanov and Nouy, Adv. Comput. Math. 45, 2019.)
+
+    Parameters
+    ----------
+    problem : Problem
+        Affine in the parameter and condensed: few terms.
+    parameter : str
+    P : (n, n) sparse, positive definite
+    half_solve : callable
+        Returns L⁻ᵀS.
+    """
+
+    def __init__(self, problem: Problem, parameter: str, P: sp.csr_array, half_solve: object) -> None:
+        self.problem, self.parameter, self.P = problem, parameter, P
+        n = problem.unknowns
+        rng = np.random.default_rng(_SEED)
+        energy = half_solve(rng.standard_normal((n, _SAMPLES)))  # type: ignore[operator]
+        # Rows of backward errors count in the problem's own units, as in `fe_squeal.eigen.quality`.
+        units = problem.pencil().units[0]
+        plain = units[:, None] * rng.standard_normal((n, _SAMPLES))
+        self._Z = np.asfortranarray(np.hstack([energy, plain]) / np.sqrt(_SAMPLES))
+        self._transposed = [None if t.symmetric else sp.csr_array(t.matrix.T) for t in problem.terms]
+        self._size = units * np.abs(P.diagonal())
+        self.V = np.zeros((n, 0))
+        self._small = [np.zeros((0, 0)) for _ in problem.terms]
+        self._right = [np.zeros((2 * _SAMPLES, 0)) for _ in problem.terms]  # Zᵀ A V
+        self._left = [np.zeros((2 * _SAMPLES, 0)) for _ in problem.terms]  # Zᵀ Aᵀ V
+        self._sizes = np.zeros((0, 0))
+        self._cancels = 1.0
+
+    def __len__(self) -> int:
+        return int(self.V.shape[1])
+
+    def append(self, X: np.ndarray, threshold: float = 0.0) -> int:
+        """Add the directions of X (n, k) real whose part outside the basis is longer than a threshold in the P-norm.
+
+        Returns
+        -------
+        int
+            How many were added.
+        """
+        X = X - self.V @ (self.V.T @ (self.P @ X))
+        X = _orthonormal(X, self.P, threshold)
+        if not X.shape[1]:
+            return 0
+        X = X - self.V @ (self.V.T @ (self.P @ X))
+        X = _orthonormal(X, self.P, 0.0)
+        r, k = len(self), X.shape[1]
+        for i, term in enumerate(self.problem.terms):
+            AX = term.matrix @ X
+            transposed = self._transposed[i]
+            ATX = AX if transposed is None else transposed @ X
+            grown = np.empty((r + k, r + k))
+            grown[:r, :r] = self._small[i]
+            grown[:r, r:], grown[r:, :r] = self.V.T @ AX, (self.V.T @ ATX).T
+            grown[r:, r:] = X.T @ AX
+            self._small[i] = (grown + grown.T) / 2 if transposed is None else grown
+            self._right[i] = np.hstack([self._right[i], self._Z.T @ AX])
+            self._left[i] = np.hstack([self._left[i], self._Z.T @ ATX])
+        DX = self._size[:, None] * X
+        DV = (self._size[:, None] * DX).T @ self.V
+        self._sizes = np.block([[self._sizes, DV.T], [DV, DX.T @ DX]])
+        self.V = np.hstack([self.V, X])
+        return k
+
+    def restricted(self, W: np.ndarray) -> ReducedBasis:
+        """Return the basis of the span of VW alone, W (r, k) orthonormal."""
+        smaller = copy.copy(self)
+        smaller.V = self.V @ W
+        smaller._small = [W.T @ A @ W for A in self._small]
+        smaller._right, smaller._left = [B @ W for B in self._right], [B @ W for B in self._left]
+        smaller._sizes = W.T @ self._sizes @ W
+        return smaller
+
+    def project(self, problem: Problem) -> Problem:
+        """Return another problem of the same unknowns on the basis."""
+        return problem.project(self.V)
+
+    def pencil(self, value: float) -> Pencil:
+        """Return the small matrices at a value of the parameter."""
+        at = self.problem.at(**{self.parameter: value})
+        sums: dict[Slot, np.ndarray | None] = {"M": None, "C": None, "K": None}
+        symmetric = True
+        for term, A in zip(at.terms, self._small, strict=True):
+            c = term.coefficient(at.parameters)
+            if not c:
+                continue
+            symmetric &= term.symmetric or term.slot != "K"
+            part = A * (1j * c if term.imaginary else c)
+            before = sums[term.slot]
+            sums[term.slot] = part if before is None else before + part
+        M, C, K = (None if A is None else sp.csr_array(A) for A in sums.values())
+        assert M is not None and K is not None
+        return Pencil(M, K, C, symmetric)
+
+    def modes(self, value: float, highest: float) -> Modes:
+        """Return the modes of the small problem up to |λ| = highest, rad/s, with vectors of length r."""
+        return solve_dense(self.pencil(value), highest)
+
+    def calibrate(self, value: float, modes: Modes) -> None:
+        """Compare the size of what cancels in Q(λ)φ with the part of it that `errors` knows, for some modes."""
+        u = lift(self.V, modes.right)
+        pencil = self.problem.pencil(**{self.parameter: value})
+        exact = pencil.units[0][:, None] * pencil.magnitude(modes.lam, u)
+        known = np.linalg.norm(self._size[:, None] * u, axis=0)
+        self._cancels = float((np.linalg.norm(exact, axis=0) / known).min())
+
+    def errors(
+        self, value: float, modes: Modes, highest: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+        """Return how far λ may be off, rad/s, backward errors, and the relative condition in the P-norm (½ at best).
+
+        Parameters
+        ----------
+        modes : Modes
+            Of the small problem.
+        highest : float, rad/s
+            Up to where the basis holds the modes of the undamped problem without friction.
+        """
+        assert modes.left is not None
+        rho, eta = self._sampled(value, modes.lam, modes.right, modes.left)
+        both = self._product(rho, eta, np.abs(modes.lam), highest)
+        pencil = self.pencil(value)
+        size = np.abs(modes.lam)
+        mass = np.abs(np.einsum("ij,ij->j", modes.left.conj(), pencil.M @ modes.right))
+        slope = np.abs(np.einsum("ij,ij->j", modes.left.conj(), pencil.derivative(modes.lam, modes.right)))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            error = np.fmin(both / slope, np.sqrt(both / mass))
+        lengths = np.linalg.norm(modes.right, axis=0) * np.linalg.norm(modes.left, axis=0)  # in the P-norm
+        with np.errstate(divide="ignore", invalid="ignore"):
+            condition = np.nan_to_num(lengths / (slope * size), nan=np.inf)
+        scale = np.sqrt(np.einsum("ij,ij->j", modes.right.conj(), self._sizes @ modes.right).real)
+        backward = np.linalg.norm(rho[_SAMPLES:], axis=0) / (self._cancels * scale)
+        return error, backward, condition
+
+    def root_error(
+        self, value: float, lam: complex, right: np.ndarray, left: np.ndarray, highest: float
+    ) -> float:  # fmt: skip
+        """Return how far a parameter at which Q(λ)φ = 0, ψᴴQ(λ) = 0 may be off: ‖η‖‖ρ‖/|ψᴴ(∂Q/∂p)φ|."""
+        rho, eta = self._sampled(value, np.array([lam]), right[:, None], left[:, None])
+        both = float(self._product(rho, eta, np.array([abs(lam)]), highest)[0])
+        small, change = self.condensed(), 0j
+        for slot, power in _POWER.items():
+            d = small.derivative(self.parameter, slot, **{self.parameter: value})
+            if d is not None:
+                change += lam**power * complex(np.vdot(left, d @ right))
+        return both / abs(change) if change else np.inf
+
+    def condensed(self) -> Problem:
+        """Return the small terms as a problem."""
+        terms = tuple(
+            replace(t, matrix=sp.csr_array(A)) for t, A in zip(self.problem.terms, self._small, strict=True)
+        )
+        return Problem(terms, self.problem.parameters)
+
+    def _sampled(
+        self, value: float, lam: np.ndarray, phi: np.ndarray, psi: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the samples of Q(λ)φ and of Q(λ)ᴴψ."""
+        at = self.problem.at(**{self.parameter: value})
+        rho = np.zeros((2 * _SAMPLES, len(lam)), complex)
+        eta = np.zeros_like(rho)
+        for term, right, left in zip(at.terms, self._right, self._left, strict=True):
+            c = term.coefficient(at.parameters) * (1j if term.imaginary else 1.0) * lam ** _POWER[term.slot]
+            rho += (right @ phi) * c
+            eta += (left @ psi) * c.conj()
+        return rho, eta
+
+    def _product(self, rho: np.ndarray, eta: np.ndarray, size: np.ndarray, highest: float) -> np.ndarray:
+        """Return ‖η‖‖ρ‖ in the norm of P⁻¹, larger where Q(λ) is smaller than P: next to what is left out."""
+        both = np.linalg.norm(rho[:_SAMPLES], axis=0) * np.linalg.norm(eta[:_SAMPLES], axis=0)
+        return np.asarray(both / np.clip(1 - (size / highest) ** 2, 0.05, 1.0))
+
+    def residuals(self, value: float, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
+        """Return Q(λ)φ and Q(λ)ᴴψ of each mode, (n, k) each."""
+        assert modes.left is not None
+        at = self.problem.at(**{self.parameter: value})
+        found = []
+        for vectors, adjoint in ((modes.right, False), (modes.left, True)):
+            u = lift(self.V, vectors)
+            total = np.zeros(u.shape, complex)
+            for term, transposed in zip(at.terms, self._transposed, strict=True):
+                c = term.coefficient(at.parameters) * (1j if term.imaginary else 1.0) * modes.lam ** _POWER[term.slot]
+                A = transposed if adjoint and transposed is not None else term.matrix
+                total += _times(A, u) * (c.conj() if adjoint else c)
+            found.append(total)
+        return found[0], found[1]
+
+
+def lift(V: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return V y for a real V and a complex y without a complex copy of V."""
+    if not np.iscomplexobj(y):
+        return np.asarray(V @ y)
+    return np.asarray(V @ y.real + 1j * (V @ y.imag))
+
+
+def real_columns(x: np.ndarray) -> np.ndarray:
+    """Return real and imaginary parts of the columns, without those that are zero."""
+    if not np.iscomplexobj(x):
+        return x
+    parts = np.hstack([x.real, x.imag])
+    size = np.linalg.norm(parts, axis=0)
+    return np.asarray(parts[:, size > 1e-14 * size.max(initial=0.0)])
+
+
+def _times(A: sp.csr_array, u: np.ndarray) -> np.ndarray:
+    return np.asarray(A @ u.real + 1j * (A @ u.imag)) if np.iscomplexobj(u) else np.asarray(A @ u)
+
+
+def _orthonormal(X: np.ndarray, P: sp.csr_array, threshold: float) -> np.ndarray:
+    w, v = la.eigh(X.T @ (P @ X))
+    keep = w > max(threshold**2, _RANK * w.max(initial=0.0))
+    return np.asarray(X @ (v[:, keep] / np.sqrt(w[keep])))

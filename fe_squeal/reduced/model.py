@@ -1,0 +1,259 @@
+"""A small model that stands for a problem over an interval of a parameter, within a tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from ..bordered import Root
+from ..eigen.definite import factorize_definite
+from ..eigen.linear_solvers import Factor, factorize
+from ..eigen.pencil import Modes
+from ..eigen.solve import Request, select_wanted, solve_modes, symmetric_part
+from ..errors import NotConvergedError
+from ..problem import Problem
+from .basis import ReducedBasis, lift, real_columns
+
+_GUARD = 1.25  # times the modes asked for: how many of the undamped problem the basis begins with
+_BELOW = 0.05  # of the band: how far below zero the shift lies, in frequency
+_ROUNDS = 16
+_CANDIDATES = 7  # values at which the basis is corrected until all modes there meet the tolerance
+_CORRECTED = 0.3  # times the tolerance: what is corrected along with what misses it
+_SAFETY = 0.1  # of the tolerance: what the estimated errors of eigenvalues are driven below
+_PACE = 0.3  # of the worst error: what a round with the factors of another value has to leave at most
+_NODES = 5  # values whose modes span the final basis
+_FINE = 1e-5  # of a vector: what is left out of the final basis
+_SHORT = 1e-4  # of √tolerance: corrections shorter than this, against the length of the mode, are left out
+_SUPPLEMENTS = 6  # values that are added to these at most
+_ILL = 10.0  # relative condition from which a mode is near a double eigenvalue
+_SEED, _BLOCK, _STEPS = 20251107, 12, 6  # of the search for modes that are missing
+_FOUND, _VAGUE = 0.99, 0.1  # of the highest mode asked for, and relative residual: from where a mode counts as missing
+_WORTH = 0.8  # of the vectors: what a smaller basis has at most
+
+
+class ReducedModel:
+    """The projection of a problem on right and left modes at a few values of a parameter.
+
+    Attributes
+    ----------
+    problem : Problem
+    parameter : str
+    basis : ReducedBasis
+    highest : float, rad/s
+    factorizations, solves : int
+        Matrices factorised and right-hand sides solved for.
+    """
+
+    def __init__(
+        self, problem: Problem, parameter: str, values: Sequence[float] | np.ndarray, request: Request,
+        modal: bool = False,
+    ) -> None:  # fmt: skip
+        """Build the model.
+
+        Parameters
+        ----------
+        problem : Problem
+            Affine in the parameter.
+        values : (m,) float, increasing
+        request : Request
+        modal : bool
+            Stop at the modes of the undamped problem without friction, whatever the error.
+
+        Raises
+        ------
+        NotConvergedError
+            If the tolerance is not met, or the problem without damping and friction is not positive semidefinite.
+        """
+        self.problem, self.parameter, self.request = problem, parameter, request
+        self.factorizations = self.solves = 0
+        self._solved: dict[float, Modes] = {}
+        self._values = values = np.asarray(values, float)
+        condensed = problem.condensed(parameter)
+        start = float(values[np.argmin(np.abs(values))])
+        base = symmetric_part(condensed.pencil(**{parameter: start}))
+        modes = solve_modes(base, _enlarged(request))
+        self.factorizations += 1
+        self.highest = float(modes.lam.imag.max(initial=0.0))
+        self._sigma = -((_BELOW * self.highest) ** 2)
+        P = sp.csr_array(base.K - self._sigma * base.M)
+        definite = factorize_definite(P)
+        self.factorizations += 1
+        self.basis = ReducedBasis(condensed, parameter, P, definite.half_solve)
+        self.basis.append(modes.right.real)
+        self.basis.calibrate(start, self._estimated(start)[0])
+        if not modal:
+            self._grow(values)
+            self._compress(values)
+
+    @property
+    def worst(self) -> float:
+        """The largest estimated error of λ over the values asked for, relative to |λ|."""
+        found = [float(self._estimated(float(p))[2].max(initial=0.0)) for p in self._values]
+        return max(found, default=0.0)
+
+    def modes(self, value: float) -> Modes:
+        """Return the modes asked for at one value, with vectors of length r and the errors of the projection."""
+        return self._solved[value] if value in self._solved else self._estimated(value)[0]
+
+    def lift(self, vectors: np.ndarray) -> np.ndarray:
+        """Return vectors of the small model as ones of the problem."""
+        return lift(self.basis.V, vectors)
+
+    @cached_property
+    def small(self) -> Problem:
+        """Every term of the problem on the basis."""
+        return self.basis.project(self.problem)
+
+    @cached_property
+    def condensed(self) -> Problem:
+        """The small problem over the parameter alone."""
+        return self.basis.condensed()
+
+    def root_uncertainty(self, root: Root) -> float:
+        """Return how far a critical value of the small problem may be from that of the problem itself."""
+        return self.basis.root_error(root.value, 1j * np.sqrt(root.theta), root.right, root.left, self.highest)
+
+    def _estimated(self, value: float) -> tuple[Modes, np.ndarray, np.ndarray]:
+        """Return the modes asked for, for each how far it is from meeting the tolerance (1: just met), and |Δλ/λ|."""
+        every = self.basis.modes(value, 1.2 * self.highest)
+        modes = select_wanted(every, self.request, np.inf)
+        assert modes is not None
+        error, backward, condition = self.basis.errors(value, modes, self.highest)
+        # A tolerance is one for well-conditioned modes: next to a double eigenvalue no solver keeps λ as closely.
+        size = np.maximum(np.abs(modes.lam), 1e-3 * self.highest) * np.maximum(condition / _ILL, 1.0)
+        off = np.maximum(error / size / _SAFETY, backward) / self.request.tolerance
+        modes = replace(
+            modes, re_uncertainty=modes.re_uncertainty + error, backward_error=np.fmax(modes.backward_error, backward),
+            method=f"reduced model of {len(self.basis)} vectors",
+        )  # fmt: skip
+        return modes, off, error / size
+
+    def _grow(self, values: np.ndarray) -> None:
+        """Correct the basis where it misses the tolerance: first in the middle, then at the ends, then everywhere."""
+        candidates = values[np.unique(np.round(np.linspace(0, len(values) - 1, _CANDIDATES)).astype(int))]
+        middle = float(candidates[len(candidates) // 2])
+        factor, at = self._factorize(middle), middle
+        todo, before = {middle: np.inf}, np.inf
+        for round_ in range(_ROUNDS):
+            for p in todo:
+                modes, off, _ = self._estimated(p)
+                bad = np.flatnonzero(off > _CORRECTED)
+                if len(bad):
+                    self._correct(p, modes.select(bad), factor)
+            tried = candidates if round_ else candidates[[0, -1]]
+            found = {float(p): float(self._estimated(float(p))[1].max(initial=0.0)) for p in tried}
+            todo = {p: off for p, off in found.items() if off > 1}
+            if not todo and round_:
+                if not self._missing(factor, at):
+                    return
+                todo = {float(p): np.inf for p in candidates}
+                continue
+            worst = max(found, key=lambda p: found[p])
+            if found[worst] > _PACE * before and at != worst:
+                del factor  # one at a time: they are what takes the memory
+                factor, at = self._factorize(worst), worst
+            before = found[worst]
+        raise NotConvergedError(
+            f"the reduced model misses the tolerance {before:.2g} times at {self.parameter} = {worst:g} with"
+            f" {len(self.basis)} vectors"
+        )
+
+    def _factorize(self, value: float) -> Factor:
+        """Factorise what is close to Q(λ) on everything beyond the basis: K − σM, with damping at half the band."""
+        pencil = self.basis.problem.pencil(**{self.parameter: value})
+        shifted = pencil.K - self._sigma * pencil.M
+        if pencil.C is not None:
+            shifted = shifted + 0.5j * self.highest * pencil.C
+        self.factorizations += 1
+        return factorize(sp.csr_array(shifted), pencil.symmetric and pencil.C is None)
+
+    def _missing(self, factor: Factor, value: float) -> bool:
+        """Look for a mode that the basis does not hold at the value of the factors; add its shape if there is one.
+
+        A few steps of block Krylov iteration from random vectors, on the shift-inverted problem without its known
+        modes, find what then comes nearest to the shift: beyond the modes asked for, if none of them is missing. With
+        damping the iteration has no such simple form, and nothing is looked for.
+        """
+        if self.problem.is_damped:
+            return False
+        every = self.basis.modes(value, self.highest)
+        wanted = select_wanted(every, self.request, np.inf)
+        every = every.select(np.flatnonzero((every.lam.imag > 0) | (every.lam.real <= 0)))  # each θ < 0 once
+        assert every.left is not None and wanted is not None
+        M = self.basis.problem.pencil(**{self.parameter: value}).M
+        right, left = self.lift(every.right), self.lift(every.left)
+
+        def without_known(x: np.ndarray) -> np.ndarray:
+            return np.asarray(x - (right @ (left.conj().T @ (M @ x))).real)
+
+        block = np.random.default_rng(_SEED).standard_normal((M.shape[0], _BLOCK))
+        blocks = [la.qr(without_known(factor.solve(M @ block)), mode="economic")[0]]
+        images = []
+        for _ in range(_STEPS):
+            images.append(without_known(factor.solve(M @ blocks[-1])))
+            self.solves += _BLOCK
+            W = np.hstack(blocks)
+            x = images[-1] - W @ (W.T @ images[-1])
+            blocks.append(la.qr(x - W @ (W.T @ x), mode="economic")[0])
+        W, AW = np.hstack(blocks[:-1]), np.hstack(images)
+        nu, y = la.eig(W.T @ AW)
+        best = int(np.argmax(np.abs(nu)))
+        residual = np.linalg.norm(AW @ y[:, best] - nu[best] * (W @ y[:, best])) / abs(nu[best])
+        nearest = np.sqrt(abs(self._sigma + 1 / nu[best]))
+        if nearest > _FOUND * np.abs(wanted.lam).max(initial=0.0) or residual > _VAGUE:
+            return False
+        return self.basis.append(real_columns(W @ y[:, [best]])) > 0
+
+    def _correct(self, value: float, modes: Modes, factor: Factor) -> int:
+        """Add what the residuals of some modes at a value ask for."""
+        right, left = self.basis.residuals(value, modes)
+        if not self.problem.is_damped:  # a real matrix: fewer right-hand sides
+            right, left = real_columns(right), real_columns(left)
+        self.solves += right.shape[1] + left.shape[1]
+        X = np.hstack([real_columns(factor.solve(right)), real_columns(factor.solve_adjoint(left))])
+        # Eigenvalues feel the product of two such errors; relative to the mode's own length in the P-norm.
+        length = float(np.sqrt(np.abs(modes.lam).min() ** 2 - self._sigma))
+        return self.basis.append(X, _SHORT * self.request.tolerance**0.5 * length)
+
+    def _compress(self, values: np.ndarray) -> None:
+        """Keep the modes at a few values alone, and at those that these do not carry within the tolerance."""
+        full, spanned = self.basis, np.zeros((len(self.basis), 0))
+        wave = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
+        missed = [float(p) for p in (values[0] + values[-1] - np.ptp(values) * wave) / 2]
+        rounds = 0
+        while missed:
+            for p in missed:
+                modes = full.modes(p, self.highest)
+                assert modes.left is not None
+                new = np.hstack([real_columns(modes.right), real_columns(modes.left)])
+                spanned = np.hstack([spanned, new / np.linalg.norm(new, axis=0)])
+            U, s, _ = la.svd(spanned, full_matrices=False)
+            W = U[:, s > _FINE * s[0]]
+            rounds += 1
+            if W.shape[1] > _WORTH * len(full) or rounds > _SUPPLEMENTS:
+                self.basis, self._solved = full, {}
+                self._grow(values)
+                return
+            self.basis = full.restricted(W)
+            missed = self._missed(values)[:1]
+
+    def _missed(self, values: np.ndarray) -> list[float]:
+        """Return the values at which a mode misses the tolerance; what was solved is kept for the sweep."""
+        self._solved = {}
+        for p in values:
+            modes, off, _ = self._estimated(float(p))
+            if off.max(initial=0.0) > 1:
+                return [float(p), *(float(q) for q in values if q > p)]
+            self._solved[float(p)] = modes
+        return []
+
+
+def _enlarged(request: Request) -> Request:
+    if request.max_frequency_hz is not None:
+        return replace(request, max_frequency_hz=_GUARD**0.8 * request.max_frequency_hz)
+    return replace(request, count=int(_GUARD * (request.count or 1)) + 4)

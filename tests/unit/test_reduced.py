@@ -1,0 +1,152 @@
+"""Sweeps on a reduced model against dense solves of the whole problem: every mode, every value, every class."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from fe_squeal import sweep
+from fe_squeal.eigen.solve import Request
+from fe_squeal.errors import NotConvergedError, SceneError
+from fe_squeal.problem import Problem
+from fe_squeal.reduced import ReducedModel
+from fe_squeal.terms import Term
+
+N, MODES, PATCH = 260, 8, 8
+VALUES = np.linspace(0.0, 0.9, 7)
+
+
+def chain(*effects, n=N):
+    """Two chains side by side, coupled by friction in a patch: masses 0.5 to 1.5, stiffnesses over two decades."""
+    rng = np.random.default_rng(5)
+    half = n // 2
+
+    def line(low, high):
+        k = np.exp(rng.uniform(np.log(low), np.log(high), half + 1))
+        return sp.diags_array([k[:-1] + k[1:], -k[1:-1], -k[1:-1]], offsets=[0, 1, -1])
+
+    K = sp.block_diag([line(1.0, 50.0), line(2.0, 100.0)], format="csr")
+    patch, points = np.arange(half // 3, half // 3 + PATCH), np.tile(np.arange(PATCH), 2)
+    ones = np.ones(PATCH)
+    gap = sp.csr_array((np.r_[ones, -0.9 * ones], (points, np.r_[patch, patch + half])), (PATCH, n))
+    slip = sp.csr_array((np.r_[ones, ones], (points, np.r_[patch + 1, patch + half])), (PATCH, n))
+    terms = {
+        "mass": Term("mass", "M", sp.diags_array(rng.uniform(0.5, 1.5, n)).tocsr(), True),
+        "elastic": Term("elastic", "K", K, True),
+        "contact": Term("contact", "K", sp.csr_array(gap.T @ gap), True),
+        "friction": Term("friction", "K", sp.csr_array(1.7 * slip.T @ gap), False, {"mu": 1}),
+        "damper": Term("damper", "C", sp.csr_array(0.002 * K + 0.01 * sp.eye_array(n)), True),
+        "slip damping": Term("slip damping", "C", sp.csr_array(0.1 * slip.T @ slip), True, {"mu": 1}),
+        "gyroscope": Term("gyroscope", "C", _skew(n), False, skew=True),
+        "loss": Term("loss", "K", sp.csr_array(0.03 * K), True, imaginary=True),
+    }
+    return Problem(tuple(terms[t] for t in ("mass", "elastic", "contact", "friction", *effects)), {"mu": 0.3})
+
+
+def _skew(n):
+    A = sp.diags_array([np.full(n // 2, 0.05)], offsets=[n // 2], shape=(n, n))
+    return sp.csr_array(A - A.T)
+
+
+def dense(problem, mu):
+    """All eigenvalues of the upper half plane, by LAPACK."""
+    pencil = problem.pencil(mu=mu)
+    M, K = pencil.M.toarray(), pencil.K.toarray()
+    if pencil.C is None:
+        lam = 1j * np.sqrt(la.eigvals(K, M).astype(complex))
+        lam = np.concatenate([lam, -lam]) if not np.iscomplexobj(K) else lam
+    else:
+        n = len(M)
+        lower = np.hstack([-la.solve(M, K), -la.solve(M, pencil.C.toarray())])
+        lam = la.eigvals(np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), lower]))
+    return lam[lam.imag > 0]
+
+
+CLASSES = {
+    "nonsymmetric": (), "quadratic": ("damper", "slip damping"), "gyroscopic": ("gyroscope", "damper"),
+    "complex": ("loss",), "complex with C": ("loss", "damper"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("effects", CLASSES.values(), ids=CLASSES)
+def test_every_mode_at_every_value(effects):
+    """Within the tolerance, and within what the model itself says; none is missing below the highest."""
+    problem = chain(*effects)
+    result = sweep(problem, VALUES, modes=MODES, method="reduced")
+    assert result.method.startswith("reduced model of")
+    for point in result.points:
+        exact, modes = dense(problem, point.value), point.modes
+        assert len(modes) >= MODES
+        distance = np.abs(modes.lam[:, None] - exact[None, :])
+        assert (distance.min(axis=1) <= 1e-8 * np.abs(modes.lam)).all()
+        assert (distance.min(axis=1) <= modes.re_uncertainty + 1e-10 * np.abs(modes.lam)).all()
+        below = exact.imag < 0.999 * modes.lam.imag.max()
+        assert np.count_nonzero(below) == np.count_nonzero(modes.lam.imag < 0.999 * modes.lam.imag.max())
+        assert modes.backward_error.max() <= 1e-8
+
+
+def test_onsets_and_branches_are_those_of_direct_solves():
+    problem = chain()
+    reduced, direct = (sweep(problem, VALUES, modes=MODES, method=m) for m in ("reduced", "direct"))
+    assert len(reduced.onsets) == len(direct.onsets) > 0
+    for a, b in zip(reduced.onsets, direct.onsets, strict=True):
+        assert a.value == pytest.approx(b.value, rel=1e-9)
+        assert a.crossing_speed == pytest.approx(b.crossing_speed, rel=1e-6)
+        assert (a.kind, a.direction, a.branch_a, a.branch_b) == (b.kind, b.direction, b.branch_a, b.branch_b)
+    assert reduced.doubts == direct.doubts
+    for a, b in zip(reduced.points, direct.points, strict=True):
+        np.testing.assert_array_equal(a.branches, b.branches)
+        np.testing.assert_array_equal(a.modes.stability, b.modes.stability)
+
+
+def test_reports_are_those_of_direct_solves():
+    """Shares and sensitivities come from the small matrices, shapes from the basis."""
+    problem = chain("damper")
+    reduced, direct = (sweep(problem, VALUES, modes=MODES, method=m) for m in ("reduced", "direct"))
+    for name in ("contributions_dataframe", "sensitivities_dataframe"):
+        a, b = getattr(reduced, name)(), getattr(direct, name)()
+        assert len(a) == len(b) > 0
+        numbers = a.select_dtypes(float).columns
+        np.testing.assert_allclose(a[numbers], b[numbers], rtol=1e-5, atol=1e-9)
+    for a, b in zip(reduced.points, direct.points, strict=True):
+        for i, u in a.shapes.items():
+            v = b.shapes[i]
+            assert u.shape == (N,)
+            assert abs(np.vdot(u, v)) == pytest.approx(np.linalg.norm(u) * np.linalg.norm(v), rel=1e-8)
+
+
+def test_values_asked_for_later_reuse_the_model():
+    problem = chain()
+    model = ReducedModel(problem, "mu", VALUES, Request(count=MODES))
+    before = model.factorizations, model.solves
+    for mu in np.random.default_rng(1).uniform(0.0, 0.9, 12):
+        lam = model.modes(float(mu)).lam
+        assert np.abs(lam[:, None] - dense(problem, mu)[None, :]).min(axis=1).max() <= 1e-8 * np.abs(lam).min()
+    assert (model.factorizations, model.solves) == before
+    # Fewer factorisations than values, and a basis much smaller than the problem
+    assert model.factorizations < len(VALUES) and len(model.basis) < N / 2
+
+
+def test_modal_projection_tells_its_error():
+    """The usual projection misses by percents; its estimate is of that size, and it is told."""
+    problem = chain()
+    result = sweep(problem, VALUES, modes=MODES, method="modal")
+    assert any("modal projection" in d for d in result.doubts)
+    model = ReducedModel(problem, "mu", VALUES, Request(count=MODES), modal=True)
+    errors = []
+    for mu in VALUES[1:]:
+        lam = model.modes(float(mu)).lam
+        errors.append((np.abs(lam[:, None] - dense(problem, mu)[None, :]).min(axis=1) / np.abs(lam)).max())
+    assert 1e-5 < max(errors) <= model.worst < 1e3 * max(errors)
+
+
+def test_a_parameter_that_changes_matrices_cannot_be_reduced():
+    with pytest.raises(SceneError, match="speed"):
+        sweep(chain(), VALUES, "speed", method="reduced")
+
+
+def test_a_tolerance_out_of_reach_is_an_error():
+    with pytest.raises(NotConvergedError, match="tolerance"):
+        sweep(chain(), VALUES, modes=MODES, method="reduced", tolerance=1e-17)
