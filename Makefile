@@ -41,3 +41,8 @@ docs: run
 	cp results/disc_pad/stability.png docs/images/stability.png
 	cp results/disc_pad/shapes/branch_16_*.png docs/images/shape.png
 	$(BIN)/python -m fe_squeal.scene_reference > docs/scene.md
+
+# The pages of what effects and sweeps cost; the times are those of this machine.
+benchmarks: .venv/installed
+	$(BIN)/python benchmarks/effects_cost.py --write
+	$(BIN)/python benchmarks/sweep_cost.py --write

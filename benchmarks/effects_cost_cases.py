@@ -1,0 +1,84 @@
+"""The scenes of effects_cost.py: the disc with two pads with each effect on and off."""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+FRICTION = "friction"  # the case that all others are compared with
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene to measure; `unreachable`: no other effect can be called; `by_hand`: the terms are summed here."""
+
+    name: str
+    scene: dict[str, Any]
+    unreachable: bool = False
+    by_hand: bool = False
+
+
+def scene_of(rung: str) -> dict[str, Any]:
+    """Return the scene with friction alone, "fine" on the committed mesh or "coarse" on one made from the geometry."""
+    scene = tomllib.loads((ROOT / "examples/disc_pad.toml").read_text(encoding="utf-8"))
+    del scene["sweep"]
+    if rung == "fine":
+        scene["mesh"]["file"] = str(ROOT / "examples" / scene["mesh"]["file"])
+    else:
+        del scene["mesh"]["file"]
+        scene["mesh"] |= {"order": 1}
+        scene["mesh"]["disc_pad"]["size"] = 0.02
+    return scene
+
+
+def effect_cases(scene: dict[str, Any]) -> list[Case]:
+    """Return the scene without friction, with it, and with each effect besides; numbers as in the example of all."""
+    tables = tomllib.loads((ROOT / "examples/disc_pad_effects.toml").read_text(encoding="utf-8"))["effects"]
+    pressure = {"contact_pressure": 1.0e6}
+    loss: dict[str, Any] = {"structural_damping": {}}
+    frozen = {"structural_damping": {"reference_frequency_hz": 3000.0}}
+    preload = {"preload": tables["preload"]}
+
+    def with_effects(name: str, effects: dict[str, Any], damper: float = 0.0) -> Case:
+        case = copy.deepcopy(scene)
+        case["effects"] |= effects
+        if "structural_damping" in effects:
+            case["materials"]["lining"]["loss_factor"] = 0.05
+        if damper:
+            case["springs"] = [{**s, "damping": damper} for s in case["springs"]]
+        return Case(name, case)
+
+    return [
+        Case("no friction", {**scene, "effects": {}}),
+        Case(FRICTION, scene),
+        with_effects("rayleigh", {"rayleigh": tables["rayleigh"]}),
+        with_effects("structural_damping", loss),
+        with_effects("structural_damping, frozen", frozen),
+        with_effects("friction_damping", {"friction_damping": pressure}),
+        with_effects("falling_friction", {"falling_friction": {**tables["falling_friction"], **pressure}}),
+        with_effects("rotation", {"rotation": tables["rotation"]}),
+        with_effects("springs' damping", {}, damper=100.0),
+        with_effects("preload", preload),
+        with_effects("preload, stress_stiffening", preload | {"stress_stiffening": {}}),
+        with_effects("all, loss frozen", tables | frozen, damper=100.0),
+        with_effects("all", tables | loss, damper=100.0),
+    ]
+
+
+def absence_cases(scene: dict[str, Any]) -> list[Case]:
+    """Return friction alone in the ways that have to cost the same if an effect that is not there costs nothing."""
+    zero = copy.deepcopy(scene)
+    zero["effects"] |= {"rayleigh": {"alpha": 0.0, "beta": 0.0}}
+    zero["effects"] |= {"falling_friction": {"contact_pressure": 1.0e6, "slope": 0.0}}
+    zero["effects"] |= {"structural_damping": {}}  # no material has a loss factor
+    return [
+        Case("as it is", scene),
+        Case("as it is, again", scene),
+        Case("other effects out of reach", scene, unreachable=True),
+        Case("matrices summed by hand", scene, by_hand=True),
+        Case("tables with zeros", zero),
+    ]

@@ -1,0 +1,212 @@
+"""Seconds, memory and counted work of the disc with two pads with each effect on and off; see effects_cost.py.
+
+As a script it is the process of one measurement of memory: a case in JSON on standard input, MiB on standard output.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+import scipy.sparse as sp
+from effects_cost_cases import Case
+
+from fe_squeal import assemble, assembly, base_state, parse_scene, rotating_bodies
+from fe_squeal.bodies import read_mesh
+from fe_squeal.eigen import linear_solvers
+from fe_squeal.eigen.pencil import Pencil
+from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.threads import one_openblas_thread
+from fe_squeal.problem import Problem
+from fe_squeal.scene import Scene
+
+NEXT_MU = 0.41
+# All that the assembly calls for effects other than friction.
+MAKERS = (
+    "rayleigh_terms", "structural_terms", "friction_damping_terms", "falling_friction_terms", "rotation_terms",
+    "rotation_motion", "check_revolution", "is_transversal", "check_ring", "centrifugal_load", "pressure_load",
+    "solve_preload", "stiffening_term", "doubts_of_preload",
+)  # fmt: skip
+
+
+@dataclass
+class Row:
+    """What one case costs; a number of seconds per run, counts of one solve at μ = 0.4.
+
+    Attributes
+    ----------
+    factorised : list of (size, symmetric)
+        Every factorisation of the eigen-solver, in order.
+    static : int
+        Factorisations during assembly, for the static state under preload.
+    solves : int
+        Solves with the factors.
+    nonzeros : int
+        Of M, C and K together.
+    memory_mib, before_mib : float or None
+        Largest memory of a process of its own, at its end and before assembly.
+    """
+
+    effect: str
+    unknowns: int
+    problem_class: str
+    terms: int
+    modes: int
+    nonzeros: int
+    factorised: list[tuple[int, bool]]
+    static: int
+    solves: int
+    assembly: list[float] = field(default_factory=list)
+    solve: list[float] = field(default_factory=list)
+    next_value: list[float] = field(default_factory=list)
+    memory_mib: float | None = None
+    before_mib: float | None = None
+
+
+def measure(cases: Sequence[Case], runs: int, memory: bool = False) -> list[Row]:
+    """Measure every case once for its counts, then `runs` times, in turn, for its seconds."""
+    scenes = [_parsed(c) for c in cases]
+    mesh = read_mesh(scenes[0])  # the same for all
+    rows = []
+    for case, scene in zip(cases, scenes, strict=True):
+        with _counted() as static:
+            problem = _assembled(case, scene, mesh)
+        with _counted() as work:
+            pencil = _pencil(case, problem)
+            modes = solve_modes(pencil, _request(scene))
+        nonzeros = sum(A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)
+        rows.append(
+            Row(
+                case.name, problem.unknowns, problem.problem_class, len(problem.terms), len(modes), nonzeros,
+                work.factorised, len(static.factorised), work.solves,
+            )
+        )  # fmt: skip
+        if memory:
+            rows[-1].before_mib, rows[-1].memory_mib = _memory(case)
+    for run in range(runs):
+        order = list(zip(cases, scenes, rows, strict=True))
+        for case, scene, row in order[:: -1 if run % 2 else 1]:  # a drift of the machine then cancels
+            gc.collect()
+            start = time.perf_counter()
+            problem = _assembled(case, scene, mesh)
+            assembled = time.perf_counter()
+            with one_openblas_thread():  # as in a sweep
+                solve_modes(_pencil(case, problem), _request(scene))
+            solved = time.perf_counter()
+            if problem.has("mu"):
+                problem.pencil(mu=NEXT_MU)
+                row.next_value.append(time.perf_counter() - solved)
+            row.assembly.append(assembled - start)
+            row.solve.append(solved - assembled)
+    return rows
+
+
+def _parsed(case: Case) -> Scene:
+    scene = parse_scene(case.scene)
+    assert isinstance(scene, Scene)
+    return scene
+
+
+def _request(scene: Scene) -> Request:
+    return Request(scene.solve.modes, scene.solve.max_frequency, scene.solve.tolerance)
+
+
+def _assembled(case: Case, scene: Scene, mesh: Any) -> Problem:
+    def fail(*_: object, **__: object) -> None:
+        raise AssertionError("an effect that is not in the scene was called")
+
+    with ExitStack() as stack:
+        for name in MAKERS if case.unreachable else ():
+            [module] = [m for m in (assembly, base_state, rotating_bodies) if hasattr(m, name)]
+            stack.enter_context(patch.object(module, name, fail))
+        return assemble(scene, mesh)
+
+
+def _pencil(case: Case, problem: Problem) -> Pencil:
+    if not case.by_hand:
+        return problem.pencil()
+    numbers = problem.parameters
+    M, K = (
+        sp.csr_array(sum(t.matrix * t.coefficient(numbers) for t in problem.terms if t.slot == slot)) for slot in "MK"
+    )
+    return Pencil(M, K)
+
+
+@dataclass
+class _Work:
+    factorised: list[tuple[int, bool]] = field(default_factory=list)
+    solves: int = 0
+
+
+class _CountingFactor:
+    def __init__(self, factor: linear_solvers.Factor, work: _Work) -> None:
+        self.negative_pivots = factor.negative_pivots
+        self.solve = self._counting(factor.solve, work)
+        self.solve_transposed = self._counting(factor.solve_transposed, work)
+        self.solve_adjoint = self._counting(factor.solve_adjoint, work)
+
+    @staticmethod
+    def _counting(solve: linear_solvers.Solve, work: _Work) -> linear_solvers.Solve:
+        def counted(b: np.ndarray) -> np.ndarray:
+            work.solves += 1
+            return solve(b)
+
+        return counted
+
+
+@contextmanager
+def _counted() -> Iterator[_Work]:
+    work, original = _Work(), linear_solvers.factorize
+
+    def counting(A: sp.csr_array, symmetric: bool) -> _CountingFactor:
+        work.factorised.append((A.shape[0], symmetric))
+        return _CountingFactor(original(A, symmetric), work)
+
+    with ExitStack() as stack:
+        for module in [m for n, m in sys.modules.items() if n.startswith("fe_squeal.")]:
+            if getattr(module, "factorize", None) is original:  # modules that imported it by name
+                stack.enter_context(patch.object(module, "factorize", counting))
+        yield work
+
+
+def _memory(case: Case) -> tuple[float, float]:
+    """Return the largest memory, MiB, of a process before and after assembly and solve of one case."""
+    command = [sys.executable, __file__]
+    done = subprocess.run(command, input=json.dumps(asdict(case)), check=True, capture_output=True, text=True)
+    before, after = json.loads(done.stdout)
+    return before, after
+
+
+def _peak_mib() -> float:
+    status = Path("/proc/self/status")
+    if status.exists():  # Linux hands ru_maxrss of the parent down to the child
+        return int(status.read_text().partition("VmHWM:")[2].split()[0]) / 2**10
+    import resource  # not on Windows
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
+
+
+def _main() -> None:
+    case = Case(**json.load(sys.stdin))
+    scene = _parsed(case)
+    mesh = read_mesh(scene)
+    linear_solvers.has_pardiso()  # the library is loaded in every case
+    before = _peak_mib()
+    problem = _assembled(case, scene, mesh)
+    with one_openblas_thread():
+        solve_modes(_pencil(case, problem), _request(scene))
+    print(json.dumps([before, _peak_mib()]))
+
+
+if __name__ == "__main__":
+    _main()

@@ -1,0 +1,41 @@
+"""The smallest rung of benchmarks/sweep_cost.py: it runs, and the reduced sweep is as accurate as its table says."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+import sweep_cost
+
+
+@pytest.fixture(scope="module")
+def own():
+    return sweep_cost.measure("reduced", 0.03, 8, 5)
+
+
+def test_reduced_sweep_is_accurate(own):
+    assert own["error"] <= 1e-8 and own["growth_error"] <= 1e-5
+    assert own["basis"].startswith("reduced model of") and own["unknowns"] > 1000
+
+
+def test_other_ways_run_on_the_same_problem(own):
+    for way in ("direct", "scipy"):
+        other = sweep_cost.measure(way, 0.03, 8, 1)
+        assert other["unknowns"] == own["unknowns"] and other["seconds"] > 0
+
+
+def test_table_and_chart(monkeypatch, tmp_path, own):
+    def run(way, *_):
+        return own if way == "reduced" else {"unknowns": own["unknowns"], "seconds": 1.0, "MiB": 100.0}
+
+    monkeypatch.setattr(sweep_cost, "run", run)
+    rows = sweep_cost.compare([0.03], 8, [5, 9], ["direct", "reduced"])
+    lines = sweep_cost.table(rows).splitlines()
+    assert len(lines) == 2 + 2 * 2
+    assert {len(line.strip("|").split("|")) for line in lines} == {8}
+    assert f"| {own['unknowns']} | 9 | ARPACK + PARDISO | 9.0 |" in lines[4]
+    sweep_cost.draw(rows, tmp_path / "chart.png")
+    assert (tmp_path / "chart.png").stat().st_size > 5000
