@@ -21,7 +21,7 @@ from .tracking import mirror_partners, modal_assurance
 _BISECTED = 1e-7  # of the sweep step: the bracket where only stability itself can be told
 _INNER = 4  # values inside a step at which the small model is asked for hidden instabilities
 _CHEAP = 20_000  # unknowns up to which an onset of a reduced model is refined on the problem itself in any case
-_SURE = 1e-8  # relative uncertainty of such an onset that is good enough
+_SURE = 1e-7  # relative uncertainty of such an onset that is good enough
 _SMALL = 60  # unknowns up to which the small model is the problem itself
 _BRACKET = 1e-2  # of the sweep step: where Newton's method takes over from the bracketing
 

@@ -232,6 +232,11 @@ def symmetric_part(pencil: Pencil) -> Pencil:
     return Pencil(pencil.M, sp.csr_array((K + K.T) / 2), symmetric=True)
 
 
+def shift_below(pencil: Pencil, band: float | None) -> float:
+    """Return a shift σ of θ = −λ² just below zero, measured by the band of the wanted modes where that is known."""
+    return -((_BELOW * band) ** 2) if band is not None else -_RIGID_SHIFT * _largest_ratio(pencil)
+
+
 def _undamped_band(pencil: Pencil, request: Request) -> float:
     """Return about where the wanted modes end: the undamped ones without friction, a little more than half of them."""
     count = min(max(request.count or 1, 2), pencil.n - 2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,8 @@ from ..terms import Slot
 
 _SAMPLES = 24  # random vectors per norm: residual norms come out within some 15 %
 _SEED = 20250411
+_LINES = 3000  # rows of V that are sampled
+_SPARSE = 0.3  # of all rows: what a term has at most that is handled by its own rows
 _RANK = 1e-12  # of a Gram matrix: what is linearly dependent
 _POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}
 
@@ -50,12 +53,16 @@ class ReducedBasis:
         plain = units[:, None] * rng.standard_normal((n, _SAMPLES))
         self._Z = np.asfortranarray(np.hstack([energy, plain]) / np.sqrt(_SAMPLES))
         self._transposed = [None if t.symmetric else sp.csr_array(t.matrix.T) for t in problem.terms]
-        self._size = units * np.abs(P.diagonal())
-        self.V = np.zeros((n, 0))
+        # Some rows stand for all in the norm of what cancels in Q(λ)φ.
+        self._lines = np.sort(rng.choice(n, min(n, _LINES), replace=False))
+        self._size = (units * np.abs(P.diagonal()))[self._lines] * np.sqrt(n / len(self._lines))
+        occupied = [np.flatnonzero(np.diff((t.matrix + t.matrix.T).tocsr().indptr)) for t in problem.terms]
+        self._rows = [rows if len(rows) < _SPARSE * n else None for rows in occupied]  # friction has few
+        self.V = self._store = np.zeros((n, 0))
         self._small = [np.zeros((0, 0)) for _ in problem.terms]
         self._right = [np.zeros((2 * _SAMPLES, 0)) for _ in problem.terms]  # Zᵀ A V
         self._left = [np.zeros((2 * _SAMPLES, 0)) for _ in problem.terms]  # Zᵀ Aᵀ V
-        self._sizes = np.zeros((0, 0))
+        self._sampled_rows = np.zeros((len(self._lines), 0))
         self._cancels = 1.0
 
     def __len__(self) -> int:
@@ -69,37 +76,50 @@ class ReducedBasis:
         int
             How many were added.
         """
-        X = X - self.V @ (self.V.T @ (self.P @ X))
-        X = _orthonormal(X, self.P, threshold)
-        if not X.shape[1]:
-            return 0
-        X = X - self.V @ (self.V.T @ (self.P @ X))
-        X = _orthonormal(X, self.P, 0.0)
-        r, k = len(self), X.shape[1]
+        V, r = self.V, len(self)
+        for floor in (threshold, 0.0):  # the second pass removes the rounding of the first
+            PX = self.P @ X
+            inside, whole = V.T @ PX, X.T @ PX
+            rounding = _RANK * np.abs(whole.diagonal()).max(initial=0.0)
+            T = _normalising(whole - inside.T @ inside, max(floor**2, rounding))
+            if not T.shape[1]:
+                return 0
+            X = X @ T - V @ (inside @ T)
+        k = X.shape[1]
         for i, term in enumerate(self.problem.terms):
-            AX = term.matrix @ X
             transposed = self._transposed[i]
-            ATX = AX if transposed is None else transposed @ X
+            rows = self._rows[i]
+            AX = term.matrix[rows] @ X if rows is not None else term.matrix @ X
+            ATX = AX if transposed is None else transposed[rows] @ X if rows is not None else transposed @ X
+            Vr, Xr, Zr = (V, X, self._Z) if rows is None else (V[rows], X[rows], self._Z[rows])
             grown = np.empty((r + k, r + k))
             grown[:r, :r] = self._small[i]
-            grown[:r, r:], grown[r:, :r] = self.V.T @ AX, (self.V.T @ ATX).T
-            grown[r:, r:] = X.T @ AX
+            grown[:r, r:], grown[r:, :r] = Vr.T @ AX, (Vr.T @ ATX).T
+            grown[r:, r:] = Xr.T @ AX
             self._small[i] = (grown + grown.T) / 2 if transposed is None else grown
-            self._right[i] = np.hstack([self._right[i], self._Z.T @ AX])
-            self._left[i] = np.hstack([self._left[i], self._Z.T @ ATX])
-        DX = self._size[:, None] * X
-        DV = (self._size[:, None] * DX).T @ self.V
-        self._sizes = np.block([[self._sizes, DV.T], [DV, DX.T @ DX]])
-        self.V = np.hstack([self.V, X])
+            self._right[i] = np.hstack([self._right[i], Zr.T @ AX])
+            self._left[i] = np.hstack([self._left[i], Zr.T @ ATX])
+        self._sampled_rows = np.hstack([self._sampled_rows, self._size[:, None] * X[self._lines]])
+        self._extend(X)
         return k
+
+    def _extend(self, X: np.ndarray) -> None:
+        """Put columns behind those of V, whose memory is set aside in large pieces."""
+        r, k = len(self), X.shape[1]
+        if self._store.shape[1] < r + k:
+            store = np.empty((len(X), max(r + k, int(1.6 * self._store.shape[1]))))
+            store[:, :r] = self.V
+            self._store = store
+        self._store[:, r : r + k] = X
+        self.V = self._store[:, : r + k]
 
     def restricted(self, W: np.ndarray) -> ReducedBasis:
         """Return the basis of the span of VW alone, W (r, k) orthonormal."""
         smaller = copy.copy(self)
-        smaller.V = self.V @ W
+        smaller.V = smaller._store = self.V @ W
         smaller._small = [W.T @ A @ W for A in self._small]
         smaller._right, smaller._left = [B @ W for B in self._right], [B @ W for B in self._left]
-        smaller._sizes = W.T @ self._sizes @ W
+        smaller._sampled_rows = self._sampled_rows @ W
         return smaller
 
     def project(self, problem: Problem) -> Problem:
@@ -132,7 +152,7 @@ class ReducedBasis:
         u = lift(self.V, modes.right)
         pencil = self.problem.pencil(**{self.parameter: value})
         exact = pencil.units[0][:, None] * pencil.magnitude(modes.lam, u)
-        known = np.linalg.norm(self._size[:, None] * u, axis=0)
+        known = np.linalg.norm(self._size[:, None] * u[self._lines], axis=0)
         self._cancels = float((np.linalg.norm(exact, axis=0) / known).min())
 
     def errors(
@@ -159,7 +179,7 @@ class ReducedBasis:
         lengths = np.linalg.norm(modes.right, axis=0) * np.linalg.norm(modes.left, axis=0)  # in the P-norm
         with np.errstate(divide="ignore", invalid="ignore"):
             condition = np.nan_to_num(lengths / (slope * size), nan=np.inf)
-        scale = np.sqrt(np.einsum("ij,ij->j", modes.right.conj(), self._sizes @ modes.right).real)
+        scale = np.linalg.norm(lift(self._sampled_rows, modes.right), axis=0)
         backward = np.linalg.norm(rho[_SAMPLES:], axis=0) / (self._cancels * scale)
         return error, backward, condition
 
@@ -208,7 +228,7 @@ class ReducedBasis:
         found = []
         for vectors, adjoint in ((modes.right, False), (modes.left, True)):
             u = lift(self.V, vectors)
-            total = np.zeros(u.shape, complex)
+            total = np.zeros(u.shape, np.result_type(u, 1j))
             for term, transposed in zip(at.terms, self._transposed, strict=True):
                 c = term.coefficient(at.parameters) * (1j if term.imaginary else 1.0) * modes.lam ** _POWER[term.slot]
                 A = transposed if adjoint and transposed is not None else term.matrix
@@ -221,7 +241,7 @@ def lift(V: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return V y for a real V and a complex y without a complex copy of V."""
     if not np.iscomplexobj(y):
         return np.asarray(V @ y)
-    return np.asarray(V @ y.real + 1j * (V @ y.imag))
+    return _by_parts(lambda x: V @ x, y)
 
 
 def real_columns(x: np.ndarray) -> np.ndarray:
@@ -234,10 +254,21 @@ def real_columns(x: np.ndarray) -> np.ndarray:
 
 
 def _times(A: sp.csr_array, u: np.ndarray) -> np.ndarray:
-    return np.asarray(A @ u.real + 1j * (A @ u.imag)) if np.iscomplexobj(u) else np.asarray(A @ u)
+    return _by_parts(lambda x: A @ x, u) if np.iscomplexobj(u) else np.asarray(A @ u)
 
 
-def _orthonormal(X: np.ndarray, P: sp.csr_array, threshold: float) -> np.ndarray:
-    w, v = la.eigh(X.T @ (P @ X))
-    keep = w > max(threshold**2, _RANK * w.max(initial=0.0))
-    return np.asarray(X @ (v[:, keep] / np.sqrt(w[keep])))
+def _by_parts(apply: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+    """Return a real linear map of complex columns, most of which are real."""
+    columns = x.reshape(len(x), -1)
+    result = apply(np.ascontiguousarray(columns.real)).astype(complex)
+    mixed = np.flatnonzero(columns.imag.any(axis=0))
+    if len(mixed):
+        result[:, mixed] += 1j * apply(np.ascontiguousarray(columns.imag[:, mixed]))
+    return result.reshape(-1, *x.shape[1:])
+
+
+def _normalising(gram: np.ndarray, least: float) -> np.ndarray:
+    """Return T such that XT is orthonormal, XᵀPX given; directions of a square below `least` are left out."""
+    w, v = la.eigh((gram + gram.T) / 2)
+    keep = w > least
+    return np.asarray(v[:, keep] / np.sqrt(w[keep]))

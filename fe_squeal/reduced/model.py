@@ -11,16 +11,18 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from ..bordered import Root
+from ..eigen.block_lanczos import lowest_modes
 from ..eigen.definite import factorize_definite
+from ..eigen.inertia import count_below
 from ..eigen.linear_solvers import Factor, factorize
 from ..eigen.pencil import Modes
-from ..eigen.solve import Request, select_wanted, solve_modes, symmetric_part
+from ..eigen.solve import Request, select_wanted, shift_below, symmetric_part
 from ..errors import NotConvergedError
 from ..problem import Problem
 from .basis import ReducedBasis, lift, real_columns
 
 _GUARD = 1.25  # times the modes asked for: how many of the undamped problem the basis begins with
-_BELOW = 0.05  # of the band: how far below zero the shift lies, in frequency
+_ROUGH = 1e-4  # accuracy of these modes: what they lack is corrected with the rest
 _ROUNDS = 16
 _CANDIDATES = 7  # values at which the basis is corrected until all modes there meet the tolerance
 _CORRECTED = 0.3  # times the tolerance: what is corrected along with what misses it
@@ -76,16 +78,26 @@ class ReducedModel:
         condensed = problem.condensed(parameter)
         start = float(values[np.argmin(np.abs(values))])
         base = symmetric_part(condensed.pencil(**{parameter: start}))
-        modes = solve_modes(base, _enlarged(request))
-        self.factorizations += 1
-        self.highest = float(modes.lam.imag.max(initial=0.0))
-        self._sigma = -((_BELOW * self.highest) ** 2)
+        limit = request.max_frequency_hz
+        band = None if limit is None else 2 * np.pi * limit
+        self._sigma = shift_below(base, band)
         P = sp.csr_array(base.K - self._sigma * base.M)
         definite = factorize_definite(P)
+        count = request.count or 0
+        if band is not None:
+            below = count_below(base, band)
+            if below is None:
+                raise NotConvergedError("the linear solver does not count the modes below solve.max_frequency")
+            count = below
+            self.factorizations += 1
+        count = min(int(_GUARD * count) + 4, base.n)
+        theta, vectors = lowest_modes(definite, base.M, self._sigma, count, _ROUGH)
         self.factorizations += 1
+        self.highest = float(np.sqrt(theta.max(initial=0.0)))
         self.basis = ReducedBasis(condensed, parameter, P, definite.half_solve)
-        self.basis.append(modes.right.real)
+        self.basis.append(vectors)
         self.basis.calibrate(start, self._estimated(start)[0])
+        del definite
         if not modal:
             self._grow(values)
             self._compress(values)
@@ -251,9 +263,3 @@ class ReducedModel:
                 return [float(p), *(float(q) for q in values if q > p)]
             self._solved[float(p)] = modes
         return []
-
-
-def _enlarged(request: Request) -> Request:
-    if request.max_frequency_hz is not None:
-        return replace(request, max_frequency_hz=_GUARD**0.8 * request.max_frequency_hz)
-    return replace(request, count=int(_GUARD * (request.count or 1)) + 4)

@@ -110,7 +110,10 @@ RANGES = [
     ("modes = 8", "max_frequency = 0.0", "solve.max_frequency: given 0.0; expected a number > 0"),
     ("modes = 8", "tolerance = 0", "solve.tolerance: given 0; expected a number > 0"),
     ("modes = 8", "tolerance = 1.5", "solve.tolerance: given 1.5; expected a number < 1"),
-    ("modes = 8", 'method = "fast"', 'solve.method: given "fast"; expected one of "auto", "direct", "reduced" or "modal"'),
+    (
+        "modes = 8", 'method = "fast"',
+        'solve.method: given "fast"; expected one of "auto", "direct", "reduced" or "modal"',
+    ),
     ('shapes = "none"', 'shapes = "some"', 'output.shapes: given "some"; expected one of "unstable", "all" or "none"'),
     (FIRST_DIRECTION, "direction = [0, 0, 0]",
      "springs[0].direction: given [0, 0, 0]; expected a vector that is not zero"),

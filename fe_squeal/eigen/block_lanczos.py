@@ -1,0 +1,69 @@
+"""The lowest modes of a definite pencil by block Lanczos iteration: solves with many right-hand sides at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from ..errors import NotConvergedError
+from .definite import DefiniteFactor
+
+_SEED, _BLOCK, _MOST = 20251121, 24, 60
+_RANK = 1e-12  # of a Gram matrix: what is linearly dependent
+
+
+def lowest_modes(
+    factor: DefiniteFactor, M: sp.csr_array, sigma: float, count: int, tolerance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return θ (count,), rising, and vectors of unit mass of K φ = θ M φ, all θ > σ.
+
+    A solve with one right-hand side waits for the memory that holds the factors; one with a block reads them once for
+    all. The iteration keeps its whole basis orthogonal. (Golub and Underwood, in: Mathematical Software III, 1977;
+    Grimes, Lewis and Simon, SIAM J. Matrix Anal. Appl. 15, 1994.)
+
+    Parameters
+    ----------
+    factor : DefiniteFactor
+        Of K − σM.
+    M : (n, n) sparse, positive semidefinite
+    count : int
+        Fewer come out where M has no higher rank.
+    tolerance : float
+        Of the vectors; the error of θ is its square.
+
+    Raises
+    ------
+    NotConvergedError
+    """
+    n = M.shape[0]
+    V = np.empty((n, 0))
+    H = np.zeros((0, 0))
+    X = np.random.default_rng(_SEED).standard_normal((n, min(n, _BLOCK)))
+    X = _unit(factor.solve(M @ X), M)[0]
+    while True:
+        V = np.hstack([V, X])
+        m, k = V.shape[1], X.shape[1]
+        W = factor.solve(M @ X)
+        H = np.pad(H, ((0, m - len(H)), (0, m - len(H))))
+        for _ in range(2):
+            inside = V.T @ (M @ W)
+            W = W - V @ inside
+            H[:, m - k :] += inside
+        nu, s = la.eigh(np.triu(H) + np.triu(H, 1).T)
+        nu, s = nu[::-1], s[:, ::-1]
+        X, R = _unit(W, M)
+        residual = np.linalg.norm(R @ s[m - k :], axis=0)
+        if not X.shape[1] or m >= n or (m > count and (residual[:count] <= tolerance * np.abs(nu[:count])).all()):
+            found = np.flatnonzero(nu[:count] > len(nu) * np.finfo(float).eps * nu[0])
+            return sigma + 1 / nu[found], np.asarray(V @ s[:, found])
+        if m > max(_MOST * _BLOCK, 8 * count):
+            raise NotConvergedError(f"block Lanczos: {count} modes not found with {m} vectors")
+
+
+def _unit(W: np.ndarray, M: sp.csr_array) -> tuple[np.ndarray, np.ndarray]:
+    """Return X, of unit mass, and R with W = XR, without what is linearly dependent."""
+    w, v = la.eigh(W.T @ (M @ W))
+    keep = w > _RANK * max(w.max(initial=0.0), np.finfo(float).tiny)
+    root = np.sqrt(w[keep])
+    return np.asarray(W @ (v[:, keep] / root)), np.asarray(root[:, None] * v[:, keep].T)
