@@ -97,7 +97,7 @@ def numbers(frame: pd.DataFrame, column: str) -> Floats:
     """Return a column as (n,) floats, NaN where it is empty or the whole column is absent."""
     if column not in frame.columns:
         return np.full(len(frame), np.nan)
-    return np.asarray(pd.to_numeric(frame[column], errors="coerce"), dtype=float)
+    return np.asarray(pd.to_numeric(frame[column], errors="coerce").to_numpy(dtype=float, na_value=np.nan))
 
 
 def total_uncertainty(modes: pd.DataFrame) -> Floats:
