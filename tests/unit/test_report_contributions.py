@@ -182,5 +182,6 @@ def test_tables_read_back_from_csv_give_the_same_figure(tmp_path):
     contributions["value"] = contributions["value"] / 3
     for name, frame in (("c", contributions), ("m", modes)):
         frame.to_csv(tmp_path / f"{name}.csv", index=False)
-    again = contributions_figure(*(pd.read_csv(tmp_path / f"{name}.csv") for name in "cm"))
+    read = [pd.read_csv(tmp_path / f"{name}.csv", float_precision="round_trip") for name in "cm"]
+    again = contributions_figure(*read)
     assert bars(again.axes[0], 1) == bars(contributions_figure(contributions, modes).axes[0], 1)
