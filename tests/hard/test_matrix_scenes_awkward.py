@@ -74,7 +74,7 @@ def test_friction_by_multipliers(tmp_path):
     for n, m in ((30, 4), (400, 4)):
         M, K = sp.diags_array(rng.uniform(0.5, 2, n)), sp.diags_array(np.linspace(1.0, 60.0, n))
         K = K + sp.diags_array([-0.3 * np.ones(n - 1)] * 2, offsets=[1, -1])
-        B, T = (sp.random_array((m, n), density=4 / n, rng=rng).tocsr() for _ in range(2))
+        B, T = (sp.random_array((m, n), density=4 / n, random_state=rng).tocsr() for _ in range(2))
         B = sp.csr_array(B + sp.csr_array((np.ones(m), (np.arange(m), 5 * np.arange(m) + 1)), shape=(m, n)))
         zero = sp.csr_array((m, m))
         terms = [("mass", sp.block_diag([M, zero])), ("stiffness", sp.block_array([[K, B.T], [B, None]])),
