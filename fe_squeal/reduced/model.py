@@ -31,10 +31,10 @@ _PACE = 0.3  # of the worst error: what a round with the factors of another valu
 _NODES = 5  # values whose modes span the final basis
 _FINE = 1e-5  # of a vector: what is left out of the final basis
 _SHORT = 1e-4  # of √tolerance: corrections shorter than this, against the length of the mode, are left out
-_SUPPLEMENTS = 6  # values that are added to these at most
+_SUPPLEMENTS = 6  # values that are added to these at most, and how often the basis is grown after that
 _ILL = 10.0  # relative condition from which a mode is near a double eigenvalue
 _SEED, _BLOCK, _STEPS = 20251107, 12, 6  # of the search for modes that are missing
-_FOUND, _VAGUE = 0.99, 0.1  # of the highest mode asked for, and relative residual: from where a mode counts as missing
+_FOUND = 0.99  # of the highest mode asked for: what comes nearer is missing
 _WORTH = 0.8  # of the vectors: what a smaller basis has at most
 
 
@@ -74,6 +74,7 @@ class ReducedModel:
         self.problem, self.parameter, self.request = problem, parameter, request
         self.factorizations = self.solves = 0
         self._solved: dict[float, Modes] = {}
+        self._solved_with: np.ndarray | None = None  # the basis that these belong to
         self._values = values = np.asarray(values, float)
         condensed = problem.condensed(parameter)
         start = float(values[np.argmin(np.abs(values))])
@@ -101,6 +102,12 @@ class ReducedModel:
         if not modal:
             self._grow(values)
             self._compress(values)
+            for _ in range(_SUPPLEMENTS):
+                missed = self._missed(values)
+                if not missed:
+                    return
+                self._grow(np.array(missed))
+            raise NotConvergedError(f"the reduced model misses the tolerance at {parameter} = {missed[0]:g}")
 
     @property
     def worst(self) -> float:
@@ -137,13 +144,13 @@ class ReducedModel:
         assert modes is not None
         error, backward, condition = self.basis.errors(value, modes, self.highest)
         # A tolerance is one for well-conditioned modes: next to a double eigenvalue no solver keeps λ as closely.
-        size = np.maximum(np.abs(modes.lam), 1e-3 * self.highest) * np.maximum(condition / _ILL, 1.0)
-        off = np.maximum(error / size / _SAFETY, backward) / self.request.tolerance
+        relative = error / np.maximum(np.abs(modes.lam), 1e-3 * self.highest)
+        off = np.maximum(relative / np.maximum(condition / _ILL, 1.0) / _SAFETY, backward) / self.request.tolerance
         modes = replace(
             modes, re_uncertainty=modes.re_uncertainty + error, backward_error=np.fmax(modes.backward_error, backward),
             method=f"reduced model of {len(self.basis)} vectors",
         )  # fmt: skip
-        return modes, off, error / size
+        return modes, off, relative
 
     def _grow(self, values: np.ndarray) -> None:
         """Correct the basis where it misses the tolerance: first in the middle, then at the ends, then everywhere."""
@@ -215,9 +222,8 @@ class ReducedModel:
         W, AW = np.hstack(blocks[:-1]), np.hstack(images)
         nu, y = la.eig(W.T @ AW)
         best = int(np.argmax(np.abs(nu)))
-        residual = np.linalg.norm(AW @ y[:, best] - nu[best] * (W @ y[:, best])) / abs(nu[best])
         nearest = np.sqrt(abs(self._sigma + 1 / nu[best]))
-        if nearest > _FOUND * np.abs(wanted.lam).max(initial=0.0) or residual > _VAGUE:
+        if nearest > _FOUND * np.abs(wanted.lam).max(initial=0.0):
             return False
         return self.basis.append(real_columns(W @ y[:, [best]])) > 0
 
@@ -248,18 +254,23 @@ class ReducedModel:
             W = U[:, s > _FINE * s[0]]
             rounds += 1
             if W.shape[1] > _WORTH * len(full) or rounds > _SUPPLEMENTS:
-                self.basis, self._solved = full, {}
-                self._grow(values)
+                self.basis = full
                 return
             self.basis = full.restricted(W)
             missed = self._missed(values)[:1]
 
     def _missed(self, values: np.ndarray) -> list[float]:
-        """Return the values at which a mode misses the tolerance; what was solved is kept for the sweep."""
-        self._solved = {}
-        for p in values:
-            modes, off, _ = self._estimated(float(p))
-            if off.max(initial=0.0) > 1:
-                return [float(p), *(float(q) for q in values if q > p)]
-            self._solved[float(p)] = modes
+        """Return the first value at which a mode misses the tolerance and those behind it, which were not tried.
+
+        What was solved is kept for the sweep.
+        """
+        known, self._solved = self._solved if self._solved_with is self.basis.V else {}, {}
+        self._solved_with = self.basis.V
+        for i, p in enumerate(values.tolist()):
+            if p not in known:
+                modes, off, _ = self._estimated(p)
+                if off.max(initial=0.0) > 1:
+                    return [float(q) for q in values[i:]]
+                known[p] = modes
+            self._solved[p] = known[p]
         return []
