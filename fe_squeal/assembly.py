@@ -122,7 +122,7 @@ class Assembly:
                     self.space, name, self.bodies[name], path, motions[name], elastics[name], law, self._kept
                 )
         tied = {
-            name: contact_terms(name, contacts[name], c.normal_stiffness, c.normal_damping, tied=True)
+            name: self._interface(scene, name, contacts[name], None)
             for name, c in zip(scene.contact_names, scene.contacts, strict=True)
             if c.kind == "tied"
         }
@@ -136,7 +136,11 @@ class Assembly:
             terms += tied[name] if name in tied else self._interface(scene, name, operators, base)
         if scene.effects.stress_stiffening is not None and base is not None:
             for name, elements in self.bodies.items():
-                terms.append(stiffening_term(self.space, name, elements, scene.stiffness(name), base.u))
+
+                def stiffening(name: str = name, elements: np.ndarray = elements, u: np.ndarray = base.u) -> Term:
+                    return stiffening_term(self.space, name, elements, scene.stiffness(name), u)
+
+                terms.append(self._kept(f"stiffening.{name}", id(base), stiffening))
         terms += damping
         paths = sorted({p for t in terms for p in t.powers} | ({MU} if scene.effects.friction is not None else set()))
         parameters = {p: number_at(scene, p) for p in paths}
@@ -210,7 +214,7 @@ class Assembly:
     def _interface(
         self, scene: Scene, name: str, operators: ContactOperators, base: BaseState | None
     ) -> list[Term]:
-        """Return the terms of a contact that is not tied, on its closed part."""
+        """Return the terms of a contact, on its closed part; without a static state it is closed all over."""
         contact = scene.contacts[scene.contact_names.index(name)]
         pressure: np.ndarray | None = None
         key: object = None
@@ -222,7 +226,8 @@ class Assembly:
         effects = scene.effects
 
         def make() -> list[Term]:
-            terms = contact_terms(name, operators, contact.normal_stiffness, contact.normal_damping)
+            tied = contact.kind == "tied"
+            terms = contact_terms(name, operators, contact.normal_stiffness, contact.normal_damping, tied)
             if contact.kind == "sliding" and effects.friction is not None:
                 terms += friction_terms(name, operators, contact.friction_ratio)
             return terms

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
 
 _TINY, _HUGE = 1e-50, 1e50
 Text = Annotated[str, Field(min_length=1)]
@@ -12,6 +12,22 @@ Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 # TOML has lists only; the numbers in them stay strict.
 Vector = Annotated[tuple[float, float, float], Field(strict=False)]
+
+
+def _nonzero(value: Any) -> Any:
+    if not any(value):
+        raise ValueError("expected a vector that is not zero")
+    return value
+
+
+def _moves(value: float) -> float:
+    if value == 0:
+        raise ValueError("expected a number that is not zero, whose sign gives the direction")
+    return value
+
+
+Direction = Annotated[Vector, AfterValidator(_nonzero)]
+Speed = Annotated[float, AfterValidator(_moves)]
 
 
 class Section(BaseModel):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -16,7 +17,7 @@ from .springs import Floats
 
 
 @dataclass(frozen=True)
-class LumpedModel:
+class LumpedModel(ABC):
     """Base of the lumped models; the parameters are checked when one is made.
 
     Attributes
@@ -37,9 +38,9 @@ class LumpedModel:
         check_parameters(self.name, self)
 
     @property
+    @abstractmethod
     def M(self) -> Floats:
         """Mass matrix, diagonal, kg."""
-        raise NotImplementedError
 
     @property
     def C(self) -> Floats:
@@ -47,14 +48,14 @@ class LumpedModel:
         return np.zeros_like(self.M)
 
     @property
+    @abstractmethod
     def K0(self) -> Floats:
         """Stiffness matrix without friction, symmetric, N/m."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def friction_matrix(self) -> Floats:
         """F in K(μ) = K0 + μ F, N/m."""
-        raise NotImplementedError
 
     def K(self, mu: ArrayLike) -> Floats:
         """Return K(μ) = K0 + μ F, (..., n, n), for one μ or an array of them; a negative one reverses the belt."""

@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field
 
 from ..contact import Sliding
 from ..errors import SceneError
 from ..rotating import circulatory_matrices, gyroscopic_matrices
-from ..schema import Section, Vector
+from ..schema import Direction, Section, Speed, Vector
 from ..spaces import DisplacementSpace
 from ..terms import Term
 from .rayleigh import Rayleigh
@@ -37,23 +37,9 @@ class Rotation(Section):
     """
 
     bodies: Annotated[list[str], Field(min_length=1)]
-    axis: Vector | None = None
+    axis: Direction | None = None
     centre: Vector | None = None
-    speed: float | None = None
-
-    @field_validator("axis")
-    @classmethod
-    def _nonzero(cls, value: Vector | None) -> Vector | None:
-        if value is not None and not any(value):
-            raise ValueError("expected a vector that is not zero")
-        return value
-
-    @field_validator("speed")
-    @classmethod
-    def _moves(cls, value: float | None) -> float | None:
-        if value == 0:
-            raise ValueError("expected a number that is not zero, whose sign gives the direction")
-        return value
+    speed: Speed | None = None
 
 
 def rotation_motion(rotation: Rotation, body: str, contacts: Mapping[str, Sliding]) -> Sliding:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from pydantic import field_validator, model_validator
+from pydantic import model_validator
 
-from ..schema import NonNegative, Section, Vector
+from ..schema import Direction, NonNegative, Section
 from ..spaces import DisplacementSpace, Surface
 from ..terms import Slot, Term
 
@@ -35,17 +35,10 @@ class Spring(Section):
 
     name: str
     surface: str
-    direction: Vector
+    direction: Direction
     stiffness: NonNegative = 0.0
     damping: NonNegative = 0.0
     to: str | None = None
-
-    @field_validator("direction")
-    @classmethod
-    def _nonzero(cls, value: Vector) -> Vector:
-        if not any(value):
-            raise ValueError("expected a vector that is not zero")
-        return value
 
     @model_validator(mode="after")
     def _acts(self) -> Spring:

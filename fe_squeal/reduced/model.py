@@ -236,7 +236,8 @@ class ReducedModel:
         X = np.hstack([real_columns(factor.solve(right)), real_columns(factor.solve_adjoint(left))])
         # Eigenvalues feel the product of two such errors; relative to the mode's own length in the P-norm.
         length = float(np.sqrt(np.abs(modes.lam).min() ** 2 - self._sigma))
-        return self.basis.append(X, _SHORT * self.request.tolerance**0.5 * length)
+        # Short corrections may be all that a backward error just above the tolerance lacks.
+        return self.basis.append(X, _SHORT * self.request.tolerance**0.5 * length) or self.basis.append(X)
 
     def _compress(self, values: np.ndarray) -> None:
         """Keep the modes at a few values alone, and at those that these do not carry within the tolerance."""

@@ -21,7 +21,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from fe_squeal.report.branches import frequency_text, numbers, parameter_name, parameter_symbol, value_text
-from fe_squeal.report.files import replace_atomically
+from fe_squeal.report.files import save_figure
 
 MAX_BRANCHES = 12
 MAX_TERMS = 10
@@ -57,11 +57,7 @@ def plot_contributions(
     Path
         The file written.
     """
-    path = Path(path)
-    figure = contributions_figure(contributions, modes, title)
-    with replace_atomically(path) as temporary:
-        figure.savefig(temporary)
-    return path
+    return save_figure(contributions_figure(contributions, modes, title), path)
 
 
 def contributions_figure(contributions: pd.DataFrame, modes: pd.DataFrame, title: str = "") -> Figure:

@@ -16,13 +16,13 @@ import numpy as np
 import pyvista
 from numpy.typing import NDArray
 
+from fe_squeal.report.files import save_figure
 from fe_squeal.report.pictures import (
     AMPLITUDE_COLOURS,
     NORMAL_COLOURS,
     axis_frame,
     compose_figure,
     normal_limit,
-    save_picture,
     widest_body,
 )
 from fe_squeal.report.vtk_files import VISIBLE
@@ -47,7 +47,7 @@ def draw_file(shape: Path, picture: Path, title: str, axis: list[float]) -> None
     figure, left, right = compose_figure(title, str(grid.field_data["body_names"][main]), limit, axis)
     left.imshow(_oblique_view(grid, real * VISIBLE * size), interpolation="antialiased")
     right.imshow(_axial_view(grid, body, main, limit), interpolation="antialiased")
-    save_picture(figure, picture)
+    save_figure(figure, picture)
 
 
 def _oblique_view(grid: Any, displacement: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -27,7 +27,7 @@ from fe_squeal.report.branches import (
     parameter_name,
     parameter_symbol,
 )
-from fe_squeal.report.files import replace_atomically
+from fe_squeal.report.files import save_figure
 from fe_squeal.report.labels import place_labels
 
 MAX_LABELLED_ONSETS = 12
@@ -88,7 +88,7 @@ def plot_stability(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pat
     figure.set_layout_engine("none")
     if 0 < len(onsets) <= MAX_LABELLED_ONSETS:
         _label_onsets(top, canvas, branches, onsets, parameter_name(modes), per_unit)
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def plot_root_locus(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.PathLike[str], title: str = "") -> Path:
@@ -135,7 +135,7 @@ def plot_root_locus(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pa
     axes.set_axisbelow(True)
     if markers:
         axes.legend(handles=markers, loc="upper left", fontsize=8, framealpha=0.9)
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def _draw_stretches(axes: Axes, branch: Branch, y: Floats, style: dict[str, Any] | None) -> None:
@@ -330,10 +330,3 @@ def _set_parameter_axis(axes: Axes, values: Floats) -> None:
         axes.set_xlim(low, high)
     else:
         axes.set_xlim(low, high)
-
-
-def _save(figure: Figure, path: str | os.PathLike[str]) -> Path:
-    path = Path(path)
-    with replace_atomically(path) as temporary:
-        figure.savefig(temporary)
-    return path

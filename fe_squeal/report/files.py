@@ -9,12 +9,15 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from fe_squeal.errors import OutputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @contextmanager
@@ -112,3 +115,11 @@ def _plain(data: Any) -> Any:
     if isinstance(data, os.PathLike):
         return os.fspath(data)
     raise TypeError(f"cannot be written as JSON: {type(data).__name__} {data!r}")
+
+
+def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
+    """Write a figure atomically and return its path; the suffix chooses the format."""
+    path = Path(path)
+    with replace_atomically(path) as temporary:
+        figure.savefig(temporary)
+    return path

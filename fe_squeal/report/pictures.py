@@ -29,7 +29,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 import fe_squeal
-from fe_squeal.report.files import replace_atomically
+from fe_squeal.report.files import save_figure
 from fe_squeal.report.shapes import (
     Complexes,
     Floats,
@@ -198,12 +198,6 @@ def compose_figure(
     return figure, left, right
 
 
-def save_picture(figure: Figure, path: Path) -> None:
-    """Write the figure as .png, atomically."""
-    with replace_atomically(path) as temporary:
-        figure.savefig(temporary, format="png")
-
-
 def _draw_with_matplotlib(grid: ShapeGrid, u: Complexes, job: PictureJob) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -247,4 +241,4 @@ def _draw_with_matplotlib(grid: ShapeGrid, u: Complexes, job: PictureJob) -> Non
     right.set_aspect("equal")
     right.autoscale_view()
     figure.text(0.995, 0.99, "drawn without OpenGL", ha="right", va="top", fontsize=7, color="0.5")
-    save_picture(figure, job.picture)
+    save_figure(figure, job.picture)

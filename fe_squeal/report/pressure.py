@@ -23,7 +23,7 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
-from fe_squeal.report.files import replace_atomically
+from fe_squeal.report.files import save_figure
 from fe_squeal.report.pictures import axis_frame, direction_text
 from fe_squeal.report.preload import ContactFace
 from fe_squeal.report.shapes import Floats
@@ -55,11 +55,7 @@ def plot_pressure(contacts: Mapping[str, ContactFace], path: str | os.PathLike[s
     Path
         The file written.
     """
-    path = Path(path)
-    figure = pressure_figure(contacts, title)
-    with replace_atomically(path) as temporary:
-        figure.savefig(temporary)
-    return path
+    return save_figure(pressure_figure(contacts, title), path)
 
 
 def pressure_figure(contacts: Mapping[str, ContactFace], title: str = "") -> Figure:

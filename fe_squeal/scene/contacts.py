@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from pydantic import field_validator, model_validator
+from pydantic import model_validator
 
 from ..contact import Sliding
-from ..schema import NonNegative, Positive, Section, Vector
+from ..schema import Direction, NonNegative, Positive, Section, Speed, Vector
 
 
 class SlidingSection(Section):
@@ -29,24 +29,10 @@ class SlidingSection(Section):
         About the axis by the right hand, or along the direction; not zero, negative the other way.
     """
 
-    axis: Vector | None = None
+    axis: Direction | None = None
     centre: Vector = (0.0, 0.0, 0.0)
-    direction: Vector | None = None
-    speed: float
-
-    @field_validator("axis", "direction")
-    @classmethod
-    def _nonzero(cls, value: Vector | None) -> Vector | None:
-        if value is not None and not any(value):
-            raise ValueError("expected a vector that is not zero")
-        return value
-
-    @field_validator("speed")
-    @classmethod
-    def _moves(cls, value: float) -> float:
-        if value == 0:
-            raise ValueError("expected a number that is not zero, whose sign gives the direction")
-        return value
+    direction: Direction | None = None
+    speed: Speed
 
     @model_validator(mode="after")
     def _either(self) -> SlidingSection:

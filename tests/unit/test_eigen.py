@@ -4,45 +4,14 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
+from pencils import N, chain, distance, reference
 
 from fe_squeal.eigen import linear_solvers
-from fe_squeal.eigen.dense import DENSE_LIMIT, solve_dense
+from fe_squeal.eigen.dense import solve_dense
 from fe_squeal.eigen.linear_solvers import factorize, factorize_complex, has_pardiso
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.solve import Request, count_below, prove_completeness, solve_modes
 from fe_squeal.errors import NotConvergedError
-
-N = DENSE_LIMIT + 100
-
-
-def chain(n=N, friction=0.0, damping=0.0, seed=1):
-    """A chain of unequal masses and springs, some of them with a follower force, and dashpots to ground."""
-    rng = np.random.default_rng(seed)
-    M = sp.diags_array(rng.uniform(0.5, 2.0, n)).tocsr()
-    k = rng.uniform(1.0, 3.0, n + 1)
-    K = sp.diags_array([k[:-1] + k[1:], -k[1:-1], -k[1:-1]], offsets=[0, 1, -1]).tocsr()
-    # Off-diagonal products of negative sign make some pairs flutter. A few places keep the spectrum well conditioned;
-    # all of them would make the modes grow exponentially along the chain.
-    i = np.linspace(20, n - 20, 8).astype(int)
-    F = sp.csr_array((3 * k[i + 1], (i, i + 1)), shape=(n, n))
-    C = sp.diags_array(damping * rng.uniform(0.0, 1.0, n)).tocsr() if damping else None
-    return Pencil(M, sp.csr_array(K + friction * F), C, symmetric=not friction)
-
-
-def reference(pencil):
-    """λ with Im λ ≥ 0 of the linearisation, by NumPy alone."""
-    M, K = pencil.M.toarray(), pencil.K.toarray()
-    C = np.zeros_like(M) if pencil.C is None else pencil.C.toarray()
-    n = len(M)
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K), -la.solve(M, C)]])
-    lam = np.linalg.eigvals(A)
-    lam = lam[lam.imag >= 0]
-    return lam[np.argsort(lam.imag)]
-
-
-def distance(a, b):
-    """Largest distance of a value of a from the nearest of b."""
-    return max(np.abs(b - x).min() for x in a)
 
 
 @pytest.fixture(params=["pardiso", "superlu"])

@@ -1,17 +1,18 @@
 """Pencils with a complex stiffness (structural damping), and badly scaled ones, against NumPy and closed forms."""
 
 import numpy as np
+import pencils
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
+from pencils import N, distance, reference
 
 from fe_squeal.eigen import linear_solvers
-from fe_squeal.eigen.dense import DENSE_LIMIT, solve_dense
+from fe_squeal.eigen.dense import solve_dense
 from fe_squeal.eigen.linear_solvers import factorize, has_pardiso
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.solve import Request, prove_completeness, solve_modes
 
-N = DENSE_LIMIT + 100
 # (friction, dashpots): every kind of complex pencil.
 KINDS = [(0.0, 0.0), (0.9, 0.0), (0.0, 0.05), (0.9, 0.05)]
 
@@ -33,31 +34,8 @@ def random_pencil(friction=0.0, damping=0.0, n=30, eta=0.1, seed=4):
     return Pencil(sparse(definite(rng, n)), sparse(K + 1j * eta * definite(rng, n)), C, symmetric=not friction)
 
 
-def chain(friction=0.0, damping=0.0, n=N, eta=0.1, seed=1):
-    """A chain of unequal masses, springs with loss factors of their own, some follower forces, dashpots to ground."""
-    rng = np.random.default_rng(seed)
-    M = sp.diags_array(rng.uniform(0.5, 2.0, n)).tocsr()
-    k = rng.uniform(1.0, 3.0, n + 1) * (1 + 1j * eta * rng.uniform(0.0, 1.0, n + 1))
-    K = sp.diags_array([k[:-1] + k[1:], -k[1:-1], -k[1:-1]], offsets=[0, 1, -1]).tocsr()
-    i = np.linspace(20, n - 20, 8).astype(int)
-    F = sp.csr_array((3 * k[i + 1].real, (i, i + 1)), shape=(n, n))
-    C = sp.diags_array(damping * rng.uniform(0.0, 1.0, n)).tocsr() if damping else None
-    return Pencil(M, sp.csr_array(K + friction * F), C, symmetric=not friction)
-
-
-def reference(pencil):
-    """λ with Im λ > 0 of the linearisation, by NumPy alone."""
-    M, K = pencil.M.toarray(), pencil.K.toarray()
-    C = np.zeros_like(M) if pencil.C is None else pencil.C.toarray()
-    n = len(M)
-    lam = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K), -la.solve(M, C)]]))
-    lam = lam[lam.imag > 0]
-    return lam[np.argsort(lam.imag)]
-
-
-def distance(a, b):
-    """Largest distance of a value of a from the nearest of b."""
-    return max(np.abs(b - x).min() for x in a)
+def chain(friction=0.0, damping=0.0, n=N, eta=0.1):
+    return pencils.chain(friction, damping, n, eta)
 
 
 def left_errors(pencil, modes):

@@ -52,8 +52,8 @@ def no_onsets():
 def drawn(monkeypatch):
     """Keep the figures that are saved, so that what stands on them can be read."""
     kept: list[Figure] = []
-    save = figures._save
-    monkeypatch.setattr(figures, "_save", lambda figure, path: (kept.append(figure), save(figure, path))[1])
+    save = figures.save_figure
+    monkeypatch.setattr(figures, "save_figure", lambda figure, path: (kept.append(figure), save(figure, path))[1])
     return kept
 
 

@@ -1,0 +1,43 @@
+"""Sparse pencils of every class with awkward spectra, and their eigenvalues by NumPy alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from fe_squeal.eigen.dense import DENSE_LIMIT
+from fe_squeal.eigen.pencil import Pencil
+
+N = DENSE_LIMIT + 100
+
+
+def chain(friction=0.0, damping=0.0, n=N, eta=0.0, seed=1):
+    """A chain of unequal masses and springs, these with loss factors up to eta, some follower forces, and dashpots."""
+    rng = np.random.default_rng(seed)
+    M = sp.diags_array(rng.uniform(0.5, 2.0, n)).tocsr()
+    k = rng.uniform(1.0, 3.0, n + 1)
+    loss = 1 + 1j * eta * rng.uniform(0.0, 1.0, n + 1) if eta else 1.0
+    main, off = (k * loss)[:-1] + (k * loss)[1:], -(k * loss)[1:-1]
+    K = sp.diags_array([main, off, off], offsets=[0, 1, -1]).tocsr()
+    # Off-diagonal products of negative sign make some pairs flutter. A few places keep the spectrum well conditioned;
+    # all of them would make the modes grow exponentially along the chain.
+    i = np.linspace(20, n - 20, 8).astype(int)
+    F = sp.csr_array((3 * k[i + 1], (i, i + 1)), shape=(n, n))
+    C = sp.diags_array(damping * rng.uniform(0.0, 1.0, n)).tocsr() if damping else None
+    return Pencil(M, sp.csr_array(K + friction * F), C, symmetric=not friction)
+
+
+def reference(pencil):
+    """λ with Im λ ≥ 0 of the linearisation, by NumPy alone."""
+    M, K = pencil.M.toarray(), pencil.K.toarray()
+    C = np.zeros_like(M) if pencil.C is None else pencil.C.toarray()
+    n = len(M)
+    lam = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K), -la.solve(M, C)]]))
+    lam = lam[lam.imag >= 0]
+    return lam[np.argsort(lam.imag)]
+
+
+def distance(a, b):
+    """Largest distance of a value of a from the nearest of b."""
+    return max(np.abs(b - x).min() for x in a)
