@@ -20,6 +20,7 @@ from .tracking import mirror_partners, modal_assurance
 
 _BISECTED = 1e-7  # of the sweep step: the bracket where only stability itself can be told
 _INNER = 4  # values inside a step at which the small model is asked for hidden instabilities
+_OVERALL = 80  # of these values in a sweep: with more steps than that there is one in each
 _CHEAP = 20_000  # unknowns up to which an onset of a reduced model is refined on the problem itself in any case
 _SURE = 1e-7  # relative uncertainty of such an onset that is good enough
 _SMALL = 60  # unknowns up to which the small model is the problem itself
@@ -62,7 +63,7 @@ class Onset:
 
 def find_step_onsets(
     problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
-    branches: tuple[np.ndarray, np.ndarray], below: float, model: ReducedModel | None = None,
+    branches: tuple[np.ndarray, np.ndarray], below: float, steps: int, model: ReducedModel | None = None,
 ) -> tuple[list[Onset], list[tuple[int, float, float]], float | None]:  # fmt: skip
     """Return the onsets between two neighbouring values of a sweep, and what they leave unexplained.
 
@@ -73,6 +74,8 @@ def find_step_onsets(
     branches : (k,) int each, the branch of every mode
     below : float, rad/s
         Frequency up to which modes matter.
+    steps : int
+        Of the whole sweep.
     model : ReducedModel, optional
         Of which the modes are.
 
@@ -108,7 +111,7 @@ def find_step_onsets(
                 found = step.flutter(ends, mode) if mode.lam[0].imag else step.divergence(ends, mode)
             pair = sorted({branch, partner}) if partner is not None and found.kind == "flutter" else [branch]
             onsets.append(replace(found, direction=direction, branch_a=pair[0], branch_b=pair[1] if pair[1:] else None))
-    return onsets, unknown, step.hidden(values, modes[0], onsets, below)
+    return onsets, unknown, step.hidden(values, modes[0], onsets, below, min(_INNER, -(-_OVERALL // steps)))
 
 
 def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes, a: int, b: int) -> float:
@@ -157,7 +160,9 @@ class _Step:
         self.small = problem.interpolated(parameter, *values).project(self.V)
         self._MV = M @ self.V
 
-    def hidden(self, ends: tuple[float, float], first: Modes, onsets: list[Onset], below: float) -> float | None:
+    def hidden(
+        self, ends: tuple[float, float], first: Modes, onsets: list[Onset], below: float, inner: int
+    ) -> float | None:
         """Return a value inside the step where the small model's unstable modes are not those that the onsets explain.
 
         A pair that couples and parts again between two values of the sweep shows here and at neither end.
@@ -169,7 +174,7 @@ class _Step:
 
         before, step = counts(first), abs(ends[1] - ends[0])
         slack = before[1] - before[0]  # modes at the rim of the range may pass it
-        for p in np.linspace(*ends, _INNER + 2)[1:-1]:
+        for p in np.linspace(*ends, inner + 2)[1:-1]:
             if any(abs(o.value - p) < _BRACKET * step for o in onsets):
                 continue
             explained = before[0] + sum(1 if o.direction == "into" else -1 for o in onsets if o.value < p)
@@ -312,16 +317,16 @@ class _Step:
     def _refined(self, newton: Callable[[Problem, _Start], Root], start: _Start) -> Root:
         """Return a root of the problem from a start nearby.
 
-        With a reduced model the root is that of the small problem, and the residuals of its vectors on the problem
-        itself tell how far it may be off; where that is too far, or a few factorisations cost little, Newton's method
-        goes on there.
+        With a reduced model the root is that of the small problem. The residuals of its vectors on the problem itself
+        tell how far it may be off; where that is more than rounding and too far, or a few factorisations cost little,
+        Newton's method goes on there.
         """
         if self.model is None:
             return newton(self.problem, start)
         root = newton(self.problem, start)
-        uncertainty = root.uncertainty + self.model.root_uncertainty(root)
-        if uncertainty <= _SURE * abs(root.value) and self.full.unknowns > _CHEAP:
-            return replace(root, uncertainty=uncertainty)
+        error, rounding = self.model.root_error(root)
+        if error <= max(rounding, _SURE * abs(root.value)) and self.full.unknowns > _CHEAP:
+            return replace(root, uncertainty=root.uncertainty + error + rounding)
         x, y = (self.model.lift(v) for v in (root.right, root.left))
         return newton(self.full, (root.value, root.theta, x, y))
 

@@ -67,7 +67,7 @@ def sweep(
         problem = replace(problem, parameters={**problem.parameters, parameter: float(values[0])})
     problem = problem.prepared(parameter, values)
     request = Request(None if max_frequency else modes or 20, max_frequency, tolerance)
-    tracker = _Tracker(problem, parameter, request)
+    tracker = _Tracker(problem, parameter, request, len(values) - 1)
     tracker.reduce(values, method)
     for i, value in enumerate(values):
         try:
@@ -97,8 +97,8 @@ def _checked(problem: Problem, parameter: str, values: Sequence[float] | np.ndar
 class _Tracker:
     """The state of a running sweep."""
 
-    def __init__(self, problem: Problem, parameter: str, request: Request) -> None:
-        self.problem, self.parameter, self.request = problem, parameter, request
+    def __init__(self, problem: Problem, parameter: str, request: Request, steps: int) -> None:
+        self.problem, self.parameter, self.request, self._steps = problem, parameter, request, steps
         self._guarded = _with_guard(request)
         self.points: list[SweepPoint] = []
         self.onsets: list[Onset] = []
@@ -232,7 +232,8 @@ class _Tracker:
         try:
             below = float(modes.lam[: wanted_count(modes, self.request)].imag.max(initial=0.0))
             found, unknown, hidden = find_step_onsets(
-                self.problem, name, ends, (self._previous, modes), (self._branches, branches), below, self._model
+                self.problem, name, ends, (self._previous, modes), (self._branches, branches), below, self._steps,
+                self._model,
             )
         except (NotConvergedError, ValueError) as error:
             return [], [*doubts, f"an onset between {name} = {ends[0]:g} and {ends[1]:g} was not refined: {error}"]

@@ -6,6 +6,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from ..blocks import combine, cross, times
 from ..errors import NotConvergedError
 from .definite import DefiniteFactor
 
@@ -37,33 +38,34 @@ def lowest_modes(
     NotConvergedError
     """
     n = M.shape[0]
-    V = np.empty((n, 0))
+    V, MV = np.empty((n, 0)), np.empty((n, 0))
     H = np.zeros((0, 0))
-    X = np.random.default_rng(_SEED).standard_normal((n, min(n, _BLOCK)))
-    X = _unit(factor.solve(M @ X), M)[0]
+    W = factor.solve(times(M, np.random.default_rng(_SEED).standard_normal((n, min(n, _BLOCK)))))
+    X, MX, _ = _unit(W, times(M, W))
     while True:
-        V = np.hstack([V, X])
-        m, k = V.shape[1], X.shape[1]
-        W = factor.solve(M @ X)
+        m, k = V.shape[1] + X.shape[1], X.shape[1]
+        V, MV = np.hstack([V, X]), np.hstack([MV, MX])
+        W = factor.solve(MX)
         H = np.pad(H, ((0, m - len(H)), (0, m - len(H))))
         for _ in range(2):
-            inside = V.T @ (M @ W)
-            W = W - V @ inside
+            inside = cross(MV, W)
+            W = W - combine(V, inside)
             H[:, m - k :] += inside
         nu, s = la.eigh(np.triu(H) + np.triu(H, 1).T)
         nu, s = nu[::-1], s[:, ::-1]
-        X, R = _unit(W, M)
+        X, MX, R = _unit(W, times(M, W))
         residual = np.linalg.norm(R @ s[m - k :], axis=0)
         if not X.shape[1] or m >= n or (m > count and (residual[:count] <= tolerance * np.abs(nu[:count])).all()):
             found = np.flatnonzero(nu[:count] > len(nu) * np.finfo(float).eps * nu[0])
-            return sigma + 1 / nu[found], np.asarray(V @ s[:, found])
+            return sigma + 1 / nu[found], combine(V, s[:, found])
         if m > max(_MOST * _BLOCK, 8 * count):
             raise NotConvergedError(f"block Lanczos: {count} modes not found with {m} vectors")
 
 
-def _unit(W: np.ndarray, M: sp.csr_array) -> tuple[np.ndarray, np.ndarray]:
-    """Return X, of unit mass, and R with W = XR, without what is linearly dependent."""
-    w, v = la.eigh(W.T @ (M @ W))
+def _unit(W: np.ndarray, MW: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return X, of unit mass, MX, and R with W = XR, without what is linearly dependent."""
+    w, v = la.eigh(cross(W, MW))
     keep = w > _RANK * max(w.max(initial=0.0), np.finfo(float).tiny)
     root = np.sqrt(w[keep])
-    return np.asarray(W @ (v[:, keep] / root)), np.asarray(root[:, None] * v[:, keep].T)
+    T = v[:, keep] / root
+    return combine(W, T), combine(MW, T), np.asarray(root[:, None] * v[:, keep].T)

@@ -18,6 +18,9 @@ class DefiniteFactor(Protocol):
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻¹ b for b (n,) or (n, k) real."""
 
+    def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
+        """Return the same: A is symmetric."""
+
     def half_solve(self, b: np.ndarray) -> np.ndarray:
         """Return L⁻ᵀ b, so that for random b of unit covariance the result has A⁻¹."""
 
@@ -62,6 +65,10 @@ class SuperLUCholesky:
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻¹ b."""
         return np.asarray(self._lu.solve(b))
+
+    def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
+        """Return the same: A is symmetric."""
+        return self.solve(b)
 
     def half_solve(self, b: np.ndarray) -> np.ndarray:
         """Return L⁻ᵀ b."""

@@ -3,24 +3,53 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from ..blocks import combine, cross, times
 from ..eigen.dense import solve_dense
 from ..eigen.pencil import Modes, Pencil
+from ..eigen.quality import ROUNDING
 from ..problem import Problem
 from ..terms import Slot
 
 _SAMPLES = 24  # random vectors per norm: residual norms come out within some 15 %
 _SEED = 20250411
+_SAMPLED_MODES = 8  # in which the size of what cancels is compared with that in some rows
 _LINES = 3000  # rows of V that are sampled
 _SPARSE = 0.3  # of all rows: what a term has at most that is handled by its own rows
-_RANK = 1e-12  # of a Gram matrix: what is linearly dependent
+_RANK = 1e-12  # of the square of a vector: a part outside the basis that is rounding
+_DEPENDENT = 1e-8  # eigenvalue of a Gram matrix of unit vectors: what is linearly dependent
 _POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}
+
+
+class _Products(NamedTuple):
+    """Of a term's matrix A with new vectors X, the basis V and the samples Z."""
+
+    VAX: np.ndarray
+    VATX: np.ndarray
+    XAX: np.ndarray
+    ZAX: np.ndarray
+    ZATX: np.ndarray
+
+
+def metric_of(problem: Problem, sigma: float) -> list[float]:
+    """Return the coefficients of the terms in P = K − σM, without damping and the skew part of K."""
+    scale: dict[Slot, float] = {"M": -sigma, "C": 0.0, "K": 1.0}
+    at = problem.parameters
+    return [0.0 if t.imaginary else scale[t.slot] * t.coefficient(at) for t in problem.terms]
+
+
+def metric_matrix(problem: Problem, metric: Sequence[float]) -> sp.csr_array:
+    """Return P (n, n) itself."""
+    parts = [c * (t.matrix if t.symmetric else (t.matrix + t.matrix.T) / 2)
+             for c, t in zip(metric, problem.terms, strict=True) if c]  # fmt: skip
+    return sp.csr_array(sum(parts[1:], parts[0]))
 
 
 class ReducedBasis:
@@ -38,24 +67,28 @@ class ReducedBasis:
     problem : Problem
         Affine in the parameter and condensed: few terms.
     parameter : str
-    P : (n, n) sparse, positive definite
+    metric : (terms,) float
+        The coefficients of the terms in P, see `metric_of`.
     half_solve : callable
         Returns L⁻ᵀS.
     """
 
-    def __init__(self, problem: Problem, parameter: str, P: sp.csr_array, half_solve: object) -> None:
-        self.problem, self.parameter, self.P = problem, parameter, P
+    def __init__(
+        self, problem: Problem, parameter: str, metric: Sequence[float], half_solve: Callable[[np.ndarray], np.ndarray]
+    ) -> None:
+        self.problem, self.parameter, self._in_metric = problem, parameter, metric
         n = problem.unknowns
         rng = np.random.default_rng(_SEED)
-        energy = half_solve(rng.standard_normal((n, _SAMPLES)))  # type: ignore[operator]
+        energy = half_solve(rng.standard_normal((n, _SAMPLES)))
         # Rows of backward errors count in the problem's own units, as in `fe_squeal.eigen.quality`.
-        units = problem.pencil().units[0]
-        plain = units[:, None] * rng.standard_normal((n, _SAMPLES))
-        self._Z = np.asfortranarray(np.hstack([energy, plain]) / np.sqrt(_SAMPLES))
+        self._units = problem.pencil().units[0]
+        plain = self._units[:, None] * rng.standard_normal((n, _SAMPLES))
+        self._Z = np.hstack([energy, plain]) / np.sqrt(_SAMPLES)
         self._transposed = [None if t.symmetric else sp.csr_array(t.matrix.T) for t in problem.terms]
         # Some rows stand for all in the norm of what cancels in Q(λ)φ.
         self._lines = np.sort(rng.choice(n, min(n, _LINES), replace=False))
-        self._size = (units * np.abs(P.diagonal()))[self._lines] * np.sqrt(n / len(self._lines))
+        diagonal = sum(c * t.matrix.diagonal() for c, t in zip(metric, problem.terms, strict=True))
+        self._size = (self._units * np.abs(diagonal))[self._lines] * np.sqrt(n / len(self._lines))
         occupied = [np.flatnonzero(np.diff((t.matrix + t.matrix.T).tocsr().indptr)) for t in problem.terms]
         self._rows = [rows if len(rows) < _SPARSE * n else None for rows in occupied]  # friction has few
         self.V = self._store = np.zeros((n, 0))
@@ -71,37 +104,51 @@ class ReducedBasis:
     def append(self, X: np.ndarray, threshold: float = 0.0) -> int:
         """Add the directions of X (n, k) real whose part outside the basis is longer than a threshold in the P-norm.
 
+        P is a sum of the terms, so that the products which the projection needs also give those of the P-norm: every
+        matrix meets a vector once, and the rest is arithmetic of small matrices.
+
         Returns
         -------
         int
             How many were added.
         """
-        V, r = self.V, len(self)
-        for floor in (threshold, 0.0):  # the second pass removes the rounding of the first
-            PX = self.P @ X
-            inside, whole = V.T @ PX, X.T @ PX
-            rounding = _RANK * np.abs(whole.diagonal()).max(initial=0.0)
-            T = _normalising(whole - inside.T @ inside, max(floor**2, rounding))
-            if not T.shape[1]:
-                return 0
-            X = X @ T - V @ (inside @ T)
-        k = X.shape[1]
-        for i, term in enumerate(self.problem.terms):
-            transposed = self._transposed[i]
-            rows = self._rows[i]
-            AX = term.matrix[rows] @ X if rows is not None else term.matrix @ X
-            ATX = AX if transposed is None else transposed[rows] @ X if rows is not None else transposed @ X
-            Vr, Xr, Zr = (V, X, self._Z) if rows is None else (V[rows], X[rows], self._Z[rows])
-            grown = np.empty((r + k, r + k))
-            grown[:r, :r] = self._small[i]
-            grown[:r, r:], grown[r:, :r] = Vr.T @ AX, (Vr.T @ ATX).T
-            grown[r:, r:] = Xr.T @ AX
-            self._small[i] = (grown + grown.T) / 2 if transposed is None else grown
-            self._right[i] = np.hstack([self._right[i], Zr.T @ AX])
-            self._left[i] = np.hstack([self._left[i], Zr.T @ ATX])
+        parts = [self._meet(i, X) for i in range(len(self.problem.terms))]
+        inside = self._metric(parts, lambda p: (p.VAX + p.VATX) / 2)
+        whole = self._metric(parts, lambda p: (p.XAX + p.XAX.T) / 2)
+        T = _normalising(whole - inside.T @ inside, np.maximum(threshold**2, _RANK * whole.diagonal()))
+        if not T.shape[1]:
+            return 0
+        back = inside @ T
+        for i, (term, p) in enumerate(zip(self.problem.terms, parts, strict=True)):
+            A = self._small[i]
+            right, left = p.VAX @ T - A @ back, p.VATX @ T - A.T @ back
+            corner = T.T @ (p.XAX @ T - p.VATX.T @ back) - back.T @ right
+            grown = np.block([[A, right], [left.T, corner]])
+            self._small[i] = (grown + grown.T) / 2 if term.symmetric else grown
+            self._right[i] = np.hstack([self._right[i], p.ZAX @ T - self._right[i] @ back])
+            self._left[i] = np.hstack([self._left[i], p.ZATX @ T - self._left[i] @ back])
+        X = combine(X, T) - combine(self.V, back)
         self._sampled_rows = np.hstack([self._sampled_rows, self._size[:, None] * X[self._lines]])
         self._extend(X)
-        return k
+        return X.shape[1]
+
+    def _meet(self, i: int, X: np.ndarray) -> _Products:
+        """Return the products of a term A with X, V and Z."""
+        A, transposed, rows = self.problem.terms[i].matrix, self._transposed[i], self._rows[i]
+        V, Z = self.V, self._Z
+        if rows is not None:
+            A, X, V, Z = sp.csr_array(A[rows]), X, V[rows], Z[rows]
+            transposed = None if transposed is None else sp.csr_array(transposed[rows])
+        AX = times(A, X)
+        here = X if rows is None else X[rows]
+        XAX, VAX, ZAX = cross(here, AX), cross(V, AX), cross(Z, AX)
+        if transposed is None:
+            return _Products(VAX, VAX, XAX, ZAX, ZAX)
+        ATX = times(transposed, X)
+        return _Products(VAX, cross(V, ATX), XAX, ZAX, cross(Z, ATX))
+
+    def _metric(self, parts: list[_Products], take: Callable[[_Products], np.ndarray]) -> np.ndarray:
+        return np.asarray(sum(c * take(p) for c, p in zip(self._in_metric, parts, strict=True) if c))
 
     def _extend(self, X: np.ndarray) -> None:
         """Put columns behind those of V, whose memory is set aside in large pieces."""
@@ -113,10 +160,16 @@ class ReducedBasis:
         self._store[:, r : r + k] = X
         self.V = self._store[:, : r + k]
 
+    def copy(self) -> ReducedBasis:
+        """Return the same basis, to be extended for itself."""
+        other = copy.copy(self)
+        other._small, other._right, other._left = list(self._small), list(self._right), list(self._left)
+        return other
+
     def restricted(self, W: np.ndarray) -> ReducedBasis:
         """Return the basis of the span of VW alone, W (r, k) orthonormal."""
         smaller = copy.copy(self)
-        smaller.V = smaller._store = self.V @ W
+        smaller.V = smaller._store = combine(self.V, W)
         smaller._small = [W.T @ A @ W for A in self._small]
         smaller._right, smaller._left = [B @ W for B in self._right], [B @ W for B in self._left]
         smaller._sampled_rows = self._sampled_rows @ W
@@ -148,12 +201,26 @@ class ReducedBasis:
         return solve_dense(self.pencil(value), highest)
 
     def calibrate(self, value: float, modes: Modes) -> None:
-        """Compare the size of what cancels in Q(λ)φ with the part of it that `errors` knows, for some modes."""
+        """Compare the size of what cancels in Q(λ)φ with the part of it that `errors` knows, for some of the modes."""
+        modes = modes.select(np.unique(np.linspace(0, len(modes) - 1, _SAMPLED_MODES).astype(int)))
         u = lift(self.V, modes.right)
-        pencil = self.problem.pencil(**{self.parameter: value})
-        exact = pencil.units[0][:, None] * pencil.magnitude(modes.lam, u)
+        scale = self._units[self._lines, None] * np.sqrt(len(u) / len(self._lines))
+        exact = scale * self._magnitude(value, modes.lam, u)
         known = np.linalg.norm(self._size[:, None] * u[self._lines], axis=0)
         self._cancels = float((np.linalg.norm(exact, axis=0) / known).min())
+
+    def _magnitude(self, value: float, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return the sampled rows of (|λ|²|M| + |λ||C| + |K|)|u|, see `Pencil.magnitude`."""
+        at = self.problem.at(**{self.parameter: value})
+        total = np.zeros((len(self._lines), len(lam)))
+        for term in at.terms:
+            root = np.sqrt(np.abs(term.matrix.diagonal()))
+            rows = sp.csr_array(abs(term.matrix[self._lines]))
+            counts = np.diff(rows.indptr)
+            between = np.repeat(root[self._lines], counts) * root[rows.indices]
+            rows.data = np.maximum(rows.data, between)
+            total += (rows @ np.abs(u)) * (abs(term.coefficient(at.parameters)) * np.abs(lam) ** _POWER[term.slot])
+        return total
 
     def errors(
         self, value: float, modes: Modes, highest: float
@@ -185,16 +252,23 @@ class ReducedBasis:
 
     def root_error(
         self, value: float, lam: complex, right: np.ndarray, left: np.ndarray, highest: float
-    ) -> float:  # fmt: skip
-        """Return how far a parameter at which Q(λ)φ = 0, ψᴴQ(λ) = 0 may be off: ‖η‖‖ρ‖/|ψᴴ(∂Q/∂p)φ|."""
-        rho, eta = self._sampled(value, np.array([lam]), right[:, None], left[:, None])
+    ) -> tuple[float, float]:  # fmt: skip
+        """Return how far a parameter at which Q(λ)φ = 0, ψᴴQ(λ) = 0 may be off, ‖η‖‖ρ‖/|ψᴴ(∂Q/∂p)φ|, and rounding.
+
+        Rounding is that of the problem itself, whose entries are known to machine accuracy at best.
+        """
+        lams, phi, psi = np.array([lam]), right[:, None], left[:, None]
+        rho, eta = self._sampled(value, lams, phi, psi)
         both = float(self._product(rho, eta, np.array([abs(lam)]), highest)[0])
         small, change = self.condensed(), 0j
         for slot, power in _POWER.items():
             d = small.derivative(self.parameter, slot, **{self.parameter: value})
             if d is not None:
                 change += lam**power * complex(np.vdot(left, d @ right))
-        return both / abs(change) if change else np.inf
+        x, y = lift(self.V, phi), lift(self.V[self._lines], psi)
+        share = len(self.V) / len(self._lines)
+        rounding = ROUNDING * share * float(np.sum(np.abs(y) * self._magnitude(value, lams, x)))
+        return (both / abs(change), rounding / abs(change)) if change else (np.inf, np.inf)
 
     def condensed(self) -> Problem:
         """Return the small terms as a problem."""
@@ -222,26 +296,27 @@ class ReducedBasis:
         return np.asarray(both / np.clip(1 - (size / highest) ** 2, 0.05, 1.0))
 
     def residuals(self, value: float, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
-        """Return Q(λ)φ and Q(λ)ᴴψ of each mode, (n, k) each."""
+        """Return Q(λ)φ and Q(λ)ᴴψ of each mode, (n, k) each; real where λ² and the shapes are, without damping."""
         assert modes.left is not None
         at = self.problem.at(**{self.parameter: value})
+        factors = [
+            _real_if_real(t.coefficient(at.parameters) * (1j if t.imaginary else 1.0) * modes.lam ** _POWER[t.slot])
+            for t in at.terms
+        ]
         found = []
         for vectors, adjoint in ((modes.right, False), (modes.left, True)):
-            u = lift(self.V, vectors)
-            total = np.zeros(u.shape, np.result_type(u, 1j))
-            for term, transposed in zip(at.terms, self._transposed, strict=True):
-                c = term.coefficient(at.parameters) * (1j if term.imaginary else 1.0) * modes.lam ** _POWER[term.slot]
+            u = lift(self.V, _real_if_real(vectors))
+            total: np.ndarray | float = 0.0
+            for term, transposed, c in zip(at.terms, self._transposed, factors, strict=True):
                 A = transposed if adjoint and transposed is not None else term.matrix
-                total += _times(A, u) * (c.conj() if adjoint else c)
-            found.append(total)
+                total = total + _times(A, u) * (c.conj() if adjoint else c)
+            found.append(np.asarray(total))
         return found[0], found[1]
 
 
 def lift(V: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return V y for a real V and a complex y without a complex copy of V."""
-    if not np.iscomplexobj(y):
-        return np.asarray(V @ y)
-    return _by_parts(lambda x: V @ x, y)
+    return _by_parts(lambda x: combine(V, x), y) if np.iscomplexobj(y) else combine(V, y)
 
 
 def real_columns(x: np.ndarray) -> np.ndarray:
@@ -253,8 +328,12 @@ def real_columns(x: np.ndarray) -> np.ndarray:
     return np.asarray(parts[:, size > 1e-14 * size.max(initial=0.0)])
 
 
+def _real_if_real(x: np.ndarray) -> np.ndarray:
+    return x if x.imag.any() else x.real
+
+
 def _times(A: sp.csr_array, u: np.ndarray) -> np.ndarray:
-    return _by_parts(lambda x: A @ x, u) if np.iscomplexobj(u) else np.asarray(A @ u)
+    return _by_parts(lambda x: times(A, x), u) if np.iscomplexobj(u) else times(A, u)
 
 
 def _by_parts(apply: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
@@ -267,8 +346,12 @@ def _by_parts(apply: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.nd
     return result.reshape(-1, *x.shape[1:])
 
 
-def _normalising(gram: np.ndarray, least: float) -> np.ndarray:
-    """Return T such that XT is orthonormal, XᵀPX given; directions of a square below `least` are left out."""
-    w, v = la.eigh((gram + gram.T) / 2)
-    keep = w > least
-    return np.asarray(v[:, keep] / np.sqrt(w[keep]))
+def _normalising(gram: np.ndarray, least: np.ndarray) -> np.ndarray:
+    """Return T such that XT is orthonormal, given XᵀPX, without columns of a square below `least` and what depends."""
+    square = gram.diagonal()
+    long = np.flatnonzero(square > least)
+    root = np.sqrt(square[long])
+    w, v = la.eigh(gram[np.ix_(long, long)] / np.outer(root, root))
+    T = np.zeros((len(gram), np.count_nonzero(w > _DEPENDENT)))
+    T[long] = v[:, w > _DEPENDENT] / np.sqrt(w[w > _DEPENDENT]) / root[:, None]
+    return T

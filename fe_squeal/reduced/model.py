@@ -10,21 +10,22 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from ..blocks import times
 from ..bordered import Root
 from ..eigen.block_lanczos import lowest_modes
-from ..eigen.definite import factorize_definite
+from ..eigen.definite import DefiniteFactor, factorize_definite
 from ..eigen.inertia import count_below
 from ..eigen.linear_solvers import Factor, factorize
 from ..eigen.pencil import Modes
 from ..eigen.solve import Request, select_wanted, shift_below, symmetric_part
 from ..errors import NotConvergedError
 from ..problem import Problem
-from .basis import ReducedBasis, lift, real_columns
+from .basis import ReducedBasis, lift, metric_matrix, metric_of, real_columns
 
 _GUARD = 1.25  # times the modes asked for: how many of the undamped problem the basis begins with
 _ROUGH = 1e-4  # accuracy of these modes: what they lack is corrected with the rest
 _ROUNDS = 16
-_CANDIDATES = 7  # values at which the basis is corrected until all modes there meet the tolerance
+_CANDIDATES = 5  # values at which the basis is corrected until all modes there meet the tolerance
 _CORRECTED = 0.3  # times the tolerance: what is corrected along with what misses it
 _SAFETY = 0.1  # of the tolerance: what the estimated errors of eigenvalues are driven below
 _PACE = 0.3  # of the worst error: what a round with the factors of another value has to leave at most
@@ -33,7 +34,7 @@ _FINE = 1e-5  # of a vector: what is left out of the final basis
 _SHORT = 1e-4  # of √tolerance: corrections shorter than this, against the length of the mode, are left out
 _SUPPLEMENTS = 6  # values that are added to these at most, and how often the basis is grown after that
 _ILL = 10.0  # relative condition from which a mode is near a double eigenvalue
-_SEED, _BLOCK, _STEPS = 20251107, 12, 6  # of the search for modes that are missing
+_SEED, _BLOCK, _STEPS = 20251107, 8, 5  # of the search for modes that are missing
 _FOUND = 0.99  # of the highest mode asked for: what comes nearer is missing
 _WORTH = 0.8  # of the vectors: what a smaller basis has at most
 
@@ -76,14 +77,15 @@ class ReducedModel:
         self._solved: dict[float, Modes] = {}
         self._solved_with: np.ndarray | None = None  # the basis that these belong to
         self._values = values = np.asarray(values, float)
-        condensed = problem.condensed(parameter)
         start = float(values[np.argmin(np.abs(values))])
-        base = symmetric_part(condensed.pencil(**{parameter: start}))
+        condensed = problem.condensed(parameter).at(**{parameter: start})
+        base = symmetric_part(condensed.pencil())
         limit = request.max_frequency_hz
         band = None if limit is None else 2 * np.pi * limit
         self._sigma = shift_below(base, band)
-        P = sp.csr_array(base.K - self._sigma * base.M)
-        definite = factorize_definite(P)
+        metric = metric_of(condensed, self._sigma)
+        # Close to Q(λ) on everything beyond the basis, and with fewer and faster solves than LU factors.
+        self._definite = factorize_definite(metric_matrix(condensed, metric))
         count = request.count or 0
         if band is not None:
             below = count_below(base, band)
@@ -92,13 +94,12 @@ class ReducedModel:
             count = below
             self.factorizations += 1
         count = min(int(_GUARD * count) + 4, base.n)
-        theta, vectors = lowest_modes(definite, base.M, self._sigma, count, _ROUGH)
+        theta, vectors = lowest_modes(self._definite, base.M, self._sigma, count, _ROUGH)
         self.factorizations += 1
         self.highest = float(np.sqrt(theta.max(initial=0.0)))
-        self.basis = ReducedBasis(condensed, parameter, P, definite.half_solve)
+        self.basis = ReducedBasis(condensed, parameter, metric, self._definite.half_solve)
         self.basis.append(vectors)
         self.basis.calibrate(start, self._estimated(start)[0])
-        del definite
         if not modal:
             self._grow(values)
             self._compress(values)
@@ -133,8 +134,8 @@ class ReducedModel:
         """The small problem over the parameter alone."""
         return self.basis.condensed()
 
-    def root_uncertainty(self, root: Root) -> float:
-        """Return how far a critical value of the small problem may be from that of the problem itself."""
+    def root_error(self, root: Root) -> tuple[float, float]:
+        """Return how far a critical value of the small problem may be from that of the problem itself, and rounding."""
         return self.basis.root_error(root.value, 1j * np.sqrt(root.theta), root.right, root.left, self.highest)
 
     def _estimated(self, value: float) -> tuple[Modes, np.ndarray, np.ndarray]:
@@ -156,8 +157,9 @@ class ReducedModel:
         """Correct the basis where it misses the tolerance: first in the middle, then at the ends, then everywhere."""
         candidates = values[np.unique(np.round(np.linspace(0, len(values) - 1, _CANDIDATES)).astype(int))]
         middle = float(candidates[len(candidates) // 2])
-        factor, at = self._factorize(middle), middle
-        todo, before = {middle: np.inf}, np.inf
+        factor: Factor | DefiniteFactor = self._definite
+        at, before = np.nan, np.inf
+        todo = [middle]
         for round_ in range(_ROUNDS):
             for p in todo:
                 modes, off, _ = self._estimated(p)
@@ -166,11 +168,11 @@ class ReducedModel:
                     self._correct(p, modes.select(bad), factor)
             tried = candidates if round_ else candidates[[0, -1]]
             found = {float(p): float(self._estimated(float(p))[1].max(initial=0.0)) for p in tried}
-            todo = {p: off for p, off in found.items() if off > 1}
+            todo = [p for p, off in found.items() if off > 1]
             if not todo and round_:
-                if not self._missing(factor, at):
+                if not self._missing(candidates[[0, -1]]):
                     return
-                todo = {float(p): np.inf for p in candidates}
+                todo = candidates.tolist()
                 continue
             worst = max(found, key=lambda p: found[p])
             if found[worst] > _PACE * before and at != worst:
@@ -183,7 +185,7 @@ class ReducedModel:
         )
 
     def _factorize(self, value: float) -> Factor:
-        """Factorise what is close to Q(λ) on everything beyond the basis: K − σM, with damping at half the band."""
+        """Factorise what is closer to Q(λ) than P where that is too far: K − σM, with damping at half the band."""
         pencil = self.basis.problem.pencil(**{self.parameter: value})
         shifted = pencil.K - self._sigma * pencil.M
         if pencil.C is not None:
@@ -191,49 +193,53 @@ class ReducedModel:
         self.factorizations += 1
         return factorize(sp.csr_array(shifted), pencil.symmetric and pencil.C is None)
 
-    def _missing(self, factor: Factor, value: float) -> bool:
-        """Look for a mode that the basis does not hold at the value of the factors; add its shape if there is one.
+    def _missing(self, values: np.ndarray) -> bool:
+        """Look for modes that the basis does not hold, of which its residuals know nothing; add what is found.
 
-        A few steps of block Krylov iteration from random vectors, on the shift-inverted problem without its known
-        modes, find what then comes nearest to the shift: beyond the modes asked for, if none of them is missing. With
-        damping the iteration has no such simple form, and nothing is looked for.
+        A few steps of block Krylov iteration with P⁻¹M from random vectors, outside the basis, find what comes lowest
+        there; with its images under friction and damping it extends the small model. A mode in the range that was asked
+        for which the small model has only then was missing.
         """
-        if self.problem.is_damped:
-            return False
-        every = self.basis.modes(value, self.highest)
-        wanted = select_wanted(every, self.request, np.inf)
-        every = every.select(np.flatnonzero((every.lam.imag > 0) | (every.lam.real <= 0)))  # each θ < 0 once
-        assert every.left is not None and wanted is not None
-        M = self.basis.problem.pencil(**{self.parameter: value}).M
-        right, left = self.lift(every.right), self.lift(every.left)
-
-        def without_known(x: np.ndarray) -> np.ndarray:
-            return np.asarray(x - (right @ (left.conj().T @ (M @ x))).real)
-
-        block = np.random.default_rng(_SEED).standard_normal((M.shape[0], _BLOCK))
-        blocks = [la.qr(without_known(factor.solve(M @ block)), mode="economic")[0]]
-        images = []
+        trial = self.basis.copy()
+        block = np.random.default_rng(_SEED).standard_normal((self.problem.unknowns, _BLOCK))
+        M = self.basis.problem.pencil().M
         for _ in range(_STEPS):
-            images.append(without_known(factor.solve(M @ blocks[-1])))
-            self.solves += _BLOCK
-            W = np.hstack(blocks)
-            x = images[-1] - W @ (W.T @ images[-1])
-            blocks.append(la.qr(x - W @ (W.T @ x), mode="economic")[0])
-        W, AW = np.hstack(blocks[:-1]), np.hstack(images)
-        nu, y = la.eig(W.T @ AW)
-        best = int(np.argmax(np.abs(nu)))
-        nearest = np.sqrt(abs(self._sigma + 1 / nu[best]))
-        if nearest > _FOUND * np.abs(wanted.lam).max(initial=0.0):
-            return False
-        return self.basis.append(real_columns(W @ y[:, [best]])) > 0
+            block = self._definite.solve(times(M, block))
+            before = len(trial)
+            if not trial.append(block):
+                break
+            block = trial.V[:, before:]
+        found = []
+        for p in values:
+            known = self.basis.modes(float(p), self.highest).lam
+            every = trial.modes(float(p), self.highest)
+            wanted = select_wanted(every, self.request, np.inf)
+            assert wanted is not None
+            limit = _FOUND * np.abs(wanted.lam).max(initial=0.0)
+            extra = np.count_nonzero(np.abs(every.lam) < limit) - np.count_nonzero(np.abs(known) < limit)
+            if extra > 0:
+                # Those farthest from any mode that was known.
+                inside = np.flatnonzero(np.abs(every.lam) < limit)
+                far = np.abs(every.lam[inside, None] - known).min(axis=1, initial=np.inf)
+                found.append(real_columns(lift(trial.V, every.right[:, inside[np.argsort(far)[-extra:]]])))
+        self.solves += _STEPS * _BLOCK
+        return bool(found) and self.basis.append(np.hstack(found)) > 0
 
-    def _correct(self, value: float, modes: Modes, factor: Factor) -> int:
+    def _correct(self, value: float, modes: Modes, factor: Factor | DefiniteFactor) -> int:
         """Add what the residuals of some modes at a value ask for."""
-        right, left = self.basis.residuals(value, modes)
-        if not self.problem.is_damped:  # a real matrix: fewer right-hand sides
-            right, left = real_columns(right), real_columns(left)
-        self.solves += right.shape[1] + left.shape[1]
-        X = np.hstack([real_columns(factor.solve(right)), real_columns(factor.solve_adjoint(left))])
+        groups = [modes]
+        if not self.problem.is_damped:  # λ and −λ* have the same shapes, and most shapes are real
+            real = (modes.lam.real == 0) & ~modes.right.imag.any(axis=0)
+            groups = [modes.select(np.flatnonzero(f)) for f in (real, ~real & ~(modes.lam.real < 0))]
+        plain = factor is self._definite or not self.problem.is_damped  # a real matrix: fewer right-hand sides
+        parts = []
+        for group in (g for g in groups if len(g)):
+            right, left = self.basis.residuals(value, group)
+            if plain:
+                right, left = real_columns(right), real_columns(left)
+            self.solves += right.shape[1] + left.shape[1]
+            parts += [real_columns(factor.solve(right)), real_columns(factor.solve_adjoint(left))]
+        X = np.hstack(parts)
         # Eigenvalues feel the product of two such errors; relative to the mode's own length in the P-norm.
         length = float(np.sqrt(np.abs(modes.lam).min() ** 2 - self._sigma))
         # Short corrections may be all that a backward error just above the tolerance lacks.
