@@ -22,13 +22,16 @@ def times(A: sp.csr_array, X: np.ndarray) -> np.ndarray:
     if A.shape[0] < _TALL:
         return np.asarray(A @ X)
 
-    def part(rows: slice) -> np.ndarray:
+    out = np.empty((A.shape[0], *X.shape[1:]), np.result_type(A.dtype, X))
+
+    def part(rows: slice) -> None:
         first, last = A.indptr[rows.start], A.indptr[rows.stop]
         pointers = A.indptr[rows.start : rows.stop + 1] - first
         size = (rows.stop - rows.start, A.shape[1])
-        return np.asarray(sp.csr_array((A.data[first:last], A.indices[first:last], pointers), shape=size) @ X)
+        out[rows] = sp.csr_array((A.data[first:last], A.indices[first:last], pointers), shape=size) @ X
 
-    return np.concatenate(_by_parts(part, A.shape[0]))
+    _by_parts(part, A.shape[0])
+    return out
 
 
 def cross(X: np.ndarray, Y: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from ..errors import NotConvergedError
 from .definite import DefiniteFactor
 
 _SEED, _BLOCK, _MOST = 20251121, 24, 60
+_ROOM = 4  # times the modes: for how many vectors address space is set aside at first
 _RANK = 1e-12  # of a Gram matrix: what is linearly dependent
 
 
@@ -38,15 +39,18 @@ def lowest_modes(
     NotConvergedError
     """
     n = M.shape[0]
-    V, MV = np.empty((n, 0)), np.empty((n, 0))
+    stored = [np.empty((min(n, _ROOM * count + _BLOCK), n)) for _ in range(2)]  # V and MV, a vector in each row
     H = np.zeros((0, 0))
     W = factor.solve(times(M, np.random.default_rng(_SEED).standard_normal((n, min(n, _BLOCK)))))
     X, MX, _ = _unit(W, times(M, W))
     while True:
-        m, k = V.shape[1] + X.shape[1], X.shape[1]
-        V, MV = np.hstack([V, X]), np.hstack([MV, MX])
+        m, k = len(H) + X.shape[1], X.shape[1]
+        if m > len(stored[0]):
+            stored = [np.concatenate([old, np.empty_like(old)]) for old in stored]
+        stored[0][m - k : m], stored[1][m - k : m] = X.T, MX.T
+        V, MV = stored[0][:m].T, stored[1][:m].T
         W = factor.solve(MX)
-        H = np.pad(H, ((0, m - len(H)), (0, m - len(H))))
+        H = np.pad(H, ((0, k), (0, k)))
         for _ in range(2):
             inside = cross(MV, W)
             W = W - combine(V, inside)

@@ -16,16 +16,18 @@ from ..eigen.dense import solve_dense
 from ..eigen.pencil import Modes, Pencil
 from ..eigen.quality import ROUNDING
 from ..problem import Problem
-from ..terms import Slot
+from ..terms import Slot, Term
 
 _SAMPLES = 24  # random vectors per norm: residual norms come out within some 15 %
 _SEED = 20250411
 _SAMPLED_MODES = 8  # in which the size of what cancels is compared with that in some rows
-_LINES = 3000  # rows of V that are sampled
+_LINES = 1000  # rows of V that are sampled
 _SPARSE = 0.3  # of all rows: what a term has at most that is handled by its own rows
+_ROOM = 8  # times the vectors there are: for how many address space is set aside
 _RANK = 1e-12  # of the square of a vector: a part outside the basis that is rounding
 _DEPENDENT = 1e-8  # eigenvalue of a Gram matrix of unit vectors: what is linearly dependent
 _POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}
+_Acting = tuple[np.ndarray | None, sp.csr_array, sp.csr_array | None]
 
 
 class _Products(NamedTuple):
@@ -84,14 +86,13 @@ class ReducedBasis:
         self._units = problem.pencil().units[0]
         plain = self._units[:, None] * rng.standard_normal((n, _SAMPLES))
         self._Z = np.hstack([energy, plain]) / np.sqrt(_SAMPLES)
-        self._transposed = [None if t.symmetric else sp.csr_array(t.matrix.T) for t in problem.terms]
+        self._acting = [_acting(t) for t in problem.terms]
         # Some rows stand for all in the norm of what cancels in Q(λ)φ.
         self._lines = np.sort(rng.choice(n, min(n, _LINES), replace=False))
         diagonal = sum(c * t.matrix.diagonal() for c, t in zip(metric, problem.terms, strict=True))
         self._size = (self._units * np.abs(diagonal))[self._lines] * np.sqrt(n / len(self._lines))
-        occupied = [np.flatnonzero(np.diff((t.matrix + t.matrix.T).tocsr().indptr)) for t in problem.terms]
-        self._rows = [rows if len(rows) < _SPARSE * n else None for rows in occupied]  # friction has few
-        self.V = self._store = np.zeros((n, 0))
+        self._store = np.zeros((0, n))
+        self.V = self._store.T
         self._small = [np.zeros((0, 0)) for _ in problem.terms]
         self._right = [np.zeros((2 * _SAMPLES, 0)) for _ in problem.terms]  # Zᵀ A V
         self._left = [np.zeros((2 * _SAMPLES, 0)) for _ in problem.terms]  # Zᵀ Aᵀ V
@@ -134,13 +135,9 @@ class ReducedBasis:
 
     def _meet(self, i: int, X: np.ndarray) -> _Products:
         """Return the products of a term A with X, V and Z."""
-        A, transposed, rows = self.problem.terms[i].matrix, self._transposed[i], self._rows[i]
-        V, Z = self.V, self._Z
-        if rows is not None:
-            A, X, V, Z = sp.csr_array(A[rows]), X, V[rows], Z[rows]
-            transposed = None if transposed is None else sp.csr_array(transposed[rows])
+        rows, A, transposed = self._acting[i]
+        V, Z, here = (self.V, self._Z, X) if rows is None else (self.V[rows], self._Z[rows], X[rows])
         AX = times(A, X)
-        here = X if rows is None else X[rows]
         XAX, VAX, ZAX = cross(here, AX), cross(V, AX), cross(Z, AX)
         if transposed is None:
             return _Products(VAX, VAX, XAX, ZAX, ZAX)
@@ -151,14 +148,14 @@ class ReducedBasis:
         return np.asarray(sum(c * take(p) for c, p in zip(self._in_metric, parts, strict=True) if c))
 
     def _extend(self, X: np.ndarray) -> None:
-        """Put columns behind those of V, whose memory is set aside in large pieces."""
+        """Put columns behind those of V, each in one piece, for which address space is set aside."""
         r, k = len(self), X.shape[1]
-        if self._store.shape[1] < r + k:
-            store = np.empty((len(X), max(r + k, int(1.6 * self._store.shape[1]))))
-            store[:, :r] = self.V
+        if len(self._store) < r + k:
+            store = np.empty((_ROOM * (r + k), len(X)))
+            store[:r] = self.V.T
             self._store = store
-        self._store[:, r : r + k] = X
-        self.V = self._store[:, : r + k]
+        self._store[r : r + k] = X.T
+        self.V = self._store[: r + k].T
 
     def copy(self) -> ReducedBasis:
         """Return the same basis, to be extended for itself."""
@@ -169,7 +166,8 @@ class ReducedBasis:
     def restricted(self, W: np.ndarray) -> ReducedBasis:
         """Return the basis of the span of VW alone, W (r, k) orthonormal."""
         smaller = copy.copy(self)
-        smaller.V = smaller._store = combine(self.V, W)
+        smaller.V = combine(self.V, W)
+        smaller._store = smaller.V.T
         smaller._small = [W.T @ A @ W for A in self._small]
         smaller._right, smaller._left = [B @ W for B in self._right], [B @ W for B in self._left]
         smaller._sampled_rows = self._sampled_rows @ W
@@ -296,21 +294,29 @@ class ReducedBasis:
         return np.asarray(both / np.clip(1 - (size / highest) ** 2, 0.05, 1.0))
 
     def residuals(self, value: float, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
-        """Return Q(λ)φ and Q(λ)ᴴψ of each mode, (n, k) each; real where λ² and the shapes are, without damping."""
+        """Return Q(λ)φ and Q(λ)ᴴψ of each mode as real columns.
+
+        Returns
+        -------
+        right, left : (n, k) or (n, 2k)
+            Real parts, and imaginary ones behind them where there are any.
+        """
         assert modes.left is not None
         at = self.problem.at(**{self.parameter: value})
-        factors = [
-            _real_if_real(t.coefficient(at.parameters) * (1j if t.imaginary else 1.0) * modes.lam ** _POWER[t.slot])
-            for t in at.terms
-        ]
+        scale = [t.coefficient(at.parameters) * (1j if t.imaginary else 1.0) for t in at.terms]
+        factors = [c * modes.lam ** _POWER[t.slot] for c, t in zip(scale, at.terms, strict=True)]
+        real = not any(x.imag.any() for x in (modes.right, modes.left, *factors))
         found = []
         for vectors, adjoint in ((modes.right, False), (modes.left, True)):
-            u = lift(self.V, _real_if_real(vectors))
-            total: np.ndarray | float = 0.0
-            for term, transposed, c in zip(at.terms, self._transposed, factors, strict=True):
-                A = transposed if adjoint and transposed is not None else term.matrix
-                total = total + _times(A, u) * (c.conj() if adjoint else c)
-            found.append(np.asarray(total))
+            u = combine(self.V, vectors.real if real else np.hstack([vectors.real, vectors.imag]))
+            total = np.zeros_like(u)
+            for (rows, A, transposed), c in zip(self._acting, factors, strict=True):
+                part = times(transposed if adjoint and transposed is not None else A, u)
+                re, im = np.diag(c.real), np.diag(-c.imag if adjoint else c.imag)
+                # Complex multiplication, on columns of real parts and columns of imaginary ones.
+                part = part * c.real if real else combine(part, np.block([[re, im], [-im, re]]))
+                total[slice(None) if rows is None else rows] += part
+            found.append(total)
         return found[0], found[1]
 
 
@@ -328,12 +334,14 @@ def real_columns(x: np.ndarray) -> np.ndarray:
     return np.asarray(parts[:, size > 1e-14 * size.max(initial=0.0)])
 
 
-def _real_if_real(x: np.ndarray) -> np.ndarray:
-    return x if x.imag.any() else x.real
-
-
-def _times(A: sp.csr_array, u: np.ndarray) -> np.ndarray:
-    return _by_parts(lambda x: times(A, x), u) if np.iscomplexobj(u) else times(A, u)
+def _acting(term: Term) -> _Acting:
+    """Return the rows in which a term acts, None for all, and these of its matrix and of the transposed one."""
+    A = term.matrix
+    transposed = None if term.symmetric else sp.csr_array(A.T)
+    rows = np.flatnonzero(np.diff((A + A.T).tocsr().indptr))
+    if len(rows) >= _SPARSE * A.shape[0]:
+        return None, A, transposed
+    return rows, sp.csr_array(A[rows]), None if transposed is None else sp.csr_array(transposed[rows])
 
 
 def _by_parts(apply: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:

@@ -38,6 +38,8 @@ _SEED, _BLOCK, _STEPS = 20251107, 8, 5  # of the search for modes that are missi
 _FOUND = 0.99  # of the highest mode asked for: what comes nearer is missing
 _WORTH = 0.8  # of the vectors: what a smaller basis has at most
 
+_Estimate = tuple[Modes, np.ndarray, np.ndarray]
+
 
 class ReducedModel:
     """The projection of a problem on right and left modes at a few values of a parameter.
@@ -74,8 +76,8 @@ class ReducedModel:
         """
         self.problem, self.parameter, self.request = problem, parameter, request
         self.factorizations = self.solves = 0
-        self._solved: dict[float, Modes] = {}
-        self._solved_with: np.ndarray | None = None  # the basis that these belong to
+        self._known: dict[float, _Estimate] = {}
+        self._known_with: np.ndarray | None = None  # the basis that these belong to
         self._values = values = np.asarray(values, float)
         start = float(values[np.argmin(np.abs(values))])
         condensed = problem.condensed(parameter).at(**{parameter: start})
@@ -118,7 +120,7 @@ class ReducedModel:
 
     def modes(self, value: float) -> Modes:
         """Return the modes asked for at one value, with vectors of length r and the errors of the projection."""
-        return self._solved[value] if value in self._solved else self._estimated(value)[0]
+        return self._estimated(value)[0]
 
     def lift(self, vectors: np.ndarray) -> np.ndarray:
         """Return vectors of the small model as ones of the problem."""
@@ -138,8 +140,15 @@ class ReducedModel:
         """Return how far a critical value of the small problem may be from that of the problem itself, and rounding."""
         return self.basis.root_error(root.value, 1j * np.sqrt(root.theta), root.right, root.left, self.highest)
 
-    def _estimated(self, value: float) -> tuple[Modes, np.ndarray, np.ndarray]:
+    def _estimated(self, value: float) -> _Estimate:
         """Return the modes asked for, for each how far it is from meeting the tolerance (1: just met), and |Δλ/λ|."""
+        if self._known_with is not self.basis.V:
+            self._known, self._known_with = {}, self.basis.V
+        if value not in self._known:
+            self._known[value] = self._estimate(value)
+        return self._known[value]
+
+    def _estimate(self, value: float) -> _Estimate:
         every = self.basis.modes(value, 1.2 * self.highest)
         modes = select_wanted(every, self.request, np.inf)
         assert modes is not None
@@ -231,12 +240,12 @@ class ReducedModel:
         if not self.problem.is_damped:  # λ and −λ* have the same shapes, and most shapes are real
             real = (modes.lam.real == 0) & ~modes.right.imag.any(axis=0)
             groups = [modes.select(np.flatnonzero(f)) for f in (real, ~real & ~(modes.lam.real < 0))]
-        plain = factor is self._definite or not self.problem.is_damped  # a real matrix: fewer right-hand sides
+        plain = factor is self._definite or not self.problem.is_damped  # a real matrix
         parts = []
         for group in (g for g in groups if len(g)):
             right, left = self.basis.residuals(value, group)
-            if plain:
-                right, left = real_columns(right), real_columns(left)
+            if not plain:
+                right, left = (x[:, : len(group)] + 1j * x[:, len(group) :] for x in (right, left))
             self.solves += right.shape[1] + left.shape[1]
             parts += [real_columns(factor.solve(right)), real_columns(factor.solve_adjoint(left))]
         X = np.hstack(parts)
@@ -267,17 +276,8 @@ class ReducedModel:
             missed = self._missed(values)[:1]
 
     def _missed(self, values: np.ndarray) -> list[float]:
-        """Return the first value at which a mode misses the tolerance and those behind it, which were not tried.
-
-        What was solved is kept for the sweep.
-        """
-        known, self._solved = self._solved if self._solved_with is self.basis.V else {}, {}
-        self._solved_with = self.basis.V
+        """Return the first value at which a mode misses the tolerance and those behind it, which were not tried."""
         for i, p in enumerate(values.tolist()):
-            if p not in known:
-                modes, off, _ = self._estimated(p)
-                if off.max(initial=0.0) > 1:
-                    return [float(q) for q in values[i:]]
-                known[p] = modes
-            self._solved[p] = known[p]
+            if self._estimated(p)[1].max(initial=0.0) > 1:
+                return [float(q) for q in values[i:]]
         return []
