@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 import scipy.sparse as sp
 
+from .blocks import cross, times
 from .contact import ContactOperators
 from .effects.preload import BaseState
 from .eigen.pencil import Pencil, ProblemClass
@@ -230,7 +231,7 @@ class Problem:
         terms = []
         for t in self.terms:
             rows = np.flatnonzero(np.diff(t.matrix.indptr))  # springs and contacts have few
-            terms.append(replace(t, matrix=sp.csr_array(V[rows].T @ (t.matrix[rows] @ V))))
+            terms.append(replace(t, matrix=sp.csr_array(cross(V[rows], times(sp.csr_array(t.matrix[rows]), V)))))
         return Problem(tuple(terms), self.parameters)
 
     def derivative(self, parameter: str, slot: Slot, **values: float) -> sp.csr_array | None:

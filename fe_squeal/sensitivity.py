@@ -6,14 +6,14 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from .eigen.pencil import Modes
+from .eigen.pencil import Modes, Pencil
 from .problem import Problem
 
 _POWER = {"M": 2, "C": 1, "K": 0}
 
 
 def sensitivities(
-    problem: Problem, modes: Modes, index: int, paths: Iterable[str] | None = None
+    problem: Problem, modes: Modes, index: int, paths: Iterable[str] | None = None, pencil: Pencil | None = None
 ) -> dict[str, complex]:
     """Return ∂λ/∂p = −ψᴴ(λ²M' + λC' + K')φ / ψᴴ(2λM + C)φ of one mode by numbers of the scene.
 
@@ -29,6 +29,8 @@ def sensitivities(
     paths : iterable of str, optional
         Paths of numbers (default: all that change the coefficients of terms alone, which cost next to nothing; for
         others the terms are made anew twice).
+    pencil : Pencil, optional
+        That of the problem, if it is at hand.
 
     Returns
     -------
@@ -41,7 +43,8 @@ def sensitivities(
     """
     assert modes.left is not None
     lam, phi, psi = complex(modes.lam[index]), modes.right[:, index], modes.left[:, index]
-    weight = complex(np.vdot(psi, problem.pencil().derivative(np.array([lam]), phi[:, None])[:, 0]))
+    pencil = problem.pencil() if pencil is None else pencil
+    weight = complex(np.vdot(psi, pencil.derivative(np.array([lam]), phi[:, None])[:, 0]))
     if paths is None:
         paths = [p for p in problem.parameters if problem.is_affine(p)]
     forms = {

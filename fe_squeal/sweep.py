@@ -150,8 +150,10 @@ class _Tracker:
         shapes: Mapping[int, np.ndarray] = {int(i): modes.right[:, i].copy() for i in kept}
         here = self._tracked.at(**{self.parameter: value})
         moves = {}
-        for i in np.flatnonzero(modes.stability[:wanted] == "unstable"):
-            found = sensitivities(here, modes, int(i))
+        growing = np.flatnonzero(modes.stability[:wanted] == "unstable")
+        pencil = here.pencil() if len(growing) else None
+        for i in growing:
+            found = sensitivities(here, modes, int(i), pencil=pencil)
             moves[int(i)] = {path: (here.value(path), d) for path, d in found.items()}
         reported = modes.select(np.arange(wanted)).without_shapes()
         model = self.problem.at(**{self.parameter: value}).model

@@ -38,9 +38,9 @@ def solve_dense(pencil: Pencil, highest: float = np.inf) -> Modes:
     K, M = d[:, None] * K * d, omega0**2 * d[:, None] * M * d
     if C is not None:
         C = omega0 * d[:, None] * C * d
-        lam, right, left = _best([K, C, M], _damped_methods(M, C, K), highest / omega0)
+        lam, right, left, error = _best([K, C, M], _damped_methods(M, C, K), highest / omega0)
         keep = in_upper_half(pencil, omega0 * lam)
-        pairs = refine([K, C, M], lam[keep], right[:, keep], left[:, keep])
+        pairs = refine([K, C, M], lam[keep], right[:, keep], left[:, keep], error[keep])
         lam, right, left = _finite([K, C, M], pairs, _HUGE)
         return modes_from_lambda(pencil, omega0 * lam, d[:, None] * right, d[:, None] * left, METHOD)
     real_symmetric = pencil.symmetric and not pencil.is_complex
@@ -52,9 +52,11 @@ def solve_dense(pencil: Pencil, highest: float = np.inf) -> Modes:
     return modes_from_theta(pencil, omega0**2 * theta, d[:, None] * right, d[:, None] * left, METHOD)
 
 
-def _best(A: Sequence[np.ndarray], methods: Sequence[Callable[[], Pairs]], highest: float) -> Pairs:
-    """Return the pairs up to |v| = highest of the first method that gets nearly all of them right, or of the best."""
-    tried: list[tuple[float, Pairs]] = []
+def _best(
+    A: Sequence[np.ndarray], methods: Sequence[Callable[[], Pairs]], highest: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the pairs up to |v| = highest of the first method that gets nearly all right, or of the best; errors."""
+    tried: list[tuple[float, tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]] = []
     for method in methods:
         try:
             v, x, y = method()
@@ -62,8 +64,9 @@ def _best(A: Sequence[np.ndarray], methods: Sequence[Callable[[], Pairs]], highe
             continue
         keep = np.abs(v) <= highest
         pairs = v[keep], x[:, keep], y[:, keep]
-        wrong = ~(pair_errors(A, *pairs) <= ACCURATE)
-        tried.append((float(wrong.mean()) if len(wrong) else 0.0, pairs))
+        errors = pair_errors(A, *pairs)
+        wrong = ~(errors <= ACCURATE)
+        tried.append((float(wrong.mean()) if len(wrong) else 0.0, (*pairs, errors)))
         if tried[-1][0] <= _FEW:
             break
     if not tried:

@@ -191,12 +191,17 @@ def _biorthogonal(left: np.ndarray, gram: np.ndarray, values: np.ndarray) -> np.
     """
     left = left.astype(np.result_type(left, gram))
     near = np.abs(values[:, None] - values[None, :]) <= _EQUAL * np.maximum(np.abs(values)[:, None], np.abs(values))
-    _, cluster = connected_components(sp.csr_array(near), directed=False)
-    for c in np.unique(cluster):
+    _, cluster, size = np.unique(
+        connected_components(sp.csr_array(near), directed=False)[1], return_inverse=True, return_counts=True
+    )
+    alone = np.flatnonzero(size[cluster] == 1)
+    own = gram.diagonal()[alone]
+    left[:, alone] *= np.divide(1.0, own, out=np.zeros_like(own), where=own != 0).conj()
+    for c in np.flatnonzero(size > 1):
         i = np.flatnonzero(cluster == c)
         block = gram[np.ix_(i, i)]
-        size = np.abs(block).max() or 1.0
-        left[:, i] = left[:, i] @ (np.linalg.pinv(block / size, rcond=np.finfo(float).eps) / size).conj().T
+        unit = np.abs(block).max() or 1.0
+        left[:, i] = left[:, i] @ (np.linalg.pinv(block / unit, rcond=np.finfo(float).eps) / unit).conj().T
     return left
 
 

@@ -45,7 +45,7 @@ def pair_errors(A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray, y: np.nda
 
 
 def refine(
-    A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray, y: np.ndarray
+    A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray, y: np.ndarray, error: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the pairs with the inaccurate ones improved by inverse iteration with the Rayleigh quotient of both sides.
 
@@ -58,8 +58,10 @@ def refine(
     v : (k,)
     x, y : (n, k)
         Right and left vectors, Q(v)x = 0 and yᴴQ(v) = 0.
+    error : (k,)
+        Their `pair_errors`.
     """
-    start, error = v, pair_errors(A, v, x, y)
+    start, error = v, error.copy()
     v, x, y = v.copy(), x.copy(), y.copy()
     is_real = not any(np.iscomplexobj(Aj) for Aj in A)
     for i in np.flatnonzero(~(error <= ACCURATE)):

@@ -225,6 +225,8 @@ def symmetric_part(pencil: Pencil) -> Pencil:
     The equation of an unknown without mass may stand there with either sign: with the one that a multiplier's
     constraint has in [[K, −Bᵀ], [B, 0]], nothing of it would be left.
     """
+    if pencil.problem_class == "symmetric":
+        return pencil
     K = pencil.K.real
     turned = (pencil.M.diagonal() == 0) & (np.asarray(K.multiply(K.T).sum(axis=1)) < 0)
     if turned.any():
