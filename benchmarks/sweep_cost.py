@@ -65,7 +65,7 @@ def measure(way: str, size: float, modes: int, values: int) -> dict[str, float]:
     if way == "reduced":
         found = sweep(problem, grid, modes=modes, method="reduced")
         result |= {"seconds": time.perf_counter() - start, "onsets": len(found.onsets), "stages": dict(found.seconds)}
-        result["basis"] = found.method
+        result |= {"basis": found.method, "MiB": peak_memory_mib() or np.nan}
         at = round(PROBE * (values - 1))
         exact = solve_modes(problem.pencil(mu=grid[at]), Request(count=modes)).lam
         lam = found.points[at].modes.lam
@@ -88,8 +88,7 @@ def measure(way: str, size: float, modes: int, values: int) -> dict[str, float]:
             result["seconds"] = (time.perf_counter() - start) * values
         else:
             result["seconds"] = slepc(pencil.K, pencil.M, modes) * values
-    result["MiB"] = peak_memory_mib() or np.nan
-    return result
+    return {"MiB": peak_memory_mib() or np.nan, **result}
 
 
 def slepc(K: sp.csr_array, M: sp.csr_array, modes: int) -> float:

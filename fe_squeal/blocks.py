@@ -58,9 +58,9 @@ def _by_parts(work: Callable[[slice], _Part], n: int) -> list[_Part]:
     count = thread_count()
     edges = [n * i // count for i in range(count + 1)]
     parts = [slice(a, b) for a, b in itertools.pairwise(edges)]
-    return [work(parts[0])] if count == 1 else list(_pool().map(work, parts))
+    return [work(parts[0])] if count == 1 else list(_pool(count).map(work, parts))
 
 
 @functools.cache
-def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(thread_count())
+def _pool(count: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(count)

@@ -9,8 +9,10 @@ from rich.table import Table
 
 from .materials import Material
 from .mesh.measures import area_of, volume_of
+from .prediction import predict_memory
 from .problem import Problem
-from .scene import MatrixScene, Scene
+from .scene import MU, MatrixScene, Scene
+from .sweep import MODES
 
 
 def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
@@ -28,6 +30,10 @@ def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
     order = f" (order {problem.model.space.order})" if problem.model is not None else ""
     table.add_row("unknowns", f"{problem.unknowns}{order}")
     table.add_row("matrix entries", f"{problem.pencil().K.nnz}")
+    sweep, solve = scene.sweep, scene.solve
+    parameter, values = (MU, 1) if sweep is None else (sweep.parameter, len(sweep.grid))
+    modes = solve.modes or MODES  # of a range of frequencies nobody knows the number yet
+    table.add_row("predicted memory", str(predict_memory(problem, parameter, values, modes, solve.method)))
     return table
 
 

@@ -107,7 +107,7 @@ def onset(scene: SceneFile) -> int:
     if loaded.sweep is None:
         raise SceneError(f"{scene}: sweep: is missing; expected a table, written [sweep]: the interval to look in")
     console = _console()
-    result = sweep_scene(loaded, assemble(loaded), console)
+    result = sweep_scene(loaded, assemble(loaded), console, precise=True)
     print_onsets(result.onsets_dataframe(), console)
     for o in result.onsets:
         console.print(f"{o.parameter} = {o.value!r} ± {o.uncertainty:.1g}, {o.frequency_hz!r} Hz", markup=False)

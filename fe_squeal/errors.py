@@ -33,6 +33,10 @@ class OutputError(InputError):
     """The results cannot be written where the user wants them."""
 
 
+class TooLargeError(InputError):
+    """The problem does not fit into the memory of this machine."""
+
+
 class NotConvergedError(SquealError):
     """A solver stopped short; `partial` carries what did converge (None if nothing did)."""
 

@@ -23,6 +23,7 @@ _INNER = 4  # values inside a step at which the small model is asked for hidden 
 _OVERALL = 80  # of these values in a sweep: with more steps than that there is one in each
 _CHEAP = 20_000  # unknowns up to which an onset of a reduced model is refined on the problem itself in any case
 _SURE = 1e-7  # relative uncertainty of such an onset that is good enough
+_DEPENDENT = 1e-9  # eigenvalue of a Gram matrix of unit vectors: what is left out of the basis of a step
 _SMALL = 60  # unknowns up to which the small model is the problem itself
 _BRACKET = 1e-2  # of the sweep step: where Newton's method takes over from the bracketing
 
@@ -64,6 +65,7 @@ class Onset:
 def find_step_onsets(
     problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
     branches: tuple[np.ndarray, np.ndarray], below: float, steps: int, model: ReducedModel | None = None,
+    precise: bool = False,
 ) -> tuple[list[Onset], list[tuple[int, float, float]], float | None]:  # fmt: skip
     """Return the onsets between two neighbouring values of a sweep, and what they leave unexplained.
 
@@ -78,6 +80,8 @@ def find_step_onsets(
         Of the whole sweep.
     model : ReducedModel, optional
         Of which the modes are.
+    precise : bool
+        Refine the onsets of this model on the problem itself, whatever it costs.
 
     Returns
     -------
@@ -90,7 +94,7 @@ def find_step_onsets(
     unknown: list[tuple[int, float, float]] = []
     if not len(modes[0]) or not len(modes[1]):
         return onsets, unknown, None
-    step = _Step(problem, parameter, values, modes, model)
+    step = _Step(problem, parameter, values, modes, model, precise)
     for inner, outer, direction in ((0, 1, "into"), (1, 0, "out of")):
         stable_end, unstable_end = values[inner], values[outer]
         unstable = {int(b) for b, s in zip(branches[inner], modes[inner].stability, strict=True) if s == "unstable"}
@@ -147,9 +151,10 @@ class _Step:
 
     def __init__(
         self, problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
-        model: ReducedModel | None = None,
+        model: ReducedModel | None, precise: bool,
     ) -> None:  # fmt: skip
         self.full, self.parameter, self.model = problem, parameter, model
+        self._precise = precise or problem.unknowns <= _CHEAP
         self.problem = problem = problem if model is None else model.condensed
         M = problem.pencil(**{parameter: values[0]}).M
         if problem.unknowns <= _SMALL:
@@ -325,7 +330,7 @@ class _Step:
             return newton(self.problem, start)
         root = newton(self.problem, start)
         error, rounding = self.model.root_error(root)
-        if error <= max(rounding, _SURE * abs(root.value)) and self.full.unknowns > _CHEAP:
+        if error <= max(rounding, _SURE * abs(root.value)) and not self._precise:
             return replace(root, uncertainty=root.uncertainty + error + rounding)
         x, y = (self.model.lift(v) for v in (root.right, root.left))
         return newton(self.full, (root.value, root.theta, x, y))
@@ -349,6 +354,6 @@ def _orthonormal(vectors: np.ndarray, M: sp.csr_array) -> np.ndarray:
     vectors = vectors[:, size > 0] / size[size > 0]
     for _ in range(2):  # the second pass restores what the squared condition of the Gram matrix cost
         w, v = np.linalg.eigh(vectors.T @ (M @ vectors))
-        keep = w > 1e-12 * w.max()
+        keep = w > _DEPENDENT * w.max()
         vectors = np.asarray(vectors @ (v[:, keep] / np.sqrt(w[keep])))
     return vectors

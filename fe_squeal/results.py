@@ -29,14 +29,14 @@ from .sweep_result import Sweep, SweepPoint
 
 
 def find_onsets(problem: Problem, values: np.ndarray, parameter: str = "mu", modes: int = 20) -> tuple[Onset, ...]:
-    """Return the critical values of a parameter between the first and the last of the given values.
+    """Return the critical values of a parameter between the first and the last of the given values, to full precision.
 
     Parameters
     ----------
     values : (m,) float, increasing
         Where modes are solved for; critical values are refined between them.
     """
-    return sweep(problem, values, parameter, modes=modes).onsets
+    return sweep(problem, values, parameter, modes=modes, precise=True).onsets
 
 
 def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") -> list[Path]:

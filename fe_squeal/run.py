@@ -89,7 +89,7 @@ def run_scene(scene: Scene | MatrixScene, out: Path, console: Console) -> int:
     return 0
 
 
-def sweep_scene(scene: Scene | MatrixScene, problem: Problem, console: Console) -> Sweep:
+def sweep_scene(scene: Scene | MatrixScene, problem: Problem, console: Console, precise: bool = False) -> Sweep:
     """Run the sweep that the scene asks for, with a progress bar on a terminal and plain lines elsewhere.
 
     Raises
@@ -102,6 +102,7 @@ def sweep_scene(scene: Scene | MatrixScene, problem: Problem, console: Console) 
     options = {
         "modes": scene.solve.modes, "max_frequency": scene.solve.max_frequency, "tolerance": scene.solve.tolerance,
         "keep_shapes": scene.output.shapes == "all", "method": scene.solve.method,
+        "precise": precise,
     }  # fmt: skip
     if not console.is_terminal:
         marks = {max(1, round(len(values) * part / 4)) for part in range(1, 5)}
@@ -187,7 +188,8 @@ def _report(scene: Scene | MatrixScene, result: Sweep, out: Path, console: Conso
     print_unstable(result.to_dataframe(), console)
     c = result.completeness
     how = "LAPACK finds all modes" if result.method.startswith("dense") else "by the inertia of K − σM"
-    proof = f"proven: {how}" if c.proven else "not proven"
+    counted = "counted without damping and friction, and followed from there by the small model"
+    proof = f"proven: {how}" if c.proven else counted if c.expected is not None else "not proven"
     console.print(
         f"{c.found} of {c.expected if c.expected is not None else '?'} modes found at {result.parameter} = "
         f"{result.points[0].value:g} ({proof})",

@@ -14,14 +14,15 @@ from .eigen.solve import Completeness, Request, prove_completeness, solve_modes,
 from .eigen.threads import one_openblas_thread
 from .errors import NotConvergedError, SceneError
 from .onset import Onset, find_step_onsets, two_mode_value
+from .prediction import is_reduced
 from .problem import Problem
 from .reduced import ReducedModel
 from .sensitivity import sensitivities
 from .sweep_result import LiftedShapes, Sweep, SweepPoint
 from .tracking import match_modes
 
+MODES = 20  # asked for where nothing is said
 _RIM = 0.9  # of the highest |λ| known: a mode beyond may leave the range by itself
-_VALUES, _UNKNOWNS = 5, 2000  # from which a small model pays
 _REFINEMENTS = 4  # how often a step is halved while the continuation of a mode is in doubt
 
 
@@ -34,6 +35,7 @@ def sweep(
     tolerance: float = 1e-8,
     keep_shapes: bool = False,
     method: str = "auto",
+    precise: bool = False,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Sweep:
     """Solve for the complex modes at every value of a parameter, track them, and find the onsets.
@@ -50,6 +52,9 @@ def sweep(
     method : "auto", "direct", "reduced" or "modal"
         A solve at every value, a small model that holds over the sweep within the tolerance, or one of the modes
         without friction and damping alone; "auto" takes the small model where that pays.
+    precise : bool
+        Refine onsets of a large problem to full precision, a few factorisations each, where those of the small model
+        are sure to 1e-7 of the value.
     progress : callable of (values done, values in all)
 
     Raises
@@ -66,8 +71,8 @@ def sweep(
     if len(values) == 1 and not problem.has(parameter):  # a scene without friction has no mu, and needs none
         problem = replace(problem, parameters={**problem.parameters, parameter: float(values[0])})
     problem = problem.prepared(parameter, values)
-    request = Request(None if max_frequency else modes or 20, max_frequency, tolerance)
-    tracker = _Tracker(problem, parameter, request, len(values) - 1)
+    request = Request(None if max_frequency else modes or MODES, max_frequency, tolerance)
+    tracker = _Tracker(problem, parameter, request, len(values) - 1, precise)
     tracker.reduce(values, method)
     for i, value in enumerate(values):
         try:
@@ -97,8 +102,9 @@ def _checked(problem: Problem, parameter: str, values: Sequence[float] | np.ndar
 class _Tracker:
     """The state of a running sweep."""
 
-    def __init__(self, problem: Problem, parameter: str, request: Request, steps: int) -> None:
-        self.problem, self.parameter, self.request, self._steps = problem, parameter, request, steps
+    def __init__(self, problem: Problem, parameter: str, request: Request, steps: int, precise: bool) -> None:
+        self.problem, self.parameter, self.request = problem, parameter, request
+        self._steps, self._precise = steps, precise
         self._guarded = _with_guard(request)
         self.points: list[SweepPoint] = []
         self.onsets: list[Onset] = []
@@ -117,8 +123,7 @@ class _Tracker:
 
     def reduce(self, values: np.ndarray, method: str) -> None:
         """Make the small model, if the method asks for it."""
-        pays = len(values) >= _VALUES and self.problem.unknowns >= _UNKNOWNS and self.problem.is_affine(self.parameter)
-        if method == "direct" or (method == "auto" and not pays):
+        if not is_reduced(self.problem, self.parameter, len(values), method):
             return
         clock = time.perf_counter()
         try:
@@ -175,8 +180,14 @@ class _Tracker:
     def _begin(self, value: float, modes: Modes) -> None:
         clock = time.perf_counter()
         pencil = self.problem.pencil(**{self.parameter: value})
-        c = prove_completeness(pencil, modes).without(len(modes) - wanted_count(modes, self.request))
-        if c.expected is not None and not c.proven:
+        c = prove_completeness(pencil, modes)
+        if c.expected is None and self._model is not None:
+            counted = self._model.counted()
+            if counted is False:
+                raise NotConvergedError("the small model lacks modes that the inertia without friction counts", modes)
+            c = replace(c, expected=c.found if counted else None)
+        c = c.without(len(modes) - wanted_count(modes, self.request))
+        if c.expected is not None and c.found != c.expected:
             raise NotConvergedError(f"{c.found} modes found where the inertia counts {c.expected}", modes)
         free = int(np.count_nonzero(modes.lam == 0))
         if free:
@@ -202,6 +213,7 @@ class _Tracker:
             found, doubts = self._find_onsets(value, modes, branches)
             clock = self._spend("onsets", clock)
             if not (doubts and refinements):
+                self._require_all(value, modes, branches)
                 self.onsets += found
                 self.doubts += doubts
                 self._next_branch = next(names)
@@ -210,6 +222,25 @@ class _Tracker:
         middle = (self._value + value) / 2
         self._follow(middle, self._solve(middle), refinements - 1)
         self._follow(value, modes, refinements - 1)
+
+    def _lost(self, modes: Modes, branches: np.ndarray) -> np.ndarray:
+        """Return the branches, well inside the range and oscillating, that have no mode among the next ones."""
+        assert self._previous is not None
+        known = wanted_count(self._previous, self.request)
+        lam, names = self._previous.lam[:known], self._branches[:known]
+        inside = (np.abs(lam) < _RIM * np.abs(modes.lam).max(initial=0.0)) & (lam.imag > 0)
+        return np.asarray(names[inside & ~np.isin(names, branches)])
+
+    def _require_all(self, value: float, modes: Modes, branches: np.ndarray) -> None:
+        """Raise if modes have vanished inside the range, where none can end: those were missed by the solver."""
+        lost = self._lost(modes, branches)
+        inside = np.abs(modes.lam) < np.abs(modes.lam).max(initial=0.0)
+        new = np.count_nonzero(inside & (branches >= self._next_branch))
+        if len(lost) > new:
+            raise NotConvergedError(
+                f"{len(lost) - new} modes are missing between {self.parameter} = {self._value:g} and {value:g}: branch"
+                f" {', '.join(str(b) for b in lost)} is not found again"
+            )
 
     def result(self) -> Sweep:
         """Return what was solved so far."""
@@ -224,19 +255,16 @@ class _Tracker:
         ends, name = (self._value, value), self.parameter
         known = wanted_count(self._previous, self.request)
         reported = {*self._branches[:known], *branches[: wanted_count(modes, self.request)]}
-        lost = ~np.isin(self._branches[:known], branches) & (
-            np.abs(self._previous.lam[:known]) < _RIM * np.abs(modes.lam).max(initial=0.0)
-        )
         doubts = [
             f"branch {b} is not found again between {name} = {ends[0]:g} and {ends[1]:g}"
-            for b in self._branches[:known][lost & (self._previous.lam[:known].imag > 0)]
+            for b in self._lost(modes, branches)
         ]
         try:
             below = float(modes.lam[: wanted_count(modes, self.request)].imag.max(initial=0.0))
             found, unknown, hidden = find_step_onsets(
                 self.problem, name, ends, (self._previous, modes), (self._branches, branches), below, self._steps,
-                self._model,
-            )
+                self._model, self._precise,
+            )  # fmt: skip
         except (NotConvergedError, ValueError) as error:
             return [], [*doubts, f"an onset between {name} = {ends[0]:g} and {ends[1]:g} was not refined: {error}"]
         doubts += [

@@ -13,7 +13,7 @@ from .quality import in_upper_half, modes_from_lambda, modes_from_theta
 from .refine import ACCURATE, pair_errors, refine
 
 DENSE_LIMIT = 400  # unknowns up to which all modes come from LAPACK: seconds, tens of them where QZ is needed
-METHOD = "dense (LAPACK)"
+LAPACK = "dense (LAPACK)"
 
 Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # eigenvalues (k,), right and left vectors (n, k)
 _FEW = 0.1  # share of inaccurate pairs that is left to refinement
@@ -42,14 +42,14 @@ def solve_dense(pencil: Pencil, highest: float = np.inf) -> Modes:
         keep = in_upper_half(pencil, omega0 * lam)
         pairs = refine([K, C, M], lam[keep], right[:, keep], left[:, keep], error[keep])
         lam, right, left = _finite([K, C, M], pairs, _HUGE)
-        return modes_from_lambda(pencil, omega0 * lam, d[:, None] * right, d[:, None] * left, METHOD)
+        return modes_from_lambda(pencil, omega0 * lam, d[:, None] * right, d[:, None] * left, LAPACK)
     real_symmetric = pencil.symmetric and not pencil.is_complex
     methods = _symmetric_methods(M, K) if real_symmetric else _undamped_methods(M, K)
     pairs = refine([K, -M], *_best([K, -M], methods, (highest / omega0) ** 2))
     theta, right, left = _finite([K, -M], pairs, _HUGE**2)
     if not pencil.is_complex and not theta.imag.any():
         theta, right, left = theta.real, right.real, left.real
-    return modes_from_theta(pencil, omega0**2 * theta, d[:, None] * right, d[:, None] * left, METHOD)
+    return modes_from_theta(pencil, omega0**2 * theta, d[:, None] * right, d[:, None] * left, LAPACK)
 
 
 def _best(

@@ -5,18 +5,24 @@ from __future__ import annotations
 import ctypes
 import functools
 import sys
+import warnings
 from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from ..errors import NotConvergedError
+from .memory import require_memory
 
 Solve = Callable[[np.ndarray], np.ndarray]
 
 # PARDISO's numbers of the matrix types, by (symmetric, complex).
+_FULL = 1000  # unknowns up to which a full matrix goes to LAPACK
+# Entries of SuperLU's factors of solids over n to the 4/3, by whether the matrix is symmetric.
+_FILL = {True: 13.0, False: 45.0}
 _TYPES = {(True, False): -2, (False, False): 11, (True, True): 6, (False, True): 13}
 _DEFINITE = 2
 _ADJOINT, _TRANSPOSED = 1, 2  # of iparm(12)
@@ -51,8 +57,22 @@ def factorize(A: sp.csr_array, symmetric: bool) -> Factor:
     ------
     NotConvergedError
         If A is singular to working precision.
+    TooLargeError
+        If the factors do not fit into memory.
     """
+    if A.shape[0] <= _FULL and A.nnz > A.shape[0] ** 2 / 2 and not symmetric:
+        return DenseFactor(A)
     return PardisoFactor(A, symmetric) if has_pardiso() else SuperLUFactor(A, symmetric)
+
+
+def factor_memory(A: sp.csr_array, symmetric: bool, definite: bool = False) -> int:
+    """Return the bytes that the factors of a matrix will take, without computing them.
+
+    PARDISO's analysis knows; for SuperLU it is what factors of meshes of solids take, to a factor of three.
+    """
+    if has_pardiso():
+        return PardisoFactor(A, symmetric, definite, analyse_only=True).memory
+    return _superlu_memory(A, symmetric)
 
 
 def solver_name() -> str:
@@ -82,6 +102,32 @@ def factorize_complex(A: sp.csr_array) -> tuple[Solve, Solve]:
     return factor.solve, factor.solve_adjoint
 
 
+class DenseFactor:
+    """LU factors by LAPACK of a small matrix that is full, as projections are."""
+
+    negative_pivots: int | None = None
+
+    def __init__(self, A: sp.csr_array) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", la.LinAlgWarning)
+            try:
+                self._lu = la.lu_factor(A.toarray())
+            except (la.LinAlgWarning, ValueError) as error:
+                raise NotConvergedError(f"LAPACK: the matrix cannot be factorised: {error}") from error
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Return A⁻¹ b."""
+        return np.asarray(la.lu_solve(self._lu, b))
+
+    def solve_transposed(self, b: np.ndarray) -> np.ndarray:
+        """Return A⁻ᵀ b."""
+        return np.asarray(la.lu_solve(self._lu, b, trans=1))
+
+    def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
+        """Return A⁻ᴴ b."""
+        return np.asarray(la.lu_solve(self._lu, b, trans=2))
+
+
 class SuperLUFactor:
     """LU factors by SuperLU."""
 
@@ -89,6 +135,7 @@ class SuperLUFactor:
 
     def __init__(self, A: sp.csr_array, symmetric: bool) -> None:
         self._complex = np.iscomplexobj(A)
+        require_memory(_superlu_memory(A, symmetric), A.shape[0])
         try:
             ordering = "MMD_AT_PLUS_A" if symmetric else "COLAMD"
             self._lu = splu(sp.csc_array(A), permc_spec=ordering, options={"SymmetricMode": symmetric})
@@ -121,7 +168,10 @@ class PardisoFactor:
     step is called directly.
     """
 
-    def __init__(self, A: sp.csr_array, symmetric: bool, definite: bool = False) -> None:
+    def __init__(
+        self, A: sp.csr_array, symmetric: bool, definite: bool = False, analyse_only: bool = False
+    ) -> None:
+        self.negative_pivots = None
         self._dtype = np.complex128 if np.iscomplexobj(A) else np.float64
         self._matrix = sp.csr_array(sp.triu(A, format="csr") if symmetric else A, dtype=self._dtype, copy=True)
         self._matrix.sort_indices()
@@ -143,10 +193,20 @@ class PardisoFactor:
             iparm[10] = iparm[12] = 1
         self._ia = self._matrix.indptr.astype(np.int32) + 1
         self._ja = self._matrix.indices.astype(np.int32) + 1
-        self._call(12, np.zeros((self._n, 1)))
+        self._call(11, np.zeros((self._n, 1)))
+        if analyse_only:
+            return
+        require_memory(self.memory, self._n)
+        self._call(22, np.zeros((self._n, 1)))
         # A perturbed pivot (iparm(14)) leaves its sign open.
         counts = symmetric and not np.iscomplexobj(A) and not self._iparm[13]
         self.negative_pivots = int(self._iparm[22]) if counts else None
+
+    @property
+    def memory(self) -> int:
+        """Bytes at the peak of the factorisation, by the analysis."""
+        analysis, kept, factors = (1024 * int(self._iparm[i]) for i in (14, 15, 16))
+        return max(analysis, kept + factors)
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻¹ b."""
@@ -192,6 +252,11 @@ class PardisoFactor:
     def __del__(self) -> None:
         if getattr(self, "_ja", None) is not None and not sys.is_finalizing():
             self._call(-1, np.zeros((self._n, 1)))
+
+
+def _superlu_memory(A: sp.csr_array, symmetric: bool) -> int:
+    entries = _FILL[symmetric] * A.shape[0] ** (4 / 3)
+    return int(entries * (A.dtype.itemsize + 4))
 
 
 def _by_parts(solve: Solve, b: np.ndarray) -> np.ndarray:

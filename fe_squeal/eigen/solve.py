@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from ..errors import NotConvergedError
 from .arpack import nonsymmetric_modes, quadratic_modes, symmetric_modes
-from .dense import DENSE_LIMIT, solve_dense
+from .dense import DENSE_LIMIT, LAPACK, solve_dense
 from .inertia import count_below, finite_below
 from .pencil import Modes, Pencil, is_mirror
 from .shift_invert import ShiftInverted
@@ -95,7 +95,7 @@ def prove_completeness(pencil: Pencil, modes: Modes) -> Completeness:
         proven False where the class or the solver gives no count.
     """
     found = len(modes)
-    if pencil.n <= DENSE_LIMIT:
+    if modes.method == LAPACK:
         return Completeness(found, found, True)
     if pencil.problem_class != "symmetric" or not found:
         return Completeness(found, None, False)

@@ -198,6 +198,13 @@ class ReducedBasis:
         """Return the modes of the small problem up to |λ| = highest, rad/s, with vectors of length r."""
         return solve_dense(self.pencil(value), highest)
 
+    def undamped_values(self, sigma: float) -> np.ndarray:
+        """Return the rising θ of the small problem without damping and friction: VᵀPV = 1, so θ = σ + 1/ν of VᵀMV."""
+        at = self.problem.parameters
+        M = sum(t.coefficient(at) * A for t, A in zip(self.problem.terms, self._small, strict=True) if t.slot == "M")
+        nu = la.eigvalsh(M)[::-1]
+        return np.asarray(sigma + 1 / nu[nu > len(nu) * np.finfo(float).eps * nu[0]])
+
     def calibrate(self, value: float, modes: Modes) -> None:
         """Compare the size of what cancels in Q(λ)φ with the part of it that `errors` knows, for some of the modes."""
         modes = modes.select(np.unique(np.linspace(0, len(modes) - 1, _SAMPLED_MODES).astype(int)))

@@ -102,8 +102,11 @@ class ReducedModel:
         self.basis = ReducedBasis(condensed, parameter, metric, self._definite.half_solve)
         self.basis.append(vectors)
         self.basis.calibrate(start, self._estimated(start)[0])
-        if not modal:
+        if modal:
+            self._without = self.basis.undamped_values(self._sigma)
+        else:
             self._grow(values)
+            self._without = self.basis.undamped_values(self._sigma)
             self._compress(values)
             for _ in range(_SUPPLEMENTS):
                 missed = self._missed(values)
@@ -121,6 +124,23 @@ class ReducedModel:
     def modes(self, value: float) -> Modes:
         """Return the modes asked for at one value, with vectors of length r and the errors of the projection."""
         return self._estimated(value)[0]
+
+    def counted(self) -> bool | None:
+        """Return whether the basis holds all modes without damping and friction up to `highest`, by the inertia.
+
+        Modes with damping and friction grow out of these; only from beyond `highest` may others come, which are looked
+        for, see `_missing`. None where the solver does not count.
+        """
+        theta = self._without
+        gaps = np.flatnonzero(np.diff(theta) > 1e-5 * theta[1:])
+        gaps = gaps[theta[gaps] < self.highest**2]
+        if not len(gaps):
+            return None
+        below = int(gaps[-1]) + 1
+        self.factorizations += 1
+        base = symmetric_part(self.basis.problem.pencil())
+        counted = count_below(base, float(np.sqrt((theta[below - 1] + theta[below]) / 2)))
+        return None if counted is None else counted == below
 
     def lift(self, vectors: np.ndarray) -> np.ndarray:
         """Return vectors of the small model as ones of the problem."""

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
 import fe_squeal.reduced.model as reduced_model
-from fe_squeal import onset, sweep
+from fe_squeal import blocks, onset, sweep
+from fe_squeal.blocks import _TALL
 from fe_squeal.eigen.block_lanczos import lowest_modes
 from fe_squeal.eigen.solve import Request
 from fe_squeal.errors import NotConvergedError, SceneError
 from fe_squeal.problem import Problem
 from fe_squeal.reduced import ReducedModel
+from fe_squeal.reduced.basis import ReducedBasis
 from fe_squeal.terms import Term
 
+sweep_module = sys.modules["fe_squeal.sweep"]  # the name in the package is that of its function
 N, MODES, PATCH = 260, 8, 8
 VALUES = np.linspace(0.0, 0.9, 7)
 
@@ -193,3 +198,45 @@ def test_a_parameter_that_changes_matrices_cannot_be_reduced():
 def test_a_tolerance_out_of_reach_is_an_error():
     with pytest.raises(NotConvergedError, match="tolerance"):
         sweep(chain(), VALUES, modes=MODES, method="reduced", tolerance=1e-17)
+
+
+@pytest.mark.parametrize("effects", [("damper",), ("loss", "damper")], ids=["quadratic", "complex"])
+def test_modes_of_damped_problems_are_counted(effects, monkeypatch):
+    """By the inertia without damping and friction; a basis that lacks one of its modes does not pass."""
+    problem = chain(*effects)
+    result = sweep(problem, VALUES + 0.1, modes=MODES, method="reduced")
+    c = result.completeness
+    assert c.found == c.expected == len(result.points[0].modes) and not c.proven
+    undamped_values = ReducedBasis.undamped_values
+    monkeypatch.setattr(ReducedBasis, "undamped_values", lambda *a: np.delete(undamped_values(*a), 3))
+    with pytest.raises(NotConvergedError, match="inertia"):
+        sweep(problem, VALUES + 0.1, modes=MODES, method="reduced")
+
+
+def test_threads_and_seeds_do_not_matter(monkeypatch):
+    """Within the uncertainties that the results carry."""
+    problem = chain("gyroscope", "damper", n=2 * _TALL + 2)
+    first = sweep(problem, VALUES, modes=MODES, method="reduced")
+    monkeypatch.setattr(blocks, "thread_count", lambda: 3)
+    for module in ("reduced.basis", "reduced.model", "eigen.block_lanczos"):
+        monkeypatch.setattr(f"fe_squeal.{module}._SEED", 7)
+    second = sweep(problem, VALUES, modes=MODES, method="reduced")
+    for a, b in zip(first.points, second.points, strict=True):
+        assert (np.abs(a.modes.lam - b.modes.lam) <= a.modes.re_uncertainty + b.modes.re_uncertainty).all()
+        np.testing.assert_array_equal(a.modes.stability, b.modes.stability)
+
+
+def test_a_mode_that_vanishes_inside_the_range_is_an_error(monkeypatch):
+    """What a solver returns without a mode that was there before; what came before is kept."""
+    problem = chain()
+    solve = sweep_module.solve_modes
+
+    def careless(pencil, request, band):
+        modes = solve(pencil, request, band)
+        return modes.select(np.delete(np.arange(len(modes)), 4)) if len(calls) > 3 else modes
+
+    calls: list[float] = []
+    monkeypatch.setattr(sweep_module, "solve_modes", lambda *a: (calls.append(0.0), careless(*a))[1])
+    with pytest.raises(NotConvergedError, match="missing between") as caught:
+        sweep(problem, VALUES, modes=MODES, method="direct")
+    assert len(caught.value.partial.points) >= 2

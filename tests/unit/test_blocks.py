@@ -1,0 +1,39 @@
+"""Products by parts of rows are those of the whole, on any number of threads."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from fe_squeal import blocks
+from fe_squeal.blocks import combine, cross, times
+
+
+@pytest.fixture(params=[1, 3])
+def threads(request, monkeypatch):
+    monkeypatch.setattr(blocks, "thread_count", lambda: request.param)
+
+
+@pytest.mark.parametrize("n", [40, blocks._TALL + 7])
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.usefixtures("threads")
+def test_products(n, order):
+    rng = np.random.default_rng(3)
+    A = sp.csr_array(sp.diags_array([rng.standard_normal(n), rng.standard_normal(n - 2)], offsets=[0, 2]))
+    X, Y = (np.asarray(rng.standard_normal((n, k)), order=order) for k in (5, 3))
+    y = rng.standard_normal((5, 2))
+    np.testing.assert_allclose(times(A, X), A @ X, rtol=1e-14)
+    np.testing.assert_allclose(cross(X, Y), X.T @ Y, rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(combine(X, y), X @ y, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.usefixtures("threads")
+def test_matrices_with_empty_rows_and_no_columns():
+    n = blocks._TALL + 1
+    A = sp.csr_array(([1.0], ([n - 1], [0])), shape=(n, 4))
+    X = np.arange(8.0).reshape(4, 2)
+    assert (times(A, X)[-1] == X[0]).all() and not times(A, X)[:-1].any()
+    assert times(A, X[:, :0]).shape == (n, 0)
+    assert cross(np.zeros((n, 0)), np.ones((n, 2))).shape == (0, 2)
+    assert not combine(np.zeros((n, 0)), np.zeros((0, 2))).any()

@@ -1,0 +1,105 @@
+"""What a problem needs is known before it is solved, and what cannot fit is refused."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scene_texts import write_scene
+
+from fe_squeal.cli import main
+from fe_squeal.eigen import linear_solvers, memory
+from fe_squeal.eigen.linear_solvers import PardisoFactor, factor_memory, has_pardiso
+from fe_squeal.errors import TooLargeError
+
+needs_pardiso = pytest.mark.skipif(not has_pardiso(), reason="PARDISO is not installed")
+
+
+def solid(m: int) -> sp.csr_array:
+    """The seven-point matrix of a cube."""
+    line = sp.diags_array([2.001 * np.ones(m), -np.ones(m - 1), -np.ones(m - 1)], offsets=[0, 1, -1])
+    one = sp.eye_array(m)
+    parts = [sp.kron(sp.kron(a, b), c) for a, b, c in ((line, one, one), (one, line, one), (one, one, line))]
+    return sp.csr_array(parts[0] + parts[1] + parts[2])
+
+
+def test_there_is_memory_and_limits_count(tmp_path, monkeypatch):
+    free = memory.available_memory()
+    assert free > 2**28
+    (tmp_path / "memory.max").write_text("1000000\n")
+    (tmp_path / "memory.current").write_text("400000\n")
+    monkeypatch.setattr(memory, "_GROUP", tmp_path)
+    assert memory.available_memory() == 600_000
+    (tmp_path / "memory.max").write_text("max\n")
+    assert memory.available_memory() > 2**28
+
+
+def test_what_cannot_fit_is_refused_with_numbers(monkeypatch):
+    monkeypatch.setattr(memory, "available_memory", lambda: 2**30)
+    memory.require_memory(2**30, 1000)
+    with pytest.raises(TooLargeError, match=r"need 16 GiB.*1 GiB are free; about 10000 unknowns would fit"):
+        memory.require_memory(2**34, 80_000)  # an eighth of the unknowns needs a sixteenth of the memory
+
+
+@needs_pardiso
+@pytest.mark.parametrize("definite", [True, False])
+def test_analysis_knows_what_the_factors_take(definite):
+    """Against the resident memory that factorising really adds, and against another size of the same solid."""
+    small, large = (factor_memory(solid(m), True, definite) for m in (24, 48))
+    assert 8 < large / small < 8**1.5
+    code = f"""
+import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})
+import psutil
+from test_memory import solid
+from fe_squeal.eigen.linear_solvers import PardisoFactor
+A = solid(44)
+PardisoFactor(solid(6), True, {definite})
+before = psutil.Process().memory_info().rss
+factor = PardisoFactor(A, True, {definite})
+print(factor.memory, psutil.Process().memory_info().rss - before)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    told, taken = (int(part) for part in done.stdout.split())
+    assert 0.6 < told / taken < 1.7
+
+
+@needs_pardiso
+def test_solvers_refuse_before_they_factorise(monkeypatch):
+    monkeypatch.setattr(memory, "available_memory", lambda: 1000)
+    phases = []
+    call = PardisoFactor._call
+    monkeypatch.setattr(PardisoFactor, "_call", lambda self, phase, b: (phases.append(phase), call(self, phase, b))[1])
+    with pytest.raises(TooLargeError):
+        PardisoFactor(solid(6), True)
+    assert 22 not in phases
+    with pytest.raises(TooLargeError):
+        linear_solvers.SuperLUFactor(solid(6), True)
+
+
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_superlu_law_is_right_to_a_factor_of_three(symmetric):
+    """Vector-valued and denser matrices come nearer to the law than this one."""
+    for m in (16, 22):
+        A = solid(m)
+        factors = linear_solvers.SuperLUFactor(A, symmetric)._lu
+        real = 12 * (factors.L.nnz + factors.U.nnz)
+        assert 1 / 3 < linear_solvers._superlu_memory(A, symmetric) / real < 3
+
+
+def test_command_says_what_would_fit(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(memory, "available_memory", lambda: 2**16)
+    root = Path(__file__).parents[2]
+    text = (root / "examples" / "disc_pad.toml").read_text("utf-8")
+    scene = write_scene(tmp_path, text.replace("../meshes", (root / "meshes").as_posix()))
+    assert main(["run", str(scene), "-o", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr().err
+    assert "of memory" in told and "would fit" in told and "Traceback" not in told
+
+
+def test_check_prints_the_prediction(tmp_path, capsys):
+    assert main(["check", str(write_scene(tmp_path))]) == 0
+    assert "predicted memory" in capsys.readouterr().out
