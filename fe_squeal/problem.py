@@ -200,7 +200,7 @@ class Problem:
         return rest if constant is None else constant if rest is None else sp.csr_array(constant + rest)
 
     def condensed(self, parameter: str) -> Problem:
-        """Return the same problem over one parameter as few terms: one for each slot and power of the parameter.
+        """Return the same problem over one parameter as few terms: one for each slot, power of it and symmetry.
 
         Raises
         ------
@@ -210,19 +210,19 @@ class Problem:
         paths = paths_of(parameter)
         if not self.is_affine(parameter):
             raise SceneError(f"{parameter} changes matrices, not coefficients alone")
-        groups: dict[tuple[Slot, int, bool], list[tuple[Term, float]]] = {}
+        groups: dict[tuple[Slot, int, bool, bool], list[tuple[Term, float]]] = {}
         for t in self.terms:
             others = replace(t, powers={p: e for p, e in t.powers.items() if p not in paths})
             c = others.coefficient(self.parameters)
             if c:
-                key = (t.slot, sum(t.powers.get(p, 0) for p in paths), t.imaginary)
+                key = (t.slot, sum(t.powers.get(p, 0) for p in paths), t.symmetric, t.imaginary)
                 groups.setdefault(key, []).append((replace(t, imaginary=False), c))
         terms = []
-        for (slot, power, imaginary), parts in groups.items():
+        for (slot, power, symmetric, imaginary), parts in groups.items():
             matrix = _sum(parts)
             assert matrix is not None
-            symmetric, skew = all(t.symmetric for t, _ in parts), all(t.skew for t, _ in parts)
-            name = f"{slot}{power}" + ("i" if imaginary else "")
+            skew = all(t.skew for t, _ in parts)
+            name = f"{slot}{power}" + ("" if symmetric else "n") + ("i" if imaginary else "")
             terms.append(Term(name, slot, matrix, symmetric, {paths[0]: power}, skew, imaginary))
         return Problem(tuple(terms), dict.fromkeys(paths, self.value(parameter)))
 

@@ -25,7 +25,8 @@ _LINES = 1000  # rows of V that are sampled
 _SPARSE = 0.3  # of all rows: what a term has at most that is handled by its own rows
 _ROOM = 8  # times the vectors there are: for how many address space is set aside
 _RANK = 1e-12  # of the square of a vector: a part outside the basis that is rounding
-_DEPENDENT = 1e-8  # eigenvalue of a Gram matrix of unit vectors: what is linearly dependent
+_CLEAR = 0.1  # of the square: a part outside from which the difference keeps its digits
+_DEPENDENT = 1e-4  # eigenvalue of a Gram matrix of unit vectors: what is left to the next correction
 _POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}
 _Acting = tuple[np.ndarray | None, sp.csr_array, sp.csr_array | None]
 
@@ -40,18 +41,27 @@ class _Products(NamedTuple):
     ZATX: np.ndarray
 
 
-def metric_of(problem: Problem, sigma: float) -> list[float]:
-    """Return the coefficients of the terms in P = K − σM, without damping and the skew part of K."""
-    scale: dict[Slot, float] = {"M": -sigma, "C": 0.0, "K": 1.0}
+def undamped(problem: Problem, whole: bool) -> list[float]:
+    """Return the coefficients of the terms in K without damping and without what is not symmetric, friction.
+
+    Parameters
+    ----------
+    whole : bool
+        With the symmetric part of that, for matrices that are not symmetric in one piece.
+    """
     at = problem.parameters
-    return [0.0 if t.imaginary else scale[t.slot] * t.coefficient(at) for t in problem.terms]
+    return [
+        t.coefficient(at) if t.slot == "K" and not t.imaginary and (t.symmetric or whole) else 0.0
+        for t in problem.terms
+    ]
 
 
-def metric_matrix(problem: Problem, metric: Sequence[float]) -> sp.csr_array:
-    """Return P (n, n) itself."""
+def weighted(problem: Problem, coefficients: Sequence[float]) -> sp.csr_array:
+    """Return a sum of the terms' matrices (n, n), of those that are not symmetric their symmetric parts."""
     parts = [c * (t.matrix if t.symmetric else (t.matrix + t.matrix.T) / 2)
-             for c, t in zip(metric, problem.terms, strict=True) if c]  # fmt: skip
-    return sp.csr_array(sum(parts[1:], parts[0]))
+             for c, t in zip(coefficients, problem.terms, strict=True) if c]  # fmt: skip
+    zero = sp.csr_array((problem.unknowns, problem.unknowns))
+    return sp.csr_array(sum(parts[1:], parts[0])) if parts else zero
 
 
 class ReducedBasis:
@@ -70,7 +80,7 @@ class ReducedBasis:
         Affine in the parameter and condensed: few terms.
     parameter : str
     metric : (terms,) float
-        The coefficients of the terms in P, see `metric_of`.
+        The coefficients of the terms in P = K − σM, see `undamped`.
     half_solve : callable
         Returns L⁻ᵀS.
     """
@@ -113,10 +123,17 @@ class ReducedBasis:
         int
             How many were added.
         """
-        parts = [self._meet(i, X) for i in range(len(self.problem.terms))]
-        inside = self._metric(parts, lambda p: (p.VAX + p.VATX) / 2)
-        whole = self._metric(parts, lambda p: (p.XAX + p.XAX.T) / 2)
-        T = _normalising(whole - inside.T @ inside, np.maximum(threshold**2, _RANK * whole.diagonal()))
+        while True:
+            parts = [self._meet(i, X) for i in range(len(self.problem.terms))]
+            inside = self._metric(parts, lambda p: (p.VAX + p.VATX) / 2)
+            whole = self._metric(parts, lambda p: (p.XAX + p.XAX.T) / 2)
+            gram = whole - inside.T @ inside
+            outside = gram.diagonal() / np.maximum(whole.diagonal(), np.finfo(float).tiny)
+            long = np.flatnonzero((outside > _RANK) & (gram.diagonal() > threshold**2))
+            if (outside[long] > _CLEAR).all():
+                break
+            X = X[:, long] - combine(self.V, inside[:, long])  # or the difference would lose digits
+        T = _normalising(gram, long)
         if not T.shape[1]:
             return 0
         back = inside @ T
@@ -197,6 +214,11 @@ class ReducedBasis:
     def modes(self, value: float, highest: float) -> Modes:
         """Return the modes of the small problem up to |λ| = highest, rad/s, with vectors of length r."""
         return solve_dense(self.pencil(value), highest)
+
+    def base(self, sigma: float) -> Pencil:
+        """Return the pencil of K = P + σM."""
+        M = self.problem.pencil().M
+        return Pencil(M, sp.csr_array(weighted(self.problem, self._in_metric) + sigma * M), symmetric=True)
 
     def undamped_values(self, sigma: float) -> np.ndarray:
         """Return the rising θ of the small problem without damping and friction: VᵀPV = 1, so θ = σ + 1/ν of VᵀMV."""
@@ -345,7 +367,7 @@ def _acting(term: Term) -> _Acting:
     """Return the rows in which a term acts, None for all, and these of its matrix and of the transposed one."""
     A = term.matrix
     transposed = None if term.symmetric else sp.csr_array(A.T)
-    rows = np.flatnonzero(np.diff((A + A.T).tocsr().indptr))
+    rows = np.flatnonzero(np.diff(sp.csr_array(abs(A) + abs(A.T)).indptr))
     if len(rows) >= _SPARSE * A.shape[0]:
         return None, A, transposed
     return rows, sp.csr_array(A[rows]), None if transposed is None else sp.csr_array(transposed[rows])
@@ -361,12 +383,10 @@ def _by_parts(apply: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.nd
     return result.reshape(-1, *x.shape[1:])
 
 
-def _normalising(gram: np.ndarray, least: np.ndarray) -> np.ndarray:
-    """Return T such that XT is orthonormal, given XᵀPX, without columns of a square below `least` and what depends."""
-    square = gram.diagonal()
-    long = np.flatnonzero(square > least)
-    root = np.sqrt(square[long])
-    w, v = la.eigh(gram[np.ix_(long, long)] / np.outer(root, root))
+def _normalising(gram: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Return T such that XT is orthonormal, given XᵀPX, of some columns and without what depends on the others."""
+    root = np.sqrt(gram.diagonal()[columns])
+    w, v = la.eigh(gram[np.ix_(columns, columns)] / np.outer(root, root))
     T = np.zeros((len(gram), np.count_nonzero(w > _DEPENDENT)))
-    T[long] = v[:, w > _DEPENDENT] / np.sqrt(w[w > _DEPENDENT]) / root[:, None]
+    T[columns] = v[:, w > _DEPENDENT] / np.sqrt(w[w > _DEPENDENT]) / root[:, None]
     return T

@@ -16,11 +16,11 @@ from ..eigen.block_lanczos import lowest_modes
 from ..eigen.definite import DefiniteFactor, factorize_definite
 from ..eigen.inertia import count_below
 from ..eigen.linear_solvers import Factor, factorize
-from ..eigen.pencil import Modes
-from ..eigen.solve import Request, select_wanted, shift_below, symmetric_part
+from ..eigen.pencil import Modes, Pencil
+from ..eigen.solve import Request, select_wanted, shift_below
 from ..errors import NotConvergedError
 from ..problem import Problem
-from .basis import ReducedBasis, lift, metric_matrix, metric_of, real_columns
+from .basis import ReducedBasis, lift, real_columns, undamped, weighted
 
 _GUARD = 1.25  # times the modes asked for: how many of the undamped problem the basis begins with
 _ROUGH = 1e-4  # accuracy of these modes: what they lack is corrected with the rest
@@ -81,13 +81,9 @@ class ReducedModel:
         self._values = values = np.asarray(values, float)
         start = float(values[np.argmin(np.abs(values))])
         condensed = problem.condensed(parameter).at(**{parameter: start})
-        base = symmetric_part(condensed.pencil())
         limit = request.max_frequency_hz
         band = None if limit is None else 2 * np.pi * limit
-        self._sigma = shift_below(base, band)
-        metric = metric_of(condensed, self._sigma)
-        # Close to Q(λ) on everything beyond the basis, and with fewer and faster solves than LU factors.
-        self._definite = factorize_definite(metric_matrix(condensed, metric))
+        base, metric, definite = self._begin(condensed, band)
         count = request.count or 0
         if band is not None:
             below = count_below(base, band)
@@ -96,24 +92,45 @@ class ReducedModel:
             count = below
             self.factorizations += 1
         count = min(int(_GUARD * count) + 4, base.n)
-        theta, vectors = lowest_modes(self._definite, base.M, self._sigma, count, _ROUGH)
+        theta, vectors = lowest_modes(definite, base.M, self._sigma, count, _ROUGH)
         self.factorizations += 1
         self.highest = float(np.sqrt(theta.max(initial=0.0)))
-        self.basis = ReducedBasis(condensed, parameter, metric, self._definite.half_solve)
+        self.basis = ReducedBasis(condensed, parameter, metric, definite.half_solve)
         self.basis.append(vectors)
+        del base, vectors
         self.basis.calibrate(start, self._estimated(start)[0])
         if modal:
             self._without = self.basis.undamped_values(self._sigma)
         else:
-            self._grow(values)
+            self._grow(values, definite)
             self._without = self.basis.undamped_values(self._sigma)
             self._compress(values)
             for _ in range(_SUPPLEMENTS):
                 missed = self._missed(values)
                 if not missed:
                     return
-                self._grow(np.array(missed))
+                self._grow(np.array(missed), definite)
             raise NotConvergedError(f"the reduced model misses the tolerance at {parameter} = {missed[0]:g}")
+
+    def _begin(self, condensed: Problem, band: float | None) -> tuple[Pencil, list[float], DefiniteFactor]:
+        """Return the problem without damping and friction, and P = K − σM of it as a sum of terms and by its factors.
+
+        P is close to Q(λ) on everything beyond the basis, and has fewer and faster factors than any Q(λ).
+        """
+        M = condensed.pencil().M
+        for whole in (True, False):
+            stiffness = undamped(condensed, whole)
+            base = Pencil(M, weighted(condensed, stiffness), symmetric=True)
+            self._sigma = shift_below(base, band)
+            metric = [
+                -self._sigma * t.coefficient(condensed.parameters) if t.slot == "M" else c
+                for c, t in zip(stiffness, condensed.terms, strict=True)
+            ]
+            try:
+                return base, metric, factorize_definite(sp.csr_array(base.K - self._sigma * M))
+            except NotConvergedError as error:
+                failure = error
+        raise NotConvergedError(f"the problem without damping and friction is not positive semidefinite: {failure}")
 
     @property
     def worst(self) -> float:
@@ -138,8 +155,7 @@ class ReducedModel:
             return None
         below = int(gaps[-1]) + 1
         self.factorizations += 1
-        base = symmetric_part(self.basis.problem.pencil())
-        counted = count_below(base, float(np.sqrt((theta[below - 1] + theta[below]) / 2)))
+        counted = count_below(self.basis.base(self._sigma), float(np.sqrt((theta[below - 1] + theta[below]) / 2)))
         return None if counted is None else counted == below
 
     def lift(self, vectors: np.ndarray) -> np.ndarray:
@@ -182,11 +198,11 @@ class ReducedModel:
         )  # fmt: skip
         return modes, off, relative
 
-    def _grow(self, values: np.ndarray) -> None:
+    def _grow(self, values: np.ndarray, definite: DefiniteFactor) -> None:
         """Correct the basis where it misses the tolerance: first in the middle, then at the ends, then everywhere."""
         candidates = values[np.unique(np.round(np.linspace(0, len(values) - 1, _CANDIDATES)).astype(int))]
         middle = float(candidates[len(candidates) // 2])
-        factor: Factor | DefiniteFactor = self._definite
+        factor: Factor | DefiniteFactor = definite
         at, before = np.nan, np.inf
         todo = [middle]
         for round_ in range(_ROUNDS):
@@ -194,18 +210,18 @@ class ReducedModel:
                 modes, off, _ = self._estimated(p)
                 bad = np.flatnonzero(off > _CORRECTED)
                 if len(bad):
-                    self._correct(p, modes.select(bad), factor)
+                    self._correct(p, modes.select(bad), factor, real=factor is definite)
             tried = candidates if round_ else candidates[[0, -1]]
             found = {float(p): float(self._estimated(float(p))[1].max(initial=0.0)) for p in tried}
             todo = [p for p, off in found.items() if off > 1]
             if not todo and round_:
-                if not self._missing(candidates[[0, -1]]):
+                if not self._missing(candidates[[0, -1]], definite):
                     return
                 todo = candidates.tolist()
                 continue
             worst = max(found, key=lambda p: found[p])
             if found[worst] > _PACE * before and at != worst:
-                del factor  # one at a time: they are what takes the memory
+                del factor  # one at a time besides those of P: they are what takes the memory
                 factor, at = self._factorize(worst), worst
             before = found[worst]
         raise NotConvergedError(
@@ -222,7 +238,7 @@ class ReducedModel:
         self.factorizations += 1
         return factorize(sp.csr_array(shifted), pencil.symmetric and pencil.C is None)
 
-    def _missing(self, values: np.ndarray) -> bool:
+    def _missing(self, values: np.ndarray, definite: DefiniteFactor) -> bool:
         """Look for modes that the basis does not hold, of which its residuals know nothing; add what is found.
 
         A few steps of block Krylov iteration with P⁻¹M from random vectors, outside the basis, find what comes lowest
@@ -233,7 +249,7 @@ class ReducedModel:
         block = np.random.default_rng(_SEED).standard_normal((self.problem.unknowns, _BLOCK))
         M = self.basis.problem.pencil().M
         for _ in range(_STEPS):
-            block = self._definite.solve(times(M, block))
+            block = definite.solve(times(M, block))
             before = len(trial)
             if not trial.append(block):
                 break
@@ -254,17 +270,17 @@ class ReducedModel:
         self.solves += _STEPS * _BLOCK
         return bool(found) and self.basis.append(np.hstack(found)) > 0
 
-    def _correct(self, value: float, modes: Modes, factor: Factor | DefiniteFactor) -> int:
+    def _correct(self, value: float, modes: Modes, factor: Factor | DefiniteFactor, real: bool) -> int:
         """Add what the residuals of some modes at a value ask for."""
         groups = [modes]
         if not self.problem.is_damped:  # λ and −λ* have the same shapes, and most shapes are real
-            real = (modes.lam.real == 0) & ~modes.right.imag.any(axis=0)
-            groups = [modes.select(np.flatnonzero(f)) for f in (real, ~real & ~(modes.lam.real < 0))]
-        plain = factor is self._definite or not self.problem.is_damped  # a real matrix
+            plain = (modes.lam.real == 0) & ~modes.right.imag.any(axis=0)
+            groups = [modes.select(np.flatnonzero(f)) for f in (plain, ~plain & ~(modes.lam.real < 0))]
+            real = True
         parts = []
         for group in (g for g in groups if len(g)):
             right, left = self.basis.residuals(value, group)
-            if not plain:
+            if not real:  # the matrix of the factors is complex
                 right, left = (x[:, : len(group)] + 1j * x[:, len(group) :] for x in (right, left))
             self.solves += right.shape[1] + left.shape[1]
             parts += [real_columns(factor.solve(right)), real_columns(factor.solve_adjoint(left))]

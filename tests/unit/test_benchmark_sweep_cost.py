@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+import performance
 import sweep_cost
 
 
@@ -39,3 +40,11 @@ def test_table_and_chart(monkeypatch, tmp_path, own):
     assert f"| {own['unknowns']} | 9 | ARPACK + PARDISO | 9.0 |" in lines[4]
     sweep_cost.draw(rows, tmp_path / "chart.png")
     assert (tmp_path / "chart.png").stat().st_size > 5000
+
+
+def test_how_a_sweep_grows():
+    row = performance.measure(0.03, 8, 5)
+    assert row["unknowns"] > 1000 and row["proven"] and not row["doubts"]
+    assert row["predicted"] > row["factors"] > 0
+    lines = performance.table([row]).splitlines()
+    assert len({line.count("|") for line in lines}) == 1 and str(row["unknowns"]) in lines[-1]

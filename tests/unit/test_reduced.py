@@ -72,7 +72,8 @@ def dense(problem, mu):
 
 
 CLASSES = {
-    "nonsymmetric": (), "quadratic": ("damper", "slip damping"), "gyroscopic": ("gyroscope", "damper"),
+    "nonsymmetric": (), "quadratic": ("damper", "slip damping"), "gyroscopic": ("gyroscope",),
+    "gyroscopic, damped": ("gyroscope", "damper"),
     "complex": ("loss",), "complex with C": ("loss", "damper"),
 }  # fmt: skip
 
@@ -124,6 +125,35 @@ def test_reports_are_those_of_direct_solves():
             v = b.shapes[i]
             assert u.shape == (N,)
             assert abs(np.vdot(u, v)) == pytest.approx(np.linalg.norm(u) * np.linalg.norm(v), rel=1e-8)
+
+
+def with_pair(problem, low, high, *, theta=0.04):
+    """Add two oscillators of θ ± √((μ − low)(μ − high)) θ and no other tie."""
+
+    def joined(A, B):
+        return sp.csr_array(sp.block_diag([A, B]))
+
+    none, one = np.zeros((2, 2)), np.eye(2)
+    own = {"mass": one, "elastic": theta * one + theta * np.array([[0.0, 0.0], [1.0, 0.0]]), "damper": 1e-5 * one}
+    terms = [
+        Term(t.name, t.slot, joined(t.matrix, own.get(t.name, none)), t.symmetric and t.name != "elastic", t.powers)
+        for t in problem.terms
+    ]
+    upper = joined(sp.csr_array((problem.unknowns,) * 2), theta * np.array([[0.0, 1.0], [0.0, 0.0]]))
+    for power, c in ((0, low * high), (1, -low - high), (2, 1.0)):
+        terms.append(Term(f"pair{power}", "K", upper * c, False, {"mu": power}))
+    return Problem(tuple(terms), problem.parameters)
+
+
+@pytest.mark.parametrize("effects", [(), ("damper",)], ids=["nonsymmetric", "quadratic"])
+def test_pair_that_couples_and_parts_within_one_step(effects):
+    problem = with_pair(chain(*effects), 0.35, 0.55)
+    values = np.linspace(0.0, 0.9, 4)  # nothing of it shows at 0.3 and 0.6
+    result = sweep(problem, values, modes=MODES, method="reduced")
+    pair = [o for o in result.onsets if abs(2 * np.pi * o.frequency_hz - 0.2) < 1e-3]
+    assert [o.direction for o in pair] == ["into", "out of"]
+    assert [o.value for o in pair] == pytest.approx([0.35, 0.55], abs=1e-8 if not effects else 1e-4)
+    assert result.method.startswith("reduced")
 
 
 def test_values_asked_for_later_reuse_the_model():

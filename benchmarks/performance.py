@@ -1,0 +1,93 @@
+"""How a sweep grows with the problem: python benchmarks/performance.py [size ...] [--modes 50] [--values 21] [--write]
+
+The disc with two pads of examples/disc_pad.toml, meshed with elements of the given sizes in m, is swept over the
+friction coefficient with `method = "reduced"`, each size in a process of its own: seconds of every stage, the largest
+memory of the process and what `fe-squeal check` would have predicted. The largest size takes 400 000 unknowns, up to
+16 GiB and a quarter of an hour.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from sweep_cost import STOP, build
+
+PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
+STAGES = {"assembly": "assembly", "reduction": "small model", "onsets": "onsets", "completeness": "count"}
+NOTE = """The disc with two pads of `examples/disc_pad.toml` on finer and finer meshes, swept over the friction
+coefficient with right and left modes, tracking, onsets and the count of modes. The small model is made once; each value
+of the sweep then costs a small dense eigenproblem. The predicted memory is that of `fe-squeal check`.
+Made by `python benchmarks/performance.py --write`; """
+
+
+def measure(size: float, modes: int, values: int) -> dict:
+    """Sweep one problem in this process."""
+    from fe_squeal import sweep
+    from fe_squeal.prediction import predict_memory
+    from fe_squeal.results import peak_memory_mib
+
+    start = time.perf_counter()
+    problem = build(size)
+    assembly = time.perf_counter() - start
+    predicted = predict_memory(problem, "mu", values, modes, "reduced")
+    start = time.perf_counter()
+    found = sweep(problem, np.linspace(0.0, STOP, values), modes=modes, method="reduced")
+    return {
+        "unknowns": problem.unknowns, "total": assembly + time.perf_counter() - start,
+        "stages": {"assembly": assembly, **found.seconds}, "method": found.method, "onsets": len(found.onsets),
+        "doubts": len(found.doubts), "proven": found.completeness.proven, "MiB": peak_memory_mib(),
+        "predicted": predicted.total / 2**20, "factors": predicted.factors / 2**20,
+    }  # fmt: skip
+
+
+def table(rows: list[dict]) -> str:
+    """Return the rows as Markdown."""
+    head = ["unknowns", *(f"{name}, s" for name in STAGES.values()), "in all, s", "vectors", "onsets", "memory, MiB",
+            "predicted, MiB", "of it factors"]  # fmt: skip
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for r in rows:
+        cells = [f"{r['stages'][s]:.1f}" for s in STAGES]
+        cells += [f"{r['total']:.1f}", r["method"].split()[3], str(r["onsets"])]
+        cells += [f"{r[key]:.0f}" for key in ("MiB", "predicted", "factors")]
+        lines.append(f"| {r['unknowns']} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Print the table, or write it into docs/performance.md."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("sizes", nargs="*", type=float, default=[0.014, 0.0095, 0.0055, 0.0034])
+    parser.add_argument("--modes", type=int, default=50)
+    parser.add_argument("--values", type=int, default=21)
+    parser.add_argument("--write", action="store_true")
+    parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.one:
+        print(json.dumps(measure(given.sizes[0], given.modes, given.values)))
+        return
+    rows = []
+    for size in given.sizes:
+        command = [sys.executable, __file__, "--one", str(size), "--modes", str(given.modes)]
+        done = subprocess.run([*command, "--values", str(given.values)], stdout=subprocess.PIPE, text=True)
+        if done.returncode:
+            sys.exit(done.returncode)
+        rows.append(json.loads(done.stdout.splitlines()[-1]))
+        print(rows[-1], file=sys.stderr)
+    print(table(rows))
+    if given.write:
+        when = (
+            f"{given.modes} modes, {given.values} values; {os.cpu_count()} cores, shared with other work, "
+            f"{time.strftime('%Y-%m-%d')}."
+        )
+        PAGE.write_text(f"# How a sweep grows with the problem\n\n{NOTE}{when}\n\n{table(rows)}\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
