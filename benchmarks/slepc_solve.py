@@ -1,4 +1,4 @@
-"""One solve by SLEPc and MUMPS, run by the system's Python: slepc_solve.py FOLDER MODES; prints the seconds."""
+"""One solve by SLEPc and MUMPS, run by the system's Python: slepc_solve.py FOLDER MODES SIDES; prints the seconds."""
 
 import glob
 import sys
@@ -26,6 +26,7 @@ solver = SLEPc.EPS().create()
 solver.setOperators(K, M)
 solver.setProblemType(SLEPc.EPS.ProblemType.GNHEP)
 solver.setDimensions(int(sys.argv[2]))
+solver.setTwoSided(sys.argv[3] == "2")
 solver.setTolerances(1e-8)
 solver.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
 solver.setTarget(-((2 * np.pi * 100.0) ** 2))

@@ -6,7 +6,7 @@ friction coefficient by four ways, on the same matrices and in one run:
 - SciPy's `eigs` with its own `splu`, one value timed and scaled;
 - ARPACK on PARDISO, `method = "direct"`, two values timed and scaled;
 - SLEPc's Krylov-Schur on MUMPS, one value timed and scaled, where the system's Python has slepc4py
-  (Debian: apt-get install python3-slepc4py), right modes alone;
+  (Debian: apt-get install python3-slepc4py), right modes alone and both;
 - `method = "reduced"`, the whole sweep with right and left modes, tracking and onsets.
 
 Every way runs in a process of its own. The error is that of the reduced sweep against ARPACK on PARDISO at values that
@@ -32,11 +32,15 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "sweep_cost.md"
 STOP = 0.6
 PROBE = 0.37  # of the interval: where single values are timed and compared
-NAMES = {"scipy": "SciPy eigs + splu", "direct": "ARPACK + PARDISO", "slepc": "SLEPc + MUMPS"}
+NAMES = {
+    "scipy": "SciPy eigs + splu, right modes", "direct": "ARPACK + PARDISO",
+    "slepc": "SLEPc + MUMPS, right modes", "slepc both": "SLEPc + MUMPS",
+}  # fmt: skip
 NOTE = """The disc with two pads of `examples/disc_pad.toml` on finer meshes, swept over the friction coefficient.
-SciPy, ARPACK on PARDISO and SLEPc solve at every value: one or two values are timed and scaled to all. ARPACK on
-PARDISO and the reduced sweep give right and left modes, SLEPc and SciPy right ones alone; the reduced sweep's seconds
-hold tracking and onsets as well. Errors are those of the reduced sweep against ARPACK on PARDISO at one value, relative
+SciPy, ARPACK on PARDISO and SLEPc solve at every value: one or two values are timed and scaled to all. All give right
+and left modes, which sensitivities and the uncertainty of growth rates need, unless the table says otherwise; the
+reduced sweep's seconds hold the count of modes, tracking and onsets as well. The tolerance is 1e-8 everywhere, SciPy's
+own 1e-16 apart. Errors are those of the reduced sweep against ARPACK on PARDISO at one value, relative
 to |λ| and, of unstable modes, to Re λ. MiB is the largest memory of the Python process, for SLEPc without SLEPc's own.
 All ways ran one after the other in one run. Made by `python benchmarks/sweep_cost.py --write`; """
 SLEPC = Path(__file__).with_name("slepc_solve.py")
@@ -87,17 +91,17 @@ def measure(way: str, size: float, modes: int, values: int) -> dict[str, float]:
             eigs(sp.csc_array(pencil.K), modes, sp.csc_array(pencil.M), sigma=-(band**2) / 100)
             result["seconds"] = (time.perf_counter() - start) * values
         else:
-            result["seconds"] = slepc(pencil.K, pencil.M, modes) * values
+            result["seconds"] = slepc(pencil.K, pencil.M, modes, 2 if way == "slepc both" else 1) * values
     return {"MiB": peak_memory_mib() or np.nan, **result}
 
 
-def slepc(K: sp.csr_array, M: sp.csr_array, modes: int) -> float:
+def slepc(K: sp.csr_array, M: sp.csr_array, modes: int, sides: int) -> float:
     """Return the seconds of one solve by SLEPc in the system's Python."""
     with tempfile.TemporaryDirectory() as folder:
         for name, A in (("K", K), ("M", M)):
             np.savez(Path(folder, name), data=A.data, indices=A.indices, indptr=A.indptr)
         done = subprocess.run(
-            ["/usr/bin/python3", SLEPC, folder, str(modes)], capture_output=True, text=True, check=True,
+            ["/usr/bin/python3", SLEPC, folder, str(modes), str(sides)], capture_output=True, text=True, check=True,
             env={**os.environ, "PYTHONPATH": ""},
         )  # fmt: skip
     return float(done.stdout.split()[-1])
@@ -177,7 +181,7 @@ def main() -> None:
     parser.add_argument("sizes", nargs="*", type=float, default=[0.0095, 0.0055])
     parser.add_argument("--modes", type=int, default=50)
     parser.add_argument("--values", type=int, nargs="+", default=[21, 101])
-    parser.add_argument("--ways", nargs="+", default=["scipy", "direct", "slepc", "reduced"])
+    parser.add_argument("--ways", nargs="+", default=[*NAMES, "reduced"])
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     given = parser.parse_args()

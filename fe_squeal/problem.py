@@ -186,6 +186,12 @@ class Problem:
         zero = sp.csr_array((self.unknowns, self.unknowns))
         return Pencil(zero if M is None else M, zero if K is None else K, C, symmetric)
 
+    @property
+    def mass(self) -> sp.csr_array:
+        """M (n, n) at the present values of the parameters, without the sums of the other slots."""
+        M = self._slot("M", set())
+        return sp.csr_array((self.unknowns, self.unknowns)) if M is None else M
+
     def _slot(self, slot: str, moving: set[str]) -> sp.csr_array | None:
         """Return the sum of one slot; that of the terms which do not depend on `moving` is kept for the next time."""
         terms = [t for t in self.terms if t.slot == slot]

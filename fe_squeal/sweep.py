@@ -105,7 +105,7 @@ class _Tracker:
     def __init__(self, problem: Problem, parameter: str, request: Request, steps: int, precise: bool) -> None:
         self.problem, self.parameter, self.request = problem, parameter, request
         self._steps, self._precise = steps, precise
-        self._guarded = _with_guard(request)
+        self._guarded = _with_guard(request) if steps else request
         self.points: list[SweepPoint] = []
         self.onsets: list[Onset] = []
         self.seconds = {"reduction": 0.0, "eigenvalues": 0.0, "tracking": 0.0, "onsets": 0.0, "completeness": 0.0}
@@ -117,7 +117,7 @@ class _Tracker:
         self._first_branches = np.zeros(0, int)
         self._next_branch = 1
         self._start = self._value = np.nan
-        self._M = problem.pencil().M  # weighs shapes; nominal, whatever the sweep does to it
+        self._M = problem.mass  # weighs shapes; nominal, whatever the sweep does to it
         self._model: ReducedModel | None = None
         self._tracked = problem  # the problem whose coordinates the modes have: this one, or the small one
 
@@ -136,7 +136,7 @@ class _Tracker:
             self._spend("reduction", clock)
             return
         self._model, self._tracked = model, model.small
-        self._M = self._tracked.pencil().M
+        self._M = self._tracked.mass
         if method == "modal":
             self.doubts.append(
                 f"modal projection: an eigenvalue may be off by {100 * model.worst:.2g} % of |λ|, as estimated"

@@ -41,19 +41,20 @@ class _Products(NamedTuple):
     ZATX: np.ndarray
 
 
-def undamped(problem: Problem, whole: bool) -> list[float]:
-    """Return the coefficients of the terms in K without damping and without what is not symmetric, friction.
+def undamped(problem: Problem) -> list[list[float]]:
+    """Return coefficients of the terms in K without damping and friction, the more promising ones first.
 
-    Parameters
-    ----------
-    whole : bool
-        With the symmetric part of that, for matrices that are not symmetric in one piece.
+    Friction, which is not symmetric, is left out, or counts with its symmetric part: of penalties that makes K
+    indefinite. Where most of K comes in a matrix that is not symmetric, that part is what there is to go by.
     """
     at = problem.parameters
-    return [
-        t.coefficient(at) if t.slot == "K" and not t.imaginary and (t.symmetric or whole) else 0.0
-        for t in problem.terms
-    ]
+    kept = [t.coefficient(at) if t.slot == "K" and not t.imaginary else 0.0 for t in problem.terms]
+    without = [c if t.symmetric else 0.0 for c, t in zip(kept, problem.terms, strict=True)]
+    if kept == without:
+        return [kept]
+    size = [abs(c) * float(np.abs(t.matrix.diagonal()).sum()) for c, t in zip(kept, problem.terms, strict=True)]
+    friction = sum(s for s, c in zip(size, without, strict=True) if not c)
+    return [without, kept] if friction < sum(size) / 2 else [kept]
 
 
 def weighted(problem: Problem, coefficients: Sequence[float]) -> sp.csr_array:
@@ -217,7 +218,7 @@ class ReducedBasis:
 
     def base(self, sigma: float) -> Pencil:
         """Return the pencil of K = P + σM."""
-        M = self.problem.pencil().M
+        M = self.problem.mass
         return Pencil(M, sp.csr_array(weighted(self.problem, self._in_metric) + sigma * M), symmetric=True)
 
     def undamped_values(self, sigma: float) -> np.ndarray:

@@ -117,9 +117,9 @@ class ReducedModel:
 
         P is close to Q(λ) on everything beyond the basis, and has fewer and faster factors than any Q(λ).
         """
-        M = condensed.pencil().M
-        for whole in (True, False):
-            stiffness = undamped(condensed, whole)
+        M = condensed.mass
+        failure = None
+        for stiffness in undamped(condensed):
             base = Pencil(M, weighted(condensed, stiffness), symmetric=True)
             self._sigma = shift_below(base, band)
             metric = [
@@ -247,7 +247,7 @@ class ReducedModel:
         """
         trial = self.basis.copy()
         block = np.random.default_rng(_SEED).standard_normal((self.problem.unknowns, _BLOCK))
-        M = self.basis.problem.pencil().M
+        M = self.basis.problem.mass
         for _ in range(_STEPS):
             block = definite.solve(times(M, block))
             before = len(trial)
