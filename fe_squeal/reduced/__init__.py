@@ -1,6 +1,6 @@
 """Sweeps on a small model of the problem."""
 
-from .basis import lift
 from .model import ReducedModel
+from .vectors import lift
 
 __all__ = ["ReducedModel", "lift"]

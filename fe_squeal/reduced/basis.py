@@ -17,6 +17,8 @@ from ..eigen.pencil import Modes, Pencil
 from ..eigen.quality import ROUNDING
 from ..problem import Problem
 from ..terms import Slot, Term
+from .undamped import weighted
+from .vectors import lift, normalising
 
 _SAMPLES = 24  # random vectors per norm: residual norms come out within some 15 %
 _SEED = 20250411
@@ -26,7 +28,6 @@ _SPARSE = 0.3  # of all rows: what a term has at most that is handled by its own
 _ROOM = 8  # times the vectors there are: for how many address space is set aside
 _RANK = 1e-12  # of the square of a vector: a part outside the basis that is rounding
 _CLEAR = 0.1  # of the square: a part outside from which the difference keeps its digits
-_DEPENDENT = 1e-4  # eigenvalue of a Gram matrix of unit vectors: what is left to the next correction
 _POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}
 _Acting = tuple[np.ndarray | None, sp.csr_array, sp.csr_array | None]
 
@@ -39,30 +40,6 @@ class _Products(NamedTuple):
     XAX: np.ndarray
     ZAX: np.ndarray
     ZATX: np.ndarray
-
-
-def undamped(problem: Problem) -> list[list[float]]:
-    """Return coefficients of the terms in K without damping and friction, the more promising ones first.
-
-    Friction, which is not symmetric, is left out, or counts with its symmetric part: of penalties that makes K
-    indefinite. Where most of K comes in a matrix that is not symmetric, that part is what there is to go by.
-    """
-    at = problem.parameters
-    kept = [t.coefficient(at) if t.slot == "K" and not t.imaginary else 0.0 for t in problem.terms]
-    without = [c if t.symmetric else 0.0 for c, t in zip(kept, problem.terms, strict=True)]
-    if kept == without:
-        return [kept]
-    size = [abs(c) * float(np.abs(t.matrix.diagonal()).sum()) for c, t in zip(kept, problem.terms, strict=True)]
-    friction = sum(s for s, c in zip(size, without, strict=True) if not c)
-    return [without, kept] if friction < sum(size) / 2 else [kept]
-
-
-def weighted(problem: Problem, coefficients: Sequence[float]) -> sp.csr_array:
-    """Return a sum of the terms' matrices (n, n), of those that are not symmetric their symmetric parts."""
-    parts = [c * (t.matrix if t.symmetric else (t.matrix + t.matrix.T) / 2)
-             for c, t in zip(coefficients, problem.terms, strict=True) if c]  # fmt: skip
-    zero = sp.csr_array((problem.unknowns, problem.unknowns))
-    return sp.csr_array(sum(parts[1:], parts[0])) if parts else zero
 
 
 class ReducedBasis:
@@ -81,7 +58,7 @@ class ReducedBasis:
         Affine in the parameter and condensed: few terms.
     parameter : str
     metric : (terms,) float
-        The coefficients of the terms in P = K − σM, see `undamped`.
+        The coefficients of the terms in P = K − σM, see `factorize_undamped`.
     half_solve : callable
         Returns L⁻ᵀS.
     """
@@ -134,7 +111,7 @@ class ReducedBasis:
             if (outside[long] > _CLEAR).all():
                 break
             X = X[:, long] - combine(self.V, inside[:, long])  # or the difference would lose digits
-        T = _normalising(gram, long)
+        T = normalising(gram, long)
         if not T.shape[1]:
             return 0
         back = inside @ T
@@ -350,20 +327,6 @@ class ReducedBasis:
         return found[0], found[1]
 
 
-def lift(V: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return V y for a real V and a complex y without a complex copy of V."""
-    return _by_parts(lambda x: combine(V, x), y) if np.iscomplexobj(y) else combine(V, y)
-
-
-def real_columns(x: np.ndarray) -> np.ndarray:
-    """Return real and imaginary parts of the columns, without those that are zero."""
-    if not np.iscomplexobj(x):
-        return x
-    parts = np.hstack([x.real, x.imag])
-    size = np.linalg.norm(parts, axis=0)
-    return np.asarray(parts[:, size > 1e-14 * size.max(initial=0.0)])
-
-
 def _acting(term: Term) -> _Acting:
     """Return the rows in which a term acts, None for all, and these of its matrix and of the transposed one."""
     A = term.matrix
@@ -372,22 +335,3 @@ def _acting(term: Term) -> _Acting:
     if len(rows) >= _SPARSE * A.shape[0]:
         return None, A, transposed
     return rows, sp.csr_array(A[rows]), None if transposed is None else sp.csr_array(transposed[rows])
-
-
-def _by_parts(apply: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
-    """Return a real linear map of complex columns, most of which are real."""
-    columns = x.reshape(len(x), -1)
-    result = apply(np.ascontiguousarray(columns.real)).astype(complex)
-    mixed = np.flatnonzero(columns.imag.any(axis=0))
-    if len(mixed):
-        result[:, mixed] += 1j * apply(np.ascontiguousarray(columns.imag[:, mixed]))
-    return result.reshape(-1, *x.shape[1:])
-
-
-def _normalising(gram: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return T such that XT is orthonormal, given XᵀPX, of some columns and without what depends on the others."""
-    root = np.sqrt(gram.diagonal()[columns])
-    w, v = la.eigh(gram[np.ix_(columns, columns)] / np.outer(root, root))
-    T = np.zeros((len(gram), np.count_nonzero(w > _DEPENDENT)))
-    T[columns] = v[:, w > _DEPENDENT] / np.sqrt(w[w > _DEPENDENT]) / root[:, None]
-    return T

@@ -13,14 +13,16 @@ import scipy.sparse as sp
 from ..blocks import times
 from ..bordered import Root
 from ..eigen.block_lanczos import lowest_modes
-from ..eigen.definite import DefiniteFactor, factorize_definite
+from ..eigen.definite import DefiniteFactor
 from ..eigen.inertia import count_below
 from ..eigen.linear_solvers import Factor, factorize
-from ..eigen.pencil import Modes, Pencil
-from ..eigen.solve import Request, select_wanted, shift_below
+from ..eigen.pencil import Modes
+from ..eigen.solve import Request, select_wanted
 from ..errors import NotConvergedError
 from ..problem import Problem
-from .basis import ReducedBasis, lift, real_columns, undamped, weighted
+from .basis import ReducedBasis
+from .undamped import factorize_undamped
+from .vectors import lift, real_columns
 
 _GUARD = 1.25  # times the modes asked for: how many of the undamped problem the basis begins with
 _ROUGH = 1e-4  # accuracy of these modes: what they lack is corrected with the rest
@@ -83,7 +85,7 @@ class ReducedModel:
         condensed = problem.condensed(parameter).at(**{parameter: start})
         limit = request.max_frequency_hz
         band = None if limit is None else 2 * np.pi * limit
-        base, metric, definite = self._begin(condensed, band)
+        base, self._sigma, metric, definite = factorize_undamped(condensed, band)
         count = request.count or 0
         if band is not None:
             below = count_below(base, band)
@@ -111,26 +113,6 @@ class ReducedModel:
                     return
                 self._grow(np.array(missed), definite)
             raise NotConvergedError(f"the reduced model misses the tolerance at {parameter} = {missed[0]:g}")
-
-    def _begin(self, condensed: Problem, band: float | None) -> tuple[Pencil, list[float], DefiniteFactor]:
-        """Return the problem without damping and friction, and P = K − σM of it as a sum of terms and by its factors.
-
-        P is close to Q(λ) on everything beyond the basis, and has fewer and faster factors than any Q(λ).
-        """
-        M = condensed.mass
-        failure = None
-        for stiffness in undamped(condensed):
-            base = Pencil(M, weighted(condensed, stiffness), symmetric=True)
-            self._sigma = shift_below(base, band)
-            metric = [
-                -self._sigma * t.coefficient(condensed.parameters) if t.slot == "M" else c
-                for c, t in zip(stiffness, condensed.terms, strict=True)
-            ]
-            try:
-                return base, metric, factorize_definite(sp.csr_array(base.K - self._sigma * M))
-            except NotConvergedError as error:
-                failure = error
-        raise NotConvergedError(f"the problem without damping and friction is not positive semidefinite: {failure}")
 
     @property
     def worst(self) -> float:

@@ -10,7 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 import fe_squeal.reduced.model as reduced_model
-from fe_squeal import blocks, onset, sweep
+from fe_squeal import blocks, onset_step, sweep
 from fe_squeal.blocks import _TALL
 from fe_squeal.eigen.block_lanczos import lowest_modes
 from fe_squeal.eigen.solve import Request
@@ -199,7 +199,7 @@ def test_onsets_of_the_small_model_tell_how_far_they_are_off(monkeypatch):
     """As of large problems, where Newton's method on the problem itself is left out: the error lies inside the bar."""
     problem = chain()
     exact = sweep(problem, VALUES, modes=MODES, method="direct").onsets
-    monkeypatch.setattr(onset, "_CHEAP", 0)
+    monkeypatch.setattr(onset_step, "_CHEAP", 0)
     found = sweep(problem, VALUES, modes=MODES, method="reduced").onsets
     assert len(found) == len(exact) > 0
     for a, b in zip(found, exact, strict=True):

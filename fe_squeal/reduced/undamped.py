@@ -1,0 +1,79 @@
+"""The problem without damping and friction, from which a reduced model starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..eigen.definite import DefiniteFactor, factorize_definite
+from ..eigen.pencil import Pencil
+from ..eigen.solve import shift_below
+from ..errors import NotConvergedError
+from ..problem import Problem
+
+
+def _stiffnesses(problem: Problem) -> list[list[float]]:
+    """Return coefficients of the terms in K without damping and friction, the more promising ones first.
+
+    Friction, which is not symmetric, is left out, or counts with its symmetric part: of penalties that makes K
+    indefinite. Where most of K comes in a matrix that is not symmetric, that part is what there is to go by.
+    """
+    at = problem.parameters
+    kept = [t.coefficient(at) if t.slot == "K" and not t.imaginary else 0.0 for t in problem.terms]
+    without = [c if t.symmetric else 0.0 for c, t in zip(kept, problem.terms, strict=True)]
+    if kept == without:
+        return [kept]
+    size = [abs(c) * float(np.abs(t.matrix.diagonal()).sum()) for c, t in zip(kept, problem.terms, strict=True)]
+    friction = sum(s for s, c in zip(size, without, strict=True) if not c)
+    return [without, kept] if friction < sum(size) / 2 else [kept]
+
+
+def weighted(problem: Problem, coefficients: Sequence[float]) -> sp.csr_array:
+    """Return a sum of the terms' matrices (n, n), of those that are not symmetric their symmetric parts."""
+    parts = [c * (t.matrix if t.symmetric else (t.matrix + t.matrix.T) / 2)
+             for c, t in zip(coefficients, problem.terms, strict=True) if c]  # fmt: skip
+    zero = sp.csr_array((problem.unknowns, problem.unknowns))
+    return sp.csr_array(sum(parts[1:], parts[0])) if parts else zero
+
+
+def factorize_undamped(problem: Problem, band: float | None) -> tuple[Pencil, float, list[float], DefiniteFactor]:
+    """Return a problem without damping and friction, a shift σ below its modes, and P = K − σM of it.
+
+    P is close to Q(λ) on everything beyond the modes of this problem, and has fewer and faster factors than any Q(λ).
+
+    Parameters
+    ----------
+    problem : Problem
+        Condensed.
+    band : float, rad/s, optional
+        Up to where modes are asked for.
+
+    Returns
+    -------
+    pencil : Pencil
+    sigma : float, rad²/s²
+    metric : list of float
+        Coefficients of the terms in P.
+    factor : DefiniteFactor
+        Of P.
+
+    Raises
+    ------
+    NotConvergedError
+        If P is not positive definite.
+    """
+    M, failure = problem.mass, None
+    for stiffness in _stiffnesses(problem):
+        pencil = Pencil(M, weighted(problem, stiffness), symmetric=True)
+        sigma = shift_below(pencil, band)
+        metric = [
+            -sigma * t.coefficient(problem.parameters) if t.slot == "M" else c
+            for c, t in zip(stiffness, problem.terms, strict=True)
+        ]
+        try:
+            return pencil, sigma, metric, factorize_definite(sp.csr_array(pencil.K - sigma * M))
+        except NotConvergedError as error:
+            failure = error
+    raise NotConvergedError(f"the problem without damping and friction is not positive semidefinite: {failure}")
