@@ -30,7 +30,7 @@ _ROUNDS = 16
 _CANDIDATES = 5  # values at which the basis is corrected until all modes there meet the tolerance
 _CORRECTED = 0.3  # times the tolerance: what is corrected along with what misses it
 _SAFETY = 0.1  # of the tolerance: what the estimated errors of eigenvalues are driven below
-_PACE = 0.3  # of the worst error: what a round with the factors of another value has to leave at most
+_PACE = 0.6  # of the worst error: what a round with the factors of another value has to leave at most
 _NODES = 5  # values whose modes span the final basis
 _FINE = 1e-5  # of a vector: what is left out of the final basis
 _SHORT = 1e-4  # of √tolerance: corrections shorter than this, against the length of the mode, are left out
@@ -224,31 +224,36 @@ class ReducedModel:
         """Look for modes that the basis does not hold, of which its residuals know nothing; add what is found.
 
         A few steps of block Krylov iteration with P⁻¹M from random vectors, outside the basis, find what comes lowest
-        there; with its images under friction and damping it extends the small model. A mode in the range that was asked
-        for which the small model has only then was missing.
+        there and extend the small model. A mode in the range that was asked for which it has only then was missing.
         """
+
+        def inside(modes: Modes, limit: float) -> np.ndarray:
+            """Creeping modes apart, which have no end."""
+            lam = modes.lam
+            return np.flatnonzero((np.abs(lam) < limit) & (lam.real >= -lam.imag))
+
         trial = self.basis.copy()
         block = np.random.default_rng(_SEED).standard_normal((self.problem.unknowns, _BLOCK))
         M = self.basis.problem.mass
         for _ in range(_STEPS):
             block = definite.solve(times(M, block))
-            before = len(trial)
+            size = len(trial)
             if not trial.append(block):
                 break
-            block = trial.V[:, before:]
+            block = trial.V[:, size:]
         found = []
         for p in values:
-            known = self.basis.modes(float(p), self.highest).lam
+            known = self.basis.modes(float(p), self.highest)
             every = trial.modes(float(p), self.highest)
             wanted = select_wanted(every, self.request, np.inf)
             assert wanted is not None
             limit = _FOUND * np.abs(wanted.lam).max(initial=0.0)
-            extra = np.count_nonzero(np.abs(every.lam) < limit) - np.count_nonzero(np.abs(known) < limit)
-            if extra > 0:
+            now, before = inside(every, limit), inside(known, limit)
+            if len(now) > len(before):
                 # Those farthest from any mode that was known.
-                inside = np.flatnonzero(np.abs(every.lam) < limit)
-                far = np.abs(every.lam[inside, None] - known).min(axis=1, initial=np.inf)
-                found.append(real_columns(lift(trial.V, every.right[:, inside[np.argsort(far)[-extra:]]])))
+                far = np.abs(every.lam[now, None] - known.lam[before]).min(axis=1, initial=np.inf)
+                new = now[np.argsort(far)[len(before) - len(now) :]]
+                found.append(real_columns(lift(trial.V, every.right[:, new])))
         self.solves += _STEPS * _BLOCK
         return bool(found) and self.basis.append(np.hstack(found)) > 0
 
