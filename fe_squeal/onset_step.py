@@ -91,18 +91,25 @@ class Step:
         A pair that couples and parts again between two values of the sweep shows here and at neither end.
         """
 
-        def counts(m: Modes) -> np.ndarray:
-            growing = m.lam.imag[m.stability == "unstable"]
-            return np.array([np.count_nonzero(growing <= edge * below) for edge in (0.98, 1.02)])
+        edges = np.array([0.98, 1.02]) * below  # modes at the rim of the range may pass it
 
-        before, step = counts(first), abs(ends[1] - ends[0])
-        slack = before[1] - before[0]  # modes at the rim of the range may pass it
+        def counts(frequencies: np.ndarray) -> np.ndarray:
+            return np.array([np.count_nonzero(frequencies <= edge) for edge in edges])
+
+        def unstable(m: Modes) -> np.ndarray:
+            return counts(m.lam.imag[m.stability == "unstable"])
+
+        before, step = unstable(first), abs(ends[1] - ends[0])
+        slack = before[1] - before[0]
         for p in np.linspace(*ends, inner + 2)[1:-1]:
             if any(abs(o.value - p) < _BRACKET * step for o in onsets):
                 continue
-            explained = before[0] + sum(1 if o.direction == "into" else -1 for o in onsets if o.value < p)
-            low, high = counts(self.modes(p))
-            if not low - slack <= explained <= high + slack:
+            explained = before
+            for onset in (o for o in onsets if o.value < p):
+                sign = 1 if onset.direction == "into" else -1
+                explained = explained + sign * counts(np.array([2 * np.pi * onset.frequency_hz]))
+            low, high = unstable(self.modes(p))
+            if not (low - slack <= explained.max() and explained.min() <= high + slack):
                 return float(p)
         return None
 

@@ -106,6 +106,20 @@ def test_pair_that_couples_and_parts_again(values):
         assert (found.branch_a, found.branch_b) == (1, 2)
 
 
+@pytest.mark.parametrize("c", [0.0, 0.02])
+def test_instability_beyond_the_range_raises_no_doubt(c):
+    """θ = 100 ± 50 √(1 − 2μ²), far above the two modes asked for, but among those that are followed for them."""
+    K = np.diag([1.0, 2.0, 50.0, 150.0])
+    F = np.zeros((4, 4))
+    F[2, 3], F[3, 2] = 100.0, -50.0
+    base = problem(K, F)
+    damper = (Term("damper", "C", sp.csr_array(c * np.eye(4)), True),) if c else ()
+    result = sweep(Problem((*base.terms, *damper), {"mu": 0.0}), np.linspace(0, 1.6, 5), modes=2)
+    assert result.onsets == () and result.doubts == ()
+    assert all(len(point.modes) == 2 == point.branches.max() for point in result.points)
+    assert len(sweep(Problem((*base.terms, *damper), {"mu": 0.0}), np.linspace(0, 1.6, 5), modes=4).onsets) == 1
+
+
 def test_divergence_is_found_where_the_stiffness_becomes_singular():
     """K = [[2, −μ], [−μ, 2]] + mode 9: θ = 2 ± μ, zero at μ = 2; behind it λ = √(μ − 2)."""
     K = np.diag([2.0, 2.0, 9.0])
