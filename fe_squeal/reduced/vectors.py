@@ -38,6 +38,8 @@ def _by_parts(apply: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.nd
 
 def normalising(gram: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Return T such that XT is orthonormal, given XᵀPX, of some columns and without what depends on the others."""
+    if not len(columns):
+        return np.zeros((len(gram), 0))
     root = np.sqrt(gram.diagonal()[columns])
     w, v = la.eigh(gram[np.ix_(columns, columns)] / np.outer(root, root))
     T = np.zeros((len(gram), np.count_nonzero(w > _DEPENDENT)))
