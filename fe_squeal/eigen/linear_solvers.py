@@ -19,10 +19,10 @@ from .memory import require_memory
 
 Solve = Callable[[np.ndarray], np.ndarray]
 
-# PARDISO's numbers of the matrix types, by (symmetric, complex).
 _FULL = 1000  # unknowns up to which a full matrix goes to LAPACK
 # Entries of SuperLU's factors of solids over n to the 4/3, by whether the matrix is symmetric.
 _FILL = {True: 13.0, False: 45.0}
+# PARDISO's numbers of the matrix types, by (symmetric, complex).
 _TYPES = {(True, False): -2, (False, False): 11, (True, True): 6, (False, True): 13}
 _DEFINITE = 2
 _ADJOINT, _TRANSPOSED = 1, 2  # of iparm(12)
@@ -56,7 +56,7 @@ def factorize(A: sp.csr_array, symmetric: bool) -> Factor:
     Raises
     ------
     NotConvergedError
-        If A is singular to working precision.
+        If a pivot is zero. PARDISO perturbs what rounding leaves of a singular matrix, which backward errors then show.
     TooLargeError
         If the factors do not fit into memory.
     """
@@ -108,24 +108,32 @@ class DenseFactor:
     negative_pivots: int | None = None
 
     def __init__(self, A: sp.csr_array) -> None:
+        full = A.toarray()
+        # Units may differ by any factor: without scaling the pivots would be chosen by them.
+        self._rows = _unit_of(np.abs(full).max(axis=1))
+        self._columns = _unit_of((self._rows[:, None] * np.abs(full)).max(axis=0))
         with warnings.catch_warnings():
             warnings.simplefilter("error", la.LinAlgWarning)
             try:
-                self._lu = la.lu_factor(A.toarray())
+                self._lu = la.lu_factor(self._rows[:, None] * full * self._columns)
             except (la.LinAlgWarning, ValueError) as error:
                 raise NotConvergedError(f"LAPACK: the matrix cannot be factorised: {error}") from error
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻¹ b."""
-        return np.asarray(la.lu_solve(self._lu, b))
+        return self._apply(self._rows, b, 0, self._columns)
 
     def solve_transposed(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻ᵀ b."""
-        return np.asarray(la.lu_solve(self._lu, b, trans=1))
+        return self._apply(self._columns, b, 1, self._rows)
 
     def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻ᴴ b."""
-        return np.asarray(la.lu_solve(self._lu, b, trans=2))
+        return self._apply(self._columns, b, 2, self._rows)
+
+    def _apply(self, before: np.ndarray, b: np.ndarray, which: int, after: np.ndarray) -> np.ndarray:
+        shape = (-1, *[1] * (b.ndim - 1))
+        return np.asarray(after.reshape(shape) * la.lu_solve(self._lu, before.reshape(shape) * b, trans=which))
 
 
 class SuperLUFactor:
@@ -252,6 +260,11 @@ class PardisoFactor:
     def __del__(self) -> None:
         if getattr(self, "_ja", None) is not None and not sys.is_finalizing():
             self._call(-1, np.zeros((self._n, 1)))
+
+
+def _unit_of(size: np.ndarray) -> np.ndarray:
+    """Return powers of two, which add no rounding, that make sizes one."""
+    return np.asarray(2.0 ** -np.round(np.log2(np.where(size > 0, size, 1.0))))
 
 
 def _superlu_memory(A: sp.csr_array, symmetric: bool) -> int:

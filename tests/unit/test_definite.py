@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 from fe_squeal.eigen.definite import PardisoCholesky, SuperLUCholesky
-from fe_squeal.eigen.linear_solvers import has_pardiso
+from fe_squeal.eigen.linear_solvers import DenseFactor, factorize, has_pardiso
 from fe_squeal.errors import NotConvergedError
 
 N = 300
@@ -38,3 +38,26 @@ def test_halves_make_the_whole(solver):
 def test_what_is_not_definite_is_refused(solver):
     with pytest.raises(NotConvergedError):
         solver(definite(shift=5.0))
+
+
+@pytest.mark.parametrize("imaginary", [0.0, 1.0])
+def test_full_matrices_in_any_units(imaginary):
+    """A known solution comes back to the last digits where rows and columns are scaled by 10⁻¹² to 10¹²."""
+    rng = np.random.default_rng(4)
+    n = 60
+    A = rng.standard_normal((n, n)) + 1j * imaginary * rng.standard_normal((n, n)) + 8 * np.eye(n)
+    A = A if imaginary else A.real
+    rows, columns = (10.0 ** rng.uniform(-12, 12, n) for _ in range(2))
+    factor = factorize(sp.csr_array(rows[:, None] * A * columns), symmetric=False)
+    assert isinstance(factor, DenseFactor)
+    x = rng.standard_normal((n, 3))
+    np.testing.assert_allclose(columns[:, None] * factor.solve(rows[:, None] * (A @ x)), x, rtol=1e-10, atol=1e-12)
+    for solve, B in ((factor.solve_transposed, A.T), (factor.solve_adjoint, A.conj().T)):
+        np.testing.assert_allclose(rows[:, None] * solve(columns[:, None] * (B @ x)), x, rtol=1e-10, atol=1e-12)
+    assert factor.solve(rows * (A @ x[:, 0])).shape == (n,)
+
+
+def test_a_singular_full_matrix_is_told():
+    for singular in (np.triu(np.ones((5, 5)), 1), np.ones((5, 5))):
+        with pytest.raises(NotConvergedError, match="LAPACK"):
+            DenseFactor(sp.csr_array(singular))
