@@ -11,11 +11,11 @@ run: .venv/installed
 test: .venv/installed-test
 	$(BIN)/ruff check .
 	$(BIN)/mypy
-	$(BIN)/pytest
+	$(BIN)/pytest -n 2 --dist worksteal
 
 # The fast tests with the lowest versions that pyproject.toml admits.
 test-lowest: .venv-lowest/installed
-	.venv-lowest/bin/pytest -m "not slow"
+	.venv-lowest/bin/pytest -n 2 --dist worksteal -m "not slow"
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -28,7 +28,7 @@ test-lowest: .venv-lowest/installed
 
 .venv-lowest/installed: pyproject.toml tests/lowest.txt
 	$(PYTHON) -m venv .venv-lowest
-	.venv-lowest/bin/pip install --quiet --disable-pip-version-check -c tests/lowest.txt -e . pytest hypothesis
+	.venv-lowest/bin/pip install --quiet --disable-pip-version-check -c tests/lowest.txt -e . pytest pytest-xdist hypothesis
 	@touch $@
 
 clean:

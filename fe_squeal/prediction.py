@@ -23,7 +23,11 @@ _REDUCED_COPIES, _DIRECT_COPIES = 4, 2  # of the matrices: sums of terms and wha
 
 def is_reduced(problem: Problem, parameter: str, values: int, method: str) -> bool:
     """Whether a sweep works on a small model of the problem: where that is asked for, or pays."""
-    pays = values >= VALUES and problem.unknowns >= UNKNOWNS and problem.is_affine(parameter)
+    # Few values without friction and damping are Lanczos's own ground; of all other problems both sides and the count
+    # of the modes cost less by a small model, even at one value.
+    plain = all(t.symmetric and t.slot != "C" and not t.imaginary for t in problem.terms)
+    enough = values >= VALUES or not plain
+    pays = enough and problem.unknowns >= UNKNOWNS and problem.is_affine(parameter)
     return method in ("reduced", "modal") or (method == "auto" and pays)
 
 

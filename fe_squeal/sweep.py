@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .counting import count_apart
 from .eigen.pencil import Modes
 from .eigen.solve import Completeness, Request, prove_completeness, solve_modes, wanted_count
 from .eigen.threads import one_openblas_thread
@@ -181,7 +182,9 @@ class _Tracker:
         clock = time.perf_counter()
         pencil = self.problem.pencil(**{self.parameter: value})
         c = prove_completeness(pencil, modes)
-        if c.expected is None and self._model is not None:
+        if c.expected is None and self._model is None:
+            c = replace(c, expected=count_apart(self.problem.at(**{self.parameter: value}), modes, self._guarded))
+        elif c.expected is None and self._model is not None:
             counted = self._model.counted()
             if counted is False:
                 raise NotConvergedError("the small model lacks modes that the inertia without friction counts", modes)
@@ -246,7 +249,7 @@ class _Tracker:
         """Return what was solved so far."""
         return Sweep(
             self.problem, self.parameter, tuple(self.points), tuple(sorted(self.onsets, key=lambda o: o.value)),
-            self.completeness, dict(self.seconds), tuple(self.doubts), None if self._model is None else self._tracked,
+            self.completeness, dict(self.seconds), tuple(self.doubts), self._model,
         )  # fmt: skip
 
     def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray) -> tuple[list[Onset], list[str]]:

@@ -16,7 +16,7 @@ from .energy import Share, energy_balance
 from .noise import classify_noise
 from .onset import Onset
 from .problem import Problem
-from .reduced import lift
+from .reduced import ReducedModel, lift
 
 MODE_COLUMNS = (
     "parameter", "value", "mode", "branch", "re", "im", "frequency_hz", "damping_ratio", "stability", "noise",
@@ -88,8 +88,8 @@ class Sweep:
         Of the modes at the first value.
     seconds : mapping of stage to s
     doubts : sentences about what could not be made sure
-    small : Problem or None
-        The reduced problem, whose coordinates the shapes were found in.
+    model : ReducedModel or None
+        In whose coordinates the modes were found.
     """
 
     problem: Problem
@@ -99,7 +99,7 @@ class Sweep:
     completeness: Completeness
     seconds: Mapping[str, float] = field(default_factory=dict)
     doubts: tuple[str, ...] = ()
-    small: Problem | None = field(default=None, repr=False)
+    model: ReducedModel | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
         ends = f"{self.points[0].value:g} to {self.points[-1].value:g}"
@@ -139,8 +139,8 @@ class Sweep:
     def balance(self, point: SweepPoint, i: int) -> dict[str, Share]:
         """Return the shares of the terms in one mode whose shape is known."""
         problem, shapes = self.problem, point.shapes
-        if self.small is not None and isinstance(shapes, LiftedShapes):
-            problem, shapes = self.small, shapes.coordinates
+        if self.model is not None and isinstance(shapes, LiftedShapes):
+            problem, shapes = self.model.small, shapes.coordinates
         return energy_balance(problem, complex(point.modes.lam[i]), shapes[i], **{self.parameter: point.value})
 
     def contributions_dataframe(self) -> pd.DataFrame:

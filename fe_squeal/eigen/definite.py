@@ -33,6 +33,8 @@ def factorize_definite(A: sp.csr_array) -> DefiniteFactor:
     NotConvergedError
         If it is not positive definite.
     """
+    if not (A.diagonal() > 0).all():  # PARDISO takes it for granted, and may crash
+        raise NotConvergedError("the matrix is not positive definite: its diagonal is not")
     return PardisoCholesky(A) if has_pardiso() else SuperLUCholesky(A)
 
 

@@ -174,7 +174,7 @@ def _tilt(pencil: Pencil, modes: Modes) -> float:
 
     Above one there is no law.
     """
-    damped = modes.select(np.flatnonzero(~_beside(modes) & (modes.lam.imag > 0))).lam
+    damped = modes.select(np.flatnonzero(~is_beside(modes) & (modes.lam.imag > 0))).lam
     by_loss = np.tan(np.clip(np.angle(pencil.K.diagonal()), 0.0, np.pi / 2) / 2)
     return float(np.max(np.append(-damped.real / damped.imag, by_loss)))
 
@@ -193,7 +193,7 @@ def select_wanted(modes: Modes, request: Request, radius: float) -> Modes | None
         limit = 2 * np.pi * request.max_frequency_hz
         return modes.select(np.flatnonzero(omega <= limit)) if radius > limit else None
     count = wanted_count(modes, request)
-    if np.count_nonzero(~_beside(modes)) < (request.count or 0) and np.isfinite(radius):
+    if np.count_nonzero(~is_beside(modes)) < (request.count or 0) and np.isfinite(radius):
         return None
     if count and omega[count - 1] > radius:
         return None
@@ -208,13 +208,14 @@ def wanted_count(modes: Modes, request: Request) -> int:
     """
     if request.max_frequency_hz is not None:
         return int(np.count_nonzero(modes.frequency_hz <= request.max_frequency_hz))
-    beside, omega = _beside(modes), modes.lam.imag
+    beside, omega = is_beside(modes), modes.lam.imag
     counted = np.flatnonzero(~beside)[: request.count or 0]
     count = len(counted) + int((beside & (omega <= omega[counted].max(initial=0.0))).sum())
     return count + int(0 < count < len(modes) and is_mirror(modes.lam[count - 1], modes.lam[count]))
 
 
-def _beside(modes: Modes) -> np.ndarray:
+def is_beside(modes: Modes) -> np.ndarray:
+    """Return which modes (m,) bool come besides those that are counted: real, or so uncertain that they may be."""
     lam = modes.lam
     return np.asarray((lam != 0) & ((lam.imag == 0) | (modes.re_uncertainty >= np.abs(lam))))
 

@@ -59,21 +59,24 @@ class ReducedBasis:
     parameter : str
     metric : (terms,) float
         The coefficients of the terms in P = K − σM, see `factorize_undamped`.
-    half_solve : callable
-        Returns L⁻ᵀS.
+    half_solve : callable, optional
+        Returns L⁻ᵀS; without it there are no samples, and no errors.
     """
 
     def __init__(
-        self, problem: Problem, parameter: str, metric: Sequence[float], half_solve: Callable[[np.ndarray], np.ndarray]
-    ) -> None:
-        self.problem, self.parameter, self._in_metric = problem, parameter, metric
+        self, problem: Problem, parameter: str, metric: Sequence[float],
+        half_solve: Callable[[np.ndarray], np.ndarray] | None,
+    ) -> None:  # fmt: skip
+        self.problem, self.parameter, self.metric = problem, parameter, metric
         n = problem.unknowns
         rng = np.random.default_rng(_SEED)
-        energy = half_solve(rng.standard_normal((n, _SAMPLES)))
         # Rows of backward errors count in the problem's own units, as in `fe_squeal.eigen.quality`.
         self._units = problem.pencil().units[0]
-        plain = self._units[:, None] * rng.standard_normal((n, _SAMPLES))
-        self._Z = np.hstack([energy, plain]) / np.sqrt(_SAMPLES)
+        self._Z = np.zeros((n, 0))
+        if half_solve is not None:
+            energy = half_solve(rng.standard_normal((n, _SAMPLES)))
+            plain = self._units[:, None] * rng.standard_normal((n, _SAMPLES))
+            self._Z = np.hstack([energy, plain]) / np.sqrt(_SAMPLES)
         self._acting = [_acting(t) for t in problem.terms]
         # Some rows stand for all in the norm of what cancels in Q(λ)φ.
         self._lines = np.sort(rng.choice(n, min(n, _LINES), replace=False))
@@ -82,8 +85,8 @@ class ReducedBasis:
         self._store = np.zeros((0, n))
         self.V = self._store.T
         self._small = [np.zeros((0, 0)) for _ in problem.terms]
-        self._right = [np.zeros((2 * _SAMPLES, 0)) for _ in problem.terms]  # Zᵀ A V
-        self._left = [np.zeros((2 * _SAMPLES, 0)) for _ in problem.terms]  # Zᵀ Aᵀ V
+        self._right = [np.zeros((self._Z.shape[1], 0)) for _ in problem.terms]  # Zᵀ A V
+        self._left = [np.zeros((self._Z.shape[1], 0)) for _ in problem.terms]  # Zᵀ Aᵀ V
         self._sampled_rows = np.zeros((len(self._lines), 0))
         self._cancels = 1.0
 
@@ -103,8 +106,8 @@ class ReducedBasis:
         """
         while True:
             parts = [self._meet(i, X) for i in range(len(self.problem.terms))]
-            inside = self._metric(parts, lambda p: (p.VAX + p.VATX) / 2)
-            whole = self._metric(parts, lambda p: (p.XAX + p.XAX.T) / 2)
+            inside = self._in_metric(parts, lambda p: (p.VAX + p.VATX) / 2)
+            whole = self._in_metric(parts, lambda p: (p.XAX + p.XAX.T) / 2)
             gram = whole - inside.T @ inside
             outside = gram.diagonal() / np.maximum(whole.diagonal(), np.finfo(float).tiny)
             long = np.flatnonzero((outside > _RANK) & (gram.diagonal() > threshold**2))
@@ -139,8 +142,8 @@ class ReducedBasis:
         ATX = times(transposed, X)
         return _Products(VAX, cross(V, ATX), XAX, ZAX, cross(Z, ATX))
 
-    def _metric(self, parts: list[_Products], take: Callable[[_Products], np.ndarray]) -> np.ndarray:
-        return np.asarray(sum(c * take(p) for c, p in zip(self._in_metric, parts, strict=True) if c))
+    def _in_metric(self, parts: list[_Products], take: Callable[[_Products], np.ndarray]) -> np.ndarray:
+        return np.asarray(sum(c * take(p) for c, p in zip(self.metric, parts, strict=True) if c))
 
     def _extend(self, X: np.ndarray) -> None:
         """Put columns behind those of V, each in one piece, for which address space is set aside."""
@@ -196,7 +199,7 @@ class ReducedBasis:
     def base(self, sigma: float) -> Pencil:
         """Return the pencil of K = P + σM."""
         M = self.problem.mass
-        return Pencil(M, sp.csr_array(weighted(self.problem, self._in_metric) + sigma * M), symmetric=True)
+        return Pencil(M, sp.csr_array(weighted(self.problem, self.metric) + sigma * M), symmetric=True)
 
     def undamped_values(self, sigma: float) -> np.ndarray:
         """Return the rising θ of the small problem without damping and friction: VᵀPV = 1, so θ = σ + 1/ν of VᵀMV."""

@@ -100,7 +100,10 @@ class ReducedModel:
         self.basis = ReducedBasis(condensed, parameter, metric, definite.half_solve)
         self.basis.append(vectors)
         del base, vectors
-        self.basis.calibrate(start, self._estimated(start)[0])
+        first = self._estimated(start)[0]
+        if not len(first):
+            raise NotConvergedError("the small model has no modes in the range that was asked for")
+        self.basis.calibrate(start, first)
         if modal:
             self._without = self.basis.undamped_values(self._sigma)
         else:

@@ -33,7 +33,7 @@ def _by_parts(apply: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.nd
     mixed = np.flatnonzero(columns.imag.any(axis=0))
     if len(mixed):
         result[:, mixed] += 1j * apply(np.ascontiguousarray(columns.imag[:, mixed]))
-    return result.reshape(-1, *x.shape[1:])
+    return result.reshape(len(result), *x.shape[1:])
 
 
 def normalising(gram: np.ndarray, columns: np.ndarray) -> np.ndarray:

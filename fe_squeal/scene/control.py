@@ -90,7 +90,7 @@ class Solve(Section):
     method : "auto", "direct", "reduced" or "modal"
         How the modes are computed: "direct" solves at every value; "reduced" makes a small model that holds over the
         sweep within the tolerance; "modal" projects on the modes without friction and damping and tells the error that
-        this makes; "auto" takes "reduced" for a large problem at many values, where the parameter allows it.
+        this makes; "auto" takes "reduced" for a large problem, where the parameter allows it.
     tolerance : float
         Relative backward error at which an eigenvalue is taken as converged.
     """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from fe_squeal.eigen.definite import PardisoCholesky, SuperLUCholesky
+from fe_squeal.eigen.definite import PardisoCholesky, SuperLUCholesky, factorize_definite
 from fe_squeal.eigen.linear_solvers import DenseFactor, factorize, has_pardiso
 from fe_squeal.errors import NotConvergedError
 
@@ -38,6 +38,13 @@ def test_halves_make_the_whole(solver):
 def test_what_is_not_definite_is_refused(solver):
     with pytest.raises(NotConvergedError):
         solver(definite(shift=5.0))
+
+
+def test_a_zero_on_the_diagonal_is_refused():
+    """Constraints by multipliers: MKL's Cholesky factorisation crashes on such a matrix."""
+    A = sp.block_array([[sp.eye_array(3), np.ones((3, 1))], [np.ones((1, 3)), None]], format="csr")
+    with pytest.raises(NotConvergedError, match="diagonal"):
+        factorize_definite(A)
 
 
 @pytest.mark.parametrize("imaginary", [0.0, 1.0])

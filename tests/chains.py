@@ -1,0 +1,63 @@
+"""Two elastic chains coupled by friction, with any of the effects, and their spectra by LAPACK."""
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from fe_squeal.problem import Problem
+from fe_squeal.terms import Term
+
+N, MODES, PATCH = 260, 8, 8
+
+
+def chain(*effects, n=N):
+    """Two chains side by side, coupled by friction in a patch: masses 0.5 to 1.5, stiffnesses over two decades."""
+    rng = np.random.default_rng(5)
+    half = n // 2
+
+    def line(low, high):
+        k = np.exp(rng.uniform(np.log(low), np.log(high), half + 1))
+        return sp.diags_array([k[:-1] + k[1:], -k[1:-1], -k[1:-1]], offsets=[0, 1, -1])
+
+    K = sp.block_diag([line(1.0, 50.0), line(2.0, 100.0)], format="csr")
+    patch, points = np.arange(half // 3, half // 3 + PATCH), np.tile(np.arange(PATCH), 2)
+    ones = np.ones(PATCH)
+    gap = sp.csr_array((np.r_[ones, -0.9 * ones], (points, np.r_[patch, patch + half])), (PATCH, n))
+    slip = sp.csr_array((np.r_[ones, ones], (points, np.r_[patch + 1, patch + half])), (PATCH, n))
+    terms = {
+        "mass": Term("mass", "M", sp.diags_array(rng.uniform(0.5, 1.5, n)).tocsr(), True),
+        "elastic": Term("elastic", "K", K, True),
+        "contact": Term("contact", "K", sp.csr_array(gap.T @ gap), True),
+        "friction": Term("friction", "K", sp.csr_array(1.7 * slip.T @ gap), False, {"mu": 1}),
+        "damper": Term("damper", "C", sp.csr_array(0.002 * K + 0.01 * sp.eye_array(n)), True),
+        "slip damping": Term("slip damping", "C", sp.csr_array(0.1 * slip.T @ slip), True, {"mu": 1}),
+        "gyroscope": Term("gyroscope", "C", _skew(n), False, skew=True),
+        "loss": Term("loss", "K", sp.csr_array(0.03 * K), True, imaginary=True),
+    }
+    return Problem(tuple(terms[t] for t in ("mass", "elastic", "contact", "friction", *effects)), {"mu": 0.3})
+
+
+def _skew(n):
+    A = sp.diags_array([np.full(n // 2, 0.05)], offsets=[n // 2], shape=(n, n))
+    return sp.csr_array(A - A.T)
+
+
+def dense(problem, mu):
+    """All eigenvalues of the upper half plane, by LAPACK."""
+    pencil = problem.pencil(mu=mu)
+    M, K = pencil.M.toarray(), pencil.K.toarray()
+    if pencil.C is None:
+        lam = 1j * np.sqrt(la.eigvals(K, M).astype(complex))
+        lam = np.concatenate([lam, -lam]) if not np.iscomplexobj(K) else lam
+    else:
+        n = len(M)
+        lower = np.hstack([-la.solve(M, K), -la.solve(M, pencil.C.toarray())])
+        lam = la.eigvals(np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), lower]))
+    return lam[lam.imag > 0]
+
+
+CLASSES = {
+    "nonsymmetric": (), "quadratic": ("damper", "slip damping"), "gyroscopic": ("gyroscope",),
+    "gyroscopic, damped": ("gyroscope", "damper"),
+    "complex": ("loss",), "complex with C": ("loss", "damper"),
+}  # fmt: skip
