@@ -46,6 +46,8 @@ class Onset:
         Of `value`.
     two_mode_value : float
         What the two branches' modes at the start of the sweep alone would predict; NaN if they never meet.
+    discretisation : float
+        Error of `value` by the mesh; NaN where it is not estimated.
     """
 
     parameter: str
@@ -58,6 +60,7 @@ class Onset:
     branch_b: int | None
     uncertainty: float
     two_mode_value: float = np.nan
+    discretisation: float = np.nan
 
 
 class Step:

@@ -27,8 +27,13 @@ from .sweep_result import Sweep
 INTERRUPTED = 130
 
 
-def run_scene(scene: Scene | MatrixScene, out: Path, console: Console) -> int:
+def run_scene(scene: Scene | MatrixScene, out: Path, console: Console, estimate: bool = False) -> int:
     """Assemble, sweep, and write every result into a folder.
+
+    Parameters
+    ----------
+    estimate : bool
+        Estimate the error of the mesh, too.
 
     Returns
     -------
@@ -71,6 +76,8 @@ def run_scene(scene: Scene | MatrixScene, out: Path, console: Console) -> int:
     except KeyboardInterrupt as stop:
         status, result = "interrupted", stop.args[0] if stop.args else None
     if result is not None:
+        if estimate and status == "complete":
+            result = _estimated(result, console)
         seconds |= dict(result.seconds)
         clock = time.perf_counter()
         write_results(scene, result, out)
@@ -177,6 +184,19 @@ def _explained(result: Sweep, scene: Scene | MatrixScene) -> Sweep:
         return result
     doubt = f"solve.max_frequency: given {scene.solve.max_frequency:g} Hz; no mode lies below it, so nothing is shown"
     return replace(result, doubts=(*result.doubts, doubt))
+
+
+def _estimated(result: Sweep, console: Console) -> Sweep:
+    """Add the errors of the mesh; where that fails, the doubt that it leaves."""
+    from .accuracy import with_discretisation
+
+    clock = time.perf_counter()
+    console.print("the error of the mesh is estimated on the mesh refined once")
+    try:
+        result = with_discretisation(result)
+    except (NotConvergedError, InputError) as error:
+        result = replace(result, doubts=(*result.doubts, f"the error of the mesh is not known: {error}"))
+    return replace(result, seconds={**result.seconds, "estimate": time.perf_counter() - clock})
 
 
 def _partial(error: NotConvergedError) -> Sweep | None:

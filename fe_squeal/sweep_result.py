@@ -63,6 +63,8 @@ class SweepPoint:
     base : BaseState or None
         The static state under preload.
     contacts : mapping of contact to its operators
+    discretisation : (k,) complex or None
+        Errors of Re λ and Im λ by the mesh, where they are estimated.
     """
 
     value: float
@@ -72,6 +74,7 @@ class SweepPoint:
     sensitivities: Mapping[int, Mapping[str, tuple[float, complex]]] = field(default_factory=dict)
     base: BaseState | None = None
     contacts: Mapping[str, ContactOperators] = field(default_factory=dict)
+    discretisation: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -116,13 +119,14 @@ class Sweep:
         rows = []
         for point in self.points:
             m = point.modes
+            mesh = np.full(len(m), np.nan * (1 + 1j)) if point.discretisation is None else point.discretisation
             for i, lam in enumerate(m.lam):
                 size, unstable = abs(lam), m.stability[i] == "unstable"
                 rows.append((
                     self.parameter, point.value, i + 1, point.branches[i], lam.real, lam.imag, m.frequency_hz[i],
                     -lam.real / size if size else 0.0, m.stability[i],
                     classify_noise(m.frequency_hz[i]) if unstable else "",
-                    m.backward_error[i], m.re_uncertainty[i], np.nan, np.nan,
+                    m.backward_error[i], m.re_uncertainty[i], mesh[i].real, mesh[i].imag,
                 ))  # fmt: skip
         return pd.DataFrame(rows, columns=list(MODE_COLUMNS))
 
@@ -130,7 +134,7 @@ class Sweep:
         """Return one row per onset, the columns of onsets.csv."""
         rows = [
             (o.parameter, o.value, o.frequency_hz, o.kind, o.direction, o.crossing_speed, o.branch_a, o.branch_b,
-             o.uncertainty, o.two_mode_value, np.nan)
+             o.uncertainty, o.two_mode_value, o.discretisation)
             for o in self.onsets
         ]  # fmt: skip
         frame = pd.DataFrame(rows, columns=list(ONSET_COLUMNS))

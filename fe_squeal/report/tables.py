@@ -63,7 +63,7 @@ def print_onsets(onsets: pd.DataFrame, console: Console) -> None:
     """Print where modes turn unstable or stable again, in the order of the parameter.
 
     Beside each value stands what the pair's own two modes at the start of the sweep predict in closed form: where the
-    two agree, a two-mode picture of the brake suffices.
+    two agree, a two-mode picture of the brake suffices. Where the error of the mesh is known, it stands there instead.
 
     Parameters
     ----------
@@ -77,7 +77,10 @@ def print_onsets(onsets: pd.DataFrame, console: Console) -> None:
     symbol = parameter_symbol(parameter_name(onsets))
     ordered = onsets.sort_values("value", kind="stable")
     table = _table("Onsets")
-    for head in (f"{symbol} at onset", "uncertainty", "two modes", "frequency, Hz", "kind", "direction", "branches"):
+    mesh = numbers(ordered, "discretisation") if "discretisation" in ordered else np.full(len(ordered), np.nan)
+    estimated = bool(np.isfinite(mesh).any())
+    beside = "mesh" if estimated else "two modes"
+    for head in (f"{symbol} at onset", "uncertainty", beside, "frequency, Hz", "kind", "direction", "branches"):
         table.add_column(head, justify="left" if head in ("kind", "direction") else "right")
     value, uncertainty = numbers(ordered, "value"), numbers(ordered, "uncertainty")
     frequency, two_modes = numbers(ordered, "frequency_hz"), numbers(ordered, "two_mode_value")
@@ -87,6 +90,8 @@ def print_onsets(onsets: pd.DataFrame, console: Console) -> None:
         pair = " + ".join(_name(b) for b in partners[i] if not np.isnan(b))
         known = "" if np.isnan(uncertainty[i]) else f"{uncertainty[i]:.1e}"
         guess = "" if np.isnan(two_modes[i]) else f"{two_modes[i]:.4g}"
+        if estimated:
+            guess = "?" if np.isnan(mesh[i]) else f"± {mesh[i]:.2g}"
         words = (str(row["kind"]), str(row["direction"]))
         table.add_row(f"{value[i]:.8g}", known, guess, f"{frequency[i]:.6g}", *words, pair)
     console.print(table)

@@ -2,35 +2,19 @@
 
 from __future__ import annotations
 
-from itertools import product
-
+import benchmark_path  # noqa: F401
 import numpy as np
 import pytest
+from closed_forms import sliding_block, wave_speeds
 
 from meshes import STEEL, box, frequencies, make_problem
 
 SIZE = (1.0, 0.83, 0.71)
-NU = STEEL["poisson_ratio"]
-C_S = np.sqrt(STEEL["youngs_modulus"] / (2 * (1 + NU)) / STEEL["density"])
-C_P = C_S * np.sqrt((2 - 2 * NU) / (1 - 2 * NU))
 SUPPORTS = [
     {"surface": s, "fixed": c} for c, pair in zip("xyz", ("left right", "front back", "bottom top"), strict=True)
     for s in pair.split()
 ]  # fmt: skip
 LOWEST = 4
-
-
-def exact_hz(count):
-    """Frequencies of a block with u·n = 0 and no shear on all faces, with multiplicities.
-
-    u_i = A_i sin(k_i x_i) Π_{j≠i} cos(k_j x_j), k = π(l/Lx, m/Ly, n/Lz), satisfies both; A ∥ k gives one pressure wave
-    ω = c_p|k|, A ⊥ k shear waves ω = c_s|k|. A_i means nothing where k_i = 0: z non-zero k_i leave z − 1 shear waves.
-    """
-    found = []
-    for lmn in product(range(6), repeat=3):
-        k = np.pi * np.linalg.norm(np.array(lmn) / SIZE)
-        found += [C_P * k] * bool(k > 0) + [C_S * k] * (np.count_nonzero(lmn) - 1)
-    return np.sort(found)[:count] / (2 * np.pi)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +32,7 @@ def test_eigenvalues_converge_with_order_2p(kind, order, cells):
     Reduced integration, a lumped mass or a wrong support would lower the rate or turn the sign. Skipping or doubling
     a mode leaves an error that does not converge at all.
     """
-    theta = exact_hz(LOWEST) ** 2
+    theta = sliding_block(SIZE, wave_speeds(**STEEL), LOWEST) ** 2
     errors = []
     for n in cells:
         problem = make_problem(box(kind, (n, n, n), SIZE), order=order, supports=SUPPORTS)

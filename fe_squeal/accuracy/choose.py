@@ -1,0 +1,177 @@
+"""Pick mesh size, order, modes and method for a target, from quick runs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..assembly import Assembly
+from ..eigen.memory import TooLargeError
+from ..errors import NotConvergedError, SceneError
+from ..scene import MU, Scene
+from ..sweep import sweep
+from ..sweep_result import Sweep
+from .estimate import BAR, EXTRAPOLATED, with_discretisation
+from .settings import Setting, own_setting, scene_at
+
+_START = 2.0  # times the scene's size: where the search begins
+_RATES = (1.0, 4.0)  # with which errors fall, between singular and smooth
+_STEP = (0.4, 0.8)  # of the size: what the next mesh has
+_MARGIN = 0.8  # of the target: what is aimed at
+_RUNS = 8
+_COMPARED = 0.8  # of the highest frequency: modes beyond may leave the range on another mesh
+_SMALLEST = 0.1  # of the sweep: what an onset's error is relative to where the onset itself is smaller
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One of the runs.
+
+    Attributes
+    ----------
+    setting : Setting
+    unknowns : int
+    error : float
+        The largest estimated error of what is wanted, relative.
+    seconds : float
+        With the estimate.
+    """
+
+    setting: Setting
+    unknowns: int
+    error: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What was picked.
+
+    Attributes
+    ----------
+    scene : Scene
+        With the size and order that meet the target.
+    result : Sweep
+        With the errors of the mesh.
+    trials : tuple of Trial
+        The last is that of the result.
+    """
+
+    scene: Scene
+    result: Sweep
+    trials: tuple[Trial, ...]
+
+
+def choose(scene: Scene, target: float, progress: Callable[[Trial], None] = lambda trial: None) -> Choice:
+    """Find the coarsest mesh on which frequencies, growth rates and critical values meet a target.
+
+    Both orders are tried on a coarse mesh; the one that would reach the target with less work goes on, with sizes that
+    follow from the errors estimated so far. The number of modes is the scene's: those asked for are certified, and more
+    of them would not change any. The method is the reduced one where the parameter allows it.
+
+    Parameters
+    ----------
+    target : float
+        Relative error, see `estimated_error`.
+
+    Raises
+    ------
+    SceneError
+        The mesh is a file without a geometry.
+    NotConvergedError
+        The target is not met by the finest mesh that fits; `partial` is the choice nearest to it.
+    """
+    if not 0 < target < 1:
+        raise SceneError(f"--accuracy: given {target:g}; expected a relative error between 0 and 1")
+    if scene.mesh.geometry is None:
+        raise SceneError(
+            "--accuracy: a mesh file has one size; expected [mesh.disc_pad] or [mesh.block]"
+        )
+    own = replace(own_setting(scene), method=scene.solve.method)
+    trials: list[Trial] = []
+    results: list[tuple[Scene, Sweep]] = []
+
+    def run(setting: Setting) -> Trial:
+        start = time.perf_counter()
+        changed, loaded = scene_at(scene, setting)
+        if scene.solve.max_frequency is not None:
+            changed = changed.model_copy(update={"solve": scene.solve})
+        problem = Assembly(changed, loaded).problem({})
+        grid, parameter = [problem.parameters.get(MU, 0.0)], MU
+        if scene.sweep is not None:
+            grid, parameter = [float(v) for v in scene.sweep.grid], scene.sweep.parameter
+        solve = changed.solve
+        result = with_discretisation(sweep(
+            problem, grid, parameter, modes=solve.modes, max_frequency=solve.max_frequency, tolerance=solve.tolerance,
+            keep_shapes=scene.output.shapes == "all", method=solve.method,
+        ))  # fmt: skip
+        trial = Trial(setting, problem.unknowns, estimated_error(result), time.perf_counter() - start)
+        trials.append(trial)
+        results.append((changed, result))
+        progress(trial)
+        return trial
+
+    first = {order: run(replace(own, order=order, size=_START * own.size / (3 - order))) for order in (1, 2)}
+    order = min(first, key=lambda o: _work(first[o], target))
+    last, before = first[order], None
+    while not last.error <= target:
+        rate = _RATES[0] if order == 1 else np.mean(_RATES)
+        if before is not None:
+            rate = np.log(before.error / last.error) / np.log(before.setting.size / last.setting.size)
+        known = last.error if np.isfinite(last.error) else 1.0
+        step = float(np.clip((_MARGIN * target / known) ** (1 / np.clip(rate, *_RATES)), *_STEP))
+        if len(trials) == _RUNS:
+            raise _missed(target, trials, results, f"after {_RUNS} runs")
+        before = last
+        try:
+            last = run(replace(last.setting, size=step * last.setting.size))
+        except (TooLargeError, NotConvergedError) as error:
+            raise _missed(target, trials, results, str(error)) from error
+    return Choice(*results[-1], tuple(trials))
+
+
+def estimated_error(result: Sweep) -> float:
+    """Return the largest estimated error of a sweep with bars, relative; NaN where one is not known.
+
+    Of the frequencies at all values, up to 0.8 of the highest; of the growth rates relative to the largest one; of
+    critical values relative to themselves, to a tenth of the sweep where they are less. The likely error is meant, not
+    the bar that nearly always holds it.
+    """
+    highest = max(float(p.modes.lam.imag.max(initial=0.0)) for p in result.points)
+    fastest = max(float(p.modes.lam.real.max(initial=0.0)) for p in result.points)
+    found: list[float] = []
+    for point in result.points:
+        assert point.discretisation is not None
+        lam, bar = point.modes.lam, point.discretisation
+        swinging = (lam.imag > 0) & (lam.imag <= _COMPARED * highest)
+        found += (bar.imag[swinging] / lam.imag[swinging]).tolist()
+        growing = swinging & (point.modes.stability == "unstable")
+        found += (bar.real[growing] / fastest).tolist()
+    width = float(np.ptp([p.value for p in result.points]))
+    found += [
+        o.discretisation / max(abs(o.value), _SMALLEST * width)
+        for o in result.onsets
+        if 2 * np.pi * o.frequency_hz <= _COMPARED * highest
+    ]
+    return float(np.max(found) * EXTRAPOLATED / BAR) if found else 0.0
+
+
+def _work(trial: Trial, target: float) -> float:
+    """Return about how many unknowns an order needs for a target; infinity where its error is not known."""
+    rate = {1: 2.0, 2: 3.0}[trial.setting.order]
+    return float(np.nan_to_num(trial.unknowns * (trial.error / target) ** (3 / rate), nan=np.inf))
+
+
+def _missed(
+    target: float, trials: list[Trial], results: list[tuple[Scene, Sweep]], why: str
+) -> NotConvergedError:
+    best = int(np.nanargmin([t.error for t in trials])) if np.isfinite([t.error for t in trials]).any() else -1
+    kept = [*trials[:best], *trials[best + 1 :], trials[best]]
+    nearest = f"{100 * trials[best].error:.2g} % with {trials[best].setting}"
+    return NotConvergedError(
+        f"the target of {100 * target:g} % is not met: {nearest} ({why})",
+        partial=Choice(*results[best], tuple(kept)),
+    )

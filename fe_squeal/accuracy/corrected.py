@@ -1,0 +1,108 @@
+"""A small model of the same problem on the refined mesh, from the modes of the coarse one and their corrections."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from ..blocks import cross, times
+from ..eigen.definite import factorize_definite
+from ..eigen.pencil import Modes
+from ..problem import Problem
+from ..reduced import ReducedModel
+from ..reduced.basis import ReducedBasis
+from ..reduced.undamped import weighted
+from ..reduced.vectors import real_columns
+from .two_level import TwoLevelSolver
+
+_CORRECTED = 2  # values of the parameter at which modes are corrected: the ends of the sweep
+_ROUNDS = 2  # of corrections, where the first ones are
+_LONG = 0.02  # of the energy of a mode: longer ones change it too much for one round
+_NODES = 5  # whose modes span the final basis
+_FINE = 1e-5  # of a vector: what is left out of it
+
+
+class CorrectedModel:
+    """The Galerkin projection of the refined problem on coarse modes φ and their corrections −P⁻¹Q(λ)φ.
+
+    On what the coarse mesh does not hold, of frequencies far beyond those of the modes, Q(λ) is close to P = K − σM,
+    so that a correction is what a step of inverse iteration on the refined mesh would add. Right and left modes are
+    corrected: an eigenvalue's change is then right up to the product of two errors of corrections.
+
+    Attributes
+    ----------
+    small : Problem
+        Its terms, over the parameter alone.
+    iterations : int
+        Of conjugate gradients, on blocks.
+    """
+
+    def __init__(self, model: ReducedModel, fine: Problem, E: sp.csr_array, values: np.ndarray) -> None:
+        """Build the model.
+
+        Parameters
+        ----------
+        model : ReducedModel
+            Of the coarse problem.
+        fine : Problem
+            On the refined mesh.
+        E : (n_fine, n_coarse) sparse
+            Prolongation.
+        values : (m,) float
+            Of the sweep.
+        """
+        coarse, parameter = model.basis.problem, model.parameter
+        metric = {t.name: c for t, c in zip(coarse.terms, model.basis.metric, strict=True)}
+        start = coarse.value(parameter)
+        condensed = fine.condensed(parameter).at(**{parameter: start})
+        weights = [metric.get(t.name, 0.0) for t in condensed.terms]
+        factor = factorize_definite(weighted(coarse, model.basis.metric))
+        P = weighted(condensed, weights)
+        solver = TwoLevelSolver(P, E, factor.solve)
+        basis = ReducedBasis(condensed, parameter, weights, None)
+        EV = times(E, model.basis.V)
+        basis.append(EV)
+        chosen = values[np.unique(np.round(np.linspace(0, len(values) - 1, _CORRECTED)).astype(int))].tolist()
+        for value in chosen:
+            for _ in range(_ROUNDS):
+                if not self._correct(basis, solver, value, self._asked(basis, value, model)):
+                    break
+        self.iterations = solver.iterations
+        self._coordinates = cross(basis.V, times(P, EV))
+        wave = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
+        spanned = np.zeros((len(basis), 0))
+        for value in (values[0] + values[-1] - np.ptp(values) * wave) / 2 if len(values) > 1 else values:
+            modes = self._asked(basis, float(value), model)
+            assert modes.left is not None
+            new = np.hstack([real_columns(modes.right), real_columns(modes.left)])
+            spanned = np.hstack([spanned, new / np.linalg.norm(new, axis=0)])
+        U, s, _ = la.svd(spanned, full_matrices=False)
+        W = U[:, s > _FINE * s[0]]
+        self._coordinates = W.T @ self._coordinates
+        self.small = basis.restricted(W).condensed()
+
+    def _correct(self, basis: ReducedBasis, solver: TwoLevelSolver, value: float, modes: Modes) -> bool:
+        """Add the corrections of modes at a value; return whether one is so long that it should itself be corrected."""
+        right, left = basis.residuals(value, modes)
+        one_side = basis.pencil(value).problem_class == "symmetric"
+        long = False
+        for residual in (right,) if one_side else (right, left):
+            columns = real_columns(residual)
+            z = solver.solve(columns)
+            basis.append(z)
+            length = np.linalg.norm(modes.right, axis=0).min()  # in the norm of P
+            long |= bool((np.einsum("ij,ij->j", columns, z) > _LONG * length**2).any())
+        return long
+
+    def coordinates(self, shapes: np.ndarray) -> np.ndarray:
+        """Return coarse modes, given in the coarse model's coordinates, in those of this one."""
+        return np.asarray(self._coordinates @ shapes)
+
+    @staticmethod
+    def _asked(basis: ReducedBasis, value: float, model: ReducedModel) -> Modes:
+        """Return the modes up to those asked for; of λ and −λ*, with equal shapes, one."""
+        modes = basis.modes(value, model.highest)
+        if not basis.problem.is_damped:
+            modes = modes.select(np.flatnonzero(modes.lam.real >= 0))
+        return modes

@@ -1,0 +1,147 @@
+"""Errors of one result against another on a finer mesh: modes are paired by shape, not by number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from ..onset_step import Onset
+from .estimate import EXTRAPOLATED, UNSURE, pair_onsets
+from .measure import Measurement
+
+_FREQUENCY = 0.1  # relative change of an eigenvalue that weighs half as much as a wholly different shape
+_NO_MATCH = 1.5
+_COMPARED = 0.8  # of the highest frequency of the reference: modes beyond may not be among those of a coarse mesh
+_SMALLEST = 0.1  # of the sweep: what an onset's error is relative to where the onset itself is smaller
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What results are compared with.
+
+    Attributes
+    ----------
+    shapes, last_shapes : (3 p, k) complex
+        At the first and the last value.
+    lam, last : (k,) complex, rad/s
+    onsets : (o, 6) float
+        As in `Measurement`.
+    width : float
+        Of the sweep.
+    uncertainty : Errors
+        Its own, as far as known.
+    """
+
+    shapes: np.ndarray
+    last_shapes: np.ndarray
+    lam: np.ndarray
+    last: np.ndarray
+    onsets: np.ndarray
+    width: float
+    uncertainty: Errors
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Relative errors; NaN where there is nothing to compare.
+
+    Attributes
+    ----------
+    frequency : float
+        The largest of a mode at the first value, over the modes up to 0.8 of the highest frequency; 1 for a mode that
+        is not found.
+    growth : float
+        The largest of Re λ at the last value, over the modes that are unstable, relative to the largest Re λ.
+    onset : float
+        The largest of a critical value, relative to itself (to a tenth of the sweep where it is less); 1 for one that
+        is not found.
+    """
+
+    frequency: float = np.nan
+    growth: float = np.nan
+    onset: float = np.nan
+
+
+def reference_of(m: Measurement) -> Reference:
+    """Return the extrapolation of a result by what refining its mesh once changes, with its uncertainty.
+
+    The change is between half and 15/16 of the error, see `estimate.BAR`; the middle is taken.
+    """
+    known = len(m.changes) > 0
+    changes = np.nan_to_num(m.changes) if known else np.zeros_like(m.lam)
+    moved = np.nan_to_num(m.onset_changes) if known else np.zeros(len(m.onsets))
+    k, last = (int(np.isfinite(m.lam[i]).sum()) for i in (0, -1))
+    onsets = m.onsets.copy()
+    onsets[:, 0] += EXTRAPOLATED * moved
+    lam = m.lam + EXTRAPOLATED * changes
+    width = float(np.ptp(m.values))
+    rough = Reference(m.first, m.last, lam[0, :k], lam[-1, :last], onsets, width, Errors())
+    if not known:
+        return rough
+    unsure = UNSURE / EXTRAPOLATED  # of the way from the result to the reference
+    errors = errors_of(m, rough)
+    own = Errors(*(unsure * e for e in (errors.frequency, errors.growth, errors.onset)))
+    return Reference(m.first, m.last, lam[0, :k], lam[-1, :last], onsets, width, own)
+
+
+def errors_of(m: Measurement, reference: Reference) -> Errors:
+    """Return the errors of a result."""
+    k, last = (int(np.isfinite(m.lam[i]).sum()) for i in (0, -1))
+    same = same_modes(reference.shapes, reference.lam, m.first, m.lam[0, :k])
+    limit = _COMPARED * float(reference.lam.imag.max(initial=0.0))
+    counted = np.flatnonzero((reference.lam.imag > 0) & (reference.lam.imag <= limit))
+    frequency = [
+        abs(m.lam[0, same[i]].imag - reference.lam[i].imag) / reference.lam[i].imag if i in same else 1.0
+        for i in counted.tolist()
+    ]
+    growth = _growth_error(m, last, reference, limit)
+    return Errors(max(frequency, default=np.nan), growth, _onset_error(m, reference, same, limit))
+
+
+def same_modes(shapes: np.ndarray, lam: np.ndarray, others: np.ndarray, found: np.ndarray) -> dict[int, int]:
+    """Return which of other modes is each mode, by the MAC of displacements at the same points, and the eigenvalue."""
+    size = np.sqrt(np.outer((np.abs(shapes) ** 2).sum(axis=0), (np.abs(others) ** 2).sum(axis=0)))
+    mac = (np.abs(shapes.conj().T @ others) / np.maximum(size, np.finfo(float).tiny)) ** 2
+    distance = np.abs(lam[:, None] - found[None, :])
+    scale = _FREQUENCY * np.maximum(np.abs(lam[:, None]), np.finfo(float).tiny)
+    cost = 1 - mac + distance / (distance + scale)
+    rows, columns = linear_sum_assignment(cost)
+    return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if cost[i, j] < _NO_MATCH}
+
+
+def _growth_error(m: Measurement, k: int, reference: Reference, limit: float) -> float:
+    found, true = m.lam[-1, :k], reference.last
+    tiny = 1e-9 * limit
+    growing = [i for i in np.flatnonzero(true.real > tiny).tolist() if true[i].imag <= limit]
+    extra = {j for j in np.flatnonzero(found.real > tiny).tolist() if found[j].imag <= limit}
+    largest = max((float(true[i].real) for i in growing), default=0.0)
+    if not growing and not extra:
+        return np.nan
+    if not growing:
+        return 1.0
+    same = same_modes(reference.last_shapes, true, m.last, found)
+    errors = [abs(found[same[i]].real - true[i].real) if i in same else true[i].real for i in growing]
+    errors += [found[j].real for j in extra - set(same.values())]
+    return float(max(errors) / largest)
+
+
+def _onset_error(m: Measurement, reference: Reference, same: dict[int, int], limit: float) -> float:
+    true, found = (_onsets(o) for o in (reference.onsets, m.onsets))
+    paired = pair_onsets(true, found, same, reference.width)
+    errors = []
+    for onset, j in zip(true, paired, strict=True):
+        if 2 * np.pi * onset.frequency_hz > limit:
+            continue
+        scale = max(abs(onset.value), _SMALLEST * reference.width)
+        errors.append(abs(found[j].value - onset.value) / scale if j is not None else 1.0)
+    return max(errors, default=np.nan)
+
+
+def _onsets(rows: np.ndarray) -> list[Onset]:
+    return [
+        Onset("", v, f, "flutter" if flutter else "divergence", "into" if into else "out of", np.nan, int(a),
+              None if np.isnan(b) else int(b), 0.0)
+        for v, f, flutter, into, a, b in rows.tolist()
+    ]  # fmt: skip

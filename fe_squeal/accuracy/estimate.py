@@ -1,0 +1,176 @@
+"""Error bars: how far modes and onsets are from those of an infinitely fine mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from ..assembly import Assembly
+from ..eigen.dense import solve_dense
+from ..eigen.pencil import Modes
+from ..eigen.solve import Request
+from ..errors import SceneError
+from ..mesh.refining import refine
+from ..onset import Onset
+from ..problem import Problem
+from ..reduced import ReducedModel
+from ..sweep import sweep
+from ..sweep_result import Sweep, SweepPoint
+from ..tracking import match_modes
+from .corrected import CorrectedModel
+from .two_level import prolongation
+
+# Times the change from the mesh to the one refined once. Halving leaves 2^-q of an error: q = 4 for smooth modes of
+# order 2, 2 for those of order 1, and down to 1 where stresses are singular: at edges of contacts, clamped edges,
+# re-entrant corners. The error is then between 16/15 and 2 times the change: a bar that holds it, the likely error, and
+# how unsure that is.
+BAR, EXTRAPOLATED, UNSURE = 2.0, 1.4, 0.4
+_FAR = 0.2  # of the sweep, or of the frequency: what an onset moves that counts as much as another pair of branches
+_LOST = 2.0  # of this: where an onset is another one
+_VALUE = "value"
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What refining the mesh once changes.
+
+    Attributes
+    ----------
+    modes : tuple of (k,) complex
+        Of λ, rad/s, of every mode at every value; NaN where it is not found again.
+    onsets : tuple of float
+        Of the value of every onset; NaN where it is not found again.
+    """
+
+    modes: tuple[np.ndarray, ...]
+    onsets: tuple[float, ...]
+
+
+def with_discretisation(result: Sweep) -> Sweep:
+    """Return a sweep with the error of the mesh on all modes and onsets: `BAR` times what `refined_changes` gives.
+
+    Raises
+    ------
+    SceneError
+        The problem has no mesh.
+    NotConvergedError
+        The corrections are not found.
+    """
+    changes = refined_changes(result)
+    points = [
+        replace(point, discretisation=BAR * (np.abs(c.real) + 1j * np.abs(c.imag)))
+        for point, c in zip(result.points, changes.modes, strict=True)
+    ]
+    onsets = [
+        replace(onset, discretisation=BAR * abs(c)) for onset, c in zip(result.onsets, changes.onsets, strict=True)
+    ]
+    unknown = sum(int(np.isnan(c).sum()) for c in (*changes.modes, np.array(changes.onsets)))
+    doubts = result.doubts
+    if unknown:
+        doubts += (f"the error of the mesh is not known for {unknown} modes and onsets: refined, they are others",)
+    return replace(result, points=tuple(points), onsets=tuple(onsets), doubts=doubts)
+
+
+def refined_changes(result: Sweep) -> Changes:
+    """Return how the modes and onsets of a sweep change where every element is cut into eight.
+
+    The modes are corrected on the refined mesh, see `CorrectedModel`, and followed over the same sweep. Where the
+    parameter changes matrices (under preload) both meshes take matrices that are quadratic in it.
+
+    Raises
+    ------
+    SceneError
+        The problem has no mesh.
+    NotConvergedError
+        The corrections are not found.
+    """
+    problem, parameter = result.problem, result.parameter
+    assembly = problem.source
+    if not isinstance(assembly, Assembly):
+        raise SceneError("the error of a mesh is asked for (--estimate), and the scene has matrices instead of a mesh")
+    values = np.array([p.value for p in result.points])
+    refined = Assembly(assembly.scene, refine(assembly.loaded))
+    E = prolongation(assembly.space, refined.space)
+    fine = refined.problem(problem.changed).prepared(parameter, values)
+    affine = [_affine(p, parameter, values) for p in (problem, fine)]
+    axis, at = (parameter, values) if len(values) > 1 else (_VALUE, np.zeros(1))
+    model = result.model
+    if model is None or len(values) == 1 or not problem.is_affine(parameter):
+        model = ReducedModel(affine[0], axis, at, Request(count=max(len(p.modes) for p in result.points) + 2))
+    corrected = CorrectedModel(model, affine[1], E, at)
+    changes, first = [], None
+    for point, value in zip(result.points, at.tolist(), strict=True):
+        before, now = model.modes(value), solve_dense(corrected.small.pencil(**{axis: value}), 1.5 * model.highest)
+        same = _same(corrected, before, now)
+        first = same if first is None else first
+        changes.append(_changes(point, before, now, same))
+    onsets: list[float] = []
+    if result.onsets:
+        found = sweep(corrected.small, at, axis, modes=len(model.modes(float(at[0]))), method="direct").onsets
+        paired = pair_onsets(result.onsets, found, first or {}, float(np.ptp(values)))
+        onsets = [
+            found[j].value - onset.value if j is not None else np.nan
+            for onset, j in zip(result.onsets, paired, strict=True)
+        ]
+    return Changes(tuple(changes), tuple(onsets))
+
+
+def _affine(problem: Problem, parameter: str, values: np.ndarray) -> Problem:
+    """Return the problem with a parameter that changes coefficients alone; at one value there is none to change."""
+    if len(values) > 1:
+        return problem.interpolated(parameter, float(values[0]), float(values[-1]))
+    here = problem.at(**{parameter: float(values[0])}) if problem.has(parameter) else problem
+    return Problem(here.terms, {**here.parameters, _VALUE: 0.0})
+
+
+def _same(corrected: CorrectedModel, before: Modes, now: Modes) -> dict[int, int]:
+    """Return which corrected mode belongs to each mode, by shape and eigenvalue together."""
+    lifted = replace(before, right=corrected.coordinates(before.right), left=None)
+    origin = match_modes(lifted, now, corrected.small.mass).origin
+    return {int(i): j for j, i in enumerate(origin) if i >= 0}
+
+
+def _changes(point: SweepPoint, before: Modes, now: Modes, same: dict[int, int]) -> np.ndarray:
+    """Return the changes (k,) of the modes of a point, each of which is the nearest of `before`."""
+    changes = np.full(len(point.modes), np.nan * (1 + 1j))
+    rows, columns = linear_sum_assignment(np.abs(point.modes.lam[:, None] - before.lam[None, :]))
+    for i, near in zip(rows.tolist(), columns.tolist(), strict=True):
+        if near in same:
+            changes[i] = now.lam[same[near]] - before.lam[near]
+    return changes
+
+
+def pair_onsets(
+    onsets: Sequence[Onset], found: Sequence[Onset], same: Mapping[int, int], width: float
+) -> list[int | None]:
+    """Return for each onset which of others it is, or None: by kind, direction, branches, value and frequency.
+
+    Parameters
+    ----------
+    same : mapping
+        Which mode at the first value belongs to each mode; the branches are named after these.
+    width : float
+        Of the interval of the parameter.
+    """
+
+    def branches(onset: Onset) -> set[int]:
+        return {b for b in (onset.branch_a, onset.branch_b) if b is not None}
+
+    def unlike(a: Onset, b: Onset) -> float:
+        if (a.kind, a.direction) != (b.kind, b.direction):
+            return np.inf
+        paired = {same[x - 1] + 1 for x in branches(a) if x - 1 in same}
+        moved = abs(a.value - b.value) / width + abs(a.frequency_hz - b.frequency_hz) / max(a.frequency_hz, 1e-300)
+        return moved / _FAR + (paired != branches(b))
+
+    result: list[int | None] = [None] * len(onsets)
+    every = sorted((unlike(a, b), i, j) for i, a in enumerate(onsets) for j, b in enumerate(found))
+    taken: set[int] = set()
+    for cost, i, j in every:
+        if cost < _LOST and result[i] is None and j not in taken:
+            result[i] = j
+            taken.add(j)
+    return result

@@ -1,0 +1,219 @@
+"""One setting of a study, in a process of its own: what comes out, and what it costs."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from dataclasses import asdict, dataclass, fields
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import cKDTree
+
+from ..assembly import Assembly
+from ..errors import NotConvergedError, SquealError
+from ..report import replace_atomically
+from ..results import peak_memory_mib
+from ..scene import MU, Scene
+from ..sweep import sweep
+from .estimate import Changes, refined_changes
+from .settings import Setting, scene_at
+
+_PROBES = 200  # points at which shapes on different meshes are compared
+_NEAREST = 4  # nodes from which the displacement of a point is taken
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What a setting gives and costs.
+
+    Attributes
+    ----------
+    unknowns : int
+    seconds : mapping of stage to s
+    peak_memory_mib : float
+    values : (m,) float
+    lam : (m, k) complex, rad/s
+        NaN behind the last mode.
+    first, last : (3 p, k) complex
+        Shapes at the probes, at the first and the last value.
+    onsets : (o, 6) float
+        Value, frequency in Hz, whether it is flutter, whether into instability, branches a and b (NaN for none).
+    changes : (m, k) complex, rad/s
+        What refining the mesh once changes; empty where that was not asked for.
+    onset_changes : (o,) float
+    """
+
+    unknowns: int
+    seconds: dict[str, float]
+    peak_memory_mib: float
+    values: np.ndarray
+    lam: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+    onsets: np.ndarray
+    changes: np.ndarray
+    onset_changes: np.ndarray
+
+    @property
+    def total(self) -> float:
+        """Seconds in all, without the estimate."""
+        return sum(t for stage, t in self.seconds.items() if stage != "estimate")
+
+    def save(self, path: Path) -> None:
+        """Write all of it into an .npz file."""
+        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "seconds"}
+        stages = {"stages": np.array(list(self.seconds)), "seconds": np.array(list(self.seconds.values()))}
+        with replace_atomically(path) as temporary, open(temporary, "wb") as file:
+            np.savez(file, **{**plain, **stages})
+
+    @classmethod
+    def load(cls, path: Path) -> Measurement:
+        """Read what `save` wrote."""
+        with np.load(path, allow_pickle=False) as file:
+            found = {f.name: file[f.name] for f in fields(cls)}
+            seconds = dict(zip(file["stages"].tolist(), file["seconds"].tolist(), strict=True))
+        found |= {"unknowns": int(found["unknowns"]), "peak_memory_mib": float(found["peak_memory_mib"])}
+        return cls(**{**found, "seconds": seconds})
+
+
+def measure(
+    scene: Scene, setting: Setting, probes: np.ndarray | None, estimate: bool
+) -> tuple[Measurement, np.ndarray]:
+    """Solve a scene at a setting.
+
+    Parameters
+    ----------
+    probes : (p, 4) float, optional
+        Number of the body and position, m; chosen here where there are none.
+    estimate : bool
+        Look what refining the mesh changes, too.
+
+    Returns
+    -------
+    Measurement, probes
+    """
+    clock = time.perf_counter()
+    changed, loaded = scene_at(scene, setting)
+    seconds = {"mesh": time.perf_counter() - clock}
+    clock = time.perf_counter()
+    assembly = Assembly(changed, loaded)
+    problem = assembly.problem({})
+    seconds["assembly"] = time.perf_counter() - clock
+    probes = _choose(assembly) if probes is None else probes
+    grid, parameter = [problem.parameters.get(MU, 0.0)], MU
+    if changed.sweep is not None:
+        grid, parameter = [float(v) for v in changed.sweep.grid], changed.sweep.parameter
+    count = min(setting.modes, problem.unknowns)
+    method = setting.method
+    result = sweep(problem, grid, parameter, modes=count, tolerance=setting.tolerance, keep_shapes=True, method=method)
+    seconds |= dict(result.seconds)
+    at = _at(assembly, probes)
+    if len(result.points) == 1:
+        first = result.points[0].shapes
+    elif result.model is not None:
+        modes = result.model.modes(float(grid[0]))
+        first = {i: result.model.lift(modes.right[:, i]) for i in range(len(result.points[0].modes))}
+    else:
+        first = sweep(problem, grid[:1], parameter, modes=count, keep_shapes=True, method="direct").points[0].shapes
+    changes, peak = Changes((), ()), peak_memory_mib()
+    if estimate:
+        clock = time.perf_counter()
+        changes = refined_changes(result)
+        seconds["estimate"] = time.perf_counter() - clock
+    return Measurement(
+        unknowns=problem.unknowns, seconds=seconds, peak_memory_mib=np.nan if peak is None else peak,
+        values=np.array(grid), lam=_padded([p.modes.lam for p in result.points]),
+        first=np.stack([at @ first[i] for i in range(len(result.points[0].modes))], axis=1),
+        last=np.stack([at @ result.points[-1].shapes[i] for i in range(len(result.points[-1].modes))], axis=1),
+        onsets=np.array([
+            (o.value, o.frequency_hz, o.kind == "flutter", o.direction == "into", o.branch_a,
+             np.nan if o.branch_b is None else o.branch_b) for o in result.onsets
+        ], float).reshape(-1, 6),
+        changes=_padded(list(changes.modes)), onset_changes=np.array(changes.onsets, float),
+    ), probes  # fmt: skip
+
+
+def measure_apart(
+    scene: Scene, setting: Setting, probes: np.ndarray | None, estimate: bool, seconds: float | None
+) -> tuple[Measurement, np.ndarray] | None:
+    """Do the same in a new process, whose memory is its own; None where that takes longer than the seconds given.
+
+    Raises
+    ------
+    SquealError
+        What the process raised.
+    """
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe(duplex=False)
+    process = context.Process(target=_child, args=(there, scene, setting, probes, estimate), daemon=True)
+    process.start()
+    there.close()
+    try:
+        if not here.poll(seconds):
+            return None
+        try:
+            found = here.recv()
+        except EOFError as error:
+            raise NotConvergedError(f"{setting}: the process was killed, or out of memory") from error
+    finally:
+        process.kill()
+        process.join()
+        here.close()
+    if isinstance(found, SquealError):
+        raise found
+    kind, probes = Measurement(**found[0]), found[1]
+    return kind, probes
+
+
+def _child(
+    pipe: Connection, scene: Scene, setting: Setting, probes: np.ndarray | None, estimate: bool
+) -> None:
+    try:
+        found, chosen = measure(scene, setting, probes, estimate)
+        pipe.send((asdict(found), chosen))
+    except SquealError as error:
+        pipe.send(type(error)(str(error)))
+
+
+def _choose(assembly: Assembly) -> np.ndarray:
+    """Return probes at nodes of every body, as many as its share of all nodes."""
+    rng = np.random.default_rng(11)
+    nodes = _nodes(assembly)
+    total = sum(len(n) for n in nodes)
+    found = []
+    for number, own in enumerate(nodes):
+        some = rng.choice(own, min(len(own), -(-_PROBES * len(own) // total)), replace=False)
+        found.append(np.column_stack([np.full(len(some), number), assembly.space.coordinates[some]]))
+    return np.vstack(found)
+
+
+def _nodes(assembly: Assembly) -> list[np.ndarray]:
+    return [np.unique(assembly.space.dofs.element_dofs[:, elements]) for elements in assembly.bodies.values()]
+
+
+def _at(assembly: Assembly, probes: np.ndarray) -> sp.csr_array:
+    """Return the operator (3 p, n) that gives displacements at probes, from the nearest nodes of their bodies."""
+    space = assembly.space
+    rows, columns, data = [], [], []
+    for number, own in enumerate(_nodes(assembly)):
+        mine = np.flatnonzero(probes[:, 0] == number)
+        count = min(_NEAREST, len(own))
+        distance, near = cKDTree(space.coordinates[own]).query(probes[mine, 1:], k=np.arange(1, count + 1))
+        weight = 1 / (distance + 1e-9 * distance.max(initial=1e-300))
+        rows.append(np.repeat(mine, count))
+        columns.append(own[near].ravel())
+        data.append((weight / weight.sum(axis=1, keepdims=True)).ravel())
+    values = sp.csr_array(
+        (np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=(len(probes), space.nodes)
+    )
+    return sp.csr_array(sp.kron(values, sp.eye_array(3), format="csr")[:, space.free])
+
+
+def _padded(rows: list[np.ndarray]) -> np.ndarray:
+    out = np.full((len(rows), max((len(r) for r in rows), default=0)), np.nan * (1 + 1j))
+    for i, row in enumerate(rows):
+        out[i, : len(row)] = row
+    return out

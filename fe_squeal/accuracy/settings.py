@@ -1,0 +1,111 @@
+"""What a study varies: mesh size, order, number of modes, method and tolerance, and the scene at one such setting."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from .. import __version__
+from ..bodies import read_mesh
+from ..mesh import LoadedMesh
+from ..mesh.refining import refine
+from ..scene import Scene
+from ..sweep import MODES
+
+_SIZES = (2.0, 2**0.5, 1.0, 2**-0.5, 0.5)  # times the scene's own size, where there is a geometry to mesh
+_LEVELS = 2  # how often a mesh from a file is refined
+_MORE_MODES = (1.5, 2.0, 3.0)  # times the modes asked for: what a modal projection may take
+_TOLERANCES = (1e-2, 1e-4, 1e-6)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One point of a study.
+
+    Attributes
+    ----------
+    order : int
+        Of the displacements.
+    size : float, m
+        Of the elements.
+    modes : int
+    method : "reduced", "direct" or "modal"
+    tolerance : float
+    refinement : int
+        How often the mesh of a file is refined; 0 where the size is that of a parametric geometry.
+    knob : str
+        What the study varies here.
+    """
+
+    order: int
+    size: float
+    modes: int
+    method: str
+    tolerance: float
+    refinement: int = 0
+    knob: str = ""
+
+    def key(self, scene: Scene) -> str:
+        """Return a name for the result, the same for the same scene, setting and version."""
+        plain = asdict(replace(self, knob=""))
+        text = f"{__version__} {scene.model_dump_json(exclude={'output', 'title', 'source'})} {sorted(plain.items())}"
+        mesh = scene.mesh_path
+        if mesh is not None and scene.mesh.geometry is None:
+            text += hashlib.sha256(mesh.read_bytes()).hexdigest()
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def __str__(self) -> str:
+        return f"order {self.order}, size {self.size:.3g} m, {self.modes} modes, {self.method}, {self.tolerance:g}"
+
+
+def plan(scene: Scene) -> list[Setting]:
+    """Return the settings of a study, each knob turned by itself from the scene's own ones."""
+    own = own_setting(scene)
+    if scene.mesh.geometry is not None:
+        meshes = [(own.size * factor, 0) for factor in _SIZES]
+    else:
+        meshes = [(own.size / 2**level, level) for level in range(_LEVELS + 1)]
+    settings = [
+        replace(own, order=order, size=size, refinement=level, knob=f"size, order {order}")
+        for order in (1, 2)
+        for size, level in meshes
+    ]
+    base = replace(own, order=scene.mesh.order)
+    settings += [
+        replace(base, method="modal", modes=max(1, round(own.modes * more)), knob="modes, modal projection")
+        for more in (1.0, *_MORE_MODES)
+    ]
+    settings += [replace(base, method="reduced", tolerance=t, knob="tolerance, reduced") for t in _TOLERANCES]
+    settings.append(replace(base, method="direct", knob="direct"))
+    return settings
+
+
+def own_setting(scene: Scene, mesh: LoadedMesh | None = None) -> Setting:
+    """Return the scene's own setting."""
+    if scene.mesh.geometry is not None:
+        size = scene.mesh.geometry.edge_length * scene.mesh.scale
+    else:
+        loaded = mesh or read_mesh(scene)
+        corners = loaded.mesh.p[:, loaded.mesh.edges]
+        size = float(np.median(np.linalg.norm(corners[:, 0] - corners[:, 1], axis=0)))
+    return Setting(scene.mesh.order, size, scene.solve.modes or MODES, "reduced", scene.solve.tolerance)
+
+
+def scene_at(scene: Scene, setting: Setting) -> tuple[Scene, LoadedMesh]:
+    """Return the scene at a setting, and its mesh: of the geometry where there is one, else of the file, refined."""
+    mesh = scene.mesh.model_copy(update={"order": setting.order})
+    if scene.mesh.geometry is not None:
+        size = setting.size / scene.mesh.scale
+        key = "disc_pad" if scene.mesh.disc_pad is not None else "block"
+        geometry = scene.mesh.geometry.model_copy(update={"size": size, "refinement": 1})
+        mesh = mesh.model_copy(update={key: geometry, "file": None})
+    solve = scene.solve.model_copy(
+        update={"modes": setting.modes, "max_frequency": None, "method": setting.method, "tolerance": setting.tolerance}
+    )
+    changed = scene.model_copy(update={"mesh": mesh, "solve": solve})
+    loaded = read_mesh(changed)
+    for _ in range(setting.refinement):
+        loaded = refine(loaded)
+    return changed, loaded

@@ -1,0 +1,169 @@
+"""Error against time over mesh size, order, number of modes, method and tolerance."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ..errors import NotConvergedError, SquealError
+from ..report import replace_atomically
+from ..scene import Scene
+from .errors import Errors, Reference, errors_of, reference_of
+from .measure import Measurement, measure_apart
+from .settings import Setting, plan
+
+COLUMNS = (
+    "order", "size", "modes", "method", "tolerance", "unknowns", "seconds", "peak_memory_mib", "error_frequency",
+    "error_growth", "error_onset", "algebraic_frequency", "algebraic_growth", "algebraic_onset", "seconds_estimate",
+    "knob",
+)  # fmt: skip
+_GROWTH, _POWERS = 0.8, (0.2, 1.5)  # power of the unknowns with which times grow, until the study's own tell; limits
+_ESTIMATED = "size, order 2"  # the settings whose meshes are refined, too: from them comes the reference
+
+
+@dataclass(frozen=True)
+class Study:
+    """What was measured.
+
+    Attributes
+    ----------
+    settings, measurements : tuple
+    reference : Reference
+    finest : Setting
+        From which the reference was extrapolated.
+    left_out : tuple of (Setting, reason)
+    """
+
+    settings: tuple[Setting, ...]
+    measurements: tuple[Measurement, ...]
+    reference: Reference
+    finest: Setting
+    left_out: tuple[tuple[Setting, str], ...]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a row per setting, the columns of accuracy.csv: errors against the reference, and against the best
+        solution on the same mesh (algebraic)."""
+        rows = []
+        for s, m in zip(self.settings, self.measurements, strict=True):
+            e, a = errors_of(m, self.reference), self._algebraic(s, m)
+            rows.append((
+                s.order, s.size, s.modes, s.method, s.tolerance, m.unknowns, m.total, m.peak_memory_mib, e.frequency,
+                e.growth, e.onset, a.frequency, a.growth, a.onset, m.seconds.get("estimate", np.nan), s.knob,
+            ))  # fmt: skip
+        return pd.DataFrame(rows, columns=list(COLUMNS))
+
+    def stages(self) -> pd.DataFrame:
+        """Return the seconds of every stage, a row per setting."""
+        return pd.DataFrame([m.seconds for m in self.measurements], index=[str(s) for s in self.settings])
+
+    def _algebraic(self, setting: Setting, measured: Measurement) -> Errors:
+        """Return the errors against a direct solve, or the tightest there is, on the same mesh; NaN for that itself."""
+        same = [
+            (s, m) for s, m in zip(self.settings, self.measurements, strict=True)
+            if (s.order, s.size) == (setting.order, setting.size) and s.method != "modal"
+        ]  # fmt: skip
+        best = min(same, key=lambda p: (p[0].method != "direct", p[0].tolerance), default=None)
+        if best is None or best[1] is measured:
+            return Errors()
+        exact = best[1]
+        k, last = (int(np.isfinite(exact.lam[i]).sum()) for i in (0, -1))
+        plain = Reference(
+            exact.first, exact.last, exact.lam[0, :k], exact.lam[-1, :last], exact.onsets, float(np.ptp(exact.values)),
+            Errors(),
+        )  # fmt: skip
+        return errors_of(measured, plain)
+
+
+def run_study(
+    scene: Scene,
+    folder: Path,
+    budget: float | None = None,
+    settings: list[Setting] | None = None,
+    progress: Callable[[int, int, str], None] = lambda done, total, text: None,
+) -> Study:
+    """Run the settings of a study, cheap ones first; what was measured before in the folder is taken from there.
+
+    Parameters
+    ----------
+    folder : Path
+        Where each measurement is kept as soon as it is made.
+    budget : float, s, optional
+        At most so long; what does not fit is left out, and said.
+    settings : list of Setting, optional
+        Instead of `plan(scene)`.
+    progress : callable of (done, in all, what is running)
+
+    Raises
+    ------
+    NotConvergedError
+        Nothing could be measured within the budget.
+    """
+    start = time.perf_counter()
+    every = sorted(settings or plan(scene), key=_cost)
+    done: list[tuple[Setting, Measurement]] = []
+    left_out: list[tuple[Setting, str]] = []
+    probes = _load_probes(folder / "probes.npy")
+    for i, setting in enumerate(every):
+        progress(i, len(every), str(setting))
+        path = folder / f"{setting.key(scene)}.npz"
+        if path.exists() and probes is not None:
+            done.append((setting, Measurement.load(path)))
+            continue
+        rest = None if budget is None else budget - (time.perf_counter() - start)
+        expected = _expected(setting, done)
+        if rest is not None and (rest <= 0 or expected > rest):
+            left_out.append((setting, f"it would take about {expected:.0f} s" if rest > 0 else "the budget is spent"))
+            continue
+        try:
+            found = measure_apart(scene, setting, probes, setting.knob == _ESTIMATED, rest)
+        except SquealError as error:
+            left_out.append((setting, str(error)))
+            continue
+        if found is None:
+            left_out.append((setting, "the budget ran out"))
+            continue
+        measured, probes = found
+        folder.mkdir(parents=True, exist_ok=True)
+        with replace_atomically(folder / "probes.npy") as temporary:
+            np.save(temporary, probes)
+        measured.save(path)
+        done.append((setting, measured))
+    progress(len(every), len(every), "")
+    fine = [(s, m) for s, m in done if len(m.changes)] or [(s, m) for s, m in done if s.method != "modal"]
+    if not fine:
+        reasons = "; ".join(f"{s}: {why}" for s, why in left_out[:3])
+        raise NotConvergedError(f"nothing could be measured ({reasons})")
+    finest, best = max(fine, key=lambda p: p[1].unknowns)
+    return Study(
+        tuple(s for s, _ in done), tuple(m for _, m in done), reference_of(best), finest, tuple(left_out)
+    )
+
+
+def _load_probes(path: Path) -> np.ndarray | None:
+    return np.load(path, allow_pickle=False) if path.exists() else None
+
+
+def _cost(s: Setting) -> float:
+    """Return what a setting costs relative to others, before anything is known."""
+    share = {"reduced": 1.0, "modal": 0.6, "direct": 4.0}[s.method]
+    return share * (1 + 3 * (s.knob == _ESTIMATED)) * (s.order / s.size) ** 3 * (s.modes + 20)
+
+
+def _expected(setting: Setting, done: list[tuple[Setting, Measurement]]) -> float:
+    """Return the seconds that a setting will take: from the dearest of the same order, by the growth up to there.
+
+    What starting a process takes is the same for all, and so the first few say little about how times grow.
+    """
+    like = sorted((_cost(s), m.total + m.seconds.get("estimate", 0.0)) for s, m in done if s.order == setting.order)
+    if not like:
+        return 0.0
+    cost, seconds = like[-1]
+    power = _GROWTH
+    if cost > 2 * like[0][0]:
+        power = float(np.clip(np.log(seconds / like[0][1]) / np.log(cost / like[0][0]), *_POWERS))
+    return float(seconds * max(_cost(setting) / cost, 1e-3) ** power)

@@ -1,0 +1,105 @@
+"""From a mesh to the same one refined: prolongation, and solves there by the factors of the coarse problem."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..blocks import times
+from ..contact import interpolate
+from ..errors import NotConvergedError
+from ..spaces import DisplacementSpace, geometry_map
+
+_CHILDREN = 8
+_NEWTON = 30  # steps at most to find a point in its element
+_FOUND = 1e-12  # reference coordinates
+_ITERATIONS, _FEWEST = 60, 3
+_SETTLED = 0.1  # of the energy found so far: what a step adds at the end
+_COLUMNS = 64  # right-hand sides at once
+
+
+def prolongation(coarse: DisplacementSpace, fine: DisplacementSpace) -> sp.csr_array:
+    """Return the (n_fine, n_coarse) operator that writes a displacement on a mesh as one on the refined mesh.
+
+    Parameters
+    ----------
+    fine : DisplacementSpace
+        On the mesh that `fe_squeal.mesh.refine` makes of that of `coarse`, with the same supports.
+    """
+    parent = np.empty(fine.nodes, int)
+    parent[fine.dofs.element_dofs] = np.arange(fine.mesh.nelements) // _CHILDREN
+    values = interpolate(coarse, parent, _reference(coarse, parent, fine.coordinates.T))
+    return sp.csr_array(sp.kron(values, sp.eye_array(3), format="csr")[fine.free][:, coarse.free])
+
+
+def _reference(space: DisplacementSpace, elements: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the reference coordinates (3, k) of points x (3, k) in their elements, by Newton's method."""
+    X = np.repeat(np.asarray(space.mesh.elem().doflocs).mean(axis=0)[:, None], len(elements), axis=1)
+    for _ in range(_NEWTON):
+        at, J = geometry_map(space.mesh, elements, X)
+        step = np.linalg.solve(J.transpose(2, 0, 1), (x - at).T[:, :, None])[:, :, 0].T
+        X = X + step
+        if np.abs(step).max(initial=0.0) < _FOUND:
+            return X
+    raise NotConvergedError("a node of the refined mesh was not found in its element: an element is too distorted")
+
+
+class TwoLevelSolver:
+    """P⁻¹ on the fine level by conjugate gradients, with the coarse problem's factors and the diagonal before them.
+
+    What the coarse level cannot hold is oscillating, and there the diagonal is as good as P up to a factor that does
+    not depend on the mesh (Bank, Dupont, Yserentant, Numer. Math. 52, 1988); the rest the factors do exactly.
+
+    Parameters
+    ----------
+    P : (n_fine, n_fine) sparse, symmetric positive definite
+    E : (n_fine, n_coarse) sparse
+    coarse : callable
+        Applies the inverse of the coarse P.
+    """
+
+    def __init__(self, P: sp.csr_array, E: sp.csr_array, coarse: Callable[[np.ndarray], np.ndarray]) -> None:
+        self._P, self._E, self._coarse = P, E, coarse
+        self._restriction = sp.csr_array(E.T)
+        self._diagonal = P.diagonal()[:, None]
+        self.iterations = 0
+
+    def solve(self, B: np.ndarray) -> np.ndarray:
+        """Return P⁻¹B for B (n_fine, k) real, to a few per cent of the energy norm of each column.
+
+        Raises
+        ------
+        NotConvergedError
+        """
+        parts = [self._solve(B[:, i : i + _COLUMNS]) for i in range(0, B.shape[1], _COLUMNS)]
+        return np.hstack(parts) if parts else np.zeros_like(B)
+
+    def _solve(self, B: np.ndarray) -> np.ndarray:
+        X, R = np.zeros_like(B), B.copy()
+        Z = self._precondition(R)
+        D, rz = Z.copy(), _dots(R, Z)
+        energy = np.zeros(B.shape[1])
+        for step in range(_ITERATIONS):
+            AD = times(self._P, D)
+            curvature = _dots(D, AD)
+            alpha = np.divide(rz, curvature, out=np.zeros_like(rz), where=curvature > 0)
+            X += alpha * D
+            R -= alpha * AD
+            gain = alpha * rz  # of the energy ½ xᵀPx, times two
+            energy += gain
+            self.iterations += 1
+            if step + 1 >= _FEWEST and (gain <= _SETTLED * energy).all():
+                return X
+            Z = self._precondition(R)
+            before, rz = rz, _dots(R, Z)
+            D = Z + np.divide(rz, before, out=np.zeros_like(rz), where=before > 0) * D
+        raise NotConvergedError(f"the correction on the refined mesh has not settled after {_ITERATIONS} iterations")
+
+    def _precondition(self, R: np.ndarray) -> np.ndarray:
+        return np.asarray(R / self._diagonal + times(self._E, self._coarse(times(self._restriction, R))))
+
+
+def _dots(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
+    return np.asarray(np.einsum("ij,ij->j", X, Y))
