@@ -51,10 +51,14 @@ def _options(
 
 
 @app.command()
-def run(scene: SceneFile, out: Out = None) -> int:
+def run(
+    scene: SceneFile,
+    out: Out = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from what an interrupted run left there.")] = False,
+) -> int:
     """Solve for the complex modes over the sweep and write tables, figures and shapes into a folder."""
     loaded = load_scene(scene)
-    return run_scene(loaded, out or Path(f"{scene.stem}_results"), _console())
+    return run_scene(loaded, out or Path(f"{scene.stem}_results"), _console(), resume)
 
 
 @app.command()
