@@ -68,6 +68,22 @@ def assemble(scene: Scene | MatrixScene, mesh: LoadedMesh | None = None) -> Prob
         raise MeshError(f"{where}{error}") from error
 
 
+def scene_mesh(scene: Scene | MatrixScene) -> LoadedMesh | None:
+    """Return the mesh of a scene; None of one of matrices.
+
+    Raises
+    ------
+    MeshError
+        With the scene's file.
+    """
+    if isinstance(scene, MatrixScene):
+        return None
+    try:
+        return read_mesh(scene)
+    except MeshError as error:
+        raise MeshError(f"{scene.source}: {error}" if scene.source is not None else str(error)) from error
+
+
 class Assembly:
     """A scene on its mesh, with what was made from it; at other numbers only what depends on them is made anew."""
 

@@ -54,11 +54,23 @@ def _options(
 def run(
     scene: SceneFile,
     out: Out = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from what an interrupted run left there.")] = False,
     estimate: Annotated[bool, typer.Option("--estimate", help="Estimate the error of the mesh, too.")] = False,
+    accuracy: Annotated[
+        float | None,
+        typer.Option(metavar="TARGET", help="Choose the mesh for this relative error.", show_default=False),
+    ] = None,
 ) -> int:
     """Solve for the complex modes over the sweep and write tables, figures and shapes into a folder."""
     loaded = load_scene(scene)
-    return run_scene(loaded, out or Path(f"{scene.stem}_results"), _console(), estimate)
+    folder = out or Path(f"{scene.stem}_results")
+    if accuracy is not None:
+        if resume:
+            raise SceneError("--accuracy: given with --resume; expected one of them")
+        from .accuracy.commands import run_to_accuracy
+
+        return run_to_accuracy(loaded, folder, _console(), accuracy)
+    return run_scene(loaded, folder, _console(), resume, estimate)
 
 
 @app.command()
@@ -141,6 +153,20 @@ def compare(
     console.print("Of each spectrum the eigenvalue that differs most is shown; differences fall with 1/E.")
     console.print("The block sprung at its top is no mass point: its rotation takes part, and it does not flutter.")
     return 0
+
+
+@app.command()
+def accuracy(
+    scene: SceneFile,
+    out: Out = None,
+    budget: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Spend at most so long.", show_default=False)
+    ] = None,
+) -> int:
+    """Show what accuracy costs: error against time over mesh size, order, number of modes and method."""
+    from .accuracy.commands import study_scene
+
+    return study_scene(load_scene(scene), out or Path(f"{scene.stem}_accuracy"), _console(), budget)
 
 
 @app.command("lumped")

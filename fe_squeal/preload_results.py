@@ -9,9 +9,8 @@ import numpy as np
 import pandas as pd
 import skfem
 
-from .contact import ContactOperators
 from .doubts import follower_ratio
-from .effects.preload import ContactState
+from .effects.preload import contact_summary
 from .problem import Model, Problem
 from .report import ContactFace, ShapeGrid, export_preload, shape_grid
 from .scene import MatrixScene, Scene
@@ -64,24 +63,12 @@ def preload_record(scene: Scene | MatrixScene, problem: Problem) -> dict[str, An
     }
 
 
-def contact_summary(operators: ContactOperators, state: ContactState) -> dict[str, float]:
-    """Return force, torque, closed part and largest pressure of a pressed contact."""
-    return {
-        "normal_force_n": state.normal_force,
-        "torque_nm": state.torque,
-        "closed": float(operators.weights[state.closed].sum() / operators.area),
-        "largest_pressure_pa": float(state.pressure.max(initial=0.0)),
-    }
-
-
 def preload_dataframe(result: Sweep) -> pd.DataFrame | None:
     """Return the state of every pressed contact at every value of the sweep (preload.csv); None without preload."""
     rows = [
-        {"parameter": result.parameter, "value": point.value, "contact": name, "mu": point.base.mu}
-        | contact_summary(point.contacts[name], state)
+        {"parameter": result.parameter, "value": point.value, "contact": name} | dict(numbers)
         for point in result.points
-        if point.base is not None
-        for name, state in point.base.contacts.items()
+        for name, numbers in point.pressed.items()
     ]
     return pd.DataFrame(rows) if rows else None
 

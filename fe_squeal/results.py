@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -73,13 +74,18 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
 
 def write_tables(result: Sweep, out: Path) -> None:
     """Write modes.csv, onsets.csv, contributions.csv and sensitivities.csv."""
-    write_csv(result.to_dataframe(), out / "modes.csv")
-    write_csv(result.onsets_dataframe(), out / "onsets.csv")
+    write_modes(result, out)
     write_csv(result.contributions_dataframe(), out / "contributions.csv")
     write_csv(result.sensitivities_dataframe(), out / "sensitivities.csv")
     pressed = preload_dataframe(result)
     if pressed is not None:
         write_csv(pressed, out / "preload.csv")
+
+
+def write_modes(result: Sweep, out: Path) -> None:
+    """Write modes.csv and onsets.csv alone, which ask for no shapes."""
+    write_csv(result.to_dataframe(), out / "modes.csv")
+    write_csv(result.onsets_dataframe(), out / "onsets.csv")
 
 
 def write_figures(result: Sweep, out: Path, title: str) -> list[Path]:
@@ -94,12 +100,19 @@ def write_figures(result: Sweep, out: Path, title: str) -> list[Path]:
 
 def write_record(
     scene: Scene | MatrixScene, problem: Problem, result: Sweep | None, seconds: dict[str, float], status: str,
-    out: Path, version: str,
+    inputs: Mapping[str, Any], out: Path,
 ) -> None:  # fmt: skip
-    """Write run.json."""
+    """Write run.json; whence the growth comes is left out of that of a run that goes on.
+
+    Parameters
+    ----------
+    status : "running", "complete", "interrupted" or "not converged"
+    inputs : mapping
+        See `run_inputs`.
+    """
     model = problem.model
     record: dict[str, Any] = {
-        "version": version,
+        "version": inputs["version"],
         "title": scene.title,
         "scene": str(scene.source) if scene.source is not None else None,
         "status": status,
@@ -119,9 +132,10 @@ def write_record(
             for name, c in (model.contacts if model is not None else {}).items()
         },
         "preload": preload_record(scene, problem),
-        "unstable": _attribution(result) if result is not None else [],
+        "unstable": _attribution(result) if result is not None and status != "running" else [],
         "notes": list(model.notes) if model is not None else [],
         "warnings": (list(model.warnings) if model is not None else []) + (list(result.doubts) if result else []),
+        "inputs": inputs,
     }
     write_json(record, out / "run.json")
 

@@ -2,36 +2,42 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import sys
-import tempfile
 import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from . import __version__
-from .assembly import assemble
-from .errors import InputError, NotConvergedError, OutputError, SceneError
+from .assembly import assemble, scene_mesh
+from .checkpoint import Checkpoint
+from .errors import InputError, NotConvergedError, SceneError
+from .folder_lock import hold_folder
+from .inputs import run_inputs
+from .out_folder import is_estimated, is_finished, remove_results, remove_shapes, show_finished
 from .preload_results import write_preload
 from .problem import Problem
-from .report import print_onsets, print_unstable
-from .results import export_shapes, peak_memory_mib, write_figures, write_record, write_tables
+from .report import print_onsets, print_unstable, remove_partial
+from .results import export_shapes, peak_memory_mib, write_figures, write_modes, write_record, write_tables
 from .scene import MU, MatrixScene, Scene
 from .sweep import sweep
 from .sweep_result import Sweep
+from .sweep_state import Store, SweepState
 
 INTERRUPTED = 130
 
 
-def run_scene(scene: Scene | MatrixScene, out: Path, console: Console, estimate: bool = False) -> int:
+def run_scene(
+    scene: Scene | MatrixScene, out: Path, console: Console, resume: bool = False, estimate: bool = False
+) -> int:
     """Assemble, sweep, and write every result into a folder.
 
     Parameters
     ----------
+    resume : bool
+        Go on from what an interrupted run left in the folder; what is finished already is not solved again.
     estimate : bool
         Estimate the error of the mesh, too.
 
@@ -45,17 +51,35 @@ def run_scene(scene: Scene | MatrixScene, out: Path, console: Console, estimate:
     InputError, NotConvergedError
         After a failure of the solver, what did converge is in the folder, and run.json says so.
     """
-    start = time.perf_counter()
     existed = out.exists()
-    prepare_folder(out)
     try:
-        problem = assemble(scene)
-    except (InputError, NotConvergedError):
+        with hold_folder(out):
+            remove_partial(out)
+            return _run(scene, out, console, resume, estimate)
+    finally:
         if not existed:
-            out.rmdir()
-        raise
-    remove_results(out)
+            with suppress(OSError):  # there is something in it, or it was never made
+                out.rmdir()
+
+
+def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, estimate: bool) -> int:
+    start = time.perf_counter()
+    mesh = scene_mesh(scene)
+    inputs = run_inputs(scene, mesh)
+    checkpoint = Checkpoint(out / "checkpoint")
+    if resume and is_finished(out, checkpoint, inputs) and not (estimate and not is_estimated(out)):
+        return show_finished(out, console)
+    problem = assemble(scene, mesh)
     seconds = {"assembly": time.perf_counter() - start}
+    if resume and checkpoint.exists:
+        done, spent = checkpoint.progress()
+        console.print(f"resuming: {done} of {len(_values(scene, problem))} values are finished", markup=False)
+    else:
+        if resume:
+            console.print(f"nothing to resume in {out}: the run starts anew", markup=False)
+        spent = 0.0
+        remove_results(out)
+        checkpoint.begin(inputs)
     if problem.model is not None:
         for text in problem.model.notes:
             console.print(f"note: {text}", markup=False)
@@ -66,13 +90,31 @@ def run_scene(scene: Scene | MatrixScene, out: Path, console: Console, estimate:
         f"{', '.join(scene.effect_names) or 'none'}",
         markup=False,
     )
+
+    def record(result: Sweep | None, status: str) -> None:
+        seconds["total"] = spent + time.perf_counter() - start
+        write_record(scene, problem, result, seconds, status, inputs, out)
+
+    def keep_tables(state: SweepState) -> None:
+        result = state.sweep(problem, _parameter(scene))
+        write_modes(result, out)
+        record(result, "running")
+
+    checkpoint.report = keep_tables
     status, result, failure = "complete", None, None
     try:
-        result = sweep_scene(scene, problem, console)
+        if checkpoint.is_empty:
+            record(None, "running")
+        result = sweep_scene(scene, problem, console, store=checkpoint)
     except NotConvergedError as error:
         status, failure, result = "not converged", error, _partial(error)
-    except SceneError as error:
-        raise SceneError(f"{scene.source}: {error}" if scene.source is not None else str(error)) from error
+    except InputError as error:
+        if checkpoint.is_empty:  # nothing of this run is worth keeping
+            remove_results(out)
+            checkpoint.remove()
+        if isinstance(error, SceneError) and scene.source is not None:
+            raise SceneError(f"{scene.source}: {error}") from error
+        raise
     except KeyboardInterrupt as stop:
         status, result = "interrupted", stop.args[0] if stop.args else None
     if result is not None:
@@ -82,21 +124,23 @@ def run_scene(scene: Scene | MatrixScene, out: Path, console: Console, estimate:
         clock = time.perf_counter()
         write_results(scene, result, out)
         seconds["output"] = time.perf_counter() - clock
-    seconds["total"] = time.perf_counter() - start
-    write_record(scene, problem, result, seconds, status, out, __version__)
+    record(result, status)
     done = len(result.points) if result is not None else 0
     if failure is not None:
         raise NotConvergedError(f"{failure}; {done} values before it are in {out}", failure.partial)
     if result is not None:
-        _report(scene, result, out, console, seconds["total"])
+        report_sweep(scene, result, out, console, seconds["total"])
     if status == "interrupted":
         total = len(_values(scene, problem))
         print(f"interrupted: {done} of {total} values were finished and are in {out}", file=sys.stderr)
         return INTERRUPTED
+    checkpoint.remove()
     return 0
 
 
-def sweep_scene(scene: Scene | MatrixScene, problem: Problem, console: Console, precise: bool = False) -> Sweep:
+def sweep_scene(
+    scene: Scene | MatrixScene, problem: Problem, console: Console, precise: bool = False, store: Store | None = None
+) -> Sweep:
     """Run the sweep that the scene asks for, with a progress bar on a terminal and plain lines elsewhere.
 
     Raises
@@ -105,11 +149,11 @@ def sweep_scene(scene: Scene | MatrixScene, problem: Problem, console: Console, 
         With the sweep so far as its argument.
     """
     values = _values(scene, problem)
-    parameter = MU if scene.sweep is None else scene.sweep.parameter
+    parameter = _parameter(scene)
     options = {
         "modes": scene.solve.modes, "max_frequency": scene.solve.max_frequency, "tolerance": scene.solve.tolerance,
         "keep_shapes": scene.output.shapes == "all", "method": scene.solve.method,
-        "precise": precise,
+        "precise": precise, "store": store,
     }  # fmt: skip
     if not console.is_terminal:
         marks = {max(1, round(len(values) * part / 4)) for part in range(1, 5)}
@@ -131,6 +175,7 @@ def sweep_scene(scene: Scene | MatrixScene, problem: Problem, console: Console, 
 
 def write_results(scene: Scene | MatrixScene, result: Sweep, out: Path) -> None:
     """Write tables, figures and shapes."""
+    remove_shapes(out)  # an interrupted run has written those that grew fastest until then
     write_tables(result, out)
     write_figures(result, out, scene.title)
     if isinstance(scene, Scene):
@@ -139,37 +184,8 @@ def write_results(scene: Scene | MatrixScene, result: Sweep, out: Path) -> None:
         export_shapes(result, out / "shapes", scene.output.shapes)
 
 
-def prepare_folder(out: Path) -> None:
-    """Make the output folder and see that files can be written there, before anything is solved.
-
-    Raises
-    ------
-    OutputError
-    """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=out)
-        os.close(handle)
-        os.unlink(name)
-    except OSError as error:
-        raise OutputError(
-            f"{out}: cannot write results here: {error.strerror or error}; expected a folder that can be written,"
-            " given by -o"
-        ) from error
-
-
-def remove_results(out: Path) -> None:
-    """Remove what an earlier run wrote into the folder, so that results of two runs are never mixed."""
-    tables = ["modes.csv", "onsets.csv", "contributions.csv", "sensitivities.csv", "preload.csv", "run.json"]
-    figures = ["stability.png", "root_locus.png", "contributions.png", "preload.png"]
-    figures += ["preload.vtu", "preload_contacts.vtu"]
-    shapes = [p for kind in ("vtu", "pvd", "png", "npz") for p in (out / "shapes").glob(f"*_*Hz.{kind}")]
-    for path in [out / name for name in tables + figures] + shapes:
-        path.unlink(missing_ok=True)
-    for frames in (out / "shapes").glob("*_*Hz_frames"):
-        shutil.rmtree(frames)
-    if (out / "shapes").is_dir() and not any((out / "shapes").iterdir()):
-        (out / "shapes").rmdir()
+def _parameter(scene: Scene | MatrixScene) -> str:
+    return MU if scene.sweep is None else scene.sweep.parameter
 
 
 def _values(scene: Scene | MatrixScene, problem: Problem) -> list[float]:
@@ -203,7 +219,8 @@ def _partial(error: NotConvergedError) -> Sweep | None:
     return error.partial if isinstance(error.partial, Sweep) else None
 
 
-def _report(scene: Scene | MatrixScene, result: Sweep, out: Path, console: Console, seconds: float) -> None:
+def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: Console, seconds: float) -> None:
+    """Print what a run has found."""
     print_onsets(result.onsets_dataframe(), console)
     print_unstable(result.to_dataframe(), console)
     c = result.completeness

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from .counting import count_apart
+from .effects.preload import contact_summary
 from .eigen.pencil import Modes
 from .eigen.solve import Completeness, Request, prove_completeness, solve_modes, wanted_count
 from .eigen.threads import one_openblas_thread
@@ -20,6 +21,7 @@ from .problem import Problem
 from .reduced import ReducedModel
 from .sensitivity import sensitivities
 from .sweep_result import LiftedShapes, Sweep, SweepPoint
+from .sweep_state import Record, Store, SweepState, lifted
 from .tracking import match_modes
 
 MODES = 20  # asked for where nothing is said
@@ -38,6 +40,7 @@ def sweep(
     method: str = "auto",
     precise: bool = False,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    store: Store | None = None,
 ) -> Sweep:
     """Solve for the complex modes at every value of a parameter, track them, and find the onsets.
 
@@ -57,6 +60,8 @@ def sweep(
         Refine onsets of a large problem to full precision, a few factorisations each, where those of the small model
         are sure to 1e-7 of the value.
     progress : callable of (values done, values in all)
+    store : Store, optional
+        Where every finished value is kept, and from which the sweep goes on if it holds some.
 
     Raises
     ------
@@ -74,19 +79,31 @@ def sweep(
     problem = problem.prepared(parameter, values)
     request = Request(None if max_frequency else modes or MODES, max_frequency, tolerance)
     tracker = _Tracker(problem, parameter, request, len(values) - 1, precise)
-    tracker.reduce(values, method)
+    known = None if store is None else store.load()
+    tracker.reduce(values, method, store, known)
+    if known is not None:
+        tracker.restore(known)
+        progress(len(known.points), len(values))
     for i, value in enumerate(values):
+        if i < len(tracker.points):
+            continue
         try:
             with one_openblas_thread():
                 tracker.advance(float(value), keep_all=keep_shapes and i == len(values) - 1)
+            if store is not None:
+                store.save(tracker.state())
             progress(i + 1, len(values))
         except (NotConvergedError, SceneError) as error:
+            if store is not None:
+                store.flush()
             # Behind a value that was solved, a scene that makes no sense (a contact that opens) ends the sweep there.
             text = f"{parameter} = {value:g}: {error}"
             if isinstance(error, SceneError) and not tracker.points:
                 raise SceneError(text) from error
             raise NotConvergedError(text, partial=tracker.result() if tracker.points else None) from error
         except KeyboardInterrupt as stop:
+            if store is not None:
+                store.flush()
             raise KeyboardInterrupt(tracker.result() if tracker.points else None) from stop
     return tracker.result()
 
@@ -122,14 +139,18 @@ class _Tracker:
         self._model: ReducedModel | None = None
         self._tracked = problem  # the problem whose coordinates the modes have: this one, or the small one
 
-    def reduce(self, values: np.ndarray, method: str) -> None:
-        """Make the small model, if the method asks for it."""
-        if not is_reduced(self.problem, self.parameter, len(values), method):
+    def reduce(self, values: np.ndarray, method: str, store: Store | None, known: SweepState | None) -> None:
+        """Make the small model, if the method asks for it, or take the one that is stored."""
+        if not is_reduced(self.problem, self.parameter, len(values), method) or (known and not known.reduced):
             return
         clock = time.perf_counter()
+        stored = None if store is None else store.load_model()
         try:
             with one_openblas_thread():
-                model = ReducedModel(self.problem, self.parameter, values, self._guarded, modal=method == "modal")
+                if stored is not None:
+                    model = ReducedModel.restored(self.problem, self.parameter, values, self._guarded, *stored)
+                else:
+                    model = ReducedModel(self.problem, self.parameter, values, self._guarded, modal=method == "modal")
         except NotConvergedError as error:
             if method != "auto":
                 raise
@@ -143,6 +164,27 @@ class _Tracker:
                 f"modal projection: an eigenvalue may be off by {100 * model.worst:.2g} % of |λ|, as estimated"
             )
         self._spend("reduction", clock)
+        if store is not None and stored is None:
+            store.save_model(Record(*model.stored()))
+
+    def state(self) -> SweepState:
+        """Return what the next value needs."""
+        assert self._first is not None and self._previous is not None
+        return SweepState(
+            tuple(self.points), tuple(self.onsets), tuple(self.doubts), self.completeness, dict(self.seconds),
+            self._first, self._previous, self._first_branches, self._branches, self._next_branch, self._start,
+            self._value, self._model is not None,
+        )  # fmt: skip
+
+    def restore(self, state: SweepState) -> None:
+        """Go on behind the last value of a state."""
+        V = None if self._model is None else self._model.basis.V
+        self.points = [point if V is None else lifted(point, V) for point in state.points]
+        self.onsets, self.doubts = list(state.onsets), list(state.doubts)
+        self.completeness, self.seconds = state.completeness, dict(state.seconds)
+        self._first, self._previous = state.first, state.previous
+        self._first_branches, self._branches = state.first_branches, state.branches
+        self._next_branch, self._start, self._value = state.next_branch, state.start, state.value
 
     def advance(self, value: float, keep_all: bool) -> None:
         """Solve at the next value."""
@@ -163,10 +205,13 @@ class _Tracker:
             moves[int(i)] = {path: (here.value(path), d) for path, d in found.items()}
         reported = modes.select(np.arange(wanted)).without_shapes()
         model = self.problem.at(**{self.parameter: value}).model
-        base, contacts = (model.base, model.contacts) if model is not None else (None, {})
+        pressed = {}
+        if model is not None and model.base is not None:
+            base, contacts = model.base, model.contacts
+            pressed = {n: {"mu": base.mu, **contact_summary(contacts[n], c)} for n, c in base.contacts.items()}
         if self._model is not None:
             shapes = LiftedShapes(shapes, self._model.basis.V)
-        self.points.append(SweepPoint(value, reported, self._branches[:wanted], shapes, moves, base, contacts))
+        self.points.append(SweepPoint(value, reported, self._branches[:wanted], shapes, moves, pressed))
 
     def _solve(self, value: float) -> Modes:
         clock = time.perf_counter()

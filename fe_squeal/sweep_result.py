@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from .contact import ContactOperators
-from .effects.preload import BaseState
 from .eigen.pencil import Modes
 from .eigen.solve import Completeness
 from .energy import Share, energy_balance
@@ -60,9 +58,8 @@ class SweepPoint:
         Of the unstable modes, and of all modes where the sweep was asked to keep them.
     sensitivities : mapping of mode position to {path: (number, ∂λ/∂number)}
         Of the unstable modes.
-    base : BaseState or None
-        The static state under preload.
-    contacts : mapping of contact to its operators
+    pressed : mapping of contact to {quantity: number}
+        What presses in the static state under preload, see `contact_summary`.
     discretisation : (k,) complex or None
         Errors of Re λ and Im λ by the mesh, where they are estimated.
     """
@@ -72,8 +69,7 @@ class SweepPoint:
     branches: np.ndarray
     shapes: Mapping[int, np.ndarray]
     sensitivities: Mapping[int, Mapping[str, tuple[float, complex]]] = field(default_factory=dict)
-    base: BaseState | None = None
-    contacts: Mapping[str, ContactOperators] = field(default_factory=dict)
+    pressed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     discretisation: np.ndarray | None = None
 
 

@@ -79,7 +79,8 @@ def page(study: Study, frame: pd.DataFrame, title: str) -> str:
         f" {study.finest.order}, {1e3 * study.finest.size:.3g} mm), which is itself uncertain by"
         f" {unsure or 'what is not known: its mesh was not refined'}. The largest error counts: of the frequencies"
         " at the first value of the sweep (modes up to 0.8 of the highest), of the growth rates at the last (relative"
-        " to the largest one), of all critical values. Modes are paired by shape; one that is not found has the error 1.",
+        " to the largest one), of all critical values. Modes are paired by shape; one that is not found has the error"
+        " 1.",
         "", "## What to choose", "",
     ]  # fmt: skip
     for quantity in QUANTITIES:

@@ -83,6 +83,16 @@ class BaseState:
     equilibrium: Equilibrium
 
 
+def contact_summary(operators: ContactOperators, state: ContactState) -> dict[str, float]:
+    """Return force, torque, closed part and largest pressure of a pressed contact."""
+    return {
+        "normal_force_n": state.normal_force,
+        "torque_nm": state.torque,
+        "closed": float(operators.weights[state.closed].sum() / operators.area),
+        "largest_pressure_pa": float(state.pressure.max(initial=0.0)),
+    }
+
+
 @dataclass(frozen=True)
 class PressedContact:
     """A contact as the static solve needs it: its operators, stiffness per area, friction ratio and motion."""

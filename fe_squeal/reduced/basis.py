@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg as la
@@ -29,6 +29,7 @@ _ROOM = 8  # times the vectors there are: for how many address space is set asid
 _RANK = 1e-12  # of the square of a vector: a part outside the basis that is rounding
 _CLEAR = 0.1  # of the square: a part outside from which the difference keeps its digits
 _POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}
+_OF_TERMS = "small", "right", "left"  # names of what is stored of each term
 _Acting = tuple[np.ndarray | None, sp.csr_array, sp.csr_array | None]
 
 
@@ -89,6 +90,33 @@ class ReducedBasis:
         self._left = [np.zeros((self._Z.shape[1], 0)) for _ in problem.terms]  # Zᵀ Aᵀ V
         self._sampled_rows = np.zeros((len(self._lines), 0))
         self._cancels = 1.0
+
+    @classmethod
+    def restored(
+        cls, problem: Problem, parameter: str, arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any]
+    ) -> ReducedBasis:
+        """Return the basis that gave `stored`, of the same problem; it cannot be extended any more."""
+        basis = cls.__new__(cls)
+        basis.problem, basis.parameter, basis.metric = problem, parameter, numbers["metric"]
+        basis._cancels = numbers["cancels"]
+        basis.V = arrays["vectors"].T
+        basis._units, basis._lines, basis._size = arrays["units"], arrays["lines"], arrays["size"]
+        basis._sampled_rows = arrays["sampled_rows"]
+        basis._small, basis._right, basis._left = (
+            [arrays[f"{name}_{i}"] for i in range(len(problem.terms))] for name in _OF_TERMS
+        )
+        return basis
+
+    def stored(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Return all but the problem: arrays, and numbers that JSON can hold."""
+        parts = (self._small, self._right, self._left)
+        arrays: dict[str, np.ndarray]
+        arrays = {f"{n}_{i}": A for n, part in zip(_OF_TERMS, parts, strict=True) for i, A in enumerate(part)}
+        arrays |= {
+            "vectors": self.V.T, "units": self._units, "lines": self._lines, "size": self._size,
+            "sampled_rows": self._sampled_rows,
+        }  # fmt: skip
+        return arrays, {"metric": [float(c) for c in self.metric], "cancels": self._cancels}
 
     def __len__(self) -> int:
         return int(self.V.shape[1])

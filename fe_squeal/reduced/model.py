@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -116,6 +117,30 @@ class ReducedModel:
                     return
                 self._grow(np.array(missed), definite)
             raise NotConvergedError(f"the reduced model misses the tolerance at {parameter} = {missed[0]:g}")
+
+    @classmethod
+    def restored(
+        cls, problem: Problem, parameter: str, values: Sequence[float] | np.ndarray, request: Request,
+        arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any],
+    ) -> ReducedModel:  # fmt: skip
+        """Return the model that gave `stored`, of the same problem and request."""
+        model = cls.__new__(cls)
+        model.problem, model.parameter, model.request = problem, parameter, request
+        model.factorizations, model.solves = numbers["factorizations"], numbers["solves"]
+        model._known, model._known_with = {}, None
+        model._values = np.asarray(values, float)
+        model._sigma, model.highest, model._without = numbers["sigma"], numbers["highest"], arrays["without"]
+        condensed = problem.condensed(parameter).at(**{parameter: numbers["start"]})
+        model.basis = ReducedBasis.restored(condensed, parameter, arrays, numbers["basis"])
+        return model
+
+    def stored(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Return all that the problem does not give at once: arrays, and numbers that JSON can hold."""
+        arrays, numbers = self.basis.stored()
+        return arrays | {"without": self._without}, {
+            "basis": numbers, "sigma": self._sigma, "highest": self.highest, "factorizations": self.factorizations,
+            "solves": self.solves, "start": self.basis.problem.value(self.parameter),
+        }  # fmt: skip
 
     @property
     def worst(self) -> float:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from fe_squeal.report.contributions import plot_contributions
     from fe_squeal.report.export import export_shapes, shape_name
     from fe_squeal.report.figures import plot_root_locus, plot_stability
-    from fe_squeal.report.files import replace_atomically, write_csv, write_json
+    from fe_squeal.report.files import remove_partial, replace_atomically, write_csv, write_json
     from fe_squeal.report.pictures import draw_shape, draw_shapes
     from fe_squeal.report.preload import ContactFace, export_preload
     from fe_squeal.report.shapes import ShapeGrid, normalise_shape, semi_major_amplitude, shape_grid
@@ -32,6 +32,7 @@ __all__ = [
     "plot_stability",
     "print_onsets",
     "print_unstable",
+    "remove_partial",
     "replace_atomically",
     "semi_major_amplitude",
     "shape_grid",
@@ -46,7 +47,7 @@ _MODULES = {
     "contributions": ("plot_contributions",),
     "export": ("export_shapes", "shape_name"),
     "figures": ("plot_root_locus", "plot_stability"),
-    "files": ("replace_atomically", "write_csv", "write_json"),
+    "files": ("remove_partial", "replace_atomically", "write_csv", "write_json"),
     "pictures": ("draw_shape", "draw_shapes"),
     "preload": ("ContactFace", "export_preload"),
     "shapes": ("ShapeGrid", "normalise_shape", "semi_major_amplitude", "shape_grid"),

@@ -111,6 +111,7 @@ def main() -> None:
     pyvista.OFF_SCREEN = True
     jobs = json.load(sys.stdin)
     for i, job in enumerate(jobs):
+        print("drawing", i, flush=True)  # fails where the run that asked for it was killed
         draw_file(Path(job["shape"]), Path(job["picture"]), job["title"], job["axis"])
         print("drawn", i, flush=True)
 

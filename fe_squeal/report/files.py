@@ -42,7 +42,7 @@ def replace_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
     ['a.txt']
     """
     path = Path(path)
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
@@ -52,6 +52,21 @@ def replace_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # it may never have come to be
             temporary.unlink(missing_ok=True)
+
+
+def remove_partial(folder: str | os.PathLike[str]) -> None:
+    """Remove the temporary files that killed runs have left in a folder of results; nobody may be writing there.
+
+    Raises
+    ------
+    OutputError
+    """
+    try:
+        for place in ("", "checkpoint/", "shapes/", "shapes/*_frames/"):
+            for path in Path(folder).glob(f"{place}.*.partial.*"):
+                path.unlink(missing_ok=True)
+    except OSError as error:
+        raise OutputError(f"{error.filename}: cannot be removed ({error.strerror or error})") from error
 
 
 def write_csv(frame: pd.DataFrame, path: str | os.PathLike[str]) -> Path:

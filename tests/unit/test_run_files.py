@@ -250,7 +250,7 @@ def test_interrupted_run(
     whole = read_rows(out / "modes.csv")
     part = read_rows(tmp_path / "out" / "modes.csv")
     assert [float(r["im"]) for r in part] == pytest.approx([float(r["im"]) for r in whole[: len(part)]], rel=1e-12)
-    assert {p.name for p in (tmp_path / "out").iterdir()} == TABLES_AND_FIGURES
+    assert {p.name for p in (tmp_path / "out").iterdir()} == TABLES_AND_FIGURES | {"checkpoint"}
 
 
 def test_interrupted_before_anything_is_finished(
@@ -260,7 +260,7 @@ def test_interrupted_before_anything_is_finished(
     assert main(["run", str(write_scene(tmp_path)), "-o", str(tmp_path / "out")]) == 130
     assert capsys.readouterr().err == f"interrupted: 0 of 5 values were finished and are in {tmp_path / 'out'}\n"
     assert kept(tmp_path / "out") == ("interrupted", [], [])
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {"run.json"}
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"run.json", "checkpoint"}
 
 
 @pytest.mark.parametrize(("call", "done"), [(3, [0.0, 0.2]), (1, [])])

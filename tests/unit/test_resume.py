@@ -1,0 +1,326 @@
+"""What `--resume` takes up, what it refuses, and that one run at a time has a folder."""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from interrupted import assert_same_results, assert_valid, sweep_text, write_sweep
+from matrix_scenes import sites, terms_of
+from matrix_scenes import sweep_text as sweep_of
+from matrix_scenes import write_scene as write_matrix_scene
+from scene_texts import environment, replaced, write_scene
+
+import fe_squeal.inputs
+import fe_squeal.run
+from fe_squeal.cli import main
+from fe_squeal.errors import NotConvergedError, OutputError
+from fe_squeal.folder_lock import hold_folder
+from fe_squeal.geometry import Block, write_mesh
+from fe_squeal.inputs import differences
+
+PRELOAD = "[effects.preload]\npressures = { top = 1.0e5 }\n[effects.friction]"
+LOSS = "density = 7800.0\nloss_factor = 0.01"
+
+
+@pytest.fixture(autouse=True)
+def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They take most of the time of such small runs; tests/hard/test_interruptions.py has them."""
+    monkeypatch.setattr(fe_squeal.run, "write_figures", lambda *_: None)
+
+
+def stop_at(call: int, monkeypatch: pytest.MonkeyPatch, error: type[BaseException] = KeyboardInterrupt) -> None:
+    """Interrupt the sweep before its nth value."""
+    module = sys.modules["fe_squeal.sweep"]  # the package has a function of the same name
+    advance, calls = module._Tracker.advance, []
+
+    def stopping(*arguments: Any, **options: Any) -> Any:
+        calls.append(1)
+        if len(calls) == call:
+            raise error("the end")
+        return advance(*arguments, **options)
+
+    monkeypatch.setattr(module._Tracker, "advance", stopping)
+
+
+def interrupt(path: Path, out: Path, call: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patched:
+        stop_at(call, patched)
+        assert main(["run", str(path), "-o", str(out)]) == 130
+
+
+def refused(path: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    capsys.readouterr()
+    assert main(["run", str(path), "-o", str(out), "--resume"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: ") and said.count("\n") == 1
+    return said
+
+
+SCENES = {
+    "direct": sweep_text(6),
+    "reduced": sweep_text(6, "reduced"),
+    "modal": sweep_text(6, "modal"),
+    "pressed": sweep_text(6, text=replaced("[effects.friction]", PRELOAD)),
+    "structural": sweep_text(6, text=replaced("[effects.fr", "[effects.structural_damping]\n[effects.fr",
+                                              replaced("density = 7800.0", LOSS))),
+    "damped": sweep_text(6, text=replaced('name = "across"', 'name = "across"\ndamping = 50.0')),
+    "shapes": sweep_text(6, text=replaced('"none"', '"all"')),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", SCENES)
+@pytest.mark.parametrize("call", [2, 6])
+def test_every_kind_of_problem_goes_on(
+    kind: str, call: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Real and complex shapes, left ones, small models and static states come back from the files."""
+    import fe_squeal.report.export
+
+    monkeypatch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)  # pictures are tested elsewhere
+    path, out, whole = write_scene(tmp_path, SCENES[kind]), tmp_path / "out", tmp_path / "whole"
+    assert main(["run", str(path), "-o", str(whole)]) == 0
+    interrupt(path, out, call, monkeypatch)
+    assert assert_valid(out, whole) == "interrupted"
+    solved = []
+    module = sys.modules["fe_squeal.sweep"]
+    advance = module._Tracker.advance
+    monkeypatch.setattr(module._Tracker, "advance", lambda *a, **k: (solved.append(a), advance(*a, **k)))
+    capsys.readouterr()
+    assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
+    assert len(solved) == 6 - (call - 1)
+    assert f"resuming: {call - 1} of 6 values are finished" in capsys.readouterr().out
+    assert_same_results(out, whole)
+    if kind == "pressed":
+        assert (out / "preload.csv").read_text() == (whole / "preload.csv").read_text()
+
+
+def test_matrices_go_on_and_are_told_from_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The content of a file counts, whatever its name."""
+    terms, out = terms_of(*sites(4, 2, 0), "undamped"), tmp_path / "out"
+    path = write_matrix_scene(tmp_path, terms, {"mu": 0.0}, sweep_of("mu", 0, 0.9, 4, 8) + '[output]\nshapes="none"\n')
+    assert main(["run", str(path), "-o", str(tmp_path / "whole")]) == 0
+    interrupt(path, out, 3, monkeypatch)
+    file = next(tmp_path.glob("mass_*"))
+    content = file.read_bytes()
+    file.write_bytes(content + b"\n")
+    assert f"the content of file {file.name} is another" in refused(path, out, capsys)
+    file.write_bytes(content)
+    assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
+    assert_same_results(out, tmp_path / "whole")
+
+
+def test_value_that_did_not_converge_is_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = write_sweep(tmp_path, 5), tmp_path / "out"
+    assert main(["run", str(path), "-o", str(tmp_path / "whole")]) == 0
+    with monkeypatch.context() as patched:
+        stop_at(3, patched, NotConvergedError)
+        assert main(["run", str(path), "-o", str(out)]) == 3
+    assert assert_valid(out, tmp_path / "whole") == "not converged"
+    assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
+    assert_same_results(out, tmp_path / "whole")
+
+
+def test_finished_run_is_shown_and_not_solved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = write_sweep(tmp_path, 3), tmp_path / "out"
+    assert main(["run", str(path), "-o", str(out), "--resume"]) == 0  # nothing is there yet: a run like any other
+    said = capsys.readouterr().out
+    assert f"nothing to resume in {out}: the run starts anew" in said
+    before = {p: (p.stat().st_mtime_ns, p.read_bytes()) for p in out.iterdir()}
+    monkeypatch.setattr(fe_squeal.run, "assemble", lambda *_: pytest.fail("assembled again"))
+    assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
+    again = capsys.readouterr().out
+    assert "are complete" in again
+    table = said[said.index("Onsets") : said.index(" modes found")].rsplit("\n", 1)[0]
+    assert table in again and "flutter" in table
+    assert {p: (p.stat().st_mtime_ns, p.read_bytes()) for p in out.iterdir()} == before
+
+
+def test_another_scene_is_refused_and_told_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = write_sweep(tmp_path, 5), tmp_path / "out"
+    interrupt(path, out, 3, monkeypatch)
+    kept = {p: p.read_bytes() for p in (out / "checkpoint").iterdir()}
+    write_sweep(tmp_path, 7)
+    assert "sweep.points is 5 there and 7 here; run without --resume" in refused(path, out, capsys)
+    write_scene(tmp_path, sweep_text(5).replace("2.0e11", "2.1e11"), "direct.toml")
+    said = refused(path, out, capsys)
+    assert "materials.steel.youngs_modulus is 200000000000.0 there and 210000000000.0 here" in said
+    assert f"error: {out}: the interrupted run was another one" in said
+    write_sweep(tmp_path, 5)
+    mesh = (tmp_path / "block.msh").read_bytes()
+    write_mesh(Block(length=0.08, width=0.04, height=0.020001, size=0.02), tmp_path / "block.msh")
+    assert "the content of mesh block.msh is another" in refused(path, out, capsys)
+    (tmp_path / "block.msh").write_bytes(mesh)
+    with monkeypatch.context() as patched:
+        patched.setattr(fe_squeal.inputs, "__version__", "99")
+        assert "the version is" in refused(path, out, capsys)
+    assert {p: p.read_bytes() for p in (out / "checkpoint").iterdir()} == kept
+    # Without --resume the new scene runs, and the old checkpoint is gone.
+    write_sweep(tmp_path, 3)
+    assert main(["run", str(path), "-o", str(out)]) == 0
+    assert not (out / "checkpoint").exists()
+    write_sweep(tmp_path, 5)
+    assert "the finished results are of another one: sweep.points is 3" in refused(path, out, capsys)
+
+
+def test_scene_that_fails_leaves_an_older_checkpoint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A misspelled group is found at the assembly: what a long run had finished must not be gone for it."""
+    path, out = write_sweep(tmp_path, 5), tmp_path / "out"
+    interrupt(path, out, 3, monkeypatch)
+    bad = write_scene(tmp_path, sweep_text(5).replace('"bottom"', '"botom"'), "bad.toml")
+    assert main(["run", str(bad), "-o", str(out)]) == 2
+    assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
+    assert "resuming: 2 of 5 values" in capsys.readouterr().out
+
+
+class _Payload:
+    """Unpickled, it makes a file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> Any:
+        return Path.touch, (self.path,)
+
+
+def truncated(content: bytes) -> bytes:
+    return content[: len(content) // 2]
+
+
+def flipped(content: bytes) -> bytes:
+    at = len(content) // 3
+    return content[:at] + bytes([content[at] ^ 0xFF]) + content[at + 1 :]
+
+
+def without_json(content: bytes) -> bytes:
+    found = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as before, zipfile.ZipFile(found, "w") as after:
+        for name in before.namelist():
+            if name != "json.npy":
+                after.writestr(name, before.read(name))
+    return found.getvalue()
+
+
+@pytest.mark.parametrize("spoil", [truncated, flipped, without_json, lambda content: b"", lambda content: b"[]"])
+@pytest.mark.parametrize("name", ["state.npz", "first.npz", "point_00000.npz"])
+def test_damaged_checkpoint_is_refused(
+    name: str, spoil: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = write_sweep(tmp_path, 3), tmp_path / "out"
+    interrupt(path, out, 3, monkeypatch)
+    file = out / "checkpoint" / name
+    file.write_bytes(spoil(file.read_bytes()))
+    assert f"{name}: the checkpoint is damaged" in refused(path, out, capsys)
+    file.unlink()
+    if name != "state.npz":
+        assert f"{name}: the checkpoint is damaged" in refused(path, out, capsys)
+
+
+def test_checkpoint_is_never_unpickled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = write_sweep(tmp_path, 3), tmp_path / "out"
+    interrupt(path, out, 3, monkeypatch)
+    mark = tmp_path / "executed"
+    np.savez(out / "checkpoint" / "state.npz", json=np.array([_Payload(mark)], dtype=object))
+    assert "state.npz: the checkpoint is damaged" in refused(path, out, capsys)
+    assert not mark.exists()
+    np.load(out / "checkpoint" / "state.npz", allow_pickle=True)["json"]
+    assert mark.exists()  # else the test would be one of nothing
+
+
+def test_damaged_record_of_inputs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = write_sweep(tmp_path, 3), tmp_path / "out"
+    interrupt(path, out, 3, monkeypatch)
+    for text in ("", "{", "[1]", "{}", '{"version": 1, "scene": 2, "content": 3}', "\xff"):
+        (out / "checkpoint" / "inputs.json").write_text(text, encoding="latin-1")
+        assert "run without --resume" in refused(path, out, capsys)
+
+
+def test_differences_are_counted() -> None:
+    known = {"version": "1", "scene": {"a": [{"b": k} for k in range(6)]}, "content": {}}
+    given = {"version": "1", "scene": {"a": [{"b": -k} for k in range(6)]}, "content": {}}
+    assert len(differences(known, given)) == 5
+    assert fe_squeal.inputs.listed(differences(known, given)).endswith("a[3].b is 3 there and -3 here; and 2 more")
+    assert differences(known, known) == []
+
+
+def test_second_run_into_a_folder_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """While the first one has it, and not after it was killed."""
+    path, out = write_sweep(tmp_path, 3), tmp_path / "out"
+    program = (
+        "import sys, time; from pathlib import Path; from fe_squeal.folder_lock import hold_folder\n"
+        "with hold_folder(Path(sys.argv[1])): print('held', flush=True); time.sleep(60)"
+    )
+    child = subprocess.Popen(
+        [sys.executable, "-c", program, str(out)], stdout=subprocess.PIPE, env=environment(), encoding="utf-8"
+    )
+    try:
+        assert child.stdout is not None and child.stdout.readline() == "held\n"
+        for options in ([], ["--resume"]):
+            assert main(["run", str(path), "-o", str(out), *options]) == 2
+            said = capsys.readouterr().err
+            assert said.startswith(f"error: {out}: is held by another run (process {child.pid} since 20")
+            assert said.endswith("given by -o\n") and said.count("\n") == 1
+        assert {p.name for p in out.iterdir()} == {".lock"}
+    finally:
+        child.kill()
+        child.wait()
+    assert main(["run", str(path), "-o", str(out)]) == 0
+    assert not (out / ".lock").exists()
+
+
+def test_folder_is_free_behind_the_block(tmp_path: Path) -> None:
+    with hold_folder(tmp_path), pytest.raises(OutputError, match="held by another run"), hold_folder(tmp_path):
+        pass
+    with hold_folder(tmp_path):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
+def test_temporary_files_of_killed_runs_are_removed(tmp_path: Path) -> None:
+    path, out = write_sweep(tmp_path, 3), tmp_path / "out"
+    (out / "checkpoint").mkdir(parents=True)
+    left = [out / ".modes.123.partial.csv", out / "checkpoint" / ".state.123.partial.npz"]
+    mine = out / ".hidden"
+    for file in (*left, mine):
+        file.write_text("half")
+    assert main(["run", str(path), "-o", str(out)]) == 0
+    assert not any(file.exists() for file in left) and mine.read_text() == "half"
+
+
+def test_an_older_record_goes_before_anything_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Killed while it clears the folder, a run must not leave a record that calls what is left complete."""
+    path, out = write_sweep(tmp_path, 3), tmp_path / "out"
+    assert main(["run", str(path), "-o", str(out)]) == 0
+    removed: list[str] = []
+    unlink = Path.unlink
+
+    def watched(self: Path, missing_ok: bool = False) -> None:
+        if self.parent == out and self.exists() and not self.name.startswith("."):
+            removed.append(self.name)
+        unlink(self, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", watched)
+    assert main(["run", str(path), "-o", str(out)]) == 0
+    assert removed[0] == "run.json" and "modes.csv" in removed
+    assert json.loads((out / "run.json").read_text())["status"] == "complete"
