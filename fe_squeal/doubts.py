@@ -98,7 +98,7 @@ def doubts_of_rotation(
         for word, across in (("turn about the axis", axis), ("tilt", np.cross(axis, np.eye(3)[np.argmin(axis**2)]))):
             u = np.zeros((space.nodes, 3))
             u[nodes] = np.cross(across / np.linalg.norm(across), x - middle)
-            v = u.ravel()[space.free]
+            v = space.gather(u)
             energy = {
                 slot: sum(
                     float(v @ (t.matrix @ v)) * t.coefficient(parameters)
