@@ -22,7 +22,8 @@ class Material(Section):
     youngs_modulus : float or [E1, E2, E3], Pa
         Young's modulus; orthotropic: along the material axes 1, 2 and 3.
     poisson_ratio : float or [nu23, nu13, nu12]
-        nu_ij = −strain_j/strain_i under a stress along i alone; above −1 and below 0.5 for an isotropic material.
+        nu_ij = −strain_j/strain_i under a stress along i alone; above −1 and below 0.5 for an isotropic material. Where
+        it comes near 0.5 the body wants formulation = "mixed"; 0.4999 then stands for an incompressible material.
     density : float, kg/m^3
         Mass per volume.
     shear_modulus : [G23, G13, G12], Pa

@@ -121,7 +121,7 @@ def _inertia(
 
 
 def _nodal_convection(space: DisplacementSpace, elements: np.ndarray, rotation: Sliding) -> sp.csr_array:
-    """Return the operator of the mean of (w·∇)u in the elements around a node, by their volumes; one row per function."""
+    """Return the operator of the mean of (w·∇)u in the elements around a node, by volumes; a row per function."""
     X = np.asarray(space.element.doflocs).T
     sums = sp.csr_array((space.functions, space.functions))
     volumes = np.zeros(space.functions)

@@ -28,7 +28,8 @@ class Body(Section):
         Rayleigh damping of this body, instead of that of the whole model.
     formulation : "standard" or "mixed"
         "mixed" gives the pressure unknowns of its own, eliminated in each element, so that nearly incompressible
-        materials (poisson_ratio above some 0.45) do not lock; for isotropic materials, in bodies that do not rotate.
+        materials (poisson_ratio above some 0.45) do not lock. It adds unknowns, but not to hexahedra of order 2. For
+        isotropic materials, in bodies that do not rotate.
     """
 
     material: str
