@@ -13,13 +13,13 @@ depends on the shape of the cells alone):
   Boffi, Brezzi and Fortin, Mixed Finite Element Methods and Applications, 2013, chapter 8);
 - p linear on hexahedra, with displacements of order 2: these hold such functions already.
 
-Faces on the boundary of a body need no bubble: the condition for pressures of mean zero uses displacements that vanish
-there, and the mean of the pressure is met by the nodal ones. So contacts, supports and neighbours never see them.
+Faces on the boundary of the mixed elements need no bubble: the condition for pressures of mean zero uses displacements
+that vanish there, and the mean of the pressure is met by the nodal ones. The same holds for faces inside that are held.
+So contacts, supports and neighbours never see them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +37,7 @@ class Bubbles:
     Attributes
     ----------
     elements : (elements,) bool
-        Those of the bodies that have bubbles.
+        Those of the mixed formulation.
     in_cells : bool
         Whether cells have one, beside the faces between them.
     directions : (3 functions, unknowns) sparse
@@ -64,25 +64,27 @@ class Bubbles:
         return np.vstack([faces, mesh.nfacets + elements]) if self.in_cells else faces
 
 
-def make_bubbles(mesh: skfem.Mesh, order: int, bodies: Sequence[np.ndarray]) -> Bubbles | None:
-    """Return the bubbles that pressures of order − 1 need in each of some bodies (e,) int; None where none are needed.
+def make_bubbles(mesh: skfem.Mesh, order: int, elements: np.ndarray, held: np.ndarray) -> Bubbles | None:
+    """Return the bubbles that pressures of order − 1 need in some elements; None where none are needed.
+
+    Parameters
+    ----------
+    elements : (elements,) bool
+    held : (faces,) bool
+        Faces that supports hold in any component.
     """
-    tetrahedra = mesh.refdom is RefTet
-    if not bodies or (order == 2 and not tetrahedra):
+    if not elements.any() or (order == 2 and mesh.refdom is not RefTet):
         return None
-    owner = np.full(mesh.nelements, -1)
-    for number, elements in enumerate(bodies):
-        owner[elements] = number
     one, other = mesh.f2t
-    faces = np.flatnonzero((other >= 0) & (owner[one] >= 0) & (owner[one] == owner[other]))
-    cells = np.flatnonzero(owner >= 0) if order == 2 else np.zeros(0, int)
+    faces = np.flatnonzero((other >= 0) & elements[one] & elements[other] & ~held)
+    cells = np.flatnonzero(elements) if order == 2 else np.zeros(0, int)
     i = np.concatenate([np.repeat(faces, 3), np.repeat(mesh.nfacets + cells, 3)])
     component = np.tile(np.arange(3), len(faces) + len(cells))
     column = np.concatenate([np.repeat(np.arange(len(faces)), 3), len(faces) + np.arange(3 * len(cells))])
     data = np.concatenate([_normals(mesh, faces).ravel(), np.ones(3 * len(cells))])
     functions = mesh.nfacets + (mesh.nelements if order == 2 else 0)
     shape = (3 * functions, len(faces) + 3 * len(cells))
-    return Bubbles(owner >= 0, order == 2, sp.csr_array((data, (3 * i + component, column)), shape=shape))
+    return Bubbles(elements, order == 2, sp.csr_array((data, (3 * i + component, column)), shape=shape))
 
 
 def bubble_functions(refdom: type, X: np.ndarray, in_cells: bool) -> tuple[np.ndarray, np.ndarray]:

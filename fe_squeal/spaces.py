@@ -64,7 +64,7 @@ class DisplacementSpace:
     """Continuous piecewise polynomial displacements on a mesh.
 
     Unknowns are the components of the nodes' displacements, 3 j + c being component c at node j, less those that are
-    held, and behind them those of the bubbles inside bodies of the mixed formulation. All vanish at nodes.
+    held, and behind them those of the bubbles between elements of the mixed formulation, which vanish at all nodes.
 
     Attributes
     ----------
@@ -185,7 +185,7 @@ class DisplacementSpace:
         d = np.where(np.abs(d) < ROUNDED, 0.0, d)
         components = [sp.diags_array(d[:, c]) @ values for c in range(3)]
         nodal = sp.csr_array(self._interleave(components)[:, self.free])
-        # Bubbles vanish on the surface of their body.
+        # Bubbles vanish on the boundary; on faces inside it is the nodal interpolant that counts.
         return sp.csr_array((nodal.data, nodal.indices, nodal.indptr), shape=(nodal.shape[0], self.unknowns))
 
     def expand(self, u: np.ndarray) -> np.ndarray:
@@ -229,14 +229,18 @@ def make_space(
         Elements of each body of the mixed formulation.
     """
     space = DisplacementSpace(mesh, order, np.zeros(0, bool))
-    fixed = np.zeros((space.nodes, 3), bool)
+    fixed, held = np.zeros((space.nodes, 3), bool), np.zeros(mesh.nfacets, bool)
+    elements = np.zeros(mesh.nelements, bool)
     for facets, components in supports:
         nodes = space.nodes_of(facets)
+        held[facets] = True
         for c in components:
             fixed[nodes, "xyz".index(c)] = True
     if fixed.all():
         raise SceneError("supports: every displacement is held; expected at least one free unknown")
-    return DisplacementSpace(mesh, order, fixed.ravel(), make_bubbles(mesh, order, mixed))
+    for body in mixed:
+        elements[body] = True
+    return DisplacementSpace(mesh, order, fixed.ravel(), make_bubbles(mesh, order, elements, held))
 
 
 def straightened(mesh: skfem.Mesh) -> skfem.Mesh:

@@ -134,24 +134,46 @@ def test_breathing_of_an_incompressible_ring_is_stiff(kind):
     assert u @ (K @ u) == pytest.approx(3 * volume / (1 - 2 * nu), rel=1e-10)
 
 
-def test_one_lining_between_two_others():
-    """Bubbles belong to faces inside one body: at a face shared with a standard or another mixed body they would tear
-    the displacements apart, or appear in one stiffness alone. Three glued thirds of one material are the one block (the
-    same mesh), but for the bubbles that are missing on two planes; a standard third is stiffer."""
+def test_linings_that_are_glued_to_others():
+    """At a face shared with a standard body a bubble would tear the displacements apart, or have one stiffness alone.
+    Three glued mixed thirds of a block are the block itself; with a standard third in the middle, whose displacements
+    then are the standard ones, the block is stiffer, and less so than a standard block."""
     n = 6
     mesh = box("tet1", (n, 3, 3), (1.0, 0.5, 0.5))
     third = np.clip((3 * mesh.p[0][mesh.t].mean(axis=0)).astype(int), 0, 2)
-    glued = mesh.with_subdomains({f"part_{i}": np.flatnonzero(third == i) for i in range(3)})
-    held = [{"surface": "left", "fixed": "xyz"}]
-    nu = 0.49
+    thirds = mesh.with_subdomains({f"part_{i}": np.flatnonzero(third == i) for i in range(3)})
 
     def lowest(mesh, bodies):
-        return modes_of(
-            make_problem(mesh, order=1, supports=held, materials={"lining": lining(nu)}, bodies=bodies), 6
-        ).lam.imag  # fmt: skip
+        problem = make_problem(
+            mesh, order=1, supports=[{"surface": "left", "fixed": "xyz"}], materials={"lining": lining(0.49)},
+            bodies=bodies,
+        )  # fmt: skip
+        return modes_of(problem, 6).lam.imag
 
-    whole = lowest(mesh, formulated("block"))
-    parts = {f"part_{i}": {"material": "lining", "formulation": "mixed"} for i in range(3)}
-    np.testing.assert_allclose(lowest(glued, parts), whole, rtol=0.03)
-    some = {**parts, "part_1": {"material": "lining"}}
-    assert (lowest(glued, some) > lowest(glued, parts) * (1 - 1e-12)).all()
+    whole, standard = (lowest(mesh, formulated("block", f)) for f in ("mixed", "standard"))
+    parts = {k: v for i in range(3) for k, v in formulated(f"part_{i}").items()}
+    np.testing.assert_allclose(lowest(thirds, parts), whole, rtol=1e-9)
+    some = lowest(thirds, {**parts, "part_1": {"material": "lining"}})
+    assert (some > whole * 1.001).all() and (some < standard * 0.999).all()
+
+
+def test_support_on_faces_inside():
+    """A support may hold a plane in the middle of a body: its nodes, and with them the bubbles of its faces, or the
+    clamped middle would still move between the nodes. Each half then moves as the half that is clamped there."""
+    mesh = box("tet1", (4, 2, 2), (1.0, 0.5, 0.5))
+    mesh = mesh.with_boundaries({"middle": mesh.facets_satisfying(lambda x: np.abs(x[0] - 0.5) < 1e-9)})
+    space = matrices(mesh, 1, 0.49, held=[(mesh.boundaries["middle"], "xyz")])[0]
+    free = matrices(mesh, 1, 0.49)[0]
+    assert free.bubbles.unknowns - space.bubbles.unknowns == len(mesh.boundaries["middle"]) == 8
+    whole = make_problem(
+        mesh, order=1, supports=[{"surface": "middle", "fixed": "xyz"}], materials={"lining": lining(0.49)},
+        bodies=formulated("block"),
+    )  # fmt: skip
+    halves = []
+    for side, corner in (("right", 0.0), ("left", 0.5)):
+        half = box("tet1", (2, 2, 2), (0.5, 0.5, 0.5), (corner, 0.0, 0.0))
+        halves.append(modes_of(make_problem(
+            half, order=1, supports=[{"surface": side, "fixed": "xyz"}], materials={"lining": lining(0.49)},
+            bodies=formulated("block"),
+        ), 4).lam.imag[:4])  # fmt: skip
+    np.testing.assert_allclose(modes_of(whole, 8).lam.imag[:8], np.sort(np.concatenate(halves)), rtol=1e-9)

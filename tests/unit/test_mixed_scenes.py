@@ -22,8 +22,8 @@ SHAPES = 'shapes = "none"', 'shapes = "all"'
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_run(tmp_path: Path, order: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The stiff block squeals at the minimal model's μ but for its own elasticity (measured 0.5 and 0.7 % above); shapes
-    are on the nodes, finite and not zero."""
+    """The stiff block squeals at the minimal model's μ but for its own elasticity (measured 0.5 and 0.7 % above);
+    shapes are on the nodes, finite and not zero."""
     monkeypatch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)  # pictures take most of the time
     text = replaced("order = 1", f"order = {order}", replaced(*SHAPES, SOFT))
     assert main(["run", str(write_scene(tmp_path, text)), "-o", str(tmp_path / "out")]) == 0
