@@ -104,7 +104,7 @@ class DisplacementSpace:
 
     @cached_property
     def free(self) -> np.ndarray:
-        """Positions of the unknown displacements among all 3*nodes of the nodes, int; bubbles come behind them."""
+        """Positions of the unknown displacements among all 3*nodes, int; the unknowns of bubbles come behind them."""
         return np.flatnonzero(~self.fixed)
 
     @property
@@ -113,7 +113,7 @@ class DisplacementSpace:
         return len(self.free) + (self.bubbles.unknowns if self.bubbles is not None else 0)
 
     @cached_property
-    def _prolongation(self) -> sp.csr_array:
+    def prolongation(self) -> sp.csr_array:
         """(3 functions, n): amplitudes of all shape functions along x, y and z from the unknowns."""
         rows, columns = self.free, np.arange(len(self.free))
         nodal = sp.csr_array((np.ones(len(rows)), (rows, columns)), shape=(3 * self.nodes, len(rows)))
@@ -125,7 +125,7 @@ class DisplacementSpace:
         """Return the (n, n) matrix of a form on the unknowns from that (3 functions, 3 functions) on all functions."""
         if self.bubbles is None:
             return sp.csr_array(A[self.free][:, self.free])
-        return sp.csr_array(self._prolongation.T @ A @ self._prolongation)
+        return sp.csr_array(self.prolongation.T @ A @ self.prolongation)
 
     @cached_property
     def coordinates(self) -> np.ndarray:
@@ -202,7 +202,7 @@ class DisplacementSpace:
 
     def amplitudes(self, u: np.ndarray) -> np.ndarray:
         """Return those of all shape functions, (functions, 3), of a vector of unknowns (n,)."""
-        return np.asarray(self._prolongation @ u).reshape(-1, 3)
+        return np.asarray(self.prolongation @ u).reshape(-1, 3)
 
     def _interleave(self, components: list[sp.csr_array]) -> sp.csr_array:
         parts = [sp.coo_array(p) for p in components]

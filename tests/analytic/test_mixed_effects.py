@@ -28,7 +28,7 @@ def test_stress_is_in_equilibrium(kind, order):
     force = np.zeros((space.functions, 3))
     for s, stress in element_stress(space, np.arange(mesh.nelements), law, u):
         np.add.at(force, s.nodes, np.einsum("eabq,ejbq,eq->eja", stress, s.gradients, s.dx, optimize=True))
-    np.testing.assert_allclose(space._prolongation.T @ force.ravel(), K @ u, atol=1e-12 * (abs(K) @ np.abs(u)).max())
+    np.testing.assert_allclose(space.prolongation.T @ force.ravel(), K @ u, atol=1e-12 * (abs(K) @ np.abs(u)).max())
 
 
 @pytest.mark.parametrize(("kind", "order"), SCHEMES)

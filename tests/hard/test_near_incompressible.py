@@ -80,7 +80,7 @@ def smallest_inf_sup(mesh, order, bubbles=True, held=()):
         for B, nodes in zip(block, s.nodes, strict=True):
             full = np.zeros((len(B), space.functions, 3))
             full[:, nodes] = B
-            rows.append(full.reshape(len(B), -1) @ space._prolongation)
+            rows.append(full.reshape(len(B), -1) @ space.prolongation)
     B = np.concatenate(rows)
     S = B @ spla.splu((K + M).tocsc()).solve(np.ascontiguousarray(B.T))
     return np.sqrt(max(la.eigvalsh(S, subset_by_index=[0, 0])[0], 0.0))
