@@ -137,8 +137,8 @@ def test_contact_does_virtual_work_on_nodes_alone(kind, order):
 @pytest.mark.parametrize(("kind", "order"), [("hex1", 2), ("tet1", 1)])
 def test_friction_sweep_reduced_and_direct(kind, order):
     """Growth rates and frequencies of the reduced model are those of direct solves, with bubbles in the unknowns."""
-    problem = pad_on_belt(kind, order, cells=4)
-    values = np.linspace(0.0, 1.0, 5)
+    problem = pad_on_belt(kind, order)
+    values = np.linspace(0.0, 1.0, 3)
     direct, reduced = (sweep(problem, values, modes=10, method=m) for m in ("direct", "reduced"))
     assert direct.completeness.proven and reduced.completeness.proven
     for a, b in zip(direct.points, reduced.points, strict=True):
