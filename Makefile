@@ -42,7 +42,8 @@ docs: run
 	cp results/disc_pad/shapes/branch_16_*.png docs/images/shape.png
 	$(BIN)/python -m fe_squeal.scene_reference > docs/scene.md
 
-# The pages of what effects and sweeps cost; the times are those of this machine.
+# The pages of what effects and sweeps cost, with the times of this machine, and of nearly incompressible linings.
 benchmarks: .venv/installed
 	$(BIN)/python benchmarks/effects_cost.py --write
 	$(BIN)/python benchmarks/sweep_cost.py --write
+	$(BIN)/python benchmarks/near_incompressible.py --write

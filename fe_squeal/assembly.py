@@ -97,7 +97,8 @@ class Assembly:
         if scene.mesh.order == 1 and (straight := straightened(mesh)) is not mesh:
             mesh = straight
             self.notes += ("order = 1: curved edges are made straight, or rotations would not be free",)
-        self.space = make_space(mesh, scene.mesh.order, supports)
+        mixed = [elements for name, elements in self.bodies.items() if scene.bodies[name].is_mixed]
+        self.space = make_space(mesh, scene.mesh.order, supports, mixed)
         self.loaded = loaded
         self._made: dict[str, list[tuple[object, Any]]] = {}
         self._sides: dict[str, set[str]] = {}
@@ -154,7 +155,7 @@ class Assembly:
             for name, elements in self.bodies.items():
 
                 def stiffening(name: str = name, elements: np.ndarray = elements, u: np.ndarray = base.u) -> Term:
-                    return stiffening_term(self.space, name, elements, scene.stiffness(name), u)
+                    return stiffening_term(self.space, name, elements, scene.elasticity(name), u)
 
                 terms.append(self._kept(f"stiffening.{name}", id(base), stiffening))
         terms += damping
@@ -186,7 +187,7 @@ class Assembly:
             masses[name], elastics[name] = self._kept(
                 f"elastic.{name}", (shape, body.axes),
                 lambda n=name, e=elements, m=material, b=body, a=axes: elastic_terms(  # type: ignore[misc]
-                    self.space, n, e, m, f"materials.{b.material}", a
+                    self.space, n, e, m, f"materials.{b.material}", a, b.is_mixed
                 ),
             )  # fmt: skip
         return masses, elastics

@@ -48,7 +48,8 @@ def _mesh_rows(table: Table, scene: Scene, problem: Problem) -> None:
         extent = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(corners.min(axis=1), corners.max(axis=1), strict=True))
         table.add_row(
             f"body {name}",
-            f"{len(elements)} elements of {scene.bodies[name].material}, {volume:.4g} m3,"
+            f"{len(elements)}{' mixed' * scene.bodies[name].is_mixed} elements of {scene.bodies[name].material},"
+            f" {volume:.4g} m3,"
             f" {volume * material.density:.4g} kg; x, y, z in m: {extent}",
         )
         table.add_row("", _values(material))

@@ -9,8 +9,9 @@ import scipy.sparse as sp
 import skfem
 from scipy.spatial import cKDTree
 
+from .cell_map import geometry_map
 from .errors import SceneError
-from .spaces import ROUNDED, DisplacementSpace, geometry_map
+from .spaces import ROUNDED, DisplacementSpace
 
 _NEWTON_STEPS = 25
 _INSIDE = 1e-6  # slack of reference coordinates: a point on an edge belongs to the facets on both sides

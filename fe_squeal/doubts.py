@@ -17,12 +17,13 @@ _DENSITY = (100.0, 30000.0)  # kg/m^3: from foams to osmium
 _MODULUS = (1e6, 1e13)  # Pa: from rubber to beyond diamond
 _FOLLOWING = 1e-3  # of the friction stiffness: the size of the follower terms from which they are spoken of
 _LARGE_GAP = 0.05  # of the model's size
+_LOCKING = 0.48  # Poisson's ratio above which standard elements lose digits; see docs/near_incompressible.md
 _HELD = 10.0  # times Ω²M: the stiffness against a rigid motion beside which that of the centrifugal stress is small
 
 
 def doubts(scene: Scene, loaded: LoadedMesh, space: DisplacementSpace) -> list[str]:
     """Return a sentence for each value that is probably not meant; the groups have been looked up before."""
-    return [*_materials(scene), *_held(scene, loaded, space), *_gaps(scene, space)]
+    return [*_materials(scene), *_locking(scene), *_held(scene, loaded, space), *_gaps(scene, space)]
 
 
 def _materials(scene: Scene) -> Iterable[str]:
@@ -40,6 +41,17 @@ def _materials(scene: Scene) -> Iterable[str]:
             yield f"materials.{name}.loss_factor has no effect: [effects.structural_damping], which reads it, is not on"
     if scene.effects.structural_damping is not None and not any(m.loss_factor for m in scene.materials.values()):
         yield "effects.structural_damping has no effect: no material has a loss_factor"
+
+
+def _locking(scene: Scene) -> Iterable[str]:
+    for name, body in scene.bodies.items():
+        nu = scene.materials[body.material].poisson_ratio
+        if not body.is_mixed and not isinstance(nu, list) and nu > _LOCKING:
+            yield (
+                f"bodies.{name}: materials.{body.material}.poisson_ratio = {nu:g}, nearly incompressible: standard"
+                f' elements lock, and frequencies come out too high, with order = {scene.mesh.order};'
+                f' take bodies.{name}.formulation = "mixed"'
+            )
 
 
 def _held(scene: Scene, loaded: LoadedMesh, space: DisplacementSpace) -> Iterable[str]:
@@ -98,7 +110,7 @@ def doubts_of_rotation(
         for word, across in (("turn about the axis", axis), ("tilt", np.cross(axis, np.eye(3)[np.argmin(axis**2)]))):
             u = np.zeros((space.nodes, 3))
             u[nodes] = np.cross(across / np.linalg.norm(across), x - middle)
-            v = u.ravel()[space.free]
+            v = space.gather(u)
             energy = {
                 slot: sum(
                     float(v @ (t.matrix @ v)) * t.coefficient(parameters)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -21,7 +22,8 @@ class Material(Section):
     youngs_modulus : float or [E1, E2, E3], Pa
         Young's modulus; orthotropic: along the material axes 1, 2 and 3.
     poisson_ratio : float or [nu23, nu13, nu12]
-        nu_ij = −strain_j/strain_i under a stress along i alone; above −1 and below 0.5 for an isotropic material.
+        nu_ij = −strain_j/strain_i under a stress along i alone; above −1 and below 0.5 for an isotropic material. Where
+        it comes near 0.5 the body wants formulation = "mixed"; 0.4999 then stands for an incompressible material.
     density : float, kg/m^3
         Mass per volume.
     shear_modulus : [G23, G13, G12], Pa
@@ -104,7 +106,7 @@ def stiffness_tensor(material: Material, axes: np.ndarray | None = None) -> np.n
         E, nu = float(material.youngs_modulus), float(material.poisson_ratio)  # type: ignore[arg-type]
         shear = E / (2 * (1 + nu))
         voigt = np.diag([2 * shear] * 3 + [shear] * 3)
-        voigt[:3, :3] += E * nu / ((1 + nu) * (1 - 2 * nu))
+        voigt[:3, :3] += lame_lambda(material)
     tensor = np.zeros((3, 3, 3, 3))
     for a, (i, j) in enumerate(VOIGT):
         for b, (k, l) in enumerate(VOIGT):
@@ -115,6 +117,51 @@ def stiffness_tensor(material: Material, axes: np.ndarray | None = None) -> np.n
         return tensor
     R = np.asarray(axes)
     return np.einsum("pi,qj,rk,sl,pqrs->ijkl", R, R, R, R, tensor, optimize=True)
+
+
+@dataclass(frozen=True)
+class Elasticity:
+    """The law of a body, σ = C:ε(u) + λ Π(div u) 1, with Π of `fe_squeal.mixed`.
+
+    Attributes
+    ----------
+    stiffness : (3, 3, 3, 3) float, Pa
+        C; of the mixed formulation without Lamé's λ.
+    lame : float, Pa
+        Lamé's λ of the mixed formulation, else 0.
+    """
+
+    stiffness: np.ndarray
+    lame: float = 0.0
+
+
+def elasticity(material: Material, axes: np.ndarray | None = None, mixed: bool = False) -> Elasticity:
+    """Return the law of a material in the standard or in the mixed formulation.
+
+    Parameters
+    ----------
+    material : Material
+        Isotropic for the mixed formulation.
+    axes : as of `stiffness_tensor`
+
+    Examples
+    --------
+    >>> rubber = Material(youngs_modulus=3e6, poisson_ratio=0.499, density=1100.0)
+    >>> law = elasticity(rubber, mixed=True)
+    >>> round(law.lame / 1e6), round(float(law.stiffness[0, 0, 1, 1]), 3)
+    (499, 0.0)
+    """
+    if not mixed:
+        return Elasticity(stiffness_tensor(material, axes))
+    E, nu = float(material.youngs_modulus), float(material.poisson_ratio)  # type: ignore[arg-type]
+    shear = E / (1 + nu) * (np.einsum("ik,jl", np.eye(3), np.eye(3)) + np.einsum("il,jk", np.eye(3), np.eye(3))) / 2
+    return Elasticity(shear, lame_lambda(material))
+
+
+def lame_lambda(material: Material) -> float:
+    """Return Lamé's λ = E ν/((1 + ν)(1 − 2ν)) of an isotropic material, Pa."""
+    E, nu = float(material.youngs_modulus), float(material.poisson_ratio)  # type: ignore[arg-type]
+    return E * nu / ((1 + nu) * (1 - 2 * nu))
 
 
 def material_axes(first: tuple[float, ...], second: tuple[float, ...]) -> np.ndarray:

@@ -26,7 +26,7 @@ def write_preload(scene: Scene, problem: Problem, out: Path) -> list[Path]:
     base, space = model.base, model.space
     stress = np.zeros(space.mesh.nelements)
     for name, elements in model.bodies.items():
-        stress[elements] = von_mises(space, elements, scene.stiffness(name), base.u)
+        stress[elements] = von_mises(space, elements, scene.elasticity(name), base.u)
     kinds = dict(zip(scene.contact_names, (c.kind for c in scene.contacts), strict=True))
     faces = {}
     for name, state in base.contacts.items():

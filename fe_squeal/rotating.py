@@ -80,7 +80,7 @@ def circulatory_matrices(
         Exactly skew, ∝ Ω; to add beta B_K + alpha B_M to the stiffness where beta K + alpha M is the damping.
     """
     turning = np.cross(rotation.velocity, np.eye(3)).T  # Ω × u = turning @ u
-    everywhere = sp.eye_array(space.nodes, format="csr")
+    everywhere = sp.eye_array(space.functions, format="csr")
     L = _on_unknowns(space, _nodal_convection(space, elements, rotation)) - _on_unknowns(space, everywhere, turning)
     mass, convected, _ = _inertia(space, elements, density, rotation)
     B_K, B_M = stiffness_matrix @ L, _on_unknowns(space, convected) - _on_unknowns(space, mass, turning)
@@ -101,30 +101,30 @@ def centrifugal_load(space: DisplacementSpace, elements: np.ndarray, density: fl
     for shapes in element_shapes(space, elements):
         outward = -np.cross(rotation.velocity, rotation.velocities(np.swapaxes(shapes.points, 1, 2)))  # (e, q, 3)
         np.add.at(force, shapes.nodes, shapes.values @ (density * shapes.dx[:, :, None] * outward))
-    return np.asarray(force.ravel()[space.free])
+    return space.gather(force)
 
 
 def _inertia(
     space: DisplacementSpace, elements: np.ndarray, density: float, rotation: Sliding
 ) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
-    """Return ∫ρ N_I N_J, ∫ρ N_I (w·∇)N_J and ∫ρ (w·∇)N_I (w·∇)N_J, (nodes, nodes)."""
-    plain = once = twice = sp.csr_array((space.nodes, space.nodes))
+    """Return ∫ρ N_I N_J, ∫ρ N_I (w·∇)N_J and ∫ρ (w·∇)N_I (w·∇)N_J, (functions, functions)."""
+    plain = once = twice = sp.csr_array((space.functions, space.functions))
     for shapes in element_shapes(space, elements):
         w = rotation.velocities(np.swapaxes(shapes.points, 1, 2))  # (e, q, 3)
         N, wN = shapes.values, np.einsum("ejkq,eqk->ejq", shapes.gradients, w)
         weights = density * shapes.dx[:, None, :]
         right, convected = np.swapaxes(weights * N, 1, 2), np.swapaxes(weights * wN, 1, 2)
-        plain = plain + scatter(N @ right, shapes.nodes, space.nodes)
-        once = once + scatter(N @ convected, shapes.nodes, space.nodes)
-        twice = twice + scatter(wN @ convected, shapes.nodes, space.nodes)
+        plain = plain + scatter(N @ right, shapes.nodes, space.functions)
+        once = once + scatter(N @ convected, shapes.nodes, space.functions)
+        twice = twice + scatter(wN @ convected, shapes.nodes, space.functions)
     return plain, once, twice
 
 
 def _nodal_convection(space: DisplacementSpace, elements: np.ndarray, rotation: Sliding) -> sp.csr_array:
-    """Return the (nodes, nodes) operator of the mean of (w·∇)u in the elements around a node, by their volumes."""
+    """Return the operator of the mean of (w·∇)u in the elements around a node, by volumes; a row per function."""
     X = np.asarray(space.element.doflocs).T
-    sums = sp.csr_array((space.nodes, space.nodes))
-    volumes = np.zeros(space.nodes)
+    sums = sp.csr_array((space.functions, space.functions))
+    volumes = np.zeros(space.functions)
     for chunk in np.array_split(elements, len(elements) // _ELEMENTS_AT_ONCE + 1):
         basis = skfem.CellBasis(
             space.mesh, space.element, elements=chunk, quadrature=(X, np.ones(X.shape[1])), dofs=space.dofs,
@@ -134,12 +134,12 @@ def _nodal_convection(space: DisplacementSpace, elements: np.ndarray, rotation: 
         w = rotation.velocities(np.moveaxis(np.asarray(basis.global_coordinates()), 0, -1))
         blocks = np.stack([np.einsum("keq,eqk->eq", f[0].grad, w) for f in basis.basis], axis=2)  # (e, q, nodes)
         volume = np.broadcast_to(basis.dx.mean(axis=1, keepdims=True), t.shape)  # up to a factor
-        sums = sums + scatter(blocks * volume[:, :, None], t, space.nodes)
+        sums = sums + scatter(blocks * volume[:, :, None], t, space.functions)
         np.add.at(volumes, t, volume)
     return sp.csr_array(sp.diags_array(1.0 / np.where(volumes > 0, volumes, 1.0)) @ sums)
 
 
 def _on_unknowns(space: DisplacementSpace, scalar: sp.csr_array, components: np.ndarray | None = None) -> sp.csr_array:
-    """Return a (nodes, nodes) matrix, times a (3, 3) one that mixes the components, on the unknowns."""
+    """Return a (functions, functions) matrix, times a (3, 3) one that mixes the components, on the unknowns."""
     components = np.eye(3) if components is None else components
-    return sp.csr_array(sp.kron(scalar, components, format="csr"))[space.free][:, space.free]
+    return space.restricted(sp.kron(scalar, components, format="csr"))

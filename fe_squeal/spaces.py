@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,7 +13,10 @@ from skfem.assembly import Dofs
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTet, RefTri
 
+from .bubbles import Bubbles, bubble_functions, make_bubbles
+from .cell_map import geometry_map
 from .errors import SceneError
+from .mixed import pressure_functions
 
 _ELEMENTS = {
     (True, 1): skfem.ElementTetP1,
@@ -58,7 +61,10 @@ class Surface:
 
 @dataclass(frozen=True)
 class DisplacementSpace:
-    """Continuous piecewise polynomial displacements on a mesh; unknown 3 j + c is component c at node j.
+    """Continuous piecewise polynomial displacements on a mesh.
+
+    Unknowns are the components of the nodes' displacements, 3 j + c being component c at node j, less those that are
+    held, and behind them those of the bubbles between elements of the mixed formulation, which vanish at all nodes.
 
     Attributes
     ----------
@@ -68,11 +74,13 @@ class DisplacementSpace:
         1 or 2.
     fixed : (3 nodes,) bool
         Displacements that supports hold at zero; they are not unknowns.
+    bubbles : Bubbles or None
     """
 
     mesh: skfem.Mesh
     order: int
     fixed: np.ndarray
+    bubbles: Bubbles | None = None
 
     @cached_property
     def element(self) -> skfem.Element:
@@ -89,15 +97,35 @@ class DisplacementSpace:
         """Number of displacement nodes."""
         return int(self.dofs.N)
 
+    @property
+    def functions(self) -> int:
+        """Number of scalar shape functions: of the nodes, and the bubbles behind them."""
+        return self.nodes + (self.bubbles.functions if self.bubbles is not None else 0)
+
     @cached_property
     def free(self) -> np.ndarray:
-        """(n,) int: positions of the unknowns among all 3*nodes displacements."""
+        """Positions of the unknown displacements among all 3*nodes, int; the unknowns of bubbles come behind them."""
         return np.flatnonzero(~self.fixed)
 
     @property
     def unknowns(self) -> int:
         """Number of unknowns n."""
-        return len(self.free)
+        return len(self.free) + (self.bubbles.unknowns if self.bubbles is not None else 0)
+
+    @cached_property
+    def prolongation(self) -> sp.csr_array:
+        """(3 functions, n): amplitudes of all shape functions along x, y and z from the unknowns."""
+        rows, columns = self.free, np.arange(len(self.free))
+        nodal = sp.csr_array((np.ones(len(rows)), (rows, columns)), shape=(3 * self.nodes, len(rows)))
+        if self.bubbles is None:
+            return nodal
+        return sp.csr_array(sp.block_diag([nodal, self.bubbles.directions]))
+
+    def restricted(self, A: sp.csr_array) -> sp.csr_array:
+        """Return the (n, n) matrix of a form on the unknowns from that (3 functions, 3 functions) on all functions."""
+        if self.bubbles is None:
+            return sp.csr_array(A[self.free][:, self.free])
+        return sp.csr_array(self.prolongation.T @ A @ self.prolongation)
 
     @cached_property
     def coordinates(self) -> np.ndarray:
@@ -156,13 +184,25 @@ class DisplacementSpace:
         d = np.broadcast_to(np.asarray(directions, float), (values.shape[0], 3))
         d = np.where(np.abs(d) < ROUNDED, 0.0, d)
         components = [sp.diags_array(d[:, c]) @ values for c in range(3)]
-        return self._interleave(components)[:, self.free]
+        nodal = sp.csr_array(self._interleave(components)[:, self.free])
+        # Bubbles vanish on the boundary; on faces inside it is the nodal interpolant that counts.
+        return sp.csr_array((nodal.data, nodal.indices, nodal.indptr), shape=(nodal.shape[0], self.unknowns))
 
     def expand(self, u: np.ndarray) -> np.ndarray:
         """Return nodal displacements (nodes, 3) of a vector of unknowns (n,)."""
         full = np.zeros(3 * self.nodes, dtype=u.dtype)
-        full[self.free] = u
+        full[self.free] = u[: len(self.free)]
         return full.reshape(-1, 3)
+
+    def gather(self, nodal: np.ndarray) -> np.ndarray:
+        """Return the unknowns (n,) of nodal displacements (nodes, 3), bubbles at rest; held displacements drop out."""
+        u = np.zeros(self.unknowns, dtype=nodal.dtype)
+        u[: len(self.free)] = nodal.ravel()[self.free]
+        return u
+
+    def amplitudes(self, u: np.ndarray) -> np.ndarray:
+        """Return those of all shape functions, (functions, 3), of a vector of unknowns (n,)."""
+        return np.asarray(self.prolongation @ u).reshape(-1, 3)
 
     def _interleave(self, components: list[sp.csr_array]) -> sp.csr_array:
         parts = [sp.coo_array(p) for p in components]
@@ -173,7 +213,9 @@ class DisplacementSpace:
         return sp.csr_array((data[some], (rows[some], columns[some])), shape=(parts[0].shape[0], 3 * self.nodes))
 
 
-def make_space(mesh: skfem.Mesh, order: int, supports: list[tuple[np.ndarray, str]]) -> DisplacementSpace:
+def make_space(
+    mesh: skfem.Mesh, order: int, supports: list[tuple[np.ndarray, str]], mixed: Sequence[np.ndarray] = ()
+) -> DisplacementSpace:
     """Return the displacement space with supports.
 
     Parameters
@@ -183,16 +225,22 @@ def make_space(mesh: skfem.Mesh, order: int, supports: list[tuple[np.ndarray, st
         1 or 2.
     supports : list of (facets, components)
         Components are any of "x", "y", "z".
+    mixed : sequence of (e,) int
+        Elements of each body of the mixed formulation.
     """
     space = DisplacementSpace(mesh, order, np.zeros(0, bool))
-    fixed = np.zeros((space.nodes, 3), bool)
+    fixed, held = np.zeros((space.nodes, 3), bool), np.zeros(mesh.nfacets, bool)
+    elements = np.zeros(mesh.nelements, bool)
     for facets, components in supports:
         nodes = space.nodes_of(facets)
+        held[facets] = True
         for c in components:
             fixed[nodes, "xyz".index(c)] = True
     if fixed.all():
         raise SceneError("supports: every displacement is held; expected at least one free unknown")
-    return DisplacementSpace(mesh, order, fixed.ravel())
+    for body in mixed:
+        elements[body] = True
+    return DisplacementSpace(mesh, order, fixed.ravel(), make_bubbles(mesh, order, elements, held))
 
 
 def straightened(mesh: skfem.Mesh) -> skfem.Mesh:
@@ -215,6 +263,7 @@ class ElementShapes:
     Attributes
     ----------
     nodes : (e, j) int
+        Numbers of the functions: those of nodes, and bubbles behind them.
     values : (e, j, q) float
     gradients : (e, j, 3, q) float, 1/m
     points : (e, 3, q) float, m
@@ -229,42 +278,55 @@ class ElementShapes:
 
 
 def element_shapes(space: DisplacementSpace, elements: np.ndarray) -> Iterator[ElementShapes]:
-    """Yield the shape functions of elements (e,), so many elements at once that their matrices stay small."""
-    step = max(1, int(_BYTES_PER_CHUNK / (8 * (3 * len(space.element.doflocs)) ** 2)))
+    """Yield the shape functions of the elements (e,) of a body, so many at once that their matrices stay small."""
+    bubbles = space.bubbles if space.bubbles is not None and space.bubbles.elements[elements].any() else None
+    degree, local = space.integration_order, len(space.element.doflocs)
+    if bubbles is not None:
+        # The stiffness of bubbles, exact on straight elements. On tetrahedra the rule has positive weights, unlike the
+        # next ones, and integrates the mass but for the products of two cell bubbles.
+        degree = 6 if space.mesh.refdom is RefTet else 4
+        local += len(space.mesh.refdom.facets) + bubbles.in_cells
+    step = max(1, int(_BYTES_PER_CHUNK / (8 * (3 * local) ** 2)))
     mapping = space.mesh.mapping()
     for start in range(0, len(elements), step):
         chunk = elements[start : start + step]
         basis = skfem.CellBasis(
-            space.mesh, space.element, mapping=mapping, elements=chunk, intorder=space.integration_order,
-            dofs=space.dofs, disable_doflocs=True,
+            space.mesh, space.element, mapping=mapping, elements=chunk, intorder=degree, dofs=space.dofs,
+            disable_doflocs=True,
         )  # fmt: skip
-        yield ElementShapes(
-            nodes=space.dofs.element_dofs[:, chunk].T,
-            values=np.stack([np.asarray(f[0]) for f in basis.basis], axis=1),
-            gradients=np.moveaxis(np.stack([f[0].grad for f in basis.basis], axis=0), 2, 0),
-            points=np.moveaxis(np.asarray(basis.global_coordinates()), 0, 1),
-            dx=basis.dx,
-        )
+        nodes = space.dofs.element_dofs[:, chunk].T
+        values = np.stack([np.asarray(f[0]) for f in basis.basis], axis=1)
+        gradients = np.moveaxis(np.stack([f[0].grad for f in basis.basis], axis=0), 2, 0)
+        if bubbles is not None:
+            b, db = bubble_functions(space.mesh.refdom, basis.X, bubbles.in_cells)
+            nodes = np.hstack([nodes, space.nodes + bubbles.functions_of(space.mesh, chunk).T])
+            values = np.concatenate([values, np.broadcast_to(b, (len(chunk), *b.shape))], axis=1)
+            inverse = mapping.invDF(basis.X, tind=chunk)  # inverse[i, c] = ∂X_i/∂x_c
+            gradients = np.concatenate([gradients, np.einsum("bir,icer->ebcr", db, inverse)], axis=1)
+        points = np.moveaxis(np.asarray(basis.global_coordinates()), 0, 1)
+        yield ElementShapes(nodes, values, gradients, points, basis.dx)
 
 
 def scatter_scalar(space: DisplacementSpace, blocks: np.ndarray, nodes: np.ndarray) -> sp.csr_array:
     """Return the (n, n) matrix of a form that acts on each component alike, from its element blocks (e, j, j)."""
-    scalar = scatter(blocks, nodes, space.nodes)
-    return sp.csr_array(sp.kron(scalar, sp.eye_array(3), format="csr"))[space.free][:, space.free]
+    scalar = scatter(blocks, nodes, space.functions)
+    return space.restricted(sp.kron(scalar, sp.eye_array(3), format="csr"))
 
 
 def assemble_elasticity(
-    space: DisplacementSpace, elements: np.ndarray, stiffness: np.ndarray, density: float
+    space: DisplacementSpace, elements: np.ndarray, stiffness: np.ndarray, density: float, lame: float = 0.0
 ) -> tuple[sp.csr_array, sp.csr_array]:
     """Return stiffness and mass matrix of a set of elements on the unknowns.
 
-    K_(Ia)(Jc) = ∫ ∂_b N_I C_abcd ∂_d N_J,  M_(Ia)(Jc) = δ_ac ∫ ρ N_I N_J.
+    K_(Ia)(Jc) = ∫ ∂_b N_I C_abcd ∂_d N_J + λ ∫ Π(∂_a N_I) Π(∂_c N_J),  M_(Ia)(Jc) = δ_ac ∫ ρ N_I N_J.
 
     Parameters
     ----------
     elements : (e,) int
     stiffness : (3, 3, 3, 3) float, Pa
     density : float, kg/m^3
+    lame : float, Pa
+        Lamé's λ of the mixed formulation, see `fe_squeal.mixed`; not in the stiffness then.
 
     Returns
     -------
@@ -279,36 +341,16 @@ def assemble_elasticity(
         right = np.transpose(stress, (0, 4, 5, 1, 2, 3)).reshape(e, -1, nodes * 9)
         block = (dN.reshape(e, nodes, -1) @ right).reshape(e, nodes, nodes, 3, 3)  # e I J c a
         block = np.transpose(block, (0, 1, 4, 2, 3)).reshape(e, 3 * nodes, 3 * nodes)
+        if lame:
+            P = pressure_functions(shapes.points, shapes.dx, space.order)
+            div = np.einsum("eiq,ejaq->ejai", P * shapes.dx[:, None], dN, optimize=True).reshape(e, 3 * nodes, -1)
+            block = block + lame * div @ np.swapaxes(div, 1, 2)
         mass = (N * (density * shapes.dx)[:, None, :]) @ np.transpose(N, (0, 2, 1))
         t3 = (3 * t[:, :, None] + np.arange(3)).reshape(e, -1)
-        K = K + scatter(block, t3, 3 * space.nodes)[space.free][:, space.free]
+        K = K + space.restricted(scatter(block, t3, 3 * space.functions))
         M = M + scatter_scalar(space, mass, t)
     # Rounding in the products leaves an asymmetry of some ulps that would hide the true class of the problem.
     return sp.csr_array((K + K.T) / 2), sp.csr_array((M + M.T) / 2)
-
-
-def geometry_map(mesh: skfem.Mesh, elements: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions and Jacobians of reference points, one point per element.
-
-    Parameters
-    ----------
-    elements : (k,) int
-    X : (3, k) float
-        Reference coordinates.
-
-    Returns
-    -------
-    x : (3, k) float, m
-    J : (3, 3, k) float, m
-        J[i, j] = ∂x_i/∂X_j.
-    """
-    element, nodes = mesh.elem(), mesh.dofs.element_dofs[:, elements]
-    x, J = np.zeros((3, X.shape[1])), np.zeros((3, 3, X.shape[1]))
-    for i, node in enumerate(nodes):
-        phi, dphi = element.lbasis(X, i)
-        x += mesh.doflocs[:, node] * phi
-        J += mesh.doflocs[:, node][:, None] * np.asarray(dphi)[None]
-    return x, J
 
 
 def subdivided_quadrature(refdom: type, order: int, parts: int) -> tuple[np.ndarray, np.ndarray]:

@@ -6,27 +6,34 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from .materials import Elasticity
+from .mixed import projected
 from .spaces import DisplacementSpace, ElementShapes, element_shapes
 
 
 def element_stress(
-    space: DisplacementSpace, elements: np.ndarray, stiffness: np.ndarray, u: np.ndarray
+    space: DisplacementSpace, elements: np.ndarray, law: Elasticity, u: np.ndarray
 ) -> Iterator[tuple[ElementShapes, np.ndarray]]:
-    """Yield the stress σ = C:ε(u) at the quadrature points of elements, (e, 3, 3, q) Pa, with their shape functions.
+    """Yield the stress σ(u) at the quadrature points of elements, (e, 3, 3, q) Pa, with their shape functions.
 
     Parameters
     ----------
     elements : (e,) int
-    stiffness : (3, 3, 3, 3) float, Pa
+    law : Elasticity
+        With its own pressure in the mixed formulation: λ div u itself is anything in the limit ν = ½.
     u : (n,) float, m
     """
-    nodal = space.expand(u)
+    amplitudes = space.amplitudes(u)
     for shapes in element_shapes(space, elements):
-        gradient = np.einsum("ejc,ejdq->ecdq", nodal[shapes.nodes], shapes.gradients, optimize=True)
-        yield shapes, np.einsum("abcd,ecdq->eabq", stiffness, gradient, optimize=True)
+        gradient = np.einsum("ejc,ejdq->ecdq", amplitudes[shapes.nodes], shapes.gradients, optimize=True)
+        stress = np.einsum("abcd,ecdq->eabq", law.stiffness, gradient, optimize=True)
+        if law.lame:
+            strain = projected(np.einsum("eaaq->eq", gradient), shapes.points, shapes.dx, space.order)
+            stress = stress + law.lame * strain[:, None, None] * np.eye(3)[None, :, :, None]
+        yield shapes, stress
 
 
-def von_mises(space: DisplacementSpace, elements: np.ndarray, stiffness: np.ndarray, u: np.ndarray) -> np.ndarray:
+def von_mises(space: DisplacementSpace, elements: np.ndarray, law: Elasticity, u: np.ndarray) -> np.ndarray:
     """Return the mean von Mises stress √(3/2 s:s) of each element, s the deviatoric stress, (e,) Pa.
 
     Parameters
@@ -34,7 +41,7 @@ def von_mises(space: DisplacementSpace, elements: np.ndarray, stiffness: np.ndar
     As of `element_stress`.
     """
     means = []
-    for shapes, stress in element_stress(space, elements, stiffness, u):
+    for shapes, stress in element_stress(space, elements, law, u):
         pressure = np.einsum("eaaq->eq", stress) / 3
         s = stress - pressure[:, None, None] * np.eye(3)[None, :, :, None]
         size = np.sqrt(1.5 * np.einsum("eabq,eabq->eq", s, s))

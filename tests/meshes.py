@@ -157,7 +157,7 @@ def rigid_motions(problem: Problem) -> np.ndarray:
     space = problem.model.space
     x = space.coordinates
     columns = [np.tile(e, (len(x), 1)) for e in np.eye(3)] + [np.cross(e, x) for e in np.eye(3)]
-    return np.stack([c.ravel()[space.free] for c in columns], axis=1)
+    return np.stack([space.gather(c) for c in columns], axis=1)
 
 
 def rotation(seed=1) -> np.ndarray:

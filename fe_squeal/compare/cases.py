@@ -63,7 +63,7 @@ class Case:
             for body in bodies:
                 nodes = np.unique(space.dofs.element_dofs[:, self.mesh.mesh.subdomains[body]])
                 u[nodes] = field(space.coordinates[nodes])
-            columns.append(u.ravel()[space.free])
+            columns.append(space.gather(u))
         return np.column_stack(columns)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from ..materials import Elasticity
 from ..schema import Section
 from ..spaces import DisplacementSpace, scatter_scalar
 from ..stress import element_stress
@@ -12,7 +13,7 @@ from ..terms import Term
 
 
 class StressStiffening(Section):
-    """Geometric stiffness K_σ = ∫ σ0_ij ∂_iδu·∂_ju dV of the preload's stress σ0 = C:ε(u0).
+    """Geometric stiffness K_σ = ∫ σ0_ij ∂_iδu·∂_ju dV of the preload's stress σ0 = σ(u0).
 
     Tension stiffens, pressure softens. Needs `[effects.preload]`; where a body rotates, σ0 includes the centrifugal
     stress. (Zienkiewicz and Taylor, The Finite Element Method, vol. 2.) It has no keys.
@@ -20,19 +21,19 @@ class StressStiffening(Section):
 
 
 def stiffening_term(
-    space: DisplacementSpace, body: str, elements: np.ndarray, stiffness: np.ndarray, u: np.ndarray
+    space: DisplacementSpace, body: str, elements: np.ndarray, law: Elasticity, u: np.ndarray
 ) -> Term:
     """Return the geometric stiffness of one body.
 
     Parameters
     ----------
     elements : (e,) int
-    stiffness : (3, 3, 3, 3) float, Pa
+    law : Elasticity
     u : (n,) float, m
         Static displacements.
     """
     K = sp.csr_array((space.unknowns, space.unknowns))
-    for shapes, stress in element_stress(space, elements, stiffness, u):
+    for shapes, stress in element_stress(space, elements, law, u):
         weighted = np.einsum("eabq,ejbq,eq->ejaq", stress, shapes.gradients, shapes.dx, optimize=True)
         e, j = shapes.nodes.shape
         blocks = shapes.gradients.reshape(e, j, -1) @ np.transpose(weighted.reshape(e, j, -1), (0, 2, 1))

@@ -67,7 +67,8 @@ def _axial_view(grid: Any, body: NDArray[np.int64], main: int, limit: float) -> 
                      lighting=False)
     plotter.add_mesh(_edges(surface), color="dimgray", line_width=1.0)
     lift = np.array([0.0, 0.0, 0.02 * grid.length])  # lines in front of the surface that they lie on
-    if np.ptp(surface.point_data["u_n"]) > 1e-3:
+    u_n = surface.point_data["u_n"]
+    if u_n.min() < 0 < u_n.max() and np.ptp(u_n) > 1e-3:  # a body that moves to one side has no nodal lines
         plotter.add_mesh(surface.contour([0.0], scalars="u_n").translate(lift), color="black", line_width=2.5)
     for other in np.setdiff1d(body, [main]):
         part = grid.extract_cells(np.flatnonzero(body == other))

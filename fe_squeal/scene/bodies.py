@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
@@ -26,12 +26,22 @@ class Body(Section):
         the body.
     rayleigh : table
         Rayleigh damping of this body, instead of that of the whole model.
+    formulation : "standard" or "mixed"
+        "mixed" gives the pressure unknowns of its own, eliminated in each element, so that nearly incompressible
+        materials (poisson_ratio above some 0.45) do not lock. It adds unknowns, but not to hexahedra of order 2. For
+        isotropic materials, in bodies that do not rotate.
     """
 
     material: str
     groups: Annotated[list[str], Field(min_length=1)] | None = None
     axes: Annotated[tuple[Vector, Vector], Field(strict=False)] | None = None
     rayleigh: Rayleigh | None = None
+    formulation: Literal["standard", "mixed"] = "standard"
+
+    @property
+    def is_mixed(self) -> bool:
+        """Whether the formulation is the mixed one."""
+        return self.formulation == "mixed"
 
     @field_validator("axes")
     @classmethod

@@ -18,7 +18,7 @@ from ..effects.springs import Spring
 from ..effects.stress_stiffening import StressStiffening
 from ..effects.structural_damping import StructuralDamping
 from ..errors import SceneError, suggest
-from ..materials import Material, material_axes, stiffness_tensor
+from ..materials import Elasticity, Material, elasticity, material_axes, stiffness_tensor
 from ..schema import Section
 from .base import BaseScene
 from .bodies import Body, Support
@@ -150,6 +150,12 @@ class Scene(BaseScene):
         axes = None if section.axes is None else material_axes(*section.axes)
         return stiffness_tensor(self.materials[section.material], axes)
 
+    def elasticity(self, body: str) -> Elasticity:
+        """Return the law of a body in its formulation."""
+        section = self.bodies[body]
+        axes = None if section.axes is None else material_axes(*section.axes)
+        return elasticity(self.materials[section.material], axes, section.is_mixed)
+
     @property
     def effect_names(self) -> tuple[str, ...]:
         """Names of the effects that are on, damping of single bodies included."""
@@ -180,6 +186,25 @@ class Scene(BaseScene):
             if body not in self.bodies:
                 raise ValueError(
                     f'effects.rotation.bodies[{i}]: given "{body}", which is no body{suggest(body, self.bodies)}'
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _mixed_where_it_holds(self) -> Scene:
+        rotation = self.effects.rotation
+        for name, body in self.bodies.items():
+            if not body.is_mixed:
+                continue
+            material = self.materials.get(body.material)
+            if material is not None and material.is_orthotropic:
+                raise ValueError(
+                    f'bodies.{name}.formulation: given "mixed", and the material {body.material} is orthotropic (lists'
+                    f' in materials.{body.material}); expected "standard", or one with a single poisson_ratio'
+                )
+            if rotation is not None and name in rotation.bodies:
+                raise ValueError(
+                    f'bodies.{name}.formulation: given "mixed", and effects.rotation.bodies has {name}; expected'
+                    ' "standard" for a body that rotates'
                 )
         return self
 
