@@ -27,7 +27,17 @@ def prolongation(coarse: DisplacementSpace, fine: DisplacementSpace) -> sp.csr_a
     ----------
     fine : DisplacementSpace
         On the mesh that `fe_squeal.mesh.refine` makes of that of `coarse`, with the same supports.
+
+    Raises
+    ------
+    NotConvergedError
+        Bubbles of the mixed formulation are not functions of the refined mesh.
     """
+    if coarse.bubbles is not None:
+        raise NotConvergedError(
+            'formulation = "mixed" adds functions between elements that a refined mesh does not have; hexahedra of order'
+            " 2 do without"
+        )
     parent = np.empty(fine.nodes, int)
     parent[fine.dofs.element_dofs] = np.arange(fine.mesh.nelements) // _CHILDREN
     values = interpolate(coarse, parent, _reference(coarse, parent, fine.coordinates.T))
