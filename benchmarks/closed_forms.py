@@ -52,10 +52,10 @@ def lamb(omega: float, k: float, thickness: float, speeds: tuple[float, float], 
 
 
 def sliding_plate(side: float, thickness: float, speeds: tuple[float, float], up_to_hz: float) -> np.ndarray:
-    """Return all frequencies, Hz, of a square plate; free faces, edges that slide along their normals, u_z = 0.
+    """Return all frequencies, Hz, of a square plate: free faces; edges slide along normals, u_z = 0.
 
-    Lamb waves of k = π√(m² + n²)/a for m, n ≥ 1 fit it exactly, SH waves ω = c_s k also for m = 0 or n = 0. The SH waves
-    with nodes across the thickness, from ω = c_s π/h on, have to lie above.
+    Lamb waves of k = π√(m² + n²)/a for m, n ≥ 1 fit it exactly, SH waves ω = c_s k also for m = 0 or n = 0. The SH
+    waves with nodes across the thickness, from ω = c_s π/h on, have to lie above.
     """
     if 2 * np.pi * up_to_hz >= speeds[1] * np.pi / thickness:
         raise ValueError(f"up_to_hz = {up_to_hz:g}: expected less than {speeds[1] / (2 * thickness):g}")

@@ -8,7 +8,10 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from .. import __version__
+from ..assembly import assemble
 from ..bodies import read_mesh
+from ..eigen.inertia import count_below
+from ..eigen.solve import symmetric_part
 from ..mesh import LoadedMesh
 from ..mesh.refining import refine
 from ..scene import Scene
@@ -90,7 +93,15 @@ def own_setting(scene: Scene, mesh: LoadedMesh | None = None) -> Setting:
         loaded = mesh or read_mesh(scene)
         corners = loaded.mesh.p[:, loaded.mesh.edges]
         size = float(np.median(np.linalg.norm(corners[:, 0] - corners[:, 1], axis=0)))
-    return Setting(scene.mesh.order, size, scene.solve.modes or MODES, "reduced", scene.solve.tolerance)
+    return Setting(scene.mesh.order, size, _modes(scene), "reduced", scene.solve.tolerance)
+
+
+def _modes(scene: Scene) -> int:
+    """Return how many modes are wanted; of those up to a frequency the number without friction and damping."""
+    if scene.solve.max_frequency is None:
+        return scene.solve.modes or MODES
+    pencil = symmetric_part(assemble(scene).pencil())
+    return (count_below(pencil, 2 * np.pi * scene.solve.max_frequency) or MODES) + 1
 
 
 def scene_at(scene: Scene, setting: Setting) -> tuple[Scene, LoadedMesh]:

@@ -35,8 +35,8 @@ def prolongation(coarse: DisplacementSpace, fine: DisplacementSpace) -> sp.csr_a
     """
     if coarse.bubbles is not None:
         raise NotConvergedError(
-            'formulation = "mixed" adds functions between elements that a refined mesh does not have; hexahedra of order'
-            " 2 do without"
+            'formulation = "mixed" adds functions between elements that a refined mesh does not have; hexahedra of'
+            " order 2 do without"
         )
     parent = np.empty(fine.nodes, int)
     parent[fine.dofs.element_dofs] = np.arange(fine.mesh.nelements) // _CHILDREN

@@ -1,0 +1,264 @@
+"""What accuracy costs: python benchmarks/accuracy_and_cost.py [--write] [--folder FOLDER]
+
+Errors and times of solids with exact or extrapolated frequencies, of the disc with two pads, without and with damping,
+how well the bars of the mesh hold the errors, and whether `--accuracy` reaches its target on scenes that its rules were
+not fitted to. What was measured is kept in the folder, and taken from there the next time; some twenty minutes in all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import os
+import shutil
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from accuracy_cases import SOLIDS, Rung, belt_scene, brake_scene, extrapolated, solve
+
+from fe_squeal.accuracy.choose import choose
+from fe_squeal.accuracy.errors import errors_of, reference_of
+from fe_squeal.accuracy.measure import measure_apart
+from fe_squeal.accuracy.report import plot_study, write_study
+from fe_squeal.accuracy.settings import Setting, plan
+from fe_squeal.accuracy.study import Study, run_study
+from fe_squeal.compare import compare
+from fe_squeal.scene import Scene
+
+DOCS = Path(__file__).parents[1] / "docs"
+LADDERS = {  # sizes in m, from coarse to fine
+    ("block", "hex", 1): (0.02, 0.014, 0.010, 0.007), ("block", "hex", 2): (0.04, 0.028, 0.02, 0.014),
+    ("block", "tet", 1): (0.02, 0.014, 0.010, 0.007), ("block", "tet", 2): (0.04, 0.028, 0.02, 0.014),
+    ("plate", "hex", 1): (0.01, 0.005, 0.0033, 0.0025), ("plate", "hex", 2): (0.02, 0.0125, 0.01, 0.005),
+    ("plate", "tet", 1): (0.01, 0.007, 0.005, 0.0035), ("plate", "tet", 2): (0.02, 0.014, 0.010, 0.007),
+    ("annular disc", "hex", 1): (0.012, 0.006, 0.004), ("annular disc", "hex", 2): (0.03, 0.02, 0.012),
+    ("annular disc", "tet", 1): (0.012, 0.008, 0.006), ("annular disc", "tet", 2): (0.03, 0.02, 0.012),
+}  # fmt: skip
+FINE = 0.006  # m, of the annular disc's reference
+THEORY = {1: 2, 2: 4}
+EQUAL = 0.01  # the error at which orders are compared
+DAMPED: dict[str, Any] = {"friction": {"mu": 0.3}, "rayleigh": {"alpha": 20.0, "beta": 1e-8}}
+ONE_PAD: dict[str, Any] = {"pads": 1, "pad_angle_deg": 70.0}
+
+
+def rate(sizes: Sequence[float], rungs: Sequence[Rung]) -> float:
+    """Return the slope of log error over log size, of the two finest meshes, from their unknowns."""
+    (a, b), h = rungs[-2:], [r.unknowns ** (-1 / 3) for r in rungs[-2:]]
+    return float(np.log(a.errors.max() / b.errors.max()) / np.log(h[0] / h[1]))
+
+
+def time_for(rungs: Sequence[Rung], error: float) -> float:
+    """Return the seconds at an error, between the rungs or beyond, along a line of logarithms."""
+    e, t = (np.log([x(r) for r in rungs]) for x in (lambda r: r.errors.max(), lambda r: r.seconds))
+    slope, at = np.polyfit(e, t, 1)
+    return float(np.exp(at + slope * np.log(error)))
+
+
+def climb(case: str, element: str, order: int, sizes: Sequence[float], exact: np.ndarray | None) -> list[Rung]:
+    """Return the rungs of a ladder; each is solved twice, and the shorter time counts."""
+    rungs = []
+    for h in sizes:
+        first, second = (solve(case, element, order, h, exact) for _ in range(2))
+        rungs.append(replace(second, seconds=min(first.seconds, second.seconds)))
+    return rungs
+
+
+def solids() -> tuple[list[str], list[str], list[str]]:
+    """Return the tables of errors, of rates and of bars, as lines of Markdown."""
+    exact = {case: None for case in SOLIDS} | {"annular disc": extrapolated("annular disc", "hex", FINE)}
+    table = ["| solid | elements | order | size, mm | unknowns | seconds | largest error | bars hold | bar / error |",
+             "|---|---|---|---|---|---|---|---|---|"]  # fmt: skip
+    rates = ["| solid | elements | order | rate | theory, smooth | seconds for 1 % |", "|---|---|---|---|---|---|"]
+    held: list[float] = []
+    times: dict[tuple[str, str, int], float] = {}
+    for (case, element, order), sizes in LADDERS.items():
+        print(case, element, order, file=sys.stderr)
+        rungs = climb(case, element, order, sizes, exact[case])
+        for h, r in zip(sizes, rungs, strict=True):
+            held.append(r.inside)
+            table.append(
+                f"| {case} | {element} | {order} | {1e3 * h:.3g} | {r.unknowns} | {r.seconds:.2g} |"
+                f" {100 * r.errors.max():.2g} % | {100 * r.inside:.0f} % | {r.wide:.2f} |"
+            )
+        times[case, element, order] = time_for(rungs, EQUAL)
+        rates.append(
+            f"| {case} | {element} | {order} | {rate(sizes, rungs):.2f} | {THEORY[order]} |"
+            f" {times[case, element, order]:.2g} |"
+        )
+    words = [f"Of all modes {100 * np.mean(held):.0f} % have the true error inside the bar."]
+    for case, element in itertools.product(SOLIDS, ("hex", "tet")):
+        factor = times[case, element, 1] / times[case, element, 2]
+        words.append(f"{EQUAL * 100:g} % on the {case}, {element}: order 1 takes {factor:.2g} times as long as order 2.")
+    return table, rates, words
+
+
+def small_plan(scene: Scene, finest: float = 1.0) -> list[Setting]:
+    """Return the settings of a study down to a multiple of the scene's own size."""
+    size = scene.mesh.geometry.edge_length * scene.mesh.scale if scene.mesh.geometry is not None else 0.0
+    return [s for s in plan(scene) if s.size >= 0.999 * finest * size]
+
+
+def plot_projection(study: Study, path: Path) -> None:
+    """Draw the error of growth rates that projection alone makes against time: modal beside reduced."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    frame = study.to_dataframe()
+    figure = Figure(figsize=(5.4, 4.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    for method, mark in (("modal", "^"), ("reduced", "o")):
+        rows = frame[(frame["method"] == method) & frame["algebraic_growth"].gt(0)].sort_values("algebraic_growth")
+        axes.loglog(rows["seconds"], rows["algebraic_growth"], mark, ms=8, label=method)
+        for row in rows.itertuples():
+            text = f"{row.modes} modes" if method == "modal" else f"tolerance {row.tolerance:.0e}"
+            at = (row.seconds, row.algebraic_growth)
+            axes.annotate(text, at, xytext=(7, 3), textcoords="offset points", fontsize=7)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.margins(x=0.25, y=0.1)
+    axes.set(xlabel="seconds", ylabel="error of growth rates by the projection alone")
+    axes.grid(True, alpha=0.3)
+    axes.legend(frameon=False)
+    figure.savefig(path, dpi=130)
+
+
+def targets() -> list[tuple[str, Scene, float]]:
+    """Return scenes that no rule was fitted to, with targets."""
+    brake = brake_scene()
+    assert brake.mesh.disc_pad is not None
+    one = brake.mesh.model_copy(update={"disc_pad": brake.mesh.disc_pad.model_copy(update=ONE_PAD)})
+    kept = [c.model_dump(mode="json", by_alias=True, exclude_none=True) for c in brake.contacts[:1]]
+    springs = [s.model_dump(mode="json", by_alias=True, exclude_none=True) for s in brake.springs if "2" not in s.name]
+    bodies = {n: b.model_dump(mode="json", exclude_none=True) for n, b in brake.bodies.items() if "2" not in n}
+    mesh = one.model_dump(mode="json", by_alias=True, exclude_none=True)
+    soft = {"lining": {"youngs_modulus": 8e8, "poisson_ratio": 0.35, "density": 2200.0}}
+    return [
+        ("disc with one long pad", brake_scene(mesh=mesh, contacts=kept, springs=springs, bodies=bodies), 0.05),
+        ("disc with two pads, damped", brake_scene(effects=DAMPED), 0.05),
+        ("soft pad on a belt", belt_scene(materials=soft), 0.02),
+    ]
+
+
+def reach(name: str, scene: Scene, target: float) -> str:
+    """Return a row: what `--accuracy` chose, estimated, and its true error against a finer mesh, extrapolated."""
+    start = time.perf_counter()
+    choice = choose(scene, target)
+    seconds = time.perf_counter() - start
+    last = choice.trials[-1]
+    chosen = replace(last.setting, method="reduced")
+    finer = replace(chosen, order=2, size=chosen.size / (2.0 if chosen.order == 1 else 1.6))
+    best, probes = measure_apart(scene, finer, None, True, None) or (None, None)
+    there, _ = measure_apart(scene, chosen, probes, False, None) or (None, None)
+    assert best is not None and there is not None
+    errors = errors_of(there, reference_of(best))
+    true = np.nanmax([errors.frequency, errors.growth, errors.onset])
+    return (
+        f"| {name} | {100 * target:g} % | order {last.setting.order}, {1e3 * last.setting.size:.3g} mm |"
+        f" {last.unknowns} | {100 * last.error:.2g} % | {100 * true:.2g} % | {len(choice.trials)} | {seconds:.0f} |"
+    )
+
+
+def main() -> None:
+    """Print the page, or write it into docs."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--write", action="store_true")
+    parser.add_argument("--folder", type=Path, default=Path("results/accuracy_and_cost"))
+    given = parser.parse_args()
+    given.folder.mkdir(parents=True, exist_ok=True)
+    table, rates, words = solids()
+    brakes = {"disc with two pads": brake_scene(), "disc with two pads, damped": brake_scene(effects=DAMPED)}
+    parts, studies = [], {}
+    for name, scene in brakes.items():
+        print(name, file=sys.stderr)
+        out = given.folder / name.replace(" ", "_").replace(",", "")
+        studies[name] = study = run_study(
+            scene, out / "measurements", None, small_plan(scene), lambda i, n, t: print(f"{i}/{n} {t}", file=sys.stderr)
+        )
+        write_study(study, out, name)
+        picture = f"accuracy_{out.name}.png"
+        plot_study(study, study.to_dataframe(), out / picture, name)
+        lines = (out / "accuracy.md").read_text(encoding="utf-8").splitlines()
+        body = "\n".join(line for line in lines if not line.startswith(("# ", "!["))).replace("## ", "### ")
+        parts.append(f"## {name.capitalize()}\n\n![error against time](images/{picture})\n{body}\n")
+    plot_projection(studies["disc with two pads"], given.folder / "modal_or_reduced.png")
+    rows = [reach(*case) for case in targets()]
+    frame = compare("all")
+    lumped = ["| case | quantity | lumped | FE | difference |", "|---|---|---|---|---|"]
+    for case, quantity, a, b, d in frame.astype(object).itertuples(index=False, name=None):
+        lumped.append(f"| {case} | {quantity} | {a:.9g} | {b:.9g} | {d:.1e} |")
+    page = PAGE.format(
+        when=f"{os.cpu_count()} cores, shared with other work, {time.strftime('%Y-%m-%d')}", table="\n".join(table),
+        rates="\n".join(rates), words="\n".join(f"- {w}" for w in words), parts="\n".join(parts), rows="\n".join(rows),
+        lumped="\n".join(lumped),
+    )  # fmt: skip
+    print(page)
+    if given.write:
+        (DOCS / "accuracy_and_cost.md").write_text(page, encoding="utf-8")
+        (DOCS / "images").mkdir(exist_ok=True)
+        for picture in (*given.folder.glob("*/accuracy_*.png"), given.folder / "modal_or_reduced.png"):
+            shutil.copy(picture, DOCS / "images" / picture.name)
+
+
+PAGE = """# Accuracy and cost
+
+How large errors are, what makes them smaller and for how many seconds. Made by `python
+benchmarks/accuracy_and_cost.py --write`; {when}. For a scene of your own: `fe-squeal accuracy SCENE.toml`.
+
+## Solids with known frequencies
+
+A block between smooth walls (u·n = 0 on all faces) and a thick plate whose edges slide along their normals have exact
+frequencies in three dimensions; those of the annular disc, clamped at its hub, are extrapolated from a fine mesh. The
+largest error of the 8 lowest frequencies counts. *Bars hold*: the share of these modes whose true error lies inside
+the bar of `--estimate`; *bar / error*: the median.
+
+{table}
+
+{words}
+
+### Rates
+
+Error against the cube root of the number of unknowns, of the two finest meshes. Smooth modes give 2 for order 1 and 4
+for order 2. At the clamped hub of the disc the stress is singular (like r^−0.3 at a right angle between clamped and
+free faces of steel), which takes order 2 down to between 1 and 2 in the end. Linear tetrahedra bend as if they were
+far stiffer: on the plate, one of them through the thickness, the frequencies are nearly twice the true ones, and it
+takes several through the thickness before the rate shows.
+
+{rates}
+
+{parts}
+## The modal projection at equal cost
+
+The error of growth rates that the projection alone makes, against a direct solve on the same mesh: the usual
+projection on modes without friction, with more and more of them, and the reduced model of right and left modes, which
+is grown until every residual meets the tolerance.
+
+![modal and reduced](images/modal_or_reduced.png)
+
+## Meeting a target
+
+`fe-squeal run SCENE.toml --accuracy TARGET` on scenes that its rules were not fitted to. The true error is that
+against a finer mesh, extrapolated: the largest of frequencies, growth rates and critical values.
+
+| scene | target | chosen | unknowns | estimated | true | runs | seconds |
+|---|---|---|---|---|---|---|---|
+{rows}
+
+## Beside the lumped models
+
+`fe-squeal compare`: finite-element models of the lumped systems; the difference is the elasticity that a lumped model
+leaves out.
+
+{lumped}
+"""
+
+
+if __name__ == "__main__":
+    main()
