@@ -23,6 +23,7 @@ from .effects.rotation import rotation_terms
 from .effects.springs import spring_terms
 from .effects.stress_stiffening import stiffening_term
 from .effects.structural_damping import structural_terms
+from .eigen.memory import refuse_shortage, require_memory
 from .errors import MeshError, SceneError
 from .materials import material_axes
 from .matrix_scene import matrix_problem
@@ -30,10 +31,12 @@ from .mesh import LoadedMesh
 from .problem import Model, Problem
 from .rotating_bodies import rotating_motions
 from .scene import MU, MatrixScene, Scene, number_at, with_numbers
-from .spaces import make_space, straightened
+from .spaces import DisplacementSpace, make_space, straightened
 from .terms import Term
 
 _KEPT = 4  # versions of one thing that are kept: at a value, beside it for differences, and one more
+_SHARED = 0.15  # of the entries of all element matrices: what elements that share nodes leave, or less
+_COPIES = 3  # of the stiffness: while two sums are added to a third
 _Made = TypeVar("_Made")
 
 
@@ -61,7 +64,8 @@ def assemble(scene: Scene | MatrixScene, mesh: LoadedMesh | None = None) -> Prob
     try:
         if isinstance(scene, MatrixScene):
             return matrix_problem(scene)
-        return Assembly(scene, read_mesh(scene) if mesh is None else mesh).problem({})
+        with refuse_shortage("the assembly"):
+            return Assembly(scene, read_mesh(scene) if mesh is None else mesh).problem({})
     except SceneError as error:
         raise SceneError(f"{where}{error}") from error
     except MeshError as error:
@@ -79,7 +83,8 @@ def scene_mesh(scene: Scene | MatrixScene) -> LoadedMesh | None:
     if isinstance(scene, MatrixScene):
         return None
     try:
-        return read_mesh(scene)
+        with refuse_shortage("the mesh"):
+            return read_mesh(scene)
     except MeshError as error:
         raise MeshError(f"{scene.source}: {error}" if scene.source is not None else str(error)) from error
 
@@ -99,6 +104,7 @@ class Assembly:
             self.notes += ("order = 1: curved edges are made straight, or rotations would not be free",)
         mixed = [elements for name, elements in self.bodies.items() if scene.bodies[name].is_mixed]
         self.space = make_space(mesh, scene.mesh.order, supports, mixed)
+        require_memory(_least_memory(self.space), self.space.unknowns, "matrices", exponent=1)
         self.loaded = loaded
         self._made: dict[str, list[tuple[object, Any]]] = {}
         self._sides: dict[str, set[str]] = {}
@@ -288,6 +294,12 @@ class Assembly:
             still = [t for t in terms if not t.name.startswith("convection.")]
             warnings += tuple(doubts_of_rotation(self.space, self.bodies, motions, still, parameters))
         return Model(self.space, self.bodies, contacts, self.notes, warnings, base)
+
+
+def _least_memory(space: DisplacementSpace) -> int:
+    """Return the bytes that stiffness and mass matrix take at the very least, while they are added up."""
+    entries = _SHARED * space.mesh.nelements * (3 * space.dofs.element_dofs.shape[0]) ** 2
+    return int(_COPIES * entries * 12)
 
 
 def _coverage(contacts: dict[str, ContactOperators]) -> list[str]:

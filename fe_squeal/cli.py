@@ -20,7 +20,8 @@ from .assembly import assemble
 from .bodies import read_mesh
 from .check import describe, group_table
 from .eigen.linear_solvers import solver_name
-from .errors import InputError, MeshError, NotConvergedError, SceneError, SquealError
+from .eigen.memory import available_memory, memory_text
+from .errors import InputError, MeshError, NotConvergedError, SceneError, SquealError, one_line
 from .geometry import write_mesh
 from .report import print_onsets
 from .run import INTERRUPTED, run_scene, sweep_scene
@@ -233,14 +234,17 @@ def main(arguments: list[str] | None = None) -> int:
         code = app(arguments, standalone_mode=False, prog_name="fe-squeal")
     except SquealError as error:
         text = f"error: {error}" if not isinstance(error, NotConvergedError) else f"not converged: {error}"
-        print(text, file=sys.stderr)
+        print(one_line(text), file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
     except OSError as error:  # a name that the system refuses, a disk that is full
         name = f"{str(error.filename)[:200]}: " if error.filename is not None else ""
-        print(f"error: {name}{error.strerror or error}", file=sys.stderr)
+        print(one_line(f"error: {name}{error.strerror or error}"), file=sys.stderr)
+        return InputError.exit_code
+    except MemoryError:
+        print(f"error: more memory is needed than the {memory_text(available_memory())} that are free", file=sys.stderr)
         return InputError.exit_code
     except _UsageError as error:  # a wrong option or argument; without any argument the help
         if sys.argv[1:] if arguments is None else arguments:

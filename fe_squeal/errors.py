@@ -47,6 +47,17 @@ class NotConvergedError(SquealError):
         self.partial = partial
 
 
+def one_line(text: str) -> str:
+    r"""Return a message in which control characters, of file and group names, are spelled out.
+
+    Examples
+    --------
+    >>> print(one_line("no group \x1b[2Jpad\n, é"))
+    no group \x1b[2Jpad\n, é
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 def suggest(name: str, valid: Iterable[str]) -> str:
     """Return the tail of a message about an unknown name: the nearest valid one, or all where none is nearest.
 

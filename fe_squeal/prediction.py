@@ -8,7 +8,7 @@ import numpy as np
 import psutil
 import scipy.sparse as sp
 
-from .eigen.linear_solvers import factor_memory
+from .eigen.linear_solvers import factor_memory, superlu_memory
 from .eigen.memory import available_memory, memory_text
 from .eigen.pencil import Pencil
 from .eigen.solve import DENSE_LIMIT, shift_below, symmetric_part
@@ -99,3 +99,5 @@ def _factors(A: sp.csr_array, symmetric: bool, definite: bool) -> int:
         return factor_memory(A, symmetric, definite)
     except NotConvergedError:  # an analysis that fails: the solve says why
         return 0
+    except MemoryError:  # the analysis itself did not fit
+        return superlu_memory(A, symmetric)

@@ -13,16 +13,18 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from .assembly import assemble, scene_mesh
 from .checkpoint import Checkpoint
+from .eigen.memory import refuse_shortage
 from .errors import InputError, NotConvergedError, SceneError
 from .folder_lock import hold_folder
 from .inputs import run_inputs
 from .out_folder import is_estimated, is_finished, remove_results, remove_shapes, show_finished
+from .prediction import is_reduced, predict_memory
 from .preload_results import write_preload
 from .problem import Problem
 from .report import print_onsets, print_unstable, remove_partial
 from .results import export_shapes, peak_memory_mib, write_figures, write_modes, write_record, write_tables
 from .scene import MU, MatrixScene, Scene
-from .sweep import sweep
+from .sweep import MODES, sweep
 from .sweep_result import Sweep
 from .sweep_state import Store, SweepState
 
@@ -155,6 +157,13 @@ def sweep_scene(
         "keep_shapes": scene.output.shapes == "all", "method": scene.solve.method,
         "precise": precise, "store": store,
     }  # fmt: skip
+    solve = scene.solve
+    shortage = refuse_shortage(
+        "the sweep", problem.unknowns,
+        lambda: predict_memory(problem, parameter, len(values), solve.modes or MODES, solve.method).total,
+        "" if is_reduced(problem, parameter, len(values), solve.method) or len(values) == 1
+        else ', or solve.method = "reduced"',
+    )  # fmt: skip
     if not console.is_terminal:
         marks = {max(1, round(len(values) * part / 4)) for part in range(1, 5)}
 
@@ -162,7 +171,8 @@ def sweep_scene(
             if done in marks:
                 console.print(f"{parameter} = {values[done - 1]:.4g}: {done} of {total} values solved", markup=False)
 
-        return _explained(sweep(problem, values, parameter, progress=report, **options), scene)  # type: ignore[arg-type]
+        with shortage:
+            return _explained(sweep(problem, values, parameter, progress=report, **options), scene)  # type: ignore[arg-type]
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(f"sweep over {parameter}", total=len(values))
@@ -170,7 +180,8 @@ def sweep_scene(
         def advance(done: int, total: int) -> None:
             bar.update(task, completed=done)
 
-        return _explained(sweep(problem, values, parameter, progress=advance, **options), scene)  # type: ignore[arg-type]
+        with shortage:
+            return _explained(sweep(problem, values, parameter, progress=advance, **options), scene)  # type: ignore[arg-type]
 
 
 def write_results(scene: Scene | MatrixScene, result: Sweep, out: Path) -> None:
@@ -195,10 +206,12 @@ def _values(scene: Scene | MatrixScene, problem: Problem) -> list[float]:
 
 
 def _explained(result: Sweep, scene: Scene | MatrixScene) -> Sweep:
-    """Add the doubt that a range without any mode leaves."""
+    """Add the doubt that a sweep without any mode leaves."""
     if any(len(point.modes) for point in result.points):
         return result
-    doubt = f"solve.max_frequency: given {scene.solve.max_frequency:g} Hz; no mode lies below it, so nothing is shown"
+    limit = scene.solve.max_frequency
+    asked = f"solve.max_frequency: given {limit:g} Hz; no mode lies below it" if limit else "no mode is determined"
+    doubt = f"{asked}, so nothing is shown"
     return replace(result, doubts=(*result.doubts, doubt))
 
 

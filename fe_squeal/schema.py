@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
@@ -39,7 +40,16 @@ class Section(BaseModel):
     @classmethod
     def _ordinary(cls, value: Any) -> Any:
         """Refuse numbers whose squares and products would overflow or vanish."""
-        for number in value if isinstance(value, list | tuple) else (value,):
-            if isinstance(number, float) and number and not _TINY < abs(number) < _HUGE:
+        for number in _floats(value):
+            if number and not _TINY < abs(number) < _HUGE:
                 raise ValueError(f"expected a number between {_TINY:g} and {_HUGE:g} in size, or 0")
         return value
+
+
+def _floats(value: Any) -> Iterator[float]:
+    """Yield the numbers in nested lists and in tables of numbers."""
+    if isinstance(value, float):
+        yield value
+    elif isinstance(value, list | tuple | dict):
+        for inner in value.values() if isinstance(value, dict) else value:
+            yield from _floats(inner)

@@ -14,7 +14,7 @@ from .effects.preload import contact_summary
 from .eigen.pencil import Modes
 from .eigen.solve import Completeness, Request, prove_completeness, solve_modes, wanted_count
 from .eigen.threads import one_openblas_thread
-from .errors import NotConvergedError, SceneError
+from .errors import NotConvergedError, SceneError, TooLargeError
 from .onset import Onset, find_step_onsets, two_mode_value
 from .prediction import is_reduced
 from .problem import Problem
@@ -101,10 +101,16 @@ def sweep(
             if isinstance(error, SceneError) and not tracker.points:
                 raise SceneError(text) from error
             raise NotConvergedError(text, partial=tracker.result() if tracker.points else None) from error
+        except (TooLargeError, MemoryError):
+            if store is not None:
+                store.flush()
+            raise
         except KeyboardInterrupt as stop:
             if store is not None:
                 store.flush()
             raise KeyboardInterrupt(tracker.result() if tracker.points else None) from stop
+    if store is not None:
+        store.flush()
     return tracker.result()
 
 
@@ -219,7 +225,12 @@ class _Tracker:
             modes = self._model.modes(value)
         else:
             band = None if self._previous is None else float(self._previous.lam.imag.max(initial=0.0)) or None
-            modes = solve_modes(self.problem.pencil(**{self.parameter: value}), self._guarded, band)
+            try:
+                modes = solve_modes(self.problem.pencil(**{self.parameter: value}), self._guarded, band)
+            except TooLargeError as error:
+                if not self._steps or not self.problem.is_affine(self.parameter):
+                    raise
+                raise TooLargeError(f'{error}, or solve.method = "reduced"') from error
         self._spend("eigenvalues", clock)
         return modes
 

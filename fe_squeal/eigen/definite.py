@@ -9,7 +9,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu, spsolve_triangular
 
 from ..errors import NotConvergedError
-from .linear_solvers import PardisoFactor, has_pardiso
+from .linear_solvers import PardisoFactor, has_pardiso, superlu_memory
+from .memory import require_memory
 
 
 class DefiniteFactor(Protocol):
@@ -54,6 +55,7 @@ class SuperLUCholesky:
     """LDLᵀ by SuperLU without pivoting off the diagonal."""
 
     def __init__(self, A: sp.csr_array) -> None:
+        require_memory(superlu_memory(A, True), A.shape[0])
         options = {"SymmetricMode": True, "DiagPivotThresh": 0.0}
         try:
             self._lu = splu(sp.csc_array(A), permc_spec="MMD_AT_PLUS_A", options=options)

@@ -25,6 +25,7 @@ _FILL = {True: 13.0, False: 45.0}
 # PARDISO's numbers of the matrix types, by (symmetric, complex).
 _TYPES = {(True, False): -2, (False, False): 11, (True, True): 6, (False, True): 13}
 _DEFINITE = 2
+_OUT_OF_MEMORY = -2  # PARDISO's error
 _ADJOINT, _TRANSPOSED = 1, 2  # of iparm(12)
 
 
@@ -72,7 +73,7 @@ def factor_memory(A: sp.csr_array, symmetric: bool, definite: bool = False) -> i
     """
     if has_pardiso():
         return PardisoFactor(A, symmetric, definite, analyse_only=True).memory
-    return _superlu_memory(A, symmetric)
+    return superlu_memory(A, symmetric)
 
 
 def solver_name() -> str:
@@ -143,7 +144,7 @@ class SuperLUFactor:
 
     def __init__(self, A: sp.csr_array, symmetric: bool) -> None:
         self._complex = np.iscomplexobj(A)
-        require_memory(_superlu_memory(A, symmetric), A.shape[0])
+        require_memory(superlu_memory(A, symmetric), A.shape[0])
         try:
             ordering = "MMD_AT_PLUS_A" if symmetric else "COLAMD"
             self._lu = splu(sp.csc_array(A), permc_spec=ordering, options={"SymmetricMode": symmetric})
@@ -251,6 +252,8 @@ class PardisoFactor:
             integer(1 if b.ndim == 1 else b.shape[1]), self._iparm.ctypes.data_as(ints), integer(0),
             b.ctypes.data_as(doubles), x.ctypes.data_as(doubles), ctypes.byref(error),
         )  # fmt: skip
+        if error.value == _OUT_OF_MEMORY:
+            raise MemoryError(f"PARDISO at phase {phase}")
         if error.value:
             raise NotConvergedError(f"PARDISO failed with error {error.value} at phase {phase}")
         if not np.isfinite(x).all():
@@ -267,7 +270,8 @@ def _unit_of(size: np.ndarray) -> np.ndarray:
     return np.asarray(2.0 ** -np.round(np.log2(np.where(size > 0, size, 1.0))))
 
 
-def _superlu_memory(A: sp.csr_array, symmetric: bool) -> int:
+def superlu_memory(A: sp.csr_array, symmetric: bool) -> int:
+    """Return the bytes that SuperLU's factors of a solid's matrix take, to a factor of three."""
     entries = _FILL[symmetric] * A.shape[0] ** (4 / 3)
     return int(entries * (A.dtype.itemsize + 4))
 

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import numpy as np
 import psutil
+import scipy.linalg as la
 
-from ..errors import TooLargeError
+from ..errors import SquealError, TooLargeError
 
 _GROUP = Path("/sys/fs/cgroup")  # Linux: of the container that this process runs in
 _GROWTH = 3 / 4  # exponent of the unknowns of a solid over the memory of its factors
+_BUFFERS = 2**26  # bytes: more than OpenBLAS takes once
+_SMALLER = "take a larger mesh size or order = 1"
 
 
 def available_memory() -> int:
@@ -27,8 +33,16 @@ def available_memory() -> int:
     return max(min(free), 0)
 
 
-def require_memory(needed: int, unknowns: int) -> None:
+def require_memory(needed: int, unknowns: int, what: str = "factors", exponent: float = _GROWTH) -> None:
     """Refuse factors that cannot fit.
+
+    Parameters
+    ----------
+    needed : int, bytes
+    what : str
+        What else it is that takes the memory.
+    exponent : float
+        Of the unknowns over this memory.
 
     Raises
     ------
@@ -37,11 +51,85 @@ def require_memory(needed: int, unknowns: int) -> None:
     """
     free = available_memory()
     if needed > free:
-        fits = int(unknowns * (free / needed) ** _GROWTH)
+        raise _too_large(f"the {what} of {unknowns} unknowns need {memory_text(needed)} of memory", needed, free,
+                         unknowns, exponent)  # fmt: skip
+
+
+def require_vectors(unknowns: int, vectors: int, bytes_per_number: int) -> None:
+    """Refuse modes whose vectors cannot fit.
+
+    Raises
+    ------
+    TooLargeError
+    """
+    needed, free = unknowns * vectors * bytes_per_number, available_memory()
+    if needed > free:
         raise TooLargeError(
-            f"the factors of {unknowns} unknowns need {memory_text(needed)} of memory, {memory_text(free)} are free;"
-            f" about {float(f'{fits:.1g}'):.0f} unknowns would fit: take a larger mesh size or order = 1"
+            f"the {vectors} vectors that the modes of {unknowns} unknowns ask for need {memory_text(needed)} of memory,"
+            f" {memory_text(free)} are free; ask for fewer modes, or {_SMALLER}"
         )
+
+
+@contextmanager
+def refuse_shortage(
+    what: str, unknowns: int | None = None, needed: Callable[[], int] = lambda: 0, cure: str = ""
+) -> Iterator[None]:
+    """Turn a MemoryError inside the block into a refusal.
+
+    Parameters
+    ----------
+    what : str
+        "the assembly", ...
+    unknowns : int, optional
+        How many there are.
+    needed : callable, optional
+        Predicts the bytes that the whole takes; called when what the block had taken is free again.
+    cure : str
+        What else helps.
+
+    Raises
+    ------
+    TooLargeError
+        With what there was, and as far as it is known what is needed and what would fit.
+    """
+    free = available_memory()
+    short = f"{what} needs more memory than the {memory_text(free)} that are free; {_SMALLER}"
+    if free < _BUFFERS:
+        raise TooLargeError(short)
+    _claim_buffers()
+    free = available_memory()
+    try:
+        yield
+        return
+    except MemoryError as error:
+        traceback.clear_frames(error.__traceback__)  # which hold what the block had taken
+    total = 0
+    with suppress(MemoryError, SquealError):
+        total = needed()
+    if unknowns is None:
+        text = short
+    elif total > free:
+        need = f"{what} of {unknowns} unknowns needs about {memory_text(total)} of memory"
+        text = str(_too_large(need, total, free, unknowns, _GROWTH))
+    else:
+        text = (
+            f"{what} of {unknowns} unknowns needs more memory than the {memory_text(free)} that are free; fewer"
+            f" unknowns than these would fit: {_SMALLER}"
+        )
+    raise TooLargeError(text + cure)
+
+
+def _claim_buffers() -> None:
+    """Make NumPy's and SciPy's OpenBLAS take their working memory: where they get none later, they end the process."""
+    small = np.eye(64)
+    la.lu_factor(small @ small)
+
+
+def _too_large(need: str, needed: int, free: int, unknowns: int, exponent: float) -> TooLargeError:
+    fits = int(unknowns * (free / needed) ** exponent)
+    return TooLargeError(
+        f"{need}, {memory_text(free)} are free; about {float(f'{fits:.1g}'):.0f} unknowns would fit: {_SMALLER}"
+    )
 
 
 def memory_text(size: float) -> str:

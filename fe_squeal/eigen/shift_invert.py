@@ -13,6 +13,7 @@ from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator
 from ..errors import NotConvergedError
 from .dense import DENSE_LIMIT
 from .linear_solvers import Factor, Solve, factorize
+from .memory import require_vectors
 from .pencil import Pencil
 from .threads import one_openblas_thread
 
@@ -97,6 +98,7 @@ class ShiftInverted:
         else:
             operator = LinearOperator((self.size, self.size), matvec=apply, dtype=dtype)
             v0, basis = _start(self.size).astype(dtype), _basis_size(count, self.size)
+            require_vectors(self.size, basis + 2 * count, v0.itemsize)
             nu, z = _run(lambda: eigs(operator, count, which="LM", tol=_TOLERANCE, v0=v0, ncv=basis), count)
         nu, z = _nonzero(nu, z, self.size)
         return self._unit * (self._shift + 1 / nu), self._in_units(z[:k] if k == self.pencil.n else respond(z))
@@ -112,6 +114,7 @@ class ShiftInverted:
             order = np.argsort(-np.abs(nu) if which == "LM" else nu)[:count]
             nu, y = _nonzero(nu[order], y[:, order], self.size)
             return self._unit * (sigma + 1 / nu), self._in_units(x @ y)
+        require_vectors(self.size, _basis_size(count, self.size) + 2 * count, 8)
         operator = LinearOperator(M.shape, matvec=lambda b: self._factor.solve(self._pad(b))[rows], dtype=float)
         theta, x = _run(
             lambda: eigsh(

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 Length = Annotated[float, Field(gt=0.0)]
 LengthOrZero = Annotated[float, Field(ge=0.0)]
-Count = Annotated[int, Field(ge=1)]
+Count = Annotated[int, Field(ge=1, le=1_000_000)]
 OneOrTwo = Annotated[int, Field(ge=1, le=2)]  # not Literal[1, 2], which lets True through
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from fe_squeal.errors import MeshError
 
-from .abaqus_text import Block, entries, numbers, read_blocks
+from .abaqus_text import Block, entries, is_label, label_of, numbers, read_blocks
 from .raw import Floats, Ints, RawMesh, check_unique_nodes
 
 # Solid families by their first letters: our kind and the number of nodes, longest names first.
@@ -204,7 +204,7 @@ def _read_elements(block: Block, scope: Scope, source: str) -> tuple[str, int]:
     kind = next((kind for start, kind in _TYPES if given.startswith(start)), "")
     if not kind:
         labels = [entries(line)[0] for line in block.lines if entries(line)]
-        whole = [int(text) for text in labels if text.isdigit()]
+        whole = [label_of(text) for text in labels if is_label(text)]
         scope.others += whole
         _read_skin(given, block, scope)
         _name_members("ELSET", block, scope, np.array(whole, dtype=np.int64))
@@ -234,7 +234,7 @@ def _read_skin(given: str, block: Block, scope: Scope) -> None:
         return
     corners = 3 if found[1] in ("3", "6", "65") else 4
     rows = [row[: 1 + corners] for row in map(entries, block.lines) if len(row) > corners]
-    rows = [row for row in rows if all(text.isdigit() and len(text) < 18 for text in row)]
+    rows = [row for row in rows if all(is_label(text) and len(text) < 18 and text[0] != "-" for text in row)]
     if rows:
         table = np.array(rows, dtype=np.int64)
         scope.skins.append(Cells("triangle" if corners == 3 else "quad", table[:, 0], table[:, 1:]))

@@ -9,7 +9,7 @@ import numpy as np
 from fe_squeal.errors import MeshError, suggest
 
 from .abaqus import Members, Scope
-from .abaqus_text import entries
+from .abaqus_text import LARGEST, entries, is_label, label_of
 from .raw import Ints, rows_of
 
 _ROW = {"NSET": "nodes", "ELSET": "elements"}
@@ -60,10 +60,10 @@ class Assembly:
             if member.generate:
                 parts.append(self._rows(word, home, _generated(member.items, name, self.source), name, strict=False))
                 continue
-            digits = [item for item in member.items if item.lstrip("-").isdigit()]
-            parts.append(self._rows(word, home, np.array([int(d[:18]) for d in digits], dtype=np.int64), name))
+            numbers = [label_of(item) for item in member.items if is_label(item)]
+            parts.append(self._rows(word, home, np.array(numbers, dtype=np.int64), name))
             for item in member.items:
-                if not item.lstrip("-").isdigit():
+                if not is_label(item):
                     parts.append(
                         self.find(word, home, item, f'set "{name}"', (*path, name.upper()) if home is placed else ())
                     )
@@ -71,8 +71,8 @@ class Assembly:
 
     def find(self, word: str, placed: Placed, text: str, user: str, path: tuple[str, ...] = ()) -> Ints:
         """Return the rows that a reference means: a number, a set, INSTANCE.SET or INSTANCE.number."""
-        if text.isdigit():
-            return self._rows(word, placed, np.array([int(text[:18])]), user)
+        if is_label(text):
+            return self._rows(word, placed, np.array([label_of(text)]), user)
         if placed.sets(word, text):
             return self.members(word, placed, text, path)
         head, dot, tail = text.partition(".")
@@ -125,7 +125,7 @@ def _generated(lines: list[str], name: str, source: str) -> Ints:
     for line in lines:
         try:
             first, last, step = ([int(item) for item in entries(line)] + [1])[:3]
-            if step <= 0 or last < first or (last - first) // step > 10**8:
+            if step <= 0 or not -LARGEST < first <= last < LARGEST or (last - first) // step > 10**8:
                 raise ValueError
         except ValueError:
             raise MeshError(

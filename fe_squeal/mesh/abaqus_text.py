@@ -14,6 +14,8 @@ from fe_squeal.errors import MeshError, suggest
 from .raw import Floats, Ints
 
 _DEPTH = 20
+LARGEST = 2**62  # no label is as large
+_LABEL = re.compile(r"-?[0-9]+")
 _FIELD = re.compile(r'"[^"]*"|[^,]+|(?<=,)(?=,)')
 
 
@@ -111,6 +113,17 @@ def entries(line: str) -> list[str]:
     if '"' not in line:
         return [field for field in (part.strip() for part in line.split(",")) if field]
     return [unquoted(field) for field in _FIELD.findall(line) if field.strip()]
+
+
+def is_label(text: str) -> bool:
+    """Return whether a text is the number of a node or an element: no Unicode digits, one sign at most."""
+    return _LABEL.fullmatch(text) is not None
+
+
+def label_of(text: str) -> int:
+    """Return a label as a number; one too long for 64 bits as one that no node or element has."""
+    number = int(text[:30])
+    return number if abs(number) < LARGEST else LARGEST
 
 
 def numbers(lines: list[str], where: str, source: str) -> tuple[Floats, Ints]:

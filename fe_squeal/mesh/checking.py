@@ -14,6 +14,7 @@ from .splitting import row_ids
 
 # det J relative to the cube of the cell's size, below which a cell counts as flat; rounding leaves about 1e-15.
 FLAT = 1e-10
+_FARTHEST = 1e20  # m
 _CHUNK = 20_000  # cells at a time, so that the Jacobians stay within some tens of MiB
 
 
@@ -62,15 +63,18 @@ def jacobian_range(kind: str, points: Floats, nodes: Ints) -> tuple[Floats, Floa
 
 
 def check_points(raw: RawMesh, source: str) -> None:
-    """Raise MeshError for coordinates that are not finite, naming the nodes."""
-    bad = np.flatnonzero(~np.isfinite(raw.points).all(axis=1))
-    if len(bad):
-        names = (
-            listed([raw.node_name(row) for row in bad[:6]])
-            if len(bad) <= 6
-            else (listed([raw.node_name(row) for row in bad[:5]]) + f" and {len(bad) - 5} more")
-        )
-        raise MeshError(f"{source}: the coordinates of node {names} are not finite numbers; write them anew")
+    """Raise MeshError for coordinates that are no lengths, naming the nodes."""
+    finite = np.isfinite(raw.points).all(axis=1)
+    small = finite & (np.abs(np.where(np.isfinite(raw.points), raw.points, 0.0)) < _FARTHEST).all(axis=1)
+    for good, what in ((finite, "not finite numbers"), (small, f"beyond {_FARTHEST:g} m, where products overflow")):
+        bad = np.flatnonzero(~good)
+        if len(bad):
+            names = (
+                listed([raw.node_name(row) for row in bad[:6]])
+                if len(bad) <= 6
+                else (listed([raw.node_name(row) for row in bad[:5]]) + f" and {len(bad) - 5} more")
+            )
+            raise MeshError(f"{source}: the coordinates of node {names} are {what}; write them anew")
 
 
 def check_cells(raw: RawMesh, source: str) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from fe_squeal.errors import MeshError, suggest
 
 from .abaqus import read_abaqus
@@ -68,7 +70,8 @@ def load_mesh(path: str | Path, length_unit: str = "m") -> LoadedMesh:
             raise MeshError(f"{path}: no such mesh file" + (suggest(path.name, near) if near else ""))
         if path.stat().st_size == 0:
             raise MeshError(f"{path.name}: the file is empty; expected a mesh")
-        raw = _READERS.get(path.suffix.lower(), read_with_meshio)(path)
+        with np.errstate(all="ignore"):  # numbers that are none are refused below, in words
+            raw = _READERS.get(path.suffix.lower(), read_with_meshio)(path)
     except OSError as error:
         raise MeshError(f"{path}: the file cannot be read ({error.strerror or error})") from error
     except MemoryError as error:

@@ -17,6 +17,7 @@ from ..eigen.block_lanczos import lowest_modes
 from ..eigen.definite import DefiniteFactor
 from ..eigen.inertia import count_below
 from ..eigen.linear_solvers import Factor, factorize
+from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
 from ..eigen.solve import Request, select_wanted
 from ..errors import NotConvergedError
@@ -27,6 +28,7 @@ from .vectors import lift, real_columns
 
 _GUARD = 1.25  # times the modes asked for: how many of the undamped problem the basis begins with
 _ROUGH = 1e-4  # accuracy of these modes: what they lack is corrected with the rest
+_LANCZOS = 8  # times these: vectors that their iteration keeps at first
 _ROUNDS = 16
 _CANDIDATES = 5  # values at which the basis is corrected until all modes there meet the tolerance
 _CORRECTED = 0.3  # times the tolerance: what is corrected along with what misses it
@@ -95,6 +97,7 @@ class ReducedModel:
             count = below
             self.factorizations += 1
         count = min(int(_GUARD * count) + 4, base.n)
+        require_vectors(base.n, _LANCZOS * count, 8)
         theta, vectors = lowest_modes(definite, base.M, self._sigma, count, _ROUGH)
         self.factorizations += 1
         self.highest = float(np.sqrt(theta.max(initial=0.0)))

@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from fe_squeal.errors import one_line
+
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
@@ -70,6 +72,17 @@ class Branch:
 def parameter_name(modes: pd.DataFrame) -> str:
     """Return the name of the swept parameter of a table of modes."""
     return str(modes["parameter"].iloc[0]) if len(modes) else "mu"
+
+
+def figure_text(text: str) -> str:
+    r"""Return a title or name as Matplotlib has to get it: dollars are no mathematics, control characters spelled out.
+
+    Examples
+    --------
+    >>> print(figure_text("100 $, 50 $"))
+    100 \$, 50 \$
+    """
+    return one_line(text).replace("$", r"\$")
 
 
 def parameter_symbol(name: str) -> str:

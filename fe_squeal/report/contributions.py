@@ -20,7 +20,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
-from fe_squeal.report.branches import frequency_text, numbers, parameter_name, parameter_symbol, value_text
+from fe_squeal.report.branches import figure_text, frequency_text, numbers, parameter_name, parameter_symbol, value_text
 from fe_squeal.report.files import save_figure
 
 MAX_BRANCHES = 12
@@ -64,7 +64,7 @@ def contributions_figure(contributions: pd.DataFrame, modes: pd.DataFrame, title
     """Return the figure that `plot_contributions` writes."""
     found = fastest_growing(contributions, modes)
     shown = found.iloc[:MAX_BRANCHES]
-    heads = [textwrap.fill(title, 110)] if title else []
+    heads = [textwrap.fill(figure_text(title), 110)] if title else []
     if len(found) > len(shown):
         heads.append(f"the {len(shown)} fastest growing of {len(found)} unstable branches")
     if not len(shown):
@@ -178,7 +178,7 @@ def _finish_growth(axes: Axes, contributions: pd.DataFrame, shown: pd.DataFrame)
 
 
 def _branch_labels(contributions: pd.DataFrame, shown: pd.DataFrame) -> list[str]:
-    symbol = parameter_symbol(parameter_name(contributions))
+    symbol = figure_text(parameter_symbol(parameter_name(contributions)))
     columns = (numbers(shown, name) for name in ("branch", "mode", "frequency_hz", "value", "re"))
     return [
         (f"mode {mode:.0f}" if np.isnan(branch) else f"branch {branch:.0f}")
@@ -217,7 +217,7 @@ def _legend_keys(tables: list[tuple[pd.DataFrame, pd.DataFrame]], colours: Mappi
         labels[key] = f"elastic/{name}" if key in names and key != name else name
         if len(labels[key]) > 56:
             labels[key] = f"{labels[key][:30]}…{labels[key][-25:]}"
-    keys: list[Any] = [Patch(color=colours[key], label=label) for key, label in labels.items()]
+    keys: list[Any] = [Patch(color=colours[key], label=figure_text(label)) for key, label in labels.items()]
     if any(len(rest.columns) for _, rest in tables):
         keys.append(Patch(color=_OTHER_COLOUR, label=OTHER))
     return keys
@@ -239,6 +239,6 @@ def _draw_legend(axes: Axes, keys: list[Any], columns: int) -> None:
 def _empty_figure(title: str) -> Figure:
     figure = Figure(figsize=(9, 3), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(title, fontsize=12)
+    figure.suptitle(figure_text(title), fontsize=12)
     figure.text(0.5, 0.5, "no unstable mode in this sweep", ha="center", va="center", fontsize=12, color="0.25")
     return figure

@@ -21,6 +21,7 @@ from fe_squeal.report.branches import (
     Branch,
     Floats,
     collect_branches,
+    figure_text,
     find_mirror,
     frequency_text,
     numbers,
@@ -66,7 +67,7 @@ def plot_stability(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pat
     figure = Figure(figsize=(10, 8), dpi=150, layout="constrained")
     canvas = FigureCanvasAgg(figure)
     top, bottom = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2]})
-    figure.suptitle(title)
+    figure.suptitle(figure_text(title))
 
     for branch in branches:
         _draw_stretches(top, branch, branch.frequency_hz / per_unit, styles.get(branch.number))
@@ -109,7 +110,7 @@ def plot_root_locus(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pa
     figure = Figure(figsize=(9, 7), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()
-    figure.suptitle(title)
+    figure.suptitle(figure_text(title))
 
     limits, notes = _growth_limits(modes)
     for branch in collect_branches(modes, onsets):
@@ -119,7 +120,7 @@ def plot_root_locus(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pa
     if len(np.unique(value)) > 1:
         figure.colorbar(points, ax=axes, label=_parameter_label(parameter_name(modes)), pad=0.02)
     elif len(value):
-        notes.append(f"{parameter_symbol(parameter_name(modes))} = {value[0]:.6g}")
+        notes.append(f"{figure_text(parameter_symbol(parameter_name(modes)))} = {value[0]:.6g}")
     markers = _mark_onsets(axes, onsets, np.zeros(len(onsets)), numbers(onsets, "frequency_hz") / per_unit, 3.5)
 
     axes.set_xlim(*limits)
@@ -230,7 +231,7 @@ def _mark_onsets(axes: Axes, onsets: pd.DataFrame, x: Floats, y: Floats, size: f
 def _label_onsets(
     axes: Axes, canvas: FigureCanvasAgg, branches: list[Branch], onsets: pd.DataFrame, name: str, per_unit: float
 ) -> None:
-    symbol = parameter_symbol(name)
+    symbol = figure_text(parameter_symbol(name))
     points, texts = [], []
     for value, frequency in zip(numbers(onsets, "value"), numbers(onsets, "frequency_hz"), strict=True):
         if np.isfinite(value) and np.isfinite(frequency):
@@ -315,7 +316,7 @@ def _padded(values: Floats, floor: float | None = None) -> tuple[float, float]:
 
 
 def _parameter_label(name: str) -> str:
-    return PARAMETER_LABELS.get(name, name)
+    return PARAMETER_LABELS.get(name, figure_text(name))
 
 
 def _set_parameter_axis(axes: Axes, values: Floats) -> None:

@@ -29,6 +29,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 import fe_squeal
+from fe_squeal.report.branches import figure_text
 from fe_squeal.report.files import save_figure
 from fe_squeal.report.shapes import (
     Complexes,
@@ -182,12 +183,13 @@ def compose_figure(
     """Return a figure with titles and colour bars, and the axes for the left and the right view."""
     figure = Figure(figsize=(12, 6), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(title, fontsize=13)
+    figure.suptitle(figure_text(title), fontsize=13)
+    name = figure_text(body_name)
     left, right = figure.subplots(1, 2)
     for axes, text, colours, low, label in (
         (left, f"real part, warped to {VISIBLE:.0%} of the model's size", AMPLITUDE_COLOURS, 0.0,
          "amplitude over a period / largest"),
-        (right, f"{body_name}, seen along {direction_text(axis)}; nodal lines black", NORMAL_COLOURS, -limit,
+        (right, f"{name}, seen along {direction_text(axis)}; nodal lines black", NORMAL_COLOURS, -limit,
          f"displacement along {direction_text(axis)}, Re u / largest amplitude"),
     ):
         axes.set_title(text, fontsize=10)

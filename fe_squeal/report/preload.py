@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fe_squeal.report.shapes import Floats, ShapeGrid
-from fe_squeal.report.vtk_files import unstructured_grid, write_grid
+from fe_squeal.report.vtk_files import add_field, unstructured_grid, write_grid
 
 
 @dataclass(frozen=True)
@@ -103,10 +103,10 @@ def export_preload(
         if np.shape(von_mises) != (len(grid.cells),):
             raise ValueError(f"von_mises of shape {np.shape(von_mises)}; expected {(len(grid.cells),)}")
         data.cell_data["von_mises"] = np.asarray(von_mises, dtype=float)
-    data.field_data["body_names"] = list(grid.body_names)
+    add_field(data, "body_names", list(grid.body_names))
     data.field_data["mu"] = [mu]
     if contacts:
-        data.field_data["contact_names"] = list(contacts)
+        add_field(data, "contact_names", list(contacts))
         data.field_data["normal_force"] = [face.normal_force for face in contacts.values()]
         data.field_data["torque"] = [face.torque for face in contacts.values()]
     files = [write_grid(data, folder / "preload.vtu")]
@@ -134,5 +134,5 @@ def write_contact_points(contacts: Mapping[str, ContactFace], path: str | os.Pat
     data.point_data["normal"] = np.concatenate([face.normals for face in faces])
     data.point_data["sliding_direction"] = np.concatenate([face.directions for face in faces])
     data.point_data["weight"] = np.concatenate([face.weights for face in faces])
-    data.field_data["contact_names"] = list(contacts)
+    add_field(data, "contact_names", list(contacts))
     return write_grid(data, Path(path))

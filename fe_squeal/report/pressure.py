@@ -23,6 +23,7 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
+from fe_squeal.report.branches import figure_text
 from fe_squeal.report.files import save_figure
 from fe_squeal.report.pictures import axis_frame, direction_text
 from fe_squeal.report.preload import ContactFace
@@ -71,7 +72,7 @@ def pressure_figure(contacts: Mapping[str, ContactFace], title: str = "") -> Fig
     texts = [_describe(name, face) for name, face in contacts.items()]
     sizes = np.array([_panel_size(*pair) for pair in zip(contacts.values(), texts, strict=True)])
     width, heights = sizes[:, 0].max() * columns + 1.2, [sizes[i * columns :][:columns, 1].max() for i in range(rows)]
-    head = textwrap.fill(title, int(11 * width))
+    head = textwrap.fill(figure_text(title), int(11 * width))
     figure = Figure(figsize=(width, sum(heights) + 0.7 + 0.2 * len(head.split("\n"))), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(head, fontsize=11)
@@ -144,7 +145,7 @@ def _draw_face(axes: Axes, face: ContactFace, colours: Colormap, scale: Normaliz
 
 def _describe(name: str, face: ContactFace) -> str:
     unit, size = pressure_unit(_peak(face))
-    lines = [textwrap.fill(name, 60), f"seen along {direction_text(-face_frame(face)[2])}",
+    lines = [textwrap.fill(figure_text(name), 60), f"seen along {direction_text(-face_frame(face)[2])}",
              f"normal force {_newtons(face.normal_force)}, closed {100 * face.closed_part:.3g} % of the area",
              f"peak {_peak(face) / size:.3g} {unit}"]  # fmt: skip
     if math.isfinite(face.torque):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
 
+from fe_squeal.errors import OutputError, one_line
 from fe_squeal.report.files import replace_atomically
 from fe_squeal.report.shapes import Complexes, Floats, ShapeGrid, normalise_shape, semi_major_amplitude
 
@@ -44,9 +45,9 @@ def write_shape(
     data.point_data["u_re"] = np.ascontiguousarray(shape.real)
     data.point_data["u_im"] = np.ascontiguousarray(shape.imag)
     data.point_data["amplitude"] = semi_major_amplitude(shape)
-    data.field_data["body_names"] = list(grid.body_names)
+    add_field(data, "body_names", list(grid.body_names))
     for name, value in (metadata or {}).items():
-        data.field_data[name] = [value] if np.isscalar(value) else list(value)  # type: ignore[arg-type]
+        add_field(data, name, [value] if np.isscalar(value) else list(value))  # type: ignore[arg-type]
     return write_grid(data, Path(path))
 
 
@@ -100,11 +101,23 @@ def unstructured_grid(grid: ShapeGrid, points: Any) -> pyvista.UnstructuredGrid:
     return data
 
 
+def add_field(data: pyvista.DataSet, name: str, values: Sequence[Any]) -> None:
+    """Add numbers or texts that belong to the whole grid; pyvista itself takes no letters beyond ASCII."""
+    if not all(isinstance(value, str) for value in values):
+        data.field_data[name] = values
+        return
+    from vtkmodules.vtkCommonCore import vtkStringArray
+
+    array = vtkStringArray()
+    array.SetName(name)
+    for value in values:
+        array.InsertNextValue(one_line(value))
+    data.GetFieldData().AddArray(array)
+
+
 def write_grid(data: pyvista.UnstructuredGrid, path: Path) -> Path:
     """Write a grid as a compressed binary .vtu file, atomically."""
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
-
-    from fe_squeal.errors import OutputError
 
     writer = vtkXMLUnstructuredGridWriter()
     writer.SetInputData(data)

@@ -87,7 +87,7 @@ def test_superlu_law_is_right_to_a_factor_of_three(symmetric):
         A = solid(m)
         factors = linear_solvers.SuperLUFactor(A, symmetric)._lu
         real = 12 * (factors.L.nnz + factors.U.nnz)
-        assert 1 / 3 < linear_solvers._superlu_memory(A, symmetric) / real < 3
+        assert 1 / 3 < linear_solvers.superlu_memory(A, symmetric) / real < 3
 
 
 def test_command_says_what_would_fit(tmp_path, monkeypatch, capsys):

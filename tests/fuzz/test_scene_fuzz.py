@@ -1,0 +1,209 @@
+"""Thousands of spoilt scenes: each ends in results or in one message, and soon, and takes no memory to speak of."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.sparse as sp
+from mutations import dump, growth_of_memory, mutated_bytes, mutated_data, needs_timer, outcome
+from scene_texts import SCENE, environment
+
+import fe_squeal.run
+from fe_squeal.geometry import Block, write_mesh
+from fe_squeal.results import peak_memory_mib
+
+pytestmark = needs_timer
+COUNT, ROUNDS = 250, 8  # scenes of a round
+MOST_MIB = 500.0  # that a round may add to the peak of the process
+
+SHORT = SCENE.replace("points = 5", "points = 2").replace("modes = 8", "modes = 4")
+EFFECTS = """\
+[effects.preload]
+pressures = { top = 1.0e5 }
+mu = "swept"
+[effects.friction_damping]
+[effects.falling_friction]
+slope = -0.02
+[effects.rayleigh]
+alpha = 10.0
+beta = 1.0e-8
+[effects.structural_damping]
+reference_frequency_hz = 2000.0
+[effects.stress_stiffening]
+[effects.friction]"""
+ORTHOTROPIC = """\
+title = "orthotropic block"
+[mesh]
+length_unit = "mm"
+order = 1
+[mesh.block]
+length = 80.0
+width = 40.0
+height = 20.0
+size = 80.0
+[materials.lining]
+youngs_modulus = [2.0e9, 3.0e9, 1.0e9]
+shear_modulus = [4.0e8, 5.0e8, 6.0e8]
+poisson_ratio = [0.2, 0.1, 0.15]
+density = 2600.0
+loss_factor = 0.01
+[bodies.block]
+material = "lining"
+axes = [[1, 0, 0], [0, 1, 0]]
+rayleigh = { alpha = 10.0, beta = 1e-8 }
+[[supports]]
+surface = "top"
+fixed = "xyz"
+[[springs]]
+name = "a"
+surface = "left"
+to = "right"
+direction = [1, 0, 0]
+stiffness = 1e7
+damping = 3.0
+[[contacts]]
+surface = "bottom"
+counterface = "rigid"
+normal_stiffness = 1e10
+normal_damping = 10.0
+gap_tolerance = 1e-3
+friction_ratio = 0.5
+sliding = { axis = [0, 0, 1], centre = [1, 0, 0], speed = 5.0 }
+[effects.friction]
+mu = 0.3
+[sweep]
+parameter = ["materials.lining.density", "springs.a.damping"]
+values = [1.0, 2.0]
+[solve]
+max_frequency = 30000.0
+[output]
+shapes = "none"
+"""
+MATRICES = """\
+title = "matrices"
+[parameters]
+mu = 1.0
+omega = 6.28
+[[terms]]
+role = "stiffness"
+file = "K.mtx"
+[[terms]]
+role = "stiffness"
+file = "KR.mat"
+variable = "KR"
+powers = { mu = 1, omega = -2 }
+[[terms]]
+role = "mass"
+file = "M.npz"
+scale = 2.0
+[[terms]]
+role = "stiffness"
+file = "K.mtx"
+scale = 0.01
+imaginary = true
+[sweep]
+parameter = "mu"
+from = 0.0
+to = 2.0
+points = 2
+[output]
+shapes = "none"
+"""
+BASES = [SHORT, SHORT.replace("[effects.friction]", EFFECTS), ORTHOTROPIC, MATRICES]
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a mesh of one hexahedron and small matrices."""
+    folder = tmp_path_factory.mktemp("fuzz")
+    write_mesh(Block(length=0.08, width=0.04, height=0.02, size=0.08), folder / "block.msh")
+    K = sp.diags_array([[3.0, 4, 5, 6], [-1.0] * 3, [-1.0] * 3], offsets=[0, 1, -1], format="csr")
+    scipy.io.mmwrite(folder / "K.mtx", K)
+    scipy.io.savemat(folder / "KR.mat", {"KR": np.triu(np.ones((4, 4)), 1)})
+    sp.save_npz(folder / "M.npz", sp.eye_array(4, format="csr"))
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fe_squeal.run, "write_figures", lambda *_: None)
+    monkeypatch.setattr(fe_squeal.run, "write_preload", lambda *_: None)
+    monkeypatch.setattr(fe_squeal.run, "export_shapes", lambda *_: None)
+
+
+def spoilt(rng: np.random.Generator, number: int) -> bytes:
+    text = BASES[number % len(BASES)]
+    if number % 3 == 0:
+        return mutated_bytes(text.encode(), rng)
+    data: dict[str, Any] = mutated_data(tomllib.loads(text), rng)
+    return dump(data).encode("utf-8", "surrogatepass")
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_scenes_are_good_before_they_are_spoilt(
+    place: Path, base: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for text in (base, dump(tomllib.loads(base))):
+        (place / "good.toml").write_text(text, encoding="utf-8")
+        assert outcome(["run", str(place / "good.toml"), "-o", str(place / "out")], place / "out", capsys)[0] == 0
+        shutil.rmtree(place / "out")
+
+
+@pytest.mark.parametrize("seed", range(ROUNDS))
+def test_spoilt_scenes(
+    place: Path, seed: int, capsys: pytest.CaptureFixture[str], recwarn: pytest.WarningsRecorder
+) -> None:
+    rng = np.random.default_rng(seed)
+    path, out = place / "scene.toml", place / "out"
+    before = peak_memory_mib()
+    codes = []
+    for number in range(COUNT):
+        path.write_bytes(spoilt(rng, number))
+        command = "run" if number % 5 else "check"
+        arguments = [command, str(path), *(["-o", str(out)] if command == "run" else [])]
+        try:
+            codes.append(outcome(arguments, out, capsys)[0])
+        except BaseException:
+            (place / f"failed_{seed}_{number}.toml").write_bytes(path.read_bytes())
+            print(f"seed {seed}, number {number}: {place}/failed_{seed}_{number}.toml")
+            raise
+        shutil.rmtree(out, ignore_errors=True)
+    assert codes.count(0) > COUNT // 20 and codes.count(2) > COUNT // 2
+    assert growth_of_memory(peak_memory_mib, before) < MOST_MIB
+
+
+@pytest.mark.slow
+def test_through_the_command(place: Path, tmp_path: Path) -> None:
+    """50 processes of their own, two at a time: exit code, and what stands on stderr, are the shell's."""
+    rng = np.random.default_rng(50)
+    for path in place.glob("*.m*"):
+        shutil.copy(path, tmp_path)
+    shutil.copy(place / "M.npz", tmp_path)
+    codes = []
+    for first in range(0, 50, 2):
+        children = []
+        for number in range(first, first + 2):
+            (tmp_path / f"{number}.toml").write_bytes(spoilt(rng, number))
+            arguments = [sys.executable, "-m", "fe_squeal", "check", f"{number}.toml"]
+            children.append(
+                subprocess.Popen(
+                    arguments, cwd=tmp_path, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                    encoding="utf-8",
+                )
+            )
+        for child in children:
+            _, said = child.communicate(timeout=120)
+            codes.append(child.returncode)
+            assert child.returncode in (0, 2, 3), said
+            lines = said.splitlines()
+            assert len(lines) == (0 if child.returncode == 0 else 1) and "Traceback" not in said
+            assert child.returncode == 0 or lines[0].startswith(("error: ", "not converged: "))
+    assert {0, 2} <= set(codes)

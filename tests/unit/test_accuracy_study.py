@@ -1,0 +1,248 @@
+"""The study of accuracy and the choice of a mesh: on tables with known rates, and on the smallest scenes there are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from fe_squeal import load_scene
+from fe_squeal.accuracy.advice import advice, fitted, pareto
+from fe_squeal.accuracy.choose import choose, estimated_error
+from fe_squeal.accuracy.commands import run_to_accuracy, study_scene
+from fe_squeal.accuracy.errors import errors_of, reference_of, same_modes
+from fe_squeal.accuracy.measure import Measurement, measure
+from fe_squeal.accuracy.settings import own_setting, plan, scene_at
+from fe_squeal.accuracy.study import COLUMNS, run_study
+from fe_squeal.cli import main
+from fe_squeal.errors import NotConvergedError, SceneError
+
+TINY = """
+title = "pad on a belt"
+[mesh.block]
+length = 0.08
+width = 0.04
+height = 0.02
+size = 0.02
+[materials.lining]
+youngs_modulus = 2.0e9
+poisson_ratio = 0.25
+density = 2600.0
+[bodies.block]
+material = "lining"
+[[springs]]
+name = "back"
+surface = "top"
+direction = [0, 0, 1]
+stiffness = 2.0e7
+[[springs]]
+name = "side"
+surface = "right"
+direction = [1, 0, 0]
+stiffness = 5.0e7
+[[springs]]
+name = "guide"
+surface = "right"
+direction = [0, 1, 0]
+stiffness = 1.0e7
+[[contacts]]
+surface = "bottom"
+counterface = "rigid"
+normal_stiffness = 1.0e10
+sliding = { direction = [1, 0, 0], speed = 1.0 }
+[effects.friction]
+mu = 0.4
+[sweep]
+parameter = "mu"
+from = 0.0
+to = 0.6
+points = 3
+[solve]
+modes = 8
+"""
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scene") / "belt.toml"
+    path.write_text(TINY)
+    return path
+
+
+def table(rates=(2.0, 4.0), times=(1.0, 1.5)):
+    """Errors and times that follow powers of the size exactly."""
+    rows = []
+    for order, rate, effort in zip((1, 2), rates, times, strict=True):
+        for size in (0.02, 0.014, 0.01, 0.007):
+            error = (0.5 if order == 1 else 0.1) * (size / 0.02) ** rate
+            rows.append((order, size, f"size, order {order}", (size / 0.02) ** -effort, error, error, error))
+    columns = ["order", "size", "knob", "seconds", "error_frequency", "error_growth", "error_onset"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def test_fits_find_the_powers():
+    for order, rate, effort in ((1, 2.0, 1.0), (2, 4.0, 1.5)):
+        fit = fitted(table(), order, "error_onset")
+        assert (fit.rate, fit.effort) == pytest.approx((rate, effort))
+    size = fitted(table(), 2, "error_onset").size_for(0.01)
+    assert size == pytest.approx(0.02 * 0.1**0.25)  # 0.1 (h/20 mm)^4 = 0.01
+
+
+def test_advice_says_what_each_order_costs():
+    [five, two, one] = advice(table(), "error_onset")
+    # Order 2 has 5 % at 16.8 mm, within 1.3 s; order 1 at 6.3 mm, beyond what was measured.
+    assert five.startswith("5 % on critical values: order 2, 16.8 mm, 1.3 s")
+    assert "order 1 would need 6.32 mm, about 3.2 s (extrapolated)" in five
+    assert "order 2, 11.2 mm" in one and "order 1 does not get there" in advice(table((0.1, 4.0)), "error_onset")[0]
+    assert two.startswith("2 % on critical values")
+    assert "nothing that was measured" in advice(table((0.1, 0.1)), "error_onset")[2]
+
+
+def test_pareto_front():
+    frame = pd.DataFrame({"seconds": [1.0, 2.0, 3.0, 2.5], "error_onset": [0.1, 0.05, 0.06, np.nan]})
+    assert pareto(frame, "error_onset").tolist() == [True, True, False, False]
+
+
+def fake(lam, shapes, onsets=(), changes=()):
+    lam = np.array([lam, lam], complex)
+    rows = np.array(onsets, float).reshape(-1, 6)
+    return Measurement(
+        1, {"assembly": 1.0}, 1.0, np.array([0.0, 1.0]), lam, shapes, shapes, rows,
+        np.array(changes, complex).reshape(-1, lam.shape[1]), np.zeros(len(rows)),
+    )  # fmt: skip
+
+
+def test_modes_are_paired_by_shape():
+    """Two modes that changed places: by number they would be 10 % off, by shape 1 %."""
+    shapes = np.linalg.qr(np.random.default_rng(0).standard_normal((12, 3)))[0]
+    reference = reference_of(fake([100j, 110j, 200j], shapes))
+    found = fake([109j, 101j, 202j], shapes)
+    assert errors_of(found, reference).frequency == pytest.approx(0.01)
+    assert same_modes(shapes, np.array([100j, 110j, 200j]), shapes[:, [1, 0, 2]], np.array([101j, 109j, 202j])) == {
+        0: 1, 1: 0, 2: 2
+    }  # fmt: skip
+
+
+def test_errors_of_growth_and_onsets():
+    shapes = np.eye(6)[:, :3] + 0j
+    onset = (0.4, 100 / (2 * np.pi), 1, 1, 1, 2)
+    reference = reference_of(fake([5 + 100j, 150j, 300j], shapes, [onset]))
+    off = errors_of(fake([4 + 100j, 150j, 300j], shapes, [(0.42, *onset[1:])]), reference)
+    assert (off.growth, off.onset) == pytest.approx((0.2, 0.05))
+    none = errors_of(fake([100j, 150j, 300j], shapes), reference)
+    assert (none.growth, none.onset) == (1.0, 1.0)  # an instability that is not found counts whole
+    extra = errors_of(fake([5 + 100j, 2 + 150j, 300j], shapes, [onset]), reference)
+    assert extra.growth == pytest.approx(0.4)
+    quiet = reference_of(fake([100j, 150j, 300j], shapes))
+    assert np.isnan(errors_of(fake([100j, 150j, 300j], shapes), quiet).growth)
+
+
+def test_reference_is_extrapolated_and_says_how_sure_it_is():
+    shapes = np.eye(6)[:, :3] + 0j
+    changes = [[-1j, -1j, -1j]] * 2
+    reference = reference_of(fake([100j, 200j, 400j], shapes, changes=changes))
+    np.testing.assert_allclose(reference.lam.imag, [98.6, 198.6, 398.6])
+    assert reference.uncertainty.frequency == pytest.approx(0.4 / 98.6)
+
+
+def test_settings_of_a_file_are_its_refinements(tiny, tmp_path):
+    assert main(["mesh", str(tiny), "-o", str(tmp_path / "belt.msh")]) == 0
+    text = TINY.replace("[mesh.block]", '[mesh]\nfile = "belt.msh"\n[ignored]').split("[ignored]")
+    scene_file = tmp_path / "file.toml"
+    scene_file.write_text(text[0] + "[materials.lining]" + text[1].split("[materials.lining]")[1])
+    scene = load_scene(scene_file)
+    own = own_setting(scene)
+    assert own.size == pytest.approx(0.02)
+    sizes = sorted({(s.size, s.refinement) for s in plan(scene)})
+    assert [r for _, r in sizes] == [2, 1, 0] and sizes[0][0] == pytest.approx(own.size / 4)
+    once = scene_at(scene, replace(own, refinement=1))[1]
+    assert once.mesh.nelements == 8 * scene_at(scene, own)[1].mesh.nelements
+
+
+def test_modes_up_to_a_frequency_are_counted(tiny):
+    scene = load_scene(tiny)
+    solve = scene.solve.model_copy(update={"modes": None, "max_frequency": 5000.0})
+    limited = scene.model_copy(update={"solve": solve})
+    found, _ = measure(scene, own_setting(scene), None, False)
+    below = np.count_nonzero(found.lam[0].imag < 2 * np.pi * 5000)
+    assert own_setting(limited).modes == below + 1
+
+
+@pytest.mark.slow
+def test_study_is_resumed_and_bounded(tiny, tmp_path):
+    scene = load_scene(tiny)
+    settings = [s for s in plan(scene) if s.size > 0.019 and s.method != "direct" and s.modes == 8]
+    said: list[str] = []
+    study = run_study(scene, tmp_path, None, settings, lambda i, n, text: said.append(text))
+    frame = study.to_dataframe()
+    assert tuple(frame.columns) == COLUMNS and len(frame) == len(settings) and not study.left_out
+    one, two = (frame[(frame["order"] == k) & (frame["knob"] == f"size, order {k}")] for k in (1, 2))
+    assert (two["error_frequency"].to_numpy() < one["error_frequency"].to_numpy()).all()
+    # What is there is taken from there, whatever the budget; only what is missing is left out.
+    files = {p.name: p.stat().st_mtime_ns for p in tmp_path.glob("*.npz")}
+    missing = next(iter(files))
+    (tmp_path / missing).unlink()
+    again = run_study(scene, tmp_path, 1e-9, settings)
+    assert len(again.measurements) == len(settings) - 1 and len(again.left_out) == 1
+    assert "budget" in again.left_out[0][1]
+    assert {p.name: p.stat().st_mtime_ns for p in tmp_path.glob("*.npz")} == {
+        name: time for name, time in files.items() if name != missing
+    }
+
+
+def test_nothing_within_the_budget(tiny, tmp_path):
+    with pytest.raises(NotConvergedError, match="nothing could be measured"):
+        run_study(load_scene(tiny), tmp_path, 1e-9)
+
+
+@pytest.mark.slow
+def test_command_writes_its_files(tiny, tmp_path, capsys):
+    scene = load_scene(tiny)
+    small = [s for s in plan(scene) if s.size > 0.027]
+    out = tmp_path / "out"
+    run_study(scene, out / "measurements", None, small)  # what the command finds there
+    assert main(["accuracy", str(tiny), "-o", str(out), "--budget", "1e-9"]) == 0
+    printed = capsys.readouterr().out
+    assert "left out" in printed and "% on frequencies" in printed
+    frame = pd.read_csv(out / "accuracy.csv")
+    assert tuple(frame.columns) == COLUMNS
+    page = (out / "accuracy.md").read_text()
+    assert "## What to choose" in page and "## Left out" in page
+    assert (out / "accuracy.png").read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.slow
+def test_a_target_is_met(tiny, tmp_path):
+    """The choice's own estimate meets the target, and so does its error against a mesh of half the size."""
+    scene = load_scene(tiny)
+    choice = choose(scene, 0.05)
+    last = choice.trials[-1]
+    assert last.error <= 0.05 and estimated_error(choice.result) == last.error
+    chosen = replace(last.setting, method="reduced")
+    best, probes = measure(scene, replace(chosen, size=chosen.size / 2, order=2), None, True)
+    there, _ = measure(scene, chosen, probes, False)
+    errors = errors_of(there, reference_of(best))
+    assert np.nanmax([errors.frequency, errors.growth, errors.onset]) <= 0.05
+    out = tmp_path / "chosen"
+    assert run_to_accuracy(scene, out, Console(quiet=True), 0.3) == 0
+    modes = pd.read_csv(out / "modes.csv")
+    assert modes["im_discretisation"].notna().mean() > 0.8
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [(["--accuracy", "2"], "between 0 and 1"), (["--accuracy", "0.1", "--resume"], "expected one of them")],
+)
+def test_bad_targets(tiny, tmp_path, capsys, arguments, words):
+    assert main(["run", str(tiny), "-o", str(tmp_path / "out"), *arguments]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_bad_budget(tiny, tmp_path, capsys):
+    assert main(["accuracy", str(tiny), "-o", str(tmp_path / "out"), "--budget", "-1"]) == 2
+    assert "--budget" in capsys.readouterr().err
+    with pytest.raises(SceneError):
+        study_scene(load_scene(tiny), tmp_path / "out", Console(quiet=True), 0.0)
