@@ -10,6 +10,7 @@ from .pencil import Modes, Pencil
 
 # Entries of assembled matrices are sums of some tens of rounded products.
 ROUNDING = 8 * np.finfo(float).eps
+_ONE_SHAPE = 64 * ROUNDING  # of the squared sine between two modes: below it they are one shape
 _EQUAL = 1e-9  # relative distance below which eigenvalues count as one multiple eigenvalue
 
 
@@ -27,6 +28,7 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
         Left vectors in the order of the right ones, any basis where eigenvalues are multiple; they are scaled here.
     """
     right = _unit_mass(pencil, right)
+    lefts = _unit_mass(pencil, left)
     left = _biorthogonal(left, left.conj().T @ (pencil.M @ right), theta)
     lam = 1j * np.sqrt(theta.astype(complex))
     residual = pencil.apply(lam, right)
@@ -35,6 +37,7 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     first_order, amplification = _perturbation(left, residual, magnitude, theta)
     least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
     u_theta = _near_coalescence(first_order, least, theta)
+    u_theta = np.maximum(u_theta, _defective(pencil, theta, right, lefts, magnitude))
 
     # A rigid mode: θ is zero within what rounding leaves.
     rigid = np.abs(theta) <= u_theta
@@ -68,6 +71,7 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     """
     right = _unit_mass(pencil, right)
     # ψ_iᴴ((λ_i + λ_j)M + C)φ_j vanishes for λ_i ≠ λ_j, and is ψᴴ(2λM + C)φ on the diagonal.
+    lefts = _unit_mass(pencil, left)
     mass = left.conj().T @ (pencil.M @ right)
     left = _biorthogonal(left, (lam[:, None] + lam[None, :]) * mass + left.conj().T @ (pencil.C @ right), lam)
     residual = pencil.apply(lam, right)
@@ -78,6 +82,7 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
     least = least / np.maximum(2 * np.abs(lam) + dissipation, np.finfo(float).tiny)
     u = _near_coalescence(first_order, least, lam)
+    u = np.maximum(u, _defective(pencil, lam, right, lefts, magnitude / np.maximum(2 * np.abs(lam), 1e-300)))
     # A rigid mode: λ is zero within what rounding δ of φᴴKφ leaves, the root of λ²φᴴMφ + λ|φᴴCφ| = δ. Where damping
     # holds more than mass, as in creeping, that is δ/|φᴴCφ|, far below the √δ of a free body.
     stiffness = np.abs(residual) + ROUNDING * pencil.magnitude(np.zeros(len(lam)), right)
@@ -175,6 +180,39 @@ def _near_coalescence(first_order: np.ndarray, least: np.ndarray, values: np.nda
         return np.fmax(least, np.fmin(first_order, np.sqrt(gap * first_order)))
 
 
+def _defective(
+    pencil: Pencil, values: np.ndarray, right: np.ndarray, left: np.ndarray, magnitude: np.ndarray
+) -> np.ndarray:
+    """Return the error of multiple eigenvalues whose k modes are one shape, for which no first order exists; else 0.
+
+    A block with J above the diagonal moves by (δJ)^½ where δ below it is rounding, ε|ψ|ᵀmagnitude with ψ of unit mass,
+    and so does one of k by (δJᵏ⁻¹)^(1/k). J is at most what cancels in the mode, |ψ|ᵀmagnitude.
+
+    Parameters
+    ----------
+    right, left : (n, k)
+        Of unit mass.
+    """
+    error = np.zeros(len(values))
+    cluster, size = _clusters(values)
+    for c in np.flatnonzero(size > 1):
+        i = np.flatnonzero(cluster == c)
+        x = right[:, i]
+        cosine = np.minimum(np.abs(x.conj().T @ (pencil.M @ x)), 1.0)
+        alike = (1 - cosine**2 <= _ONE_SHAPE).sum(axis=1)
+        size_of = np.einsum("ij,ij->j", np.abs(left[:, i]), magnitude[:, i])
+        error[i] = np.where(alike > 1, size_of * ROUNDING ** (1 / alike), 0.0)
+    return error
+
+
+def _clusters(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return for each eigenvalue the number of its group of equal ones, and the size of each group."""
+    near = np.abs(values[:, None] - values[None, :]) <= _EQUAL * np.maximum(np.abs(values)[:, None], np.abs(values))
+    groups = connected_components(sp.csr_array(near), directed=False)[1]
+    _, cluster, size = np.unique(groups, return_inverse=True, return_counts=True)
+    return cluster, size
+
+
 def _biorthogonal(left: np.ndarray, gram: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return left modes ψ with ψᴴ(weight)φ = 1 for their own φ and 0 within a multiple eigenvalue.
 
@@ -190,10 +228,7 @@ def _biorthogonal(left: np.ndarray, gram: np.ndarray, values: np.ndarray) -> np.
         Eigenvalues, in the order of both.
     """
     left = left.astype(np.result_type(left, gram))
-    near = np.abs(values[:, None] - values[None, :]) <= _EQUAL * np.maximum(np.abs(values)[:, None], np.abs(values))
-    _, cluster, size = np.unique(
-        connected_components(sp.csr_array(near), directed=False)[1], return_inverse=True, return_counts=True
-    )
+    cluster, size = _clusters(values)
     alone = np.flatnonzero(size[cluster] == 1)
     own = gram.diagonal()[alone]
     left[:, alone] *= np.divide(1.0, own, out=np.zeros_like(own), where=own != 0).conj()
