@@ -18,7 +18,7 @@ from ..eigen.quality import ROUNDING
 from ..problem import Problem
 from ..terms import Slot, Term
 from .undamped import weighted
-from .vectors import lift, normalising
+from .vectors import FreeMotions, lift, normalising
 
 _SAMPLES = 24  # random vectors per norm: residual norms come out within some 15 %
 _SEED = 20250411
@@ -27,6 +27,7 @@ _LINES = 1000  # rows of V that are sampled
 _SPARSE = 0.3  # of all rows: what a term has at most that is handled by its own rows
 _ROOM = 8  # times the vectors there are: for how many address space is set aside
 _RANK = 1e-12  # of the square of a vector: a part outside the basis that is rounding
+_RIGID = 1e-3  # of the shift: θ of a motion that nothing holds
 _CLEAR = 0.1  # of the square: a part outside from which the difference keeps its digits
 _POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}
 _Acting = tuple[np.ndarray | None, sp.csr_array, sp.csr_array | None]
@@ -59,14 +60,16 @@ class ReducedBasis:
     parameter : str
     metric : (terms,) float
         The coefficients of the terms in P = K − σM, see `factorize_undamped`.
+    sigma : float, rad²/s²
     half_solve : callable
         Returns L⁻ᵀS.
     """
 
     def __init__(
-        self, problem: Problem, parameter: str, metric: Sequence[float], half_solve: Callable[[np.ndarray], np.ndarray]
-    ) -> None:
-        self.problem, self.parameter, self._in_metric = problem, parameter, metric
+        self, problem: Problem, parameter: str, metric: Sequence[float], sigma: float,
+        half_solve: Callable[[np.ndarray], np.ndarray],
+    ) -> None:  # fmt: skip
+        self.problem, self.parameter, self._in_metric, self._sigma = problem, parameter, metric, sigma
         n = problem.unknowns
         rng = np.random.default_rng(_SEED)
         energy = half_solve(rng.standard_normal((n, _SAMPLES)))
@@ -86,6 +89,8 @@ class ReducedBasis:
         self._left = [np.zeros((2 * _SAMPLES, 0)) for _ in problem.terms]  # Zᵀ Aᵀ V
         self._sampled_rows = np.zeros((len(self._lines), 0))
         self._cancels = 1.0
+        self._has_free = False
+        self._free: tuple[np.ndarray, FreeMotions | None] | None = None  # and of which V
 
     def __len__(self) -> int:
         return int(self.V.shape[1])
@@ -187,7 +192,28 @@ class ReducedBasis:
             sums[term.slot] = part if before is None else before + part
         M, C, K = (None if A is None else sp.csr_array(A) for A in sums.values())
         assert M is not None and K is not None
-        return Pencil(M, K, C, symmetric)
+        free = self.free
+        return Pencil(M, K, C, symmetric, None if free is None else free.cancelled)
+
+    def expect_free_motions(self) -> None:
+        """Look for motions that nothing holds from now on."""
+        self._has_free = True
+
+    @property
+    def free(self) -> FreeMotions | None:
+        """The motions that nothing holds, in the coordinates of the basis."""
+        if not self._has_free:
+            return None
+        if self._free is None or self._free[0] is not self.V:
+            at = self.problem.parameters
+            pairs = zip(self.problem.terms, self._small, strict=True)
+            M = sum(t.coefficient(at) * A for t, A in pairs if t.slot == "M")
+            nu, Y = la.eigh(M)
+            rigid = (nu > 0) & (np.abs(1 + self._sigma * np.maximum(nu, 0.0)) < _RIGID)  # θ = σ + 1/ν
+            Y = Y[:, rigid] / np.sqrt(nu[rigid])
+            K = weighted(self.problem, self._in_metric) + self._sigma * self.problem.mass
+            self._free = self.V, FreeMotions.of(K, lift(self.V, Y), Y.T @ M) if rigid.any() else None
+        return self._free[1]
 
     def modes(self, value: float, highest: float) -> Modes:
         """Return the modes of the small problem up to |λ| = highest, rad/s, with vectors of length r."""
