@@ -286,14 +286,18 @@ class Assembly:
     ) -> Model:  # fmt: skip
         warnings = self._kept(
             "doubts", None,
-            lambda: (*self.loaded.warnings, *_coverage(contacts), *doubts(self.scene, self.loaded, self.space)),
+            lambda: (
+                *self.loaded.warnings, *_coverage(contacts),
+                *doubts(self.scene, self.loaded, self.space, self.bodies),
+            ),
         )  # fmt: skip
         if base is not None:
             warnings += tuple(doubts_of_preload(scene, contacts, base))
         if motions and scene.effects.stress_stiffening is None:
             still = [t for t in terms if not t.name.startswith("convection.")]
             warnings += tuple(doubts_of_rotation(self.space, self.bodies, motions, still, parameters))
-        return Model(self.space, self.bodies, contacts, self.notes, warnings, base)
+        tied = tuple(n for n, c in zip(scene.contact_names, scene.contacts, strict=True) if c.kind == "tied")
+        return Model(self.space, self.bodies, contacts, self.notes, warnings, base, tied)
 
 
 def _least_memory(space: DisplacementSpace) -> int:

@@ -81,9 +81,16 @@ def find_coalescence(
 
 
 def find_zero(
-    problem: Problem, parameter: str, value: float, x: np.ndarray, y: np.ndarray, width: float
-) -> Root:
+    problem: Problem, parameter: str, value: float, x: np.ndarray, y: np.ndarray, width: float,
+    rigid: np.ndarray | None = None,
+) -> Root:  # fmt: skip
     """Return where an eigenvalue θ passes zero (divergence): a root of g(0, p) within `width` of `value`, by Newton.
+
+    Parameters
+    ----------
+    rigid : (n, k) float, optional
+        Motions that K leaves free at every p. They are deflated, or K would be singular all along: with KZ = 0 the
+        matrix K + s MZ(MZ)ᵀ has all eigenvalues of K but those of Z.
 
     Raises
     ------
@@ -91,7 +98,7 @@ def find_zero(
     """
     p, last = value, np.inf
     for _ in range(_STEPS):
-        b = _Bordered(problem, parameter, p, 0.0, x, y)
+        b = _Bordered(problem, parameter, p, 0.0, x, y, rigid)
         step = -b.g / b.g_p
         p, x, y = p + step, b.x, b.w
         if abs(p - value) > width or b.p_rounding > 0.1 * width:
@@ -161,8 +168,9 @@ class _Bordered:
     """g of the bordered matrix and its derivatives at one (θ, p), from one factorisation."""
 
     def __init__(
-        self, problem: Problem, parameter: str, p: float, theta: float, x: np.ndarray, y: np.ndarray
-    ) -> None:
+        self, problem: Problem, parameter: str, p: float, theta: float, x: np.ndarray, y: np.ndarray,
+        rigid: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
         pencil = problem.pencil(**{parameter: p})
         M, A = pencil.M, sp.csr_array(pencil.K - theta * pencil.M)
         n = pencil.n
@@ -174,17 +182,25 @@ class _Bordered:
         size = abs(A).max()
         b, c = (M @ y), (M @ x)
         b, c = b / np.linalg.norm(b) * size, c / np.linalg.norm(c) * size
-        full = sp.block_array([[A, b[:, None]], [c[None, :], None]], format="csr")
-        factor = factorize(sp.csr_array(full + sp.csr_array(([0.0], ([n], [n])), shape=full.shape)), symmetric=False)
-        e = np.zeros(n + 1)
-        e[n] = size
+        rows = [[A, b[:, None]], [c[None, :], None]]
+        if rigid is not None:
+            MZ = M @ rigid
+            MZ = MZ / np.linalg.norm(MZ, axis=0) * size
+            held = -size * sp.eye_array(MZ.shape[1])
+            rows = [[A, MZ, b[:, None]], [MZ.T, held, None], [c[None, :], None, None]]
+        full = sp.block_array(rows, format="csr")
+        more = full.shape[0] - n
+        corner = sp.csr_array(([0.0], ([n + more - 1], [n + more - 1])), shape=full.shape)
+        factor = factorize(sp.csr_array(full + corner), symmetric=False)
+        e = np.zeros(n + more)
+        e[-1] = size
         z, zt = factor.solve(e), factor.solve_transposed(e)
-        self.x, self.g = z[:n], float(z[n])
+        self.x, self.g = z[:n], float(z[-1])
         self.w = zt[:n]
         Mx, Mw, dAx, dAw = M @ self.x, M @ self.w, dA @ self.x, dA.T @ self.w
         # With Bz = e: ∂z = −B⁻¹ ∂B z, and g = zᵗ-weighted; ∂A/∂θ = −M. Rows scaled by `size` like e.
-        derivatives = factor.solve(np.pad(np.column_stack([Mx, -dAx]), ((0, 1), (0, 0))))
-        transposed = factor.solve_transposed(np.pad(np.column_stack([Mw, -dAw]), ((0, 1), (0, 0))))
+        derivatives = factor.solve(np.pad(np.column_stack([Mx, -dAx]), ((0, more), (0, 0))))
+        transposed = factor.solve_transposed(np.pad(np.column_stack([Mw, -dAw]), ((0, more), (0, 0))))
         x_theta, x_p = derivatives[:n].T
         w_p = transposed[:n, 1]
         self.g_theta = float(self.w @ Mx) / size

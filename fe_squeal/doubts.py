@@ -9,6 +9,7 @@ import numpy as np
 from .contact import ContactOperators, Sliding
 from .effects.preload import BaseState, ContactState
 from .mesh import LoadedMesh, surface_group
+from .mesh.quality import shape_condition
 from .scene import Scene
 from .spaces import DisplacementSpace
 from .terms import Term
@@ -16,14 +17,23 @@ from .terms import Term
 _DENSITY = (100.0, 30000.0)  # kg/m^3: from foams to osmium
 _MODULUS = (1e6, 1e13)  # Pa: from rubber to beyond diamond
 _FOLLOWING = 1e-3  # of the friction stiffness: the size of the follower terms from which they are spoken of
+# Condition number of the map from the regular cell; with its square, 1e4, a backward error of 1e-8, the usual
+# tolerance, leaves four digits.
+_DISTORTED = 100.0
+_NAMED = 5  # elements in one sentence
 _LARGE_GAP = 0.05  # of the model's size
 _LOCKING = 0.48  # Poisson's ratio above which standard elements lose digits; see docs/near_incompressible.md
 _HELD = 10.0  # times Ω²M: the stiffness against a rigid motion beside which that of the centrifugal stress is small
 
 
-def doubts(scene: Scene, loaded: LoadedMesh, space: DisplacementSpace) -> list[str]:
+def doubts(
+    scene: Scene, loaded: LoadedMesh, space: DisplacementSpace, bodies: Mapping[str, np.ndarray]
+) -> list[str]:
     """Return a sentence for each value that is probably not meant; the groups have been looked up before."""
-    return [*_materials(scene), *_locking(scene), *_held(scene, loaded, space), *_gaps(scene, space)]
+    return [
+        *_materials(scene), *_locking(scene), *_held(scene, loaded, space), *_gaps(scene, space),
+        *_shapes(loaded, space, bodies),
+    ]  # fmt: skip
 
 
 def _materials(scene: Scene) -> Iterable[str]:
@@ -83,6 +93,22 @@ def _gaps(scene: Scene, space: DisplacementSpace) -> Iterable[str]:
             yield (
                 f"contact {name}: gap_tolerance = {contact.gap_tolerance:g} m is"
                 f" {100 * contact.gap_tolerance / size:.3g} % of the model's size; it is in metres always"
+            )
+
+
+def _shapes(loaded: LoadedMesh, space: DisplacementSpace, bodies: Mapping[str, np.ndarray]) -> Iterable[str]:
+    for name, elements in bodies.items():
+        kappa = shape_condition(space.mesh, elements)
+        bad = np.flatnonzero(kappa > _DISTORTED * (1 + 1e-9))
+        worst = bad[np.argsort(-kappa[bad])][:_NAMED]
+        if len(bad):
+            labels = loaded.element_labels
+            numbers = [labels[elements[i]] if len(labels) else elements[i] for i in worst]
+            named = ", ".join(f"{number} ({kappa[i]:.3g})" for number, i in zip(numbers, worst, strict=True))
+            yield (
+                f"body {name}: {len(bad)} of {len(elements)} elements are far from their regular shape, by a condition"
+                f" number above {_DISTORTED:g}: {named}{', ...' if len(bad) > _NAMED else ''}; a backward error counts"
+                " with its square there, so that growth rates may keep less than four digits"
             )
 
 

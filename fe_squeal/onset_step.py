@@ -15,13 +15,16 @@ from .eigen.pencil import Modes
 from .eigen.solve import Request, solve_modes
 from .errors import NotConvergedError
 from .problem import Problem
-from .reduced import ReducedModel
+from .reduced import FreeMotions, ReducedModel
 from .tracking import modal_assurance
 
 _BISECTED = 1e-7  # of the sweep step: the bracket where only stability itself can be told
 _CHEAP = 20_000  # unknowns up to which an onset of a reduced model is refined on the problem itself in any case
 _SURE = 1e-7  # relative uncertainty of such an onset that is good enough
 _DEPENDENT = 1e-9  # eigenvalue of a Gram matrix of unit vectors: what is left out of the basis of a step
+_BALANCED = 1e-11  # of the forces that cancel: what rounding leaves of those of a rigid motion
+_ONE_SHAPE = 0.999  # MAC of two modes of equal frequency: they have met already, and are no doublet
+_SPANNED = 1e-4  # of a vector: what is left of one that others span
 _SMALL = 60  # unknowns up to which the small model is the problem itself
 _BRACKET = 1e-2  # of the sweep step: where Newton's method takes over from the bracketing
 
@@ -78,13 +81,26 @@ class Step:
         self._precise = precise or problem.unknowns <= _CHEAP
         self.problem = problem = problem if model is None else model.condensed
         M = problem.pencil(**{parameter: values[0]}).M
+        rigid = np.hstack([m.right[:, m.lam == 0].real for m in modes])
+        self._ends, self.rigid = values, _orthonormal(rigid, M) if rigid.any() else None
         if problem.unknowns <= _SMALL:
             self.V = np.eye(problem.unknowns)
         else:
             vectors = [v for m in modes for v in (m.right, m.left) if v is not None]
             self.V = _orthonormal(np.hstack([p for v in vectors for p in (v.real, v.imag) if p.any()]), M)
+            if self.rigid is not None:  # these to the last digit: what they lack is as stiff as the mesh
+                Z = self.rigid
+                rest = self.V - Z @ (Z.T @ (M @ self.V))
+                size = np.sqrt(np.maximum(np.einsum("ij,ij->j", rest, M @ rest), 0.0))
+                self.V = np.hstack([Z, _orthonormal(rest[:, size > _SPANNED], M)])
         self.small = problem.interpolated(parameter, *values).project(self.V)
         self._MV = M @ self.V
+        free = None
+        if self.rigid is not None and model is None:
+            free = FreeMotions.of(problem.pencil(**{parameter: values[0]}).K, self.rigid, self.rigid.T @ self._MV)
+        elif self.rigid is not None and model is not None and model.basis.free is not None:
+            free = model.basis.free.on(self.V)
+        self._cancelled = None if free is None else free.cancelled
 
     def hidden(
         self, ends: tuple[float, float], first: Modes, onsets: list[Onset], below: float, inner: int
@@ -124,7 +140,7 @@ class Step:
 
     def modes(self, p: float) -> Modes:
         """Return all modes of the small model."""
-        return solve_dense(self.small.pencil(**{self.parameter: p}))
+        return solve_dense(replace(self.small.pencil(**{self.parameter: p}), cancelled=self._cancelled))
 
     def flutter(self, ends: tuple[float, float], mode: Modes) -> Onset:
         """Two eigenvalues of an undamped problem meet: the squared half of their distance changes sign."""
@@ -151,11 +167,14 @@ class Step:
 
         at_end = pair(ends[0])
         blur = float((2 * np.abs(at_end.lam) * at_end.re_uncertainty).max() ** 2)
+        step, rough, met = abs(ends[1] - ends[0]), ends[0], False
         if discriminant(ends[0]) <= max(blur, (1e-9 * abs(target)) ** 2):
-            # The pair is a doublet without friction and couples as soon as it acts: no threshold inside the step.
-            return self._onset(ends[0], at_end.frequency_hz.mean(), "flutter", np.nan, 0.0)
-        step = abs(ends[1] - ends[0])
-        rough = brentq(discriminant, *ends, xtol=_BRACKET * step, rtol=8.9e-16)
+            met = modal_assurance(at_end.right[:, :1], at_end.right[:, 1:], M)[0, 0] > _ONE_SHAPE
+            if not met:
+                # A doublet without friction couples as soon as it acts: no threshold inside the step.
+                return self._onset(ends[0], at_end.frequency_hz.mean(), "flutter", np.nan, 0.0)
+        else:
+            rough = brentq(discriminant, *ends, xtol=_BRACKET * step, rtol=8.9e-16)
         two = pair(rough)
         theta = float((-(two.lam**2)).real.mean())
         left = two.left
@@ -166,7 +185,7 @@ class Step:
                                  (rough, theta, x, y))  # fmt: skip
             if abs(root.value - rough) <= 0.1 * step:
                 frequency = np.sqrt(root.theta) / (2 * np.pi)
-                if abs(root.value - ends[0]) <= root.uncertainty:  # a doublet split by no more than rounding
+                if abs(root.value - ends[0]) <= root.uncertainty and not met:  # a doublet but for rounding
                     return self._onset(ends[0], frequency, "flutter", np.nan, root.uncertainty)
                 return self._onset(root.value, frequency, "flutter", root.coefficient, root.uncertainty)
         except NotConvergedError:
@@ -201,21 +220,44 @@ class Step:
 
     def divergence(self, ends: tuple[float, float], mode: Modes) -> Onset:
         """An eigenvalue θ passes zero."""
-        shape, M = self.shape(mode), self.small.pencil().M
+        M = self.small.pencil().M
+        Z = None if self.rigid is None else self.rigid if len(self.V) == self.V.shape[1] else self._MV.T @ self.rigid
+
+        def elastic(u: np.ndarray) -> np.ndarray:
+            """Without rigid motions, of which a mode has more and more as it comes near zero."""
+            return u if Z is None else np.asarray(u - Z @ (Z.T @ (M @ u)))
+
+        shape = elastic(self.shape(mode))
 
         def theta(p: float) -> float:
             near = self.modes(p)
-            best = int(np.argmax(modal_assurance(shape, near.right, M)[0]))
+            moving = elastic(near.right)
+            share = np.einsum("ij,ij->j", moving.conj(), M @ moving).real
+            likeness = modal_assurance(shape, moving, M)[0] * (share > _SPANNED**2)
+            best = int(np.argmax(likeness))
             return float((-(near.lam[best] ** 2)).real)
 
         rough = brentq(theta, *ends, xtol=_BRACKET * abs(ends[1] - ends[0]), rtol=8.9e-16)
         x = mode.right[:, 0].real
         width = 0.1 * abs(ends[1] - ends[0])
         root = self._refined(
-            lambda problem, start: find_zero(problem, self.parameter, start[0], start[2], start[3], width),
+            lambda problem, start: find_zero(
+                problem, self.parameter, start[0], start[2], start[3], width, self._free(problem)
+            ),
             (rough, 0.0, x, x),
         )  # fmt: skip
         return self._onset(root.value, 0.0, "divergence", root.coefficient, root.uncertainty)
+
+    def _free(self, problem: Problem) -> np.ndarray | None:
+        """Return the rigid motions Z of both ends on the unknowns of a problem, where KZ = 0 at both."""
+        if self.rigid is None:
+            return None
+        Z = self.rigid if self.model is None else self.model.lift(self.rigid)
+        for p in self._ends:
+            K = self.full.pencil(**{self.parameter: p}).K
+            if np.linalg.norm(K @ Z) > _BALANCED * np.linalg.norm(abs(K) @ np.abs(Z)):
+                return None
+        return self.rigid if problem is self.problem else Z
 
     def crossing(self, ends: tuple[float, float], mode: Modes) -> Onset:
         """Re λ of a damped mode changes sign."""

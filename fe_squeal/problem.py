@@ -33,6 +33,7 @@ class Model:
     notes, warnings : what was converted or looks doubtful, a sentence each
     base : BaseState or None
         The static state under preload.
+    tied : names of the contacts that are tied
     """
 
     space: DisplacementSpace
@@ -41,6 +42,7 @@ class Model:
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     base: BaseState | None = None
+    tied: tuple[str, ...] = ()
 
 
 class Source(Protocol):

@@ -12,6 +12,7 @@ import numpy as np
 from .counting import count_apart
 from .effects.preload import contact_summary
 from .eigen.pencil import Modes
+from .eigen.quality import ROUNDING
 from .eigen.solve import Completeness, Request, prove_completeness, solve_modes, wanted_count
 from .eigen.threads import one_openblas_thread
 from .errors import NotConvergedError, SceneError, TooLargeError
@@ -25,6 +26,8 @@ from .sweep_state import Record, Store, SweepState, lifted
 from .tracking import match_modes
 
 MODES = 20  # asked for where nothing is said
+_ROUGH = 1e-4  # relative error of a frequency from which on it is spoken of
+_SOFT_TIE = 5e-3  # relative drop of a frequency by the penalty of a tie: what meshes usually leave
 _RIM = 0.9  # of the highest |λ| known: a mode beyond may leave the range by itself
 _REFINEMENTS = 4  # how often a step is halved while the continuation of a mode is in doubt
 
@@ -248,11 +251,10 @@ class _Tracker:
         c = c.without(len(modes) - wanted_count(modes, self.request))
         if c.expected is not None and c.found != c.expected:
             raise NotConvergedError(f"{c.found} modes found where the inertia counts {c.expected}", modes)
-        free = int(np.count_nonzero(modes.lam == 0))
-        if free:
-            self.doubts.append(
-                f"{free} of the modes are rigid motions of frequency 0: no support or spring holds a body against them"
-            )
+        wanted = modes.select(np.arange(wanted_count(modes, self.request)))
+        self.doubts += _doubts_of_rounding(wanted)
+        if self.problem.model is not None and self.problem.model.tied:
+            self.doubts += _doubts_of_ties(self._tracked.at(**{self.parameter: value}), wanted, self.problem.model.tied)
         self.completeness, self._start, self._first = c, value, modes
         self._branches = self._first_branches = np.arange(1, len(modes) + 1)
         self._next_branch = len(modes) + 1
@@ -349,6 +351,49 @@ class _Tracker:
         now = time.perf_counter()
         self.seconds[stage] += now - since
         return now
+
+
+def _doubts_of_rounding(modes: Modes) -> list[str]:
+    """Return a sentence about modes at zero, and one about those whose frequency is lost in rounding of the entries."""
+    doubts = []
+    free, lam = modes.lam == 0, np.abs(modes.lam)
+    if free.any():
+        text = f"{free.sum()} of the modes are rigid motions of frequency 0: no support or spring holds a body against"
+        text += " them"
+        blur = modes.re_uncertainty[free].max() / (2 * np.pi)
+        if free.all() or 2 * np.pi * blur > _ROUGH * lam[~free].min():
+            text += f", or they are slower than {blur:.2g} Hz, which rounding of the matrices hides"
+        doubts.append(text)
+    error = ROUNDING * modes.condition[~free]
+    if (error > _ROUGH).any():
+        doubts.append(
+            f"{np.count_nonzero(error > _ROUGH)} of the modes have frequencies that rounding of the matrices may move,"
+            f" by up to {100 * error.max():.2g} %: something is far stiffer than what they bend (thin cells, springs)"
+        )
+    return doubts
+
+
+def _doubts_of_ties(problem: Problem, modes: Modes, names: Sequence[str]) -> list[str]:
+    """Return a sentence for each tied contact whose stiffness lets frequencies drop.
+
+    A tie is a penalty: its energy share e = φᴴK_tφ / φᴴKφ is d ln θ / d ln k, and for θ = θ_∞ − a/k, as a stiff tie
+    has, θ lies below θ_∞ by just e θ.
+    """
+    found = []
+    for name in names:
+        own = [t for t in problem.terms if t.name == f"contact.{name}" and t.slot == "K"]
+        energy = sum(
+            t.coefficient(problem.parameters) * np.einsum("ij,ij->j", modes.right.conj(), t.matrix @ modes.right).real
+            for t in own
+        )
+        moving = modes.lam != 0
+        shares = np.divide(energy, np.abs(modes.lam) ** 2, out=np.zeros(len(modes)), where=moving)
+        if shares.max(initial=0.0) / 2 > _SOFT_TIE:
+            found.append(
+                f"contact {name}: tied by a stiffness that lets frequencies drop by up to {50 * shares.max():.2g} %;"
+                " made stiffer, this error falls in proportion"
+            )
+    return found
 
 
 def _with_guard(request: Request) -> Request:

@@ -60,7 +60,9 @@ class CorrectedModel:
         factor = factorize_definite(weighted(coarse, model.basis.metric))
         P = weighted(condensed, weights)
         solver = TwoLevelSolver(P, E, factor.solve)
-        basis = ReducedBasis(condensed, parameter, weights, None)
+        basis = ReducedBasis(condensed, parameter, weights, model.basis.sigma, None)
+        if model.basis.has_free:
+            basis.expect_free_motions()
         EV = times(E, model.basis.V)
         basis.append(EV)
         chosen = values[np.unique(np.round(np.linspace(0, len(values) - 1, _CORRECTED)).astype(int))].tolist()

@@ -26,6 +26,7 @@ _FILL = {True: 13.0, False: 45.0}
 _TYPES = {(True, False): -2, (False, False): 11, (True, True): 6, (False, True): 13}
 _DEFINITE = 2
 _OUT_OF_MEMORY = -2  # PARDISO's error
+_SMALL_PIVOT = 13  # 10 to minus this of the norm: which pivots are perturbed at the second attempt
 _ADJOINT, _TRANSPOSED = 1, 2  # of iparm(12)
 
 
@@ -195,6 +196,7 @@ class PardisoFactor:
         iparm = self._iparm
         iparm[0], iparm[1], iparm[7] = 1, 3, 0
         iparm[9], iparm[10], iparm[12], iparm[20] = (8, 0, 0, 1) if symmetric else (13, 1, 1, 0)
+        iparm_before = int(iparm[9])
         diagonal = np.abs(A.diagonal())
         if symmetric and not definite and diagonal.min() <= 10.0 ** -iparm[9] * diagonal.max():
             # Pivots this far below the norm are perturbed, all of them beside a penalty of 1e20, unless scaling comes
@@ -207,6 +209,13 @@ class PardisoFactor:
             return
         require_memory(self.memory, self._n)
         self._call(22, np.zeros((self._n, 1)))
+        if symmetric and not definite and self._iparm[13]:
+            # A soft spring behind a stiff one leaves small pivots that are right: keep them, unless that does not help.
+            self._iparm[9] = _SMALL_PIVOT
+            self._call(22, np.zeros((self._n, 1)))
+            if self._iparm[13]:
+                self._iparm[9] = iparm_before
+                self._call(22, np.zeros((self._n, 1)))
         # A perturbed pivot (iparm(14)) leaves its sign open.
         counts = symmetric and not np.iscomplexobj(A) and not self._iparm[13]
         self.negative_pivots = int(self._iparm[22]) if counts else None

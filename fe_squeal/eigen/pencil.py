@@ -28,12 +28,16 @@ class Pencil:
     C : (n, n) sparse float or None, N s/m
     symmetric : bool
         Whether K = Kᵀ, also where it is complex.
+    cancelled : (n, n) float array or None, N/m
+        Sizes of what cancelled when K was projected, where that is more than its entries show: rounding of these moves
+        eigenvalues that are zero.
     """
 
     M: sp.csr_array
     K: sp.csr_array
     C: sp.csr_array | None = None
     symmetric: bool = False
+    cancelled: np.ndarray | None = None
 
     @property
     def n(self) -> int:
@@ -77,6 +81,8 @@ class Pencil:
         a, size = np.abs(u), np.abs(lam)
         M, K, *C = self._absolute
         r = (M @ a) * size**2 + K @ a
+        if self.cancelled is not None:
+            r = r + self.cancelled @ a
         return r + (C[0] @ a) * size if C else r
 
     def derivative(self, lam: np.ndarray, u: np.ndarray) -> np.ndarray:

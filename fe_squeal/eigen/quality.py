@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
+from .multiple import ROUNDING, biorthogonal, defective_error, rounding_of_zero, separated, unit_mass
 from .pencil import Modes, Pencil
 
-# Entries of assembled matrices are sums of some tens of rounded products.
-ROUNDING = 8 * np.finfo(float).eps
-_EQUAL = 1e-9  # relative distance below which eigenvalues count as one multiple eigenvalue
+__all__ = ["ROUNDING", "in_upper_half", "modes_from_lambda", "modes_from_theta"]
 
 
 def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left: np.ndarray, method: str) -> Modes:
@@ -26,8 +23,9 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     right, left : (n, k)
         Left vectors in the order of the right ones, any basis where eigenvalues are multiple; they are scaled here.
     """
-    right = _unit_mass(pencil, right)
-    left = _biorthogonal(left, left.conj().T @ (pencil.M @ right), theta)
+    right = unit_mass(pencil, right)
+    lefts = unit_mass(pencil, left)
+    left = biorthogonal(left, left.conj().T @ (pencil.M @ right), theta)
     lam = 1j * np.sqrt(theta.astype(complex))
     residual = pencil.apply(lam, right)
     magnitude = pencil.magnitude(lam, right)
@@ -35,6 +33,7 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     first_order, amplification = _perturbation(left, residual, magnitude, theta)
     least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
     u_theta = _near_coalescence(first_order, least, theta)
+    u_theta = np.maximum(u_theta, defective_error(pencil, theta, right, lefts, magnitude))
 
     # A rigid mode: θ is zero within what rounding leaves.
     rigid = np.abs(theta) <= u_theta
@@ -66,10 +65,11 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     right, left : (n, k) complex
         Left vectors in the order of the right ones, any basis where eigenvalues are multiple.
     """
-    right = _unit_mass(pencil, right)
+    lam, right, left = separated(pencil, lam, unit_mass(pencil, right), left)
     # ψ_iᴴ((λ_i + λ_j)M + C)φ_j vanishes for λ_i ≠ λ_j, and is ψᴴ(2λM + C)φ on the diagonal.
+    lefts = unit_mass(pencil, left)
     mass = left.conj().T @ (pencil.M @ right)
-    left = _biorthogonal(left, (lam[:, None] + lam[None, :]) * mass + left.conj().T @ (pencil.C @ right), lam)
+    left = biorthogonal(left, (lam[:, None] + lam[None, :]) * mass + left.conj().T @ (pencil.C @ right), lam)
     residual = pencil.apply(lam, right)
     magnitude = pencil.magnitude(lam, right)
     backward = _backward_errors(pencil, residual, magnitude)
@@ -78,12 +78,9 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
     least = least / np.maximum(2 * np.abs(lam) + dissipation, np.finfo(float).tiny)
     u = _near_coalescence(first_order, least, lam)
-    # A rigid mode: λ is zero within what rounding δ of φᴴKφ leaves, the root of λ²φᴴMφ + λ|φᴴCφ| = δ. Where damping
-    # holds more than mass, as in creeping, that is δ/|φᴴCφ|, far below the √δ of a free body.
-    stiffness = np.abs(residual) + ROUNDING * pencil.magnitude(np.zeros(len(lam)), right)
-    delta = np.einsum("ij,ij->j", np.abs(right), stiffness)
-    mass = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.M @ right))
-    rounding = 2 * delta / np.maximum(dissipation + np.sqrt(dissipation**2 + 4 * mass * delta), np.finfo(float).tiny)
+    slope = np.where(lam == 0, np.inf, 2 * np.abs(lam))
+    u = np.maximum(u, defective_error(pencil, lam, right, lefts, magnitude / slope))
+    rounding = rounding_of_zero(pencil, lam, right)
     rigid = np.abs(lam) <= rounding
     lam, u = np.where(rigid, 0.0, lam), np.where(rigid, rounding, u)
     if pencil.is_complex:
@@ -131,12 +128,6 @@ def _outside_the_law(lam: np.ndarray, u: np.ndarray) -> np.ndarray:
     return np.where(np.abs(lam.real) >= np.abs(lam.imag), np.maximum(u, np.abs(lam)), u)
 
 
-def _unit_mass(pencil: Pencil, right: np.ndarray) -> np.ndarray:
-    """Return the columns with φᴴMφ = 1; those without any mass, which damping makes possible, as they are."""
-    mass = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.M @ right))
-    return np.asarray(right / np.sqrt(np.where(mass > 0, mass, 1.0)))
-
-
 def _perturbation(
     left: np.ndarray, residual: np.ndarray, magnitude: np.ndarray, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -173,36 +164,6 @@ def _near_coalescence(first_order: np.ndarray, least: np.ndarray, values: np.nda
     gap = distance.min(axis=1)
     with np.errstate(invalid="ignore"):
         return np.fmax(least, np.fmin(first_order, np.sqrt(gap * first_order)))
-
-
-def _biorthogonal(left: np.ndarray, gram: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return left modes ψ with ψᴴ(weight)φ = 1 for their own φ and 0 within a multiple eigenvalue.
-
-    Each pair is scaled by itself, so that a small ψᴴφ shows as the large condition number it is; only within a cluster
-    of equal eigenvalues is the basis of the left space free, and changed. At a defective eigenvalue no such basis
-    exists: the pseudo-inverse keeps it finite, and the condition number says so.
-
-    Parameters
-    ----------
-    gram : (k, k)
-        ψ_iᴴ(weight)φ_j of the given left vectors.
-    values : (k,)
-        Eigenvalues, in the order of both.
-    """
-    left = left.astype(np.result_type(left, gram))
-    near = np.abs(values[:, None] - values[None, :]) <= _EQUAL * np.maximum(np.abs(values)[:, None], np.abs(values))
-    _, cluster, size = np.unique(
-        connected_components(sp.csr_array(near), directed=False)[1], return_inverse=True, return_counts=True
-    )
-    alone = np.flatnonzero(size[cluster] == 1)
-    own = gram.diagonal()[alone]
-    left[:, alone] *= np.divide(1.0, own, out=np.zeros_like(own), where=own != 0).conj()
-    for c in np.flatnonzero(size > 1):
-        i = np.flatnonzero(cluster == c)
-        block = gram[np.ix_(i, i)]
-        unit = np.abs(block).max() or 1.0
-        left[:, i] = left[:, i] @ (np.linalg.pinv(block / unit, rcond=np.finfo(float).eps) / unit).conj().T
-    return left
 
 
 def _backward_errors(pencil: Pencil, residual: np.ndarray, magnitude: np.ndarray) -> np.ndarray:

@@ -18,6 +18,9 @@ from .shift_invert import ShiftInverted
 _RIGID_SHIFT = 1e-9
 _PENALTY = 1e6  # times the median of these ratios: larger ones stand for infinity
 _LIGHT = 0.2  # damping ratio up to which all modes of a damped problem are found, beyond it the nearer ones alone
+# Relative distance of the shift from an eigenvalue, below which rounding of its huge 1/(θ − σ) costs the others digits;
+# the shift is then moved by a factor, some times at most.
+_CLEAR, _MOVE, _MOVES = 1e-4, 1.15, 3
 _BELOW = 0.05  # of the band: how far below zero the shift lies, in frequency
 
 
@@ -127,10 +130,8 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None) -> Modes
     else:
         # Just below zero: the eigenvalues nearest are then all those of |θ| up to a limit, flutter and divergence too.
         sigma = -((_BELOW * band) ** 2) if band is not None else -_RIGID_SHIFT * _largest_ratio(pencil)
-    operator = ShiftInverted(pencil, sigma)
-    divergent = 0
-    if pencil.problem_class == "symmetric":
-        divergent = finite_below(pencil, operator.negative_pivots) or 0
+    moves = 0
+    operator, divergent = _shifted(pencil, sigma)
     while True:
         sought = min(sought, operator.most)
         if pencil.C is not None:
@@ -139,6 +140,11 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None) -> Modes
             modes, every = symmetric_modes(pencil, operator, sought, divergent)
         else:
             modes, every = nonsymmetric_modes(pencil, operator, sought)
+        if moves < _MOVES and _nearest(pencil, modes, operator.sigma) < _CLEAR * abs(operator.sigma):
+            moves += 1
+            operator, divergent = _shifted(pencil, operator.sigma * _MOVE)
+            continue
+        sigma = operator.sigma
         radius = np.inf if every else _known_radius(pencil, modes, sigma)
         wanted = select_wanted(modes, request, radius)
         if wanted is not None:
@@ -148,6 +154,29 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None) -> Modes
         limit = band or float(modes.lam.imag.max(initial=0.0))
         growth = (limit / radius) ** 1.5 if 0 < radius < limit else 1.4
         sought = int(np.clip(growth, 1.2, 3.0) * sought) + 4
+
+
+def _shifted(pencil: Pencil, sigma: float) -> tuple[ShiftInverted, int]:
+    """Return the shift-inverted operator at a shift, or beside it where that is an eigenvalue; θ below it (symmetric).
+    """
+    for _ in range(_MOVES):
+        try:
+            operator = ShiftInverted(pencil, sigma)
+            break
+        except NotConvergedError:  # a pivot is zero
+            sigma *= _MOVE
+    else:
+        operator = ShiftInverted(pencil, sigma)
+    divergent = 0
+    if pencil.problem_class == "symmetric":
+        divergent = finite_below(pencil, operator.negative_pivots) or 0
+    return operator, divergent
+
+
+def _nearest(pencil: Pencil, modes: Modes, sigma: float) -> float:
+    """Return the distance of the shift from the nearest θ, with C from the nearest λ."""
+    values = modes.lam if pencil.C is not None else -(modes.lam**2)
+    return float(np.abs(values - sigma).min(initial=np.inf))
 
 
 def _known_radius(pencil: Pencil, modes: Modes, sigma: float) -> float:

@@ -1,6 +1,6 @@
 """Sweeps on a small model of the problem."""
 
 from .model import ReducedModel
-from .vectors import lift
+from .vectors import FreeMotions, lift
 
-__all__ = ["ReducedModel", "lift"]
+__all__ = ["FreeMotions", "ReducedModel", "lift"]

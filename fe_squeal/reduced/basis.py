@@ -18,7 +18,7 @@ from ..eigen.quality import ROUNDING
 from ..problem import Problem
 from ..terms import Slot, Term
 from .undamped import weighted
-from .vectors import lift, normalising
+from .vectors import FreeMotions, lift, normalising
 
 _SAMPLES = 24  # random vectors per norm: residual norms come out within some 15 %
 _SEED = 20250411
@@ -27,6 +27,7 @@ _LINES = 1000  # rows of V that are sampled
 _SPARSE = 0.3  # of all rows: what a term has at most that is handled by its own rows
 _ROOM = 8  # times the vectors there are: for how many address space is set aside
 _RANK = 1e-12  # of the square of a vector: a part outside the basis that is rounding
+_RIGID = 1e-3  # of the shift: θ of a motion that nothing holds
 _CLEAR = 0.1  # of the square: a part outside from which the difference keeps its digits
 _POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}
 _OF_TERMS = "small", "right", "left"  # names of what is stored of each term
@@ -60,15 +61,16 @@ class ReducedBasis:
     parameter : str
     metric : (terms,) float
         The coefficients of the terms in P = K − σM, see `factorize_undamped`.
+    sigma : float, rad²/s²
     half_solve : callable, optional
         Returns L⁻ᵀS; without it there are no samples, and no errors.
     """
 
     def __init__(
-        self, problem: Problem, parameter: str, metric: Sequence[float],
+        self, problem: Problem, parameter: str, metric: Sequence[float], sigma: float,
         half_solve: Callable[[np.ndarray], np.ndarray] | None,
     ) -> None:  # fmt: skip
-        self.problem, self.parameter, self.metric = problem, parameter, metric
+        self.problem, self.parameter, self.metric, self.sigma = problem, parameter, metric, sigma
         n = problem.unknowns
         rng = np.random.default_rng(_SEED)
         # Rows of backward errors count in the problem's own units, as in `fe_squeal.eigen.quality`.
@@ -90,6 +92,8 @@ class ReducedBasis:
         self._left = [np.zeros((self._Z.shape[1], 0)) for _ in problem.terms]  # Zᵀ Aᵀ V
         self._sampled_rows = np.zeros((len(self._lines), 0))
         self._cancels = 1.0
+        self.has_free = False
+        self._free: tuple[np.ndarray, FreeMotions | None] | None = None  # and of which V
 
     @classmethod
     def restored(
@@ -98,7 +102,8 @@ class ReducedBasis:
         """Return the basis that gave `stored`, of the same problem; it cannot be extended any more."""
         basis = cls.__new__(cls)
         basis.problem, basis.parameter, basis.metric = problem, parameter, numbers["metric"]
-        basis._cancels = numbers["cancels"]
+        basis._cancels, basis.sigma, basis.has_free = numbers["cancels"], numbers["sigma"], numbers["has_free"]
+        basis._free = None
         basis.V = arrays["vectors"].T
         basis._units, basis._lines, basis._size = arrays["units"], arrays["lines"], arrays["size"]
         basis._sampled_rows = arrays["sampled_rows"]
@@ -116,7 +121,8 @@ class ReducedBasis:
             "vectors": self.V.T, "units": self._units, "lines": self._lines, "size": self._size,
             "sampled_rows": self._sampled_rows,
         }  # fmt: skip
-        return arrays, {"metric": [float(c) for c in self.metric], "cancels": self._cancels}
+        numbers = {"cancels": self._cancels, "sigma": self.sigma, "has_free": self.has_free}
+        return arrays, {"metric": [float(c) for c in self.metric], **numbers}
 
     def __len__(self) -> int:
         return int(self.V.shape[1])
@@ -218,7 +224,28 @@ class ReducedBasis:
             sums[term.slot] = part if before is None else before + part
         M, C, K = (None if A is None else sp.csr_array(A) for A in sums.values())
         assert M is not None and K is not None
-        return Pencil(M, K, C, symmetric)
+        free = self.free
+        return Pencil(M, K, C, symmetric, None if free is None else free.cancelled)
+
+    def expect_free_motions(self) -> None:
+        """Look for motions that nothing holds from now on."""
+        self.has_free = True
+
+    @property
+    def free(self) -> FreeMotions | None:
+        """The motions that nothing holds, in the coordinates of the basis."""
+        if not self.has_free:
+            return None
+        if self._free is None or self._free[0] is not self.V:
+            at = self.problem.parameters
+            pairs = zip(self.problem.terms, self._small, strict=True)
+            M = sum(t.coefficient(at) * A for t, A in pairs if t.slot == "M")
+            nu, Y = la.eigh(M)
+            rigid = (nu > 0) & (np.abs(1 + self.sigma * np.maximum(nu, 0.0)) < _RIGID)  # θ = σ + 1/ν
+            Y = Y[:, rigid] / np.sqrt(nu[rigid])
+            K = weighted(self.problem, self.metric) + self.sigma * self.problem.mass
+            self._free = self.V, FreeMotions.of(K, lift(self.V, Y), Y.T @ M) if rigid.any() else None
+        return self._free[1]
 
     def modes(self, value: float, highest: float) -> Modes:
         """Return the modes of the small problem up to |λ| = highest, rad/s, with vectors of length r."""

@@ -29,6 +29,7 @@ from .vectors import lift, real_columns
 _GUARD = 1.25  # times the modes asked for: how many of the undamped problem the basis begins with
 _ROUGH = 1e-4  # accuracy of these modes: what they lack is corrected with the rest
 _LANCZOS = 8  # times these: vectors that their iteration keeps at first
+_FREE = 0.1  # of −σ: θ of what may be a rigid motion, as found roughly
 _ROUNDS = 16
 _CANDIDATES = 5  # values at which the basis is corrected until all modes there meet the tolerance
 _CORRECTED = 0.3  # times the tolerance: what is corrected along with what misses it
@@ -101,7 +102,9 @@ class ReducedModel:
         theta, vectors = lowest_modes(definite, base.M, self._sigma, count, _ROUGH)
         self.factorizations += 1
         self.highest = float(np.sqrt(theta.max(initial=0.0)))
-        self.basis = ReducedBasis(condensed, parameter, metric, definite.half_solve)
+        self.basis = ReducedBasis(condensed, parameter, metric, self._sigma, definite.half_solve)
+        if (theta < -_FREE * self._sigma).any():
+            self.basis.expect_free_motions()
         self.basis.append(vectors)
         del base, vectors
         first = self._estimated(start)[0]

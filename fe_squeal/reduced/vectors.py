@@ -3,13 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 
 from ..blocks import combine
 
+_MARGIN = 10.0
 _DEPENDENT = 1e-4  # eigenvalue of a Gram matrix of unit vectors: what is left to the next correction
+
+
+@dataclass(frozen=True)
+class FreeMotions:
+    """Motions that nothing holds, in a small problem: with them its zero eigenvalues are seen to be zero.
+
+    What is left of zᵀKz is rounding of |z|ᵀ|K||z|, far more than of the entries of VᵀKV.
+
+    Attributes
+    ----------
+    sizes : (k,) float, N/m
+        |z|ᵀ|K||z| of motions of unit mass, and some more, since left vectors are longer.
+    coordinates : (k, r) float
+        What a small vector y has of them: the products by mass, coordinates @ y.
+    """
+
+    sizes: np.ndarray
+    coordinates: np.ndarray
+
+    @classmethod
+    def of(cls, K: sp.csr_array, Z: np.ndarray, coordinates: np.ndarray) -> FreeMotions:
+        """Return those of the motions Z (n, k) of unit mass."""
+        return cls(_MARGIN * np.einsum("ij,ij->j", np.abs(Z), abs(K) @ np.abs(Z)), coordinates)
+
+    def on(self, V: np.ndarray) -> FreeMotions:
+        """Return the same for a smaller basis, of columns V (r, s)."""
+        return FreeMotions(self.sizes, self.coordinates @ V)
+
+    @property
+    def cancelled(self) -> np.ndarray:
+        """(r, r) sizes of what cancelled in the projected stiffness, for `Pencil`."""
+        W = np.abs(self.coordinates)
+        return np.asarray(W.T @ (self.sizes[:, None] * W))
 
 
 def lift(V: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -1,0 +1,154 @@
+"""Multiple eigenvalues: bases of their modes, and what rounding makes of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from .pencil import Pencil
+
+# Entries of assembled matrices are sums of some tens of rounded products.
+ROUNDING = 8 * np.finfo(float).eps
+_EQUAL = 1e-9  # relative distance below which eigenvalues count as one multiple eigenvalue
+_ONE_SHAPE = 64 * ROUNDING  # of the squared sine between two modes: below it they are one shape
+_NEARLY_REAL = 1e-6  # Im λ over |λ| that may be two equal real eigenvalues
+_APART = 1e-6  # of the squares of vectors: what counts as a direction of its own
+_EXACT = 1e-11  # backward error of a mode that is one for itself
+
+
+def unit_mass(pencil: Pencil, right: np.ndarray) -> np.ndarray:
+    """Return the columns with φᴴMφ = 1; those without any mass, which damping makes possible, as they are."""
+    mass = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.M @ right))
+    return np.asarray(right / np.sqrt(np.where(mass > 0, mass, 1.0)))
+
+
+def rounding_of_zero(pencil: Pencil, lam: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Return how far rounding may put the λ = 0 of a rigid mode of a damped pencil, rad/s, for each mode.
+
+    It is the root of λ²φᴴMφ + λ|φᴴCφ| = δ, δ what rounding leaves of φᴴKφ. Where damping holds more than mass, as in
+    creeping, that is δ/|φᴴCφ|, far below the √δ of a free body.
+    """
+    dissipation = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.C @ right))
+    stiffness = np.abs(pencil.apply(lam, right)) + ROUNDING * pencil.magnitude(np.zeros(len(lam)), right)
+    delta = np.einsum("ij,ij->j", np.abs(right), stiffness)
+    mass = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.M @ right))
+    return np.asarray(
+        2 * delta / np.maximum(dissipation + np.sqrt(dissipation**2 + 4 * mass * delta), np.finfo(float).tiny)
+    )
+
+
+def separated(
+    pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the eigenpairs of a real damped pencil with equal real eigenvalues told apart.
+
+    Rounding makes pairs a ± iδ of two equal real eigenvalues, of which the upper half plane holds one, and pairs ±δ or
+    ±iδ of the one zero of a free body. Real and imaginary parts of the vectors span the modes: so many directions as
+    they have, so many modes there are. Only a defective pair, whose parts are no modes, stays as it is.
+
+    Parameters
+    ----------
+    lam : (k,) complex, Im λ ≥ 0
+    right, left : (n, k)
+    """
+    if pencil.is_complex:
+        return lam, right, left
+    zero = np.abs(lam) <= rounding_of_zero(pencil, lam, right)
+    groups = [np.flatnonzero(zero)] if zero.any() else []
+    groups += [np.array([i]) for i in np.flatnonzero(~zero & (lam.imag > 0) & (lam.imag <= _NEARLY_REAL * np.abs(lam)))]
+    gone, found = [], []
+    for group in groups:
+        values = np.zeros(1) if zero[group[0]] else lam[group].real
+        Z, W = _real_span(pencil, right[:, group]), _real_span(pencil, left[:, group])
+        count = min(Z.shape[1], W.shape[1])
+        values = np.repeat(values, count).astype(complex)
+        Z, W = Z[:, :count], W[:, :count]
+        if count and (zero[group[0]] or (count == 2 and _are_modes(pencil, values, Z, W))):
+            gone.append(group)
+            found.append((values, Z, W))
+    if not found:
+        return lam, right, left
+    rest = np.delete(np.arange(len(lam)), np.concatenate(gone))
+    lam, right, left = (
+        np.concatenate([a[..., rest], *new], axis=-1)
+        for a, new in zip((lam, right, left), zip(*found, strict=True), strict=True)
+    )
+    return lam, right, left
+
+
+def _are_modes(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray) -> bool:
+    adjoint = pencil.transposed()
+    return all(
+        np.linalg.norm(p.apply(lam, x)) <= _EXACT * np.linalg.norm(p.magnitude(lam, x))
+        for p, x in ((pencil, right), (adjoint, left))
+    )
+
+
+def _real_span(pencil: Pencil, x: np.ndarray) -> np.ndarray:
+    """Return real vectors of unit mass, orthogonal by mass, that span complex ones, by falling share."""
+    x = unit_mass(pencil, x)
+    parts = np.hstack([x.real, x.imag])
+    w, v = np.linalg.eigh(parts.T @ (pencil.M @ parts))
+    keep = np.flatnonzero(w > _APART * w.max())[::-1] if w.max() > 0 else np.zeros(0, int)
+    return np.asarray(parts @ (v[:, keep] / np.sqrt(w[keep])))
+
+
+def defective_error(
+    pencil: Pencil, values: np.ndarray, right: np.ndarray, left: np.ndarray, magnitude: np.ndarray
+) -> np.ndarray:
+    """Return the error of multiple eigenvalues whose k modes are one shape, for which no first order exists; else 0.
+
+    A block with J above the diagonal moves by (δJ)^½ where δ below it is rounding, ε|ψ|ᵀmagnitude with ψ of unit mass,
+    and so does one of k by (δJᵏ⁻¹)^(1/k). J is at most what cancels in the mode, |ψ|ᵀmagnitude.
+
+    Parameters
+    ----------
+    right, left : (n, k)
+        Of unit mass.
+    """
+    error = np.zeros(len(values))
+    cluster, size = _clusters(values)
+    for c in np.flatnonzero(size > 1):
+        i = np.flatnonzero(cluster == c)
+        x = right[:, i]
+        cosine = np.minimum(np.abs(x.conj().T @ (pencil.M @ x)), 1.0)
+        alike = np.maximum((1 - cosine**2 <= _ONE_SHAPE).sum(axis=1), 1)
+        size_of = np.einsum("ij,ij->j", np.abs(left[:, i]), magnitude[:, i])
+        error[i] = np.where(alike > 1, size_of * ROUNDING ** (1 / alike), 0.0)
+    return error
+
+
+def _clusters(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return for each eigenvalue the number of its group of equal ones, and the size of each group."""
+    near = np.abs(values[:, None] - values[None, :]) <= _EQUAL * np.maximum(np.abs(values)[:, None], np.abs(values))
+    groups = connected_components(sp.csr_array(near), directed=False)[1]
+    _, cluster, size = np.unique(groups, return_inverse=True, return_counts=True)
+    return cluster, size
+
+
+def biorthogonal(left: np.ndarray, gram: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return left modes ψ with ψᴴ(weight)φ = 1 for their own φ and 0 within a multiple eigenvalue.
+
+    Each pair is scaled by itself, so that a small ψᴴφ shows as the large condition number it is; only within a cluster
+    of equal eigenvalues is the basis of the left space free, and changed. At a defective eigenvalue no such basis
+    exists: the pseudo-inverse keeps it finite, and the condition number says so.
+
+    Parameters
+    ----------
+    gram : (k, k)
+        ψ_iᴴ(weight)φ_j of the given left vectors.
+    values : (k,)
+        Eigenvalues, in the order of both.
+    """
+    left = left.astype(np.result_type(left, gram))
+    cluster, size = _clusters(values)
+    alone = np.flatnonzero(size[cluster] == 1)
+    own = gram.diagonal()[alone]
+    left[:, alone] *= np.divide(1.0, own, out=np.zeros_like(own), where=own != 0).conj()
+    for c in np.flatnonzero(size > 1):
+        i = np.flatnonzero(cluster == c)
+        block = gram[np.ix_(i, i)]
+        unit = np.abs(block).max() or 1.0
+        left[:, i] = left[:, i] @ (np.linalg.pinv(block / unit, rcond=np.finfo(float).eps) / unit).conj().T
+    return left
