@@ -46,4 +46,5 @@ docs: run
 benchmarks: .venv/installed
 	$(BIN)/python benchmarks/effects_cost.py --write
 	$(BIN)/python benchmarks/sweep_cost.py --write
+	$(BIN)/python benchmarks/accuracy_and_cost.py --write
 	$(BIN)/python benchmarks/near_incompressible.py --write

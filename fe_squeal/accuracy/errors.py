@@ -123,7 +123,7 @@ def _growth_error(m: Measurement, k: int, reference: Reference, limit: float) ->
         return 1.0
     same = same_modes(reference.last_shapes, true, m.last, found)
     errors = [abs(found[same[i]].real - true[i].real) if i in same else true[i].real for i in growing]
-    errors += [found[j].real for j in extra - set(same.values())]
+    errors += [found[j].real for j in extra - {same[i] for i in growing if i in same}]  # should not grow
     return float(max(errors) / largest)
 
 

@@ -1,0 +1,68 @@
+"""The smallest rung of every ladder of docs/accuracy_and_cost.md, with its errors, and the page's parts."""
+
+from __future__ import annotations
+
+import string
+
+import accuracy_and_cost as page
+import benchmark_path  # noqa: F401
+import numpy as np
+import pytest
+from accuracy_cases import Rung, belt_scene, brake_scene, extrapolated, solve
+
+from fe_squeal.accuracy.measure import measure
+from fe_squeal.accuracy.settings import own_setting
+
+# The largest errors of the coarsest meshes, by the exact frequencies: a mistake in a benchmark moves them.
+COARSEST = {
+    ("block", "hex", 1): 0.105, ("block", "hex", 2): 0.016, ("block", "tet", 1): 0.18, ("block", "tet", 2): 0.036,
+    ("plate", "hex", 1): 0.295, ("plate", "hex", 2): 0.049, ("plate", "tet", 1): 0.85, ("plate", "tet", 2): 0.074,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("ladder", COARSEST, ids=" ".join)
+def test_smallest_rung(ladder):
+    rung = solve(*ladder, page.LADDERS[ladder][0])
+    assert rung.errors.max() == pytest.approx(COARSEST[ladder], rel=0.25)
+    assert rung.inside >= 7 / 8 and 1.0 <= rung.wide <= 5.0
+
+
+def test_smallest_rung_of_the_extrapolated_disc():
+    exact = extrapolated("annular disc", "hex", 0.03)
+    rung = solve("annular disc", "hex", 1, 0.03, exact)
+    assert 0.1 < rung.errors.max() < 1.0 and rung.inside == 1.0
+
+
+def test_ladders_are_complete_and_fall():
+    assert set(page.LADDERS) >= set(COARSEST) and len(page.LADDERS) == 12
+    for sizes in page.LADDERS.values():
+        assert (np.diff(sizes) < 0).all()
+
+
+def test_rate_and_time_of_a_known_law():
+    """Errors of unknowns^(−4/3), times of unknowns: rate 4, and the time where the error is 1 %."""
+    rungs = [Rung(n, n / 1e3, 0.0, np.array([n ** (-4 / 3) * 1e3]), 1.0, 2.0) for n in (10**3, 10**4, 10**5)]
+    assert page.rate((3, 2, 1), rungs) == pytest.approx(4.0)
+    assert page.time_for(rungs, 0.01) == pytest.approx((1e5) ** (3 / 4) / 1e3)
+
+
+def test_targets_are_scenes_that_can_be_meshed():
+    for name, scene, target in page.targets():
+        assert scene.mesh.geometry is not None and 0 < target < 1, name
+    scene = belt_scene()
+    coarse = own_setting(scene)
+    found, _ = measure(scene, type(coarse)(2, 0.02, 6, "reduced", 1e-8), None, False)
+    assert found.unknowns > 100 and found.lam.shape[1] >= 6
+    assert brake_scene(effects=page.DAMPED).effects.rayleigh is not None
+
+
+def test_page_names_what_it_needs():
+    """What main() fills in is what the page asks for, and the page that is there has all of its chapters."""
+    asked = {name for _, name, _, _ in string.Formatter().parse(page.PAGE) if name}
+    assert asked == {"when", "table", "words", "rates", "parts", "rows", "lumped"}
+    written = (page.DOCS / "accuracy_and_cost.md").read_text(encoding="utf-8")
+    for line in page.PAGE.splitlines():
+        if line.startswith("## "):
+            assert line in written
+    for case, element, order in page.LADDERS:
+        assert f"| {case} | {element} | {order} |" in written
