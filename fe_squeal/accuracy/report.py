@@ -20,9 +20,10 @@ _MARKS = {
 
 
 def write_study(study: Study, out: Path, title: str) -> None:
-    """Write accuracy.csv, accuracy.png and accuracy.md."""
+    """Write accuracy.csv, the seconds of every stage into accuracy_stages.csv, accuracy.png and accuracy.md."""
     frame = study.to_dataframe()
     write_csv(frame, out / "accuracy.csv")
+    write_csv(study.stages(), out / "accuracy_stages.csv")
     plot_study(study, frame, out / "accuracy.png", title)
     with replace_atomically(out / "accuracy.md") as temporary:
         temporary.write_text(page(study, frame, title), encoding="utf-8")

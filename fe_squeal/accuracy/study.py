@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -58,8 +58,10 @@ class Study:
         return pd.DataFrame(rows, columns=list(COLUMNS))
 
     def stages(self) -> pd.DataFrame:
-        """Return the seconds of every stage, a row per setting."""
-        return pd.DataFrame([m.seconds for m in self.measurements], index=[str(s) for s in self.settings])
+        """Return the seconds of every stage, a row per setting: accuracy_stages.csv."""
+        plain = [{k: v for k, v in asdict(s).items() if k not in ("refinement", "knob")} for s in self.settings]
+        rows = zip(plain, self.measurements, strict=True)
+        return pd.DataFrame([{**setting, **m.seconds} for setting, m in rows])
 
     def _algebraic(self, setting: Setting, measured: Measurement) -> Errors:
         """Return the errors against a direct solve, or the tightest there is, on the same mesh; NaN for that itself."""

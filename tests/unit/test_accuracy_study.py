@@ -211,6 +211,8 @@ def test_command_writes_its_files(tiny, tmp_path, capsys):
     assert "left out" in printed and "% on frequencies" in printed
     frame = pd.read_csv(out / "accuracy.csv")
     assert tuple(frame.columns) == COLUMNS
+    stages = pd.read_csv(out / "accuracy_stages.csv")
+    assert len(stages) == len(frame) and {"mesh", "assembly", "onsets", "estimate"} <= set(stages.columns)
     page = (out / "accuracy.md").read_text()
     assert "## What to choose" in page and "## Left out" in page
     assert (out / "accuracy.png").read_bytes()[:4] == b"\x89PNG"
