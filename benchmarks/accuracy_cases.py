@@ -21,6 +21,7 @@ STEEL = {"youngs_modulus": 2.0e11, "poisson_ratio": 0.3, "density": 7800.0}
 BLOCK, PLATE = (0.10, 0.083, 0.071), (0.10, 0.10, 0.01)  # m
 COMPARED = 8  # lowest modes
 _MORE = 6  # modes besides: on a coarse mesh the order is another
+_LONG = 2.0  # s from which one solve tells the time
 _ALL = {"x": ("left", "right"), "y": ("front", "back"), "z": ("bottom", "top")}
 
 
@@ -91,13 +92,18 @@ def solve(case: str, element: str, order: int, h: float, exact: np.ndarray | Non
     """Solve one of `SOLIDS`; without exact frequencies, given or known, the errors are NaN."""
     scene, known = SOLIDS[case](element, order, h)
     exact = known if exact is None else exact
+    seconds = np.inf
+    for _ in range(2):  # the second time everything is loaded
+        start = time.perf_counter()
+        problem = Assembly(scene, read_mesh(scene)).problem({})
+        result = sweep(problem, [0.0], modes=COMPARED + _MORE)
+        seconds = min(seconds, time.perf_counter() - start)
+        if seconds > _LONG:
+            break
     start = time.perf_counter()
-    problem = Assembly(scene, read_mesh(scene)).problem({})
-    result = sweep(problem, [0.0], modes=COMPARED + _MORE)
-    seconds = time.perf_counter() - start
     changes = refined_changes(result).modes[0].imag / (2 * np.pi)
     found = result.points[0].modes.frequency_hz
-    bars = time.perf_counter() - start - seconds
+    bars = time.perf_counter() - start
     if exact is None:
         return Rung(problem.unknowns, seconds, bars, np.full(COMPARED, np.nan), np.nan, np.nan)
     rank = np.argsort(found + changes / (1 - 0.25**order))[: len(exact)]  # which mode is which
@@ -114,11 +120,13 @@ def extrapolated(case: str, element: str, h: float) -> np.ndarray:
     return np.sort(result.points[0].modes.frequency_hz + 1.5 * changes)[:COMPARED]
 
 
-def brake_scene(**changes: Any) -> Scene:
-    """Return the disc with two pads of the examples, meshed at its own size; tables of the scene may be replaced."""
+def brake_scene(size: float | None = None, **changes: Any) -> Scene:
+    """Return the disc with two pads of the examples, meshed at a size or its own; tables may be replaced."""
     scene = load_scene(EXAMPLES / "disc_pad.toml")
     data = scene.model_dump(mode="json", by_alias=True, exclude_none=True)
     data["mesh"].pop("file", None)
+    if size is not None:
+        data["mesh"]["disc_pad"]["size"] = size
     return parse_scene({**data, **changes})
 
 
