@@ -46,3 +46,8 @@ docs: run
 benchmarks: .venv/installed
 	$(BIN)/python benchmarks/effects_cost.py --write
 	$(BIN)/python benchmarks/sweep_cost.py --write
+
+# The page of the hard cases, from the tests' own results.
+.PHONY: hard-cases
+hard-cases: .venv/installed-test
+	$(BIN)/python benchmarks/hard_cases.py --write
