@@ -48,3 +48,8 @@ benchmarks: .venv/installed
 	$(BIN)/python benchmarks/sweep_cost.py --write
 	$(BIN)/python benchmarks/accuracy_and_cost.py --write
 	$(BIN)/python benchmarks/near_incompressible.py --write
+
+# The page of the hard cases, from the tests' own results.
+.PHONY: hard-cases
+hard-cases: .venv/installed-test
+	$(BIN)/python benchmarks/hard_cases.py --write

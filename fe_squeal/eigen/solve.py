@@ -162,6 +162,7 @@ def _shifted(pencil: Pencil, sigma: float) -> tuple[ShiftInverted, int]:
     for _ in range(_MOVES):
         try:
             operator = ShiftInverted(pencil, sigma)
+            operator.try_solve()
             break
         except NotConvergedError:  # a pivot is zero
             sigma *= _MOVE
