@@ -1,18 +1,15 @@
 """The count of modes of damped and frictional pencils, apart from the solver that found them, against dense spectra."""
 
-import sys
-
 import numpy as np
 import pytest
 from chains import CLASSES, MODES, chain, dense
 
-from fe_squeal import sweep
+from fe_squeal import running_sweep, sweep
 from fe_squeal.counting import count_apart
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.solve import Request, solve_modes
 from fe_squeal.errors import NotConvergedError
 
-sweep_module = sys.modules["fe_squeal.sweep"]
 MU = 0.4
 LARGE = DENSE_LIMIT + 40
 
@@ -37,7 +34,7 @@ def test_a_mode_that_the_solver_misses_is_an_error(monkeypatch, effects, lost):
         modes = solve_modes(pencil, request, band)
         return modes.select(np.delete(np.arange(len(modes)), lost))
 
-    monkeypatch.setattr(sweep_module, "solve_modes", careless)
+    monkeypatch.setattr(running_sweep, "solve_modes", careless)
     with pytest.raises(NotConvergedError, match=f"{MODES - 1} modes found where .* counts {MODES}"):
         sweep(chain(*effects, n=LARGE), [MU], modes=MODES, method="direct")
 

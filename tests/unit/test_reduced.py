@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from chains import CLASSES, MODES, N, chain, dense
 
 import fe_squeal.reduced.model as reduced_model
-from fe_squeal import blocks, onset_step, sweep
+from fe_squeal import blocks, onset_step, running_sweep, sweep
 from fe_squeal.blocks import _TALL
 from fe_squeal.eigen.block_lanczos import lowest_modes
 from fe_squeal.eigen.solve import Request
@@ -20,7 +18,6 @@ from fe_squeal.reduced import ReducedModel
 from fe_squeal.reduced.basis import ReducedBasis
 from fe_squeal.terms import Term
 
-sweep_module = sys.modules["fe_squeal.sweep"]  # the name in the package is that of its function
 VALUES = np.linspace(0.0, 0.9, 7)
 
 
@@ -205,14 +202,14 @@ def test_threads_and_seeds_do_not_matter(monkeypatch):
 def test_a_mode_that_vanishes_inside_the_range_is_an_error(monkeypatch):
     """What a solver returns without a mode that was there before; what came before is kept."""
     problem = chain()
-    solve = sweep_module.solve_modes
+    solve = running_sweep.solve_modes
 
     def careless(pencil, request, band):
         modes = solve(pencil, request, band)
         return modes.select(np.delete(np.arange(len(modes)), 4)) if len(calls) > 3 else modes
 
     calls: list[float] = []
-    monkeypatch.setattr(sweep_module, "solve_modes", lambda *a: (calls.append(0.0), careless(*a))[1])
+    monkeypatch.setattr(running_sweep, "solve_modes", lambda *a: (calls.append(0.0), careless(*a))[1])
     with pytest.raises(NotConvergedError, match="missing between") as caught:
         sweep(problem, VALUES, modes=MODES, method="direct")
     assert len(caught.value.partial.points) >= 2

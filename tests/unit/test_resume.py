@@ -25,6 +25,7 @@ from fe_squeal.errors import NotConvergedError, OutputError
 from fe_squeal.folder_lock import hold_folder
 from fe_squeal.geometry import Block, write_mesh
 from fe_squeal.inputs import differences
+from fe_squeal.running_sweep import RunningSweep
 
 PRELOAD = "[effects.preload]\npressures = { top = 1.0e5 }\n[effects.friction]"
 LOSS = "density = 7800.0\nloss_factor = 0.01"
@@ -38,8 +39,7 @@ def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def stop_at(call: int, monkeypatch: pytest.MonkeyPatch, error: type[BaseException] = KeyboardInterrupt) -> None:
     """Interrupt the sweep before its nth value."""
-    module = sys.modules["fe_squeal.sweep"]  # the package has a function of the same name
-    advance, calls = module._Tracker.advance, []
+    advance, calls = RunningSweep.advance, []
 
     def stopping(*arguments: Any, **options: Any) -> Any:
         calls.append(1)
@@ -47,7 +47,7 @@ def stop_at(call: int, monkeypatch: pytest.MonkeyPatch, error: type[BaseExceptio
             raise error("the end")
         return advance(*arguments, **options)
 
-    monkeypatch.setattr(module._Tracker, "advance", stopping)
+    monkeypatch.setattr(RunningSweep, "advance", stopping)
 
 
 def interrupt(path: Path, out: Path, call: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -90,9 +90,8 @@ def test_every_kind_of_problem_goes_on(
     interrupt(path, out, call, monkeypatch)
     assert assert_valid(out, whole) == "interrupted"
     solved = []
-    module = sys.modules["fe_squeal.sweep"]
-    advance = module._Tracker.advance
-    monkeypatch.setattr(module._Tracker, "advance", lambda *a, **k: (solved.append(a), advance(*a, **k)))
+    advance = RunningSweep.advance
+    monkeypatch.setattr(RunningSweep, "advance", lambda *a, **k: (solved.append(a), advance(*a, **k)))
     capsys.readouterr()
     assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
     assert len(solved) == 6 - (call - 1)
