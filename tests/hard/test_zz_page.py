@@ -13,7 +13,7 @@ def test_page_has_every_case_and_no_other(request):
     assert all(known_cases().values())  # a docstring each, which the page quotes
 
 
-def test_page_has_the_digits_of_this_session(request):
+def test_page_has_the_digits_of_this_run(request):
     """Of those cases of which every run was made."""
     if request.config.pluginmanager.hasplugin("write-hard-cases"):
         pytest.skip("the page is being written")
