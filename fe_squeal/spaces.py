@@ -16,6 +16,7 @@ from skfem.refdom import RefTet, RefTri
 from .bubbles import Bubbles, bubble_functions, make_bubbles
 from .cell_map import geometry_map
 from .errors import SceneError
+from .facet_mapping import facet_mapping
 from .mixed import pressure_functions
 
 _ELEMENTS = {
@@ -157,7 +158,10 @@ class DisplacementSpace:
             smooth only piece by piece.
         """
         quadrature = subdivided_quadrature(self.mesh.brefdom, self.integration_order, parts)
-        basis = skfem.FacetBasis(self.mesh, self.element, facets=facets, quadrature=quadrature, dofs=self.dofs)
+        basis = skfem.FacetBasis(
+            self.mesh, self.element, facet_mapping(self.mesh, facets, len(quadrature[1])), facets=facets,
+            quadrature=quadrature, dofs=self.dofs,
+        )  # fmt: skip
         q = basis.dx.size
         shapes = np.stack([np.asarray(shape) for (shape,) in basis.basis])  # (local nodes, facets, points)
         rows = np.broadcast_to(np.arange(q).reshape(basis.dx.shape), shapes.shape)

@@ -14,7 +14,8 @@ from ..spaces import DisplacementSpace, geometry_map
 
 _CHILDREN = 8
 _NEWTON = 30  # steps at most to find a point in its element
-_FOUND = 1e-12  # reference coordinates
+_FOUND, _NEAR = 1e-12, 1e-6  # reference coordinates: exact enough, and at worst
+_ROUNDED = 32.0  # ulps
 _ITERATIONS, _FEWEST = 60, 3
 _SETTLED = 0.1  # of the energy found so far: what a step adds at the end
 _COLUMNS = 64  # right-hand sides at once
@@ -51,7 +52,10 @@ def _reference(space: DisplacementSpace, elements: np.ndarray, x: np.ndarray) ->
         at, J = geometry_map(space.mesh, elements, X)
         step = np.linalg.solve(J.transpose(2, 0, 1), (x - at).T[:, :, None])[:, :, 0].T
         X = X + step
-        if np.abs(step).max(initial=0.0) < _FOUND:
+        # Coordinates of size x leave those in an element of size h uncertain by ε x/h.
+        size = float(np.abs(np.linalg.det(J.transpose(2, 0, 1))).min(initial=np.inf)) ** (1 / 3)
+        rounding = _ROUNDED * np.finfo(float).eps * float(np.abs(x).max(initial=0.0)) / size if size else np.inf
+        if np.abs(step).max(initial=0.0) < max(_FOUND, min(rounding, _NEAR)):
             return X
     raise NotConvergedError("a node of the refined mesh was not found in its element: an element is too distorted")
 

@@ -20,6 +20,8 @@ from fe_squeal.mesh import load_mesh
 from fe_squeal.report.shapes import ShapeGrid
 from fe_squeal.report.vtk_files import write_shape
 from fe_squeal.scene_file import load_scene
+from fe_squeal.spaces import make_space
+from meshes import box
 
 INP = """\
 *NODE
@@ -140,6 +142,21 @@ def test_huge_geometry_is_refused_before_it_is_assembled(
     assert main(["run", str(write_scene(tmp_path, text)), "-o", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
     assert "the matrices of" in said and "of memory, 128 MiB are free; about" in said and "order = 1" in said
+
+
+@pytest.mark.parametrize("kind", ["hex1", "hex2", "tet2"])
+def test_meshes_far_from_the_origin(kind: str) -> None:
+    """Elements of 1 cm at 1 km: facets are integrated as they are at the origin, and beyond all digits are refused."""
+    near = box(kind, (3, 2, 2), (0.03, 0.02, 0.02))
+    for offset, digits in ((1e3, 1e-9), (1e5, 1e-7)):
+        far = near.translated((offset, -offset, offset))
+        areas = [
+            make_space(mesh, 2, []).surface(np.sort(mesh.boundaries["top"])).area for mesh in (near, far)
+        ]
+        assert areas[1] == pytest.approx(areas[0], rel=digits) == pytest.approx(0.03 * 0.02, rel=digits)
+    lost = near.translated((1e9, 0.0, 0.0))
+    with pytest.raises(MeshError, match="from the origin, where rounding hides their shape"):
+        make_space(lost, 2, []).surface(np.sort(lost.boundaries["top"]))
 
 
 def test_mesh_of_one_block_is_still_fine(tmp_path: Path) -> None:
