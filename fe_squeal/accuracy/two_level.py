@@ -50,12 +50,12 @@ def _reference(space: DisplacementSpace, elements: np.ndarray, x: np.ndarray) ->
     X = np.repeat(np.asarray(space.mesh.elem().doflocs).mean(axis=0)[:, None], len(elements), axis=1)
     for _ in range(_NEWTON):
         at, J = geometry_map(space.mesh, elements, X)
-        step = np.linalg.solve(J.transpose(2, 0, 1), (x - at).T[:, :, None])[:, :, 0].T
+        inverse = np.linalg.inv(J.transpose(2, 0, 1))
+        step = (inverse @ (x - at).T[:, :, None])[:, :, 0].T
         X = X + step
-        # Coordinates of size x leave those in an element of size h uncertain by ε x/h.
-        size = float(np.abs(np.linalg.det(J.transpose(2, 0, 1))).min(initial=np.inf)) ** (1 / 3)
-        rounding = _ROUNDED * np.finfo(float).eps * float(np.abs(x).max(initial=0.0)) / size if size else np.inf
-        if np.abs(step).max(initial=0.0) < max(_FOUND, min(rounding, _NEAR)):
+        # Coordinates of size x leave those in an element uncertain by ε x |J⁻¹|, the more the thinner it is.
+        rounding = _ROUNDED * np.finfo(float).eps * np.abs(x).max() * np.abs(inverse).max(axis=(1, 2))
+        if (np.abs(step) <= np.clip(rounding, _FOUND, _NEAR)).all():
             return X
     raise NotConvergedError("a node of the refined mesh was not found in its element: an element is too distorted")
 
