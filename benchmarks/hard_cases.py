@@ -43,8 +43,8 @@ class Recorder:
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "call":
-            for name, result in report.user_properties:
-                self.results.setdefault(name, []).append(result)
+            for name, values in report.user_properties:
+                self.results.setdefault(name, []).append(Result(*values))
 
 
 def main() -> int:

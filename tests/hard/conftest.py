@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
+
 import pytest
 from hard_page import PAGE, RECORDED, SLACK, Result, case_name, read_page
 
@@ -21,7 +23,7 @@ def record(request):
         name = case_name(request.node)
         result = Result(float(digits), here, None if there is None else float(there), float(drift), elsewhere)
         request.config.stash.setdefault(RECORDED, {}).setdefault(name, []).append(result)
-        request.node.user_properties.append((name, result))
+        request.node.user_properties.append((name, list(astuple(result))))  # plain, to go between processes
         if request.config.pluginmanager.hasplugin("write-hard-cases"):
             return
         row = read_page().get(name)
