@@ -13,9 +13,9 @@ test: .venv/installed-test
 	$(BIN)/mypy
 	$(BIN)/pytest -n 2 --dist worksteal
 
-# The fast tests with the lowest versions that pyproject.toml admits.
+# The fast tests with the lowest versions that pyproject.toml admits; hard cases and fuzzing run with the newest alone.
 test-lowest: .venv-lowest/installed
-	.venv-lowest/bin/pytest -n 2 --dist worksteal -m "not slow"
+	.venv-lowest/bin/pytest -n 2 --dist worksteal -m "not slow" --ignore=tests/hard --ignore=tests/fuzz
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
