@@ -8,12 +8,14 @@ not fitted to. What was measured is kept in the folder, and taken from there the
 from __future__ import annotations
 
 import argparse
+import functools
 import itertools
+import json
 import os
 import shutil
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -159,6 +161,13 @@ def reach(name: str, scene: Scene, target: float) -> str:
     )
 
 
+def kept(path: Path, make: Callable[[], Any]) -> Any:
+    """Return what stands in a JSON file, or make it and write it there."""
+    if not path.exists():
+        path.write_text(json.dumps(make()), encoding="utf-8")
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
 def main() -> None:
     """Print the page, or write it into docs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -166,7 +175,7 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=Path("results/accuracy_and_cost"))
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
-    table, rates, words = solids()
+    table, rates, words = kept(given.folder / "solids.json", solids)
     brakes = {
         "disc with two pads": brake_scene(COARSE), "disc with two pads, damped": brake_scene(COARSE, effects=DAMPED)
     }  # fmt: skip
@@ -184,7 +193,9 @@ def main() -> None:
         body = "\n".join(line for line in lines if not line.startswith(("# ", "!["))).replace("## ", "### ")
         parts.append(f"## {name.capitalize()}\n\n![error against time](images/{picture})\n{body}\n")
     plot_projection(studies["disc with two pads"], given.folder / "modal_or_reduced.png")
-    rows = [reach(*case) for case in targets()]
+    rows = [
+        kept(given.folder / f"target_{i}.json", functools.partial(reach, *case)) for i, case in enumerate(targets())
+    ]
     frame = compare("all")
     lumped = ["| case | quantity | lumped | FE | difference |", "|---|---|---|---|---|"]
     for case, quantity, a, b, d in frame.astype(object).itertuples(index=False, name=None):

@@ -45,9 +45,9 @@ class Fit:
 
 
 def fitted(frame: pd.DataFrame, order: int, quantity: str) -> Fit | None:
-    """Return the fit of errors and times of one order to its finest sizes; None where fewer than two are known."""
+    """Return the fit of errors and times of one order to its finest sizes; None where fewer than two tell anything."""
     rows = frame[frame["knob"].astype(str).eq(f"size, order {order}")].sort_values("size")
-    rows = rows[np.isfinite(rows[quantity]) & (rows[quantity] > 0)]
+    rows = rows[np.isfinite(rows[quantity]) & (rows[quantity] > 0) & (rows[quantity] < 1)]  # 1: what is not found
     fine = rows.iloc[:_FITTED]
     if len(fine) < 2:
         return None
@@ -87,7 +87,9 @@ def advice(frame: pd.DataFrame, quantity: str) -> list[str]:
         ]
         other = f"; {parts[1].replace(',', ' would need', 1)}" if len(parts) > 1 else ""
         missing = [f.order for f in fits if not np.isfinite(f.size_for(target))]
-        other += "".join(f"; order {order} does not get there" for order in missing)
+        other += "".join(f"; order {order} shows no rate that leads there" for order in missing)
+        rough = [order for order in (1, 2) if order in set(frame["order"]) and order not in [f.order for f in fits]]
+        other += "".join(f"; order {order} is too far off on all these meshes" for order in rough)
         sentences.append(f"{100 * target:g} % on {QUANTITIES[quantity]}: {parts[0]}{other}.")
     return sentences
 

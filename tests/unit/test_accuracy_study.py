@@ -96,9 +96,12 @@ def test_advice_says_what_each_order_costs():
     # Order 2 has 5 % at 16.8 mm, within 1.3 s; order 1 at 6.3 mm, beyond what was measured.
     assert five.startswith("5 % on critical values: order 2, 16.8 mm, 1.3 s")
     assert "order 1 would need 6.32 mm, about 3.2 s (extrapolated)" in five
-    assert "order 2, 11.2 mm" in one and "order 1 does not get there" in advice(table((0.1, 4.0)), "error_onset")[0]
+    assert "order 2, 11.2 mm" in one and "order 1 shows no rate" in advice(table((0.1, 4.0)), "error_onset")[0]
     assert two.startswith("2 % on critical values")
     assert "nothing that was measured" in advice(table((0.1, 0.1)), "error_onset")[2]
+    unfound = table()
+    unfound.loc[unfound["order"] == 1, "error_onset"] = 1.0
+    assert "order 1 is too far off" in advice(unfound, "error_onset")[0]
 
 
 def test_pareto_front():
