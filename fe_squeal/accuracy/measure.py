@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
+import threading
 import time
 from dataclasses import asdict, dataclass, fields
 from multiprocessing.connection import Connection
@@ -171,11 +173,20 @@ def measure_apart(
 def _child(
     pipe: Connection, scene: Scene, setting: Setting, probes: np.ndarray | None, estimate: bool
 ) -> None:
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         found, chosen = measure(scene, setting, probes, estimate)
         pipe.send((asdict(found), chosen))
     except SquealError as error:
         pipe.send(type(error)(str(error)))
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that wants its result has been killed."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
 
 
 def _choose(assembly: Assembly) -> np.ndarray:
