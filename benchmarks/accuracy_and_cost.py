@@ -130,10 +130,10 @@ def targets() -> list[tuple[str, Scene, float]]:
     brake = brake_scene()
     assert brake.mesh.disc_pad is not None
     one = brake.mesh.model_copy(update={"disc_pad": brake.mesh.disc_pad.model_copy(update=ONE_PAD)})
-    kept = [c.model_dump(mode="json", by_alias=True, exclude_none=True) for c in brake.contacts[:1]]
-    springs = [s.model_dump(mode="json", by_alias=True, exclude_none=True) for s in brake.springs if "2" not in s.name]
-    bodies = {n: b.model_dump(mode="json", exclude_none=True) for n, b in brake.bodies.items() if "2" not in n}
-    mesh = one.model_dump(mode="json", by_alias=True, exclude_none=True)
+    kept = [c.model_dump(mode="json", by_alias=True, exclude_unset=True) for c in brake.contacts[:1]]
+    springs = [s.model_dump(mode="json", by_alias=True, exclude_unset=True) for s in brake.springs if "2" not in s.name]
+    bodies = {n: b.model_dump(mode="json", exclude_unset=True) for n, b in brake.bodies.items() if "2" not in n}
+    mesh = one.model_dump(mode="json", by_alias=True, exclude_unset=True)
     soft = {"lining": {"youngs_modulus": 8e8, "poisson_ratio": 0.35, "density": 2200.0}}
     return [
         ("disc with one long pad", brake_scene(mesh=mesh, contacts=kept, springs=springs, bodies=bodies), 0.05),

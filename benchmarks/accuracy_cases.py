@@ -123,7 +123,7 @@ def extrapolated(case: str, element: str, h: float) -> np.ndarray:
 def brake_scene(size: float | None = None, **changes: Any) -> Scene:
     """Return the disc with two pads of the examples, meshed at a size or its own; tables may be replaced."""
     scene = load_scene(EXAMPLES / "disc_pad.toml")
-    data = scene.model_dump(mode="json", by_alias=True, exclude_none=True)
+    data = scene.model_dump(mode="json", by_alias=True, exclude_unset=True)
     data["mesh"].pop("file", None)
     if size is not None:
         data["mesh"]["disc_pad"]["size"] = size
@@ -132,6 +132,6 @@ def brake_scene(size: float | None = None, **changes: Any) -> Scene:
 
 def belt_scene(**changes: Any) -> Scene:
     """Return the pad on a belt of the examples in the same way."""
-    data = load_scene(EXAMPLES / "pad_on_belt.toml").model_dump(mode="json", by_alias=True, exclude_none=True)
+    data = load_scene(EXAMPLES / "pad_on_belt.toml").model_dump(mode="json", by_alias=True, exclude_unset=True)
     data["mesh"].pop("file", None)
     return parse_scene({**data, **changes})

@@ -38,7 +38,8 @@ def facet_mapping(mesh: skfem.Mesh, facets: np.ndarray, points: int) -> Any:
         return mapping
     corners = mesh.p[:, mesh.t[:, mesh.f2t[0, facets]]]
     pairs = combinations(range(corners.shape[1]), 2)
-    size = min(float(np.linalg.norm(corners[:, i] - corners[:, j], axis=0).min(initial=np.inf)) for i, j in pairs)
+    lengths = np.array([np.linalg.norm(corners[:, i] - corners[:, j], axis=0) for i, j in pairs])
+    size = float(lengths[lengths > 0].min(initial=np.inf))  # edges of collapsed cells have none
     reach = float(np.abs(corners).max(initial=0.0))
     error = _ROUNDING * np.finfo(float).eps * reach / size
     inverse = mapping.invF

@@ -5,7 +5,6 @@ With u_z = 0 and no tangential displacement on the edges, waves of wave number k
 
 from __future__ import annotations
 
-import benchmark_path  # noqa: F401
 import numpy as np
 import pytest
 from closed_forms import sliding_plate, wave_speeds

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import benchmark_path  # noqa: F401
 import numpy as np
 import pytest
 from closed_forms import sliding_block, wave_speeds

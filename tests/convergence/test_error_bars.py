@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import benchmark_path  # noqa: F401
 import numpy as np
 import pytest
 from closed_forms import sliding_block, sliding_plate, wave_speeds
@@ -80,17 +79,14 @@ def brake(refinement, **effects):
 
 @pytest.mark.slow
 def test_disc_and_pad():
-    """Frequencies and growth rates, without and with friction and damping, against the mesh of half the size,
-    extrapolated by its own change."""
+    """Frequencies and growth rates with friction and damping, against the mesh of half the size."""
     damping = {"rayleigh": {"alpha": 30.0, "beta": 2e-8}}
-    for mu in (0.0, 0.8):
-        coarse, fine = (sweep(brake(n, **damping), [mu], modes=20) for n in (1, 2))
-        changes, further = (refined_changes(s).modes[0] for s in (coarse, fine))
-        true = np.sort(fine.points[0].modes.frequency_hz + 1.2 * further.imag / (2 * np.pi))
-        check(coarse.points[0].modes, changes, true[:10], 2)
-        a, b = (s.points[0].modes.lam for s in (coarse, fine))
-        i, j = int(np.argmax(a.real)), int(np.argmax(b.real))
-        assert abs(b[j].real - a[i].real) <= BAR * abs(changes[i].real) <= 5 * abs(b[j].real - a[i].real)
+    coarse, fine = (sweep(brake(n, **damping), [0.8], modes=20) for n in (1, 2))
+    changes = refined_changes(coarse).modes[0]
+    check(coarse.points[0].modes, changes, fine.points[0].modes.frequency_hz[:10], 2)
+    a, b = (s.points[0].modes.lam for s in (coarse, fine))
+    i, j = int(np.argmax(a.real)), int(np.argmax(b.real))
+    assert abs(b[j].real - a[i].real) <= BAR * abs(changes[i].real) <= 5 * abs(b[j].real - a[i].real)
 
 
 def test_belt_with_one_value_and_preload():

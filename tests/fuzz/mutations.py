@@ -162,7 +162,8 @@ def outcome(arguments: list[str], out: Path, capsys: pytest.CaptureFixture[str])
     assert code in (0, 2, 3), said
     assert "Traceback" not in said
     # The user would see these lines of Python.
-    assert not [str(w.message) for w in caught if issubclass(w.category, RuntimeWarning | UserWarning)]
+    seen = [f"{w.filename}:{w.lineno}: {w.message}" for w in caught]
+    assert not [s for s, w in zip(seen, caught, strict=True) if issubclass(w.category, RuntimeWarning | UserWarning)]
     if code == 2:
         assert said.startswith("error: ") and said.count("\n") == 1 and said.endswith("\n"), said
     if code == 3:

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from scene_texts import CRITICAL_MU, environment, growth_of_rigid_block, read_rows, replaced, write_scene
 
+from fe_squeal import running_sweep
 from fe_squeal.cli import main
 from fe_squeal.errors import NotConvergedError
 
@@ -218,8 +219,7 @@ def test_light_run_imports_no_pictures_and_no_mesher(tmp_path: Path) -> None:
 
 def fail_at(call: int, error: Callable[[], BaseException], monkeypatch: pytest.MonkeyPatch) -> None:
     """Make the eigen-solver raise at its nth call."""
-    module = sys.modules["fe_squeal.sweep"]  # the package has a function of the same name
-    solve, calls = module.solve_modes, []
+    solve, calls = running_sweep.solve_modes, []
 
     def failing(*arguments: Any) -> Any:
         calls.append(1)
@@ -227,7 +227,7 @@ def fail_at(call: int, error: Callable[[], BaseException], monkeypatch: pytest.M
             raise error()
         return solve(*arguments)
 
-    monkeypatch.setattr(module, "solve_modes", failing)
+    monkeypatch.setattr(running_sweep, "solve_modes", failing)
 
 
 def kept(folder: Path) -> tuple[str, list[float], list[float]]:
