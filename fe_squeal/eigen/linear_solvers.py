@@ -25,9 +25,13 @@ _FILL = {True: 13.0, False: 45.0}
 # PARDISO's numbers of the matrix types, by (symmetric, complex).
 _TYPES = {(True, False): -2, (False, False): 11, (True, True): 6, (False, True): 13}
 _DEFINITE = 2
-_OUT_OF_MEMORY = -2  # PARDISO's error
+_OUT_OF_MEMORY, _ZERO_PIVOT = -2, -4  # PARDISO's errors
 _SMALL_PIVOT = 13  # 10 to minus this of the norm: which pivots are perturbed at the second attempt
 _ADJOINT, _TRANSPOSED = 1, 2  # of iparm(12)
+
+
+class SingularError(NotConvergedError):
+    """A matrix is singular to working precision; versions of PARDISO tell it at a solve only."""
 
 
 class Factor(Protocol):
@@ -150,7 +154,7 @@ class SuperLUFactor:
             ordering = "MMD_AT_PLUS_A" if symmetric else "COLAMD"
             self._lu = splu(sp.csc_array(A), permc_spec=ordering, options={"SymmetricMode": symmetric})
         except RuntimeError as error:
-            raise NotConvergedError(f"SuperLU: the shifted matrix cannot be factorised: {error}") from error
+            raise SingularError(f"SuperLU: the shifted matrix cannot be factorised: {error}") from error
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻¹ b."""
@@ -264,9 +268,10 @@ class PardisoFactor:
         if error.value == _OUT_OF_MEMORY:
             raise MemoryError(f"PARDISO at phase {phase}")
         if error.value:
-            raise NotConvergedError(f"PARDISO failed with error {error.value} at phase {phase}")
+            kind = SingularError if error.value == _ZERO_PIVOT else NotConvergedError
+            raise kind(f"PARDISO failed with error {error.value} at phase {phase}")
         if not np.isfinite(x).all():
-            raise NotConvergedError("PARDISO: the shifted matrix is singular to working precision")
+            raise SingularError("PARDISO: the shifted matrix is singular to working precision")
         return x
 
     def __del__(self) -> None:

@@ -141,16 +141,6 @@ class ShiftInverted:
             theta[i], x[:, i] = y @ (K @ y) / (y @ (M @ y)), y
         return self._unit * theta, self._in_units(x)
 
-    def try_solve(self) -> None:
-        """Solve once: versions of PARDISO find a pivot of zero only then.
-
-        Raises
-        ------
-        NotConvergedError
-            If the shift is an eigenvalue.
-        """
-        self._factor.solve(np.ones(self.pencil.n))
-
     def _factorized(self, sigma: float) -> Factor:
         M, C, K = self.pencil.M, self.pencil.C, self.pencil.K
         if C is not None:

@@ -11,6 +11,7 @@ from ..errors import NotConvergedError
 from .arpack import nonsymmetric_modes, quadratic_modes, symmetric_modes
 from .dense import DENSE_LIMIT, LAPACK, solve_dense
 from .inertia import count_below, finite_below
+from .linear_solvers import SingularError
 from .pencil import Modes, Pencil, is_mirror
 from .shift_invert import ShiftInverted
 
@@ -134,12 +135,19 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None) -> Modes
     operator, divergent = _shifted(pencil, sigma)
     while True:
         sought = min(sought, operator.most)
-        if pencil.C is not None:
-            modes, every = quadratic_modes(pencil, operator, sought)
-        elif pencil.problem_class == "symmetric":
-            modes, every = symmetric_modes(pencil, operator, sought, divergent)
-        else:
-            modes, every = nonsymmetric_modes(pencil, operator, sought)
+        try:
+            if pencil.C is not None:
+                modes, every = quadratic_modes(pencil, operator, sought)
+            elif pencil.problem_class == "symmetric":
+                modes, every = symmetric_modes(pencil, operator, sought, divergent)
+            else:
+                modes, every = nonsymmetric_modes(pencil, operator, sought)
+        except SingularError:
+            if moves == _MOVES:
+                raise
+            moves += 1
+            operator, divergent = _shifted(pencil, operator.sigma * _MOVE)
+            continue
         if moves < _MOVES and _nearest(pencil, modes, operator.sigma) < _CLEAR * abs(operator.sigma):
             moves += 1
             operator, divergent = _shifted(pencil, operator.sigma * _MOVE)
@@ -162,9 +170,8 @@ def _shifted(pencil: Pencil, sigma: float) -> tuple[ShiftInverted, int]:
     for _ in range(_MOVES):
         try:
             operator = ShiftInverted(pencil, sigma)
-            operator.try_solve()
             break
-        except NotConvergedError:  # a pivot is zero
+        except SingularError:
             sigma *= _MOVE
     else:
         operator = ShiftInverted(pencil, sigma)
