@@ -10,7 +10,8 @@ import numpy as np
 
 from . import __version__
 from .mesh import LoadedMesh
-from .scene import MatrixScene, Scene
+from .problem import Problem
+from .scene import MU, MatrixScene, Scene
 
 _MOST = 3  # differences in one message
 
@@ -38,6 +39,13 @@ def run_inputs(scene: Scene | MatrixScene, mesh: LoadedMesh | None) -> dict[str,
         "scene": scene.model_dump(mode="json", by_alias=True, exclude_none=True),
         "content": content,
     }
+
+
+def swept(scene: Scene | MatrixScene, problem: Problem) -> tuple[str, list[float]]:
+    """Return the parameter of a scene's sweep and its values; without one μ, as it is."""
+    if scene.sweep is None:
+        return MU, [problem.parameters.get(MU, 0.0)]
+    return scene.sweep.parameter, [float(v) for v in scene.sweep.grid]
 
 
 def differences(known: Any, given: Mapping[str, Any]) -> list[str]:

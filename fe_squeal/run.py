@@ -16,14 +16,14 @@ from .checkpoint import Checkpoint
 from .eigen.memory import refuse_shortage
 from .errors import InputError, NotConvergedError, SceneError
 from .folder_lock import hold_folder
-from .inputs import run_inputs
+from .inputs import run_inputs, swept
 from .out_folder import is_estimated, is_finished, remove_results, remove_shapes, show_finished
 from .prediction import is_reduced, predict_memory
 from .preload_results import write_preload
 from .problem import Problem
 from .report import print_onsets, print_unstable, remove_partial
 from .results import export_shapes, peak_memory_mib, write_figures, write_modes, write_record, write_tables
-from .scene import MU, MatrixScene, Scene
+from .scene import MatrixScene, Scene
 from .sweep import MODES, sweep
 from .sweep_result import Sweep
 from .sweep_state import Store, SweepState
@@ -72,10 +72,11 @@ def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, 
     if resume and is_finished(out, checkpoint, inputs) and not (estimate and not is_estimated(out)):
         return show_finished(out, console)
     problem = assemble(scene, mesh)
+    parameter, values = swept(scene, problem)
     seconds = {"assembly": time.perf_counter() - start}
     if resume and checkpoint.exists:
         done, spent = checkpoint.progress()
-        console.print(f"resuming: {done} of {len(_values(scene, problem))} values are finished", markup=False)
+        console.print(f"resuming: {done} of {len(values)} values are finished", markup=False)
     else:
         if resume:
             console.print(f"nothing to resume in {out}: the run starts anew", markup=False)
@@ -98,7 +99,7 @@ def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, 
         write_record(scene, problem, result, seconds, status, inputs, out)
 
     def keep_tables(state: SweepState) -> None:
-        result = state.sweep(problem, _parameter(scene))
+        result = state.sweep(problem, parameter)
         write_modes(result, out)
         record(result, "running")
 
@@ -133,8 +134,7 @@ def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, 
     if result is not None:
         report_sweep(scene, result, out, console, seconds["total"])
     if status == "interrupted":
-        total = len(_values(scene, problem))
-        print(f"interrupted: {done} of {total} values were finished and are in {out}", file=sys.stderr)
+        print(f"interrupted: {done} of {len(values)} values were finished and are in {out}", file=sys.stderr)
         return INTERRUPTED
     checkpoint.remove()
     return 0
@@ -150,8 +150,7 @@ def sweep_scene(
     KeyboardInterrupt
         With the sweep so far as its argument.
     """
-    values = _values(scene, problem)
-    parameter = _parameter(scene)
+    parameter, values = swept(scene, problem)
     options = {
         "modes": scene.solve.modes, "max_frequency": scene.solve.max_frequency, "tolerance": scene.solve.tolerance,
         "keep_shapes": scene.output.shapes == "all", "method": scene.solve.method,
@@ -193,16 +192,6 @@ def write_results(scene: Scene | MatrixScene, result: Sweep, out: Path) -> None:
         write_preload(scene, result.problem, out)
     if scene.output.shapes != "none":
         export_shapes(result, out / "shapes", scene.output.shapes)
-
-
-def _parameter(scene: Scene | MatrixScene) -> str:
-    return MU if scene.sweep is None else scene.sweep.parameter
-
-
-def _values(scene: Scene | MatrixScene, problem: Problem) -> list[float]:
-    if scene.sweep is None:
-        return [problem.parameters.get(MU, 0.0)]
-    return [float(v) for v in scene.sweep.grid]
 
 
 def _explained(result: Sweep, scene: Scene | MatrixScene) -> Sweep:

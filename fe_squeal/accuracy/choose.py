@@ -10,11 +10,13 @@ import numpy as np
 
 from ..assembly import Assembly
 from ..eigen.memory import TooLargeError
-from ..errors import NotConvergedError, SceneError
-from ..scene import MU, Scene
+from ..errors import MeshError, NotConvergedError, SceneError
+from ..inputs import swept
+from ..mesh import LoadedMesh
+from ..scene import Scene
 from ..sweep import sweep
 from ..sweep_result import Sweep
-from .estimate import BAR, EXTRAPOLATED, with_discretisation
+from .estimate import BAR, COMPARED, EXTRAPOLATED, SMALLEST, with_discretisation
 from .settings import Setting, own_setting, scene_at
 
 _START = 2.0  # times the scene's size: where the search begins
@@ -22,8 +24,6 @@ _RATES = (1.0, 4.0)  # with which errors fall, between singular and smooth
 _STEP = (0.4, 0.8)  # of the size: what the next mesh has
 _MARGIN = 0.8  # of the target: what is aimed at
 _RUNS = 8
-_COMPARED = 0.8  # of the highest frequency: modes beyond may leave the range on another mesh
-_SMALLEST = 0.1  # of the sweep: what an onset's error is relative to where the onset itself is smaller
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,7 @@ class Choice:
     ----------
     scene : Scene
         With the size and order that meet the target.
+    mesh : LoadedMesh
     result : Sweep
         With the errors of the mesh.
     trials : tuple of Trial
@@ -61,8 +62,12 @@ class Choice:
     """
 
     scene: Scene
+    mesh: LoadedMesh
     result: Sweep
     trials: tuple[Trial, ...]
+
+
+_Results = dict[Trial, tuple[Scene, LoadedMesh, Sweep]]
 
 
 def choose(scene: Scene, target: float, progress: Callable[[Trial], None] = lambda trial: None) -> Choice:
@@ -87,12 +92,10 @@ def choose(scene: Scene, target: float, progress: Callable[[Trial], None] = lamb
     if not 0 < target < 1:
         raise SceneError(f"--accuracy: given {target:g}; expected a relative error between 0 and 1")
     if scene.mesh.geometry is None:
-        raise SceneError(
-            "--accuracy: a mesh file has one size; expected [mesh.disc_pad] or [mesh.block]"
-        )
+        raise SceneError("--accuracy: a mesh file has one size; expected [mesh.disc_pad] or [mesh.block]")
     own = replace(own_setting(scene), method=scene.solve.method)
     trials: list[Trial] = []
-    results: list[tuple[Scene, Sweep]] = []
+    results: _Results = {}
 
     def run(setting: Setting) -> Trial:
         start = time.perf_counter()
@@ -100,9 +103,7 @@ def choose(scene: Scene, target: float, progress: Callable[[Trial], None] = lamb
         if scene.solve.max_frequency is not None:
             changed = changed.model_copy(update={"solve": scene.solve})
         problem = Assembly(changed, loaded).problem({})
-        grid, parameter = [problem.parameters.get(MU, 0.0)], MU
-        if scene.sweep is not None:
-            grid, parameter = [float(v) for v in scene.sweep.grid], scene.sweep.parameter
+        parameter, grid = swept(changed, problem)
         solve = changed.solve
         result = with_discretisation(sweep(
             problem, grid, parameter, modes=solve.modes, max_frequency=solve.max_frequency, tolerance=solve.tolerance,
@@ -110,19 +111,26 @@ def choose(scene: Scene, target: float, progress: Callable[[Trial], None] = lamb
         ))  # fmt: skip
         trial = Trial(setting, problem.unknowns, estimated_error(result), time.perf_counter() - start)
         trials.append(trial)
-        results.append((changed, result))
+        results[trial] = (changed, loaded, result)
         progress(trial)
         return trial
 
-    first = {order: run(replace(own, order=order, size=_START * own.size / (3 - order))) for order in (1, 2)}
-    order = min(first, key=lambda o: _work(first[o], target))
-    last, before = first[order], None
+    first: list[Trial] = []
+    for order in (1, 2):
+        try:
+            first.append(run(replace(own, order=order, size=_START * own.size / (3 - order))))
+        except (TooLargeError, NotConvergedError, MeshError):
+            if order == 2 and not first:
+                raise
+    last, before = min(first, key=lambda trial: _work(trial, target)), None
     while not last.error <= target:
-        rate = _RATES[0] if order == 1 else np.mean(_RATES)
-        if before is not None:
+        rate = _RATES[0] if last.setting.order == 1 else np.mean(_RATES)
+        if before is not None and np.isfinite(before.error * last.error):
             rate = np.log(before.error / last.error) / np.log(before.setting.size / last.setting.size)
         known = last.error if np.isfinite(last.error) else 1.0
         step = float(np.clip((_MARGIN * target / known) ** (1 / np.clip(rate, *_RATES)), *_STEP))
+        nearest = min(trials, key=lambda trial: np.nan_to_num(trial.error, nan=np.inf))
+        results = {nearest: results[nearest]}  # the others take memory
         if len(trials) == _RUNS:
             raise _missed(target, trials, results, f"after {_RUNS} runs")
         before = last
@@ -130,7 +138,7 @@ def choose(scene: Scene, target: float, progress: Callable[[Trial], None] = lamb
             last = run(replace(last.setting, size=step * last.setting.size))
         except (TooLargeError, NotConvergedError) as error:
             raise _missed(target, trials, results, str(error)) from error
-    return Choice(*results[-1], tuple(trials))
+    return _picked(last, trials, results)
 
 
 def estimated_error(result: Sweep) -> float:
@@ -146,15 +154,15 @@ def estimated_error(result: Sweep) -> float:
     for point in result.points:
         assert point.discretisation is not None
         lam, bar = point.modes.lam, point.discretisation
-        swinging = (lam.imag > 0) & (lam.imag <= _COMPARED * highest)
+        swinging = (lam.imag > 0) & (lam.imag <= COMPARED * highest)
         found += (bar.imag[swinging] / lam.imag[swinging]).tolist()
         growing = swinging & (point.modes.stability == "unstable")
         found += (bar.real[growing] / fastest).tolist()
     width = float(np.ptp([p.value for p in result.points]))
     found += [
-        o.discretisation / max(abs(o.value), _SMALLEST * width)
+        o.discretisation / max(abs(o.value), SMALLEST * width)
         for o in result.onsets
-        if 2 * np.pi * o.frequency_hz <= _COMPARED * highest
+        if 2 * np.pi * o.frequency_hz <= COMPARED * highest
     ]
     return float(np.max(found) * EXTRAPOLATED / BAR) if found else 0.0
 
@@ -165,13 +173,13 @@ def _work(trial: Trial, target: float) -> float:
     return float(np.nan_to_num(trial.unknowns * (trial.error / target) ** (3 / rate), nan=np.inf))
 
 
-def _missed(
-    target: float, trials: list[Trial], results: list[tuple[Scene, Sweep]], why: str
-) -> NotConvergedError:
-    best = int(np.nanargmin([t.error for t in trials])) if np.isfinite([t.error for t in trials]).any() else -1
-    kept = [*trials[:best], *trials[best + 1 :], trials[best]]
-    nearest = f"{100 * trials[best].error:.2g} % with {trials[best].setting}"
+def _picked(trial: Trial, trials: list[Trial], results: _Results) -> Choice:
+    return Choice(*results[trial], (*(t for t in trials if t is not trial), trial))
+
+
+def _missed(target: float, trials: list[Trial], results: _Results, why: str) -> NotConvergedError:
+    [nearest] = results
+    found = f"{100 * nearest.error:.2g} % with {nearest.setting}"
     return NotConvergedError(
-        f"the target of {100 * target:g} % is not met: {nearest} ({why})",
-        partial=Choice(*results[best], tuple(kept)),
+        f"the target of {100 * target:g} % is not met: {found} ({why})", partial=_picked(nearest, trials, results)
     )

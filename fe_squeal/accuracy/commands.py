@@ -85,11 +85,10 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
         remove_results(out)
         write_results(choice.scene, choice.result, out)
         seconds = {f"trial {i}": trial.seconds for i, trial in enumerate(choice.trials, 1)}
-        seconds["total"] = time.perf_counter() - start
+        seconds |= {**choice.result.seconds, "total": time.perf_counter() - start}
         status = "complete" if failure is None else "not converged"
-        write_record(
-            choice.scene, choice.result.problem, choice.result, seconds, status, run_inputs(choice.scene, None), out
-        )
+        inputs = run_inputs(choice.scene, choice.mesh)
+        write_record(choice.scene, choice.result.problem, choice.result, seconds, status, inputs, out)
         report_sweep(choice.scene, choice.result, out, console, seconds["total"])
         _print_trials(choice, target, console)
     if failure is not None:

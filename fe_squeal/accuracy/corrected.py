@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 
 from ..blocks import cross, times
@@ -13,7 +12,7 @@ from ..problem import Problem
 from ..reduced import ReducedModel
 from ..reduced.basis import ReducedBasis
 from ..reduced.undamped import weighted
-from ..reduced.vectors import real_columns
+from ..reduced.vectors import interior_nodes, range_of, real_columns, unit_columns
 from .two_level import TwoLevelSolver
 
 _CORRECTED = 2  # values of the parameter at which modes are corrected: the ends of the sweep
@@ -72,15 +71,12 @@ class CorrectedModel:
                     break
         self.iterations = solver.iterations
         self._coordinates = cross(basis.V, times(P, EV))
-        wave = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
-        spanned = np.zeros((len(basis), 0))
-        for value in (values[0] + values[-1] - np.ptp(values) * wave) / 2 if len(values) > 1 else values:
-            modes = self._asked(basis, float(value), model)
+        spanned = []
+        for value in interior_nodes(float(values[0]), float(values[-1]), _NODES if len(values) > 1 else 1).tolist():
+            modes = self._asked(basis, value, model)
             assert modes.left is not None
-            new = np.hstack([real_columns(modes.right), real_columns(modes.left)])
-            spanned = np.hstack([spanned, new / np.linalg.norm(new, axis=0)])
-        U, s, _ = la.svd(spanned, full_matrices=False)
-        W = U[:, s > _FINE * s[0]]
+            spanned.append(unit_columns(modes.right, modes.left))
+        W = range_of(np.hstack(spanned), _FINE)
         self._coordinates = W.T @ self._coordinates
         self.small = basis.restricted(W).condensed()
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from ..onset_step import Onset
-from .estimate import EXTRAPOLATED, UNSURE, pair_onsets
+from .estimate import COMPARED, EXTRAPOLATED, SMALLEST, UNSURE, pair_onsets
 from .measure import Measurement
 
 _FREQUENCY = 0.1  # relative change of an eigenvalue that weighs half as much as a wholly different shape
 _NO_MATCH = 1.5
-_COMPARED = 0.8  # of the highest frequency of the reference: modes beyond may not be among those of a coarse mesh
-_SMALLEST = 0.1  # of the sweep: what an onset's error is relative to where the onset itself is smaller
 
 
 @dataclass(frozen=True)
@@ -64,33 +62,44 @@ class Errors:
     onset: float = np.nan
 
 
+def as_reference(m: Measurement) -> Reference:
+    """Return a result as what others are compared with, as it is."""
+    k, last = (int(np.isfinite(m.lam[i]).sum()) for i in (0, -1))
+    return Reference(m.first, m.last, m.lam[0, :k], m.lam[-1, :last], m.onsets, float(np.ptp(m.values)), Errors())
+
+
 def reference_of(m: Measurement) -> Reference:
     """Return the extrapolation of a result by what refining its mesh once changes, with its uncertainty.
 
     The change is between half and 15/16 of the error, see `estimate.BAR`; the middle is taken.
     """
-    known = len(m.changes) > 0
-    changes = np.nan_to_num(m.changes) if known else np.zeros_like(m.lam)
-    moved = np.nan_to_num(m.onset_changes) if known else np.zeros(len(m.onsets))
-    k, last = (int(np.isfinite(m.lam[i]).sum()) for i in (0, -1))
+    if not len(m.changes):
+        return as_reference(m)
     onsets = m.onsets.copy()
-    onsets[:, 0] += EXTRAPOLATED * moved
-    lam = m.lam + EXTRAPOLATED * changes
-    width = float(np.ptp(m.values))
-    rough = Reference(m.first, m.last, lam[0, :k], lam[-1, :last], onsets, width, Errors())
-    if not known:
-        return rough
+    onsets[:, 0] += EXTRAPOLATED * np.nan_to_num(m.onset_changes)
+    reference = as_reference(replace(m, lam=m.lam + EXTRAPOLATED * np.nan_to_num(m.changes), onsets=onsets))
     unsure = UNSURE / EXTRAPOLATED  # of the way from the result to the reference
-    errors = errors_of(m, rough)
+    errors = errors_of(m, reference)
     own = Errors(*(unsure * e for e in (errors.frequency, errors.growth, errors.onset)))
-    return Reference(m.first, m.last, lam[0, :k], lam[-1, :last], onsets, width, own)
+    return replace(reference, uncertainty=own)
+
+
+def with_exact(reference: Reference, frequencies: np.ndarray) -> Reference:
+    """Return a reference of which the lowest modes, by rank, have exact frequencies, Hz: only the others are unsure."""
+    order = np.argsort(reference.lam.imag)[: len(frequencies)]
+    lam = reference.lam.astype(complex)
+    lam[order] = 2j * np.pi * frequencies[: len(order)]
+    limit = COMPARED * float(lam.imag.max(initial=0.0))
+    known = bool((np.delete(lam.imag, order) > limit).all())
+    own = replace(reference.uncertainty, frequency=0.0) if known else reference.uncertainty
+    return replace(reference, lam=lam, uncertainty=own)
 
 
 def errors_of(m: Measurement, reference: Reference) -> Errors:
     """Return the errors of a result."""
     k, last = (int(np.isfinite(m.lam[i]).sum()) for i in (0, -1))
     same = same_modes(reference.shapes, reference.lam, m.first, m.lam[0, :k])
-    limit = _COMPARED * float(reference.lam.imag.max(initial=0.0))
+    limit = COMPARED * float(reference.lam.imag.max(initial=0.0))
     counted = np.flatnonzero((reference.lam.imag > 0) & (reference.lam.imag <= limit))
     frequency = [
         abs(m.lam[0, same[i]].imag - reference.lam[i].imag) / reference.lam[i].imag if i in same else 1.0
@@ -134,7 +143,7 @@ def _onset_error(m: Measurement, reference: Reference, same: dict[int, int], lim
     for onset, j in zip(true, paired, strict=True):
         if 2 * np.pi * onset.frequency_hz > limit:
             continue
-        scale = max(abs(onset.value), _SMALLEST * reference.width)
+        scale = max(abs(onset.value), SMALLEST * reference.width)
         errors.append(abs(found[j].value - onset.value) / scale if j is not None else 1.0)
     return max(errors, default=np.nan)
 

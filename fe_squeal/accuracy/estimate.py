@@ -28,6 +28,8 @@ from .two_level import prolongation
 # re-entrant corners. The error is then between 16/15 and 2 times the change: a bar that holds it, the likely error, and
 # how unsure that is.
 BAR, EXTRAPOLATED, UNSURE = 2.0, 1.4, 0.4
+COMPARED = 0.8  # of the highest frequency: modes beyond may leave the range on another mesh
+SMALLEST = 0.1  # of the sweep: what an onset's error is relative to where the onset itself is smaller
 _FAR = 0.2  # of the sweep, or of the frequency: what an onset moves that counts as much as another pair of branches
 _LOST = 2.0  # of this: where an onset is another one
 _VALUE = "value"

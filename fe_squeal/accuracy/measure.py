@@ -16,9 +16,10 @@ from scipy.spatial import cKDTree
 
 from ..assembly import Assembly
 from ..errors import NotConvergedError, SquealError
+from ..inputs import swept
 from ..report import replace_atomically
 from ..results import peak_memory_mib
-from ..scene import MU, Scene
+from ..scene import Scene
 from ..sweep import sweep
 from .estimate import Changes, refined_changes
 from .settings import Setting, scene_at
@@ -105,9 +106,7 @@ def measure(
     problem = assembly.problem({})
     seconds["assembly"] = time.perf_counter() - clock
     probes = _choose(assembly) if probes is None else probes
-    grid, parameter = [problem.parameters.get(MU, 0.0)], MU
-    if changed.sweep is not None:
-        grid, parameter = [float(v) for v in changed.sweep.grid], changed.sweep.parameter
+    parameter, grid = swept(changed, problem)
     count = min(setting.modes, problem.unknowns)
     method = setting.method
     result = sweep(problem, grid, parameter, modes=count, tolerance=setting.tolerance, keep_shapes=True, method=method)

@@ -75,8 +75,9 @@ def page(study: Study, frame: pd.DataFrame, title: str) -> str:
         if np.isfinite(value)
     )
     lines = [f"# What accuracy costs: {title or 'this scene'}", "", "![error against time](accuracy.png)", ""]
+    reference = "the exact frequencies, and else to the extrapolation" if study.exact else "the extrapolation"
     lines += [
-        "Errors are relative to the extrapolation of the finest result (order"
+        f"Errors are relative to {reference} of the finest result (order"
         f" {study.finest.order}, {1e3 * study.finest.size:.3g} mm), which is itself uncertain by"
         f" {unsure or 'what is not known: its mesh was not refined'}. The largest error counts: of the frequencies"
         " at the first value of the sweep (modes up to 0.8 of the highest), of the growth rates at the last (relative"

@@ -13,7 +13,8 @@ import pandas as pd
 from ..errors import NotConvergedError, SquealError
 from ..report import replace_atomically
 from ..scene import Scene
-from .errors import Errors, Reference, errors_of, reference_of
+from .closed_forms import exact_frequencies
+from .errors import Errors, Reference, as_reference, errors_of, reference_of, with_exact
 from .measure import Measurement, measure_apart
 from .settings import Setting, plan
 
@@ -37,6 +38,8 @@ class Study:
     finest : Setting
         From which the reference was extrapolated.
     left_out : tuple of (Setting, reason)
+    exact : bool
+        Whether the frequencies of the reference are exact ones.
     """
 
     settings: tuple[Setting, ...]
@@ -44,6 +47,7 @@ class Study:
     reference: Reference
     finest: Setting
     left_out: tuple[tuple[Setting, str], ...]
+    exact: bool = False
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a row per setting, the columns of accuracy.csv: errors against the reference, and against the best
@@ -72,13 +76,7 @@ class Study:
         best = min(same, key=lambda p: (p[0].method != "direct", p[0].tolerance), default=None)
         if best is None or best[1] is measured:
             return Errors()
-        exact = best[1]
-        k, last = (int(np.isfinite(exact.lam[i]).sum()) for i in (0, -1))
-        plain = Reference(
-            exact.first, exact.last, exact.lam[0, :k], exact.lam[-1, :last], exact.onsets, float(np.ptp(exact.values)),
-            Errors(),
-        )  # fmt: skip
-        return errors_of(measured, plain)
+        return errors_of(measured, as_reference(best[1]))
 
 
 def run_study(
@@ -141,9 +139,12 @@ def run_study(
         reasons = "; ".join(f"{s}: {why}" for s, why in left_out[:3])
         raise NotConvergedError(f"nothing could be measured ({reasons})")
     finest, best = max(fine, key=lambda p: p[1].unknowns)
-    return Study(
-        tuple(s for s, _ in done), tuple(m for _, m in done), reference_of(best), finest, tuple(left_out)
-    )
+    reference = reference_of(best)
+    exact = exact_frequencies(scene, len(reference.lam))
+    if exact is not None:
+        reference = with_exact(reference, exact)
+    solved, measurements = zip(*done, strict=True)
+    return Study(solved, measurements, reference, finest, tuple(left_out), exact is not None)
 
 
 def _load_probes(path: Path) -> np.ndarray | None:

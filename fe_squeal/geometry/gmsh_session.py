@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import ModuleType
 
 from fe_squeal.errors import MeshError
@@ -60,7 +61,8 @@ def gmsh_model(name: str, options: dict[str, float]) -> Iterator[ModuleType]:
     ours = not gmsh.isInitialized()
     if ours:
         # The user's own .gmshrc must not change the mesh, and Ctrl-C stays Python's.
-        gmsh.initialize([], readConfigFiles=False, interruptible=False)
+        with _unchanged_signals():
+            gmsh.initialize([], readConfigFiles=False, interruptible=False)
     try:
         previous = gmsh.model.getCurrent()
         saved = {key: gmsh.option.getNumber(key) for key in options}
@@ -79,3 +81,14 @@ def gmsh_model(name: str, options: dict[str, float]) -> Iterator[ModuleType]:
     finally:
         if ours:
             gmsh.finalize()
+
+
+@contextmanager
+def _unchanged_signals() -> Iterator[None]:
+    """Keep what happens at a broken pipe: gmsh's C library lets it end the process without a word."""
+    name = getattr(signal, "SIGPIPE", None)  # Windows has none
+    before = None if name is None else signal.getsignal(name)
+    yield
+    if name is not None and before is not None:
+        with suppress(ValueError):  # only the main thread may
+            signal.signal(name, before)

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 
 from ..blocks import times
@@ -24,7 +23,7 @@ from ..errors import NotConvergedError
 from ..problem import Problem
 from .basis import ReducedBasis
 from .undamped import factorize_undamped
-from .vectors import lift, real_columns
+from .vectors import interior_nodes, lift, range_of, real_columns, unit_columns
 
 _GUARD = 1.25  # times the modes asked for: how many of the undamped problem the basis begins with
 _ROUGH = 1e-4  # accuracy of these modes: what they lack is corrected with the rest
@@ -314,17 +313,14 @@ class ReducedModel:
     def _compress(self, values: np.ndarray) -> None:
         """Keep the modes at a few values alone, and at those that these do not carry within the tolerance."""
         full, spanned = self.basis, np.zeros((len(self.basis), 0))
-        wave = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
-        missed = [float(p) for p in (values[0] + values[-1] - np.ptp(values) * wave) / 2]
+        missed = interior_nodes(float(values[0]), float(values[-1]), _NODES).tolist()
         rounds = 0
         while missed:
             for p in missed:
                 modes = full.modes(p, self.highest)
                 assert modes.left is not None
-                new = np.hstack([real_columns(modes.right), real_columns(modes.left)])
-                spanned = np.hstack([spanned, new / np.linalg.norm(new, axis=0)])
-            U, s, _ = la.svd(spanned, full_matrices=False)
-            W = U[:, s > _FINE * s[0]]
+                spanned = np.hstack([spanned, unit_columns(modes.right, modes.left)])
+            W = range_of(spanned, _FINE)
             rounds += 1
             if W.shape[1] > _WORTH * len(full) or rounds > _SUPPLEMENTS:
                 self.basis = full

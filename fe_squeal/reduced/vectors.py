@@ -62,6 +62,30 @@ def real_columns(x: np.ndarray) -> np.ndarray:
     return np.asarray(parts[:, size > 1e-14 * size.max(initial=0.0)])
 
 
+def interior_nodes(low: float, high: float, count: int) -> np.ndarray:
+    """Return Chebyshev's nodes between two values, which interpolation wants.
+
+    Examples
+    --------
+    >>> interior_nodes(0.0, 2.0, 1).tolist()
+    [1.0]
+    """
+    wave = np.cos(np.pi * (np.arange(count) + 0.5) / count)
+    return np.asarray((low + high - (high - low) * wave) / 2)
+
+
+def unit_columns(right: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """Return real and imaginary parts of right and left modes, of unit length."""
+    new = np.hstack([real_columns(right), real_columns(left)])
+    return np.asarray(new / np.linalg.norm(new, axis=0))
+
+
+def range_of(columns: np.ndarray, least: float) -> np.ndarray:
+    """Return orthonormal columns that span others, up to a part of the largest singular value."""
+    U, s, _ = la.svd(columns, full_matrices=False)
+    return np.asarray(U[:, s > least * s[0]])
+
+
 def _by_parts(apply: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
     """Return a real linear map of complex columns, most of which are real."""
     columns = x.reshape(len(x), -1)

@@ -120,8 +120,12 @@ def _draw_in_child(jobs: Sequence[PictureJob], seconds: float) -> tuple[set[int]
     orders = json.dumps([{"shape": str(job.shape.resolve()), "picture": str(job.picture.resolve()), "title": job.title,
                           "axis": list(job.axis)} for job in jobs])
     try:
-        child = subprocess.run([sys.executable, "-m", "fe_squeal.report.draw"], input=orders, capture_output=True,
-                               env=environment, timeout=seconds, encoding="utf-8", errors="replace", check=False)
+        # a file, since writing to a pipe whose reader died can end this process, too
+        with tempfile.TemporaryFile("w+", encoding="utf-8") as file:
+            file.write(orders)
+            file.seek(0)
+            child = subprocess.run([sys.executable, "-m", "fe_squeal.report.draw"], stdin=file, capture_output=True,
+                                   env=environment, timeout=seconds, encoding="utf-8", errors="replace", check=False)
         output, errors = child.stdout, child.stderr.strip().splitlines()
         reason = f"VTK's process ended with code {child.returncode}" + (f": {errors[-1]}" if errors else "")
     except subprocess.TimeoutExpired as late:

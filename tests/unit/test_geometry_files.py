@@ -53,6 +53,23 @@ def test_gmsh_of_the_caller_is_left_as_it_was(tmp_path: Path) -> None:
     assert not gmsh.isInitialized()
 
 
+def test_broken_pipes_stay_errors(tmp_path: Path) -> None:
+    """Python ignores SIGPIPE, so that writing to a reader that is gone raises; gmsh would have it end the process."""
+    code = """
+import os, sys
+from fe_squeal.geometry import Block, write_mesh
+write_mesh(Block(length=0.02, width=0.02, height=0.01, size=0.01, element="tet"), sys.argv[1])
+reader, writer = os.pipe()
+os.close(reader)
+try:
+    os.write(writer, b"x")
+except BrokenPipeError:
+    print("raised")
+"""
+    done = subprocess.run([sys.executable, "-c", code, tmp_path / "a.msh"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.strip()) == (0, "raised"), done.stderr
+
+
 def test_gmsh_not_installed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setitem(sys.modules, "gmsh", None)
     with pytest.raises(MeshError, match="pip install gmsh"):

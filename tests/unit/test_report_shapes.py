@@ -1,6 +1,9 @@
 """Mode shapes as VTK files and pictures: node order, normalisation, what is read back, what is drawn."""
 
+import signal
+import subprocess
 import sys
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -218,6 +221,25 @@ def nodal_changes(picture):
     difference = (red - blue)[:, half:][at[:, 0], at[:, 1]]
     sign = np.sign(difference[np.abs(difference) > 0.2])
     return np.count_nonzero(sign != np.roll(sign, 1))
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGPIPE"), reason="a signal of POSIX")
+def test_drawing_child_that_dies_at_once_takes_nobody_with_it(tmp_path):
+    """Where a library has set SIGPIPE to its default, as gmsh does, a pipe to that child would end this process."""
+    code = f"""
+import signal, sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from test_report_shapes import bending, disc_with_pad, pictures, write_shape
+from pathlib import Path
+grid = disc_with_pad()
+file = write_shape(grid, bending(grid, 2), Path(sys.argv[1]) / "mode.vtu")
+job = pictures.PictureJob(file, file.with_suffix(".png"), "x" * 200_000)  # more than a pipe holds
+signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+sys.executable = "/bin/false"
+print(pictures._draw_in_child([job], 60.0))
+"""
+    done = subprocess.run([sys.executable, "-c", code, tmp_path], capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "ended with code 1" in done.stdout, done.stderr
 
 
 @pytest.mark.parametrize("broken", [False, True])
