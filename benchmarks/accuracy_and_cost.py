@@ -133,7 +133,10 @@ def targets() -> list[tuple[str, Scene, float]]:
     one = brake.mesh.model_copy(update={"disc_pad": brake.mesh.disc_pad.model_copy(update=ONE_PAD)})
     kept = [c.model_dump(mode="json", by_alias=True, exclude_unset=True) for c in brake.contacts[:1]]
     springs = [s.model_dump(mode="json", by_alias=True, exclude_unset=True) for s in brake.springs if "2" not in s.name]
-    bodies = {n: b.model_dump(mode="json", exclude_unset=True) for n, b in brake.bodies.items() if "2" not in n}
+    bodies = {n: b.model_dump(mode="json", exclude_unset=True) for n, b in brake.bodies.items()}
+    for body in bodies.values():
+        if "groups" in body:
+            body["groups"] = [group for group in body["groups"] if "2" not in group]
     mesh = one.model_dump(mode="json", by_alias=True, exclude_unset=True)
     soft = {"lining": {"youngs_modulus": 8e8, "poisson_ratio": 0.35, "density": 2200.0}}
     return [

@@ -1,4 +1,4 @@
-"""The map of elements at their facets, for meshes that lie far from the origin as well."""
+"""Facets: the map of their elements, for meshes far from the origin as well, and composite quadrature."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import skfem
 from skfem.mapping import MappingAffine
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefTri
 
 from .errors import MeshError
 
@@ -58,3 +60,22 @@ def facet_mapping(mesh: skfem.Mesh, facets: np.ndarray, points: int) -> Any:
 
     mapping.invF = invF
     return mapping
+
+
+def subdivided_quadrature(refdom: type, order: int, parts: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a composite rule on the reference triangle or square, cut into parts² equal pieces.
+
+    Returns
+    -------
+    X : (2, q), W : (q,)
+    """
+    X, W = get_quadrature(refdom, order)
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(parts), np.arange(parts), indexing="ij"))
+    if refdom is not RefTri:
+        pieces = [(np.array([a, b]), 1.0) for a, b in zip(i, j, strict=True)]
+    else:
+        # Upright triangles from their lower left corner, and those upside down from their upper right one.
+        pieces = [(np.array([a, b]), 1.0) for a, b in zip(i, j, strict=True) if a + b < parts]
+        pieces += [(np.array([a + 1, b + 1]), -1.0) for a, b in zip(i, j, strict=True) if a + b < parts - 1]
+    points = [(corner[:, None] + sign * X) / parts for corner, sign in pieces]
+    return np.concatenate(points, axis=1), np.tile(W / parts**2, len(pieces))

@@ -27,7 +27,8 @@ import scipy.sparse as sp
 import skfem
 
 from .contact import Sliding
-from .spaces import DisplacementSpace, element_shapes, scatter
+from .element_matrices import element_shapes, scatter
+from .spaces import DisplacementSpace
 
 _ELEMENTS_AT_ONCE = 5000
 

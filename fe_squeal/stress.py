@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from .element_matrices import ElementShapes, element_shapes
 from .materials import Elasticity
 from .mixed import projected
-from .spaces import DisplacementSpace, ElementShapes, element_shapes
+from .spaces import DisplacementSpace
 
 
 def element_stress(

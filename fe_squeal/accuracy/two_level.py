@@ -8,9 +8,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..blocks import times
+from ..cell_map import geometry_map
 from ..contact import interpolate
 from ..errors import NotConvergedError
-from ..spaces import DisplacementSpace, geometry_map
+from ..spaces import DisplacementSpace
 
 _CHILDREN = 8
 _NEWTON = 30  # steps at most to find a point in its element

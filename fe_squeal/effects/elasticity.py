@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..element_matrices import assemble_elasticity
 from ..materials import Material, elasticity
-from ..spaces import DisplacementSpace, assemble_elasticity
+from ..spaces import DisplacementSpace
 from ..terms import Term
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from ..element_matrices import scatter_scalar
 from ..materials import Elasticity
 from ..schema import Section
-from ..spaces import DisplacementSpace, scatter_scalar
+from ..spaces import DisplacementSpace
 from ..stress import element_stress
 from ..terms import Term
 

@@ -1,37 +1,29 @@
-"""A basis of few vectors, the projection of every term on it, and how far its modes are from those of the problem."""
+"""A basis that grows, and how far the modes of the projection on it are from those of the problem."""
 
 from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 
 from ..blocks import combine, cross, times
-from ..eigen.dense import solve_dense
-from ..eigen.pencil import Modes, Pencil
+from ..eigen.pencil import Modes
 from ..eigen.quality import ROUNDING
 from ..problem import Problem
-from ..terms import Slot, Term
-from .undamped import weighted
-from .vectors import FreeMotions, lift, normalising
+from .projection import POWER, Projection
+from .vectors import lift, normalising
 
 _SAMPLES = 24  # random vectors per norm: residual norms come out within some 15 %
 _SEED = 20250411
 _SAMPLED_MODES = 8  # in which the size of what cancels is compared with that in some rows
 _LINES = 1000  # rows of V that are sampled
-_SPARSE = 0.3  # of all rows: what a term has at most that is handled by its own rows
 _ROOM = 8  # times the vectors there are: for how many address space is set aside
 _RANK = 1e-12  # of the square of a vector: a part outside the basis that is rounding
-_RIGID = 1e-3  # of the shift: θ of a motion that nothing holds
 _CLEAR = 0.1  # of the square: a part outside from which the difference keeps its digits
-_POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}
 _OF_TERMS = "small", "right", "left"  # names of what is stored of each term
-_Acting = tuple[np.ndarray | None, sp.csr_array, sp.csr_array | None]
 
 
 class _Products(NamedTuple):
@@ -44,7 +36,7 @@ class _Products(NamedTuple):
     ZATX: np.ndarray
 
 
-class ReducedBasis:
+class ReducedBasis(Projection):
     """Vectors V (n, r) with VᵀPV = 1, the terms VᵀAV, and random samples of the residuals of their modes.
 
     For a mode λ, φ = Vy, ψ = Vw of the small problem, with residuals ρ = Q(λ)φ and η = Q(λ)ᴴψ, both orthogonal to V,
@@ -70,7 +62,7 @@ class ReducedBasis:
         self, problem: Problem, parameter: str, metric: Sequence[float], sigma: float,
         half_solve: Callable[[np.ndarray], np.ndarray] | None,
     ) -> None:  # fmt: skip
-        self.problem, self.parameter, self.metric, self.sigma = problem, parameter, metric, sigma
+        super().__init__(problem, parameter, metric, sigma)
         n = problem.unknowns
         rng = np.random.default_rng(_SEED)
         # Rows of backward errors count in the problem's own units, as in `fe_squeal.eigen.quality`.
@@ -80,20 +72,15 @@ class ReducedBasis:
             energy = half_solve(rng.standard_normal((n, _SAMPLES)))
             plain = self._units[:, None] * rng.standard_normal((n, _SAMPLES))
             self._Z = np.hstack([energy, plain]) / np.sqrt(_SAMPLES)
-        self._acting = [_acting(t) for t in problem.terms]
         # Some rows stand for all in the norm of what cancels in Q(λ)φ.
         self._lines = np.sort(rng.choice(n, min(n, _LINES), replace=False))
         diagonal = sum(c * t.matrix.diagonal() for c, t in zip(metric, problem.terms, strict=True))
         self._size = (self._units * np.abs(diagonal))[self._lines] * np.sqrt(n / len(self._lines))
         self._store = np.zeros((0, n))
-        self.V = self._store.T
-        self._small = [np.zeros((0, 0)) for _ in problem.terms]
         self._right = [np.zeros((self._Z.shape[1], 0)) for _ in problem.terms]  # Zᵀ A V
         self._left = [np.zeros((self._Z.shape[1], 0)) for _ in problem.terms]  # Zᵀ Aᵀ V
         self._sampled_rows = np.zeros((len(self._lines), 0))
         self._cancels = 1.0
-        self.has_free = False
-        self._free: tuple[np.ndarray, FreeMotions | None] | None = None  # and of which V
 
     @classmethod
     def restored(
@@ -101,9 +88,8 @@ class ReducedBasis:
     ) -> ReducedBasis:
         """Return the basis that gave `stored`, of the same problem; it cannot be extended any more."""
         basis = cls.__new__(cls)
-        basis.problem, basis.parameter, basis.metric = problem, parameter, numbers["metric"]
-        basis._cancels, basis.sigma, basis.has_free = numbers["cancels"], numbers["sigma"], numbers["has_free"]
-        basis._free = None
+        Projection.__init__(basis, problem, parameter, numbers["metric"], numbers["sigma"])
+        basis._cancels, basis.has_free = numbers["cancels"], numbers["has_free"]
         basis.V = arrays["vectors"].T
         basis._units, basis._lines, basis._size = arrays["units"], arrays["lines"], arrays["size"]
         basis._sampled_rows = arrays["sampled_rows"]
@@ -123,9 +109,6 @@ class ReducedBasis:
         }  # fmt: skip
         numbers = {"cancels": self._cancels, "sigma": self.sigma, "has_free": self.has_free}
         return arrays, {"metric": [float(c) for c in self.metric], **numbers}
-
-    def __len__(self) -> int:
-        return int(self.V.shape[1])
 
     def append(self, X: np.ndarray, threshold: float = 0.0) -> int:
         """Add the directions of X (n, k) real whose part outside the basis is longer than a threshold in the P-norm.
@@ -205,64 +188,6 @@ class ReducedBasis:
         smaller._sampled_rows = self._sampled_rows @ W
         return smaller
 
-    def project(self, problem: Problem) -> Problem:
-        """Return another problem of the same unknowns on the basis."""
-        return problem.project(self.V)
-
-    def pencil(self, value: float) -> Pencil:
-        """Return the small matrices at a value of the parameter."""
-        at = self.problem.at(**{self.parameter: value})
-        sums: dict[Slot, np.ndarray | None] = {"M": None, "C": None, "K": None}
-        symmetric = True
-        for term, A in zip(at.terms, self._small, strict=True):
-            c = term.coefficient(at.parameters)
-            if not c:
-                continue
-            symmetric &= term.symmetric or term.slot != "K"
-            part = A * (1j * c if term.imaginary else c)
-            before = sums[term.slot]
-            sums[term.slot] = part if before is None else before + part
-        M, C, K = (None if A is None else sp.csr_array(A) for A in sums.values())
-        assert M is not None and K is not None
-        free = self.free
-        return Pencil(M, K, C, symmetric, None if free is None else free.cancelled)
-
-    def expect_free_motions(self) -> None:
-        """Look for motions that nothing holds from now on."""
-        self.has_free = True
-
-    @property
-    def free(self) -> FreeMotions | None:
-        """The motions that nothing holds, in the coordinates of the basis."""
-        if not self.has_free:
-            return None
-        if self._free is None or self._free[0] is not self.V:
-            at = self.problem.parameters
-            pairs = zip(self.problem.terms, self._small, strict=True)
-            M = sum(t.coefficient(at) * A for t, A in pairs if t.slot == "M")
-            nu, Y = la.eigh(M)
-            rigid = (nu > 0) & (np.abs(1 + self.sigma * np.maximum(nu, 0.0)) < _RIGID)  # θ = σ + 1/ν
-            Y = Y[:, rigid] / np.sqrt(nu[rigid])
-            K = weighted(self.problem, self.metric) + self.sigma * self.problem.mass
-            self._free = self.V, FreeMotions.of(K, lift(self.V, Y), Y.T @ M) if rigid.any() else None
-        return self._free[1]
-
-    def modes(self, value: float, highest: float) -> Modes:
-        """Return the modes of the small problem up to |λ| = highest, rad/s, with vectors of length r."""
-        return solve_dense(self.pencil(value), highest)
-
-    def base(self, sigma: float) -> Pencil:
-        """Return the pencil of K = P + σM."""
-        M = self.problem.mass
-        return Pencil(M, sp.csr_array(weighted(self.problem, self.metric) + sigma * M), symmetric=True)
-
-    def undamped_values(self, sigma: float) -> np.ndarray:
-        """Return the rising θ of the small problem without damping and friction: VᵀPV = 1, so θ = σ + 1/ν of VᵀMV."""
-        at = self.problem.parameters
-        M = sum(t.coefficient(at) * A for t, A in zip(self.problem.terms, self._small, strict=True) if t.slot == "M")
-        nu = la.eigvalsh(M)[::-1]
-        return np.asarray(sigma + 1 / nu[nu > len(nu) * np.finfo(float).eps * nu[0]])
-
     def calibrate(self, value: float, modes: Modes) -> None:
         """Compare the size of what cancels in Q(λ)φ with the part of it that `errors` knows, for some of the modes."""
         modes = modes.select(np.unique(np.linspace(0, len(modes) - 1, _SAMPLED_MODES).astype(int)))
@@ -282,7 +207,7 @@ class ReducedBasis:
             counts = np.diff(rows.indptr)
             between = np.repeat(root[self._lines], counts) * root[rows.indices]
             rows.data = np.maximum(rows.data, between)
-            total += (rows @ np.abs(u)) * (abs(term.coefficient(at.parameters)) * np.abs(lam) ** _POWER[term.slot])
+            total += (rows @ np.abs(u)) * (abs(term.coefficient(at.parameters)) * np.abs(lam) ** POWER[term.slot])
         return total
 
     def errors(
@@ -324,7 +249,7 @@ class ReducedBasis:
         rho, eta = self._sampled(value, lams, phi, psi)
         both = float(self._product(rho, eta, np.array([abs(lam)]), highest)[0])
         small, change = self.condensed(), 0j
-        for slot, power in _POWER.items():
+        for slot, power in POWER.items():
             d = small.derivative(self.parameter, slot, **{self.parameter: value})
             if d is not None:
                 change += lam**power * complex(np.vdot(left, d @ right))
@@ -332,13 +257,6 @@ class ReducedBasis:
         share = len(self.V) / len(self._lines)
         rounding = ROUNDING * share * float(np.sum(np.abs(y) * self._magnitude(value, lams, x)))
         return (both / abs(change), rounding / abs(change)) if change else (np.inf, np.inf)
-
-    def condensed(self) -> Problem:
-        """Return the small terms as a problem."""
-        terms = tuple(
-            replace(t, matrix=sp.csr_array(A)) for t, A in zip(self.problem.terms, self._small, strict=True)
-        )
-        return Problem(terms, self.problem.parameters)
 
     def _sampled(
         self, value: float, lam: np.ndarray, phi: np.ndarray, psi: np.ndarray
@@ -348,7 +266,7 @@ class ReducedBasis:
         rho = np.zeros((2 * _SAMPLES, len(lam)), complex)
         eta = np.zeros_like(rho)
         for term, right, left in zip(at.terms, self._right, self._left, strict=True):
-            c = term.coefficient(at.parameters) * (1j if term.imaginary else 1.0) * lam ** _POWER[term.slot]
+            c = term.coefficient(at.parameters) * (1j if term.imaginary else 1.0) * lam ** POWER[term.slot]
             rho += (right @ phi) * c
             eta += (left @ psi) * c.conj()
         return rho, eta
@@ -357,39 +275,3 @@ class ReducedBasis:
         """Return ‖η‖‖ρ‖ in the norm of P⁻¹, larger where Q(λ) is smaller than P: next to what is left out."""
         both = np.linalg.norm(rho[:_SAMPLES], axis=0) * np.linalg.norm(eta[:_SAMPLES], axis=0)
         return np.asarray(both / np.clip(1 - (size / highest) ** 2, 0.05, 1.0))
-
-    def residuals(self, value: float, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
-        """Return Q(λ)φ and Q(λ)ᴴψ of each mode as real columns.
-
-        Returns
-        -------
-        right, left : (n, k) or (n, 2k)
-            Real parts, and imaginary ones behind them where there are any.
-        """
-        assert modes.left is not None
-        at = self.problem.at(**{self.parameter: value})
-        scale = [t.coefficient(at.parameters) * (1j if t.imaginary else 1.0) for t in at.terms]
-        factors = [c * modes.lam ** _POWER[t.slot] for c, t in zip(scale, at.terms, strict=True)]
-        real = not any(x.imag.any() for x in (modes.right, modes.left, *factors))
-        found = []
-        for vectors, adjoint in ((modes.right, False), (modes.left, True)):
-            u = combine(self.V, vectors.real if real else np.hstack([vectors.real, vectors.imag]))
-            total = np.zeros_like(u)
-            for (rows, A, transposed), c in zip(self._acting, factors, strict=True):
-                part = times(transposed if adjoint and transposed is not None else A, u)
-                re, im = np.diag(c.real), np.diag(-c.imag if adjoint else c.imag)
-                # Complex multiplication, on columns of real parts and columns of imaginary ones.
-                part = part * c.real if real else combine(part, np.block([[re, im], [-im, re]]))
-                total[slice(None) if rows is None else rows] += part
-            found.append(total)
-        return found[0], found[1]
-
-
-def _acting(term: Term) -> _Acting:
-    """Return the rows in which a term acts, None for all, and these of its matrix and of the transposed one."""
-    A = term.matrix
-    transposed = None if term.symmetric else sp.csr_array(A.T)
-    rows = np.flatnonzero(np.diff(sp.csr_array(abs(A) + abs(A.T)).indptr))
-    if len(rows) >= _SPARSE * A.shape[0]:
-        return None, A, transposed
-    return rows, sp.csr_array(A[rows]), None if transposed is None else sp.csr_array(transposed[rows])

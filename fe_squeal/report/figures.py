@@ -22,12 +22,12 @@ from fe_squeal.report.branches import (
     Floats,
     collect_branches,
     figure_text,
-    find_mirror,
     frequency_text,
     numbers,
     parameter_name,
     parameter_symbol,
 )
+from fe_squeal.report.curves import draw_growth, draw_stretches, padded, segments
 from fe_squeal.report.files import save_figure
 from fe_squeal.report.labels import place_labels
 
@@ -70,15 +70,15 @@ def plot_stability(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pat
     figure.suptitle(figure_text(title))
 
     for branch in branches:
-        _draw_stretches(top, branch, branch.frequency_hz / per_unit, styles.get(branch.number))
-    _draw_growth(bottom, branches, growing, styles, onsets)
+        draw_stretches(top, branch, branch.frequency_hz / per_unit, styles.get(branch.number))
+    draw_growth(bottom, branches, growing, styles, onsets)
     markers = _mark_onsets(top, onsets, numbers(onsets, "value"), numbers(onsets, "frequency_hz") / per_unit)
 
     top.set_ylabel(f"frequency ({unit})")
     bottom.set_ylabel("growth rate Re λ (1/s)")
     bottom.set_xlabel(_parameter_label(parameter_name(modes)))
     _set_parameter_axis(bottom, numbers(modes, "value"))
-    top.set_ylim(*_padded(numbers(modes, "frequency_hz") / per_unit, floor=0.0))
+    top.set_ylim(*padded(numbers(modes, "frequency_hz") / per_unit, floor=0.0))
     for axes in (top, bottom):
         axes.grid(True, color="0.92", lw=0.6)
         axes.set_axisbelow(True)
@@ -115,7 +115,7 @@ def plot_root_locus(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pa
     limits, notes = _growth_limits(modes)
     for branch in collect_branches(modes, onsets):
         ends = np.column_stack([branch.re, branch.frequency_hz / per_unit])
-        axes.add_collection(LineCollection(list(_pairs(ends)[branch.joined]), colors="0.8", linewidths=0.7, zorder=1))
+        axes.add_collection(LineCollection(list(segments(ends)[branch.joined]), colors="0.8", linewidths=0.7, zorder=1))
     points = axes.scatter(re, frequency / per_unit, c=value, s=14, cmap="viridis", zorder=3, linewidths=0)
     if len(np.unique(value)) > 1:
         figure.colorbar(points, ax=axes, label=_parameter_label(parameter_name(modes)), pad=0.02)
@@ -124,7 +124,7 @@ def plot_root_locus(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pa
     markers = _mark_onsets(axes, onsets, np.zeros(len(onsets)), numbers(onsets, "frequency_hz") / per_unit, 3.5)
 
     axes.set_xlim(*limits)
-    axes.set_ylim(*_padded(frequency / per_unit, floor=0.0))
+    axes.set_ylim(*padded(frequency / per_unit, floor=0.0))
     axes.axvspan(0.0, max(limits[1], 0.0), color="tab:red", alpha=0.06, lw=0, zorder=0)
     axes.axvline(0.0, color="0.3", lw=0.9, zorder=2)
     axes.text(0.99, 0.99, "unstable", transform=axes.transAxes, ha="right", va="top", color="tab:red", fontsize=9)
@@ -137,82 +137,6 @@ def plot_root_locus(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pa
     if markers:
         axes.legend(handles=markers, loc="upper left", fontsize=8, framealpha=0.9)
     return save_figure(figure, path)
-
-
-def _draw_stretches(axes: Axes, branch: Branch, y: Floats, style: dict[str, Any] | None) -> None:
-    """Draw one branch: thin grey where stable, in its style where unstable, markers where a point stands alone."""
-    pairs = _pairs(np.column_stack([branch.value, y]))
-    axes.add_collection(LineCollection(list(pairs[branch.joined]), colors="0.6", linewidths=0.7, zorder=2))
-    alone = ~(np.append(branch.joined, False) | np.append(False, branch.joined))
-    stable = alone & ~branch.unstable & (branch.onset == 0)
-    axes.plot(branch.value[stable], y[stable], "_", color="0.5", ms=12, mew=0.9, zorder=2)
-    if style is None:
-        return
-    inside = branch.unstable_segments()
-    # one polyline for each run of neighbouring segments, so that a dash pattern is not restarted at each point
-    for run in np.split(np.flatnonzero(inside), np.flatnonzero(np.diff(np.flatnonzero(inside)) > 1) + 1):
-        if len(run):
-            rows = np.append(run, run[-1] + 1)
-            axes.plot(branch.value[rows], y[rows], lw=2.4, solid_capstyle="butt", zorder=4, **style)
-    lone = branch.unstable & ~(np.append(inside, False) | np.append(False, inside))
-    axes.plot(branch.value[lone], y[lone], "D", color=style["color"], ms=5, zorder=5)
-
-
-def _draw_growth(
-    axes: Axes, branches: list[Branch], growing: list[Branch], styles: dict[int, dict[str, Any]], onsets: pd.DataFrame
-) -> None:
-    axes.axhline(0.0, color="0.3", lw=0.9, zorder=1)
-    if not growing:
-        _draw_least_stable(axes, branches)
-        return
-    curves = [(branch, styles[branch.number], True) for branch in growing]
-    for branch in growing:
-        mirror = find_mirror(branch, branches, onsets)
-        if mirror is not None:
-            curves.append((mirror, styles[branch.number], False))
-    heights = np.concatenate([branch.re[np.isfinite(branch.re)] for branch, _, _ in curves])
-    low, high = _padded(heights)
-    for branch, style, grows in curves:
-        pairs = _pairs(np.column_stack([branch.value, branch.re]))[branch.joined]
-        axes.add_collection(LineCollection(list(pairs), colors=style["color"], linewidths=0.8, alpha=0.7, zorder=3))
-        if len(branch.value) == 1 and not grows:
-            axes.plot(branch.value, branch.re, "_", color=style["color"], ms=12, zorder=3)
-        if not grows:
-            continue
-        _draw_stretches(axes, branch, branch.re, style)
-        if branch.re_uncertainty.max(initial=0.0) > 0.004 * (high - low):
-            lower, upper = branch.re - branch.re_uncertainty, branch.re + branch.re_uncertainty
-            if len(branch.value) > 1:
-                # NaN where the branch has a hole, so that the band has it too
-                hole = np.append(~branch.joined, False)
-                axes.fill_between(branch.value, np.where(hole, np.nan, lower), np.where(hole, np.nan, upper),
-                                  color=style["color"], alpha=0.2, lw=0, zorder=2)
-            else:
-                axes.errorbar(branch.value, branch.re, branch.re_uncertainty, color=style["color"], capsize=4, zorder=3)
-            low, high = min(low, np.nanmin(lower)), max(high, np.nanmax(upper))
-    axes.set_ylim(low, high)
-    axes.axhspan(0.0, high, color="tab:red", alpha=0.05, lw=0, zorder=0)
-
-
-def _draw_least_stable(axes: Axes, branches: list[Branch]) -> None:
-    """Without an unstable mode: draw the largest Re λ at each value, which tells how far instability is."""
-    axes.text(0.5, 0.82, "no unstable mode in this sweep", transform=axes.transAxes, ha="center", va="center",
-              fontsize=12, color="0.25")
-    if not branches:
-        axes.set_ylim(-1.0, 1.0)
-        return
-    value = np.concatenate([branch.value for branch in branches])
-    re = np.concatenate([branch.re for branch in branches])
-    value, re = value[np.isfinite(re)], re[np.isfinite(re)]
-    sweep = np.unique(value)
-    largest = np.array([re[value == v].max() for v in sweep])
-    axes.plot(sweep, largest, "o-" if len(sweep) == 1 else "-", color="0.45", lw=1.4, ms=5)
-    depth = max(-1.3 * float(largest.min(initial=0.0)), 1.0)
-    depth = max(depth, 1.5 * float(largest.max(initial=0.0)))
-    axes.set_ylim(-depth, depth)
-    if len(sweep):
-        axes.annotate("least stable mode", (sweep[len(sweep) // 2], largest[len(sweep) // 2]), xytext=(0, -8),
-                      textcoords="offset points", ha="center", va="top", fontsize=9, color="0.35")
 
 
 def _mark_onsets(axes: Axes, onsets: pd.DataFrame, x: Floats, y: Floats, size: float = 6.0) -> list[Line2D]:
@@ -276,7 +200,7 @@ def _growth_limits(modes: pd.DataFrame) -> tuple[tuple[float, float], list[str]]
     shown = finite & (frequency > 0)
     if not shown.any():
         shown = finite
-    low, high = _padded(np.append(re[shown], 0.0))
+    low, high = padded(np.append(re[shown], 0.0))
     high = max(high, -0.15 * low)  # some of the unstable half plane is always seen
     low = min(low, -0.15 * high)
     outside = int(np.count_nonzero((re[finite] < low) | (re[finite] > high)))
@@ -293,26 +217,9 @@ def _styles(count: int) -> list[dict[str, Any]]:
     return [{"color": tuple(hues[i // len(_DASHES)]), "ls": _DASHES[i % len(_DASHES)]} for i in range(count)]
 
 
-def _pairs(points: Floats) -> Floats:
-    """Return (k − 1, 2, 2): the segments between neighbouring points, (k, 2)."""
-    return np.stack([points[:-1], points[1:]], axis=1)
-
-
 def _frequency_unit(modes: pd.DataFrame) -> tuple[str, float]:
     frequency = numbers(modes, "frequency_hz")
     return ("kHz", 1000.0) if np.nanmax(frequency, initial=0.0) >= 2000.0 else ("Hz", 1.0)
-
-
-def _padded(values: Floats, floor: float | None = None) -> tuple[float, float]:
-    """Return limits a little beyond the values, never empty and, given `floor`, hardly below it."""
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return 0.0, 1.0
-    low, high = float(values.min()), float(values.max())
-    margin = 0.06 * (high - low) or max(0.1 * abs(high), 1e-3)
-    if floor is not None and low >= floor:
-        return max(low - margin, floor - 0.02 * (high - floor)), high + margin
-    return low - margin, high + margin
 
 
 def _parameter_label(name: str) -> str:
