@@ -31,6 +31,7 @@ from fe_squeal.accuracy.report import plot_study, write_study
 from fe_squeal.accuracy.settings import Setting, plan
 from fe_squeal.accuracy.study import Study, run_study
 from fe_squeal.compare import compare
+from fe_squeal.report.labels import place_labels
 from fe_squeal.scene import Scene
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -107,22 +108,25 @@ def plot_projection(study: Study, path: Path) -> None:
 
     frame = study.to_dataframe()
     figure = Figure(figsize=(5.4, 4.0), layout="constrained")
-    FigureCanvasAgg(figure)
+    canvas = FigureCanvasAgg(figure)
     axes = figure.subplots()
+    points, texts = [], []
     for method, mark in (("modal", "^"), ("reduced", "o")):
         rows = frame[(frame["method"] == method) & frame["algebraic_growth"].gt(0)].sort_values("algebraic_growth")
         axes.loglog(rows["seconds"], rows["algebraic_growth"], mark, ms=8, label=method)
         for row in rows.itertuples():
-            text = f"{row.modes} modes" if method == "modal" else f"tolerance {row.tolerance:.0e}"
-            at = (row.seconds, row.algebraic_growth)
-            axes.annotate(text, at, xytext=(7, 3), textcoords="offset points", fontsize=7)
+            texts.append(f"{row.modes} modes" if method == "modal" else f"tolerance {row.tolerance:.0e}")
+            points.append((float(str(row.seconds)), float(str(row.algebraic_growth))))
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.margins(x=0.25, y=0.1)
     axes.set(xlabel="seconds", ylabel="error of growth rates by the projection alone")
     axes.grid(True, alpha=0.3)
-    axes.legend(frameon=False)
+    figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    canvas.draw()  # settles the layout, which the labels need in pixels
+    figure.set_layout_engine("none")
+    place_labels(axes, canvas, points, texts, np.empty((0, 2)))
     figure.savefig(path, dpi=130)
 
 
@@ -149,7 +153,8 @@ def targets() -> list[tuple[str, Scene, float]]:
 def reach(name: str, scene: Scene, target: float) -> str:
     """Return a row: what `--accuracy` chose, estimated, and its true error against a finer mesh, extrapolated."""
     start = time.perf_counter()
-    choice = choose(scene, target)
+    print(name, file=sys.stderr)
+    choice = choose(scene, target, lambda t: print(f"{t.setting}: {t.error:.2g}, {t.seconds:.0f} s", file=sys.stderr))
     seconds = time.perf_counter() - start
     last = choice.trials[-1]
     chosen = replace(last.setting, method="reduced")

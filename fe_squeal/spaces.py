@@ -254,4 +254,5 @@ def straightened(mesh: skfem.Mesh) -> skfem.Mesh:
     if kind is None:
         return mesh
     corners = mesh.t.max() + 1
-    return kind(mesh.doflocs[:, :corners], mesh.t, _subdomains=mesh.subdomains, _boundaries=mesh.boundaries)
+    points = np.ascontiguousarray(mesh.doflocs[:, :corners])
+    return kind(points, mesh.t, _subdomains=mesh.subdomains, _boundaries=mesh.boundaries)
