@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ..assembly import Assembly
 from ..eigen.dense import solve_dense
+from ..eigen.memory import require_memory
 from ..eigen.pencil import Modes
 from ..eigen.solve import Request
 from ..errors import SceneError
@@ -33,6 +34,10 @@ SMALLEST = 0.1  # of the sweep: what an onset's error is relative to where the o
 _FAR = 0.2  # of the sweep, or of the frequency: what an onset moves that counts as much as another pair of branches
 _LOST = 2.0  # of this: where an onset is another one
 _VALUE = "value"
+_CHILDREN = 8  # elements into which one is cut, and about as many times the unknowns
+_COPIES = 3  # of the refined matrices: those of the terms, and their sums
+_VECTORS = 24  # of the refined mesh per mode, besides the coarse basis and a copy: corrections and what they come from
+_BASIS = 10  # vectors per mode of the coarse basis, where there is none yet
 
 
 @dataclass(frozen=True)
@@ -88,11 +93,14 @@ def refined_changes(result: Sweep) -> Changes:
         The problem has no mesh.
     NotConvergedError
         The corrections are not found.
+    TooLargeError
+        The refined mesh does not fit into memory.
     """
     problem, parameter = result.problem, result.parameter
     assembly = problem.source
     if not isinstance(assembly, Assembly):
         raise SceneError("the error of a mesh is asked for (--estimate), and the scene has matrices instead of a mesh")
+    require_memory(_refined_memory(result), _CHILDREN * problem.unknowns, "modes on the refined mesh")
     values = np.array([p.value for p in result.points])
     refined = Assembly(assembly.scene, refine(assembly.loaded))
     E = prolongation(assembly.space, refined.space)
@@ -118,6 +126,16 @@ def refined_changes(result: Sweep) -> Changes:
             for onset, j in zip(result.onsets, paired, strict=True)
         ]
     return Changes(tuple(changes), tuple(onsets))
+
+
+def _refined_memory(result: Sweep) -> int:
+    """Return about how many bytes `refined_changes` takes besides those of the sweep."""
+    pencil = result.problem.pencil()
+    entries = sum(A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)
+    modes = max((len(p.modes) for p in result.points), default=0)
+    basis = _BASIS * modes if result.model is None else len(result.model.basis)
+    vectors = 2 * basis + _VECTORS * modes
+    return _CHILDREN * (_COPIES * 12 * entries + 8 * vectors * result.problem.unknowns)
 
 
 def _affine(problem: Problem, parameter: str, values: np.ndarray) -> Problem:

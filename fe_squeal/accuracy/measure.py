@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import threading
 import time
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -15,7 +16,7 @@ import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
 from ..assembly import Assembly
-from ..errors import NotConvergedError, SquealError
+from ..errors import NotConvergedError, SquealError, TooLargeError
 from ..inputs import swept
 from ..report import replace_atomically
 from ..results import peak_memory_mib
@@ -92,7 +93,7 @@ def measure(
     probes : (p, 4) float, optional
         Number of the body and position, m; chosen here where there are none.
     estimate : bool
-        Look what refining the mesh changes, too.
+        Look what refining the mesh changes, too, if that fits into memory.
 
     Returns
     -------
@@ -122,7 +123,8 @@ def measure(
     changes, peak = Changes((), ()), peak_memory_mib()
     if estimate:
         clock = time.perf_counter()
-        changes = refined_changes(result)
+        with suppress(TooLargeError, NotConvergedError):  # the rest is worth keeping
+            changes = refined_changes(result)
         seconds["estimate"] = time.perf_counter() - clock
     return Measurement(
         unknowns=problem.unknowns, seconds=seconds, peak_memory_mib=np.nan if peak is None else peak,

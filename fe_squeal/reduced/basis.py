@@ -48,12 +48,8 @@ class ReducedBasis(Projection):
 
     Parameters
     ----------
-    problem : Problem
-        Affine in the parameter and condensed: few terms.
-    parameter : str
-    metric : (terms,) float
-        The coefficients of the terms in P = K − σM, see `factorize_undamped`.
-    sigma : float, rad²/s²
+    problem, parameter, metric, sigma
+        As of `Projection`.
     half_solve : callable, optional
         Returns L⁻ᵀS; without it there are no samples, and no errors.
     """

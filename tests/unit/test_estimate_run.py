@@ -1,0 +1,54 @@
+"""`run --estimate`: the columns that it fills, what --resume makes of it, and a refined mesh that is too large."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from scene_texts import CRITICAL_MU, SCENE, write_scene
+
+from fe_squeal import load_scene
+from fe_squeal.accuracy import estimate
+from fe_squeal.accuracy.measure import measure
+from fe_squeal.accuracy.settings import Setting
+from fe_squeal.cli import main
+
+
+def columns(out):
+    modes, onsets = (pd.read_csv(out / f"{name}.csv") for name in ("modes", "onsets"))
+    return modes[["re_discretisation", "im_discretisation"]], onsets["discretisation"]
+
+
+def test_bars_in_the_tables_and_after_a_resume(tmp_path, capsys):
+    scene, out = write_scene(tmp_path, SCENE), tmp_path / "out"
+    run = ["run", str(scene), "-o", str(out)]
+    assert main(run) == 0
+    bars, onsets = columns(out)
+    assert bars.isna().all(axis=None) and onsets.isna().all() and len(onsets)
+    assert main([*run, "--resume", "--estimate"]) == 0  # finished, but without what is asked for now
+    bars, onsets = columns(out)
+    assert (bars.notna().all(axis=1).mean()) > 0.8 and (bars.fillna(0.0) >= 0).all(axis=None)
+    assert "estimate" in json.loads((out / "run.json").read_text("utf-8"))["seconds"]
+    # The block is all but rigid: its onset hardly feels the mesh, its elastic modes above 10 kHz do.
+    table = pd.read_csv(out / "modes.csv")
+    onset = pd.read_csv(out / "onsets.csv").iloc[0]
+    assert onset["value"] == pytest.approx(CRITICAL_MU, rel=0.05) and 0 < onset["discretisation"] < 0.05 * CRITICAL_MU
+    assert table["im_discretisation"].max() / table["im"].max() > onset["discretisation"] / CRITICAL_MU
+    capsys.readouterr()
+    before = (out / "modes.csv").stat().st_mtime_ns
+    assert main([*run, "--resume", "--estimate"]) == 0  # nothing is left to do
+    assert (out / "modes.csv").stat().st_mtime_ns == before
+
+
+def test_refined_mesh_that_does_not_fit(tmp_path, capsys, monkeypatch):
+    """The results are there without bars, and why is told; a study keeps the rest of the measurement."""
+    scene, out = write_scene(tmp_path, SCENE), tmp_path / "out"
+    monkeypatch.setattr(estimate, "_refined_memory", lambda result: 10**18)
+    assert main(["run", str(scene), "-o", str(out), "--estimate"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "the error of the mesh is not known" in said and "GiB are free" in said and "would fit" in said
+    assert columns(out)[0].isna().all(axis=None)
+    found, _ = measure(load_scene(scene), Setting(1, 0.02, 8, "reduced", 1e-8), None, True)
+    assert np.isfinite(found.lam).any() and not len(found.changes) and "estimate" in found.seconds
