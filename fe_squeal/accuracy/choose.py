@@ -21,6 +21,7 @@ from .settings import Setting, own_setting, scene_at
 
 _START = 2.0  # times the scene's size: where the search begins
 _RATES = (1.0, 4.0)  # with which errors fall, between singular and smooth
+_EXPECTED = {1: 1.5, 2: 2.5}  # by the order, until two runs tell
 _STEP = (0.4, 0.8)  # of the size: what the next mesh has
 _MARGIN = 0.8  # of the target: what is aimed at
 _RUNS = 8
@@ -124,11 +125,12 @@ def choose(scene: Scene, target: float, progress: Callable[[Trial], None] = lamb
                 raise
     last, before = min(first, key=lambda trial: _work(trial, target)), None
     while not last.error <= target:
-        rate = _RATES[0] if last.setting.order == 1 else np.mean(_RATES)
+        rate = _EXPECTED[last.setting.order]
         if before is not None and np.isfinite(before.error * last.error):
-            rate = np.log(before.error / last.error) / np.log(before.setting.size / last.setting.size)
+            seen = np.log(before.error / last.error) / np.log(before.setting.size / last.setting.size)
+            rate = np.sqrt(rate * np.clip(seen, *_RATES))  # the largest error changes from one quantity to another
         known = last.error if np.isfinite(last.error) else 1.0
-        step = float(np.clip((_MARGIN * target / known) ** (1 / np.clip(rate, *_RATES)), *_STEP))
+        step = float(np.clip((_MARGIN * target / known) ** (1 / rate), *_STEP))
         nearest = min(trials, key=lambda trial: np.nan_to_num(trial.error, nan=np.inf))
         results = {nearest: results[nearest]}  # the others take memory
         if len(trials) == _RUNS:
