@@ -35,7 +35,7 @@ _FAR = 0.2  # of the sweep, or of the frequency: what an onset moves that counts
 _LOST = 2.0  # of this: where an onset is another one
 _VALUE = "value"
 _CHILDREN = 8  # elements into which one is cut, and about as many times the unknowns
-_COPIES = 3  # of the refined matrices: those of the terms, and their sums
+_COPIES = 4  # of the refined matrices: those of the terms, and their sums
 _VECTORS = 24  # of the refined mesh per mode, besides the coarse basis and a copy: corrections and what they come from
 _BASIS = 10  # vectors per mode of the coarse basis, where there is none yet
 
