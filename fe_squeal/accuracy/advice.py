@@ -6,20 +6,26 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy.optimize import nnls
 
 QUANTITIES = {"error_frequency": "frequencies", "error_growth": "growth rates", "error_onset": "critical values"}
 TARGETS = (0.05, 0.02, 0.01)
 _FITTED = 3  # finest sizes that a rate is fitted to
+# Times of small problems are those of what is done once; with the size they grow like unknowns^1.17 in the end.
+_GROWTH = 3.5
 _BEYOND = 4.0  # times the range of sizes: how far a fit is trusted
 
 
 @dataclass(frozen=True)
 class Fit:
-    """error = a · size^rate and seconds = b · size^−effort, of one order.
+    """error = a · size^rate and seconds = fixed + work · size^−3.5, of one order.
 
     Attributes
     ----------
-    rate, effort : float
+    rate : float
+    error : float
+        At the size 1 m.
+    fixed, work : float, s
     low, high : float, m
         Sizes that were measured.
     """
@@ -27,8 +33,8 @@ class Fit:
     order: int
     rate: float
     error: float
-    effort: float
-    seconds: float
+    fixed: float
+    work: float
     low: float
     high: float
 
@@ -41,21 +47,23 @@ class Fit:
 
     def seconds_for(self, size: float) -> float:
         """Return the time at a size."""
-        return float(self.seconds * min(size, self.high) ** -self.effort)
+        return float(self.fixed + self.work * min(size, self.high) ** -_GROWTH)
 
 
 def fitted(frame: pd.DataFrame, order: int, quantity: str) -> Fit | None:
     """Return the fit of errors and times of one order to its finest sizes; None where fewer than two tell anything."""
     rows = frame[frame["knob"].astype(str).eq(f"size, order {order}")].sort_values("size")
+    growth = rows["size"].to_numpy(float) ** -_GROWTH
+    times = rows["seconds"].to_numpy(float)
     rows = rows[np.isfinite(rows[quantity]) & (rows[quantity] > 0) & (rows[quantity] < 1)]  # 1: what is not found
     fine = rows.iloc[:_FITTED]
     if len(fine) < 2:
         return None
     size = np.log(fine["size"].to_numpy(float))
     rate, error = np.polyfit(size, np.log(fine[quantity].to_numpy(float)), 1)
-    effort, seconds = np.polyfit(size, np.log(fine["seconds"].to_numpy(float)), 1)
+    (fixed, work), _ = nnls(np.column_stack([1 / times, growth / growth.max() / times]), np.ones(len(times)))
     low, high = float(rows["size"].min()), float(rows["size"].max())
-    return Fit(order, float(rate), float(np.exp(error)), float(-effort), float(np.exp(seconds)), low, high)
+    return Fit(order, float(rate), float(np.exp(error)), float(fixed), float(work / growth.max()), low, high)
 
 
 def pareto(frame: pd.DataFrame, quantity: str) -> np.ndarray:

@@ -72,30 +72,32 @@ def tiny(tmp_path_factory):
     return path
 
 
-def table(rates=(2.0, 4.0), times=(1.0, 1.5)):
-    """Errors and times that follow powers of the size exactly."""
+def table(rates=(2.0, 4.0), work=(1.0, 2.0)):
+    """Errors that follow powers of the size exactly, and times of half a second and what grows with the elements."""
     rows = []
-    for order, rate, effort in zip((1, 2), rates, times, strict=True):
+    for order, rate, at_once in zip((1, 2), rates, work, strict=True):
         for size in (0.02, 0.014, 0.01, 0.007):
             error = (0.5 if order == 1 else 0.1) * (size / 0.02) ** rate
-            rows.append((order, size, f"size, order {order}", (size / 0.02) ** -effort, error, error, error))
+            seconds = 0.5 + at_once * (size / 0.02) ** -3.5
+            rows.append((order, size, f"size, order {order}", seconds, error, error, error))
     columns = ["order", "size", "knob", "seconds", "error_frequency", "error_growth", "error_onset"]
     return pd.DataFrame(rows, columns=columns)
 
 
 def test_fits_find_the_powers():
-    for order, rate, effort in ((1, 2.0, 1.0), (2, 4.0, 1.5)):
+    for order, rate, work in ((1, 2.0, 1.0), (2, 4.0, 2.0)):
         fit = fitted(table(), order, "error_onset")
-        assert (fit.rate, fit.effort) == pytest.approx((rate, effort))
+        assert (fit.rate, fit.fixed, fit.work) == pytest.approx((rate, 0.5, work * 0.02**3.5))
+        assert fit.seconds_for(0.005) == pytest.approx(0.5 + work * 4**3.5)  # not the slope of the first seconds
     size = fitted(table(), 2, "error_onset").size_for(0.01)
     assert size == pytest.approx(0.02 * 0.1**0.25)  # 0.1 (h/20 mm)^4 = 0.01
 
 
 def test_advice_says_what_each_order_costs():
     [five, two, one] = advice(table(), "error_onset")
-    # Order 2 has 5 % at 16.8 mm, within 1.3 s; order 1 at 6.3 mm, beyond what was measured.
-    assert five.startswith("5 % on critical values: order 2, 16.8 mm, 1.3 s")
-    assert "order 1 would need 6.32 mm, about 3.2 s (extrapolated)" in five
+    # Order 2 has 5 % at 16.8 mm, 0.5 + 2 (20/16.8)^3.5 s; order 1 at 6.3 mm, beyond what was measured.
+    assert five.startswith("5 % on critical values: order 2, 16.8 mm, 4.2 s")
+    assert "order 1 would need 6.32 mm, about 57 s (extrapolated)" in five
     assert "order 2, 11.2 mm" in one and "order 1 shows no rate" in advice(table((0.1, 4.0)), "error_onset")[0]
     assert two.startswith("2 % on critical values")
     assert "nothing that was measured" in advice(table((0.1, 0.1)), "error_onset")[2]
