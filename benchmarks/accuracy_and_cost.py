@@ -157,7 +157,7 @@ def reach(name: str, scene: Scene, target: float) -> str:
     """Return a row: what `--accuracy` chose, estimated, and its true error against a finer mesh, extrapolated."""
     start = time.perf_counter()
     print(name, file=sys.stderr)
-    choice = choose(scene, target, lambda t: print(f"{t.setting}: {t.error:.2g}, {t.seconds:.0f} s", file=sys.stderr))
+    choice = choose(scene, target, lambda text: print(text, file=sys.stderr))
     seconds = time.perf_counter() - start
     last = choice.trials[-1]
     chosen = replace(last.setting, method="reduced")

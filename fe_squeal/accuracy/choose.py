@@ -46,6 +46,10 @@ class Trial:
     error: float
     seconds: float
 
+    def __str__(self) -> str:
+        error = f"error about {100 * self.error:.2g} %" if np.isfinite(self.error) else "error not known"
+        return f"{self.setting}: {self.unknowns} unknowns, {error}, {self.seconds:.1f} s"
+
 
 @dataclass(frozen=True)
 class Choice:
@@ -71,7 +75,7 @@ class Choice:
 _Results = dict[Trial, tuple[Scene, LoadedMesh, Sweep]]
 
 
-def choose(scene: Scene, target: float, progress: Callable[[Trial], None] = lambda trial: None) -> Choice:
+def choose(scene: Scene, target: float, tell: Callable[[str], None] = lambda text: None) -> Choice:
     """Find the coarsest mesh on which frequencies, growth rates and critical values meet a target.
 
     Both orders are tried on a coarse mesh; the one that would reach the target with less work goes on, with sizes that
@@ -82,6 +86,8 @@ def choose(scene: Scene, target: float, progress: Callable[[Trial], None] = lamb
     ----------
     target : float
         Relative error, see `estimated_error`.
+    tell : callable of str
+        Gets a line about each run.
 
     Raises
     ------
@@ -113,16 +119,18 @@ def choose(scene: Scene, target: float, progress: Callable[[Trial], None] = lamb
         trial = Trial(setting, problem.unknowns, estimated_error(result), time.perf_counter() - start)
         trials.append(trial)
         results[trial] = (changed, loaded, result)
-        progress(trial)
+        tell(str(trial))
         return trial
 
     first: list[Trial] = []
     for order in (1, 2):
+        setting = replace(own, order=order, size=_START * own.size / (3 - order))
         try:
-            first.append(run(replace(own, order=order, size=_START * own.size / (3 - order))))
-        except (TooLargeError, NotConvergedError, MeshError):
+            first.append(run(setting))
+        except (TooLargeError, NotConvergedError, MeshError) as error:
             if order == 2 and not first:
                 raise
+            tell(f"{setting}: {error}")
     last, before = min(first, key=lambda trial: _work(trial, target)), None
     while not last.error <= target:
         rate = _EXPECTED[last.setting.order]
@@ -181,7 +189,7 @@ def _picked(trial: Trial, trials: list[Trial], results: _Results) -> Choice:
 
 def _missed(target: float, trials: list[Trial], results: _Results, why: str) -> NotConvergedError:
     [nearest] = results
-    found = f"{100 * nearest.error:.2g} % with {nearest.setting}"
     return NotConvergedError(
-        f"the target of {100 * target:g} % is not met: {found} ({why})", partial=_picked(nearest, trials, results)
+        f"the target of {100 * target:g} % is not met; nearest: {nearest} ({why})",
+        partial=_picked(nearest, trials, results),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
@@ -18,7 +19,7 @@ from ..results import write_record
 from ..run import report_sweep, write_results
 from ..scene import MatrixScene, Scene
 from .advice import QUANTITIES, advice
-from .choose import Choice, Trial, choose
+from .choose import Choice, choose
 from .report import write_study
 from .study import run_study
 
@@ -68,11 +69,8 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
     whole = _with_mesh(scene, "--accuracy")
     start = time.perf_counter()
 
-    def tell(trial: Trial) -> None:
-        console.print(
-            f"{trial.setting}: {trial.unknowns} unknowns, error about {100 * trial.error:.2g} %, {trial.seconds:.1f} s",
-            markup=False,
-        )
+    def tell(text: str) -> None:
+        console.print(text, markup=False)
 
     with hold_folder(out):
         failure = None
@@ -101,7 +99,8 @@ def _print_trials(choice: Choice, target: float, console: Console) -> None:
     for head in ("order", "size, mm", "unknowns", "error, %", "seconds"):
         table.add_column(head, justify="right")
     for t in choice.trials:
-        row = (str(t.setting.order), f"{1e3 * t.setting.size:.3g}", str(t.unknowns), f"{100 * t.error:.2g}")
+        error = f"{100 * t.error:.2g}" if np.isfinite(t.error) else "not known"
+        row = (str(t.setting.order), f"{1e3 * t.setting.size:.3g}", str(t.unknowns), error)
         table.add_row(*row, f"{t.seconds:.1f}")
     console.print(table)
 

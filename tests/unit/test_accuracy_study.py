@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from rich.console import Console
 
 from fe_squeal import load_scene
+from fe_squeal.accuracy import choose as choosing
 from fe_squeal.accuracy.advice import advice, fitted, pareto
 from fe_squeal.accuracy.choose import choose, estimated_error
 from fe_squeal.accuracy.commands import run_to_accuracy, study_scene
@@ -18,7 +20,7 @@ from fe_squeal.accuracy.measure import Measurement, measure
 from fe_squeal.accuracy.settings import own_setting, plan, scene_at
 from fe_squeal.accuracy.study import COLUMNS, run_study
 from fe_squeal.cli import main
-from fe_squeal.errors import NotConvergedError, SceneError
+from fe_squeal.errors import MeshError, NotConvergedError, SceneError
 
 TINY = """
 title = "pad on a belt"
@@ -243,6 +245,29 @@ def test_a_target_is_met(tiny, tmp_path):
     assert run_to_accuracy(scene, out, Console(quiet=True), 0.3) == 0
     modes = pd.read_csv(out / "modes.csv")
     assert modes["im_discretisation"].notna().mean() > 0.8
+
+
+def test_a_target_that_is_missed(tiny, tmp_path, capsys, monkeypatch):
+    """The nearest result is written and marked; an order that fails on its first mesh leaves the other."""
+    monkeypatch.setattr(choosing, "_RUNS", 1)
+    at_once = choosing.scene_at
+
+    def only_order_1(scene, setting):
+        if setting.order == 2:
+            raise MeshError("too coarse for gmsh")
+        return at_once(scene, setting)
+
+    monkeypatch.setattr(choosing, "scene_at", only_order_1)
+    out = tmp_path / "out"
+    assert main(["run", str(tiny), "-o", str(out), "--accuracy", "1e-6"]) == 3
+    printed = capsys.readouterr()
+    assert "too coarse for gmsh" in printed.out and "not met; nearest: order 1" in " ".join(printed.err.split())
+    assert "Traceback" not in printed.err
+    record = json.loads((out / "run.json").read_text("utf-8"))
+    assert record["status"] == "not converged" and record["seconds"]["trial 1"] > 0
+    assert len(pd.read_csv(out / "modes.csv"))
+    monkeypatch.setattr(choosing, "scene_at", lambda scene, setting: only_order_1(scene, replace(setting, order=2)))
+    assert main(["run", str(tiny), "-o", str(tmp_path / "none"), "--accuracy", "0.1"]) == 2
 
 
 @pytest.mark.parametrize(
