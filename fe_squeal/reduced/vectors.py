@@ -67,7 +67,7 @@ def interior_nodes(low: float, high: float, count: int) -> np.ndarray:
 
     Examples
     --------
-    >>> interior_nodes(0.0, 2.0, 1).tolist()
+    >>> interior_nodes(0.0, 2.0, 1).round(9).tolist()
     [1.0]
     """
     wave = np.cos(np.pi * (np.arange(count) + 0.5) / count)
