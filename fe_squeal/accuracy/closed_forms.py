@@ -24,7 +24,7 @@ def exact_frequencies(scene: Scene, count: int) -> np.ndarray | None:
     block, material = scene.mesh.geometry, next(iter(scene.materials.values()))
     if len(scene.bodies) == 1:
         material = scene.materials[next(iter(scene.bodies.values())).material]
-    others = scene.contacts or scene.springs or scene.effects.names or scene.sweep
+    others = scene.contacts or scene.springs or scene.effect_names or scene.sweep
     if others or not isinstance(block, Block) or block.count > 1 or block.belt_thickness:
         return None
     E, nu = material.youngs_modulus, material.poisson_ratio

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import pytest
 from hard_page import FAILS, PAGE, RECORDED, SLACK, known_cases, read_page, summary
 
 
-def test_page_has_every_case_and_no_other(request):
-    if request.config.pluginmanager.hasplugin("write-hard-cases"):
-        pytest.skip("the page is being written")
+def test_page_has_every_case_and_no_other():
     assert sorted(read_page()) == sorted(known_cases()), f"run python benchmarks/hard_cases.py --write for {PAGE.name}"
     assert all(known_cases().values())  # a docstring each, which the page quotes
 
 
 def test_page_has_the_digits_of_this_run(request):
     """Of those cases of which every run was made."""
-    if request.config.pluginmanager.hasplugin("write-hard-cases"):
-        pytest.skip("the page is being written")
     page, known = read_page(), known_cases()
     for name, results in request.config.stash.get(RECORDED, {}).items():
         assert name in known and name in page

@@ -59,6 +59,7 @@ def test_scenes_that_have_them():
         {"supports": [{"surface": "bottom", "fixed": "z"}]},
         {"springs": [{"name": "stay", "surface": "top", "stiffness": 1e6, "direction": [0.0, 0.0, 1.0]}]},
         {"effects": {"rayleigh": {"alpha": 1.0}}},
+        {"bodies": {"block": {"material": "steel", "rayleigh": {"alpha": 1.0}}}},
         {"sweep": {"parameter": "materials.steel.poisson_ratio", "from": 0.2, "to": 0.3, "points": 2}},
         {"materials": {"steel": {"youngs_modulus": [2e11] * 3, "poisson_ratio": [0.3] * 3, "shear_modulus": [8e10] * 3,
                                  "density": 7800.0}}},
