@@ -254,8 +254,9 @@ the bar of `--estimate`; *bar / error*: the median.
 With which power of the size the error falls, from the finest mesh to the same with every element cut into eight, as
 the corrections of `--estimate` find it (the median of the modes). Smooth modes give 2 for order 1 and 4 for order 2. At
 the clamped hub of the disc the stress is singular (like r^−0.3 at a right angle between clamped and free faces of
-steel), which takes order 2 down to between 1 and 2 in the end. Linear tetrahedra bend as if they were far stiffer: on the plate, one of them through the thickness,
-the frequencies are nearly twice the true ones, and it takes several through the thickness before the rate shows.
+steel), which takes order 2 down to between 1 and 2 in the end. Linear tetrahedra bend as if they were
+far stiffer: on the plate, one of them through the thickness, the frequencies are nearly twice the true ones, and it
+takes several through the thickness before the rate shows.
 
 {rates}
 

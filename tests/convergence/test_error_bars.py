@@ -79,14 +79,19 @@ def brake(refinement, **effects):
 
 @pytest.mark.slow
 def test_disc_and_pad():
-    """Frequencies and growth rates with friction and damping, against the mesh of half the size."""
+    """Frequencies and growth rates with friction and damping, against the mesh of half the size, extrapolated.
+
+    Against that mesh alone the bars would be held to what they are made of.
+    """
     damping = {"rayleigh": {"alpha": 30.0, "beta": 2e-8}}
     coarse, fine = (sweep(brake(n, **damping), [0.8], modes=20) for n in (1, 2))
-    changes = refined_changes(coarse).modes[0]
-    check(coarse.points[0].modes, changes, fine.points[0].modes.frequency_hz[:10], 2)
+    changes, further = (refined_changes(s).modes[0] for s in (coarse, fine))
+    true = np.sort(fine.points[0].modes.frequency_hz + 1.2 * further.imag / (2 * np.pi))
+    check(coarse.points[0].modes, changes, true[:10], 2)
     a, b = (s.points[0].modes.lam for s in (coarse, fine))
     i, j = int(np.argmax(a.real)), int(np.argmax(b.real))
-    assert abs(b[j].real - a[i].real) <= BAR * abs(changes[i].real) <= 5 * abs(b[j].real - a[i].real)
+    error = abs(b[j].real + 1.2 * further[j].real - a[i].real)
+    assert error <= BAR * abs(changes[i].real) <= 5 * error
 
 
 def test_belt_with_one_value_and_preload():
