@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from .kernel import find_kernel, null_columns
+from .kernel import amplitudes, find_kernel, null_columns
 from .linear_solvers import Factor, factorize
 from .multiple import ROUNDING
 from .pencil import FreeMotions, Pencil
@@ -88,9 +88,12 @@ def split_off(pencil: Pencil) -> FreeModes | None:
     if pencil.C is None or CZ is None:
         free = np.zeros((0, 0))
         return FreeModes(np.zeros(k, complex), Z, W, (Z, nothing), (W, 0 * W), Z, free, 0)
-    closed, drift, nu, x, y = _own_decay(pencil, *_closed(pencil, Z[:, :massive], CZ[:, :massive]))
+    d = pencil.units[0]
+    sizes = abs(pencil.C) @ amplitudes(Z, d)
+    rounding = _CANCELLED * float(la.norm(amplitudes(Z[:, :massive], d).T @ sizes))
+    closed, drift, nu, x, y = _own_decay(pencil, *_closed(pencil, Z[:, :massive], CZ[:, :massive]), rounding)
     gram = W.conj().T @ CZ
-    size = _CANCELLED * float(la.norm(np.abs(W).T @ (abs(pencil.C) @ np.abs(Z))))
+    size = _CANCELLED * float(la.norm(amplitudes(W, d).T @ sizes))
     rest, rest_left = null_columns(gram, size), null_columns(gram.conj().T, size)
     slow, slow_left = Z @ rest, W @ rest_left
     pushed = ground.pushed(-CZ @ rest)
@@ -118,7 +121,8 @@ def _closed(pencil: Pencil, Z: np.ndarray, CZ: np.ndarray) -> tuple[np.ndarray, 
     assert pencil.C is not None
     MZ = pencil.M @ Z
     D = Z.T @ CZ
-    size = float(la.norm(abs(pencil.C) @ np.abs(Z)) + la.norm(abs(pencil.M) @ np.abs(Z)) * la.norm(D))
+    moved = amplitudes(Z, pencil.units[0])
+    size = float(la.norm(abs(pencil.C) @ moved) + la.norm(abs(pencil.M) @ moved) * la.norm(D))
     N = null_columns(CZ - MZ @ D, _CANCELLED * size)
     while N.shape[1]:
         leaving = D @ N - N @ (N.T @ D @ N)
@@ -130,9 +134,15 @@ def _closed(pencil: Pencil, Z: np.ndarray, CZ: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _own_decay(
-    pencil: Pencil, Z: np.ndarray, D: np.ndarray
+    pencil: Pencil, Z: np.ndarray, D: np.ndarray, rounding: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return Z, D and the ν ≠ 0 with (νM + C)x = 0 of closed motions, with their modes; nothing of a defective D."""
+    """Return Z, D and the ν ≠ 0 with (νM + C)x = 0 of closed motions, with their modes; nothing of a defective D.
+
+    Parameters
+    ----------
+    rounding : float, rad/s
+        What of D is zero.
+    """
     vectors = np.zeros((len(Z), 0))
     nothing = vectors, np.zeros((0, 0)), np.zeros(0, complex), vectors, vectors
     if not len(D):
@@ -142,7 +152,7 @@ def _own_decay(
     values, Y = la.eigh((D + D.T) / 2) if symmetric else la.eig(D)
     if np.linalg.cond(Y) > _DEFECTIVE:
         return nothing
-    moves = np.abs(values) > _CANCELLED * la.norm(np.abs(Z).T @ (abs(pencil.C) @ np.abs(Z)))
+    moves = np.abs(values) > rounding
     nu, x = -values[moves].astype(complex), Z @ Y[:, moves]
     y, done = np.zeros(x.shape, x.dtype if pencil.symmetric else complex), np.zeros(len(nu), bool)
     for i in range(len(nu)):
@@ -160,7 +170,7 @@ def _left_modes(pencil: Pencil, nu: complex, x: np.ndarray) -> np.ndarray:
     Q = sp.csr_array(value**2 * pencil.M + value * pencil.C + pencil.K)
     lam = np.full(x.shape[1], nu)
     for y in (x, x.conj()):
-        if la.norm(Q.conj().T @ y) <= _CANCELLED * la.norm(pencil.magnitude(lam, y)):
+        if la.norm(Q.conj().T @ y) <= _CANCELLED * la.norm(pencil.magnitude(lam, amplitudes(y, pencil.units[0]))):
             return y
     return _Ground(pencil, Q, x).left_kernel()
 
@@ -174,7 +184,8 @@ class _Ground:
     def __init__(self, pencil: Pencil, A: sp.csr_array, Z: np.ndarray) -> None:
         self._A, self._symmetric = A, pencil.symmetric and A is pencil.K
         k = Z.shape[1]
-        order = la.qr((Z / pencil.units[0][:, None]).conj().T, mode="r", pivoting=True)[1]
+        self._units = pencil.units[0][:, None]
+        order = la.qr((Z / self._units).conj().T, mode="r", pivoting=True)[1]
         self._held, self._rest = np.sort(order[:k]), np.sort(order[k:])
         self._factor: Factor | None = None
 
@@ -196,7 +207,7 @@ class _Ground:
         W = np.zeros((self._A.shape[0], len(self._held)), self._A.dtype)
         W[self._held] = np.eye(len(self._held))
         W[self._rest] = -self._solve(B.toarray(), adjoint=True)
-        return W
+        return np.asarray(self._units * la.qr(W / self._units, mode="economic")[0])
 
     def pushed(self, forces: np.ndarray, adjoint: bool = False) -> np.ndarray:
         """Return u with A u = forces (or Aᴴ u) of forces that have no part in any motion of the kernel."""

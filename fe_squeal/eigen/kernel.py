@@ -27,11 +27,20 @@ def null_columns(B: np.ndarray, least: float) -> np.ndarray:
     return np.asarray(Vh[s <= least].conj().T)
 
 
+def amplitudes(Z: np.ndarray, d: np.ndarray | None = None) -> np.ndarray:
+    """Return for every entry of Z (n, k) the largest of its column, in units d (n,) of the unknowns.
+
+    Entries that are zero by themselves hold rounding of the larger ones.
+    """
+    units = np.ones((len(Z), 1)) if d is None else d[:, None]
+    return np.asarray(units * np.abs(Z / units).max(axis=0, initial=0.0))
+
+
 def unforced(A: sp.csr_array, Z: np.ndarray, rounding: float) -> np.ndarray:
-    """Return orthonormal V (k, m) such that A moves nothing along Z V: ‖A Z V‖ ≤ rounding · ‖|A||Z|‖."""
+    """Return orthonormal V (k, m) such that A moves nothing along Z V: ‖A Z V‖ is `rounding` of what may cancel."""
     if not Z.shape[1]:
         return np.zeros((0, 0))
-    return null_columns(A @ Z, rounding * float(la.norm(abs(A) @ np.abs(Z), 2)))
+    return null_columns(A @ Z, rounding * float(la.norm(abs(A) @ amplitudes(Z), 2)))
 
 
 def kernel_within(pencil: Pencil, motions: np.ndarray) -> np.ndarray:

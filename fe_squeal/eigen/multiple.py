@@ -55,7 +55,8 @@ def separated(
     """
     if pencil.is_complex:
         return lam, right, left
-    zero = np.abs(lam) <= rounding_of_zero(pencil, lam, right)
+    # Exact zeros are those of free motions, which are told apart already.
+    zero = (lam != 0) & (np.abs(lam) <= rounding_of_zero(pencil, lam, right))
     groups = [np.flatnonzero(zero)] if zero.any() else []
     groups += [np.array([i]) for i in np.flatnonzero(~zero & (lam.imag > 0) & (lam.imag <= _NEARLY_REAL * np.abs(lam)))]
     gone, found = [], []
