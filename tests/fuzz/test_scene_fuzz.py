@@ -159,9 +159,9 @@ def test_scenes_are_good_before_they_are_spoilt(
 
 @pytest.mark.parametrize("seed", range(ROUNDS))
 def test_spoilt_scenes(
-    place: Path, seed: int, capsys: pytest.CaptureFixture[str], recwarn: pytest.WarningsRecorder
+    place: Path, seed: int, other_seed: int, capsys: pytest.CaptureFixture[str], recwarn: pytest.WarningsRecorder
 ) -> None:
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng([seed, other_seed] if other_seed else seed)
     path, out = place / "scene.toml", place / "out"
     before = peak_memory_mib()
     codes = []
@@ -201,10 +201,12 @@ for number in range(int(sys.argv[1])):
 
 
 @pytest.mark.parametrize(("count", "seed", "whole"), [(50, 50, False), (3, 51, True)])
-def test_through_the_command(place: Path, tmp_path: Path, count: int, seed: int, whole: bool) -> None:
+def test_through_the_command(
+    place: Path, tmp_path: Path, count: int, seed: int, other_seed: int, whole: bool
+) -> None:
     """Processes of their own, in which stderr is the system's: 50 forked from one that has imported the program, since
     that takes longest, and a few from the start."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng([seed, other_seed] if other_seed else seed)
     for path in (*place.glob("*.m*"), place / "M.npz"):
         shutil.copy(path, tmp_path)
     for number in range(count):
