@@ -41,8 +41,8 @@ class Setting:
 
 
 def _threads(count: int) -> Setting:
-    # MKL takes no more threads than cores unless it is told.
-    return Setting({**dict.fromkeys(THREADS, str(count)), "MKL_DYNAMIC": "FALSE"})
+    # Subprocesses of tests take the first three, and MKL no more threads than cores unless it is told.
+    return Setting({**dict.fromkeys(THREADS, str(count)), "MKL_DYNAMIC": "FALSE", variations.THREADS: str(count)})
 
 
 SETTINGS = {

@@ -1,4 +1,4 @@
-"""What may differ between machines and must not change a verdict: start vectors, numbers of nodes, linear solver.
+"""What may differ and must not change a verdict: start vectors, numbers of nodes, linear solver, threads.
 
 `tests/conftest.py` switches these on by the environment, for the whole process and before any test is imported;
 `tests/again.py` sets that. Without such a variable nothing is changed.
@@ -15,8 +15,9 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+import threadpoolctl
 
-SEED, SHUFFLE, SOLVER = "FE_SQUEAL_TEST_SEED", "FE_SQUEAL_TEST_SHUFFLE", "FE_SQUEAL_TEST_SOLVER"
+SEED, SHUFFLE, SOLVER, THREADS = (f"FE_SQUEAL_TEST_{what}" for what in ("SEED", "SHUFFLE", "SOLVER", "THREADS"))
 
 
 def vary(environment: Mapping[str, str]) -> None:
@@ -26,7 +27,8 @@ def vary(environment: Mapping[str, str]) -> None:
     ----------
     environment : mapping
         SEED = "3" moves the seed of every start vector by 3, SHUFFLE = "3" numbers the nodes and elements of every
-        mesh anew by a permutation of that seed, SOLVER = "superlu" hides PARDISO.
+        mesh anew by a permutation of that seed, SOLVER = "superlu" hides PARDISO, THREADS = "4" gives both BLAS so many
+        threads (OPENBLAS_NUM_THREADS gives no more than there are cores).
 
     Raises
     ------
@@ -42,6 +44,11 @@ def vary(environment: Mapping[str, str]) -> None:
     if seed := _number(environment, SHUFFLE):
         for name in ("from_skfem", "read_mesh"):  # meshes of Python, and of files and geometries
             _replace(name, functools.partial(_shuffled, seed=seed))
+    if threads := _number(environment, THREADS):
+        from fe_squeal.eigen.linear_solvers import has_pardiso
+
+        has_pardiso()  # limits hold for libraries that are loaded
+        threadpoolctl.threadpool_limits(threads)
     solver = environment.get(SOLVER, "")
     if solver not in ("", "superlu"):
         raise pytest.UsageError(f'{SOLVER}: given "{solver}"; expected "superlu" or nothing')
