@@ -237,7 +237,7 @@ class Problem:
         if self.motions is None:
             return find_kernel(self.pencil() if pencil is None else pencil)
         Z = self.motions
-        for i in sorted(stiff, key=lambda i: self.terms[i].matrix.nnz):  # springs and contacts, which hold most, are small
+        for i in sorted(stiff, key=lambda i: self.terms[i].matrix.nnz):  # small springs and contacts hold most of them
             Z = Z @ unforced(self.terms[i].matrix, Z, _FREE)
         return Z
 

@@ -177,7 +177,8 @@ def _near_coalescence(first_order: np.ndarray, least: np.ndarray, values: np.nda
 
 def _backward_errors(pencil: Pencil, residual: np.ndarray, magnitude: np.ndarray) -> np.ndarray:
     d = pencil.units[0][:, None]
-    return _column_norms(d * residual) / _column_norms(d * magnitude)
+    left, size = _column_norms(d * residual), _column_norms(d * magnitude)
+    return np.divide(left, size, out=np.zeros(len(left)), where=left > 0)  # no force at all on an unknown of its own
 
 
 def _column_norms(x: np.ndarray) -> np.ndarray:
