@@ -8,8 +8,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from .kernel import amplitudes, find_kernel, null_columns
-from .linear_solvers import Factor, factorize
+from .kernel import Ground, amplitudes, find_kernel, null_columns
 from .multiple import ROUNDING
 from .pencil import FreeMotions, Pencil
 
@@ -86,8 +85,9 @@ def split_off(pencil: Pencil) -> FreeModes | None:
         if pencil.C is None
         else (_without_rounding(pencil.C, Z, pencil.units[0]) if known.damping is None else known.damping @ T)
     )
-    ground = _Ground(pencil, pencil.K, Z)
-    W = Z if pencil.symmetric else ground.left_kernel()
+    units = pencil.units[0][:, None]
+    ground = Ground(pencil.K, Z / units, pencil.symmetric)
+    W = Z if pencil.symmetric else _orthonormal(ground.followed(adjoint=True), units)
     k, nothing = Z.shape[1], np.zeros_like(Z)
     if pencil.C is None or CZ is None:
         free = np.zeros((0, 0))
@@ -182,48 +182,12 @@ def _left_modes(pencil: Pencil, nu: complex, x: np.ndarray) -> np.ndarray:
     for y in (x, x.conj()):
         if la.norm(Q.conj().T @ y) <= _CANCELLED * la.norm(pencil.magnitude(lam, amplitudes(y, pencil.units[0]))):
             return y
-    return _Ground(pencil, Q, x).left_kernel()
+    units = pencil.units[0][:, None]
+    return _orthonormal(Ground(Q, x / units, symmetric=False).followed(adjoint=True), units)
 
 
-class _Ground:
-    """A singular matrix A with as many unknowns held as make it regular, its kernel Z being known.
-
-    The unknowns are those on which the motions of Z differ most (pivoted QR), as determinate supports of a body do.
-    """
-
-    def __init__(self, pencil: Pencil, A: sp.csr_array, Z: np.ndarray) -> None:
-        self._A, self._symmetric = A, pencil.symmetric and A is pencil.K
-        k = Z.shape[1]
-        self._units = pencil.units[0][:, None]
-        order = la.qr((Z / self._units).conj().T, mode="r", pivoting=True)[1]
-        self._held, self._rest = np.sort(order[:k]), np.sort(order[k:])
-        self._factor: Factor | None = None
-
-    def _solve(self, b: np.ndarray, adjoint: bool) -> np.ndarray:
-        """Return A_rr⁻¹ b, or with A_rrᴴ, improved once."""
-        if not b.any():
-            return b
-        A = sp.csr_array(self._A[self._rest][:, self._rest])
-        if self._factor is None:
-            self._factor = factorize(A, self._symmetric)
-        solve = self._factor.solve_adjoint if adjoint else self._factor.solve
-        B = sp.csr_array(A.conj().T) if adjoint else A
-        x = solve(b)
-        return np.asarray(x + solve(b - B @ x))
-
-    def left_kernel(self) -> np.ndarray:
-        """Return W (n, k) with WᴴA = 0."""
-        B = sp.csr_array(self._A[self._held][:, self._rest].conj().T)
-        W = np.zeros((self._A.shape[0], len(self._held)), self._A.dtype)
-        W[self._held] = np.eye(len(self._held))
-        W[self._rest] = -self._solve(B.toarray(), adjoint=True)
-        return np.asarray(self._units * la.qr(W / self._units, mode="economic")[0])
-
-    def pushed(self, forces: np.ndarray, adjoint: bool = False) -> np.ndarray:
-        """Return u with A u = forces (or Aᴴ u) of forces that have no part in any motion of the kernel."""
-        u = np.zeros(forces.shape, np.result_type(forces, self._A.dtype))
-        u[self._rest] = self._solve(np.asarray(forces[self._rest]), adjoint)
-        return u
+def _orthonormal(W: np.ndarray, units: np.ndarray) -> np.ndarray:
+    return np.asarray(units * la.qr(W / units, mode="economic")[0])
 
 
 def _real_span(x: np.ndarray, nu: np.ndarray) -> list[States]:
