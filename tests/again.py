@@ -42,7 +42,10 @@ class Setting:
 
 def _threads(count: int) -> Setting:
     # Subprocesses of tests take the first three, and MKL no more threads than cores unless it is told.
-    return Setting({**dict.fromkeys(THREADS, str(count)), "MKL_DYNAMIC": "FALSE", variations.THREADS: str(count)})
+    # Threads that wait sleep at once: those of two processes spin on each other's cores otherwise, for minutes a test.
+    waiting = {"OPENBLAS_THREAD_TIMEOUT": "4", "KMP_BLOCKTIME": "0"}
+    numbers = dict.fromkeys((*THREADS, variations.THREADS), str(count))
+    return Setting({**numbers, **waiting, "MKL_DYNAMIC": "FALSE"})
 
 
 SETTINGS = {
