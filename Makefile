@@ -40,7 +40,7 @@ docs: run
 	mkdir -p docs/images
 	cp results/disc_pad/stability.png docs/images/stability.png
 	cp results/disc_pad/shapes/branch_16_*.png docs/images/shape.png
-	$(BIN)/python -m fe_squeal.scene_reference > docs/scene.md
+	$(BIN)/python -m fe_squeal.scene.reference > docs/scene.md
 
 # The pages of what effects and sweeps cost, with the times of this machine, and of nearly incompressible linings.
 benchmarks: .venv/installed

@@ -25,13 +25,13 @@ import numpy as np
 from accuracy_cases import SOLIDS, Rung, belt_scene, brake_scene, extrapolated, solve
 
 from fe_squeal.accuracy.choose import choose
-from fe_squeal.accuracy.errors import errors_of, reference_of
 from fe_squeal.accuracy.estimate import BAR
 from fe_squeal.accuracy.measure import measure_apart
-from fe_squeal.accuracy.report import plot_study, write_study
+from fe_squeal.accuracy.reference import errors_of, reference_of
 from fe_squeal.accuracy.settings import Setting, plan
 from fe_squeal.accuracy.study import Study, run_study
 from fe_squeal.compare import compare
+from fe_squeal.report.accuracy import plot_study, write_study
 from fe_squeal.report.labels import place_labels
 from fe_squeal.scene import Scene
 

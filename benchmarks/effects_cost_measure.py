@@ -21,13 +21,15 @@ import numpy as np
 import scipy.sparse as sp
 from effects_cost_cases import Case
 
-from fe_squeal import assemble, assembly, base_state, parse_scene, rotating_bodies
-from fe_squeal.bodies import read_mesh
-from fe_squeal.eigen import linear_solvers
+from fe_squeal import assemble, parse_scene
+from fe_squeal.assembly import assembly, rotating_bodies
+from fe_squeal.assembly import preload_state as base_state
+from fe_squeal.assembly.bodies import read_mesh
+from fe_squeal.eigen.linear import choice as linear_solvers
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.solve import Request, solve_modes
 from fe_squeal.eigen.threads import one_openblas_thread
-from fe_squeal.problem import Problem
+from fe_squeal.problem.problem import Problem
 from fe_squeal.scene import Scene
 
 NEXT_MU = 0.41

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from importlib.metadata import PackageNotFoundError, version
 
-from .assembly import assemble
+from .assembly.assembly import assemble
 from .errors import InputError, MeshError, NotConvergedError, OutputError, SceneError, SquealError
 from .mesh import LoadedMesh, from_skfem, load_mesh
-from .problem import Problem
-from .results import export_shapes, find_onsets
+from .problem.problem import Problem
+from .run.outputs import export_shapes, find_onsets
 from .scene import Scene
-from .scene_file import load_scene, parse_scene
-from .sweep import sweep
-from .sweep_result import Sweep
+from .scene.file import load_scene, parse_scene
+from .sweep.result import Sweep
+from .sweep.sweep import sweep
 
 try:
     __version__ = version("fe-squeal")

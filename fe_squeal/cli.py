@@ -16,17 +16,17 @@ from rich.console import Console
 from rich.table import Table
 
 from . import __version__
-from .assembly import assemble
-from .bodies import read_mesh
-from .check import describe, group_table
-from .eigen.linear_solvers import solver_name
+from .assembly.assembly import assemble
+from .assembly.bodies import read_mesh
+from .eigen.linear.choice import solver_name
 from .eigen.memory import available_memory, memory_text
 from .errors import InputError, MeshError, NotConvergedError, SceneError, SquealError, one_line
 from .geometry import write_mesh
 from .report import print_onsets
-from .run import INTERRUPTED, run_scene, sweep_scene
+from .run.check import describe, group_table
+from .run.run import INTERRUPTED, run_scene, sweep_scene
 from .scene import MatrixScene, Scene
-from .scene_file import load_scene
+from .scene.file import load_scene
 
 app = typer.Typer(
     help="Complex eigenvalue analysis of brake squeal on finite-element meshes.",
@@ -68,7 +68,7 @@ def run(
     if accuracy is not None:
         if resume:
             raise SceneError("--accuracy: given with --resume; expected one of them")
-        from .accuracy.commands import run_to_accuracy
+        from .run.accuracy import run_to_accuracy
 
         return run_to_accuracy(loaded, folder, _console(), accuracy)
     return run_scene(loaded, folder, _console(), resume, estimate)
@@ -165,7 +165,7 @@ def accuracy(
     ] = None,
 ) -> int:
     """Show what accuracy costs: error against time over mesh size, order, number of modes and method."""
-    from .accuracy.commands import study_scene
+    from .run.accuracy import study_scene
 
     return study_scene(load_scene(scene), out or Path(f"{scene.stem}_accuracy"), _console(), budget)
 

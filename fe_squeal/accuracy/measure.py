@@ -15,13 +15,13 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
-from ..assembly import Assembly
+from ..assembly.assembly import Assembly
 from ..errors import NotConvergedError, SquealError, TooLargeError
-from ..inputs import swept
 from ..report import replace_atomically
-from ..results import peak_memory_mib
+from ..run.inputs import swept
+from ..run.outputs import peak_memory_mib
 from ..scene import Scene
-from ..sweep import sweep
+from ..sweep.sweep import sweep
 from .estimate import Changes, refined_changes
 from .settings import Setting, scene_at
 

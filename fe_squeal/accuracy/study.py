@@ -14,8 +14,8 @@ from ..errors import NotConvergedError, SquealError
 from ..report import replace_atomically
 from ..scene import Scene
 from .closed_forms import exact_frequencies
-from .errors import Errors, Reference, as_reference, errors_of, reference_of, with_exact
 from .measure import Measurement, measure_apart
+from .reference import Errors, Reference, as_reference, errors_of, reference_of, with_exact
 from .settings import Setting, plan
 
 COLUMNS = (

@@ -15,10 +15,10 @@ import numpy as np
 
 import lumped
 
-from ..assembly import assemble
+from ..assembly.assembly import assemble
 from ..mesh import LoadedMesh
-from ..problem import Problem
-from ..scene_file import parse_scene
+from ..problem.problem import Problem
+from ..scene.file import parse_scene
 from .blocks import Body, brick, build_mesh
 
 Field = Callable[[np.ndarray], np.ndarray]  # positions (n, 3) to displacements (n, 3)

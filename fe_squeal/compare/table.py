@@ -14,8 +14,8 @@ import lumped
 from ..eigen.pencil import Modes
 from ..eigen.solve import Request, solve_modes
 from ..errors import SceneError, suggest
-from ..problem import Problem
-from ..sweep import sweep
+from ..problem.problem import Problem
+from ..sweep.sweep import sweep
 from .cases import Case, minimal, nine_dof, two_mass, uncoupled_disc
 
 _DEFORMING = 10.0  # times the highest lumped frequency: deformations of the bodies lie far above, rotations below

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import scipy.sparse as sp
 
-from ..contact import ContactOperators
-from ..terms import Slot, Term
+from ..fem.contact import ContactOperators
+from ..problem.terms import Slot, Term
 
 
 def contact_terms(

@@ -8,12 +8,12 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from ..contact import Sliding
 from ..errors import SceneError
-from ..rotating import circulatory_matrices, gyroscopic_matrices
-from ..schema import Direction, Section, Speed, Vector
-from ..spaces import DisplacementSpace
-from ..terms import Term
+from ..fem.contact import Sliding
+from ..fem.gyroscopics import circulatory_matrices, gyroscopic_matrices
+from ..fem.spaces import DisplacementSpace
+from ..problem.terms import Term
+from ..schema.section import Direction, Section, Speed, Vector
 from .rayleigh import Rayleigh
 
 
@@ -22,7 +22,8 @@ class Rotation(Section):
 
     With w = Ω × (x − c): gyroscopic C_G = 2 ∫ ρ δu·(w·∇)u̇ (skew) and K_Ω = −∫ ρ (w·∇)δu·(w·∇)u; the body's Rayleigh
     damping acts on the rate that the body sees and adds a circulatory stiffness. The centrifugal stress comes with
-    `[effects.preload]` and acts through `[effects.stress_stiffening]`. The equations stand in `fe_squeal.rotating`.
+    `[effects.preload]` and acts through `[effects.stress_stiffening]`. The equations stand in
+    `fe_squeal.fem.gyroscopics`.
 
     Attributes
     ----------

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator
 
 from ..errors import NotConvergedError
 from .dense import DENSE_LIMIT
-from .linear_solvers import Factor, Solve, factorize
+from .linear.choice import Factor, Solve, factorize
 from .memory import require_vectors
 from .pencil import Pencil
 from .threads import one_openblas_thread

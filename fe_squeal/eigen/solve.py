@@ -11,7 +11,7 @@ from ..errors import NotConvergedError
 from .arpack import nonsymmetric_modes, quadratic_modes, symmetric_modes
 from .dense import DENSE_LIMIT, LAPACK, solve_dense
 from .inertia import count_below, finite_below
-from .linear_solvers import SingularError
+from .linear.choice import SingularError
 from .pencil import Modes, Pencil, is_mirror
 from .shift_invert import ShiftInverted
 

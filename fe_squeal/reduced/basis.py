@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ..blocks import combine, cross, times
+from ..eigen.blocks import combine, cross, times
 from ..eigen.pencil import Modes
 from ..eigen.quality import ROUNDING
-from ..problem import Problem
+from ..problem.problem import Problem
 from .projection import POWER, Projection
 from .vectors import lift, normalising
 

@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..blocks import times
-from ..bordered import Root
 from ..eigen.block_lanczos import lowest_modes
-from ..eigen.definite import DefiniteFactor
+from ..eigen.blocks import times
 from ..eigen.inertia import count_below
-from ..eigen.linear_solvers import Factor, factorize
+from ..eigen.linear.choice import Factor, factorize
+from ..eigen.linear.definite import DefiniteFactor
 from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
 from ..eigen.solve import Request, select_wanted
 from ..errors import NotConvergedError
-from ..problem import Problem
+from ..problem.problem import Problem
+from ..sweep.newton import Root
 from .basis import ReducedBasis
 from .undamped import factorize_undamped
 from .vectors import interior_nodes, lift, range_of, real_columns, unit_columns

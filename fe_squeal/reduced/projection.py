@@ -10,11 +10,11 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from ..blocks import combine, times
+from ..eigen.blocks import combine, times
 from ..eigen.dense import solve_dense
 from ..eigen.pencil import Modes, Pencil
-from ..problem import Problem
-from ..terms import Slot, Term
+from ..problem.problem import Problem
+from ..problem.terms import Slot, Term
 from .undamped import weighted
 from .vectors import FreeMotions, lift
 

@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fe_squeal.noise import classify_noise
 from fe_squeal.report.branches import numbers, parameter_name, parameter_symbol, total_uncertainty
+from fe_squeal.sweep.noise import classify_noise
 
 MAX_ROWS = 20
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import PrivateAttr
 
-from ..schema import Section
+from ..schema.section import Section
 
 
 class BaseScene(Section):

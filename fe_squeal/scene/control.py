@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from ..schema import Positive, Section
+from ..schema.section import Positive, Section
 from .paths import MU, canonical, paths_of
 
 

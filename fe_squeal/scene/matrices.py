@@ -7,7 +7,7 @@ from typing import Annotated, Literal, get_args
 from pydantic import Field, field_validator, model_validator
 
 from ..errors import suggest
-from ..schema import Section, Text
+from ..schema.section import Section, Text
 from .base import BaseScene
 from .control import Output, Solve, SweepSection
 from .paths import paths_of

@@ -54,7 +54,7 @@ def with_numbers(scene: Scene, numbers: Mapping[str, float]) -> Scene:
     ------
     SceneError
     """
-    from ..scene_file import parse_scene
+    from .file import parse_scene
 
     data = scene.model_dump(by_alias=True, exclude_unset=True)
     data.pop("sweep", None)

@@ -18,8 +18,8 @@ from ..effects.springs import Spring
 from ..effects.stress_stiffening import StressStiffening
 from ..effects.structural_damping import StructuralDamping
 from ..errors import SceneError, suggest
-from ..materials import Elasticity, Material, elasticity, material_axes, stiffness_tensor
-from ..schema import Section
+from ..fem.materials import Elasticity, Material, elasticity, material_axes, stiffness_tensor
+from ..schema.section import Section
 from .base import BaseScene
 from .bodies import Body, Support
 from .contacts import Contact

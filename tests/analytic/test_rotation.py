@@ -11,13 +11,13 @@ import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
-from fe_squeal import rotating
-from fe_squeal.contact import Sliding
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.solve import Request, solve_modes
-from fe_squeal.element_matrices import assemble_elasticity
-from fe_squeal.materials import Material, stiffness_tensor
-from fe_squeal.spaces import make_space
+from fe_squeal.fem import gyroscopics as rotating
+from fe_squeal.fem.contact import Sliding
+from fe_squeal.fem.element_matrices import assemble_elasticity
+from fe_squeal.fem.materials import Material, stiffness_tensor
+from fe_squeal.fem.spaces import make_space
 from meshes import KINDS, STEEL, annulus, mapped, rotation
 
 OUTER, INNER, THICKNESS = 0.2, 0.1, 0.004

@@ -12,15 +12,15 @@ from rich.console import Console
 
 from fe_squeal import load_scene
 from fe_squeal.accuracy import choose as choosing
-from fe_squeal.accuracy.advice import advice, fitted, pareto
 from fe_squeal.accuracy.choose import choose, estimated_error
-from fe_squeal.accuracy.commands import run_to_accuracy, study_scene
-from fe_squeal.accuracy.errors import errors_of, reference_of, same_modes
 from fe_squeal.accuracy.measure import Measurement, measure
+from fe_squeal.accuracy.reference import errors_of, reference_of, same_modes
 from fe_squeal.accuracy.settings import own_setting, plan, scene_at
 from fe_squeal.accuracy.study import COLUMNS, run_study
 from fe_squeal.cli import main
 from fe_squeal.errors import MeshError, NotConvergedError, SceneError
+from fe_squeal.report.advice import advice, fitted, pareto
+from fe_squeal.run.accuracy import run_to_accuracy, study_scene
 
 TINY = """
 title = "pad on a belt"

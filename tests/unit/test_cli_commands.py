@@ -14,7 +14,7 @@ import pytest
 from scene_texts import CONTACTS, CRITICAL_MU, HEAD, SCENE, SPRINGS, environment, replaced, without, write_scene
 
 import fe_squeal.cli
-import fe_squeal.run
+import fe_squeal.run.run
 from fe_squeal.cli import main
 from fe_squeal.mesh import load_mesh
 
@@ -77,7 +77,7 @@ def test_output_folder_is_tried_before_anything_is_solved(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, out: str
 ) -> None:
     (tmp_path / "file").write_text("mine")
-    monkeypatch.setattr(fe_squeal.run, "sweep_scene", lambda *_: pytest.fail("solved before the folder was tried"))
+    monkeypatch.setattr(fe_squeal.run.run, "sweep_scene", lambda *_: pytest.fail("solved before the folder was tried"))
     assert main(["run", str(write_scene(tmp_path)), "-o", str(tmp_path / out)]) == 2
     captured = capsys.readouterr()
     assert captured.err.startswith(f"error: {tmp_path / out}: cannot write results here: ")

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from chains import CLASSES, MODES, chain, dense
 
-from fe_squeal import running_sweep, sweep
-from fe_squeal.counting import count_apart
+from fe_squeal import sweep
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.solve import Request, solve_modes
 from fe_squeal.errors import NotConvergedError
+from fe_squeal.sweep import running as running_sweep
+from fe_squeal.sweep.counting import count_apart
 
 MU = 0.4
 LARGE = DENSE_LIMIT + 40

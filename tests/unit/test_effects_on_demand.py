@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fe_squeal import assembly, base_state, parse_scene, rotating_bodies
+from fe_squeal import parse_scene
+from fe_squeal.assembly import assembly, rotating_bodies
+from fe_squeal.assembly import preload_state as base_state
 from fe_squeal.errors import InputError, SceneError
 from meshes import STEEL, annulus, box, join, make_problem
 

@@ -7,9 +7,9 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from pencils import N, distance, reference
 
-from fe_squeal.eigen import linear_solvers
 from fe_squeal.eigen.dense import solve_dense
-from fe_squeal.eigen.linear_solvers import factorize, has_pardiso
+from fe_squeal.eigen.linear import choice as linear_solvers
+from fe_squeal.eigen.linear.choice import factorize, has_pardiso
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.solve import Request, prove_completeness, solve_modes
 

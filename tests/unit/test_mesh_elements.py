@@ -20,7 +20,7 @@ from fe_squeal.mesh.elements import (
     shape_gradients,
     skfem_order,
 )
-from fe_squeal.mesh.gmsh_format import _NODES, _SOLIDS
+from fe_squeal.mesh.readers.gmsh import _NODES, _SOLIDS
 
 VTK = {
     "tetra": "vtkTetra", "tetra10": "vtkQuadraticTetra", "hexahedron": "vtkHexahedron", "wedge15": "vtkQuadraticWedge",

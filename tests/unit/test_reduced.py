@@ -8,15 +8,18 @@ import scipy.sparse as sp
 from chains import CLASSES, MODES, N, chain, dense
 
 import fe_squeal.reduced.model as reduced_model
-from fe_squeal import blocks, onset_step, running_sweep, sweep
-from fe_squeal.blocks import _TALL
+from fe_squeal import sweep
+from fe_squeal.eigen import blocks
 from fe_squeal.eigen.block_lanczos import lowest_modes
+from fe_squeal.eigen.blocks import _TALL
 from fe_squeal.eigen.solve import Request
 from fe_squeal.errors import NotConvergedError, SceneError
-from fe_squeal.problem import Problem
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
 from fe_squeal.reduced import ReducedModel
 from fe_squeal.reduced.basis import ReducedBasis
-from fe_squeal.terms import Term
+from fe_squeal.sweep import running as running_sweep
+from fe_squeal.sweep import step as onset_step
 
 VALUES = np.linspace(0.0, 0.9, 7)
 

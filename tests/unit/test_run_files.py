@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from scene_texts import CRITICAL_MU, environment, growth_of_rigid_block, read_rows, replaced, write_scene
 
-from fe_squeal import running_sweep
 from fe_squeal.cli import main
 from fe_squeal.errors import NotConvergedError
+from fe_squeal.sweep import running as running_sweep
 
 MODES = (
     "parameter,value,mode,branch,re,im,frequency_hz,damping_ratio,stability,noise,backward_error,re_uncertainty,"

@@ -1,0 +1,296 @@
+"""The problem: the sum of the terms that exist, and the class that follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..effects.preload import BaseState
+from ..eigen.blocks import cross, times
+from ..eigen.pencil import Pencil, ProblemClass
+from ..errors import SceneError, SquealError, suggest
+from ..fem.contact import ContactOperators
+from ..fem.spaces import DisplacementSpace
+from ..scene.paths import paths_of
+from .terms import Slot, Term
+
+_DIFFERENCE = 1e-4  # relative step of the differences that stand for derivatives where terms are made anew
+
+
+@dataclass(frozen=True)
+class Model:
+    """Where the terms of a problem come from: the discretisation, for shapes and reports.
+
+    Attributes
+    ----------
+    space : DisplacementSpace
+    bodies : mapping of body to (e,) int elements
+    contacts : mapping of contact to its operators
+    notes, warnings : what was converted or looks doubtful, a sentence each
+    base : BaseState or None
+        The static state under preload.
+    tied : names of the contacts that are tied
+    """
+
+    space: DisplacementSpace
+    bodies: Mapping[str, np.ndarray]
+    contacts: Mapping[str, ContactOperators]
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    base: BaseState | None = None
+    tied: tuple[str, ...] = ()
+
+
+class Source(Protocol):
+    """What makes the terms anew at other values."""
+
+    def problem(self, values: Mapping[str, float]) -> Problem:
+        """Return the problem with other numbers, by their paths."""
+
+    def number(self, path: str) -> float:
+        """Return a number as it stands in the scene."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A sum of terms with the values of their parameters.
+
+    A parameter is known by its path in the scene, "mu" for short the friction coefficient. Those that are powers in the
+    terms' coefficients are changed by recombining the terms; for others `source` makes the terms that depend on them
+    anew. A name of several paths, "a, b", moves these together.
+
+    Attributes
+    ----------
+    terms : tuple of Term
+    parameters : mapping of name to value
+        Values of those that are powers in coefficients, e.g. {"mu": 0.3}.
+    model : Model or None
+    source : Source or None
+    coupled : frozenset of str
+        Parameters that the terms' matrices depend on as well, through the static state.
+    changed : mapping of path to value
+        What differs from the scene.
+    """
+
+    terms: tuple[Term, ...]
+    parameters: Mapping[str, float]
+    model: Model | None = None
+    source: Source | None = None
+    coupled: frozenset[str] = frozenset()
+    changed: Mapping[str, float] = field(default_factory=dict)
+    _sums: dict[object, sp.csr_array | None] = field(default_factory=dict, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        size = f"{self.unknowns} unknowns, {len(self.terms)} terms"
+        return f"Problem({self.problem_class}, {size}, {len(self.parameters)} parameters)"
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns n."""
+        return int(self.terms[0].matrix.shape[0])
+
+    @property
+    def problem_class(self) -> ProblemClass:
+        """The class of the problem over all values of its parameters."""
+        if any(t.imaginary for t in self.terms):
+            return "complex"
+        if any(t.slot == "C" for t in self.terms):
+            return "quadratic"
+        return "symmetric" if all(t.symmetric for t in self.terms) else "nonsymmetric"
+
+    @property
+    def is_damped(self) -> bool:
+        """Whether it has velocity-proportional or structural terms: eigenvalues then come without mirror images."""
+        return self.problem_class in ("quadratic", "complex")
+
+    def value(self, parameter: str) -> float:
+        """Return the present value of a parameter, the first one of several.
+
+        Raises
+        ------
+        SceneError
+            If there is no such parameter.
+        """
+        path = paths_of(parameter)[0]
+        if path in self.parameters:
+            return self.parameters[path]
+        if path in self.changed:
+            return self.changed[path]
+        if self.source is None:
+            raise SceneError(f'the problem has no parameter "{path}"{suggest(path, self.parameters)}')
+        return self.source.number(path)
+
+    def has(self, parameter: str) -> bool:
+        """Whether there is such a parameter."""
+        try:
+            self.value(parameter)
+        except SceneError:
+            return False
+        return True
+
+    def is_affine(self, parameter: str) -> bool:
+        """Whether a parameter changes the coefficients of the terms alone."""
+        return all(p in self.parameters and p not in self.coupled for p in paths_of(parameter))
+
+    def at(self, **values: float) -> Problem:
+        """Return the problem at other values of parameters; terms are made anew where that is needed.
+
+        Raises
+        ------
+        SceneError
+            If there is no such parameter, or the scene does not allow its value.
+        """
+        wanted = {path: value for name, value in values.items() for path in paths_of(name)}
+        moved = {p: v for p, v in wanted.items() if self.value(p) != v}
+        if not moved:
+            return self
+        changed = {**self.changed, **moved}
+        if all(self.is_affine(p) for p in moved):
+            return replace(self, parameters={**self.parameters, **moved}, changed=changed)
+        if self.source is None:
+            raise SceneError(f"a problem without a scene cannot be made anew at {moved}")
+        return self.source.problem(changed)
+
+    def prepared(self, parameter: str, values: np.ndarray) -> Problem:
+        """Return the same problem with every term that occurs at one of the values of a parameter.
+
+        A damper of zero has no term; swept from there on it has one, which is zero at the start.
+        """
+        if self.is_affine(parameter) or self.source is None:
+            return self
+        try:
+            other = self.at(**{parameter: float(values[np.argmax(np.abs(values))])})
+        except SquealError:  # a sweep that reaches this value says so then, and keeps what it has
+            return self
+        return other if other.is_affine(parameter) else self
+
+    def pencil(self, **values: float) -> Pencil:
+        """Return the matrices at given values of parameters; a term whose coefficient is zero costs nothing.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> one = sp.csr_array(np.eye(2))
+        >>> skew = sp.csr_array(np.array([[0.0, 1.0], [0.0, 0.0]]))
+        >>> terms = (Term("m", "M", one, True), Term("k", "K", one, True), Term("f", "K", skew, False, {"mu": 1}))
+        >>> problem = Problem(terms, {"mu": 0.3})
+        >>> problem.pencil().problem_class, problem.pencil(mu=0.0).problem_class
+        ('nonsymmetric', 'symmetric')
+        """
+        moving = {path for name in values for path in paths_of(name)}
+        problem = self.at(**values)
+        symmetric = all(t.symmetric for t in problem.terms if t.slot == "K" and t.coefficient(problem.parameters))
+        M, C, K = (problem._slot(slot, moving) for slot in ("M", "C", "K"))
+        zero = sp.csr_array((self.unknowns, self.unknowns))
+        return Pencil(zero if M is None else M, zero if K is None else K, C, symmetric)
+
+    @property
+    def mass(self) -> sp.csr_array:
+        """M (n, n) at the present values of the parameters, without the sums of the other slots."""
+        M = self._slot("M", set())
+        return sp.csr_array((self.unknowns, self.unknowns)) if M is None else M
+
+    def _slot(self, slot: str, moving: set[str]) -> sp.csr_array | None:
+        """Return the sum of one slot; that of the terms which do not depend on `moving` is kept for the next time."""
+        terms = [t for t in self.terms if t.slot == slot]
+        if not moving:
+            return _sum([(t, t.coefficient(self.parameters)) for t in terms])
+        fixed = tuple(sorted((p, v) for p, v in self.parameters.items() if p not in moving))
+        if (slot, fixed) not in self._sums:
+            still = [t for t in terms if not moving & set(t.powers)]
+            self._sums[slot, fixed] = _sum([(t, t.coefficient(self.parameters)) for t in still])
+        rest = _sum([(t, t.coefficient(self.parameters)) for t in terms if moving & set(t.powers)])
+        constant = self._sums[slot, fixed]
+        return rest if constant is None else constant if rest is None else sp.csr_array(constant + rest)
+
+    def condensed(self, parameter: str) -> Problem:
+        """Return the same problem over one parameter as few terms: one for each slot, power of it and symmetry.
+
+        Raises
+        ------
+        SceneError
+            If the parameter does more than change coefficients.
+        """
+        paths = paths_of(parameter)
+        if not self.is_affine(parameter):
+            raise SceneError(f"{parameter} changes matrices, not coefficients alone")
+        groups: dict[tuple[Slot, int, bool, bool], list[tuple[Term, float]]] = {}
+        for t in self.terms:
+            others = replace(t, powers={p: e for p, e in t.powers.items() if p not in paths})
+            c = others.coefficient(self.parameters)
+            if c:
+                key = (t.slot, sum(t.powers.get(p, 0) for p in paths), t.symmetric, t.imaginary)
+                groups.setdefault(key, []).append((replace(t, imaginary=False), c))
+        terms = []
+        for (slot, power, symmetric, imaginary), parts in groups.items():
+            matrix = _sum(parts)
+            assert matrix is not None
+            skew = all(t.skew for t, _ in parts)
+            name = f"{slot}{power}" + ("" if symmetric else "n") + ("i" if imaginary else "")
+            terms.append(Term(name, slot, matrix, symmetric, {paths[0]: power}, skew, imaginary))
+        return Problem(tuple(terms), dict.fromkeys(paths, self.value(parameter)))
+
+    def project(self, V: np.ndarray) -> Problem:
+        """Return the Galerkin projection of every term on the columns of a real V (n, r): terms VᵀAV of size r."""
+        terms = []
+        for t in self.terms:
+            rows = np.flatnonzero(np.diff(t.matrix.indptr))  # springs and contacts have few
+            terms.append(replace(t, matrix=sp.csr_array(cross(V[rows], times(sp.csr_array(t.matrix[rows]), V)))))
+        return Problem(tuple(terms), self.parameters)
+
+    def derivative(self, parameter: str, slot: Slot, **values: float) -> sp.csr_array | None:
+        """Return ∂M, ∂C or ∂K by a parameter; None where it does not depend on it.
+
+        Exact where the parameter is a power in coefficients, a central difference of the matrices elsewhere.
+        """
+        here = self.at(**values)
+        paths = paths_of(parameter)
+        if here.is_affine(parameter):
+            slopes = [(t, sum(t.slope(p, here.parameters) for p in paths)) for t in here.terms if t.slot == slot]
+            return _sum(slopes)
+        p = here.value(parameter)
+        step = _DIFFERENCE * (abs(p) or abs(self.value(parameter)) or 1.0)
+        above, below = (here.at(**{parameter: p + sign * step}) for sign in (1, -1))
+        parts = [(t, sign * t.coefficient(q.parameters)) for q, sign in ((above, 1), (below, -1)) for t in q.terms]
+        change = _sum([(t, c / (2 * step)) for t, c in parts if t.slot == slot])
+        return change if change is not None and abs(change).max() > 0 else None
+
+    def interpolated(self, parameter: str, low: float, high: float) -> Problem:
+        """Return a problem whose matrices are quadratic in a parameter and agree at both ends and the middle.
+
+        Itself where the parameter changes coefficients alone. It knows no other parameter.
+        """
+        if self.is_affine(parameter):
+            return self
+        nodes = np.array([low, (low + high) / 2, high])
+        basis = np.linalg.inv(np.vander(nodes, 3, increasing=True))  # power, node
+        pencils = [self.pencil(**{parameter: float(p)}) for p in nodes]
+        symmetric = all(p.symmetric for p in pencils)
+        terms = []
+        for slot in ("M", "C", "K"):
+            given = [getattr(p, slot) for p in pencils]
+            if all(A is None for A in given):
+                continue
+            parts = [sp.csr_array(pencils[0].M.shape) if A is None else A for A in given]
+            for power in range(3):
+                A = sp.csr_array(sum(w * part for w, part in zip(basis[power], parts, strict=True)))
+                for matrix, imaginary in ((A.real, False), (A.imag, True)):
+                    if imaginary <= np.iscomplexobj(A):
+                        powers = {paths_of(parameter)[0]: power}
+                        term = Term(f"{slot}{power}", slot, sp.csr_array(matrix), slot == "M" or symmetric, powers)
+                        terms.append(replace(term, imaginary=imaginary))
+        return Problem(tuple(terms), dict.fromkeys(paths_of(parameter), low))
+
+
+def _sum(parts: list[tuple[Term, float]]) -> sp.csr_array | None:
+    """Return Σ coefficient · matrix, complex where a term is imaginary; None where nothing is left."""
+    total = None
+    for term, coefficient in parts:
+        if coefficient:
+            matrix = term.matrix * (1j * coefficient if term.imaginary else coefficient)
+            total = matrix if total is None else total + matrix
+    return None if total is None else sp.csr_array(total)
