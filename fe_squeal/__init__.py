@@ -7,8 +7,6 @@ True
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, version
-
 from .assembly.assembly import assemble
 from .errors import InputError, MeshError, NotConvergedError, OutputError, SceneError, SquealError
 from .mesh import LoadedMesh, from_skfem, load_mesh
@@ -18,11 +16,7 @@ from .scene import Scene
 from .scene.file import load_scene, parse_scene
 from .sweep.result import Sweep
 from .sweep.sweep import sweep
-
-try:
-    __version__ = version("fe-squeal")
-except PackageNotFoundError:  # run from a source tree that is not installed
-    __version__ = "0+unknown"
+from .version import __version__
 
 __all__ = [
     "InputError",
@@ -35,6 +29,7 @@ __all__ = [
     "SceneError",
     "SquealError",
     "Sweep",
+    "__version__",
     "assemble",
     "export_shapes",
     "find_onsets",

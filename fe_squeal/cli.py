@@ -15,7 +15,6 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from . import __version__
 from .assembly.assembly import assemble
 from .assembly.bodies import read_mesh
 from .eigen.linear.choice import solver_name
@@ -27,6 +26,7 @@ from .run.check import describe, group_table
 from .run.run import INTERRUPTED, run_scene, sweep_scene
 from .scene import MatrixScene, Scene
 from .scene.file import load_scene
+from .version import __version__
 
 app = typer.Typer(
     help="Complex eigenvalue analysis of brake squeal on finite-element meshes.",

@@ -25,9 +25,10 @@ from ..fem.contact import ContactOperators, Sliding, contact_operators
 from ..fem.materials import material_axes
 from ..fem.spaces import DisplacementSpace, make_space, straightened
 from ..mesh import LoadedMesh
+from ..problem.parameters import MU
 from ..problem.problem import Model, Problem
 from ..problem.terms import Term
-from ..scene import MU, MatrixScene, Scene, number_at, with_numbers
+from ..scene import MatrixScene, Scene, number_at, with_numbers
 from .bodies import contact_sides, find_bodies, find_facets, read_mesh
 from .matrices import matrix_problem
 from .preload_state import base_state, state_parameters

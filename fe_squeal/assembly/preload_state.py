@@ -12,8 +12,9 @@ from ..fem.contact import ContactOperators, Sliding
 from ..fem.gyroscopics import centrifugal_load
 from ..fem.spaces import DisplacementSpace
 from ..mesh import LoadedMesh
+from ..problem.parameters import MU
 from ..problem.terms import Term
-from ..scene import MU, Scene, number_at
+from ..scene import Scene, number_at
 from .bodies import find_facets
 from .rotating_bodies import Kept
 

@@ -12,7 +12,7 @@ from fe_squeal.errors import MeshError, suggest
 from .building import build_mesh
 from .groups import LoadedMesh
 from .raw import RawMesh
-from .readers.abaqus.deck import read_abaqus
+from .readers.abaqus.read import read_abaqus
 from .readers.gmsh import read_gmsh
 from .readers.nastran.deck import read_nastran
 from .readers.others import read_with_meshio

@@ -15,7 +15,7 @@ from ..eigen.pencil import Pencil, ProblemClass
 from ..errors import SceneError, SquealError, suggest
 from ..fem.contact import ContactOperators
 from ..fem.spaces import DisplacementSpace
-from ..scene.paths import paths_of
+from .parameters import paths_of
 from .terms import Slot, Term
 
 _DIFFERENCE = 1e-4  # relative step of the differences that stand for derivatives where terms are made anew

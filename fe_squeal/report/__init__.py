@@ -9,12 +9,13 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from fe_squeal.report.contact_face import ContactFace
     from fe_squeal.report.contributions import plot_contributions
     from fe_squeal.report.export import export_shapes, shape_name
     from fe_squeal.report.figures import plot_root_locus, plot_stability
     from fe_squeal.report.files import remove_partial, replace_atomically, write_csv, write_json
     from fe_squeal.report.pictures import draw_shape, draw_shapes
-    from fe_squeal.report.preload import ContactFace, export_preload
+    from fe_squeal.report.preload import export_preload
     from fe_squeal.report.shapes import ShapeGrid, normalise_shape, semi_major_amplitude, shape_grid
     from fe_squeal.report.tables import print_onsets, print_unstable
     from fe_squeal.report.vtk_files import write_animation, write_shape
@@ -49,7 +50,8 @@ _MODULES = {
     "figures": ("plot_root_locus", "plot_stability"),
     "files": ("remove_partial", "replace_atomically", "write_csv", "write_json"),
     "pictures": ("draw_shape", "draw_shapes"),
-    "preload": ("ContactFace", "export_preload"),
+    "contact_face": ("ContactFace",),
+    "preload": ("export_preload",),
     "shapes": ("ShapeGrid", "normalise_shape", "semi_major_amplitude", "shape_grid"),
     "tables": ("print_onsets", "print_unstable"),
     "vtk_files": ("write_animation", "write_shape"),

@@ -9,8 +9,9 @@ from rich.table import Table
 
 from ..fem.materials import Material
 from ..mesh.measures import area_of, volume_of
+from ..problem.parameters import MU
 from ..problem.problem import Problem
-from ..scene import MU, MatrixScene, Scene
+from ..scene import MatrixScene, Scene
 from ..sweep.forecast import predict_memory
 from ..sweep.sweep import MODES
 

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from .. import __version__
 from ..mesh import LoadedMesh
+from ..problem.parameters import MU
 from ..problem.problem import Problem
-from ..scene import MU, MatrixScene, Scene
+from ..scene import MatrixScene, Scene
+from ..version import __version__
 
 _MOST = 3  # differences in one message
 

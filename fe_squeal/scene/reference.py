@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from . import MatrixScene, Scene
-from .file import _options, _toml
+from .faults import options, toml_text
 
 _UNITS = ("m", "Pa", "Hz", "degrees", "length", "kg/m^3", "rad/s or m/s", "rad/s", "s/m", "1/s", "s", "N/m", "N s/m", "N/m per m^2", "N s/m per m^2")
 _TYPES = {"float": "number", "int": "whole number", "str": "text", "vector": "list of 3 numbers", "two vectors":
@@ -70,7 +70,7 @@ def _section(section: type[BaseModel], where: str, known: tuple[str, ...] = ()) 
         shown = _TYPES.get(kind, re.sub(r"^float\b", "number", kind)) + _bounds(field)
         lines.append(f"| `{key}` | {shown} | {unit} | {_default(field)} | {meaning} |")
         path = f"{where.strip('[]')}.{key}".removeprefix(".")
-        for option in _options(field.annotation):
+        for option in options(field.annotation):
             target = get_args(option)[-1] if get_origin(option) in (dict, list) else option
             if isinstance(target, type) and issubclass(target, BaseModel) and key not in known:
                 form = {dict: f"[{path}.NAME]", list: f"[[{path}]]"}.get(get_origin(option), f"[{path}]")
@@ -114,7 +114,7 @@ def _default(field: FieldInfo) -> str:
     value: Any = field.default
     if field.is_required():
         return "required"
-    return "none" if value is None or value in ([], "") or isinstance(value, BaseModel) else f"`{_toml(value)}`"
+    return "none" if value is None or value in ([], "") or isinstance(value, BaseModel) else f"`{toml_text(value)}`"
 
 
 if __name__ == "__main__":

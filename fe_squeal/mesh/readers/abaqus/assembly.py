@@ -8,8 +8,8 @@ from fe_squeal.errors import MeshError, suggest
 
 from ...checking import connect
 from ...raw import CellBlock, Floats, Ints, RawMesh, rows_of
-from .deck import Instance, Model, Scope, nodes_of
 from .groups import with_groups
+from .model import Instance, Model, Scope, nodes_of
 from .sets import Assembly, Placed
 
 

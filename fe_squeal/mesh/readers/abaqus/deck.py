@@ -7,14 +7,14 @@ of the file (materials, steps, boundary conditions) is passed over.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from fe_squeal.errors import MeshError
 
-from ...raw import Floats, Ints, RawMesh, check_unique_nodes
+from ...raw import Floats, Ints
+from .model import Cells, Instance, Members, Model, Scope
 from .text import Block, entries, is_label, label_of, numbers, read_blocks
 
 # Solid families by their first letters: our kind and the number of nodes, longest names first.
@@ -27,82 +27,6 @@ _COUNT = {"tetra": 4, "tetra10": 10, "pyramid": 5, "wedge": 6, "wedge15": 15, "h
 _HEX27 = [*range(20), 26, 24, 23, 25, 21, 22, 20]
 _SKIN = re.compile(r"(?:STRI|CPS|CPE|SFM3D|M3D|R3D|DS|S)(65|[34689])")
 _REFUSED = {"NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "NMAP", "SYSTEM"}
-
-
-@dataclass(frozen=True)
-class Members:
-    """One *NSET or *ELSET, not yet looked up: its entries, or with GENERATE its lines."""
-
-    items: list[str]
-    generate: bool
-    instance: str
-
-
-@dataclass(frozen=True)
-class Cells:
-    """The solid elements of one *ELEMENT block, nodes by number and in VTK's order."""
-
-    kind: str
-    labels: Ints
-    nodes: Ints
-
-
-@dataclass
-class Scope:
-    """What a part, an instance or the assembly holds; a flat file is an assembly without instances."""
-
-    name: str
-    labels: list[Ints] = field(default_factory=list)
-    points: list[Floats] = field(default_factory=list)
-    cells: list[Cells] = field(default_factory=list)
-    skins: list[Cells] = field(default_factory=list)  # shells and membranes: corners alone
-    others: list[int] = field(default_factory=list)  # numbers of elements that are no solids
-    sets: dict[tuple[str, str], list[Members]] = field(default_factory=dict)
-    surfaces: dict[str, list[Block]] = field(default_factory=dict)
-    spelled: dict[tuple[str, str], str] = field(default_factory=dict)
-
-    def remember(self, kind: str, name: str) -> str:
-        """Keep the first spelling of a name and return the key that it is found by."""
-        key = name.upper()
-        self.spelled.setdefault((kind, key), name)
-        return key
-
-
-@dataclass(frozen=True)
-class Instance:
-    """A part put into the assembly: turned about an axis after it was moved."""
-
-    name: str
-    part: str
-    place: tuple[tuple[float, ...], ...]
-    scope: Scope
-    where: str
-
-
-@dataclass
-class Model:
-    """The whole file."""
-
-    assembly: Scope = field(default_factory=lambda: Scope(""))
-    parts: dict[str, Scope] = field(default_factory=dict)
-    instances: dict[str, Instance] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-
-
-def read_abaqus(path: Path) -> RawMesh:
-    """Read an Abaqus input file.
-
-    An assembly's set or surface keeps its name. A part's has its plain name (the union, if the part has several
-    instances) and "INSTANCE.NAME"; where two parts use one name, only the latter. Every instance is a volume group.
-
-    Raises
-    ------
-    MeshError
-        Bad numbers, sets, references, or a keyword that generates nodes or elements.
-    """
-    from .assembly import place_model
-
-    return place_model(parse_model(path), path.name)
 
 
 def parse_model(path: Path) -> Model:
@@ -271,8 +195,3 @@ def _whole(values: Floats, what: str, block: Block, source: str) -> Ints:
     return values.astype(np.int64)
 
 
-def nodes_of(scopes: tuple[Scope, ...], source: str) -> tuple[Ints, Floats]:
-    """Return node numbers (n,) and coordinates (n, 3) of the scopes together."""
-    labels = np.concatenate([np.empty(0, np.int64), *(part for scope in scopes for part in scope.labels)])
-    points = np.concatenate([np.empty((0, 3)), *(part for scope in scopes for part in scope.points)])
-    return check_unique_nodes(labels, points, source)

@@ -9,7 +9,7 @@ import numpy as np
 from fe_squeal.errors import MeshError, suggest
 
 from ...raw import Ints, rows_of
-from .deck import Members, Scope
+from .model import Members, Scope
 from .text import LARGEST, entries, is_label, label_of
 
 _ROW = {"NSET": "nodes", "ELSET": "elements"}

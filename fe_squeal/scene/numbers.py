@@ -3,34 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, TypeVar
 
 from ..errors import SceneError, suggest
+from ..problem.parameters import MU
+from .base import BaseScene
+from .faults import validated
 
-if TYPE_CHECKING:
-    from .scene import Scene
-
-MU = "mu"
-_SHORT = {"effects.friction.mu": MU}
-
-
-def canonical(path: str) -> str:
-    """Return the name under which a path is known: "mu" for effects.friction.mu, else itself."""
-    return _SHORT.get(path, path.removeprefix("parameters."))
+_LONG = {MU: "effects.friction.mu"}  # of names that are short for a path
+_Scene = TypeVar("_Scene", bound=BaseScene)
 
 
-def paths_of(parameter: str) -> list[str]:
-    """Return the paths that one sweep parameter moves together.
-
-    Examples
-    --------
-    >>> paths_of("springs.left.damping, springs.right.damping")
-    ['springs.left.damping', 'springs.right.damping']
-    """
-    return [p.strip() for p in parameter.split(",")]
-
-
-def number_at(scene: Scene, path: str) -> float:
+def number_at(scene: BaseScene, path: str) -> float:
     """Return the number that a path leads to.
 
     Raises
@@ -47,15 +31,13 @@ def number_at(scene: Scene, path: str) -> float:
     return float(value)
 
 
-def with_numbers(scene: Scene, numbers: Mapping[str, float]) -> Scene:
+def with_numbers(scene: _Scene, numbers: Mapping[str, float]) -> _Scene:
     """Return the scene with other numbers, validated as if they stood in its file; it has no sweep.
 
     Raises
     ------
     SceneError
     """
-    from .file import parse_scene
-
     data = scene.model_dump(by_alias=True, exclude_unset=True)
     data.pop("sweep", None)
     for path, value in numbers.items():
@@ -63,17 +45,17 @@ def with_numbers(scene: Scene, numbers: Mapping[str, float]) -> Scene:
         # Whole numbers stay whole where they are asked for (mesh.order, solve.modes).
         whole = isinstance(holder[key], int) and not isinstance(holder[key], bool) and value == int(value)
         holder[key] = int(value) if whole else float(value)
-    changed = parse_scene(_plain(data), ", ".join(f"{p} = {v:g}" for p, v in numbers.items()))
+    changed = validated(type(scene), _plain(data), ", ".join(f"{p} = {v:g}" for p, v in numbers.items()))
     changed._source = scene.source
-    return cast("Scene", changed)
+    return changed
 
 
-def numbers(scene: Scene) -> list[str]:
+def numbers(scene: BaseScene) -> list[str]:
     """Return the paths of all numbers of a scene."""
     return list(_numbers(scene, scene.model_dump(by_alias=True, exclude_none=True), ""))
 
 
-def _numbers(scene: Scene, data: Any, prefix: str) -> Iterator[str]:
+def _numbers(scene: BaseScene, data: Any, prefix: str) -> Iterator[str]:
     if isinstance(data, Mapping):
         for key, value in data.items():
             if not (prefix == "" and key in ("sweep", "solve", "output")):
@@ -85,20 +67,18 @@ def _numbers(scene: Scene, data: Any, prefix: str) -> Iterator[str]:
         yield prefix
 
 
-def _names(scene: Scene, prefix: str, entries: Any) -> list[str]:
+def _names(scene: BaseScene, prefix: str, entries: Any) -> list[str]:
     """Return the names of a list's entries: their own, else their positions."""
-    if prefix == "contacts":
-        return list(scene.contact_names)
-    if prefix == "springs":
-        return [s.name for s in scene.springs]
-    return [str(i) for i in range(len(entries))]
+    names = scene.names_in(prefix)
+    return [str(i) for i in range(len(entries))] if names is None else names
 
 
-def _find(scene: Scene, data: Any, path: str) -> tuple[Any, Any]:
+def _find(scene: BaseScene, data: Any, path: str) -> tuple[Any, Any]:
     """Return the table or list that holds a number, and its key there; a default that was not written is filled in."""
     full = scene.model_dump(by_alias=True, exclude_none=True)
-    path = next((long for long, short in _SHORT.items() if short == path and full.get("effects", {})), path)
-    if path not in _SHORT and path in full.get("parameters", {}):
+    if path in _LONG and full.get("effects", {}):
+        path = _LONG[path]
+    elif path not in _LONG.values() and path in full.get("parameters", {}):
         path = f"parameters.{path}"
     rest, prefix, holder = path, "", data
     while True:
