@@ -11,11 +11,11 @@ from .assembly.assembly import assemble
 from .errors import InputError, MeshError, NotConvergedError, OutputError, SceneError, SquealError
 from .mesh import LoadedMesh, from_skfem, load_mesh
 from .problem.problem import Problem
-from .run.outputs import export_shapes, find_onsets
+from .run.outputs import export_shapes
 from .scene import Scene
 from .scene.file import load_scene, parse_scene
 from .sweep.result import Sweep
-from .sweep.sweep import sweep
+from .sweep.sweep import find_onsets, sweep
 from .version import __version__
 
 __all__ = [

@@ -17,11 +17,12 @@ from rich.table import Table
 
 from .assembly.assembly import assemble
 from .assembly.bodies import read_mesh
+from .assembly.model import model_of
 from .eigen.linear.choice import solver_name
 from .eigen.memory import available_memory, memory_text
 from .errors import InputError, MeshError, NotConvergedError, SceneError, SquealError, one_line
 from .geometry import write_mesh
-from .report import print_onsets
+from .report.tables import print_onsets
 from .run.check import describe, group_table
 from .run.run import INTERRUPTED, run_scene, sweep_scene
 from .scene import MatrixScene, Scene
@@ -90,8 +91,9 @@ def check(
     problem = assemble(loaded)
     console = _console()
     console.print(describe(loaded, problem))
-    if problem.model is not None:
-        for text in (*problem.model.notes, *(f"warning: {w}" for w in problem.model.warnings)):
+    model = model_of(problem)
+    if model is not None:
+        for text in (*model.notes, *(f"warning: {w}" for w in model.warnings)):
             console.print(text, markup=False)
     return 0
 

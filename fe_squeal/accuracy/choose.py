@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..assembly.assembly import Assembly
+from ..assembly.swept import swept
 from ..eigen.memory import TooLargeError
 from ..errors import MeshError, NotConvergedError, SceneError
 from ..mesh import LoadedMesh
-from ..run.inputs import swept
 from ..scene import Scene
 from ..sweep.result import Sweep
 from ..sweep.sweep import sweep

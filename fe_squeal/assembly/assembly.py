@@ -13,7 +13,7 @@ from ..effects.elasticity import elastic_terms
 from ..effects.falling_friction import FallingFriction, falling_friction_terms
 from ..effects.friction import friction_terms
 from ..effects.friction_damping import FrictionDamping, friction_damping_terms
-from ..effects.preload import BaseState
+from ..effects.preload import BaseState, contact_summary
 from ..effects.rayleigh import rayleigh_terms
 from ..effects.rotation import rotation_terms
 from ..effects.springs import spring_terms
@@ -26,11 +26,12 @@ from ..fem.materials import material_axes
 from ..fem.spaces import DisplacementSpace, make_space, straightened
 from ..mesh import LoadedMesh
 from ..problem.parameters import MU
-from ..problem.problem import Model, Problem
+from ..problem.problem import Problem
 from ..problem.terms import Term
 from ..scene import MatrixScene, Scene, number_at, with_numbers
 from .bodies import contact_sides, find_bodies, find_facets, read_mesh
 from .matrices import matrix_problem
+from .model import Model
 from .preload_state import base_state, state_parameters
 from .rotating_bodies import rotating_motions
 from .warnings import doubts, doubts_of_preload, doubts_of_rotation
@@ -170,7 +171,7 @@ class Assembly:
         parameters = {p: number_at(scene, p) for p in paths}
         return Problem(
             tuple(terms), parameters, self._model(scene, contacts, base, motions, terms, parameters), self,
-            state_parameters(scene, static, base), dict(values),
+            state_parameters(scene, static, base), dict(values), _pressed(contacts, base),
         )  # fmt: skip
 
     def _kept(self, kind: str, key: object, make: Callable[[], _Made]) -> _Made:
@@ -297,14 +298,20 @@ class Assembly:
         if motions and scene.effects.stress_stiffening is None:
             still = [t for t in terms if not t.name.startswith("convection.")]
             warnings += tuple(doubts_of_rotation(self.space, self.bodies, motions, still, parameters))
-        tied = tuple(n for n, c in zip(scene.contact_names, scene.contacts, strict=True) if c.kind == "tied")
-        return Model(self.space, self.bodies, contacts, self.notes, warnings, base, tied)
+        return Model(self.space, self.bodies, contacts, self.notes, warnings, base)
 
 
 def _least_memory(space: DisplacementSpace) -> int:
     """Return the bytes that stiffness and mass matrix take at the very least, while they are added up."""
     entries = _SHARED * space.mesh.nelements * (3 * space.dofs.element_dofs.shape[0]) ** 2
     return int(_COPIES * entries * 12)
+
+
+def _pressed(contacts: Mapping[str, ContactOperators], base: BaseState | None) -> dict[str, dict[str, float]]:
+    """Return what presses in each contact of the static state, in numbers."""
+    if base is None:
+        return {}
+    return {name: {"mu": base.mu, **contact_summary(contacts[name], c)} for name, c in base.contacts.items()}
 
 
 def _coverage(contacts: dict[str, ContactOperators]) -> list[str]:

@@ -9,40 +9,13 @@ from typing import Protocol
 import numpy as np
 import scipy.sparse as sp
 
-from ..effects.preload import BaseState
 from ..eigen.blocks import cross, times
 from ..eigen.pencil import Pencil, ProblemClass
 from ..errors import SceneError, SquealError, suggest
-from ..fem.contact import ContactOperators
-from ..fem.spaces import DisplacementSpace
 from .parameters import paths_of
 from .terms import Slot, Term
 
 _DIFFERENCE = 1e-4  # relative step of the differences that stand for derivatives where terms are made anew
-
-
-@dataclass(frozen=True)
-class Model:
-    """Where the terms of a problem come from: the discretisation, for shapes and reports.
-
-    Attributes
-    ----------
-    space : DisplacementSpace
-    bodies : mapping of body to (e,) int elements
-    contacts : mapping of contact to its operators
-    notes, warnings : what was converted or looks doubtful, a sentence each
-    base : BaseState or None
-        The static state under preload.
-    tied : names of the contacts that are tied
-    """
-
-    space: DisplacementSpace
-    bodies: Mapping[str, np.ndarray]
-    contacts: Mapping[str, ContactOperators]
-    notes: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
-    base: BaseState | None = None
-    tied: tuple[str, ...] = ()
 
 
 class Source(Protocol):
@@ -68,20 +41,24 @@ class Problem:
     terms : tuple of Term
     parameters : mapping of name to value
         Values of those that are powers in coefficients, e.g. {"mu": 0.3}.
-    model : Model or None
+    model : object or None
+        Where the terms come from, for whoever made them: a problem carries it along and does not look into it.
     source : Source or None
     coupled : frozenset of str
         Parameters that the terms' matrices depend on as well, through the static state.
     changed : mapping of path to value
         What differs from the scene.
+    state : mapping of place to {quantity: number}
+        What the state is like about which the terms are linearised; a sweep keeps it beside the modes.
     """
 
     terms: tuple[Term, ...]
     parameters: Mapping[str, float]
-    model: Model | None = None
+    model: object | None = None
     source: Source | None = None
     coupled: frozenset[str] = frozenset()
     changed: Mapping[str, float] = field(default_factory=dict)
+    state: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     _sums: dict[object, sp.csr_array | None] = field(default_factory=dict, repr=False, compare=False)
 
     def __repr__(self) -> str:

@@ -30,6 +30,8 @@ class Term:
         Whether it is skew by its mathematics.
     imaginary : bool
         Whether it counts with i, as structural damping does.
+    penalty : bool
+        Whether it stands for a constraint, which it comes the nearer the stiffer it is.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Term:
     powers: Mapping[str, int] = field(default_factory=dict)
     skew: bool = False
     imaginary: bool = False
+    penalty: bool = False
 
     @property
     def conservative(self) -> bool:

@@ -20,7 +20,6 @@ from ..eigen.pencil import Modes
 from ..eigen.solve import Request, select_wanted
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
-from ..sweep.newton import Root
 from .basis import ReducedBasis
 from .undamped import factorize_undamped
 from .vectors import interior_nodes, lift, range_of, real_columns, unit_columns
@@ -187,9 +186,9 @@ class ReducedModel:
         """The small problem over the parameter alone."""
         return self.basis.condensed()
 
-    def root_error(self, root: Root) -> tuple[float, float]:
+    def root_error(self, value: float, theta: float, right: np.ndarray, left: np.ndarray) -> tuple[float, float]:
         """Return how far a critical value of the small problem may be from that of the problem itself, and rounding."""
-        return self.basis.root_error(root.value, 1j * np.sqrt(root.theta), root.right, root.left, self.highest)
+        return self.basis.root_error(value, 1j * np.sqrt(theta), right, left, self.highest)
 
     def _estimated(self, value: float) -> _Estimate:
         """Return the modes asked for, for each how far it is from meeting the tolerance (1: just met), and |Δλ/λ|."""

@@ -1,15 +1,15 @@
-"""A study's table, chart and page."""
+"""Chart and page of what accuracy costs, from the table of a study."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from ..accuracy.study import Study
-from . import replace_atomically, write_csv
 from .advice import QUANTITIES, advice, fitted, pareto
+from .files import replace_atomically
 
 _FLOOR = 1e-12  # error below which a chart shows nothing
 _TITLES = {"error_frequency": "frequency", "error_growth": "growth rate", "error_onset": "critical value"}
@@ -19,18 +19,16 @@ _MARKS = {
 }  # fmt: skip
 
 
-def write_study(study: Study, out: Path, title: str) -> None:
-    """Write accuracy.csv, the seconds of every stage into accuracy_stages.csv, accuracy.png and accuracy.md."""
-    frame = study.to_dataframe()
-    write_csv(frame, out / "accuracy.csv")
-    write_csv(study.stages(), out / "accuracy_stages.csv")
-    plot_study(study, frame, out / "accuracy.png", title)
-    with replace_atomically(out / "accuracy.md") as temporary:
-        temporary.write_text(page(study, frame, title), encoding="utf-8")
+def plot_accuracy(frame: pd.DataFrame, own: Mapping[str, float], path: Path, title: str) -> None:
+    """Draw error against seconds, both logarithmic: a line per knob, the Pareto front, the reference's own error.
 
-
-def plot_study(study: Study, frame: pd.DataFrame, path: Path, title: str) -> None:
-    """Draw error against seconds, both logarithmic: a line per knob, the Pareto front, the reference's own error."""
+    Parameters
+    ----------
+    frame : DataFrame
+        As in `accuracy.csv`.
+    own : mapping of column to float
+        What is uncertain of the reference itself, for each of `QUANTITIES`.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
@@ -38,7 +36,6 @@ def plot_study(study: Study, frame: pd.DataFrame, path: Path, title: str) -> Non
     shown = [q for q in QUANTITIES if (frame[q].fillna(0) > _FLOOR).any()]
     figure = Figure(figsize=(4.6 * max(1, len(shown)), 4.6), layout="constrained")
     FigureCanvasAgg(figure)
-    own = study.reference.uncertainty
     for axes, quantity in zip(np.atleast_1d(figure.subplots(1, max(1, len(shown)))), shown, strict=False):
         for knob, mark in _MARKS.items():
             rows = frame[(frame["knob"] == knob) & (frame[quantity] > _FLOOR)]
@@ -49,9 +46,8 @@ def plot_study(study: Study, frame: pd.DataFrame, path: Path, title: str) -> Non
         axes.loglog(
             front["seconds"], front[quantity], ls="none", marker="o", ms=12, mfc="none", mec="0.3", label="Pareto front"
         )
-        limit = float(getattr(own, quantity.removeprefix("error_")))
-        if limit > 0:
-            axes.axhline(limit, color="0.5", ls=":", lw=1, label="uncertainty of the reference")
+        if own[quantity] > 0:
+            axes.axhline(own[quantity], color="0.5", ls=":", lw=1, label="uncertainty of the reference")
         axes.set_xlabel("seconds")
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
@@ -66,19 +62,28 @@ def plot_study(study: Study, frame: pd.DataFrame, path: Path, title: str) -> Non
         figure.savefig(temporary, dpi=130)
 
 
-def page(study: Study, frame: pd.DataFrame, title: str) -> str:
-    """Return what was measured and what to choose, as Markdown."""
-    own = study.reference.uncertainty
+def accuracy_page(
+    frame: pd.DataFrame, own: Mapping[str, float], finest: str, exact: bool, left_out: Sequence[str], title: str
+) -> str:
+    """Return what was measured and what to choose, as Markdown.
+
+    Parameters
+    ----------
+    frame, own : as of `plot_accuracy`
+    finest : str
+        Order and size of the result that the reference was extrapolated from.
+    exact : bool
+        Whether the frequencies of the reference are exact ones.
+    left_out : sequence of str
+        What was not measured, and why.
+    """
     unsure = ", ".join(
-        f"{words} {100 * value:.2g} %"
-        for words, value in zip(QUANTITIES.values(), (own.frequency, own.growth, own.onset), strict=True)
-        if np.isfinite(value)
+        f"{words} {100 * own[quantity]:.2g} %" for quantity, words in QUANTITIES.items() if np.isfinite(own[quantity])
     )
     lines = [f"# What accuracy costs: {title or 'this scene'}", "", "![error against time](accuracy.png)", ""]
-    reference = "the exact frequencies, and else to the extrapolation" if study.exact else "the extrapolation"
+    reference = "the exact frequencies, and else to the extrapolation" if exact else "the extrapolation"
     lines += [
-        f"Errors are relative to {reference} of the finest result (order"
-        f" {study.finest.order}, {1e3 * study.finest.size:.3g} mm), which is itself uncertain by"
+        f"Errors are relative to {reference} of the finest result ({finest}), which is itself uncertain by"
         f" {unsure or 'what is not known: its mesh was not refined'}. The largest error counts: of the frequencies"
         " at the first value of the sweep (modes up to 0.8 of the highest), of the growth rates at the last (relative"
         " to the largest one), of all critical values. Modes are paired by shape; one that is not found has the error"
@@ -98,8 +103,8 @@ def page(study: Study, frame: pd.DataFrame, title: str) -> str:
     lines += ["", "Smooth modes give 2 for order 1 and 4 for order 2; edges of contacts, clamped edges and re-entrant"
               " corners, where stresses are singular, take order 2 down to between 1 and 3.", ""]  # fmt: skip
     lines += ["## Measured", "", _table(frame), ""]
-    if study.left_out:
-        lines += ["## Left out", "", *(f"- {s}: {why}" for s, why in study.left_out), ""]
+    if left_out:
+        lines += ["## Left out", "", *(f"- {text}" for text in left_out), ""]
     return "\n".join(lines)
 
 

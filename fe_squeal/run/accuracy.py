@@ -12,14 +12,16 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from ..accuracy.choose import Choice, choose
-from ..accuracy.study import run_study
+from ..accuracy.study import Study, run_study
 from ..errors import NotConvergedError, SceneError
-from ..report.accuracy import write_study
+from ..report.accuracy import accuracy_page, plot_accuracy
 from ..report.advice import QUANTITIES, advice
+from ..report.files import replace_atomically, write_csv
 from ..scene import MatrixScene, Scene
 from .folder import remove_results
 from .inputs import run_inputs
 from .lock import hold_folder
+from .measurements import Measurements
 from .outputs import write_record
 from .run import report_sweep, write_results
 
@@ -44,7 +46,7 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
                 if not console.is_terminal and text:
                     console.print(f"{done + 1} of {total}: {text}", markup=False)
 
-            study = run_study(whole, out / "measurements", budget, progress=report)
+            study = run_study(whole, Measurements(out / "measurements"), budget, progress=report)
         write_study(study, out, whole.title)
     frame = study.to_dataframe()
     for quantity in QUANTITIES:
@@ -55,6 +57,26 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
         console.print(f"left out: {setting}: {why}", markup=False)
     console.print(f"results in {out}: accuracy.md, accuracy.png, accuracy.csv", markup=False)
     return 0
+
+
+def write_study(study: Study, out: Path, title: str) -> None:
+    """Write accuracy.csv, the seconds of every stage into accuracy_stages.csv, accuracy.png and accuracy.md."""
+    frame, own, finest = study.to_dataframe(), uncertainty(study), study.finest
+    write_csv(frame, out / "accuracy.csv")
+    write_csv(study.stages(), out / "accuracy_stages.csv")
+    plot_accuracy(frame, own, out / "accuracy.png", title)
+    left_out = [f"{setting}: {why}" for setting, why in study.left_out]
+    page = accuracy_page(
+        frame, own, f"order {finest.order}, {1e3 * finest.size:.3g} mm", study.exact, left_out, title
+    )
+    with replace_atomically(out / "accuracy.md") as temporary:
+        temporary.write_text(page, encoding="utf-8")
+
+
+def uncertainty(study: Study) -> dict[str, float]:
+    """Return what is uncertain of a study's reference, by the columns of its table."""
+    own = study.reference.uncertainty
+    return {"error_frequency": own.frequency, "error_growth": own.growth, "error_onset": own.onset}
 
 
 def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, target: float) -> int:

@@ -7,6 +7,7 @@ import skfem
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from ..assembly.model import model_of
 from ..fem.materials import Material
 from ..mesh.measures import area_of, volume_of
 from ..problem.parameters import MU
@@ -28,7 +29,8 @@ def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
         table.add_row("parameters", ", ".join(f"{k} = {v:g}" for k, v in scene.parameters.items()) or "none")
     table.add_row("effects on", ", ".join(scene.effect_names) or "none")
     table.add_row("problem class", problem.problem_class)
-    order = f" (order {problem.model.space.order})" if problem.model is not None else ""
+    model = model_of(problem)
+    order = f" (order {model.space.order})" if model is not None else ""
     table.add_row("unknowns", f"{problem.unknowns}{order}")
     table.add_row("matrix entries", f"{problem.pencil().K.nnz}")
     sweep, solve = scene.sweep, scene.solve
@@ -39,7 +41,7 @@ def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
 
 
 def _mesh_rows(table: Table, scene: Scene, problem: Problem) -> None:
-    model = problem.model
+    model = model_of(problem)
     assert model is not None
     mesh = model.space.mesh
     for name, elements in model.bodies.items():

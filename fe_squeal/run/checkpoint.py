@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import OutputError
-from ..report import replace_atomically, write_json
+from ..report.files import replace_atomically, write_json
 from ..sweep.state import (
     Record,
     SweepState,

@@ -11,7 +11,7 @@ import pandas as pd
 from rich.console import Console
 
 from ..errors import OutputError, SceneError
-from ..report import print_onsets, print_unstable
+from ..report.tables import print_onsets, print_unstable
 from .checkpoint import Checkpoint, read_json
 from .inputs import differences, listed
 

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 
 from ..mesh import LoadedMesh
-from ..problem.parameters import MU
-from ..problem.problem import Problem
 from ..scene import MatrixScene, Scene
 from ..version import __version__
 
@@ -40,13 +38,6 @@ def run_inputs(scene: Scene | MatrixScene, mesh: LoadedMesh | None) -> dict[str,
         "scene": scene.model_dump(mode="json", by_alias=True, exclude_none=True),
         "content": content,
     }
-
-
-def swept(scene: Scene | MatrixScene, problem: Problem) -> tuple[str, list[float]]:
-    """Return the parameter of a scene's sweep and its values; without one μ, as it is."""
-    if scene.sweep is None:
-        return MU, [problem.parameters.get(MU, 0.0)]
-    return scene.sweep.parameter, [float(v) for v in scene.sweep.grid]
 
 
 def differences(known: Any, given: Mapping[str, Any]) -> list[str]:

@@ -5,40 +5,20 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..assembly.model import model_of
 from ..eigen.linear.choice import solver_name
+from ..eigen.memory import peak_memory_mib
 from ..problem.problem import Problem
-from ..report import export_shapes as _export
-from ..report import (
-    plot_contributions,
-    plot_root_locus,
-    plot_stability,
-    replace_atomically,
-    shape_name,
-    write_csv,
-    write_json,
-)
+from ..report.files import replace_atomically, write_csv, write_json
+from ..report.shape_names import shape_name
 from ..scene import MatrixScene, Scene
-from ..sweep.onsets import Onset
 from ..sweep.result import Sweep, SweepPoint
-from ..sweep.sweep import sweep
 from .preload import model_grid, preload_dataframe, preload_record
-
-
-def find_onsets(problem: Problem, values: np.ndarray, parameter: str = "mu", modes: int = 20) -> tuple[Onset, ...]:
-    """Return the critical values of a parameter between the first and the last of the given values, to full precision.
-
-    Parameters
-    ----------
-    values : (m,) float, increasing
-        Where modes are solved for; critical values are refined between them.
-    """
-    return sweep(problem, values, parameter, modes=modes, precise=True).onsets
 
 
 def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") -> list[Path]:
@@ -54,7 +34,9 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
     -------
     list of Path
     """
-    model = result.problem.model
+    from ..report.export import export_shapes as export  # Matplotlib, which nothing else here loads
+
+    model = model_of(result.problem)
     chosen = _fastest_growing(result)
     if which == "all":
         last = result.points[-1]
@@ -67,7 +49,7 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
     axis = next((tuple(c.normals.mean(axis=0)) for c in model.contacts.values()), (0.0, 0.0, 1.0))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RuntimeWarning)
-        files = _export(model_grid(model), shapes, folder, axis=axis)
+        files = export(model_grid(model), shapes, folder, axis=axis)
     for warning in caught:
         print(f"pictures: {warning.message}", file=sys.stderr)
     return files
@@ -91,6 +73,9 @@ def write_modes(result: Sweep, out: Path) -> None:
 
 def write_figures(result: Sweep, out: Path, title: str) -> list[Path]:
     """Draw stability.png, root_locus.png and contributions.png."""
+    from ..report.contributions import plot_contributions
+    from ..report.figures import plot_root_locus, plot_stability
+
     modes, onsets = result.to_dataframe(), result.onsets_dataframe()
     return [
         plot_stability(modes, onsets, out / "stability.png", title),
@@ -111,7 +96,7 @@ def write_record(
     inputs : mapping
         See `run_inputs`.
     """
-    model = problem.model
+    model = model_of(problem)
     record: dict[str, Any] = {
         "version": inputs["version"],
         "title": scene.title,
@@ -139,20 +124,6 @@ def write_record(
         "inputs": inputs,
     }
     write_json(record, out / "run.json")
-
-
-def peak_memory_mib() -> float | None:
-    """Return the largest resident memory of this process so far, MiB; None where the system does not tell."""
-    with suppress(OSError, ValueError, IndexError):
-        # What getrusage tells on Linux begins with the memory of the process that started this one.
-        status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
-        return float(status.split("VmHWM:")[1].split()[0]) / 1024
-    try:
-        import resource
-    except ImportError:  # Windows
-        return None
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return float(peak) / (1024**2 if sys.platform == "darwin" else 1024)
 
 
 def _fastest_growing(result: Sweep) -> list[tuple[SweepPoint, int]]:
@@ -189,9 +160,10 @@ def _info(result: Sweep, point: SweepPoint, i: int) -> dict[str, Any]:
 
 
 def _shape(result: Sweep, point: SweepPoint, i: int) -> tuple[str, np.ndarray, dict[str, Any]]:
-    assert result.problem.model is not None
+    model = model_of(result.problem)
+    assert model is not None
     info = _info(result, point, i)
-    return shape_name(info), result.problem.model.space.expand(point.shapes[i]), info
+    return shape_name(info), model.space.expand(point.shapes[i]), info
 
 
 def _write_array(result: Sweep, point: SweepPoint, i: int, folder: Path) -> Path:

@@ -9,18 +9,21 @@ import numpy as np
 import pandas as pd
 import skfem
 
+from ..assembly.model import Model, model_of
 from ..assembly.warnings import follower_ratio
 from ..effects.preload import contact_summary
 from ..fem.stress import von_mises
-from ..problem.problem import Model, Problem
-from ..report import ContactFace, ShapeGrid, export_preload, shape_grid
+from ..problem.problem import Problem
+from ..report.contact_face import ContactFace
+from ..report.preload import export_preload
+from ..report.shapes import ShapeGrid, shape_grid
 from ..scene import MatrixScene, Scene
 from ..sweep.result import Sweep
 
 
 def write_preload(scene: Scene, problem: Problem, out: Path) -> list[Path]:
     """Write preload.vtu, preload_contacts.vtu and preload.png of the state at the nominal values, if there is one."""
-    model = problem.model
+    model = model_of(problem)
     if model is None or model.base is None:
         return []
     base, space = model.base, model.space
@@ -42,7 +45,7 @@ def write_preload(scene: Scene, problem: Problem, out: Path) -> list[Path]:
 
 def preload_record(scene: Scene | MatrixScene, problem: Problem) -> dict[str, Any] | None:
     """Return what presses at the nominal values."""
-    model = problem.model
+    model = model_of(problem)
     if model is None or model.base is None or not isinstance(scene, Scene):
         return None
     base = model.base

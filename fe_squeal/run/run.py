@@ -12,10 +12,13 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ..assembly.assembly import assemble, scene_mesh
-from ..eigen.memory import refuse_shortage
+from ..assembly.model import model_of
+from ..assembly.swept import swept
+from ..eigen.memory import peak_memory_mib, refuse_shortage
 from ..errors import InputError, NotConvergedError, SceneError
 from ..problem.problem import Problem
-from ..report import print_onsets, print_unstable, remove_partial
+from ..report.files import remove_partial
+from ..report.tables import print_onsets, print_unstable
 from ..scene import MatrixScene, Scene
 from ..sweep.forecast import is_reduced, predict_memory
 from ..sweep.result import Sweep
@@ -23,9 +26,9 @@ from ..sweep.state import Store, SweepState
 from ..sweep.sweep import MODES, sweep
 from .checkpoint import Checkpoint
 from .folder import is_estimated, is_finished, remove_results, remove_shapes, show_finished
-from .inputs import run_inputs, swept
+from .inputs import run_inputs
 from .lock import hold_folder
-from .outputs import export_shapes, peak_memory_mib, write_figures, write_modes, write_record, write_tables
+from .outputs import export_shapes, write_figures, write_modes, write_record, write_tables
 from .preload import write_preload
 
 INTERRUPTED = 130
@@ -83,10 +86,11 @@ def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, 
         spent = 0.0
         remove_results(out)
         checkpoint.begin(inputs)
-    if problem.model is not None:
-        for text in problem.model.notes:
+    model = model_of(problem)
+    if model is not None:
+        for text in model.notes:
             console.print(f"note: {text}", markup=False)
-        for text in problem.model.warnings:
+        for text in model.warnings:
             console.print(f"warning: {text}", markup=False)
     console.print(
         f"{problem.unknowns} unknowns, {problem.problem_class} problem; effects on: "

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from ..eigen.pencil import Modes
@@ -34,15 +32,15 @@ def doubts_of_rounding(modes: Modes) -> list[str]:
     return doubts
 
 
-def doubts_of_ties(problem: Problem, modes: Modes, names: Sequence[str]) -> list[str]:
+def doubts_of_ties(problem: Problem, modes: Modes) -> list[str]:
     """Return a sentence for each tied contact whose stiffness lets frequencies drop.
 
     A tie is a penalty: its energy share e = φᴴK_tφ / φᴴKφ is d ln θ / d ln k, and for θ = θ_∞ − a/k, as a stiff tie
     has, θ lies below θ_∞ by just e θ.
     """
     found = []
-    for name in names:
-        own = [t for t in problem.terms if t.name == f"contact.{name}" and t.slot == "K"]
+    for name in dict.fromkeys(t.name for t in problem.terms if t.penalty):
+        own = [t for t in problem.terms if t.name == name and t.penalty]
         energy = sum(
             t.coefficient(problem.parameters) * np.einsum("ij,ij->j", modes.right.conj(), t.matrix @ modes.right).real
             for t in own
@@ -50,8 +48,9 @@ def doubts_of_ties(problem: Problem, modes: Modes, names: Sequence[str]) -> list
         moving = modes.lam != 0
         shares = np.divide(energy, np.abs(modes.lam) ** 2, out=np.zeros(len(modes)), where=moving)
         if shares.max(initial=0.0) / 2 > _SOFT_TIE:
+            where = name.replace(".", " ", 1)
             found.append(
-                f"contact {name}: tied by a stiffness that lets frequencies drop by up to {50 * shares.max():.2g} %;"
+                f"{where}: tied by a stiffness that lets frequencies drop by up to {50 * shares.max():.2g} %;"
                 " made stiffer, this error falls in proportion"
             )
     return found

@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..effects.preload import contact_summary
 from ..eigen.pencil import Modes
 from ..eigen.solve import Completeness, Request, prove_completeness, solve_modes, wanted_count
 from ..eigen.threads import one_openblas_thread
@@ -116,11 +115,7 @@ class RunningSweep:
             found = sensitivities(here, modes, int(i), pencil=pencil)
             moves[int(i)] = {path: (here.value(path), d) for path, d in found.items()}
         reported = modes.select(np.arange(wanted)).without_shapes()
-        model = self.problem.at(**{self.parameter: value}).model
-        pressed = {}
-        if model is not None and model.base is not None:
-            base, contacts = model.base, model.contacts
-            pressed = {n: {"mu": base.mu, **contact_summary(contacts[n], c)} for n, c in base.contacts.items()}
+        pressed = self.problem.at(**{self.parameter: value}).state
         if self._model is not None:
             shapes = LiftedShapes(shapes, self._model.basis.V)
         self.points.append(SweepPoint(value, reported, self._branches[:wanted], shapes, moves, pressed))
@@ -156,8 +151,8 @@ class RunningSweep:
             raise NotConvergedError(f"{c.found} modes found where the inertia counts {c.expected}", modes)
         wanted = modes.select(np.arange(wanted_count(modes, self.request)))
         self.doubts += doubts_of_rounding(wanted)
-        if self.problem.model is not None and self.problem.model.tied:
-            self.doubts += doubts_of_ties(self._tracked.at(**{self.parameter: value}), wanted, self.problem.model.tied)
+        if any(t.penalty for t in self._tracked.terms):
+            self.doubts += doubts_of_ties(self._tracked.at(**{self.parameter: value}), wanted)
         self.completeness, self._start, self._first = c, value, modes
         self._branches = self._first_branches = np.arange(1, len(modes) + 1)
         self._next_branch = len(modes) + 1

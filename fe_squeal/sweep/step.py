@@ -299,7 +299,7 @@ class Step:
         if self.model is None:
             return newton(self.problem, start)
         root = newton(self.problem, start)
-        error, rounding = self.model.root_error(root)
+        error, rounding = self.model.root_error(root.value, root.theta, root.right, root.left)
         if error <= max(rounding, _SURE * abs(root.value)) and not self._precise:
             return replace(root, uncertainty=root.uncertainty + error + rounding)
         x, y = (self.model.lift(v) for v in (root.right, root.left))

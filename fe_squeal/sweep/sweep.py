@@ -11,6 +11,7 @@ from ..eigen.solve import Request
 from ..eigen.threads import one_openblas_thread
 from ..errors import NotConvergedError, SceneError, TooLargeError
 from ..problem.problem import Problem
+from .onsets import Onset
 from .result import Sweep
 from .running import RunningSweep
 from .state import Store
@@ -101,6 +102,17 @@ def sweep(
     if store is not None:
         store.flush()
     return tracker.result()
+
+
+def find_onsets(problem: Problem, values: np.ndarray, parameter: str = "mu", modes: int = 20) -> tuple[Onset, ...]:
+    """Return the critical values of a parameter between the first and the last of the given values, to full precision.
+
+    Parameters
+    ----------
+    values : (m,) float, increasing
+        Where modes are solved for; critical values are refined between them.
+    """
+    return sweep(problem, values, parameter, modes=modes, precise=True).onsets
 
 
 def _checked(problem: Problem, parameter: str, values: Sequence[float] | np.ndarray) -> np.ndarray:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from closed_forms import sliding_block, sliding_plate, wave_speeds
 
 from fe_squeal import sweep
 from fe_squeal.accuracy import with_discretisation
-from fe_squeal.accuracy.closed_forms import sliding_block, sliding_plate, wave_speeds
 from fe_squeal.accuracy.estimate import BAR, refined_changes
 from fe_squeal.errors import SceneError
 from fe_squeal.problem.problem import Problem

@@ -12,8 +12,8 @@ import pytest
 from mutations import growth_of_memory, mutated_bytes, needs_timer, outcome
 
 import fe_squeal.run.run
+from fe_squeal.eigen.memory import peak_memory_mib
 from fe_squeal.mesh import load_mesh
-from fe_squeal.run.outputs import peak_memory_mib
 
 pytestmark = needs_timer
 DATA = Path(__file__).parents[1] / "data"

@@ -17,8 +17,8 @@ from mutations import dump, growth_of_memory, mutated_bytes, mutated_data, needs
 from scene_texts import SCENE, environment
 
 import fe_squeal.run.run
+from fe_squeal.eigen.memory import peak_memory_mib
 from fe_squeal.geometry import Block, write_mesh
-from fe_squeal.run.outputs import peak_memory_mib
 
 pytestmark = needs_timer
 COUNT, ROUNDS = 250, 8  # scenes of a round

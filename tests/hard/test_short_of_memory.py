@@ -74,7 +74,7 @@ def test_huge_numbers_are_refused_at_once(
 ) -> None:
     """They are not tried: memory grows by less than what their arrays would take."""
     from fe_squeal.cli import main
-    from fe_squeal.run.outputs import peak_memory_mib
+    from fe_squeal.eigen.memory import peak_memory_mib
 
     old, new, message = HUGE[kind]
     before = peak_memory_mib()

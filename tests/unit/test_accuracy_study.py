@@ -21,6 +21,7 @@ from fe_squeal.cli import main
 from fe_squeal.errors import MeshError, NotConvergedError, SceneError
 from fe_squeal.report.advice import advice, fitted, pareto
 from fe_squeal.run.accuracy import run_to_accuracy, study_scene
+from fe_squeal.run.measurements import Measurements
 
 TINY = """
 title = "pad on a belt"
@@ -185,7 +186,7 @@ def test_study_is_resumed_and_bounded(tiny, tmp_path):
     scene = load_scene(tiny)
     settings = [s for s in plan(scene) if s.size > 0.019 and s.method != "direct" and s.modes == 8]
     said: list[str] = []
-    study = run_study(scene, tmp_path, None, settings, lambda i, n, text: said.append(text))
+    study = run_study(scene, Measurements(tmp_path), None, settings, lambda i, n, text: said.append(text))
     frame = study.to_dataframe()
     assert tuple(frame.columns) == COLUMNS and len(frame) == len(settings) and not study.left_out
     one, two = (frame[(frame["order"] == k) & (frame["knob"] == f"size, order {k}")] for k in (1, 2))
@@ -194,7 +195,7 @@ def test_study_is_resumed_and_bounded(tiny, tmp_path):
     files = {p.name: p.stat().st_mtime_ns for p in tmp_path.glob("*.npz")}
     missing = next(iter(files))
     (tmp_path / missing).unlink()
-    again = run_study(scene, tmp_path, 1e-9, settings)
+    again = run_study(scene, Measurements(tmp_path), 1e-9, settings)
     assert len(again.measurements) == len(settings) - 1 and len(again.left_out) == 1
     assert "budget" in again.left_out[0][1]
     assert {p.name: p.stat().st_mtime_ns for p in tmp_path.glob("*.npz")} == {
@@ -204,7 +205,7 @@ def test_study_is_resumed_and_bounded(tiny, tmp_path):
 
 def test_nothing_within_the_budget(tiny, tmp_path):
     with pytest.raises(NotConvergedError, match="nothing could be measured"):
-        run_study(load_scene(tiny), tmp_path, 1e-9)
+        run_study(load_scene(tiny), Measurements(tmp_path), 1e-9)
 
 
 @pytest.mark.slow
@@ -212,7 +213,7 @@ def test_command_writes_its_files(tiny, tmp_path, capsys):
     scene = load_scene(tiny)
     small = [s for s in plan(scene) if s.size > 0.027]
     out = tmp_path / "out"
-    run_study(scene, out / "measurements", None, small)  # what the command finds there
+    run_study(scene, Measurements(out / "measurements"), None, small)  # what the command finds there
     assert main(["accuracy", str(tiny), "-o", str(out), "--budget", "1e-9"]) == 0
     printed = capsys.readouterr().out
     assert "left out" in printed and "% on frequencies" in printed

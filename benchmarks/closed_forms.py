@@ -9,8 +9,8 @@ from itertools import product
 import numpy as np
 from scipy.optimize import brentq
 
-from ..geometry import Block
-from ..scene import Scene
+from fe_squeal.geometry import Block
+from fe_squeal.scene import Scene
 
 _SLIDING = {"left": "x", "right": "x", "front": "y", "back": "y", "bottom": "z", "top": "z"}
 _SLIDING_EDGES = {"left": "yz", "right": "yz", "front": "xz", "back": "xz"}
