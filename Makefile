@@ -11,6 +11,7 @@ run: .venv/installed
 test: .venv/installed-test
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
 	$(BIN)/pytest -n 2 --dist worksteal
 
 # The fast tests with the lowest versions that pyproject.toml admits; hard cases and fuzzing run with the newest alone.
