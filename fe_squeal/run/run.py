@@ -15,7 +15,7 @@ from ..assembly.assembly import assemble, scene_mesh
 from ..assembly.model import model_of
 from ..assembly.swept import swept
 from ..eigen.memory import peak_memory_mib, refuse_shortage
-from ..errors import InputError, NotConvergedError, SceneError
+from ..errors import INTERRUPTED, InputError, NotConvergedError, SceneError
 from ..problem.problem import Problem
 from ..report.files import remove_partial
 from ..report.tables import print_onsets, print_unstable
@@ -30,8 +30,6 @@ from .inputs import run_inputs
 from .lock import hold_folder
 from .outputs import export_shapes, write_figures, write_modes, write_record, write_tables
 from .preload import write_preload
-
-INTERRUPTED = 130
 
 
 def run_scene(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from ..eigen.pencil import Modes
 from ..eigen.solve import Completeness
@@ -15,6 +15,9 @@ from ..problem.problem import Problem
 from ..reduced import ReducedModel, lift
 from .noise import classify_noise
 from .onsets import Onset
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MODE_COLUMNS = (
     "parameter", "value", "mode", "branch", "re", "im", "frequency_hz", "damping_ratio", "stability", "noise",
@@ -112,6 +115,8 @@ class Sweep:
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return one row per mode and value, the columns of modes.csv."""
+        import pandas as pd
+
         rows = []
         for point in self.points:
             m = point.modes
@@ -128,6 +133,8 @@ class Sweep:
 
     def onsets_dataframe(self) -> pd.DataFrame:
         """Return one row per onset, the columns of onsets.csv."""
+        import pandas as pd
+
         rows = [
             (o.parameter, o.value, o.frequency_hz, o.kind, o.direction, o.crossing_speed, o.branch_a, o.branch_b,
              o.uncertainty, o.two_mode_value, o.discretisation)
@@ -145,6 +152,8 @@ class Sweep:
 
     def contributions_dataframe(self) -> pd.DataFrame:
         """Return the shares of Re λ and of the energy by term, of every unstable mode (contributions.csv)."""
+        import pandas as pd
+
         rows = []
         for point in self.points:
             for i in np.flatnonzero(point.modes.stability == "unstable"):
@@ -156,6 +165,8 @@ class Sweep:
 
     def sensitivities_dataframe(self) -> pd.DataFrame:
         """Return ∂Re λ and ∂Im λ by every number that terms scale with, of every unstable mode (sensitivities.csv)."""
+        import pandas as pd
+
         rows = [
             (self.parameter, point.value, i + 1, point.branches[i], path, at, d.real, d.imag)
             for point in self.points

@@ -1,20 +1,24 @@
-"""A sweep over one parameter: modes at every value, followed into branches, with the onsets between them."""
+"""A sweep over one parameter: modes at every value, followed into branches, with the onsets between them.
+
+The name `fe_squeal.sweep` is that of the function and of this folder. So that it always means the function, the package
+imports this file at once; solvers are therefore imported inside the function.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..eigen.solve import Request
-from ..eigen.threads import one_openblas_thread
 from ..errors import NotConvergedError, SceneError, TooLargeError
-from ..problem.problem import Problem
-from .onsets import Onset
-from .result import Sweep
-from .running import RunningSweep
-from .state import Store
+
+if TYPE_CHECKING:
+    from ..problem.problem import Problem
+    from .onsets import Onset
+    from .result import Sweep
+    from .state import Store
 
 MODES = 20  # asked for where nothing is said
 
@@ -63,6 +67,10 @@ def sweep(
     KeyboardInterrupt
         With the sweep so far as its argument.
     """
+    from ..eigen.solve import Request
+    from ..eigen.threads import one_openblas_thread
+    from .running import RunningSweep
+
     values = _checked(problem, parameter, values)
     if len(values) == 1 and not problem.has(parameter):  # a scene without friction has no mu, and needs none
         problem = replace(problem, parameters={**problem.parameters, parameter: float(values[0])})

@@ -15,7 +15,8 @@ pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="RL
 # As many MiB more than the loaded program takes; the last one is enough.
 PROGRAM = """
 import resource, sys
-import fe_squeal.cli, psutil, scipy.sparse.linalg, matplotlib.figure
+import fe_squeal.cli, fe_squeal.run.run, fe_squeal.report.contributions, fe_squeal.report.export
+import psutil, scipy.sparse.linalg, matplotlib.figure
 from fe_squeal.eigen.linear.choice import solver_name
 solver_name()
 limit = psutil.Process().memory_info().vms + int(sys.argv[1]) * 2**20

@@ -91,7 +91,7 @@ def test_system_errors_are_messages(
     def fail(scene: object) -> None:
         raise OSError(28, "No space left on device", "somewhere")
 
-    monkeypatch.setattr(fe_squeal.cli, "assemble", fail)
+    monkeypatch.setattr(fe_squeal.assembly.assembly, "assemble", fail)
     assert main(["check", str(write_scene(tmp_path))]) == 2
     assert capsys.readouterr().err == "error: somewhere: No space left on device\n"
 
