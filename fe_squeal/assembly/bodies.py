@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import skfem
 
 from ..errors import MeshError, SceneError, suggest
-from ..geometry import write_mesh
+from ..geometry import make_mesh
 from ..mesh import LoadedMesh, load_mesh, surface_group, volume_group
+from ..mesh.building import build_mesh
 from ..scene import Scene
+
+_GEOMETRY = "geometry.msh"  # what a mesh that was made from a geometry is called in messages and records
 
 
 def read_mesh(scene: Scene) -> LoadedMesh:
@@ -33,14 +34,12 @@ def read_mesh(scene: Scene) -> LoadedMesh:
         except MeshError as error:
             raise MeshError(f"mesh.file: {error}") from error
     assert scene.mesh.geometry is not None
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "geometry.msh"
-        try:
-            write_mesh(scene.mesh.geometry, path)
-        except MeshError as error:
-            kind = "disc_pad" if scene.mesh.disc_pad is not None else "block"
-            raise MeshError(f"mesh.{kind}: {error}") from error
-        return load_mesh(path, scene.mesh.length_unit)
+    try:
+        raw = make_mesh(scene.mesh.geometry)
+    except MeshError as error:
+        kind = "disc_pad" if scene.mesh.disc_pad is not None else "block"
+        raise MeshError(f"mesh.{kind}: {error}") from error
+    return build_mesh(raw, _GEOMETRY, scene.mesh.scale)
 
 
 def find_bodies(scene: Scene, loaded: LoadedMesh) -> dict[str, np.ndarray]:

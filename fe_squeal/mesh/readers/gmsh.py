@@ -7,42 +7,15 @@ a name, at sparse node numbers in binary 2.2 and at parametric nodes. Formats: h
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from fe_squeal.errors import MeshError
 
-from ..checking import connect
-from ..raw import CellBlock, Ints, RawMesh, check_unique_nodes
+from ..gmsh_cells import NODES, Cells, raw_mesh
+from ..raw import Ints, RawMesh
 from .others import read_with_meshio
-
-_HEX20 = [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15]
-# Gmsh's type number: VTK name, number of nodes, and VTK's order in terms of Gmsh's (None: the same).
-_SOLIDS: dict[int, tuple[str, list[int] | None]] = {
-    4: ("tetra", None), 5: ("hexahedron", None), 6: ("wedge", None), 7: ("pyramid", None),
-    11: ("tetra10", [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]),
-    12: ("hexahedron27", [*_HEX20, 22, 23, 21, 24, 20, 25, 26]),
-    17: ("hexahedron20", _HEX20),
-    13: ("wedge18", [0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11, 15, 17, 16]),
-    18: ("wedge15", [0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11]),
-    14: ("pyramid14", [0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12, 13]),
-    19: ("pyramid13", [0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12]),
-}  # fmt: skip
-_SURFACES = {2: 3, 9: 3, 3: 4, 10: 4, 16: 4}  # number of corners
-_NODES = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1, 16: 8,
-          17: 20, 18: 15, 19: 13}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class _Cells:
-    """Cells of one type and one set of physical groups: numbers (n,), nodes (n, k), groups."""
-
-    type: int
-    labels: Ints
-    nodes: Ints
-    physical: tuple[int, ...]
 
 
 class _Cursor:
@@ -111,7 +84,7 @@ def read_gmsh(path: Path) -> RawMesh:
         ) from error
     except (ValueError, IndexError, OverflowError) as error:
         raise MeshError(f"{path.name}: not a readable Gmsh file ({error}); save the mesh again") from error
-    return _raw(path.name, labels, points, cells, names, repeats=version.startswith("2"))
+    return raw_mesh(path.name, labels, points, cells, names, repeats=version.startswith("2"))
 
 
 def _sections(data: bytes) -> dict[str, bytes]:
@@ -177,15 +150,15 @@ def _nodes4(read: _Cursor) -> tuple[Ints, np.ndarray]:
     return np.concatenate(labels), np.concatenate(points)
 
 
-def _cells4(read: _Cursor, physical: dict[tuple[int, int], tuple[int, ...]]) -> list[_Cells]:
+def _cells4(read: _Cursor, physical: dict[tuple[int, int], tuple[int, ...]]) -> list[Cells]:
     cells = []
     for _ in range(read.take("u", 4)[0]):
         dimension, tag, kind = (int(v) for v in read.take("i", 3))
         count = read.one("u")
-        if kind not in _NODES:
+        if kind not in NODES:
             raise ValueError(f"element type {kind} is not supported; use order 1 or 2")
-        rows = read.take("u", count * (1 + _NODES[kind])).reshape(count, -1)
-        cells.append(_Cells(kind, rows[:, 0], rows[:, 1:], physical.get((dimension, tag), ())))
+        rows = read.take("u", count * (1 + NODES[kind])).reshape(count, -1)
+        cells.append(Cells(kind, rows[:, 0], rows[:, 1:], physical.get((dimension, tag), ())))
     return cells
 
 
@@ -203,7 +176,7 @@ def _nodes2(body: bytes, text: bool, order: str) -> tuple[Ints, np.ndarray]:
     return labels, points
 
 
-def _cells2(body: bytes, text: bool, order: str) -> list[_Cells]:
+def _cells2(body: bytes, text: bool, order: str) -> list[Cells]:
     first, _, rest = body.lstrip().partition(b"\n")
     count, at, done = int(first), 0, 0
     numbers = np.array(
@@ -219,9 +192,9 @@ def _cells2(body: bytes, text: bool, order: str) -> list[_Cells]:
         else:
             kind, many, tags = flat[at : at + 3]
             head, at = [], at + 3
-        if kind not in _NODES or tags < 0 or many < 1:
+        if kind not in NODES or tags < 0 or many < 1:
             raise ValueError(f"element type {kind} is not supported; use order 1 or 2")
-        width = tags + _NODES[kind] + (not text)
+        width = tags + NODES[kind] + (not text)
         if at + many * width > len(flat):
             raise ValueError(f"{count} elements announced, {done} found")
         for _ in range(many):
@@ -232,58 +205,7 @@ def _cells2(body: bytes, text: bool, order: str) -> list[_Cells]:
     cells = []
     for (kind, tag), rows in gathered.items():
         table = np.array(rows, dtype=np.int64)
-        cells.append(_Cells(kind, table[:, 0], table[:, 1:], (tag,) if tag else ()))
+        cells.append(Cells(kind, table[:, 0], table[:, 1:], (tag,) if tag else ()))
     return cells
 
 
-def _raw(
-    source: str, labels: Ints, points: np.ndarray, cells: list[_Cells], names: dict[tuple[int, int], str], repeats: bool
-) -> RawMesh:
-    labels, points = check_unique_nodes(labels, points, source)
-    blocks: list[CellBlock] = []
-    volumes: dict[str, list[Ints]] = {}
-    surfaces: dict[str, list[Ints]] = {}
-    at = 0
-    for some in cells:
-        if some.type in _SOLIDS:
-            kind, permutation = _SOLIDS[some.type]
-            nodes = connect(some.nodes, labels, some.labels, "element", source)
-            nodes = nodes if permutation is None else nodes[:, permutation]
-            blocks.append(CellBlock(kind, nodes, some.labels))
-            index = at + np.arange(len(nodes))
-            at += len(nodes)
-            for tag in some.physical:
-                volumes.setdefault(names.get((3, abs(tag)), str(abs(tag))), []).append(index)
-        elif some.type in _SURFACES and some.physical:
-            nodes = connect(some.nodes[:, : _SURFACES[some.type]], labels, some.labels, "surface element", source)
-            for tag in some.physical:
-                surfaces.setdefault(names.get((2, abs(tag)), str(abs(tag))), []).append(nodes)
-    groups = {name: np.unique(np.concatenate(parts)) for name, parts in volumes.items()}
-    merged, groups = merge_copies(tuple(blocks), groups) if repeats else (tuple(blocks), groups)
-    return RawMesh(points, labels, merged, groups, surfaces)
-
-
-def merge_copies(
-    blocks: tuple[CellBlock, ...], groups: dict[str, Ints]
-) -> tuple[tuple[CellBlock, ...], dict[str, Ints]]:
-    """Merge elements that stand in the file once per physical group, as version 2.2 writes them.
-
-    Copies within one group are left for `checking.check_cells` to refuse.
-    """
-    if not blocks or any(len(np.unique(block.nodes, axis=0)) < len(block) for block in blocks):
-        return blocks, groups
-    new = np.empty(sum(map(len, blocks)), dtype=np.int64)
-    kept, total = [], 0
-    for kind in dict.fromkeys(block.kind for block in blocks):
-        place = np.concatenate(
-            [np.arange(len(b)) + sum(map(len, blocks[:i])) for i, b in enumerate(blocks) if b.kind == kind]
-        )
-        nodes = np.concatenate([b.nodes for b in blocks if b.kind == kind])
-        labels = np.concatenate([b.labels for b in blocks if b.kind == kind])
-        _, first, inverse = np.unique(nodes, axis=0, return_index=True, return_inverse=True)
-        order = np.argsort(np.argsort(first))  # keep the file's order
-        new[place] = total + order[inverse.ravel()]
-        rows = np.sort(first)
-        kept.append(CellBlock(kind, nodes[rows], labels[rows]))
-        total += len(rows)
-    return tuple(kept), {name: np.unique(new[cells]) for name, cells in groups.items()}

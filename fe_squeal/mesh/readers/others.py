@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
-import re
-import tempfile
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +13,10 @@ from fe_squeal.errors import MeshError
 
 from ..elements import SHAPE
 from ..raw import CellBlock, Ints, RawMesh
+from .meshio_patches import patched_meshio, with_sized_integers
 
 _CORNERS = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}
 _REFUSED = ("VTK_LAGRANGE", "VTK_BEZIER", "polyhedron", "tetra", "hexahedron", "wedge", "pyramid")
-_INT = re.compile(rb"(?:(SCALARS \S+ )|(\S+ \d+ \d+ ))int((?: \d+)?) *\n")
-# Nodes of each cell in XDMF's mixed topology, by its code; meshio's list ends with the wedge and the hexahedron.
-_XDMF_NODES = {0x1: 1, 0x2: 2, 0x4: 3, 0x5: 4, 0x6: 4, 0x7: 5, 0x8: 6, 0x9: 8, 0x22: 3, 0x23: 9, 0x24: 6, 0x25: 8,
-               0x26: 10, 0x27: 13, 0x28: 15, 0x29: 18, 0x30: 20, 0x31: 24, 0x32: 27}  # fmt: skip
 # An array with more values than this numbers cells and does not group them.
 MOST_VALUES = 500
 
@@ -40,11 +34,7 @@ def read_with_meshio(path: Path) -> RawMesh:
         meshio cannot read the file.
     """
     import meshio
-    from meshio._mesh import topological_dimension
 
-    # meshio 5.3.5 forgets these two in its table of dimensions and stops at them with a KeyError.
-    topological_dimension.setdefault("wedge15", 3)
-    topological_dimension.setdefault("pyramid13", 3)
     printed = io.StringIO()
     try:
         # meshio prints and calls sys.exit on files it cannot read.
@@ -53,10 +43,10 @@ def read_with_meshio(path: Path) -> RawMesh:
             contextlib.redirect_stderr(printed),
             warnings.catch_warnings(),
             np.errstate(all="ignore"),
-            _all_mixed_cells(path),
+            patched_meshio(path),
         ):
             warnings.simplefilter("ignore")
-            return _raw(_with_sized_integers(path) or meshio.read(path), path.name)
+            return _raw(with_sized_integers(path) or meshio.read(path), path.name)
     except MeshError:
         raise
     except (Exception, SystemExit) as error:
@@ -71,70 +61,6 @@ def read_with_meshio(path: Path) -> RawMesh:
         raise MeshError(
             f"{path.name}: not a readable {path.suffix} mesh ({reason}); save it again, or in another format"
         ) from error
-
-
-@contextlib.contextmanager
-def _all_mixed_cells(path: Path) -> Iterator[None]:
-    """Let meshio read quadratic cells in XDMF's mixed topology, at which 5.3.5 stops with a KeyError."""
-    if path.suffix.lower() not in (".xdmf", ".xmf"):
-        yield
-        return
-    from meshio.xdmf import main
-
-    original = main.translate_mixed_cells
-    main.translate_mixed_cells = lambda data: _mixed_cells(data, path.name)
-    try:
-        yield
-    finally:
-        main.translate_mixed_cells = original
-
-
-def _mixed_cells(data: np.ndarray, source: str) -> list[object]:
-    """Return meshio's blocks of the cells in XDMF's mixed topology: code, nodes, code, nodes, ..."""
-    import meshio
-    from meshio.xdmf.common import xdmf_idx_to_meshio_type
-
-    data = np.asarray(data, dtype=np.int64).ravel()
-    codes, starts, at = [], [], 0
-    while at < len(data):
-        code = int(data[at])
-        if code not in _XDMF_NODES:
-            raise MeshError(
-                f"{source}: the mixed topology has cells of XDMF type {code}; expected linear or quadratic tetrahedra"
-                " (6, 38), hexahedra (9, 48, 50), wedges (8, 40) or pyramids (7, 39), with triangles or quadrilaterals"
-            )
-        at += 1
-        if code in (0x1, 0x2):  # points and lines state their number of nodes
-            if at >= len(data) or data[at] != _XDMF_NODES[code]:
-                raise MeshError(f"{source}: the mixed topology has lines of more than 2 points; leave them out")
-            at += 1
-        codes.append(code)
-        starts.append(at)
-        at += _XDMF_NODES[code]
-    if at != len(data):
-        raise MeshError(f"{source}: the mixed topology ends within a cell; save the mesh again")
-    blocks, first = [], 0
-    for i in range(1, len(codes) + 1):
-        if i == len(codes) or codes[i] != codes[first]:
-            nodes = data[np.array(starts[first:i])[:, None] + np.arange(_XDMF_NODES[codes[first]])]
-            blocks.append(meshio.CellBlock(xdmf_idx_to_meshio_type[codes[first]], nodes))
-            first = i
-    return blocks
-
-
-def _with_sized_integers(path: Path) -> object | None:
-    """Read a binary legacy .vtk file whose arrays are of type int, four bytes; meshio takes eight."""
-    import meshio
-
-    if path.suffix.lower() != ".vtk":
-        return None
-    data = path.read_bytes()
-    if b"Version 5" not in data[:40] or b"\nBINARY" not in data[:400] or not _INT.search(data):
-        return None
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder, path.name)
-        copy.write_bytes(_INT.sub(rb"\1\2vtktypeint32\3\n", data))
-        return meshio.read(copy)
 
 
 def _raw(mesh: object, source: str) -> RawMesh:
