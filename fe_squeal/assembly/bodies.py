@@ -7,11 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 import skfem
 
+from ..eigen.memory import refuse_shortage
 from ..errors import MeshError, SceneError, suggest
 from ..geometry import make_mesh
 from ..mesh import LoadedMesh, load_mesh, surface_group, volume_group
 from ..mesh.building import build_mesh
-from ..scene import Scene
+from ..scene import MatrixScene, Scene
 
 _GEOMETRY = "geometry.msh"  # what a mesh that was made from a geometry is called in messages and records
 
@@ -40,6 +41,23 @@ def read_mesh(scene: Scene) -> LoadedMesh:
         kind = "disc_pad" if scene.mesh.disc_pad is not None else "block"
         raise MeshError(f"mesh.{kind}: {error}") from error
     return build_mesh(raw, _GEOMETRY, scene.mesh.scale)
+
+
+def scene_mesh(scene: Scene | MatrixScene) -> LoadedMesh | None:
+    """Return the mesh of a scene; None of one of matrices.
+
+    Raises
+    ------
+    MeshError
+        With the scene's file.
+    """
+    if isinstance(scene, MatrixScene):
+        return None
+    try:
+        with refuse_shortage("the mesh"):
+            return read_mesh(scene)
+    except MeshError as error:
+        raise MeshError(f"{scene.source}: {error}" if scene.source is not None else str(error)) from error
 
 
 def find_bodies(scene: Scene, loaded: LoadedMesh) -> dict[str, np.ndarray]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -16,25 +15,17 @@ from ..mesh import LoadedMesh
 from ..scene import Scene
 from .bodies import find_facets
 
-Kept = Callable[[str, object, Callable[[], Any]], Any]
-"""Returns what the third argument made for the same kind and key before, or makes it."""
 
-
-def rotating_motions(
-    scene: Scene, space: DisplacementSpace, bodies: Mapping[str, np.ndarray], loaded: LoadedMesh,
-    sides: Mapping[str, set[str]], kept: Kept,
-) -> dict[str, Sliding]:  # fmt: skip
+def rotating_motions(scene: Scene, sides: Mapping[str, set[str]]) -> dict[str, Sliding]:
     """Return the motion of each rotating body.
 
     Parameters
     ----------
-    bodies : mapping of body to (e,) int elements
     sides : mapping of contact to the bodies that carry its counterface
 
     Raises
     ------
     SceneError
-        If a body, what holds it or its material is not the same all around the axis.
     """
     rotation = scene.effects.rotation
     motions: dict[str, Sliding] = {}
@@ -45,19 +36,36 @@ def rotating_motions(
             for c, contact in zip(scene.contact_names, scene.contacts, strict=True)
             if contact.sliding is not None and name in sides[c]
         }
-        motions[name] = motion = rotation_motion(rotation, name, pressed)
-
-        def check(name: str = name, motion: Sliding = motion) -> None:
-            check_revolution(space.mesh, bodies[name], motion, name)
-            _check_holding(scene, space, bodies[name], loaded, motion, name)
-
-        kept(f"revolution.{name}", motion.way, check)
-        if not is_transversal(scene.stiffness(name), motion):
-            raise SceneError(
-                f"effects.rotation: the material of body {name} is not the same all around the axis; expected an"
-                " isotropic one, or an orthotropic one with axis 3 along the axis and equal values along 1 and 2"
-            )
+        motions[name] = rotation_motion(rotation, name, pressed)
     return motions
+
+
+def check_shape(
+    scene: Scene, space: DisplacementSpace, elements: np.ndarray, loaded: LoadedMesh, motion: Sliding, name: str
+) -> bool:
+    """Return True for a body that is the same all around the axis, with all that holds it.
+
+    Raises
+    ------
+    SceneError
+    """
+    check_revolution(space.mesh, elements, motion, name)
+    _check_holding(scene, space, elements, loaded, motion, name)
+    return True
+
+
+def check_material(scene: Scene, motion: Sliding, name: str) -> None:
+    """Raise where the material of a rotating body is not the same all around the axis.
+
+    Raises
+    ------
+    SceneError
+    """
+    if not is_transversal(scene.stiffness(name), motion):
+        raise SceneError(
+            f"effects.rotation: the material of body {name} is not the same all around the axis; expected an"
+            " isotropic one, or an orthotropic one with axis 3 along the axis and equal values along 1 and 2"
+        )
 
 
 def _check_holding(

@@ -154,6 +154,15 @@ def doubts_of_rotation(
             )
 
 
+def doubts_of_coverage(contacts: Mapping[str, ContactOperators]) -> list[str]:
+    """Return a sentence for each contact of which most does not touch its counterface."""
+    return [
+        f"contact {name}: only {100 * c.coverage:.3g} % of the surface lies on its counterface within the tolerance"
+        for name, c in contacts.items()
+        if c.coverage < 0.5
+    ]
+
+
 def doubts_of_preload(
     scene: Scene, contacts: Mapping[str, ContactOperators], base: BaseState
 ) -> Iterable[str]:

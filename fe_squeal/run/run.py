@@ -11,7 +11,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from ..assembly.assembly import assemble, scene_mesh
+from ..assembly.assembly import assemble
+from ..assembly.bodies import scene_mesh
 from ..assembly.model import model_of
 from ..assembly.swept import swept
 from ..eigen.memory import peak_memory_mib, refuse_shortage
