@@ -18,11 +18,11 @@ from ..report.accuracy import accuracy_page, plot_accuracy
 from ..report.advice import QUANTITIES, advice
 from ..report.files import replace_atomically, write_csv
 from ..scene import MatrixScene, Scene
-from .folder import remove_results
+from .folder import ACCURACY_FIGURE, ACCURACY_PAGE, ACCURACY_TABLE, MEASUREMENTS, STAGES_TABLE, remove_results
 from .inputs import run_inputs
 from .lock import hold_folder
 from .measurements import Measurements
-from .outputs import write_record
+from .record import write_record
 from .run import report_sweep, write_results
 
 
@@ -46,7 +46,7 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
                 if not console.is_terminal and text:
                     console.print(f"{done + 1} of {total}: {text}", markup=False)
 
-            study = run_study(whole, Measurements(out / "measurements"), budget, progress=report)
+            study = run_study(whole, Measurements(out / MEASUREMENTS), budget, progress=report)
         write_study(study, out, whole.title)
     frame = study.to_dataframe()
     for quantity in QUANTITIES:
@@ -62,14 +62,14 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
 def write_study(study: Study, out: Path, title: str) -> None:
     """Write accuracy.csv, the seconds of every stage into accuracy_stages.csv, accuracy.png and accuracy.md."""
     frame, own, finest = study.to_dataframe(), uncertainty(study), study.finest
-    write_csv(frame, out / "accuracy.csv")
-    write_csv(study.stages(), out / "accuracy_stages.csv")
-    plot_accuracy(frame, own, out / "accuracy.png", title)
+    write_csv(frame, out / ACCURACY_TABLE)
+    write_csv(study.stages(), out / STAGES_TABLE)
+    plot_accuracy(frame, own, out / ACCURACY_FIGURE, title)
     left_out = [f"{setting}: {why}" for setting, why in study.left_out]
     page = accuracy_page(
         frame, own, f"order {finest.order}, {1e3 * finest.size:.3g} mm", study.exact, left_out, title
     )
-    with replace_atomically(out / "accuracy.md") as temporary:
+    with replace_atomically(out / ACCURACY_PAGE) as temporary:
         temporary.write_text(page, encoding="utf-8")
 
 

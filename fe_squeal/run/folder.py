@@ -15,9 +15,18 @@ from ..report.tables import print_onsets, print_unstable
 from .checkpoint import Checkpoint, read_json
 from .inputs import differences, listed
 
-_TABLES = ("modes.csv", "onsets.csv", "contributions.csv", "sensitivities.csv", "preload.csv")
-_FIGURES = (
-    "stability.png", "root_locus.png", "contributions.png", "preload.png", "preload.vtu", "preload_contacts.vtu",
+# Every file and folder that a run or a study of accuracy writes.
+RECORD = "run.json"
+MODES_TABLE, ONSETS_TABLE, CONTRIBUTIONS_TABLE, SENSITIVITIES_TABLE, PRELOAD_TABLE = TABLES = (
+    "modes.csv", "onsets.csv", "contributions.csv", "sensitivities.csv", "preload.csv",
+)  # fmt: skip
+STABILITY_FIGURE, ROOT_LOCUS_FIGURE, CONTRIBUTIONS_FIGURE = FIGURES = (
+    "stability.png", "root_locus.png", "contributions.png",
+)  # fmt: skip
+PRELOAD_FILES = ("preload.png", "preload.vtu", "preload_contacts.vtu")  # names that `report.preload` gives
+SHAPES, CHECKPOINT = "shapes", "checkpoint"
+ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, MEASUREMENTS = (
+    "accuracy.csv", "accuracy_stages.csv", "accuracy.png", "accuracy.md", "measurements",
 )  # fmt: skip
 
 
@@ -29,7 +38,7 @@ def is_finished(out: Path, checkpoint: Checkpoint, inputs: Mapping[str, Any]) ->
     SceneError
         If what is there belongs to another run.
     """
-    record = read_json(out / "run.json")
+    record = read_json(out / RECORD)
     finished = isinstance(record, dict) and record.get("status") == "complete"
     if finished:
         found, what = differences(record.get("inputs"), inputs), "the finished results are of"
@@ -49,7 +58,7 @@ def is_finished(out: Path, checkpoint: Checkpoint, inputs: Mapping[str, Any]) ->
 
 def is_estimated(out: Path) -> bool:
     """Return whether the finished results have the errors of the mesh."""
-    record = read_json(out / "run.json")
+    record = read_json(out / RECORD)
     return isinstance(record, dict) and "estimate" in (record.get("seconds") or {})
 
 
@@ -62,7 +71,7 @@ def show_finished(out: Path, console: Console) -> int:
         If a table is missing or cannot be read.
     """
     try:
-        onsets, modes = (pd.read_csv(out / f"{name}.csv") for name in ("onsets", "modes"))
+        onsets, modes = (pd.read_csv(out / name) for name in (ONSETS_TABLE, MODES_TABLE))
         print_onsets(onsets, console)
         print_unstable(modes, console)
     except (OSError, ValueError, KeyError) as error:
@@ -84,7 +93,7 @@ def remove_results(out: Path) -> None:
     OutputError
     """
     try:
-        for name in ("run.json", *_TABLES, *_FIGURES):
+        for name in (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES):
             (out / name).unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(f"{error.filename}: cannot be removed ({error.strerror or error})") from error
@@ -98,7 +107,7 @@ def remove_shapes(out: Path) -> None:
     ------
     OutputError
     """
-    folder = out / "shapes"
+    folder = out / SHAPES
     try:
         for path in [p for kind in ("vtu", "pvd", "png", "npz") for p in folder.glob(f"*_*Hz.{kind}")]:
             path.unlink(missing_ok=True)

@@ -1,24 +1,30 @@
-"""What a run writes: tables, figures, shapes and the record of the run."""
+"""What a run writes: tables, figures and shapes."""
 
 from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..assembly.model import model_of
-from ..eigen.linear.choice import solver_name
-from ..eigen.memory import peak_memory_mib
-from ..problem.problem import Problem
-from ..report.files import replace_atomically, write_csv, write_json
+from ..report.files import replace_atomically, write_csv
 from ..report.shape_names import shape_name
-from ..scene import MatrixScene, Scene
 from ..sweep.result import Sweep, SweepPoint
-from .preload import model_grid, preload_dataframe, preload_record
+from .folder import (
+    CONTRIBUTIONS_FIGURE,
+    CONTRIBUTIONS_TABLE,
+    MODES_TABLE,
+    ONSETS_TABLE,
+    PRELOAD_TABLE,
+    ROOT_LOCUS_FIGURE,
+    SENSITIVITIES_TABLE,
+    STABILITY_FIGURE,
+)
+from .preload import model_grid, preload_dataframe
+from .record import fastest_growing, mode_info
 
 
 def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") -> list[Path]:
@@ -37,7 +43,7 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
     from ..report.export import export_shapes as export  # Matplotlib, which nothing else here loads
 
     model = model_of(result.problem)
-    chosen = _fastest_growing(result)
+    chosen = fastest_growing(result)
     if which == "all":
         last = result.points[-1]
         chosen += [(last, i) for i in last.shapes if not any(p is last and i == j for p, j in chosen)]
@@ -58,17 +64,17 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
 def write_tables(result: Sweep, out: Path) -> None:
     """Write modes.csv, onsets.csv, contributions.csv and sensitivities.csv."""
     write_modes(result, out)
-    write_csv(result.contributions_dataframe(), out / "contributions.csv")
-    write_csv(result.sensitivities_dataframe(), out / "sensitivities.csv")
+    write_csv(result.contributions_dataframe(), out / CONTRIBUTIONS_TABLE)
+    write_csv(result.sensitivities_dataframe(), out / SENSITIVITIES_TABLE)
     pressed = preload_dataframe(result)
     if pressed is not None:
-        write_csv(pressed, out / "preload.csv")
+        write_csv(pressed, out / PRELOAD_TABLE)
 
 
 def write_modes(result: Sweep, out: Path) -> None:
     """Write modes.csv and onsets.csv alone, which ask for no shapes."""
-    write_csv(result.to_dataframe(), out / "modes.csv")
-    write_csv(result.onsets_dataframe(), out / "onsets.csv")
+    write_csv(result.to_dataframe(), out / MODES_TABLE)
+    write_csv(result.onsets_dataframe(), out / ONSETS_TABLE)
 
 
 def write_figures(result: Sweep, out: Path, title: str) -> list[Path]:
@@ -78,97 +84,22 @@ def write_figures(result: Sweep, out: Path, title: str) -> list[Path]:
 
     modes, onsets = result.to_dataframe(), result.onsets_dataframe()
     return [
-        plot_stability(modes, onsets, out / "stability.png", title),
-        plot_root_locus(modes, onsets, out / "root_locus.png", title),
-        plot_contributions(result.contributions_dataframe(), modes, out / "contributions.png", title),
+        plot_stability(modes, onsets, out / STABILITY_FIGURE, title),
+        plot_root_locus(modes, onsets, out / ROOT_LOCUS_FIGURE, title),
+        plot_contributions(result.contributions_dataframe(), modes, out / CONTRIBUTIONS_FIGURE, title),
     ]
-
-
-def write_record(
-    scene: Scene | MatrixScene, problem: Problem, result: Sweep | None, seconds: dict[str, float], status: str,
-    inputs: Mapping[str, Any], out: Path,
-) -> None:  # fmt: skip
-    """Write run.json; whence the growth comes is left out of that of a run that goes on.
-
-    Parameters
-    ----------
-    status : "running", "complete", "interrupted" or "not converged"
-    inputs : mapping
-        See `run_inputs`.
-    """
-    model = model_of(problem)
-    record: dict[str, Any] = {
-        "version": inputs["version"],
-        "title": scene.title,
-        "scene": str(scene.source) if scene.source is not None else None,
-        "status": status,
-        "unknowns": problem.unknowns,
-        "problem_class": problem.problem_class,
-        "effects": list(scene.effect_names),
-        "terms": [{"name": t.name, "slot": t.slot, "powers": dict(t.powers)} for t in problem.terms],
-        "method": result.method if result is not None else None,
-        "linear_solver": solver_name(),
-        "seconds": seconds,
-        "peak_memory_mib": peak_memory_mib(),
-        "completeness": result.completeness if result is not None else None,
-        "completeness_at": result.points[0].value if result is not None else None,
-        "values": [p.value for p in result.points] if result is not None else [],
-        "contacts": {
-            name: {"area_m2": c.area, "coverage": c.coverage, "largest_gap_m": float(np.abs(c.separation).max())}
-            for name, c in (model.contacts if model is not None else {}).items()
-        },
-        "preload": preload_record(scene, problem),
-        "unstable": _attribution(result) if result is not None and status != "running" else [],
-        "notes": list(model.notes) if model is not None else [],
-        "warnings": (list(model.warnings) if model is not None else []) + (list(result.doubts) if result else []),
-        "inputs": inputs,
-    }
-    write_json(record, out / "run.json")
-
-
-def _fastest_growing(result: Sweep) -> list[tuple[SweepPoint, int]]:
-    best: dict[int, tuple[SweepPoint, int]] = {}
-    for point in result.points:
-        for i in np.flatnonzero(point.modes.stability == "unstable"):
-            branch, growth = int(point.branches[i]), point.modes.lam[i].real
-            if branch not in best or growth > best[branch][0].modes.lam[best[branch][1]].real:
-                best[branch] = (point, int(i))
-    return [best[b] for b in sorted(best)]
-
-
-def _attribution(result: Sweep) -> list[dict[str, Any]]:
-    """Return for each unstable branch, where it grows fastest, whence its growth comes and what moves it."""
-    found = []
-    for point, i in _fastest_growing(result):
-        shares = result.balance(point, i)
-        moves = point.sensitivities.get(i, {})
-        found.append({
-            **_info(result, point, i),
-            "re_shares": {name: s.growth for name, s in shares.items() if s.growth},
-            "energy_shares": {name: s.energy for name, s in shares.items() if np.isfinite(s.energy)},
-            "sensitivities": {path: {"at": at, "dre": d.real, "dim": d.imag} for path, (at, d) in moves.items()},
-        })  # fmt: skip
-    return found
-
-
-def _info(result: Sweep, point: SweepPoint, i: int) -> dict[str, Any]:
-    lam = point.modes.lam[i]
-    return {
-        "parameter": result.parameter, "value": point.value, "mode": i + 1, "branch": int(point.branches[i]),
-        "re": lam.real, "im": lam.imag, "frequency_hz": point.modes.frequency_hz[i],
-    }  # fmt: skip
 
 
 def _shape(result: Sweep, point: SweepPoint, i: int) -> tuple[str, np.ndarray, dict[str, Any]]:
     model = model_of(result.problem)
     assert model is not None
-    info = _info(result, point, i)
+    info = mode_info(result, point, i)
     return shape_name(info), model.space.expand(point.shapes[i]), info
 
 
 def _write_array(result: Sweep, point: SweepPoint, i: int, folder: Path) -> Path:
     """Write a shape (n,) complex as the array `u` of an .npz file, with what it belongs to beside it."""
-    info = _info(result, point, i)
+    info = mode_info(result, point, i)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{shape_name(info)}.npz"
     with replace_atomically(path) as temporary, open(temporary, "wb") as file:

@@ -26,11 +26,12 @@ from ..sweep.result import Sweep
 from ..sweep.state import Store, SweepState
 from ..sweep.sweep import MODES, sweep
 from .checkpoint import Checkpoint
-from .folder import is_estimated, is_finished, remove_results, remove_shapes, show_finished
+from .folder import CHECKPOINT, SHAPES, is_estimated, is_finished, remove_results, remove_shapes, show_finished
 from .inputs import run_inputs
 from .lock import hold_folder
-from .outputs import export_shapes, write_figures, write_modes, write_record, write_tables
+from .outputs import export_shapes, write_figures, write_modes, write_tables
 from .preload import write_preload
+from .record import write_record
 
 
 def run_scene(
@@ -70,7 +71,7 @@ def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, 
     start = time.perf_counter()
     mesh = scene_mesh(scene)
     inputs = run_inputs(scene, mesh)
-    checkpoint = Checkpoint(out / "checkpoint")
+    checkpoint = Checkpoint(out / CHECKPOINT)
     if resume and is_finished(out, checkpoint, inputs) and not (estimate and not is_estimated(out)):
         return show_finished(out, console)
     problem = assemble(scene, mesh)
@@ -194,7 +195,7 @@ def write_results(scene: Scene | MatrixScene, result: Sweep, out: Path) -> None:
     if isinstance(scene, Scene):
         write_preload(scene, result.problem, out)
     if scene.output.shapes != "none":
-        export_shapes(result, out / "shapes", scene.output.shapes)
+        export_shapes(result, out / SHAPES, scene.output.shapes)
 
 
 def _explained(result: Sweep, scene: Scene | MatrixScene) -> Sweep:
@@ -241,5 +242,5 @@ def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: 
         console.print(f"warning: {doubt}", markup=False)
     memory = peak_memory_mib()
     peak = f", {memory:.0f} MiB" if memory is not None else ""
-    shapes = ", shapes/" if scene.output.shapes != "none" and (out / "shapes").is_dir() else ""
+    shapes = ", shapes/" if scene.output.shapes != "none" and (out / SHAPES).is_dir() else ""
     console.print(f"results in {out}: stability.png, root_locus.png{shapes} ({seconds:.1f} s{peak})", markup=False)
