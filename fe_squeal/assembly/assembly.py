@@ -18,9 +18,10 @@ from ..effects.stress_stiffening import stiffening_term
 from ..effects.structural_damping import structural_terms
 from ..eigen.memory import refuse_shortage, require_memory
 from ..errors import MeshError, SceneError
-from ..fem.contact import ContactOperators, Sliding
+from ..fem.contact import ContactOperators
 from ..fem.gyroscopics import circulatory_matrices, gyroscopic_matrices
 from ..fem.materials import material_axes
+from ..fem.motion import Sliding
 from ..fem.spaces import DisplacementSpace, Surface, make_space, straightened
 from ..mesh import LoadedMesh
 from ..problem.parameters import MU

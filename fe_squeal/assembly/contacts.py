@@ -8,7 +8,8 @@ import numpy as np
 
 from ..effects.contact_stiffness import contact_terms
 from ..effects.friction import friction_terms
-from ..fem.contact import ContactOperators, Sliding, contact_operators
+from ..fem.contact import ContactOperators, contact_operators
+from ..fem.motion import Sliding
 from ..fem.spaces import DisplacementSpace
 from ..mesh import LoadedMesh
 from ..problem.terms import Term

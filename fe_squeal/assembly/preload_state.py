@@ -9,8 +9,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..effects.preload import BaseState, PressedContact, contact_summary, pressure_load, solve_preload
-from ..fem.contact import ContactOperators, Sliding
+from ..fem.contact import ContactOperators
 from ..fem.gyroscopics import centrifugal_load
+from ..fem.motion import Sliding
 from ..fem.spaces import DisplacementSpace
 from ..mesh import LoadedMesh
 from ..problem.parameters import MU

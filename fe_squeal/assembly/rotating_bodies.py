@@ -8,7 +8,7 @@ import numpy as np
 
 from ..effects.rotation import rotation_motion
 from ..errors import SceneError
-from ..fem.contact import Sliding
+from ..fem.motion import Sliding
 from ..fem.revolution import check_revolution, check_ring, is_transversal
 from ..fem.spaces import DisplacementSpace
 from ..mesh import LoadedMesh

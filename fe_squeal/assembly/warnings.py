@@ -7,7 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from ..effects.preload import BaseState, ContactState
-from ..fem.contact import ContactOperators, Sliding
+from ..fem.contact import ContactOperators
+from ..fem.motion import Sliding
 from ..fem.spaces import DisplacementSpace
 from ..mesh import LoadedMesh, surface_group
 from ..mesh.distortion import shape_condition

@@ -10,7 +10,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import NotConvergedError, SceneError
-from ..fem.contact import ContactOperators, Sliding
+from ..fem.contact import ContactOperators
+from ..fem.motion import Sliding
 from ..fem.spaces import DisplacementSpace, Surface
 from ..fem.static_contact import Equilibrium, NotHeldError, SlidingContact, solve_static_contact
 from ..schema.section import Section

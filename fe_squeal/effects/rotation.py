@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from pydantic import Field
 
 from ..errors import SceneError
-from ..fem.contact import Sliding
+from ..fem.motion import Sliding
 from ..problem.terms import Term
 from ..schema.section import Direction, Section, Speed, Vector
 from .rayleigh import Rayleigh

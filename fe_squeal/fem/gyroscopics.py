@@ -26,8 +26,8 @@ import numpy as np
 import scipy.sparse as sp
 import skfem
 
-from .contact import Sliding
 from .element_matrices import element_shapes, scatter
+from .motion import Sliding
 from .spaces import DisplacementSpace
 
 _ELEMENTS_AT_ONCE = 5000

@@ -6,7 +6,7 @@ import numpy as np
 import skfem
 
 from ..errors import SceneError
-from .contact import Sliding
+from .motion import Sliding
 
 _SLOPE = 0.02  # of a facet out of the surface of revolution: an axis off by 2 % of the radius
 _STEEPEST = 0.5  # slope allowed where the meridian is curved; the wall of a hole or of a slot has 1

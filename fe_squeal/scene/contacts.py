@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from pydantic import model_validator
 
-from ..fem.contact import Sliding
+from ..fem.motion import Sliding
 from ..schema.section import Direction, NonNegative, Positive, Section, Speed, Vector
 
 

@@ -14,9 +14,9 @@ from scipy.sparse.linalg import spsolve
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.solve import Request, solve_modes
 from fe_squeal.fem import gyroscopics as rotating
-from fe_squeal.fem.contact import Sliding
 from fe_squeal.fem.element_matrices import assemble_elasticity
 from fe_squeal.fem.materials import Material, stiffness_tensor
+from fe_squeal.fem.motion import Sliding
 from fe_squeal.fem.spaces import make_space
 from meshes import KINDS, STEEL, annulus, mapped, rotation
 
