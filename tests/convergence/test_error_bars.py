@@ -94,6 +94,7 @@ def test_disc_and_pad():
     assert error <= BAR * abs(changes[i].real) <= 5 * error
 
 
+@pytest.mark.slow
 def test_belt_with_one_value_and_preload():
     """A single value, and a parameter that changes matrices: the bars of a block pressed on a belt."""
     tables = {

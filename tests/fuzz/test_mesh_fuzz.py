@@ -90,9 +90,10 @@ def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*FILES, *WRITTEN])
-def test_spoilt_meshes(place: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    rng = np.random.default_rng(sum(name.encode()))
+def test_spoilt_meshes(place: Path, name: str, other_seed: int, capsys: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(sum(name.encode()) + 10_000 * other_seed)
     scene, out = place / f"{name}.toml", place / "out"
     target = (place / name).with_suffix(".h5") if name == "two.xdmf" else place / name
     base = target.read_bytes()

@@ -21,7 +21,8 @@ from fe_squeal.cli import main
 
 METHODS = ("direct", "reduced")
 POINTS, KILLS = 24, 10  # values of the sweep, and kills of each method
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no signals as on POSIX")
+# tests/unit/test_resume.py has the shorter ones.
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="no signals as on POSIX")]
 
 
 SECONDS: dict[str, float] = {}  # that an unbroken run takes
@@ -57,7 +58,6 @@ def start(place: Path, method: str, out: Path, *options: str) -> subprocess.Pope
     return child
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("number", range(KILLS))
 @pytest.mark.parametrize("method", METHODS)
 def test_kill(place: Path, moments: dict[str, np.ndarray], tmp_path: Path, method: str, number: int) -> None:
@@ -73,7 +73,6 @@ def test_kill(place: Path, moments: dict[str, np.ndarray], tmp_path: Path, metho
     assert_same_results(out, whole)
 
 
-@pytest.mark.slow
 def test_killed_again_and_again(place: Path, tmp_path: Path) -> None:
     """The first --resume is killed as well, after some more values; none starts from nothing."""
     out, state = tmp_path / "out", tmp_path / "out" / "checkpoint" / "state.npz"
@@ -94,7 +93,6 @@ def test_killed_again_and_again(place: Path, tmp_path: Path) -> None:
     assert_same_results(out, place / "whole_direct")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS[1:])  # the other one is in tests/unit/test_run_files.py
 def test_ctrl_c_and_resume(place: Path, tmp_path: Path, method: str) -> None:
     """A real SIGINT in the sweep: exit code 130, tables of what was finished, and --resume goes on from them."""

@@ -6,11 +6,13 @@ matrices, and for massless unknowns.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
-from hard_cases import SMALL, brake, digits, judged, matrices, plain_eigs, through_files
+from hard_cases import MIDDLE, SMALL, brake, digits, judged, matrices, plain_eigs, through_files
 
 import fe_squeal
 from fe_squeal.eigen.dense import DENSE_LIMIT
@@ -18,13 +20,15 @@ from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.solve import Request, prove_completeness, solve_modes
 from meshes import STEEL, box, join, make_problem
 
+plain_brake = functools.cache(brake)
+
 
 @pytest.mark.parametrize("through", ["mesh", "files"])
 @pytest.mark.parametrize(("refined", "mu"), [(False, 1.0), (False, 2.0), (False, 5.0), (True, 5.0)])
 def test_large_friction(tmp_path, record, refined, through, mu):
     """Friction as strong as the contact stiffness and more: right and left modes have nothing in common, a projection
     on modes of μ = 0 is off by tens of percents, and Re λ has a condition number of 10 and more."""
-    problem = brake() if refined else brake(SMALL)
+    problem = plain_brake(MIDDLE if refined else SMALL)
     problem = through_files(problem, tmp_path) if through == "files" else problem
     pencil = problem.pencil(mu=mu)
     modes = solve_modes(pencil, Request(count=16))
@@ -48,11 +52,12 @@ def test_large_friction(tmp_path, record, refined, through, mu):
     record(digits(modes.lam, near), "right, left and verdicts", *judged(plain_eigs(pencil, 16), near))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mu", [0.5, 2.0])
 def test_modal_projection_is_off_at_large_friction(record, mu):
     """The usual projection on 16 modes without friction says something else than the full model, in growth rates and
     in what is unstable. It is offered as `modal`, with its error told."""
-    problem = brake(SMALL)
+    problem = plain_brake(SMALL)
     result = fe_squeal.sweep(problem, [0.0, mu], modes=16, method="modal")
     full = solve_modes(problem.pencil(mu=mu), Request(count=16)).lam
     reduced = fe_squeal.sweep(problem, [0.0, mu], modes=16, method="reduced").points[-1].modes.lam
@@ -115,6 +120,7 @@ def test_brake_with_heavy_rayleigh_damping(record):
     record(-np.log10((away / np.abs(modes.lam)).max()), "all real and swinging modes, stable")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spread", [0.0, 1e-9, 1e-4])
 def test_hundreds_of_modes_in_a_band(record, spread):
     """Sixty equal blocks on a foundation: every frequency comes sixty times, or within 1e-4. Krylov spaces see one of

@@ -14,9 +14,7 @@ from fe_squeal.eigen.solve import Request, solve_modes
 from fe_squeal.errors import NotConvergedError, SquealError
 from meshes import box, join, make_problem
 
-SETTINGS = settings(
-    max_examples=200, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow], database=None
-)
+SETTINGS = settings(max_examples=200, suppress_health_check=[HealthCheck.too_slow])
 FEW = settings(SETTINGS, max_examples=10)
 
 

@@ -14,6 +14,7 @@ import pytest
 import scipy.io
 import scipy.sparse as sp
 from scene_texts import SCENE, replaced, write_scene
+from selection import some
 
 from fe_squeal.cli import main
 from fe_squeal.geometry import Block, write_mesh
@@ -90,7 +91,7 @@ NAMES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", some(NAMES, lambda name: name in ("../../escaped", "/escaped", "a\nb")))
 def test_names_are_only_names(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -42,6 +42,7 @@ def squealing_pair(refinement, values):
     return problem.unknowns, onset, waves_around(result, point, mode)
 
 
+@pytest.mark.slow
 def test_disc_pad_couples_in_the_range_of_squeal(tmp_path):
     """Golden onset: `fe-squeal run examples/disc_pad.toml`; the scene's own demands are the other assertions."""
     command = [sys.executable, "-m", "fe_squeal", "run", str(EXAMPLES / "disc_pad.toml"), "-o", str(tmp_path)]

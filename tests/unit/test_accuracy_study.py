@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -181,12 +182,19 @@ def test_modes_up_to_a_frequency_are_counted(tiny):
     assert own_setting(limited).modes == np.count_nonzero(found.lam[0].imag < 2 * np.pi * limit) + 1
 
 
-@pytest.mark.slow
-def test_study_is_resumed_and_bounded(tiny, tmp_path):
-    scene = load_scene(tiny)
+@pytest.fixture(scope="module")
+def measured(tiny, tmp_path_factory):
+    """Folder of measurements of some settings, the settings, and their study."""
+    scene, folder = load_scene(tiny), tmp_path_factory.mktemp("measured")
     settings = [s for s in plan(scene) if s.size > 0.019 and s.method != "direct" and s.modes == 8]
-    said: list[str] = []
-    study = run_study(scene, Measurements(tmp_path), None, settings, lambda i, n, text: said.append(text))
+    return folder, settings, run_study(scene, Measurements(folder), None, settings)
+
+
+@pytest.mark.slow
+def test_study_is_resumed_and_bounded(tiny, measured, tmp_path):
+    scene = load_scene(tiny)
+    folder, settings, study = measured
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     frame = study.to_dataframe()
     assert tuple(frame.columns) == COLUMNS and len(frame) == len(settings) and not study.left_out
     one, two = (frame[(frame["order"] == k) & (frame["knob"] == f"size, order {k}")] for k in (1, 2))
@@ -209,11 +217,9 @@ def test_nothing_within_the_budget(tiny, tmp_path):
 
 
 @pytest.mark.slow
-def test_command_writes_its_files(tiny, tmp_path, capsys):
-    scene = load_scene(tiny)
-    small = [s for s in plan(scene) if s.size > 0.027]
+def test_command_writes_its_files(tiny, measured, tmp_path, capsys):
     out = tmp_path / "out"
-    run_study(scene, Measurements(out / "measurements"), None, small)  # what the command finds there
+    shutil.copytree(measured[0], out / "measurements")  # what the command finds there
     assert main(["accuracy", str(tiny), "-o", str(out), "--budget", "1e-9"]) == 0
     printed = capsys.readouterr().out
     assert "left out" in printed and "% on frequencies" in printed
@@ -248,6 +254,7 @@ def test_a_target_is_met(tiny, tmp_path):
     assert modes["im_discretisation"].notna().mean() > 0.8
 
 
+@pytest.mark.slow
 def test_a_target_that_is_missed(tiny, tmp_path, capsys, monkeypatch):
     """The nearest result is written and marked; an order that fails on its first mesh leaves the other."""
     monkeypatch.setattr(choosing, "_RUNS", 1)

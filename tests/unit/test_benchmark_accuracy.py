@@ -22,13 +22,18 @@ COARSEST = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("ladder", COARSEST, ids=lambda ladder: " ".join(map(str, ladder)))
+@pytest.mark.parametrize(
+    "ladder",
+    [pytest.param(x, marks=() if x == ("block", "hex", 1) else pytest.mark.slow, id=" ".join(map(str, x)))
+     for x in COARSEST],
+)  # fmt: skip
 def test_smallest_rung(ladder):
     rung = solve(*ladder, page.LADDERS[ladder][0])
     assert rung.errors.max() == pytest.approx(COARSEST[ladder], rel=0.25)
     assert rung.inside >= 7 / 8 and 1.0 <= rung.wide <= 5.0
 
 
+@pytest.mark.slow
 def test_smallest_rung_of_the_extrapolated_disc():
     exact = extrapolated("annular disc", "hex", 0.03)
     rung = solve("annular disc", "hex", 1, 0.03, exact)
@@ -48,6 +53,7 @@ def test_rate_and_time_of_a_known_law():
     assert page.time_for(rungs, 0.01) == pytest.approx((1e5) ** (3 / 4) / 1e3)
 
 
+@pytest.mark.slow
 def test_targets_are_scenes_that_can_be_meshed():
     for name, scene, target in page.targets():
         assert 0 < target < 1, name

@@ -37,6 +37,7 @@ def plain():
     return measure(absence_cases(scene_of("coarse")), runs=1)
 
 
+@pytest.mark.slow
 def test_classes_and_terms_follow_from_the_effects(rows):
     assert {r.effect: r.problem_class for r in rows} == CLASSES
     friction = rows[1]
@@ -44,6 +45,7 @@ def test_classes_and_terms_follow_from_the_effects(rows):
     assert len({r.unknowns for r in rows}) == 1 and all(r.modes > 10 for r in rows)
 
 
+@pytest.mark.slow
 def test_one_matrix_of_the_size_of_the_unknowns_is_factorised(rows):
     """Beside symmetric ones, which count modes: also where the class is quadratic, and never one of twice the size."""
     for r in rows:
@@ -52,12 +54,14 @@ def test_one_matrix_of_the_size_of_the_unknowns_is_factorised(rows):
         assert (r.static > 0) == (r.effect.startswith(("preload", "all")))
 
 
+@pytest.mark.slow
 def test_what_a_class_costs_in_solves(rows):
     solves = {r.effect: r.solves for r in rows}
     assert solves["no friction"] < solves["friction"] == solves["preload"] == solves["structural_damping"]
     assert all(solves["friction"] < r.solves for r in rows if r.problem_class == "quadratic")
 
 
+@pytest.mark.slow
 def test_effect_that_is_not_there_costs_nothing(plain):
     """Neither with all other effects out of reach, nor by hand, nor with coefficients of zero is there less to do."""
     first = plain[0]
@@ -68,6 +72,7 @@ def test_effect_that_is_not_there_costs_nothing(plain):
     assert "are the same in all rows" in effects_cost.absence(plain)
 
 
+@pytest.mark.slow
 def test_page_can_be_read(rows, plain, tmp_path):
     page = effects_cost.page({"Coarse mesh": (rows, plain)}, runs=1)
     tables = [[cells(line) for line in block.splitlines()] for block in page.split("\n\n") if block.startswith("| ")]

@@ -21,6 +21,7 @@ def rows():
     return benchmark.measure(benchmark.WALLS, counts, smooth, benchmark.between_walls, RATIOS)
 
 
+@pytest.mark.slow
 def test_errors(rows):
     """Eight kinds; standard elements get worse, linear hexahedra many times, mixed ones hardly at all."""
     assert len(rows) == 8
@@ -45,6 +46,7 @@ def test_table_chart_and_page(rows, tmp_path):
     assert 'formulation = "mixed"' in text and text.count("| tetrahedra | 2 | mixed |") == 2
 
 
+@pytest.mark.slow
 def test_reference_is_extrapolated():
     """The frequencies of a clamped lining fall from mesh to mesh, and the reference is near them."""
     found, moved = benchmark.clamped_reference(0.3, finest=16)

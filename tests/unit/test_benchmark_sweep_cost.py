@@ -17,17 +17,20 @@ def own():
     return sweep_cost.measure("reduced", 0.03, 8, 5)
 
 
+@pytest.mark.slow
 def test_reduced_sweep_is_accurate(own):
     assert own["error"] <= 1e-8 and own["growth_error"] <= 1e-5
     assert own["basis"].startswith("reduced model of") and own["unknowns"] > 1000
 
 
+@pytest.mark.slow
 def test_other_ways_run_on_the_same_problem(own):
     for way in ("direct", "scipy"):
         other = sweep_cost.measure(way, 0.03, 8, 1)
         assert other["unknowns"] == own["unknowns"] and other["seconds"] > 0
 
 
+@pytest.mark.slow
 def test_table_and_chart(monkeypatch, tmp_path, own):
     def run(way, *_):
         return own if way == "reduced" else {"unknowns": own["unknowns"], "seconds": 1.0, "MiB": 100.0}
@@ -42,6 +45,7 @@ def test_table_and_chart(monkeypatch, tmp_path, own):
     assert (tmp_path / "chart.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_how_a_sweep_grows():
     row = performance.measure(0.03, 8, 5)
     assert row["unknowns"] > 1000 and row["proven"] and not row["doubts"]

@@ -28,6 +28,7 @@ def test_none_is_missing_in_a_long_block(size):
     np.testing.assert_allclose(sliding_block(size, SPEEDS, 40), np.sort(waves)[:40] / (2 * np.pi), rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_plate_beyond_eight_half_waves():
     """A thin plate's bending waves: f² ≈ 2π D/(ρh) k⁴ where k h is small, up to a wave number that few waves reach."""
     side, h = 0.5, 0.002
@@ -79,6 +80,7 @@ def test_oblong_plate_has_none():
     assert exact_frequencies(block_scene(BLOCK, fixed, "hex", 1, 0.02), 4) is None
 
 
+@pytest.mark.slow
 def test_reference_of_a_study(tmp_path):
     """Errors against exact frequencies, whose own uncertainty is nothing, on meshes of which none is fine."""
     scene, exact = sliding_scene("hex", 1, 0.02)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from chains import CLASSES, MODES, chain, dense
+from selection import some
 
 from fe_squeal import sweep
 from fe_squeal.eigen.dense import DENSE_LIMIT
@@ -15,10 +16,10 @@ MU = 0.4
 LARGE = DENSE_LIMIT + 40
 
 
-@pytest.mark.parametrize("effects", CLASSES.values(), ids=list(CLASSES))
-def test_direct_solves_are_counted(effects):
+@pytest.mark.parametrize("kind", some(CLASSES, lambda kind: kind in ("nonsymmetric", "quadratic")))
+def test_direct_solves_are_counted(kind):
     """Found and expected are what LAPACK has below the highest mode found."""
-    problem = chain(*effects, n=LARGE)
+    problem = chain(*CLASSES[kind], n=LARGE)
     result = sweep(problem, [MU], modes=MODES, method="direct")
     lam = result.points[0].modes.lam
     assert not result.method.startswith("dense")

@@ -8,7 +8,7 @@ from pencils import N, chain, distance, reference
 
 from fe_squeal.eigen.dense import solve_dense
 from fe_squeal.eigen.linear import choice as linear_solvers
-from fe_squeal.eigen.linear.choice import factorize, factorize_complex, has_pardiso
+from fe_squeal.eigen.linear.choice import factorize, factorize_complex
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.solve import Request, count_below, prove_completeness, solve_modes
 from fe_squeal.errors import NotConvergedError
@@ -18,8 +18,8 @@ from fe_squeal.errors import NotConvergedError
 def solver(request, monkeypatch):
     if request.param == "superlu":
         monkeypatch.setattr(linear_solvers, "has_pardiso", lambda: False)
-    elif not has_pardiso():
-        pytest.fail("PARDISO is a dependency on this machine and cannot be loaded")
+    else:
+        request.getfixturevalue("needs_pardiso")
     return request.param
 
 
@@ -85,9 +85,7 @@ def test_uncertainty_covers_the_error_and_is_not_idle():
     assert modes.re_uncertainty.max() < 1e-10
 
 
-def test_inertia_counts_the_modes_below_a_frequency():
-    if not has_pardiso():
-        pytest.fail("PARDISO is a dependency on this machine and cannot be loaded")
+def test_inertia_counts_the_modes_below_a_frequency(needs_pardiso):
     pencil = chain()
     omega = np.sqrt(la.eigvalsh(pencil.K.toarray(), pencil.M.toarray()))
     for limit in (0.01, 0.3, 1.0, 2.0):

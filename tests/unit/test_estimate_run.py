@@ -42,6 +42,7 @@ def test_bars_in_the_tables_and_after_a_resume(tmp_path, capsys):
     assert (out / "modes.csv").stat().st_mtime_ns == before
 
 
+@pytest.mark.slow
 def test_refined_mesh_that_does_not_fit(tmp_path, capsys, monkeypatch):
     """The results are there without bars, and why is told; a study keeps the rest of the measurement."""
     scene, out = write_scene(tmp_path, SCENE), tmp_path / "out"

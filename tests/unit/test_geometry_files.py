@@ -76,6 +76,7 @@ def test_gmsh_of_the_caller_is_left_as_it_was(tmp_path: Path) -> None:
     assert not gmsh.isInitialized()
 
 
+@pytest.mark.slow
 def test_broken_pipes_stay_errors(tmp_path: Path) -> None:
     """Python ignores SIGPIPE, so that writing to a reader that is gone raises; gmsh would have it end the process."""
     code = """
@@ -117,6 +118,7 @@ def test_gmsh_without_its_system_libraries(
     assert library in str(caught.value) and "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_importing_the_package_does_not_import_gmsh() -> None:
     code = "import sys, fe_squeal.geometry; print('gmsh' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

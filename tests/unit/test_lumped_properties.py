@@ -41,7 +41,7 @@ damped = st.one_of(
 
 
 @given(undamped, friction)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_undamped_spectrum_is_symmetric(model, mu):
     lam = model.eigenvalues(mu)
     assert set((-lam).tolist()) == set(lam.tolist())  # to the last bit
@@ -49,7 +49,7 @@ def test_undamped_spectrum_is_symmetric(model, mu):
 
 
 @given(damped, friction)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_sum_of_the_spectrum_is_the_damping(model, mu):
     lam = model.eigenvalues(mu)
     trace = np.trace(np.linalg.solve(model.M, model.C))
@@ -57,14 +57,14 @@ def test_sum_of_the_spectrum_is_the_damping(model, mu):
 
 
 @given(minimal(), friction)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_angles_repeat_after_180_degrees(model, mu):
     turned = replace(model, theta1=model.theta1 + 180, theta2=model.theta2 - 180)
     assert (turned.K(mu) == model.K(mu)).all()  # whole degrees: to the last bit
 
 
 @given(minimal(), friction)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_mirrored_mass_on_a_reversed_belt(model, mu):
     mirrored = replace(model, theta1=-model.theta1, theta2=-model.theta2)
     flip = np.diag([-1.0, 1.0])
@@ -72,14 +72,14 @@ def test_mirrored_mass_on_a_reversed_belt(model, mu):
 
 
 @given(two_mass(), friction)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_mirrored_masses_on_a_reversed_belt(model, mu):
     flip = np.diag([-1.0, -1.0, 1.0])
     assert_allclose(flip @ replace(model, theta1=-model.theta1).K(-mu) @ flip, model.K(mu), rtol=1e-12, atol=1e-12)
 
 
 @given(damped, friction)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_eigenvalues_solve_the_equation(model, mu):
     lam, K = model.eigenvalues(mu), model.K(mu)
     for x in lam:

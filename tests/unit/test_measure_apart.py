@@ -18,6 +18,7 @@ from fe_squeal.errors import MeshError
 COARSE = Setting(1, 0.04, 6, "direct", 1e-8)
 
 
+@pytest.mark.slow
 def test_same_as_in_this_process():
     scene, _ = sliding_scene("hex", 1, 0.04)
     here, probes = measure(scene, COARSE, None, True)
@@ -33,6 +34,7 @@ def test_failure_and_limit():
     assert measure_apart(belt_scene(), COARSE, None, False, 1e-3) is None
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for the process in /proc")
 def test_child_ends_with_its_parent(tmp_path: Path):
     """A parent that is killed cannot end the child; left alone, it would compute for minutes."""

@@ -47,7 +47,7 @@ def test_what_cannot_fit_is_refused_with_numbers(monkeypatch):
 
 
 @needs_pardiso
-@pytest.mark.parametrize("definite", [True, False])
+@pytest.mark.parametrize("definite", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_analysis_knows_what_the_factors_take(definite):
     """Against the resident memory that factorising really adds, and against another size of the same solid."""
     small, large = (factor_memory(solid(m), True, definite) for m in (24, 48))

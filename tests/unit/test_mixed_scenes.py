@@ -20,7 +20,7 @@ SOFT = replaced("poisson_ratio = 0.3", "poisson_ratio = 0.4999", MIXED)
 SHAPES = 'shapes = "none"', 'shapes = "all"'
 
 
-@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("order", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_run(tmp_path: Path, order: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The stiff block squeals at the minimal model's μ but for its own elasticity (measured 0.5 and 0.7 % above);
     shapes are on the nodes, finite and not zero."""

@@ -58,6 +58,7 @@ def grid():
     return shape_grid(skfem.CellBasis(mesh, skfem.ElementHex2()), np.array([0, 1]), ("disc", "pad"))
 
 
+@pytest.mark.slow
 def test_files_read_back(grid, tmp_path):
     rng = np.random.default_rng(3)
     u, stress = 1e-6 * rng.standard_normal(grid.points.shape), np.array([1.5e6, 2.5e6])
@@ -190,6 +191,7 @@ def test_few_points_are_drawn_as_discs(count):
     assert pixels(pressure_figure({"c": one}))[1].any()
 
 
+@pytest.mark.slow
 def test_seven_contacts_with_long_names_overlap_nothing():
     axes = [(0, 0, 1), (1, 1, 1), (0, 1, 0), (0, 0, -1), (1, 0, 0), (1, 2, 0), (0, 1, 1)]
     contacts = {f"contact_{i}_of_the_outer_pad_with_the_friction_ring": face(lambda x, y: 1e5 * x, axis, torque=1e3 / 3)

@@ -192,6 +192,7 @@ def test_animation_is_one_period(tmp_path):
         assert frame.points.dtype == np.float32 and frame["amplitude"].max() == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_exported_names_and_files(tmp_path):
     grid = disc_with_pad()
     info = {"parameter": "mu", "value": 0.6, "branch": 7, "mode": 4, "frequency_hz": 2413.2, "re": 12.0, "im": 15162.0}
@@ -223,6 +224,7 @@ def nodal_changes(picture):
     return np.count_nonzero(sign != np.roll(sign, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGPIPE"), reason="a signal of POSIX")
 def test_drawing_child_that_dies_at_once_takes_nobody_with_it(tmp_path):
     """Where a library has set SIGPIPE to its default, as gmsh does, a pipe to that child would end this process."""
@@ -242,7 +244,7 @@ print(pictures._draw_in_child([job], 60.0))
     assert done.returncode == 0 and "ended with code 1" in done.stdout, done.stderr
 
 
-@pytest.mark.parametrize("broken", [False, True])
+@pytest.mark.parametrize("broken", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_picture_shows_the_nodal_diameters(tmp_path, monkeypatch, broken):
     """With VTK where it can draw, and with the plain fallback where its process dies."""
     grid = disc_with_pad()
@@ -260,6 +262,7 @@ def test_picture_shows_the_nodal_diameters(tmp_path, monkeypatch, broken):
     assert np.ptp(left, axis=2).max() > 0.3 and left.std() > 0.1
 
 
+@pytest.mark.slow
 def test_shape_without_nodal_lines(tmp_path, recwarn):
     """A body that tilts, but moves to one side all over, has no nodal line, which VTK's contours end in an error."""
     grid = disc_with_pad()

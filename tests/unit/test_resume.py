@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import json
 import subprocess
 import sys
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,9 @@ from matrix_scenes import sites, terms_of
 from matrix_scenes import sweep_text as sweep_of
 from matrix_scenes import write_scene as write_matrix_scene
 from scene_texts import environment, replaced, write_scene
+from selection import crossed
 
+import fe_squeal.report.export
 import fe_squeal.run.inputs
 import fe_squeal.run.run
 from fe_squeal.cli import main
@@ -76,17 +80,31 @@ SCENES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", SCENES)
-@pytest.mark.parametrize("call", [2, 6])
-def test_every_kind_of_problem_goes_on(
-    kind: str, call: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Real and complex shapes, left ones, small models and static states come back from the files."""
-    import fe_squeal.report.export
+@pytest.fixture(scope="module")
+def wholes(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Return a function that returns the results of a kind of problem, solved once without an interruption."""
 
+    @functools.cache
+    def whole(kind: str) -> Path:
+        folder = tmp_path_factory.mktemp(kind)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)
+            assert main(["run", str(write_scene(folder, SCENES[kind])), "-o", str(folder / "whole")]) == 0
+        return folder / "whole"
+
+    return whole
+
+
+@pytest.mark.parametrize(
+    ("call", "kind"), crossed([2, 6], SCENES, fast=lambda call, kind: call == 6 and kind != "pressed")
+)
+def test_every_kind_of_problem_goes_on(
+    kind: str, call: int, wholes: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """Real and complex shapes, left ones, small models and static states come back from the files."""
     monkeypatch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)  # pictures are tested elsewhere
-    path, out, whole = write_scene(tmp_path, SCENES[kind]), tmp_path / "out", tmp_path / "whole"
-    assert main(["run", str(path), "-o", str(whole)]) == 0
+    path, out, whole = write_scene(tmp_path, SCENES[kind]), tmp_path / "out", wholes(kind)
     interrupt(path, out, call, monkeypatch)
     assert assert_valid(out, whole) == "interrupted"
     solved = []

@@ -201,6 +201,7 @@ def test_no_mode_in_the_range_is_said(tmp_path: Path, capsys: pytest.CaptureFixt
     assert header(tmp_path / "out" / "modes.csv") == MODES
 
 
+@pytest.mark.slow
 def test_light_run_imports_no_pictures_and_no_mesher(tmp_path: Path) -> None:
     """On a ready mesh and with shapes = "none", neither gmsh nor pyvista is loaded."""
     write_scene(tmp_path, replaced("from = 0.0\nto = 0.8\npoints = 5", "values = [0.3]"))
@@ -284,6 +285,7 @@ def test_tolerance_out_of_reach(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert kept(tmp_path / "out") == ("not converged", [], [])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for a child alone")
 def test_ctrl_c(tmp_path: Path) -> None:
     """A real Ctrl-C in a sweep of many values: exit code 130, and the finished values are kept."""

@@ -1,0 +1,220 @@
+"""Repeat tests in settings that must not change a verdict: python tests/again.py --repeat 20
+
+Each repetition in each setting is a run of pytest of its own, with other random examples. A line per run is appended to
+runs.jsonl in a new folder under results/, and what pytest printed is kept where a test failed. The table at the end, or
+at Ctrl-C, is made of these lines; --resume goes on with the newest folder. Exit code 1 if a test failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import variations
+
+ROOT = Path(__file__).parents[1]
+LOG = "runs.jsonl"
+FOLDERS = ("tests/hard", "tests/analytic", "tests/convergence")
+THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+_PATIENCE = 30.0  # s that pytest has to end after an interruption
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What pytest is run with; "{k}" in a value stands for the number of the repetition."""
+
+    environment: dict[str, str] = field(default_factory=dict)
+    marks: str = ""  # which tests, by pytest's -m
+    paths: tuple[str, ...] = ()  # instead of those that are asked for
+    needs: str = ""  # flag of the processor
+
+
+def _threads(count: int) -> Setting:
+    # Subprocesses of tests take the first three, and MKL no more threads than cores unless it is told.
+    return Setting({**dict.fromkeys(THREADS, str(count)), "MKL_DYNAMIC": "FALSE", variations.THREADS: str(count)})
+
+
+SETTINGS = {
+    "threads-1": _threads(1),
+    "threads-2": _threads(2),
+    "threads-4": _threads(4),
+    "haswell": Setting({"OPENBLAS_CORETYPE": "Haswell", "MKL_ENABLE_INSTRUCTIONS": "AVX2"}, needs="avx2"),
+    "skylakex": Setting({"OPENBLAS_CORETYPE": "SkylakeX", "MKL_ENABLE_INSTRUCTIONS": "AVX512"}, needs="avx512f"),
+    "superlu": Setting({variations.SOLVER: "superlu"}),
+    "start-vectors": Setting({variations.SEED: "{k}"}),
+    "node-numbers": Setting({variations.SHUFFLE: "{k}"}),
+    "hypothesis": Setting(marks="hypothesis", paths=("tests",)),
+    "fuzz": Setting({variations.SEED: "{k}"}, paths=("tests/fuzz",)),
+}
+_CLEARED = {*THREADS, *(name for s in SETTINGS.values() for name in s.environment)}
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one run of pytest came to."""
+
+    setting: str
+    repetition: int
+    state: str  # of the repository
+    selection: list[str]
+    tests: int
+    skipped: int
+    failed: list[str]
+    seconds: float
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run what is asked for and print the table."""
+    asked = _parser().parse_args(arguments)
+    selection = [*asked.paths, *(["--fast"] if asked.fast else [])]
+    state = _state()
+    folder, done = _folder(asked.resume)
+    done = [r for r in done if r.state == state and r.selection == selection and r.setting in asked.settings]
+    known = {(r.setting, r.repetition) for r in done}
+    print(f"{folder}: {len(known)} runs are there", flush=True)
+    flags = _processor_flags()
+    absent = [name for name in asked.settings if SETTINGS[name].needs not in {"", *flags}]
+    for name in absent:
+        print(f"{name}: left out, this processor has no {SETTINGS[name].needs}", flush=True)
+    wanted = [(k, name) for k in range(1, asked.repeat + 1) for name in asked.settings if name not in absent]
+    try:
+        for k, name in wanted:
+            if (name, k) in known:
+                continue
+            run = _run(name, k, asked, folder, state, selection)
+            done.append(run)
+            with (folder / LOG).open("a", encoding="utf-8") as log:
+                log.write(json.dumps(asdict(run)) + "\n")
+            print(f"{name} {k}: {run.tests} tests, {len(run.failed)} failed, {run.seconds:.0f} s", flush=True)
+            for failure in run.failed:
+                print(f"    {failure}", flush=True)
+    except KeyboardInterrupt:
+        print("\ninterrupted; --resume goes on from here")
+        print(*table(done, asked.settings), sep="\n")
+        return 130
+    print(*table(done, asked.settings), sep="\n")
+    return int(any(r.failed for r in done))
+
+
+def table(runs: Sequence[Run], settings: Sequence[str]) -> Iterator[str]:
+    """Return the lines of a table in Markdown: what failed in each setting, and how often."""
+    yield "| setting | repetitions | tests of each | skipped | failures | tests that failed |"
+    yield "|---|---|---|---|---|---|"
+    for name in settings:
+        own = [r for r in runs if r.setting == name]
+        failed = Counter(f for r in own for f in r.failed)
+        which = ", ".join(f"{test} ({count})" for test, count in sorted(failed.items())) or "–"
+        tests, skipped = (max((getattr(r, what) for r in own), default=0) for what in ("tests", "skipped"))
+        yield f"| {name} | {len(own)} | {tests} | {skipped} | {sum(failed.values())} | {which} |"
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeat", type=int, default=20, metavar="N", help="repetitions in each setting (20)")
+    parser.add_argument("--settings", nargs="+", default=list(SETTINGS), choices=list(SETTINGS), metavar="NAME",
+                        help=f"some of {', '.join(SETTINGS)} (all)")  # fmt: skip
+    parser.add_argument("--paths", nargs="+", default=list(FOLDERS), metavar="PATH",
+                        help=f"what the settings but the last two run ({' '.join(FOLDERS)})")  # fmt: skip
+    parser.add_argument("--workers", default="2", metavar="N", help="processes of a run (2)")
+    parser.add_argument("--fast", action="store_true", help="only those tests that `make test` runs")
+    parser.add_argument("--minutes", type=float, default=120.0, help="after which a run counts as hung (120)")
+    parser.add_argument("--resume", action="store_true", help="go on with the newest folder under results/")
+    return parser
+
+
+def _folder(resume: bool) -> tuple[Path, list[Run]]:
+    """Return the folder of the log, and the runs that are there."""
+    if resume and (found := sorted((ROOT / "results").glob(f"again-*/{LOG}"))):
+        return found[-1].parent, [Run(**json.loads(line)) for line in found[-1].read_text("utf-8").splitlines()]
+    folder = ROOT / "results" / time.strftime("again-%Y%m%d-%H%M%S")
+    folder.mkdir(parents=True)
+    return folder, []
+
+
+def _run(name: str, k: int, asked: argparse.Namespace, folder: Path, state: str, selection: list[str]) -> Run:
+    setting = SETTINGS[name]
+    environment = {key: value for key, value in os.environ.items() if key not in _CLEARED}
+    environment |= {key: value.format(k=k) for key, value in setting.environment.items()}
+    with tempfile.TemporaryDirectory() as temporary:
+        report = Path(temporary) / "report.xml"
+        marks = " and ".join([*filter(None, [setting.marks]), *(["not slow"] if asked.fast else [])])
+        command = [
+            sys.executable, "-m", "pytest", *(setting.paths or asked.paths), *(["-m", marks] if marks else []),
+            "-n", asked.workers, "--dist", "worksteal", f"--hypothesis-seed={k}", f"--junitxml={report}",
+            "-p", "no:cacheprovider",
+        ]  # fmt: skip
+        start = time.monotonic()
+        said, code = _output(command, environment, 60 * asked.minutes)
+        seconds = time.monotonic() - start
+        tests, skipped, failed = _read(report)
+        if code != 0 and not failed:
+            reason = "hung" if code is None else f"ended with code {code}"
+            failed = [f"pytest {reason}: {said.strip().splitlines()[-1] if said.strip() else 'no output'}"]
+        if failed:
+            (folder / f"{name}-{k}.txt").write_text(said, encoding="utf-8")
+    return Run(name, k, state, selection, tests, skipped, failed, round(seconds, 1))
+
+
+def _output(command: list[str], environment: dict[str, str], seconds: float) -> tuple[str, int | None]:
+    """Return what pytest prints and its exit code, None if it was ended because it took too long."""
+    with subprocess.Popen(
+        command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8",
+        errors="replace", start_new_session=True,
+    ) as process:  # fmt: skip
+        try:
+            return process.communicate(timeout=seconds)[0], process.returncode
+        except subprocess.TimeoutExpired:
+            return _end(process), None
+        except KeyboardInterrupt:
+            _end(process)
+            raise
+
+
+def _end(process: subprocess.Popen[str]) -> str:
+    """End pytest and its workers; return what it printed."""
+    os.killpg(process.pid, signal.SIGINT)
+    try:
+        return process.communicate(timeout=_PATIENCE)[0]
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        return process.communicate()[0]
+
+
+def _read(report: Path) -> tuple[int, int, list[str]]:
+    """Return how many tests there are in a JUnit report, how many were skipped, and the names of those that failed."""
+    if not report.exists():
+        return 0, 0, []
+    cases = list(ET.parse(report).getroot().iter("testcase"))
+    failed = [
+        f"{case.get('classname', '').removeprefix('tests.').replace('.', '/')}::{case.get('name')}"
+        for case in cases
+        if case.find("failure") is not None or case.find("error") is not None
+    ]
+    return len(cases), sum(case.find("skipped") is not None for case in cases), failed
+
+
+def _state() -> str:
+    command = ["git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    return done.stdout.strip() or "unknown"
+
+
+def _processor_flags() -> set[str]:
+    information = Path("/proc/cpuinfo")
+    text = information.read_text("utf-8") if information.exists() else ""
+    return {flag for line in text.splitlines() if line.startswith("flags") for flag in line.split(":")[1].split()}
+
+
+if __name__ == "__main__":
+    sys.exit(main())
