@@ -51,10 +51,10 @@ def energy_balance(problem: Problem, lam: complex, u: np.ndarray, **values: floa
     work: dict[str, float] = {}
     stored: dict[str, dict[str, float]] = {"M": {}, "K": {}}
     for term in problem.terms:
-        c = term.coefficient(problem.parameters)
+        c = term.factor(1.0, problem.parameters)
         if not c:
             continue
-        form = complex(np.vdot(u, term.matrix @ u)) * c * (1j if term.imaginary else 1.0)
+        form = complex(np.vdot(u, term.matrix @ u)) * c
         work.setdefault(term.name, 0.0)
         if term.slot != "C" and term.symmetric and not term.imaginary:
             stored[term.slot][term.name] = stored[term.slot].get(term.name, 0.0) + form.real

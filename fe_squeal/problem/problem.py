@@ -341,6 +341,6 @@ def _sum(parts: list[tuple[Term, float]]) -> sp.csr_array | None:
     total = None
     for term, coefficient in parts:
         if coefficient:
-            matrix = term.matrix * (1j * coefficient if term.imaginary else coefficient)
+            matrix = term.matrix * (coefficient * term.unit())
             total = matrix if total is None else total + matrix
     return None if total is None else sp.csr_array(total)

@@ -8,8 +8,7 @@ import numpy as np
 
 from ..eigen.pencil import Modes, Pencil
 from .problem import Problem
-
-_POWER = {"M": 2, "C": 1, "K": 0}
+from .terms import POWER
 
 
 def sensitivities(
@@ -47,20 +46,17 @@ def sensitivities(
     weight = complex(np.vdot(psi, pencil.derivative(np.array([lam]), phi[:, None])[:, 0]))
     if paths is None:
         paths = [p for p in problem.parameters if problem.is_affine(p)]
-    forms = {
-        id(t): complex(np.vdot(psi, t.matrix @ phi)) * (1j if t.imaginary else 1.0) * lam ** _POWER[t.slot]
-        for t in problem.terms
-    }
+    forms = [complex(np.vdot(psi, t.matrix @ phi)) * t.unit(lam) for t in problem.terms]
     found = {}
     for path in paths:
         if problem.is_affine(path):
-            change = sum(t.slope(path, problem.parameters) * forms[id(t)] for t in problem.terms)
+            change = sum(t.slope(path, problem.parameters) * form for t, form in zip(problem.terms, forms, strict=True))
         else:
             change = 0j
-            for slot in ("M", "C", "K"):
+            for slot, power in POWER.items():
                 d = problem.derivative(path, slot)
                 if d is not None:
-                    change += complex(np.vdot(psi, d @ phi)) * lam ** _POWER[slot]
+                    change += complex(np.vdot(psi, d @ phi)) * lam**power
         with np.errstate(divide="ignore", invalid="ignore"):
             found[path] = complex(np.divide(-change, weight))
     return found

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import prod
-from typing import Literal
+from typing import Any, Literal
 
 import scipy.sparse as sp
 
 Slot = Literal["M", "C", "K"]
+POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}  # of λ, of what stands in the slot
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,26 @@ class Term:
     def coefficient(self, parameters: Mapping[str, float]) -> float:
         """Return Π parameter**power."""
         return prod((parameters[p] ** e for p, e in self.powers.items()), start=1.0)
+
+    def unit(self, lam: Any = 1.0) -> Any:
+        """Return λ to the power of the slot, times i where the term is imaginary; without λ what counts in M, C, K."""
+        power = lam ** POWER[self.slot]
+        return 1j * power if self.imaginary else power
+
+    def factor(self, lam: Any, parameters: Mapping[str, float]) -> Any:
+        """Return what the matrix counts with in Q(λ) = λ²M + λC + K: coefficient and unit together.
+
+        Parameters
+        ----------
+        lam : complex or (k,) complex, rad/s
+
+        Examples
+        --------
+        >>> damper = Term("damper", "C", sp.csr_array([[2.0]]), symmetric=True, powers={"c": 1})
+        >>> damper.factor(3j, {"c": 5.0})
+        15j
+        """
+        return self.coefficient(parameters) * self.unit(lam)
 
     def slope(self, parameter: str, parameters: Mapping[str, float]) -> float:
         """Return the derivative of the coefficient by one parameter."""
