@@ -9,7 +9,8 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from .kernel import amplitudes, find_kernel, null_columns
-from .linear.choice import Factor, factorize
+from .linear.choice import factorize
+from .linear.factor import Factor
 from .multiple import ROUNDING
 from .pencil import FreeMotions, Pencil
 

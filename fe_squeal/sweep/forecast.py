@@ -8,7 +8,8 @@ import numpy as np
 import psutil
 import scipy.sparse as sp
 
-from ..eigen.linear.choice import factor_memory, superlu_memory
+from ..eigen.linear.choice import factor_memory
+from ..eigen.linear.superlu import superlu_memory
 from ..eigen.memory import available_memory, memory_text
 from ..eigen.pencil import Pencil
 from ..eigen.solve import DENSE_LIMIT, shift_below, symmetric_part

@@ -14,7 +14,8 @@ from scene_texts import write_scene
 from fe_squeal.cli import main
 from fe_squeal.eigen import memory
 from fe_squeal.eigen.linear import choice as linear_solvers
-from fe_squeal.eigen.linear.choice import PardisoFactor, factor_memory, has_pardiso
+from fe_squeal.eigen.linear.choice import factor_memory
+from fe_squeal.eigen.linear.pardiso import PardisoFactor, has_pardiso
 from fe_squeal.errors import TooLargeError
 
 needs_pardiso = pytest.mark.skipif(not has_pardiso(), reason="PARDISO is not installed")
@@ -56,7 +57,7 @@ def test_analysis_knows_what_the_factors_take(definite):
 import sys; sys.path[:0] = {[str(folder) for folder in Path(__file__).parents[:2]]!r}
 import psutil
 from test_memory import solid
-from fe_squeal.eigen.linear.choice import PardisoFactor
+from fe_squeal.eigen.linear.pardiso import PardisoFactor
 A = solid(44)
 PardisoFactor(solid(6), True, {definite})
 before = psutil.Process().memory_info().rss

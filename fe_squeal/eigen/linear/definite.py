@@ -10,7 +10,8 @@ from scipy.sparse.linalg import splu, spsolve_triangular
 
 from ...errors import NotConvergedError
 from ..memory import require_memory
-from .choice import PardisoFactor, has_pardiso, superlu_memory
+from .pardiso import PardisoFactor, has_pardiso
+from .superlu import superlu_memory
 
 
 class DefiniteFactor(Protocol):
