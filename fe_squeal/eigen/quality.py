@@ -39,9 +39,8 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     rigid = np.abs(theta) <= u_theta
     lam = np.where(rigid, 0.0, lam)
     # |√(θ+δ) − √θ| is at most δ/2√θ to first order, and at most √δ always.
-    with np.errstate(divide="ignore"):
-        u_re = np.minimum(u_theta / (2 * np.abs(lam)), np.sqrt(u_theta))
-        condition = amplification / (2 * np.abs(theta))
+    u_re = np.minimum(_over(u_theta, 2 * np.abs(lam)), np.sqrt(u_theta))
+    condition = _over(amplification, 2 * np.abs(theta))
     if pencil.is_complex:
         divergent = np.zeros(0, dtype=int)
         u_re = _outside_the_law(lam, u_re)
@@ -91,7 +90,7 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     order = np.lexsort((-lam.real, lam.imag))
     if pencil.is_complex:
         order = order[lam[order].imag >= 0]
-    condition = np.divide(amplification, np.abs(lam), out=np.full(len(lam), np.inf), where=lam != 0)
+    condition = _over(amplification, np.abs(lam))
     return Modes(lam, right, left, backward, u, condition, method).select(order)
 
 
@@ -177,7 +176,13 @@ def _near_coalescence(first_order: np.ndarray, least: np.ndarray, values: np.nda
 
 def _backward_errors(pencil: Pencil, residual: np.ndarray, magnitude: np.ndarray) -> np.ndarray:
     d = pencil.units[0][:, None]
-    return _column_norms(d * residual) / _column_norms(d * magnitude)
+    left, size = _column_norms(d * residual), _column_norms(d * magnitude)
+    return np.divide(left, size, out=np.zeros(len(left)), where=left > 0)  # no force at all on an unknown of its own
+
+
+def _over(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return a / b, infinite where b is zero."""
+    return np.divide(a, b, out=np.full(len(b), np.inf), where=b != 0)
 
 
 def _column_norms(x: np.ndarray) -> np.ndarray:

@@ -142,3 +142,14 @@ def test_a_soft_hold_is_no_free_motion(soft):
     assert (modes.lam != 0).all()
     mass = pencil.M.diagonal().reshape(CHAINS, -1).sum(axis=1)
     np.testing.assert_allclose(np.sort(modes.lam.imag[:3]), np.sort(np.sqrt(soft / mass)), rtol=max(100 * soft, 1e-5))
+
+
+@pytest.mark.parametrize("C", [None, [0.0, 0.1, 0.2], [0.3, 0.1, 0.2]])
+def test_an_unknown_without_any_stiffness(C):
+    """Its row of K is empty: nothing cancels in it, and 0/0 is no backward error."""
+    M, K = sp.eye_array(3, format="csr"), sp.csr_array(np.diag([0.0, 4.0, 9.0]))
+    modes = solve_modes(Pencil(M, K, None if C is None else sp.csr_array(np.diag(C)), True), Request(count=3))
+    assert (modes.lam == 0).sum() == 1 and (modes.backward_error <= 1e-15).all()
+    c = np.array([0.1, 0.2]) if C else np.zeros(2)
+    exact = -c / 2 + 1j * np.sqrt([4.0, 9.0] - c**2 / 4)
+    np.testing.assert_allclose(modes.lam[modes.lam.imag > 0], exact, rtol=1e-13)
