@@ -11,7 +11,8 @@ from .linear.choice import factorize
 from .multiple import ROUNDING
 from .pencil import Pencil
 
-_CANCELLED = 64 * ROUNDING  # of what cancels in Kz: a force that is zero but for rounding
+_CANCELLED = 8 * ROUNDING  # of what cancels in Kz: a force that is zero but for rounding
+_LEAST = 1e-3  # of the largest entry of a motion: what the others count at least when the size of a sum is measured
 _DENSE = 400  # unknowns up to which a singular value decomposition is cheapest
 _SHIFT = 1e-9  # of the largest ratio of stiffness to mass: nearer to zero than any elastic mode
 _SEED, _BLOCK, _STEPS = 20251122, 8, 12
@@ -28,19 +29,27 @@ def null_columns(B: np.ndarray, least: float) -> np.ndarray:
 
 
 def amplitudes(Z: np.ndarray, d: np.ndarray | None = None) -> np.ndarray:
-    """Return for every entry of Z (n, k) the largest of its column, in units d (n,) of the unknowns.
+    """Return the sizes of the entries of Z (n, k), at least a share of the largest of their column.
 
-    Entries that are zero by themselves hold rounding of the larger ones.
+    An entry that is zero by itself holds rounding of the larger ones, which is not what it cancels with.
+
+    Parameters
+    ----------
+    d : (n,), optional
+        Units of the unknowns, in which entries are compared.
     """
     units = np.ones((len(Z), 1)) if d is None else d[:, None]
-    return np.asarray(units * np.abs(Z / units).max(axis=0, initial=0.0))
+    size = np.abs(Z / units)
+    return np.asarray(units * (size + _LEAST * size.max(axis=0, initial=0.0)))
 
 
 def unforced(A: sp.csr_array, Z: np.ndarray, rounding: float) -> np.ndarray:
-    """Return orthonormal V (k, m) such that A moves nothing along Z V: ‖A Z V‖ is `rounding` of what may cancel."""
+    """Return orthonormal V (k, m) such that A moves nothing along Z V: the forces are `rounding` of what cancels."""
     if not Z.shape[1]:
         return np.zeros((0, 0))
-    return null_columns(A @ Z, rounding * float(la.norm(abs(A) @ amplitudes(Z), 2)))
+    V = la.svd(A @ Z, full_matrices=False)[2].conj().T
+    forces, sizes = (np.linalg.norm(x, axis=0) for x in (A @ (Z @ V), abs(A) @ amplitudes(Z @ V)))
+    return np.asarray(V[:, forces <= rounding * sizes])
 
 
 def kernel_within(pencil: Pencil, motions: np.ndarray) -> np.ndarray:
@@ -66,7 +75,7 @@ def find_kernel(pencil: Pencil) -> np.ndarray:
     if n <= _DENSE:
         stacked = np.vstack([A.toarray() for A in scaled])
         s = la.svdvals(stacked)
-        if s[-1] > _CANCELLED * n * s[0]:  # regular, which is usual
+        if s[-1] > np.sqrt(_CANCELLED) * s[0]:  # regular, which is usual
             return np.zeros((n, 0))
         X = la.svd(stacked, full_matrices=False)[2][s <= np.sqrt(_CANCELLED) * s[0]].T
         return d[:, None] * _in_kernel(scaled, X)
