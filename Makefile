@@ -19,6 +19,7 @@ test: .venv/installed-test
 
 types: .venv/installed-test
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
 
 fast: .venv/installed-test
 	$(BIN)/pytest $(PYTEST_OPTIONS) -m "not slow"
@@ -60,7 +61,7 @@ docs: run
 	mkdir -p docs/images
 	cp results/disc_pad/stability.png docs/images/stability.png
 	cp results/disc_pad/shapes/branch_16_*.png docs/images/shape.png
-	$(BIN)/python -m fe_squeal.scene_reference > docs/scene.md
+	$(BIN)/python -m fe_squeal.scene.reference > docs/scene.md
 
 # The pages of what effects and sweeps cost, with the times of this machine, and of nearly incompressible linings.
 benchmarks: .venv/installed

@@ -25,14 +25,16 @@ import numpy as np
 from accuracy_cases import SOLIDS, Rung, belt_scene, brake_scene, extrapolated, solve
 
 from fe_squeal.accuracy.choose import choose
-from fe_squeal.accuracy.errors import errors_of, reference_of
 from fe_squeal.accuracy.estimate import BAR
 from fe_squeal.accuracy.measure import measure_apart
-from fe_squeal.accuracy.report import plot_study, write_study
+from fe_squeal.accuracy.reference import errors_of, reference_of
 from fe_squeal.accuracy.settings import Setting, plan
 from fe_squeal.accuracy.study import Study, run_study
 from fe_squeal.compare import compare
+from fe_squeal.report.accuracy import plot_accuracy
 from fe_squeal.report.labels import place_labels
+from fe_squeal.run.accuracy import uncertainty, write_study
+from fe_squeal.run.measurements import Measurements
 from fe_squeal.scene import Scene
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -199,12 +201,12 @@ def main() -> None:
         out = given.folder / name.replace(" ", "_").replace(",", "")
         rest = max(given.budget - (time.perf_counter() - start), 1e-9)
         studies[name] = study = run_study(
-            scene, out / "measurements", None if np.isinf(rest) else rest, small_plan(scene),
+            scene, Measurements(out / "measurements"), None if np.isinf(rest) else rest, small_plan(scene),
             lambda i, n, t: print(f"{i}/{n} {t}", file=sys.stderr),
         )  # fmt: skip
         write_study(study, out, name)
         picture = f"accuracy_{out.name}.png"
-        plot_study(study, study.to_dataframe(), out / picture, name)
+        plot_accuracy(study.to_dataframe(), uncertainty(study), out / picture, name)
         lines = (out / "accuracy.md").read_text(encoding="utf-8").splitlines()
         body = "\n".join(line for line in lines if not line.startswith(("# ", "!["))).replace("## ", "### ")
         parts.append(f"## {name.capitalize()}\n\n![error against time](images/{picture})\n{body}\n")

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from closed_forms import sliding_block, sliding_plate, wave_speeds
 
 from fe_squeal import load_scene, parse_scene, sweep
-from fe_squeal.accuracy.closed_forms import sliding_block, sliding_plate, wave_speeds
 from fe_squeal.accuracy.estimate import BAR, refined_changes
-from fe_squeal.assembly import Assembly
-from fe_squeal.bodies import read_mesh
+from fe_squeal.assembly.assembly import Assembly
+from fe_squeal.assembly.bodies import read_mesh
 from fe_squeal.scene import Scene
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

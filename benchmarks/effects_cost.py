@@ -17,7 +17,7 @@ import numpy as np
 from effects_cost_cases import FRICTION, ROOT, absence_cases, effect_cases, scene_of
 from effects_cost_measure import NEXT_MU, Row, measure
 
-from fe_squeal.eigen.linear_solvers import solver_name
+from fe_squeal.eigen.linear.choice import solver_name
 
 TARGET = 3.0  # a solve of the quadratic class over one of the nonsymmetric class
 COLOURS = {"symmetric": "#8c8c8c", "nonsymmetric": "#2f6fb5", "quadratic": "#e08a1e", "complex": "#8e4a9e"}

@@ -21,13 +21,14 @@ import numpy as np
 import scipy.sparse as sp
 from effects_cost_cases import Case
 
-from fe_squeal import assemble, assembly, base_state, parse_scene, rotating_bodies
-from fe_squeal.bodies import read_mesh
-from fe_squeal.eigen import linear_solvers
+from fe_squeal import assemble, parse_scene
+from fe_squeal.assembly import assembly, contacts, preload_state, rotating_bodies
+from fe_squeal.assembly.bodies import read_mesh
+from fe_squeal.eigen.linear import choice
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.solve import Request, solve_modes
 from fe_squeal.eigen.threads import one_openblas_thread
-from fe_squeal.problem import Problem
+from fe_squeal.problem.problem import Problem
 from fe_squeal.scene import Scene
 
 NEXT_MU = 0.41
@@ -127,7 +128,7 @@ def _assembled(case: Case, scene: Scene, mesh: Any) -> Problem:
 
     with ExitStack() as stack:
         for name in MAKERS if case.unreachable else ():
-            [module] = [m for m in (assembly, base_state, rotating_bodies) if hasattr(m, name)]
+            [module] = [m for m in (assembly, contacts, preload_state, rotating_bodies) if hasattr(m, name)]
             stack.enter_context(patch.object(module, name, fail))
         return assemble(scene, mesh)
 
@@ -149,14 +150,14 @@ class _Work:
 
 
 class _CountingFactor:
-    def __init__(self, factor: linear_solvers.Factor, work: _Work) -> None:
+    def __init__(self, factor: choice.Factor, work: _Work) -> None:
         self.negative_pivots = factor.negative_pivots
         self.solve = self._counting(factor.solve, work)
         self.solve_transposed = self._counting(factor.solve_transposed, work)
         self.solve_adjoint = self._counting(factor.solve_adjoint, work)
 
     @staticmethod
-    def _counting(solve: linear_solvers.Solve, work: _Work) -> linear_solvers.Solve:
+    def _counting(solve: choice.Solve, work: _Work) -> choice.Solve:
         def counted(b: np.ndarray) -> np.ndarray:
             work.solves += 1
             return solve(b)
@@ -166,7 +167,7 @@ class _CountingFactor:
 
 @contextmanager
 def _counted() -> Iterator[_Work]:
-    work, original = _Work(), linear_solvers.factorize
+    work, original = _Work(), choice.factorize
 
     def counting(A: sp.csr_array, symmetric: bool) -> _CountingFactor:
         work.factorised.append((A.shape[0], symmetric))
@@ -200,7 +201,7 @@ def _main() -> None:
     case = Case(**json.load(sys.stdin))
     scene = _parsed(case)
     mesh = read_mesh(scene)
-    linear_solvers.has_pardiso()  # the library is loaded in every case
+    choice.has_pardiso()  # the library is loaded in every case
     before = _peak_mib()
     problem = _assembled(case, scene, mesh)
     with one_openblas_thread():

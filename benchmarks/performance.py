@@ -30,8 +30,8 @@ Made by `python benchmarks/performance.py --write`; """
 def measure(size: float, modes: int, values: int) -> dict:
     """Sweep one problem in this process."""
     from fe_squeal import sweep
-    from fe_squeal.prediction import predict_memory
-    from fe_squeal.results import peak_memory_mib
+    from fe_squeal.eigen.memory import peak_memory_mib
+    from fe_squeal.sweep.forecast import predict_memory
 
     start = time.perf_counter()
     problem = build(size)

@@ -59,8 +59,8 @@ def build(size: float):
 def measure(way: str, size: float, modes: int, values: int) -> dict[str, float]:
     """Time one way in this process."""
     from fe_squeal import sweep
+    from fe_squeal.eigen.memory import peak_memory_mib
     from fe_squeal.eigen.solve import Request, solve_modes
-    from fe_squeal.results import peak_memory_mib
 
     problem = build(size)
     grid = np.linspace(0.0, STOP, values)

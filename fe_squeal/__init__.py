@@ -1,28 +1,45 @@
 """Complex eigenvalue analysis of brake squeal on finite-element meshes.
 
+A block on a rigid belt, held by springs of which two are inclined: where does it turn unstable as friction grows?
+
 >>> import fe_squeal
->>> callable(fe_squeal.load_scene) and callable(fe_squeal.sweep)
-True
+>>> springs = [
+...     ("inclined_1", "front", [-1.0, 0.0, 1.0], 4e5), ("inclined_2", "back", [-1.0, 0.0, 1.0], 4e5),
+...     ("up_1", "left", [0.0, 0.0, 1.0], 4.3e6), ("up_2", "right", [0.0, 0.0, 1.0], 4.3e6),
+...     ("along_1", "left", [1.0, 0.0, 0.0], 4.8e6), ("along_2", "right", [1.0, 0.0, 0.0], 4.8e6),
+...     ("across", "front", [0.0, 1.0, 0.0], 2e7),
+... ]
+>>> scene = fe_squeal.parse_scene({
+...     "mesh": {"order": 1, "block": {"length": 0.08, "width": 0.04, "height": 0.02, "size": 0.02}},
+...     "materials": {"steel": {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 7800.0}},
+...     "bodies": {"block": {"material": "steel"}},
+...     "springs": [dict(zip(("name", "surface", "direction", "stiffness"), spring)) for spring in springs],
+...     "contacts": [{"surface": "bottom", "counterface": "rigid", "normal_stiffness": 3.125e8,
+...                   "sliding": {"direction": [1.0, 0.0, 0.0], "speed": 1.0}}],
+...     "effects": {"friction": {"mu": 0.3}},
+... })
+>>> result = fe_squeal.sweep(fe_squeal.assemble(scene), [0.0, 0.3, 0.6], modes=6)
+>>> [f"{o.kind} at mu = {o.value:.2f}, {o.frequency_hz:.0f} Hz" for o in result.onsets]
+['flutter at mu = 0.40, 712 Hz']
 """
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, version
+import importlib
+from typing import TYPE_CHECKING, Any
 
-from .assembly import assemble
 from .errors import InputError, MeshError, NotConvergedError, OutputError, SceneError, SquealError
-from .mesh import LoadedMesh, from_skfem, load_mesh
-from .problem import Problem
-from .results import export_shapes, find_onsets
-from .scene import Scene
-from .scene_file import load_scene, parse_scene
-from .sweep import sweep
-from .sweep_result import Sweep
+from .sweep.sweep import find_onsets, sweep
 
-try:
-    __version__ = version("fe-squeal")
-except PackageNotFoundError:  # run from a source tree that is not installed
-    __version__ = "0+unknown"
+if TYPE_CHECKING:
+    from .assembly.assembly import assemble
+    from .mesh import LoadedMesh, from_skfem, load_mesh
+    from .problem.problem import Problem
+    from .run.outputs import export_shapes
+    from .scene import Scene
+    from .scene.file import load_scene, parse_scene
+    from .sweep.result import Sweep
+    from .version import __version__
 
 __all__ = [
     "InputError",
@@ -35,6 +52,7 @@ __all__ = [
     "SceneError",
     "SquealError",
     "Sweep",
+    "__version__",
     "assemble",
     "export_shapes",
     "find_onsets",
@@ -44,3 +62,30 @@ __all__ = [
     "parse_scene",
     "sweep",
 ]
+
+# Where the names stand that are imported when they are first asked for: finite elements, tables and plots take time.
+_PLACES = {
+    "LoadedMesh": "mesh",
+    "Problem": "problem.problem",
+    "Scene": "scene",
+    "Sweep": "sweep.result",
+    "__version__": "version",
+    "assemble": "assembly.assembly",
+    "export_shapes": "run.outputs",
+    "from_skfem": "mesh",
+    "load_mesh": "mesh",
+    "load_scene": "scene.file",
+    "parse_scene": "scene.file",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"{__name__}.{_PLACES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

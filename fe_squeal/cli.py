@@ -1,4 +1,8 @@
-"""The command fe-squeal."""
+"""The command fe-squeal.
+
+Each command imports what it needs when it is called, so that `fe-squeal --help` is there at once and `check` loads no
+Matplotlib.
+"""
 
 from __future__ import annotations
 
@@ -6,27 +10,15 @@ import json
 import os
 import platform
 import sys
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
 
-from . import __version__
-from .assembly import assemble
-from .bodies import read_mesh
-from .check import describe, group_table
-from .eigen.linear_solvers import solver_name
-from .eigen.memory import available_memory, memory_text
-from .errors import InputError, MeshError, NotConvergedError, SceneError, SquealError, one_line
-from .geometry import write_mesh
-from .report import print_onsets
-from .run import INTERRUPTED, run_scene, sweep_scene
-from .scene import MatrixScene, Scene
-from .scene_file import load_scene
+from .errors import INTERRUPTED, InputError, MeshError, NotConvergedError, SceneError, SquealError, one_line
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 app = typer.Typer(
     help="Complex eigenvalue analysis of brake squeal on finite-element meshes.",
@@ -40,6 +32,8 @@ Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where the results
 
 def _version(wanted: bool) -> None:
     if wanted:
+        from .version import __version__
+
         print(f"fe-squeal {__version__}")
         raise typer.Exit
 
@@ -63,14 +57,18 @@ def run(
     ] = None,
 ) -> int:
     """Solve for the complex modes over the sweep and write tables, figures and shapes into a folder."""
+    from .scene.file import load_scene
+
     loaded = load_scene(scene)
     folder = out or Path(f"{scene.stem}_results")
     if accuracy is not None:
         if resume:
             raise SceneError("--accuracy: given with --resume; expected one of them")
-        from .accuracy.commands import run_to_accuracy
+        from .run.accuracy import run_to_accuracy
 
         return run_to_accuracy(loaded, folder, _console(), accuracy)
+    from .run.run import run_scene
+
     return run_scene(loaded, folder, _console(), resume, estimate)
 
 
@@ -80,6 +78,13 @@ def check(
     groups: Annotated[bool, typer.Option("--groups", help="List the mesh's groups, with size and place.")] = False,
 ) -> int:
     """Validate scene and mesh without solving."""
+    from .assembly.assembly import assemble
+    from .assembly.bodies import read_mesh
+    from .assembly.model import model_of
+    from .run.check import describe, group_table
+    from .scene import Scene
+    from .scene.file import load_scene
+
     loaded = load_scene(scene)
     if groups and isinstance(loaded, Scene):
         try:
@@ -90,8 +95,9 @@ def check(
     problem = assemble(loaded)
     console = _console()
     console.print(describe(loaded, problem))
-    if problem.model is not None:
-        for text in (*problem.model.notes, *(f"warning: {w}" for w in problem.model.warnings)):
+    model = model_of(problem)
+    if model is not None:
+        for text in (*model.notes, *(f"warning: {w}" for w in model.warnings)):
             console.print(text, markup=False)
     return 0
 
@@ -103,6 +109,10 @@ def mesh(
     force: Annotated[bool, typer.Option("--force", help="Write over a mesh that this command did not write.")] = False,
 ) -> int:
     """Mesh the scene's parametric geometry."""
+    from .geometry import write_mesh
+    from .scene import MatrixScene, Scene
+    from .scene.file import load_scene
+
     loaded = load_scene(scene)
     if not isinstance(loaded, Scene) or loaded.mesh.geometry is None:
         if isinstance(loaded, MatrixScene):
@@ -120,6 +130,11 @@ def mesh(
 @app.command()
 def onset(scene: SceneFile) -> int:
     """Print the critical values of the sweep parameter alone, to full precision."""
+    from .assembly.assembly import assemble
+    from .report.tables import print_onsets
+    from .run.run import sweep_scene
+    from .scene.file import load_scene
+
     loaded = load_scene(scene)
     if loaded.sweep is None:
         raise SceneError(f"{scene}: sweep: is missing; expected a table, written [sweep]: the interval to look in")
@@ -138,6 +153,9 @@ def compare(
     case: Annotated[str, typer.Argument(help="One case; all of them by default.")] = "all",
 ) -> int:
     """Hold finite-element models of the lumped systems against the lumped systems themselves."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
     from .compare import compare as compare_cases
 
     frame = compare_cases(case)
@@ -165,7 +183,8 @@ def accuracy(
     ] = None,
 ) -> int:
     """Show what accuracy costs: error against time over mesh size, order, number of modes and method."""
-    from .accuracy.commands import study_scene
+    from .run.accuracy import study_scene
+    from .scene.file import load_scene
 
     return study_scene(load_scene(scene), out or Path(f"{scene.stem}_accuracy"), _console(), budget)
 
@@ -212,6 +231,13 @@ def lumped_models(
 @app.command()
 def info() -> int:
     """Print versions, the linear solver and the number of threads."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    from rich.table import Table
+
+    from .eigen.linear.choice import solver_name
+    from .version import __version__
+
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_row("fe-squeal", __version__)
     table.add_row("Python", platform.python_version())
@@ -244,6 +270,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(one_line(f"error: {name}{error.strerror or error}"), file=sys.stderr)
         return InputError.exit_code
     except MemoryError:
+        from .eigen.memory import available_memory, memory_text
+
         print(f"error: more memory is needed than the {memory_text(available_memory())} that are free", file=sys.stderr)
         return InputError.exit_code
     except _UsageError as error:  # a wrong option or argument; without any argument the help
@@ -256,4 +284,6 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _console() -> Console:
+    from rich.console import Console
+
     return Console(highlight=False, soft_wrap=True)

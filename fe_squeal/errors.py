@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+INTERRUPTED = 130  # what the command returns where the user stopped it
 _LIKE = 0.66  # of difflib: "EE" is like "E", "rotation" is not like "friction"
 _MOST = 100  # names in one message: more than any table has keys
 

@@ -4,8 +4,8 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from fe_squeal.problem import Problem
-from fe_squeal.terms import Term
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
 
 N, MODES, PATCH = 260, 8, 8
 

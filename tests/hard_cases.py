@@ -9,7 +9,7 @@ from scipy.sparse.linalg import ArpackError, eigs
 
 from fe_squeal import assemble, load_scene
 from fe_squeal.eigen.pencil import Pencil
-from fe_squeal.problem import Problem
+from fe_squeal.problem.problem import Problem
 from meshes import STEEL, box, join, make_problem
 
 DOUBLE = 15.0  # digits: what nobody can beat

@@ -10,7 +10,7 @@ import skfem
 import fe_squeal
 from fe_squeal.eigen.pencil import Modes
 from fe_squeal.eigen.solve import Request, solve_modes
-from fe_squeal.problem import Problem
+from fe_squeal.problem.problem import Problem
 
 KINDS = ("hex1", "hex2", "tet1", "tet2")
 STEEL = {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 7800.0}

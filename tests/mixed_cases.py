@@ -6,9 +6,9 @@ from itertools import product
 
 import numpy as np
 
-from fe_squeal.element_matrices import assemble_elasticity
-from fe_squeal.materials import Material, elasticity
-from fe_squeal.spaces import make_space
+from fe_squeal.fem.element_matrices import assemble_elasticity
+from fe_squeal.fem.materials import Material, elasticity
+from fe_squeal.fem.spaces import make_space
 from meshes import make_problem, modes_of
 
 SIZE = (1.0, 0.83, 0.71)

@@ -45,7 +45,7 @@ def vary(environment: Mapping[str, str]) -> None:
         for name in ("from_skfem", "read_mesh"):  # meshes of Python, and of files and geometries
             _replace(name, functools.partial(_shuffled, seed=seed))
     if threads := _number(environment, THREADS):
-        from fe_squeal.eigen.linear_solvers import has_pardiso
+        from fe_squeal.eigen.linear.pardiso import has_pardiso
 
         has_pardiso()  # limits hold for libraries that are loaded
         threadpoolctl.threadpool_limits(threads)
@@ -58,7 +58,7 @@ def vary(environment: Mapping[str, str]) -> None:
 
 def require_pardiso(environment: Mapping[str, str]) -> None:
     """Skip the test where PARDISO is hidden on purpose, fail where it is missing."""
-    from fe_squeal.eigen.linear_solvers import has_pardiso
+    from fe_squeal.eigen.linear.pardiso import has_pardiso
 
     if environment.get(SOLVER) == "superlu":
         pytest.skip(f"the test is about PARDISO, which {SOLVER}=superlu hides")

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..assembly import Assembly
+from ..assembly.assembly import Assembly
+from ..assembly.swept import swept
 from ..eigen.memory import TooLargeError
 from ..errors import MeshError, NotConvergedError, SceneError
-from ..inputs import swept
 from ..mesh import LoadedMesh
 from ..scene import Scene
-from ..sweep import sweep
-from ..sweep_result import Sweep
+from ..sweep.result import Sweep
+from ..sweep.sweep import sweep
 from .estimate import BAR, COMPARED, EXTRAPOLATED, SMALLEST, with_discretisation
 from .settings import Setting, own_setting, scene_at
 

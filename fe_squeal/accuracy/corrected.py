@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ..blocks import cross, times
-from ..eigen.definite import factorize_definite
+from ..eigen.blocks import cross, times
+from ..eigen.linear.definite import factorize_definite
 from ..eigen.pencil import Modes
-from ..problem import Problem
+from ..problem.problem import Problem
 from ..reduced import ReducedModel
 from ..reduced.basis import ReducedBasis
 from ..reduced.undamped import weighted

@@ -8,19 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ..assembly import Assembly
+from ..assembly.assembly import Assembly
 from ..eigen.dense import solve_dense
 from ..eigen.memory import require_memory
 from ..eigen.pencil import Modes
 from ..eigen.solve import Request
 from ..errors import SceneError
 from ..mesh.refining import refine
-from ..onset import Onset
-from ..problem import Problem
+from ..problem.problem import Problem
 from ..reduced import ReducedModel
-from ..sweep import sweep
-from ..sweep_result import Sweep, SweepPoint
-from ..tracking import match_modes
+from ..sweep.onsets import Onset
+from ..sweep.result import Sweep, SweepPoint
+from ..sweep.sweep import sweep
+from ..sweep.tracking import match_modes
 from .corrected import CorrectedModel
 from .two_level import prolongation
 

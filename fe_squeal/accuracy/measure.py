@@ -7,21 +7,19 @@ import os
 import threading
 import time
 from contextlib import suppress
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from multiprocessing.connection import Connection
-from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
-from ..assembly import Assembly
+from ..assembly.assembly import Assembly
+from ..assembly.swept import swept
+from ..eigen.memory import peak_memory_mib
 from ..errors import NotConvergedError, SquealError, TooLargeError
-from ..inputs import swept
-from ..report import replace_atomically
-from ..results import peak_memory_mib
 from ..scene import Scene
-from ..sweep import sweep
+from ..sweep.sweep import sweep
 from .estimate import Changes, refined_changes
 from .settings import Setting, scene_at
 
@@ -65,22 +63,6 @@ class Measurement:
     def total(self) -> float:
         """Seconds in all, without the estimate."""
         return sum(t for stage, t in self.seconds.items() if stage != "estimate")
-
-    def save(self, path: Path) -> None:
-        """Write all of it into an .npz file."""
-        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "seconds"}
-        stages = {"stages": np.array(list(self.seconds)), "seconds": np.array(list(self.seconds.values()))}
-        with replace_atomically(path) as temporary, open(temporary, "wb") as file:
-            np.savez(file, **{**plain, **stages})
-
-    @classmethod
-    def load(cls, path: Path) -> Measurement:
-        """Read what `save` wrote."""
-        with np.load(path, allow_pickle=False) as file:
-            found = {f.name: file[f.name] for f in fields(cls)}
-            seconds = dict(zip(file["stages"].tolist(), file["seconds"].tolist(), strict=True))
-        found |= {"unknowns": int(found["unknowns"]), "peak_memory_mib": float(found["peak_memory_mib"])}
-        return cls(**{**found, "seconds": seconds})
 
 
 def measure(

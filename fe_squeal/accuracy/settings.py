@@ -7,15 +7,15 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from .. import __version__
-from ..assembly import assemble
-from ..bodies import read_mesh
+from ..assembly.assembly import assemble
+from ..assembly.bodies import read_mesh
 from ..eigen.inertia import count_below
 from ..eigen.solve import symmetric_part
 from ..mesh import LoadedMesh
 from ..mesh.refining import refine
 from ..scene import Scene
-from ..sweep import MODES
+from ..sweep.sweep import MODES
+from ..version import __version__
 
 _SIZES = (2.0, 2**0.5, 1.0, 2**-0.5, 0.5)  # times the scene's own size, where there is a geometry to mesh
 _LEVELS = 2  # how often a mesh from a file is refined

@@ -5,18 +5,18 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-import pandas as pd
 
 from ..errors import NotConvergedError, SquealError
-from ..report import replace_atomically
 from ..scene import Scene
-from .closed_forms import exact_frequencies
-from .errors import Errors, Reference, as_reference, errors_of, reference_of, with_exact
 from .measure import Measurement, measure_apart
+from .reference import Errors, Reference, as_reference, errors_of, reference_of, with_exact
 from .settings import Setting, plan
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 COLUMNS = (
     "order", "size", "modes", "method", "tolerance", "unknowns", "seconds", "peak_memory_mib", "error_frequency",
@@ -25,6 +25,22 @@ COLUMNS = (
 )  # fmt: skip
 _GROWTH, _POWERS = 0.8, (0.2, 1.5)  # power of the unknowns with which times grow, until the study's own tell; limits
 _ESTIMATED = "size, order 2"  # the settings whose meshes are refined, too: from them comes the reference
+
+
+class Store(Protocol):
+    """Where measurements are kept as soon as they are made, by the keys of their settings."""
+
+    def load(self, key: str) -> Measurement | None:
+        """Return what was kept; None where there is nothing."""
+
+    def save(self, key: str, measured: Measurement) -> None:
+        """Keep a measurement."""
+
+    def load_probes(self) -> np.ndarray | None:
+        """Return the points at which all shapes were compared; None where there are none yet."""
+
+    def save_probes(self, probes: np.ndarray) -> None:
+        """Keep these points."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +68,8 @@ class Study:
     def to_dataframe(self) -> pd.DataFrame:
         """Return a row per setting, the columns of accuracy.csv: errors against the reference, and against the best
         solution on the same mesh (algebraic)."""
+        import pandas as pd
+
         rows = []
         for s, m in zip(self.settings, self.measurements, strict=True):
             e, a = errors_of(m, self.reference), self._algebraic(s, m)
@@ -63,6 +81,8 @@ class Study:
 
     def stages(self) -> pd.DataFrame:
         """Return the seconds of every stage, a row per setting: accuracy_stages.csv."""
+        import pandas as pd
+
         plain = [{k: v for k, v in asdict(s).items() if k not in ("refinement", "knob")} for s in self.settings]
         rows = zip(plain, self.measurements, strict=True)
         return pd.DataFrame([{**setting, **m.seconds} for setting, m in rows])
@@ -81,22 +101,25 @@ class Study:
 
 def run_study(
     scene: Scene,
-    folder: Path,
+    store: Store,
     budget: float | None = None,
     settings: list[Setting] | None = None,
     progress: Callable[[int, int, str], None] = lambda done, total, text: None,
+    exact: np.ndarray | None = None,
 ) -> Study:
-    """Run the settings of a study, cheap ones first; what was measured before in the folder is taken from there.
+    """Run the settings of a study, cheap ones first; what was measured before is taken from the store.
 
     Parameters
     ----------
-    folder : Path
+    store : Store
         Where each measurement is kept as soon as it is made.
     budget : float, s, optional
         At most so long; what does not fit is left out, and said.
     settings : list of Setting, optional
         Instead of `plan(scene)`.
     progress : callable of (done, in all, what is running)
+    exact : (k,) float, Hz, optional
+        The lowest frequencies where they are known: errors are then relative to these.
 
     Raises
     ------
@@ -107,12 +130,13 @@ def run_study(
     every = sorted(settings or plan(scene), key=_cost)
     done: list[tuple[Setting, Measurement]] = []
     left_out: list[tuple[Setting, str]] = []
-    probes = _load_probes(folder / "probes.npy")
+    probes = store.load_probes()
     for i, setting in enumerate(every):
         progress(i, len(every), str(setting))
-        path = folder / f"{setting.key(scene)}.npz"
-        if path.exists() and probes is not None:
-            done.append((setting, Measurement.load(path)))
+        key = setting.key(scene)
+        kept = store.load(key) if probes is not None else None
+        if kept is not None:
+            done.append((setting, kept))
             continue
         rest = None if budget is None else budget - (time.perf_counter() - start)
         expected = _expected(setting, done)
@@ -128,10 +152,8 @@ def run_study(
             left_out.append((setting, "the budget ran out"))
             continue
         measured, probes = found
-        folder.mkdir(parents=True, exist_ok=True)
-        with replace_atomically(folder / "probes.npy") as temporary:
-            np.save(temporary, probes)
-        measured.save(path)
+        store.save_probes(probes)
+        store.save(key, measured)
         done.append((setting, measured))
     progress(len(every), len(every), "")
     fine = [(s, m) for s, m in done if len(m.changes)] or [(s, m) for s, m in done if s.method != "modal"]
@@ -140,15 +162,10 @@ def run_study(
         raise NotConvergedError(f"nothing could be measured ({reasons})")
     finest, best = max(fine, key=lambda p: p[1].unknowns)
     reference = reference_of(best)
-    exact = exact_frequencies(scene, len(reference.lam))
     if exact is not None:
         reference = with_exact(reference, exact)
     solved, measurements = zip(*done, strict=True)
     return Study(solved, measurements, reference, finest, tuple(left_out), exact is not None)
-
-
-def _load_probes(path: Path) -> np.ndarray | None:
-    return np.load(path, allow_pickle=False) if path.exists() else None
 
 
 def _cost(s: Setting) -> float:

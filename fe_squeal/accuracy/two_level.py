@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 
-from ..blocks import times
-from ..cell_map import geometry_map
-from ..contact import interpolate
+from ..eigen.blocks import times
 from ..errors import NotConvergedError
-from ..spaces import DisplacementSpace
+from ..fem.cells import geometry_map
+from ..fem.contact import interpolate
+from ..fem.spaces import DisplacementSpace
 
 _CHILDREN = 8
 _NEWTON = 30  # steps at most to find a point in its element

@@ -15,10 +15,11 @@ import numpy as np
 
 import lumped
 
-from ..assembly import assemble
+from ..assembly.assembly import assemble
+from ..assembly.model import model_of
 from ..mesh import LoadedMesh
-from ..problem import Problem
-from ..scene_file import parse_scene
+from ..problem.problem import Problem
+from ..scene.file import parse_scene
 from .blocks import Body, brick, build_mesh
 
 Field = Callable[[np.ndarray], np.ndarray]  # positions (n, 3) to displacements (n, 3)
@@ -55,8 +56,9 @@ class Case:
 
     def rigid_motions(self, problem: Problem) -> np.ndarray:
         """Return the (n, coordinates) displacements of the unknowns for a unit of each lumped coordinate."""
-        assert problem.model is not None
-        space = problem.model.space
+        model = model_of(problem)
+        assert model is not None
+        space = model.space
         columns = []
         for bodies, field in self.motions:
             u = np.zeros((space.nodes, 3))

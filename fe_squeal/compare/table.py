@@ -11,11 +11,12 @@ import pandas as pd
 
 import lumped
 
+from ..assembly.model import model_of
 from ..eigen.pencil import Modes
 from ..eigen.solve import Request, solve_modes
 from ..errors import SceneError, suggest
-from ..problem import Problem
-from ..sweep import sweep
+from ..problem.problem import Problem
+from ..sweep.sweep import sweep
 from .cases import Case, minimal, nine_dof, two_mass, uncoupled_disc
 
 _DEFORMING = 10.0  # times the highest lumped frequency: deformations of the bodies lie far above, rotations below
@@ -113,8 +114,9 @@ def lumped_modes(case: Case, problem: Problem, mu: float) -> Modes:
 
 def rotations(case: Case, problem: Problem) -> list[tuple[str, float]]:
     """Return the body and the frequency at μ = 0 of each mode that is neither the lumped model's nor a deformation."""
-    assert problem.model is not None
-    pencil, space = problem.pencil(mu=0.0), problem.model.space
+    model = model_of(problem)
+    assert model is not None
+    pencil, space = problem.pencil(mu=0.0), model.space
     modes = solve_modes(pencil, Request(count=problem.unknowns))
     lumped_ones = lumped_modes(case, problem, 0.0).lam.imag
     highest = _DEFORMING * lumped_ones.max()
@@ -123,7 +125,7 @@ def rotations(case: Case, problem: Problem) -> list[tuple[str, float]]:
         if omega > highest or np.abs(lumped_ones - omega).min() <= 1e-9 * highest:
             continue
         motion = np.abs(space.expand(modes.right[:, i]))
-        size = {b: motion[space.dofs.element_dofs[:, e]].max() for b, e in problem.model.bodies.items()}
+        size = {b: motion[space.dofs.element_dofs[:, e]].max() for b, e in model.bodies.items()}
         found.append((max(size, key=lambda b: size[b]), float(omega)))
     return found
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import scipy.sparse as sp
 
-from ..contact import ContactOperators
-from ..terms import Slot, Term
+from ..fem.contact import ContactOperators
+from ..problem.terms import Slot, Term
 
 
 def contact_terms(
@@ -25,7 +25,9 @@ def contact_terms(
     slots: list[tuple[Slot, str, float]] = [("K", "normal_stiffness", stiffness), ("C", "normal_damping", damping)]
     path = f"contacts.{name}"
     return [
-        Term(f"contact.{name}", slot, shape, symmetric=True, powers={f"{path}.{key}": 1})
+        Term(
+            f"contact.{name}", slot, shape, symmetric=True, powers={f"{path}.{key}": 1}, penalty=tied and slot == "K"
+        )
         for slot, key, size in slots
         if size
     ]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..element_matrices import assemble_elasticity
-from ..materials import Material, elasticity
-from ..spaces import DisplacementSpace
-from ..terms import Term
+from ..fem.element_matrices import assemble_elasticity
+from ..fem.materials import Material, elasticity
+from ..fem.spaces import DisplacementSpace
+from ..problem.terms import Term
 
 
 def elastic_terms(
@@ -24,7 +24,7 @@ def elastic_terms(
     axes : (3, 3) float or None
         Rows: axes of an orthotropic material.
     mixed : bool
-        Whether the pressure is one of its own, see `fe_squeal.mixed`; the space then has the bubbles for it.
+        Whether the pressure is one of its own, see `fe_squeal.fem.pressures`; the space then has the bubbles for it.
     """
     if material.is_orthotropic:
         law, powers = elasticity(material, axes), {}

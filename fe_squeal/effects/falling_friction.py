@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ..contact import ContactOperators
-from ..schema import Positive, Section
-from ..terms import Term
+from ..fem.contact import ContactOperators
+from ..problem.terms import Term
+from ..schema.section import Positive, Section
 
 
 class FallingFriction(Section):

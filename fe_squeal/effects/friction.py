@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import scipy.sparse as sp
 
-from ..contact import ContactOperators
-from ..schema import Section
-from ..terms import Term
+from ..fem.contact import ContactOperators
+from ..problem.terms import Term
+from ..schema.section import Section
 
 
 class Friction(Section):

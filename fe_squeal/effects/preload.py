@@ -9,11 +9,12 @@ from typing import Literal
 import numpy as np
 import scipy.sparse as sp
 
-from ..contact import ContactOperators, Sliding
 from ..errors import NotConvergedError, SceneError
-from ..schema import Section
-from ..spaces import DisplacementSpace, Surface
-from ..static_contact import Equilibrium, NotHeldError, SlidingContact, solve_static_contact
+from ..fem.contact import ContactOperators
+from ..fem.motion import Sliding
+from ..fem.spaces import DisplacementSpace, Surface
+from ..fem.static_contact import Equilibrium, NotHeldError, SlidingContact, solve_static_contact
+from ..schema.section import Section
 
 
 class Preload(Section):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..schema import NonNegative, Section
-from ..terms import Term
+from ..problem.terms import Term
+from ..schema.section import NonNegative, Section
 
 
 class Rayleigh(Section):

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Annotated, Any
+from collections.abc import Mapping
+from typing import Annotated
 
 import numpy as np
+import scipy.sparse as sp
 from pydantic import Field
 
-from ..contact import Sliding
 from ..errors import SceneError
-from ..rotating import circulatory_matrices, gyroscopic_matrices
-from ..schema import Direction, Section, Speed, Vector
-from ..spaces import DisplacementSpace
-from ..terms import Term
+from ..fem.motion import Sliding
+from ..problem.terms import Term
+from ..schema.section import Direction, Section, Speed, Vector
 from .rayleigh import Rayleigh
 
 
@@ -22,7 +21,8 @@ class Rotation(Section):
 
     With w = Ω × (x − c): gyroscopic C_G = 2 ∫ ρ δu·(w·∇)u̇ (skew) and K_Ω = −∫ ρ (w·∇)δu·(w·∇)u; the body's Rayleigh
     damping acts on the rate that the body sees and adds a circulatory stiffness. The centrifugal stress comes with
-    `[effects.preload]` and acts through `[effects.stress_stiffening]`. The equations stand in `fe_squeal.rotating`.
+    `[effects.preload]` and acts through `[effects.stress_stiffening]`. The equations stand in
+    `fe_squeal.fem.gyroscopics`.
 
     Attributes
     ----------
@@ -91,46 +91,57 @@ def _same(a: Sliding, b: Sliding) -> bool:
     return bool(np.linalg.norm(a.velocity - b.velocity) <= 1e-9 * size and off <= 1e-9 * reach)
 
 
+def unit_rotation(motion: Sliding) -> Sliding:
+    """Return a rotation about the same axis at 1 rad/s, whose matrices serve every speed."""
+    return Sliding(motion.velocity / float(np.linalg.norm(motion.velocity)), motion.centre)
+
+
 def rotation_terms(
-    space: DisplacementSpace, body: str, elements: np.ndarray, path: str, motion: Sliding, elastic: Term,
-    rayleigh: tuple[Rayleigh, str] | None, kept: Callable[[str, object, Callable[[], Any]], Any],
-) -> list[Term]:  # fmt: skip
-    """Return the terms of one rotating body.
+    body: str, path: str, motion: Sliding, inertia: tuple[sp.csr_array, sp.csr_array]
+) -> list[Term]:
+    """Return the gyroscopic and the convective term of one rotating body.
 
     Parameters
     ----------
-    elements : (e,) int
     path : str
         Of the material, for the parameters' names.
     motion : Sliding
         A rotation.
-    elastic : Term
-        Of the body.
-    rayleigh : (Rayleigh, path) or None
-        The damping of the body.
-    kept : callable of (kind, key, make)
-        Returns what `make` made for the same key before: the matrices at unit speed serve every speed.
+    inertia : pair of (n, n) sparse
+        `gyroscopic_matrices` at unit density and `unit_rotation`.
     """
-    speed = float(np.linalg.norm(motion.velocity))
-    assert motion.centre is not None
-    unit, density = Sliding(motion.velocity / speed, motion.centre), {f"{path}.density": 1}
-    key = (*np.round(unit.velocity, 15), *motion.centre)
-    G, K = kept(f"rotation.{body}", key, lambda: gyroscopic_matrices(space, elements, 1.0, unit))
-    terms = [
+    speed, density = float(np.linalg.norm(motion.velocity)), {f"{path}.density": 1}
+    G, K = inertia
+    return [
         Term(f"gyroscopic.{body}", "C", G * speed, symmetric=False, skew=True, powers=density),
         Term(f"convection.{body}", "K", K * speed**2, symmetric=True, powers=density),
     ]
-    if rayleigh is not None and (rayleigh[0].alpha or rayleigh[0].beta):
-        damping, where = rayleigh
-        B_K, B_M = kept(
-            f"rotating_damping.{body}", (*key, id(elastic.matrix)),
-            lambda: circulatory_matrices(space, elements, elastic.matrix, 1.0, unit),
-        )  # fmt: skip
-        name = f"rotating_damping.{body}"
-        if damping.beta:
-            powers = {f"{where}.beta": 1, **elastic.powers}
-            terms.append(Term(name, "K", B_K * speed, symmetric=False, skew=True, powers=powers))
-        if damping.alpha:
-            powers = {f"{where}.alpha": 1, **density}
-            terms.append(Term(name, "K", B_M * speed, symmetric=False, skew=True, powers=powers))
-    return terms
+
+
+def rotating_damping_terms(
+    body: str, path: str, motion: Sliding, elastic: Term, rayleigh: tuple[Rayleigh, str],
+    circulatory: tuple[sp.csr_array, sp.csr_array],
+) -> list[Term]:  # fmt: skip
+    """Return the circulatory terms of a rotating body with damping, only those that are not zero.
+
+    Parameters
+    ----------
+    path, motion : as of `rotation_terms`
+    elastic : Term
+        Of the body.
+    rayleigh : (Rayleigh, path)
+        The damping of the body.
+    circulatory : pair of (n, n) sparse
+        `circulatory_matrices` at unit density and `unit_rotation`.
+    """
+    (damping, where), (B_K, B_M) = rayleigh, circulatory
+    speed = float(np.linalg.norm(motion.velocity))
+    parts = (("beta", damping.beta, B_K, elastic.powers), ("alpha", damping.alpha, B_M, {f"{path}.density": 1}))
+    return [
+        Term(
+            f"rotating_damping.{body}", "K", B * speed, symmetric=False, skew=True,
+            powers={f"{where}.{key}": 1, **powers},
+        )
+        for key, size, B, powers in parts
+        if size
+    ]  # fmt: skip

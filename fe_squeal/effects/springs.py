@@ -6,9 +6,9 @@ import numpy as np
 import scipy.sparse as sp
 from pydantic import model_validator
 
-from ..schema import Direction, NonNegative, Section
-from ..spaces import DisplacementSpace, Surface
-from ..terms import Slot, Term
+from ..fem.spaces import DisplacementSpace, Surface
+from ..problem.terms import Slot, Term
+from ..schema.section import Direction, NonNegative, Section
 
 
 class Spring(Section):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ..element_matrices import scatter_scalar
-from ..materials import Elasticity
-from ..schema import Section
-from ..spaces import DisplacementSpace
-from ..stress import element_stress
-from ..terms import Term
+from ..fem.element_matrices import scatter_scalar
+from ..fem.materials import Elasticity
+from ..fem.spaces import DisplacementSpace
+from ..fem.stress import element_stress
+from ..problem.terms import Term
+from ..schema.section import Section
 
 
 class StressStiffening(Section):

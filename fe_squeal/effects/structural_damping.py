@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..schema import Positive, Section
-from ..terms import Term
+from ..problem.terms import Term
+from ..schema.section import Positive, Section
 
 _PATH = "effects.structural_damping.reference_frequency_hz"
 

@@ -7,7 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ..errors import NotConvergedError
 from .free_modes import FreeModes
-from .linear_solvers import solver_name
+from .linear.choice import solver_name
 from .pencil import Modes, Pencil
 from .quality import in_upper_half, modes_from_lambda, modes_from_theta
 from .shift_invert import ShiftInverted

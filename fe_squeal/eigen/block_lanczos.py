@@ -6,9 +6,9 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from ..blocks import combine, cross, times
 from ..errors import NotConvergedError
-from .definite import DefiniteFactor
+from .blocks import combine, cross, times
+from .linear.definite import DefiniteFactor
 
 _SEED, _BLOCK, _MOST = 20251121, 24, 60
 _ROOM = 4  # times the modes: for how many vectors address space is set aside at first

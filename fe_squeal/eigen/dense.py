@@ -10,8 +10,8 @@ import scipy.linalg as la
 from ..errors import NotConvergedError
 from .free_modes import FreeModes, split_off
 from .pencil import Modes, Pencil
+from .polish import ACCURATE, pair_errors, refine
 from .quality import in_upper_half, modes_from_lambda, modes_from_theta
-from .refine import ACCURATE, pair_errors, refine
 
 DENSE_LIMIT = 400  # unknowns up to which all modes come from LAPACK: seconds, tens of them where QZ is needed
 LAPACK = "dense (LAPACK)"

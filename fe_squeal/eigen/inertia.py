@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from ..errors import NotConvergedError
 from .dense import DENSE_LIMIT
-from .linear_solvers import factorize
+from .linear.choice import factorize
 from .pencil import Pencil
 
 

@@ -7,7 +7,8 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from ..errors import NotConvergedError
-from .linear_solvers import Factor, factorize
+from .linear.choice import factorize
+from .linear.factor import Factor
 from .multiple import ROUNDING
 from .pencil import Pencil
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -31,6 +32,20 @@ def available_memory() -> int:
         if limit != psutil.RLIM_INFINITY:
             free.append(limit - int(process.memory_info().vms))
     return max(min(free), 0)
+
+
+def peak_memory_mib() -> float | None:
+    """Return the largest resident memory of this process so far, MiB; None where the system does not tell."""
+    with suppress(OSError, ValueError, IndexError):
+        # What getrusage tells on Linux begins with the memory of the process that started this one.
+        status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
+        return float(status.split("VmHWM:")[1].split()[0]) / 1024
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return float(peak) / (1024**2 if sys.platform == "darwin" else 1024)
 
 
 def require_memory(needed: int, unknowns: int, what: str = "factors", exponent: float = _GROWTH) -> None:

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 import scipy.sparse as sp
 
-from .refine import equilibrate
+from .polish import equilibrate
 
 ProblemClass = Literal["symmetric", "nonsymmetric", "quadratic", "complex"]
 

@@ -13,7 +13,8 @@ from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator
 from ..errors import NotConvergedError
 from .dense import DENSE_LIMIT
 from .free_modes import FreeModes, States
-from .linear_solvers import Factor, Solve, factorize
+from .linear.choice import factorize
+from .linear.factor import Factor, Solve
 from .memory import require_vectors
 from .pencil import Pencil
 from .threads import one_openblas_thread

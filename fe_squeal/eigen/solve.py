@@ -13,7 +13,7 @@ from .dense import DENSE_LIMIT, LAPACK, solve_dense
 from .free_modes import FreeModes, split_off
 from .inertia import count_below, finite_below
 from .kernel import kernel_within
-from .linear_solvers import SingularError
+from .linear.factor import SingularError
 from .pencil import FreeMotions, Modes, Pencil, is_mirror
 from .shift_invert import ShiftInverted
 

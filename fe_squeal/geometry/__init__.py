@@ -2,6 +2,6 @@
 
 from fe_squeal.geometry.block import Block
 from fe_squeal.geometry.disc_pad import DiscPad
-from fe_squeal.geometry.writing import write_mesh
+from fe_squeal.geometry.writing import make_mesh, write_mesh
 
-__all__ = ["Block", "DiscPad", "write_mesh"]
+__all__ = ["Block", "DiscPad", "make_mesh", "write_mesh"]

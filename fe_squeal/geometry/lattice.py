@@ -1,9 +1,8 @@
-"""Hexahedra and their faces on a lattice of node numbers, and the bodies put together from them."""
+"""Hexahedra and their faces on a lattice of node numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,35 +25,6 @@ _QUAD = {
     1: ((0, 0), (1, 0), (1, 1), (0, 1)),
     2: ((0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)),
 }
-
-
-@dataclass(frozen=True)
-class GroupedMesh:
-    """Nodes, and the elements and facets of each named group, in gmsh's node order.
-
-    Attributes
-    ----------
-    points : (n, 3) float, length
-    volumes : name -> (m, 8 or 27) int
-        Hexahedra with positive Jacobians, numbered from 0 into `points`.
-    surfaces : name -> (m, 4 or 9) int
-        Facets, their normals pointing out of the body.
-    """
-
-    points: Floats
-    volumes: Mapping[str, Ints]
-    surfaces: Mapping[str, Ints]
-
-
-def join_meshes(parts: Sequence[GroupedMesh]) -> GroupedMesh:
-    """Put meshes side by side, sharing no nodes; group names must differ."""
-    starts = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
-    placed = list(zip(starts, parts, strict=True))
-    return GroupedMesh(
-        points=np.vstack([part.points for part in parts]),
-        volumes={name: cells + start for start, part in placed for name, cells in part.volumes.items()},
-        surfaces={name: cells + start for start, part in placed for name, cells in part.surfaces.items()},
-    )
 
 
 def number_lattice(shape: tuple[int, int, int], periodic: bool = False) -> Ints:

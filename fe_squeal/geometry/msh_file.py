@@ -6,12 +6,9 @@ import hashlib
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
-from fe_squeal.geometry.lattice import GroupedMesh, Ints
+from fe_squeal.geometry.grouped import GMSH_TYPE, GroupedMesh, owned_nodes
 
 _END = b"$EndMeshFormat\n"
-_GMSH_TYPE = {(2, 4): 3, (2, 9): 10, (3, 8): 5, (3, 27): 12}  # (dimension, nodes per element) -> gmsh's element type
 
 
 def write_msh(mesh: GroupedMesh, path: Path) -> None:
@@ -43,7 +40,7 @@ def _lines(mesh: GroupedMesh) -> Iterator[str]:
     yield "$Nodes"
     n = len(mesh.points)
     yield f"{len(mesh.volumes)} {n} 1 {n}"
-    for name, nodes in _owned_nodes(mesh).items():
+    for name, nodes in owned_nodes(mesh).items():
         yield f"3 {tags[name]} 0 {len(nodes)}"
         yield from (str(node + 1) for node in nodes)
         yield from (" ".join(repr(float(x)) for x in point) for point in mesh.points[nodes])
@@ -55,7 +52,7 @@ def _lines(mesh: GroupedMesh) -> Iterator[str]:
     yield from ("$Elements", f"{len(groups)} {n} 1 {n}")
     element = 0
     for dimension, name, cells in groups:
-        yield f"{dimension} {tags[name]} {_GMSH_TYPE[dimension, cells.shape[1]]} {len(cells)}"
+        yield f"{dimension} {tags[name]} {GMSH_TYPE[dimension, cells.shape[1]]} {len(cells)}"
         for nodes in cells:
             element += 1
             yield f"{element} " + " ".join(str(node + 1) for node in nodes)
@@ -82,14 +79,3 @@ def is_ours(path: Path) -> bool:
 
 def _comment(data: bytes) -> bytes:
     return f"$Comments\nmade by fe-squeal, {hashlib.sha256(data).hexdigest()}\n$EndComments\n".encode()
-
-
-def _owned_nodes(mesh: GroupedMesh) -> dict[str, Ints]:
-    """Give each node to the first volume that has it, for the format lists a node once."""
-    free = np.ones(len(mesh.points), dtype=bool)
-    owned = {}
-    for name, cells in mesh.volumes.items():
-        nodes = np.unique(cells)
-        owned[name] = nodes[free[nodes]]
-        free[nodes] = False
-    return owned

@@ -6,7 +6,8 @@ import numpy as np
 
 from fe_squeal.geometry.block import Block
 from fe_squeal.geometry.disc_pad import DiscPad
-from fe_squeal.geometry.lattice import Floats, GroupedMesh, faces, hexahedra, join_meshes, number_lattice
+from fe_squeal.geometry.grouped import GroupedMesh, join_meshes
+from fe_squeal.geometry.lattice import Floats, faces, hexahedra, number_lattice
 
 Triple = tuple[float, float, float]
 _SIDES = {"left": (0, 0), "right": (0, -1), "front": (1, 0), "back": (1, -1), "bottom": (2, 0), "top": (2, -1)}

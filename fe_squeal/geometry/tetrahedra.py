@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
+
+import numpy as np
 
 from fe_squeal.errors import MeshError
 from fe_squeal.geometry.block import Block
 from fe_squeal.geometry.disc_pad import DiscPad
 from fe_squeal.geometry.gmsh_session import gmsh_model
+from fe_squeal.mesh.gmsh_cells import Cells, raw_mesh
+from fe_squeal.mesh.raw import RawMesh
 
 DimTags = list[tuple[int, int]]
 
@@ -22,6 +28,36 @@ def write_tetrahedra(geometry: DiscPad | Block, path: Path) -> None:
     MeshError
         gmsh is not there, failed, or bent an element inside out in following the circles.
     """
+    with _meshed(geometry) as gmsh:
+        gmsh.write(str(path))
+
+
+def mesh_tetrahedra(geometry: DiscPad | Block) -> RawMesh:
+    """Mesh a geometry with tetrahedra of its edge length.
+
+    Raises
+    ------
+    MeshError
+        As of `write_tetrahedra`.
+    """
+    with _meshed(geometry) as gmsh:
+        model = gmsh.model
+        labels, points, _ = model.mesh.getNodes()
+        names = {(d, tag): model.getPhysicalName(d, tag) for d, tag in model.getPhysicalGroups()}
+        cells = []
+        for d, tag in sorted(model.getEntities()):
+            groups = tuple(int(g) for g in model.getPhysicalGroupsForEntity(d, tag))
+            for kind, numbers, nodes in zip(*model.mesh.getElements(d, tag), strict=True) if groups else ():
+                width = len(nodes) // len(numbers)
+                cells.append(Cells(int(kind), numbers.astype(int), nodes.astype(int).reshape(-1, width), groups))
+    # Lines that bodies were revolved from have nodes, too, which no file would hold.
+    used = np.isin(labels, np.concatenate([some.nodes.ravel() for some in cells]))
+    return raw_mesh("the geometry", labels[used].astype(int), points.reshape(-1, 3)[used], cells, names)
+
+
+@contextmanager
+def _meshed(geometry: DiscPad | Block) -> Iterator[ModuleType]:
+    """Keep gmsh with the meshed geometry as its model inside the block."""
     options = {
         "General.Terminal": 0,
         "General.AbortOnError": 2,  # errors become exceptions
@@ -59,7 +95,7 @@ def write_tetrahedra(geometry: DiscPad | Block, path: Path) -> None:
             _name_groups(gmsh, volumes, surfaces)
             gmsh.model.mesh.generate(3)
             _check_jacobians(gmsh, geometry)
-            gmsh.write(str(path))
+            yield gmsh
         except MeshError:
             raise
         except Exception as error:  # gmsh raises bare exceptions

@@ -1,4 +1,4 @@
-"""Mesh a parametric geometry into a gmsh file."""
+"""Mesh a parametric geometry, into memory or into a gmsh file."""
 
 from __future__ import annotations
 
@@ -8,12 +8,33 @@ from pathlib import Path
 from fe_squeal.errors import MeshError, OutputError
 from fe_squeal.geometry.block import Block
 from fe_squeal.geometry.disc_pad import DiscPad
+from fe_squeal.geometry.grouped import GroupedMesh, as_raw
 from fe_squeal.geometry.msh_file import is_ours, mark_as_ours, write_msh
 from fe_squeal.geometry.structured import structured_block, structured_disc_pad
-from fe_squeal.geometry.tetrahedra import write_tetrahedra
+from fe_squeal.geometry.tetrahedra import mesh_tetrahedra, write_tetrahedra
+from fe_squeal.mesh.raw import RawMesh
 
 # Far past what the solvers take; a size in the wrong unit asks for thousands of times more, and would fill the memory.
 MAX_ELEMENTS = 3_000_000
+
+
+def make_mesh(geometry: DiscPad | Block) -> RawMesh:
+    """Mesh a geometry, in its own unit of length; it is the mesh that a file written by `write_mesh` holds.
+
+    Raises
+    ------
+    MeshError
+        The size asks for too many elements; or, with element = "tet", gmsh cannot be loaded or fails.
+
+    Examples
+    --------
+    >>> make_mesh(Block(length=0.08, width=0.04, height=0.015, size=0.01)).points.shape
+    (135, 3)
+    """
+    _check_number_of_elements(geometry)
+    if geometry.element == "tet":
+        return mesh_tetrahedra(geometry)
+    return as_raw(_structured(geometry))
 
 
 def write_mesh(geometry: DiscPad | Block, path: str | os.PathLike[str], keep_others: bool = False) -> Path:
@@ -61,16 +82,18 @@ def write_mesh(geometry: DiscPad | Block, path: str | os.PathLike[str], keep_oth
         if geometry.element == "tet":
             write_tetrahedra(geometry, partial)
             mark_as_ours(partial)
-        elif isinstance(geometry, DiscPad):
-            write_msh(structured_disc_pad(geometry), partial)
         else:
-            write_msh(structured_block(geometry), partial)
+            write_msh(_structured(geometry), partial)
         os.replace(partial, path)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
     finally:
         partial.unlink(missing_ok=True)
     return path
+
+
+def _structured(geometry: DiscPad | Block) -> GroupedMesh:
+    return structured_disc_pad(geometry) if isinstance(geometry, DiscPad) else structured_block(geometry)
 
 
 def _may_replace(path: Path) -> bool:

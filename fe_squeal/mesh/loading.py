@@ -9,13 +9,13 @@ import numpy as np
 
 from fe_squeal.errors import MeshError, suggest
 
-from .abaqus import read_abaqus
 from .building import build_mesh
-from .gmsh_format import read_gmsh
 from .groups import LoadedMesh
-from .meshio_formats import read_with_meshio
-from .nastran import read_nastran
 from .raw import RawMesh
+from .readers.abaqus.read import read_abaqus
+from .readers.gmsh import read_gmsh
+from .readers.nastran.deck import read_nastran
+from .readers.others import read_with_meshio
 
 UNITS = {"m": 1.0, "mm": 1e-3}
 _READERS: dict[str, Callable[[Path], RawMesh]] = {

@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ..blocks import combine, cross, times
+from ..eigen.blocks import combine, cross, times
 from ..eigen.pencil import Modes
 from ..eigen.quality import ROUNDING
-from ..problem import Problem
-from .projection import POWER, Projection
+from ..problem.problem import Problem
+from ..problem.terms import POWER
+from .projection import Projection
 from .vectors import lift, normalising
 
 _SAMPLES = 24  # random vectors per norm: residual norms come out within some 15 %
@@ -203,7 +204,7 @@ class ReducedBasis(Projection):
             counts = np.diff(rows.indptr)
             between = np.repeat(root[self._lines], counts) * root[rows.indices]
             rows.data = np.maximum(rows.data, between)
-            total += (rows @ np.abs(u)) * (abs(term.coefficient(at.parameters)) * np.abs(lam) ** POWER[term.slot])
+            total += (rows @ np.abs(u)) * np.abs(term.factor(np.abs(lam), at.parameters))
         return total
 
     def errors(
@@ -262,7 +263,7 @@ class ReducedBasis(Projection):
         rho = np.zeros((2 * _SAMPLES, len(lam)), complex)
         eta = np.zeros_like(rho)
         for term, right, left in zip(at.terms, self._right, self._left, strict=True):
-            c = term.coefficient(at.parameters) * (1j if term.imaginary else 1.0) * lam ** POWER[term.slot]
+            c = term.factor(lam, at.parameters)
             rho += (right @ phi) * c
             eta += (left @ psi) * c.conj()
         return rho, eta

@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..blocks import times
-from ..bordered import Root
 from ..eigen.block_lanczos import lowest_modes
-from ..eigen.definite import DefiniteFactor
+from ..eigen.blocks import times
 from ..eigen.inertia import count_below
-from ..eigen.linear_solvers import Factor, factorize
+from ..eigen.linear.choice import factorize
+from ..eigen.linear.definite import DefiniteFactor
+from ..eigen.linear.factor import Factor
 from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
 from ..eigen.solve import Request, select_wanted
 from ..errors import NotConvergedError
-from ..problem import Problem
+from ..problem.problem import Problem
 from .basis import ReducedBasis
 from .undamped import factorize_undamped
 from .vectors import interior_nodes, lift, range_of, real_columns, unit_columns
@@ -190,9 +190,9 @@ class ReducedModel:
         """The small problem over the parameter alone."""
         return self.basis.condensed()
 
-    def root_error(self, root: Root) -> tuple[float, float]:
+    def root_error(self, value: float, theta: float, right: np.ndarray, left: np.ndarray) -> tuple[float, float]:
         """Return how far a critical value of the small problem may be from that of the problem itself, and rounding."""
-        return self.basis.root_error(root.value, 1j * np.sqrt(root.theta), root.right, root.left, self.highest)
+        return self.basis.root_error(value, 1j * np.sqrt(theta), right, left, self.highest)
 
     def _estimated(self, value: float) -> _Estimate:
         """Return the modes asked for, for each how far it is from meeting the tolerance (1: just met), and |Δλ/λ|."""

@@ -10,16 +10,15 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from ..blocks import combine, cross, times
+from ..eigen.blocks import combine, cross, times
 from ..eigen.dense import solve_dense
 from ..eigen.kernel import null_columns
 from ..eigen.pencil import FreeMotions, Modes, Pencil
-from ..problem import Problem
-from ..terms import Slot, Term
+from ..problem.problem import Problem
+from ..problem.terms import Slot, Term
 from .undamped import weighted
 from .vectors import SlowMotions, lift
 
-POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}  # of λ, of what stands in the slot
 _SPARSE = 0.3  # of all rows: what a term has at most that is handled by its own rows
 _SLOW = 1e-3  # of the shift: θ of a motion that is hardly held
 _CONTAINED = 1e-12  # of the mass of a motion: what lies outside the basis and is rounding
@@ -65,11 +64,11 @@ class Projection:
         sums: dict[Slot, np.ndarray | None] = {"M": None, "C": None, "K": None}
         symmetric = True
         for term, A in zip(at.terms, self._small, strict=True):
-            c = term.coefficient(at.parameters)
+            c = term.factor(1.0, at.parameters)
             if not c:
                 continue
             symmetric &= term.symmetric or term.slot != "K"
-            part = A * (1j * c if term.imaginary else c)
+            part = A * c
             before = sums[term.slot]
             sums[term.slot] = part if before is None else before + part
         M, C, K = (None if A is None else sp.csr_array(A) for A in sums.values())
@@ -157,8 +156,7 @@ class Projection:
         """
         assert modes.left is not None
         at = self.problem.at(**{self.parameter: value})
-        scale = [t.coefficient(at.parameters) * (1j if t.imaginary else 1.0) for t in at.terms]
-        factors = [c * modes.lam ** POWER[t.slot] for c, t in zip(scale, at.terms, strict=True)]
+        factors = [t.factor(modes.lam, at.parameters) for t in at.terms]
         real = not any(x.imag.any() for x in (modes.right, modes.left, *factors))
         found = []
         for vectors, adjoint in ((modes.right, False), (modes.left, True)):

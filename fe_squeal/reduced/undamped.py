@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sp
 
-from ..eigen.definite import DefiniteFactor, factorize_definite
+from ..eigen.linear.definite import DefiniteFactor, factorize_definite
 from ..eigen.pencil import Pencil
 from ..eigen.solve import shift_below
 from ..errors import NotConvergedError
-from ..problem import Problem
+from ..problem.problem import Problem
 
 
 def _stiffnesses(problem: Problem) -> list[list[float]]:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from ..blocks import combine
+from ..eigen.blocks import combine
 
 _MARGIN = 10.0
 _DEPENDENT = 1e-4  # eigenvalue of a Gram matrix of unit vectors: what is left to the next correction

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from fe_squeal.report.branches import parameter_symbol, value_text
 from fe_squeal.report.pictures import Z_AXIS, PictureJob, draw_shapes
+from fe_squeal.report.shape_names import shape_title
 from fe_squeal.report.shapes import Complexes, ShapeGrid
 from fe_squeal.report.vtk_files import write_animation, write_shape
 
@@ -73,43 +70,3 @@ def export_shapes(
     return files
 
 
-def shape_name(info: Mapping[str, Any]) -> str:
-    """Return a file name without suffix that sorts by branch, then by the sweep's value.
-
-    Examples
-    --------
-    >>> shape_name({"parameter": "mu", "value": 0.6, "branch": 7, "frequency_hz": 2413.2})
-    'branch_07_mu_0.60_2413Hz'
-    >>> shape_name({"parameter": "springs.piston.damping", "value": 1.5e7, "mode": 3, "frequency_hz": 0.25})
-    'mode_03_damping_1.5e+07_0.25Hz'
-    """
-    branch = info.get("branch")
-    known = branch is not None and np.isfinite(branch)
-    parts = [f"branch_{int(info['branch']):02d}" if known else f"mode_{int(info.get('mode', 0)):02d}"]
-    if "value" in info:
-        short = str(info.get("parameter", "value")).rsplit(".", 1)[-1]
-        parts += [re.sub(r"[^A-Za-z0-9_-]+", "-", short), value_text(float(info["value"]))]
-    if "frequency_hz" in info:
-        frequency = float(info["frequency_hz"])
-        parts.append(f"{frequency:.0f}Hz" if frequency >= 100 else f"{frequency:.3g}Hz")
-    return "_".join(parts)
-
-
-def shape_title(info: Mapping[str, Any]) -> str:
-    """Return the text over a picture.
-
-    Examples
-    --------
-    >>> shape_title({"parameter": "mu", "value": 0.6, "branch": 7, "frequency_hz": 2413.2, "re": 12.345})
-    'branch 7:  2413 Hz,  Re λ = +12.35 1/s,  μ = 0.60'
-    """
-    parts = []
-    if "frequency_hz" in info:
-        parts.append(f"{float(info['frequency_hz']):.4g} Hz")
-    if "re" in info:
-        parts.append(f"Re λ = {float(info['re']):+.4g} 1/s")
-    if "value" in info:
-        parts.append(f"{parameter_symbol(str(info.get('parameter', 'value')))} = {value_text(float(info['value']))}")
-    head = next((f"{key} {int(info[key])}:  " for key in ("branch", "mode")
-                 if info.get(key) is not None and np.isfinite(info[key])), "")
-    return head + ",  ".join(parts)

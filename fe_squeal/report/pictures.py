@@ -28,7 +28,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
-import fe_squeal
 from fe_squeal.report.branches import figure_text
 from fe_squeal.report.files import save_figure
 from fe_squeal.report.shapes import (
@@ -115,7 +114,7 @@ def _draw_in_child(jobs: Sequence[PictureJob], seconds: float) -> tuple[set[int]
     """Return the indices of the jobs that the child drew, and why it did not draw the others."""
     if not sys.executable:
         return set(), "no Python interpreter to start"
-    home = str(Path(fe_squeal.__file__).resolve().parents[1])
+    home = str(Path(__file__).resolve().parents[2])
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH")]))}
     orders = json.dumps([{"shape": str(job.shape.resolve()), "picture": str(job.picture.resolve()), "title": job.title,
                           "axis": list(job.axis)} for job in jobs])

@@ -4,49 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fe_squeal.report.contact_face import ContactFace
 from fe_squeal.report.shapes import Floats, ShapeGrid
 from fe_squeal.report.vtk_files import add_field, unstructured_grid, write_grid
-
-
-@dataclass(frozen=True)
-class ContactFace:
-    """What presses on the face of one contact.
-
-    Attributes
-    ----------
-    points : (q, 3) float, m
-        Quadrature points.
-    normals : (q, 3) float
-        Out of the counterface.
-    directions : (q, 3) float
-        Along the counterface's velocity relative to the pad; zero where nothing slides.
-    weights : (q,) float, m^2
-    pressure : (q,) float, Pa
-    closed : (q,) bool
-    normal_force : float, N
-    torque : float, N m
-        Of the friction about the axis of rotation; NaN where there is no such axis.
-    """
-
-    points: Floats
-    normals: Floats
-    directions: Floats
-    weights: Floats
-    pressure: Floats
-    closed: NDArray[np.bool_]
-    normal_force: float
-    torque: float = np.nan
-
-    @property
-    def closed_part(self) -> float:
-        """Part of the area that is closed."""
-        return float(self.weights[self.closed].sum() / self.weights.sum())
 
 
 def export_preload(

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from fe_squeal.report.branches import figure_text
+from fe_squeal.report.contact_face import ContactFace
 from fe_squeal.report.files import save_figure
 from fe_squeal.report.pictures import axis_frame, direction_text
-from fe_squeal.report.preload import ContactFace
 from fe_squeal.report.shapes import Floats
 
 MAX_COLUMNS = 3

@@ -12,7 +12,6 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fe_squeal.noise import classify_noise
 from fe_squeal.report.branches import numbers, parameter_name, parameter_symbol, total_uncertainty
 
 MAX_ROWS = 20
@@ -133,7 +132,7 @@ def unstable_intervals(modes: pd.DataFrame) -> list[UnstableInterval]:
         top = rows[np.argmax(re[rows])]
         result.append(UnstableInterval(
             branch[top], sweep[place[rows[0]]], sweep[place[rows[-1]]], frequency[rows].min(), frequency[rows].max(),
-            re[top], uncertainty[top], sweep[place[top]], ratio[top], int(mode[top]), classify_noise(frequency[top])))
+            re[top], uncertainty[top], sweep[place[top]], ratio[top], int(mode[top]), str(modes["noise"].iloc[top])))
     return sorted(result, key=lambda row: -row.growth)
 
 

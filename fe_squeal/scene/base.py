@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import PrivateAttr
 
-from ..schema import Section
+from ..schema.section import Section
 
 
 class BaseScene(Section):
@@ -23,3 +23,7 @@ class BaseScene(Section):
     def folder(self) -> Path:
         """The folder that file names in the scene are relative to."""
         return self._source.parent if self._source is not None else Path()
+
+    def names_in(self, path: str) -> list[str] | None:
+        """Return the names of the entries of a list in the scene; None where they are numbered."""
+        return None

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator
 
 from ..effects.rayleigh import Rayleigh
-from ..materials import material_axes
-from ..schema import Section, Vector
+from ..fem.materials import material_axes
+from ..schema.section import Section, Vector
 
 
 class Body(Section):

@@ -7,8 +7,8 @@ from typing import Literal
 import numpy as np
 from pydantic import model_validator
 
-from ..contact import Sliding
-from ..schema import Direction, NonNegative, Positive, Section, Speed, Vector
+from ..fem.motion import Sliding
+from ..schema.section import Direction, NonNegative, Positive, Section, Speed, Vector
 
 
 class SlidingSection(Section):

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from ..schema import Positive, Section
-from .paths import MU, canonical, paths_of
+from ..problem.parameters import MU, canonical, paths_of
+from ..schema.section import Positive, Section
 
 
 class SweepSection(Section):

@@ -7,10 +7,10 @@ from typing import Annotated, Literal, get_args
 from pydantic import Field, field_validator, model_validator
 
 from ..errors import suggest
-from ..schema import Section, Text
+from ..problem.parameters import paths_of
+from ..schema.section import Section, Text
 from .base import BaseScene
 from .control import Output, Solve, SweepSection
-from .paths import paths_of
 
 Role = Literal["mass", "damping", "stiffness"]
 

@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import field_validator, model_validator
 
 from ..geometry import Block, DiscPad
-from ..schema import Section, Text
+from ..schema.section import Section, Text
 
 
 class MeshSection(Section):

@@ -18,14 +18,15 @@ from ..effects.springs import Spring
 from ..effects.stress_stiffening import StressStiffening
 from ..effects.structural_damping import StructuralDamping
 from ..errors import SceneError, suggest
-from ..materials import Elasticity, Material, elasticity, material_axes, stiffness_tensor
-from ..schema import Section
+from ..fem.materials import Elasticity, Material, elasticity, material_axes, stiffness_tensor
+from ..problem.parameters import MU, paths_of
+from ..schema.section import Section
 from .base import BaseScene
 from .bodies import Body, Support
 from .contacts import Contact
 from .control import Output, Solve, SweepSection
 from .mesh import MeshSection
-from .paths import MU, number_at, paths_of, with_numbers
+from .numbers import number_at, with_numbers
 
 
 class Effects(Section):
@@ -166,6 +167,12 @@ class Scene(BaseScene):
     def contact_names(self) -> tuple[str, ...]:
         """Names of the contacts; those without one are numbered from 1."""
         return tuple(c.name or f"contact_{i}" for i, c in enumerate(self.contacts, 1))
+
+    def names_in(self, path: str) -> list[str] | None:
+        """Return the names of the entries of `contacts` or `springs`; None of another list."""
+        if path == "contacts":
+            return list(self.contact_names)
+        return [s.name for s in self.springs] if path == "springs" else None
 
     @model_validator(mode="after")
     def _names_and_friction(self) -> Scene:

@@ -9,9 +9,9 @@ import scipy.sparse as sp
 from fe_squeal import sweep
 from fe_squeal.compare.cases import minimal
 from fe_squeal.eigen.solve import Request, solve_modes
-from fe_squeal.energy import energy_balance
-from fe_squeal.problem import Problem
-from fe_squeal.terms import Term
+from fe_squeal.problem.energy import energy_balance
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
 from lumped import Minimal
 
 N = 7

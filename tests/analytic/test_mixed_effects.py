@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from mixed_cases import SCHEMES, formulated, lining, matrices
 
-from fe_squeal.contact import contact_operators
-from fe_squeal.materials import Material, elasticity
-from fe_squeal.stress import element_stress, von_mises
-from fe_squeal.sweep import sweep
+from fe_squeal.fem.contact import contact_operators
+from fe_squeal.fem.materials import Material, elasticity
+from fe_squeal.fem.stress import element_stress, von_mises
+from fe_squeal.sweep.sweep import sweep
 from meshes import BELT, annulus, box, distorted, join, make_problem, modes_of, term
 
 PAIR = {"pad": {"material": "lining", "formulation": "mixed"}, "belt": {"material": "steel"}}

@@ -7,10 +7,10 @@ import pytest
 import scipy.linalg as la
 from mixed_cases import SCHEMES, formulated, lining, matrices
 
-from fe_squeal.element_matrices import element_shapes
-from fe_squeal.materials import Material, elasticity, stiffness_tensor
-from fe_squeal.mixed import pressure_functions
-from fe_squeal.stress import element_stress
+from fe_squeal.fem.element_matrices import element_shapes
+from fe_squeal.fem.materials import Material, elasticity, stiffness_tensor
+from fe_squeal.fem.pressures import pressure_functions
+from fe_squeal.fem.stress import element_stress
 from meshes import KINDS, annulus, box, distorted, make_problem, modes_of, rigid_motions
 
 MESHES = {

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from fe_squeal.problem import Problem
-from fe_squeal.sweep import sweep
-from fe_squeal.terms import Term
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
+from fe_squeal.sweep.sweep import sweep
 
 SQRT3 = np.sqrt(3.0)
 

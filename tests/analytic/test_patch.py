@@ -8,9 +8,9 @@ import skfem
 from skfem.helpers import dot
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from fe_squeal.element_matrices import assemble_elasticity
-from fe_squeal.materials import Material, material_axes, stiffness_tensor
-from fe_squeal.spaces import make_space
+from fe_squeal.fem.element_matrices import assemble_elasticity
+from fe_squeal.fem.materials import Material, material_axes, stiffness_tensor
+from fe_squeal.fem.spaces import make_space
 from meshes import KINDS, STEEL, annulus, box, distorted, mapped, rotation
 
 ISOTROPIC = Material(**STEEL)

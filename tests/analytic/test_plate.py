@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from closed_forms import sliding_plate, wave_speeds
 from selection import some
 
-from fe_squeal.accuracy.closed_forms import sliding_plate, wave_speeds
 from meshes import box, frequencies, make_problem
 
 E, NU, RHO, SIDE, THICKNESS = 200e9, 0.3, 8000.0, 10.0, 1.0

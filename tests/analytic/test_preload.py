@@ -174,7 +174,7 @@ def test_contact_that_may_pull_stays_closed():
 def make_linear(scene, problem):
     preload = scene.effects.preload.model_copy(update={"lift_off": False})
     effects = scene.effects.model_copy(update={"preload": preload})
-    from fe_squeal.assembly import Assembly
+    from fe_squeal.assembly.assembly import Assembly
 
     return Assembly(scene.model_copy(update={"effects": effects}), problem.source.loaded).problem({})
 

@@ -11,13 +11,13 @@ import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
-from fe_squeal import rotating
-from fe_squeal.contact import Sliding
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.solve import Request, solve_modes
-from fe_squeal.element_matrices import assemble_elasticity
-from fe_squeal.materials import Material, stiffness_tensor
-from fe_squeal.spaces import make_space
+from fe_squeal.fem import gyroscopics
+from fe_squeal.fem.element_matrices import assemble_elasticity
+from fe_squeal.fem.materials import Material, stiffness_tensor
+from fe_squeal.fem.motion import Sliding
+from fe_squeal.fem.spaces import make_space
 from meshes import KINDS, STEEL, annulus, mapped, rotation
 
 OUTER, INNER, THICKNESS = 0.2, 0.1, 0.004
@@ -33,10 +33,10 @@ class Body:
         self.K, self.M = assemble_elasticity(self.space, self.elements, ELASTICITY, RHO)
 
     def gyroscopic(self, motion):
-        return rotating.gyroscopic_matrices(self.space, self.elements, RHO, motion)
+        return gyroscopics.gyroscopic_matrices(self.space, self.elements, RHO, motion)
 
     def circulatory(self, motion):
-        return rotating.circulatory_matrices(self.space, self.elements, self.K, RHO, motion)
+        return gyroscopics.circulatory_matrices(self.space, self.elements, self.K, RHO, motion)
 
     def rigid(self):
         """Return (n, 6): translations along and rotations about x, y and z, of a body that is not held."""
@@ -156,7 +156,7 @@ def test_damping_in_the_body_does_not_see_the_frame(held, kind):
 
 def test_centrifugal_load_on_a_ring():
     speed, it = 50.0, ring()
-    f = rotating.centrifugal_load(it.space, it.elements, RHO, about_z(speed))
+    f = gyroscopics.centrifugal_load(it.space, it.elements, RHO, about_z(speed))
     total = speed**2 * RHO * RING_WIDTH * 2 * np.pi * (RING_OUTER**3 - RING_INNER**3) / 3
     np.testing.assert_allclose(it.space.expand(f).sum(axis=0), 0.0, atol=1e-11 * total)
     assert radial(it.space.coordinates).ravel() @ f == pytest.approx(total, rel=1e-4)

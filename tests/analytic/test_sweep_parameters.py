@@ -9,9 +9,9 @@ import pytest
 
 import fe_squeal
 from fe_squeal import parse_scene, sweep
-from fe_squeal.assembly import Assembly
+from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.errors import SceneError
-from fe_squeal.sensitivity import sensitivities
+from fe_squeal.problem.sensitivity import sensitivities
 from meshes import BELT, box, modes_of
 
 PATHS = [

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from closed_forms import sliding_block, wave_speeds
 from selection import some
 
-from fe_squeal.accuracy.closed_forms import sliding_block, wave_speeds
 from meshes import STEEL, box, frequencies, make_problem
 
 SIZE = (1.0, 0.83, 0.71)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from closed_forms import sliding_block, sliding_plate, wave_speeds
 
 from fe_squeal import sweep
 from fe_squeal.accuracy import with_discretisation
-from fe_squeal.accuracy.closed_forms import sliding_block, sliding_plate, wave_speeds
 from fe_squeal.accuracy.estimate import BAR, refined_changes
 from fe_squeal.errors import SceneError
-from fe_squeal.problem import Problem
+from fe_squeal.problem.problem import Problem
 from meshes import BELT, STEEL, annulus, box, join, make_problem
 
 SIZE = (1.0, 0.83, 0.71)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fe_squeal.eigen.linear_solvers import factorize
+from fe_squeal.eigen.linear.choice import factorize
 from meshes import BELT, STEEL, annulus, box, frequencies, join, make_problem, mapped
 
 SIZE = (0.06, 0.06, 0.02)

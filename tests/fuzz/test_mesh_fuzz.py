@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from mutations import growth_of_memory, mutated_bytes, needs_timer, outcome
 
-import fe_squeal.run
+import fe_squeal.run.run
+from fe_squeal.eigen.memory import peak_memory_mib
 from fe_squeal.mesh import load_mesh
-from fe_squeal.results import peak_memory_mib
 
 pytestmark = needs_timer
 DATA = Path(__file__).parents[1] / "data"
@@ -87,7 +87,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fe_squeal.run, "write_figures", lambda *_: None)
+    monkeypatch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
 
 
 @pytest.mark.slow

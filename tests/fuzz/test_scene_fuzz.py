@@ -17,9 +17,9 @@ from mutations import dump, growth_of_memory, mutated_bytes, mutated_data, needs
 from scene_texts import SCENE, environment
 from selection import some
 
-import fe_squeal.run
+import fe_squeal.run.run
+from fe_squeal.eigen.memory import peak_memory_mib
 from fe_squeal.geometry import Block, write_mesh
-from fe_squeal.results import peak_memory_mib
 
 pytestmark = needs_timer
 ROUNDS = [(seed, 250) for seed in range(8)]  # scenes of a round
@@ -135,9 +135,9 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fe_squeal.run, "write_figures", lambda *_: None)
-    monkeypatch.setattr(fe_squeal.run, "write_preload", lambda *_: None)
-    monkeypatch.setattr(fe_squeal.run, "export_shapes", lambda *_: None)
+    monkeypatch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
+    monkeypatch.setattr(fe_squeal.run.run, "write_preload", lambda *_: None)
+    monkeypatch.setattr(fe_squeal.run.run, "export_shapes", lambda *_: None)
 
 
 def spoilt(rng: np.random.Generator, number: int) -> bytes:

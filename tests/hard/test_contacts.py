@@ -13,9 +13,9 @@ import scipy.sparse as sp
 from hard_cases import LINING, digits
 
 import fe_squeal
-from fe_squeal import static_contact
 from fe_squeal.errors import NotConvergedError, SceneError
-from fe_squeal.static_contact import SlidingContact, solve_static_contact
+from fe_squeal.fem import static_contact
+from fe_squeal.fem.static_contact import SlidingContact, solve_static_contact
 from meshes import BELT, STEEL, annulus, box, join, make_problem, modes_of, rigid_motions, term
 
 K_N = 1e11

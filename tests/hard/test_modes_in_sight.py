@@ -6,14 +6,14 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 import fe_squeal
-from fe_squeal.contact import contact_operators
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.solve import Request, solve_modes
-from fe_squeal.energy import energy_balance
-from fe_squeal.problem import Problem
-from fe_squeal.spaces import make_space
-from fe_squeal.sweep import sweep
-from fe_squeal.terms import Term
+from fe_squeal.fem.contact import contact_operators
+from fe_squeal.fem.spaces import make_space
+from fe_squeal.problem.energy import energy_balance
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
+from fe_squeal.sweep.sweep import sweep
 from meshes import box, join
 
 N = DENSE_LIMIT + 60

@@ -19,10 +19,10 @@ from mixed_cases import (
 from selection import some
 
 from fe_squeal.eigen.inertia import count_below
-from fe_squeal.element_matrices import assemble_elasticity, element_shapes
-from fe_squeal.materials import Material, stiffness_tensor
-from fe_squeal.mixed import pressure_functions
-from fe_squeal.spaces import make_space
+from fe_squeal.fem.element_matrices import assemble_elasticity, element_shapes
+from fe_squeal.fem.materials import Material, stiffness_tensor
+from fe_squeal.fem.pressures import pressure_functions
+from fe_squeal.fem.spaces import make_space
 from meshes import KINDS, annulus, box, distorted, make_problem, modes_of
 
 # Elements along an edge, and the largest error of ω² of six modes at ν = 0.49999 (measured, plus a tenth).

@@ -15,8 +15,9 @@ pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="RL
 # As many MiB more than the loaded program takes; the last one is enough.
 PROGRAM = """
 import resource, sys
-import fe_squeal.cli, psutil, scipy.sparse.linalg, matplotlib.figure
-from fe_squeal.eigen.linear_solvers import solver_name
+import fe_squeal.cli, fe_squeal.run.run, fe_squeal.report.contributions, fe_squeal.report.export
+import psutil, scipy.sparse.linalg, matplotlib.figure
+from fe_squeal.eigen.linear.choice import solver_name
 solver_name()
 limit = psutil.Process().memory_info().vms + int(sys.argv[1]) * 2**20
 resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
@@ -74,7 +75,7 @@ def test_huge_numbers_are_refused_at_once(
 ) -> None:
     """They are not tried: memory grows by less than what their arrays would take."""
     from fe_squeal.cli import main
-    from fe_squeal.results import peak_memory_mib
+    from fe_squeal.eigen.memory import peak_memory_mib
 
     old, new, message = HUGE[kind]
     before = peak_memory_mib()

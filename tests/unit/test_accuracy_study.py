@@ -13,15 +13,16 @@ from rich.console import Console
 
 from fe_squeal import load_scene
 from fe_squeal.accuracy import choose as choosing
-from fe_squeal.accuracy.advice import advice, fitted, pareto
 from fe_squeal.accuracy.choose import choose, estimated_error
-from fe_squeal.accuracy.commands import run_to_accuracy, study_scene
-from fe_squeal.accuracy.errors import errors_of, reference_of, same_modes
 from fe_squeal.accuracy.measure import Measurement, measure
+from fe_squeal.accuracy.reference import errors_of, reference_of, same_modes
 from fe_squeal.accuracy.settings import own_setting, plan, scene_at
 from fe_squeal.accuracy.study import COLUMNS, run_study
 from fe_squeal.cli import main
 from fe_squeal.errors import MeshError, NotConvergedError, SceneError
+from fe_squeal.report.advice import advice, fitted, pareto
+from fe_squeal.run.accuracy import run_to_accuracy, study_scene
+from fe_squeal.run.measurements import Measurements
 
 TINY = """
 title = "pad on a belt"
@@ -186,7 +187,7 @@ def measured(tiny, tmp_path_factory):
     """Folder of measurements of some settings, the settings, and their study."""
     scene, folder = load_scene(tiny), tmp_path_factory.mktemp("measured")
     settings = [s for s in plan(scene) if s.size > 0.019 and s.method != "direct" and s.modes == 8]
-    return folder, settings, run_study(scene, folder, None, settings)
+    return folder, settings, run_study(scene, Measurements(folder), None, settings)
 
 
 @pytest.mark.slow
@@ -202,7 +203,7 @@ def test_study_is_resumed_and_bounded(tiny, measured, tmp_path):
     files = {p.name: p.stat().st_mtime_ns for p in tmp_path.glob("*.npz")}
     missing = next(iter(files))
     (tmp_path / missing).unlink()
-    again = run_study(scene, tmp_path, 1e-9, settings)
+    again = run_study(scene, Measurements(tmp_path), 1e-9, settings)
     assert len(again.measurements) == len(settings) - 1 and len(again.left_out) == 1
     assert "budget" in again.left_out[0][1]
     assert {p.name: p.stat().st_mtime_ns for p in tmp_path.glob("*.npz")} == {
@@ -212,7 +213,7 @@ def test_study_is_resumed_and_bounded(tiny, measured, tmp_path):
 
 def test_nothing_within_the_budget(tiny, tmp_path):
     with pytest.raises(NotConvergedError, match="nothing could be measured"):
-        run_study(load_scene(tiny), tmp_path, 1e-9)
+        run_study(load_scene(tiny), Measurements(tmp_path), 1e-9)
 
 
 @pytest.mark.slow

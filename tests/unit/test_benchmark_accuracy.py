@@ -13,7 +13,7 @@ from accuracy_cases import Rung, belt_scene, brake_scene, extrapolated, solve
 from fe_squeal.accuracy.estimate import BAR
 from fe_squeal.accuracy.measure import measure
 from fe_squeal.accuracy.settings import own_setting, scene_at
-from fe_squeal.assembly import assemble
+from fe_squeal.assembly.assembly import assemble
 
 # The largest errors of the coarsest meshes, by the exact frequencies: a mistake in a benchmark moves them.
 COARSEST = {

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from fe_squeal import blocks
-from fe_squeal.blocks import combine, cross, times
+from fe_squeal.eigen import blocks
+from fe_squeal.eigen.blocks import combine, cross, times
 
 
 @pytest.fixture(params=[1, 3])

@@ -15,7 +15,7 @@ from scene_texts import CONTACTS, CRITICAL_MU, HEAD, SCENE, SPRINGS, environment
 from selection import some
 
 import fe_squeal.cli
-import fe_squeal.run
+import fe_squeal.run.run
 from fe_squeal.cli import main
 from fe_squeal.mesh import load_mesh
 
@@ -78,7 +78,7 @@ def test_output_folder_is_tried_before_anything_is_solved(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, out: str
 ) -> None:
     (tmp_path / "file").write_text("mine")
-    monkeypatch.setattr(fe_squeal.run, "sweep_scene", lambda *_: pytest.fail("solved before the folder was tried"))
+    monkeypatch.setattr(fe_squeal.run.run, "sweep_scene", lambda *_: pytest.fail("solved before the folder was tried"))
     assert main(["run", str(write_scene(tmp_path)), "-o", str(tmp_path / out)]) == 2
     captured = capsys.readouterr()
     assert captured.err.startswith(f"error: {tmp_path / out}: cannot write results here: ")
@@ -92,7 +92,7 @@ def test_system_errors_are_messages(
     def fail(scene: object) -> None:
         raise OSError(28, "No space left on device", "somewhere")
 
-    monkeypatch.setattr(fe_squeal.cli, "assemble", fail)
+    monkeypatch.setattr(fe_squeal.assembly.assembly, "assemble", fail)
     assert main(["check", str(write_scene(tmp_path))]) == 2
     assert capsys.readouterr().err == "error: somewhere: No space left on device\n"
 

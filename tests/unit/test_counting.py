@@ -5,11 +5,12 @@ import pytest
 from chains import CLASSES, MODES, chain, dense
 from selection import some
 
-from fe_squeal import running_sweep, sweep
-from fe_squeal.counting import count_apart
+from fe_squeal import sweep
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.solve import Request, solve_modes
 from fe_squeal.errors import NotConvergedError
+from fe_squeal.sweep import running
+from fe_squeal.sweep.counting import count_apart
 
 MU = 0.4
 LARGE = DENSE_LIMIT + 40
@@ -35,7 +36,7 @@ def test_a_mode_that_the_solver_misses_is_an_error(monkeypatch, effects, lost):
         modes = solve_modes(pencil, request, band)
         return modes.select(np.delete(np.arange(len(modes)), lost))
 
-    monkeypatch.setattr(running_sweep, "solve_modes", careless)
+    monkeypatch.setattr(running, "solve_modes", careless)
     with pytest.raises(NotConvergedError, match=f"{MODES - 1} modes found where .* counts {MODES}"):
         sweep(chain(*effects, n=LARGE), [MU], modes=MODES, method="direct")
 

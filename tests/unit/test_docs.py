@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fe_squeal.scene_reference import reference
+from fe_squeal.scene.reference import reference
 
 ROOT = Path(__file__).parents[2]
 

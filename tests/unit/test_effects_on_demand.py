@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from selection import some
 
-from fe_squeal import assembly, base_state, parse_scene, rotating_bodies
+from fe_squeal import parse_scene
+from fe_squeal.assembly import assembly, contacts, preload_state, rotating_bodies
 from fe_squeal.errors import InputError, SceneError
 from meshes import STEEL, annulus, box, join, make_problem
 
@@ -59,7 +60,7 @@ PLAIN = {("mass.disc", "M"), ("mass.pad", "M"), ("elastic.disc", "K"), ("elastic
 
 def forbid(monkeypatch, maker):
     """Let the test fail where a scene's assembly calls this function."""
-    [module] = [m for m in (assembly, base_state, rotating_bodies) if hasattr(m, maker)]
+    [module] = [m for m in (assembly, contacts, preload_state, rotating_bodies) if hasattr(m, maker)]
     monkeypatch.setattr(module, maker, lambda *_: pytest.fail(f"{maker} was called"))
 
 

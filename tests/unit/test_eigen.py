@@ -6,9 +6,9 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from pencils import N, chain, distance, reference
 
-from fe_squeal.eigen import linear_solvers
 from fe_squeal.eigen.dense import solve_dense
-from fe_squeal.eigen.linear_solvers import factorize, factorize_complex
+from fe_squeal.eigen.linear import choice
+from fe_squeal.eigen.linear.choice import factorize, factorize_complex
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.solve import Request, count_below, prove_completeness, solve_modes
 from fe_squeal.errors import NotConvergedError
@@ -17,7 +17,7 @@ from fe_squeal.errors import NotConvergedError
 @pytest.fixture(params=["pardiso", "superlu"])
 def solver(request, monkeypatch):
     if request.param == "superlu":
-        monkeypatch.setattr(linear_solvers, "has_pardiso", lambda: False)
+        monkeypatch.setattr(choice, "has_pardiso", lambda: False)
     else:
         request.getfixturevalue("needs_pardiso")
     return request.param

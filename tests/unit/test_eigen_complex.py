@@ -8,9 +8,9 @@ import scipy.sparse as sp
 from pencils import N, distance, reference
 from selection import some
 
-from fe_squeal.eigen import linear_solvers
 from fe_squeal.eigen.dense import solve_dense
-from fe_squeal.eigen.linear_solvers import factorize
+from fe_squeal.eigen.linear import choice
+from fe_squeal.eigen.linear.choice import factorize
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.solve import Request, prove_completeness, solve_modes
 
@@ -59,7 +59,7 @@ def check_biorthogonality(pencil, modes, tolerance):
 @pytest.fixture(params=["pardiso", "superlu"])
 def solver(request, monkeypatch):
     if request.param == "superlu":
-        monkeypatch.setattr(linear_solvers, "has_pardiso", lambda: False)
+        monkeypatch.setattr(choice, "has_pardiso", lambda: False)
     else:
         request.getfixturevalue("needs_pardiso")
     return request.param

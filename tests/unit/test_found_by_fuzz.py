@@ -12,15 +12,15 @@ import scipy.io
 import scipy.sparse as sp
 from scene_texts import SCENE, replaced, write_scene
 
-import fe_squeal.run
+import fe_squeal.run.run
 from fe_squeal.cli import main
 from fe_squeal.errors import MeshError, SceneError
+from fe_squeal.fem.spaces import make_space
 from fe_squeal.geometry import Block, write_mesh
 from fe_squeal.mesh import load_mesh
 from fe_squeal.report.shapes import ShapeGrid
 from fe_squeal.report.vtk_files import write_shape
-from fe_squeal.scene_file import load_scene
-from fe_squeal.spaces import make_space
+from fe_squeal.scene.file import load_scene
 from meshes import box
 
 INP = """\
@@ -127,7 +127,7 @@ def test_memory_that_runs_out_anywhere(
 
     path = write_scene(tmp_path)
     with monkeypatch.context() as patched:
-        patched.setattr(fe_squeal.run, "write_figures", fail)
+        patched.setattr(fe_squeal.run.run, "write_figures", fail)
         assert main(["run", str(path), "-o", str(tmp_path / "out")]) == 2
     assert "more memory is needed than the" in capsys.readouterr().err
     assert main(["run", str(path), "-o", str(tmp_path / "out"), "--resume"]) == 0

@@ -15,7 +15,7 @@ from scipy.integrate import quad
 from scipy.spatial import cKDTree
 
 from fe_squeal.geometry import Block, DiscPad, write_mesh
-from fe_squeal.geometry.lattice import GroupedMesh
+from fe_squeal.geometry.grouped import GroupedMesh
 from fe_squeal.geometry.structured import structured_block, structured_disc_pad
 
 

@@ -16,8 +16,9 @@ from brakes import BLOCK, BRAKE, ROW
 from pydantic import ValidationError
 
 from fe_squeal.errors import MeshError, OutputError
-from fe_squeal.geometry import Block, DiscPad, write_mesh
+from fe_squeal.geometry import Block, DiscPad, make_mesh, write_mesh
 from fe_squeal.geometry.structured import structured_disc_pad
+from fe_squeal.mesh.readers.gmsh import read_gmsh
 
 
 def test_millimetres_give_the_same_mesh_a_thousand_times_larger() -> None:
@@ -33,6 +34,28 @@ def test_same_geometry_gives_the_same_bytes(geometry: DiscPad | Block, tmp_path:
     first, second = (write_mesh(geometry, tmp_path / name).read_bytes() for name in ("a.msh", "b.msh"))
     assert first == second
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.msh", "b.msh"]
+
+
+@pytest.mark.parametrize(
+    "geometry",
+    [Block(**BLOCK), DiscPad(**BRAKE), DiscPad(**{**BRAKE, "pad_angle_deg": 360.0}), Block(**ROW, element="tet"),
+     DiscPad(**BRAKE, element="tet")],
+)  # fmt: skip
+def test_the_mesh_in_memory_is_that_of_the_file(geometry: DiscPad | Block, tmp_path: Path) -> None:
+    """Node by node and cell by cell; gmsh writes 16 digits, of which the last may be one off."""
+    here, there = make_mesh(geometry), read_gmsh(write_mesh(geometry, tmp_path / "a.msh"))
+    np.testing.assert_allclose(here.points, there.points, rtol=0, atol=0 if geometry.element == "hex" else 1e-16)
+    np.testing.assert_array_equal(here.node_labels, there.node_labels)
+    for mine, read in zip(here.blocks, there.blocks, strict=True):
+        assert mine.kind == read.kind
+        np.testing.assert_array_equal(mine.nodes, read.nodes)
+        np.testing.assert_array_equal(mine.labels, read.labels)
+    assert list(here.volume_groups) == list(there.volume_groups) and list(here.surfaces) == list(there.surfaces)
+    for name, cells in there.volume_groups.items():
+        np.testing.assert_array_equal(here.volume_groups[name], cells)
+    for name, parts in there.surfaces.items():
+        for mine, read in zip(here.surfaces[name], parts, strict=True):
+            np.testing.assert_array_equal(mine, read)
 
 
 def test_gmsh_of_the_caller_is_left_as_it_was(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ import pytest
 from scipy import io as scipy_io
 from scipy import sparse
 
+from fe_squeal.assembly.matrix_files import measure_symmetry, read_matrix
 from fe_squeal.errors import SceneError
-from fe_squeal.matrix_files import measure_symmetry, read_matrix
 
 RNG = np.random.default_rng(7)
 GENERAL = np.where(RNG.random((8, 8)) < 0.4, RNG.standard_normal((8, 8)), 0.0)

@@ -12,8 +12,10 @@ import scipy.sparse as sp
 from scene_texts import write_scene
 
 from fe_squeal.cli import main
-from fe_squeal.eigen import linear_solvers, memory
-from fe_squeal.eigen.linear_solvers import PardisoFactor, factor_memory, has_pardiso
+from fe_squeal.eigen import memory
+from fe_squeal.eigen.linear import choice
+from fe_squeal.eigen.linear.choice import factor_memory
+from fe_squeal.eigen.linear.pardiso import PardisoFactor, has_pardiso
 from fe_squeal.errors import TooLargeError
 
 needs_pardiso = pytest.mark.skipif(not has_pardiso(), reason="PARDISO is not installed")
@@ -56,7 +58,7 @@ def test_analysis_knows_what_the_factors_take(definite):
 import sys; sys.path[:0] = {[str(folder) for folder in Path(__file__).parents[:2]]!r}
 import psutil
 from test_memory import solid
-from fe_squeal.eigen.linear_solvers import PardisoFactor
+from fe_squeal.eigen.linear.pardiso import PardisoFactor
 A = solid(44)
 PardisoFactor(solid(6), True, {definite})
 before = psutil.Process().memory_info().rss
@@ -78,7 +80,7 @@ def test_solvers_refuse_before_they_factorise(monkeypatch):
         PardisoFactor(solid(6), True)
     assert 22 not in phases
     with pytest.raises(TooLargeError):
-        linear_solvers.SuperLUFactor(solid(6), True)
+        choice.SuperLUFactor(solid(6), True)
 
 
 @pytest.mark.parametrize("symmetric", [True, False])
@@ -86,9 +88,9 @@ def test_superlu_law_is_right_to_a_factor_of_three(symmetric):
     """Vector-valued and denser matrices come nearer to the law than this one."""
     for m in (16, 22):
         A = solid(m)
-        factors = linear_solvers.SuperLUFactor(A, symmetric)._lu
+        factors = choice.SuperLUFactor(A, symmetric)._lu
         real = 12 * (factors.L.nnz + factors.U.nnz)
-        assert 1 / 3 < linear_solvers.superlu_memory(A, symmetric) / real < 3
+        assert 1 / 3 < choice.superlu_memory(A, symmetric) / real < 3
 
 
 def test_command_says_what_would_fit(tmp_path, monkeypatch, capsys):

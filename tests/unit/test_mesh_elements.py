@@ -20,7 +20,7 @@ from fe_squeal.mesh.elements import (
     shape_gradients,
     skfem_order,
 )
-from fe_squeal.mesh.gmsh_format import _NODES, _SOLIDS
+from fe_squeal.mesh.gmsh_cells import NODES, SOLIDS
 
 VTK = {
     "tetra": "vtkTetra", "tetra10": "vtkQuadraticTetra", "hexahedron": "vtkHexahedron", "wedge15": "vtkQuadraticWedge",
@@ -46,14 +46,14 @@ def test_gmsh_orders_are_gmshs_own():
 
     gmsh.initialize(interruptible=False)
     try:
-        for number, (kind, order) in _SOLIDS.items():
+        for number, (kind, order) in SOLIDS.items():
             _, _, _, count, local, _ = gmsh.model.mesh.getElementProperties(number)
             local = local.reshape(-1, 3)
             if SHAPE[kind] == "hexahedron":
                 local = (local + 1) / 2
             elif SHAPE[kind] == "wedge":
                 local = local * [1, 1, 0.5] + [0, 0, 0.5]
-            assert count == _NODES[number]
+            assert count == NODES[number]
             assert np.allclose(local[order or slice(None)], REFERENCE[kind], atol=1e-14)
     finally:
         gmsh.finalize()

@@ -13,7 +13,7 @@ from scene_texts import CRITICAL_MU, HEAD, SCENE, read_rows, replaced, write_sce
 import fe_squeal.report.export
 from fe_squeal.cli import main
 from fe_squeal.errors import SceneError
-from fe_squeal.scene_file import load_scene
+from fe_squeal.scene.file import load_scene
 
 MIXED = replaced('material = "steel"\n', 'material = "steel"\nformulation = "mixed"\n')
 SOFT = replaced("poisson_ratio = 0.3", "poisson_ratio = 0.4999", MIXED)

@@ -9,15 +9,17 @@ from chains import CLASSES, MODES, N, chain, dense
 from selection import some
 
 import fe_squeal.reduced.model as reduced_model
-from fe_squeal import blocks, onset_step, running_sweep, sweep
-from fe_squeal.blocks import _TALL
+from fe_squeal import sweep
+from fe_squeal.eigen import blocks
 from fe_squeal.eigen.block_lanczos import lowest_modes
+from fe_squeal.eigen.blocks import _TALL
 from fe_squeal.eigen.solve import Request
 from fe_squeal.errors import NotConvergedError, SceneError
-from fe_squeal.problem import Problem
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
 from fe_squeal.reduced import ReducedModel
 from fe_squeal.reduced.basis import ReducedBasis
-from fe_squeal.terms import Term
+from fe_squeal.sweep import running, step
 
 VALUES = np.linspace(0.0, 0.9, 7)
 
@@ -146,7 +148,7 @@ def test_onsets_of_the_small_model_tell_how_far_they_are_off(monkeypatch):
     """As of large problems, where Newton's method on the problem itself is left out: the error lies inside the bar."""
     problem = chain()
     exact = sweep(problem, VALUES, modes=MODES, method="direct").onsets
-    monkeypatch.setattr(onset_step, "_CHEAP", 0)
+    monkeypatch.setattr(step, "_CHEAP", 0)
     found = sweep(problem, VALUES, modes=MODES, method="reduced").onsets
     assert len(found) == len(exact) > 0
     for a, b in zip(found, exact, strict=True):
@@ -210,14 +212,14 @@ def test_threads_and_seeds_do_not_matter(monkeypatch):
 def test_a_mode_that_vanishes_inside_the_range_is_an_error(monkeypatch):
     """What a solver returns without a mode that was there before; what came before is kept."""
     problem = chain()
-    solve = running_sweep.solve_modes
+    solve = running.solve_modes
 
     def careless(pencil, request, band):
         modes = solve(pencil, request, band)
         return modes.select(np.delete(np.arange(len(modes)), 4)) if len(calls) > 3 else modes
 
     calls: list[float] = []
-    monkeypatch.setattr(running_sweep, "solve_modes", lambda *a: (calls.append(0.0), careless(*a))[1])
+    monkeypatch.setattr(running, "solve_modes", lambda *a: (calls.append(0.0), careless(*a))[1])
     with pytest.raises(NotConvergedError, match="missing between") as caught:
         sweep(problem, VALUES, modes=MODES, method="direct")
     assert len(caught.value.partial.points) >= 2

@@ -9,8 +9,7 @@ from matplotlib import image
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from fe_squeal.report import plot_contributions
-from fe_squeal.report.contributions import MAX_BRANCHES, MAX_TERMS, contributions_figure
+from fe_squeal.report.contributions import MAX_BRANCHES, MAX_TERMS, contributions_figure, plot_contributions
 
 COLUMNS = ["parameter", "value", "mode", "branch", "term", "re_share", "energy_share"]
 

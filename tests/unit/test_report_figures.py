@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from fe_squeal.report import figures
 from fe_squeal.report.branches import collect_branches, find_mirror, parameter_symbol
 from fe_squeal.report.figures import plot_root_locus, plot_stability
+from fe_squeal.sweep.noise import classify_noise
 
 ONSET_COLUMNS = ["parameter", "value", "frequency_hz", "kind", "direction", "crossing_speed", "branch_a", "branch_b",
                  "uncertainty", "two_mode_value", "discretisation"]
@@ -40,7 +41,7 @@ def coupled_tables(pairs, values, *, damping=0.0, uncertainty=1e-6, uncoupled=()
     grows, decays = modes.re > uncertainty, modes.re < -uncertainty
     modes["stability"] = np.select([grows, decays], ["unstable", "stable"], "marginal")
     modes["mode"] = modes.groupby("value").im.rank(method="first").astype(int)
-    modes["noise"] = ""
+    modes["noise"] = modes.frequency_hz.map(classify_noise).where(grows, "")
     return modes.sort_values(["value", "mode"], ignore_index=True), pd.DataFrame(onsets, columns=ONSET_COLUMNS)
 
 

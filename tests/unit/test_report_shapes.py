@@ -13,20 +13,20 @@ import skfem
 import vtk
 from matplotlib import image
 
-from fe_squeal.report import (
+from fe_squeal.report import pictures
+from fe_squeal.report.export import export_shapes
+from fe_squeal.report.pictures import axis_frame, draw_shape, widest_body
+from fe_squeal.report.shape_names import shape_name
+from fe_squeal.report.shapes import (
+    REFERENCE_NODES,
     ShapeGrid,
-    draw_shape,
-    export_shapes,
+    boundary_triangles,
     normalise_shape,
-    pictures,
     semi_major_amplitude,
     shape_grid,
-    shape_name,
-    write_animation,
-    write_shape,
+    sharp_edges,
 )
-from fe_squeal.report.pictures import axis_frame, widest_body
-from fe_squeal.report.shapes import REFERENCE_NODES, boundary_triangles, sharp_edges
+from fe_squeal.report.vtk_files import write_animation, write_shape
 
 TET, HEX = skfem.MeshTet, skfem.MeshHex
 VTK_CELLS = {10: vtk.vtkTetra, 24: vtk.vtkQuadraticTetra, 12: vtk.vtkHexahedron, 29: vtk.vtkTriQuadraticHexahedron}

@@ -13,9 +13,9 @@ from rich.console import Console
 from test_report_figures import SWEEP, coupled_tables, no_onsets
 
 from fe_squeal.errors import OutputError
-from fe_squeal.noise import classify_noise
-from fe_squeal.report import print_onsets, print_unstable, replace_atomically, write_csv, write_json
-from fe_squeal.report.tables import unstable_intervals
+from fe_squeal.report.files import replace_atomically, write_csv, write_json
+from fe_squeal.report.tables import print_onsets, print_unstable, unstable_intervals
+from fe_squeal.sweep.noise import classify_noise
 
 
 def printed(function, frame, width=80):

@@ -22,15 +22,15 @@ from matrix_scenes import write_scene as write_matrix_scene
 from scene_texts import environment, replaced, write_scene
 from selection import crossed
 
-import fe_squeal.inputs
 import fe_squeal.report.export
-import fe_squeal.run
+import fe_squeal.run.inputs
+import fe_squeal.run.run
 from fe_squeal.cli import main
 from fe_squeal.errors import NotConvergedError, OutputError
-from fe_squeal.folder_lock import hold_folder
 from fe_squeal.geometry import Block, write_mesh
-from fe_squeal.inputs import differences
-from fe_squeal.running_sweep import RunningSweep
+from fe_squeal.run.inputs import differences
+from fe_squeal.run.lock import hold_folder
+from fe_squeal.sweep.running import RunningSweep
 
 PRELOAD = "[effects.preload]\npressures = { top = 1.0e5 }\n[effects.friction]"
 LOSS = "density = 7800.0\nloss_factor = 0.01"
@@ -39,7 +39,7 @@ LOSS = "density = 7800.0\nloss_factor = 0.01"
 @pytest.fixture(autouse=True)
 def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """They take most of the time of such small runs; tests/hard/test_interruptions.py has them."""
-    monkeypatch.setattr(fe_squeal.run, "write_figures", lambda *_: None)
+    monkeypatch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
 
 
 def stop_at(call: int, monkeypatch: pytest.MonkeyPatch, error: type[BaseException] = KeyboardInterrupt) -> None:
@@ -158,7 +158,7 @@ def test_finished_run_is_shown_and_not_solved(
     said = capsys.readouterr().out
     assert f"nothing to resume in {out}: the run starts anew" in said
     before = {p: (p.stat().st_mtime_ns, p.read_bytes()) for p in out.iterdir()}
-    monkeypatch.setattr(fe_squeal.run, "assemble", lambda *_: pytest.fail("assembled again"))
+    monkeypatch.setattr(fe_squeal.run.run, "assemble", lambda *_: pytest.fail("assembled again"))
     assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
     again = capsys.readouterr().out
     assert "are complete" in again
@@ -185,7 +185,7 @@ def test_another_scene_is_refused_and_told_apart(
     assert "the content of mesh block.msh is another" in refused(path, out, capsys)
     (tmp_path / "block.msh").write_bytes(mesh)
     with monkeypatch.context() as patched:
-        patched.setattr(fe_squeal.inputs, "__version__", "99")
+        patched.setattr(fe_squeal.run.inputs, "__version__", "99")
         assert "the version is" in refused(path, out, capsys)
     assert {p: p.read_bytes() for p in (out / "checkpoint").iterdir()} == kept
     # Without --resume the new scene runs, and the old checkpoint is gone.
@@ -287,7 +287,7 @@ def test_differences_are_counted() -> None:
     known = {"version": "1", "scene": {"a": [{"b": k} for k in range(6)]}, "content": {}}
     given = {"version": "1", "scene": {"a": [{"b": -k} for k in range(6)]}, "content": {}}
     assert len(differences(known, given)) == 5
-    assert fe_squeal.inputs.listed(differences(known, given)).endswith("a[3].b is 3 there and -3 here; and 2 more")
+    assert fe_squeal.run.inputs.listed(differences(known, given)).endswith("a[3].b is 3 there and -3 here; and 2 more")
     assert differences(known, known) == []
 
 
@@ -295,7 +295,7 @@ def test_second_run_into_a_folder_is_refused(tmp_path: Path, capsys: pytest.Capt
     """While the first one has it, and not after it was killed."""
     path, out = write_sweep(tmp_path, 3), tmp_path / "out"
     program = (
-        "import sys, time; from pathlib import Path; from fe_squeal.folder_lock import hold_folder\n"
+        "import sys, time; from pathlib import Path; from fe_squeal.run.lock import hold_folder\n"
         "with hold_folder(Path(sys.argv[1])): print('held', flush=True); time.sleep(60)"
     )
     child = subprocess.Popen(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fe_squeal import revolution
-from fe_squeal.contact import Sliding
 from fe_squeal.errors import SceneError
-from fe_squeal.materials import Material, material_axes, stiffness_tensor
+from fe_squeal.fem import revolution
+from fe_squeal.fem.materials import Material, material_axes, stiffness_tensor
+from fe_squeal.fem.motion import Sliding
 from meshes import KINDS, STEEL, annulus, box, make_problem, mapped, rotation
 
 INNER, OUTER = 0.1, 0.2

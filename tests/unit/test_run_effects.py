@@ -9,7 +9,7 @@ import pytest
 import pyvista
 from scene_texts import CONTACT, COUPLING, K0, SCENE, read_rows, replaced, write_scene
 
-import fe_squeal.static_contact as static_contact
+import fe_squeal.fem.static_contact as static_contact
 from fe_squeal.cli import main
 
 AREA, PRESSURE = 0.08 * 0.04, 1.0e5

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from scene_texts import CRITICAL_MU, environment, growth_of_rigid_block, read_rows, replaced, write_scene
 
-from fe_squeal import running_sweep
 from fe_squeal.cli import main
 from fe_squeal.errors import NotConvergedError
+from fe_squeal.sweep import running
 
 MODES = (
     "parameter,value,mode,branch,re,im,frequency_hz,damping_ratio,stability,noise,backward_error,re_uncertainty,"
@@ -221,7 +221,7 @@ def test_light_run_imports_no_pictures_and_no_mesher(tmp_path: Path) -> None:
 
 def fail_at(call: int, error: Callable[[], BaseException], monkeypatch: pytest.MonkeyPatch) -> None:
     """Make the eigen-solver raise at its nth call."""
-    solve, calls = running_sweep.solve_modes, []
+    solve, calls = running.solve_modes, []
 
     def failing(*arguments: Any) -> Any:
         calls.append(1)
@@ -229,7 +229,7 @@ def fail_at(call: int, error: Callable[[], BaseException], monkeypatch: pytest.M
             raise error()
         return solve(*arguments)
 
-    monkeypatch.setattr(running_sweep, "solve_modes", failing)
+    monkeypatch.setattr(running, "solve_modes", failing)
 
 
 def kept(folder: Path) -> tuple[str, list[float], list[float]]:

@@ -10,7 +10,7 @@ from scene_texts import CONTACTS, HEAD, SCENE, SPRINGS, TAIL, replaced, without,
 
 from fe_squeal.cli import main
 from fe_squeal.errors import SceneError
-from fe_squeal.scene_file import load_scene, parse_scene
+from fe_squeal.scene.file import load_scene, parse_scene
 
 RANGE = "from = 0.0\nto = 0.8\npoints = 5"
 SLIDING = "sliding = { direction = [1, 0, 0], speed = 1.0 }"

@@ -1,0 +1,1 @@
+"""From a scene on its mesh to the problem."""

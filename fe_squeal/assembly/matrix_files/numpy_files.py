@@ -1,0 +1,66 @@
+"""Arrays of NumPy (.npy) and sparse matrices of SciPy (.npz)."""
+
+from __future__ import annotations
+
+import io
+import math
+import zipfile
+from typing import Any
+
+import numpy as np
+from numpy.lib import format as npy
+from scipy import sparse
+
+from ...errors import SceneError
+from .checks import check_shape, one_line
+
+_INDICES = {
+    "csr": ("indices", "indptr"), "csc": ("indices", "indptr"), "bsr": ("indices", "indptr"),
+    "coo": ("row", "col"), "dia": ("offsets",),
+}  # fmt: skip
+
+
+def read_array(data: bytes, source: str, kinds: str) -> np.ndarray:
+    """Read an .npy file without the code that could unpickle; the data must fill exactly the shape of the header."""
+    stream = io.BytesIO(data)
+    version = npy.read_magic(stream)
+    if version not in ((1, 0), (2, 0)):
+        raise ValueError(f"version {version} of the format")
+    read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, fortran, dtype = read_header(stream)
+    if dtype.kind not in kinds:
+        what = "Python objects (pickled), which are never read" if dtype.hasobject else f'data of type "{dtype}"'
+        raise SceneError(f"{source}: holds {one_line(what)}; expected numbers")
+    count, at = math.prod(shape), stream.tell()
+    if min(shape, default=0) < 0 or count * dtype.itemsize != len(data) - at:
+        raise ValueError(f"shape {shape} of {dtype} does not fit the {len(data) - at} bytes of data")
+    return np.frombuffer(data, dtype, count, at).reshape(shape, order="F" if fortran else "C")
+
+
+def read_scipy_sparse(data: bytes, source: str) -> Any:
+    """Read what scipy.sparse.save_npz wrote, with the arrays checked before SciPy sees them."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        names = [name.removesuffix(".npy") for name in archive.namelist()]
+        if missing := {"format", "shape", "data"} - set(names):
+            raise SceneError(
+                f"{source}: there is no {', '.join(sorted(missing))} among its arrays ({one_line(', '.join(names))}); "
+                "expected a sparse matrix saved with scipy.sparse.save_npz"
+            )
+
+        def member(name: str, kinds: str = "iu") -> np.ndarray:
+            return read_array(archive.read(f"{name}.npy"), source, kinds)
+
+        layout = member("format", "SU").astype(str).item()
+        shape = tuple(int(n) for n in member("shape").ravel())
+        check_shape(shape, source)
+        values = member("data", "iufc")
+        values = values.astype(np.complex128 if values.dtype.kind == "c" else np.float64)
+        index = {name: member(name).astype(np.int64) for name in names if name in _INDICES.get(layout, ())}
+    if layout not in _INDICES or len(index) != len(_INDICES[layout]):
+        raise ValueError(f'format "{layout}" with the arrays {", ".join(names)}')
+    if layout == "coo":
+        return sparse.coo_array((values, (index["row"], index["col"])), shape=shape)
+    if layout == "dia":
+        return sparse.dia_array((values, index["offsets"]), shape=shape)
+    make = {"csr": sparse.csr_array, "csc": sparse.csc_array, "bsr": sparse.bsr_array}[layout]
+    return make((values, index["indices"], index["indptr"]), shape=shape)

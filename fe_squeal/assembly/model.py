@@ -1,0 +1,40 @@
+"""The discretisation that a problem comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..effects.preload import BaseState
+from ..fem.contact import ContactOperators
+from ..fem.spaces import DisplacementSpace
+from ..problem.problem import Problem
+
+
+@dataclass(frozen=True)
+class Model:
+    """Where the terms of a problem come from: the discretisation, for shapes and reports.
+
+    Attributes
+    ----------
+    space : DisplacementSpace
+    bodies : mapping of body to (e,) int elements
+    contacts : mapping of contact to its operators
+    notes, warnings : what was converted or looks doubtful, a sentence each
+    base : BaseState or None
+        The static state under preload.
+    """
+
+    space: DisplacementSpace
+    bodies: Mapping[str, np.ndarray]
+    contacts: Mapping[str, ContactOperators]
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    base: BaseState | None = None
+
+
+def model_of(problem: Problem) -> Model | None:
+    """Return the discretisation of a problem; None of one of matrices."""
+    return problem.model if isinstance(problem.model, Model) else None

@@ -1,0 +1,187 @@
+"""What is allowed in a scene, but probably not meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from ..effects.preload import BaseState, ContactState
+from ..fem.contact import ContactOperators
+from ..fem.motion import Sliding
+from ..fem.spaces import DisplacementSpace
+from ..mesh import LoadedMesh, surface_group
+from ..mesh.distortion import shape_condition
+from ..problem.terms import Term
+from ..scene import Scene
+
+_DENSITY = (100.0, 30000.0)  # kg/m^3: from foams to osmium
+_MODULUS = (1e6, 1e13)  # Pa: from rubber to beyond diamond
+_FOLLOWING = 1e-3  # of the friction stiffness: the size of the follower terms from which they are spoken of
+# Condition number of the map from the regular cell; with its square, 1e4, a backward error of 1e-8, the usual
+# tolerance, leaves four digits.
+_DISTORTED = 100.0
+_NAMED = 5  # elements in one sentence
+_LARGE_GAP = 0.05  # of the model's size
+_LOCKING = 0.48  # Poisson's ratio above which standard elements lose digits; see docs/near_incompressible.md
+_HELD = 10.0  # times Ω²M: the stiffness against a rigid motion beside which that of the centrifugal stress is small
+
+
+def doubts(
+    scene: Scene, loaded: LoadedMesh, space: DisplacementSpace, bodies: Mapping[str, np.ndarray]
+) -> list[str]:
+    """Return a sentence for each value that is probably not meant; the groups have been looked up before."""
+    return [
+        *_materials(scene), *_locking(scene), *_held(scene, loaded, space), *_gaps(scene, space),
+        *_shapes(loaded, space, bodies),
+    ]  # fmt: skip
+
+
+def _materials(scene: Scene) -> Iterable[str]:
+    for name, material in scene.materials.items():
+        if not _DENSITY[0] <= material.density <= _DENSITY[1]:
+            yield f"materials.{name}.density = {material.density:g}: is this in SI units, kg/m^3?"
+        given = material.youngs_modulus
+        moduli = {"youngs_modulus": given if isinstance(given, list) else [given]}
+        moduli["shear_modulus"] = material.shear_modulus or []
+        for key, values in moduli.items():
+            odd = [v for v in values if not _MODULUS[0] <= v <= _MODULUS[1]]
+            if odd:
+                yield f"materials.{name}.{key} = {odd[0]:g}: is this in SI units, Pa?"
+        if material.loss_factor and scene.effects.structural_damping is None:
+            yield f"materials.{name}.loss_factor has no effect: [effects.structural_damping], which reads it, is not on"
+    if scene.effects.structural_damping is not None and not any(m.loss_factor for m in scene.materials.values()):
+        yield "effects.structural_damping has no effect: no material has a loss_factor"
+
+
+def _locking(scene: Scene) -> Iterable[str]:
+    for name, body in scene.bodies.items():
+        nu = scene.materials[body.material].poisson_ratio
+        if not body.is_mixed and not isinstance(nu, list) and nu > _LOCKING:
+            yield (
+                f"bodies.{name}: materials.{body.material}.poisson_ratio = {nu:g}, nearly incompressible: standard"
+                f' elements lock, and frequencies come out too high, with order = {scene.mesh.order};'
+                f' take bodies.{name}.formulation = "mixed"'
+            )
+
+
+def _held(scene: Scene, loaded: LoadedMesh, space: DisplacementSpace) -> Iterable[str]:
+    fixed = space.fixed.reshape(-1, 3)
+
+    def nodes(group: str) -> np.ndarray:
+        return np.unique(space.nodes_of(surface_group(loaded, group)))
+
+    for i, support in enumerate(scene.supports):
+        for name, contact in zip(scene.contact_names, scene.contacts, strict=True):
+            pad = nodes(contact.surface)
+            held = len(np.intersect1d(pad, nodes(support.surface)))
+            if 2 * held >= len(pad):  # an edge in common with a held side is nothing to speak of
+                yield (
+                    f'supports[{i}]: "{support.surface}" holds {held} of {len(pad)} nodes of "{contact.surface}", the'
+                    f" surface of contact {name}"
+                )
+    for spring in scene.springs:
+        acts = np.array(spring.direction) != 0
+        surfaces = [spring.surface, *([spring.to] if spring.to is not None else [])]
+        if all(fixed[nodes(s)][:, acts].all() for s in surfaces):
+            yield f"spring {spring.name} has no effect: supports hold all of {' and '.join(surfaces)} in its direction"
+
+
+def _gaps(scene: Scene, space: DisplacementSpace) -> Iterable[str]:
+    size = float(np.ptp(space.mesh.p, axis=1).max())
+    for name, contact in zip(scene.contact_names, scene.contacts, strict=True):
+        if contact.gap_tolerance is not None and contact.gap_tolerance > _LARGE_GAP * size:
+            yield (
+                f"contact {name}: gap_tolerance = {contact.gap_tolerance:g} m is"
+                f" {100 * contact.gap_tolerance / size:.3g} % of the model's size; it is in metres always"
+            )
+
+
+def _shapes(loaded: LoadedMesh, space: DisplacementSpace, bodies: Mapping[str, np.ndarray]) -> Iterable[str]:
+    for name, elements in bodies.items():
+        kappa = shape_condition(space.mesh, elements)
+        bad = np.flatnonzero(kappa > _DISTORTED * (1 + 1e-9))
+        worst = bad[np.argsort(-kappa[bad])][:_NAMED]
+        if len(bad):
+            labels = loaded.element_labels
+            numbers = [labels[elements[i]] if len(labels) else elements[i] for i in worst]
+            named = ", ".join(f"{number} ({kappa[i]:.3g})" for number, i in zip(numbers, worst, strict=True))
+            yield (
+                f"body {name}: {len(bad)} of {len(elements)} elements are far from their regular shape, by a condition"
+                f" number above {_DISTORTED:g}: {named}{', ...' if len(bad) > _NAMED else ''}; a backward error counts"
+                " with its square there, so that growth rates may keep less than four digits"
+            )
+
+
+def doubts_of_rotation(
+    space: DisplacementSpace, bodies: Mapping[str, np.ndarray], motions: Mapping[str, Sliding], terms: Sequence[Term],
+    parameters: Mapping[str, float],
+) -> Iterable[str]:  # fmt: skip
+    """Yield a sentence for each rotating body that can turn or tilt against no more than its own inertia.
+
+    The stiffness of the centrifugal stress is what such motions have against K_Ω: with it a turned body stays where it
+    is and a tilted one wobbles with 2Ω; without it the turned one has λ = ±iΩ.
+
+    Parameters
+    ----------
+    terms : sequence of Term
+        Of all bodies, springs and contacts.
+    """
+    for name, motion in motions.items():
+        speed = np.linalg.norm(motion.velocity)
+        axis = motion.velocity / speed
+        nodes = np.unique(space.dofs.element_dofs[:, bodies[name]])
+        x = space.coordinates[nodes]
+        middle = motion.centre + axis * ((x.mean(axis=0) - motion.centre) @ axis)
+        free = []
+        for word, across in (("turn about the axis", axis), ("tilt", np.cross(axis, np.eye(3)[np.argmin(axis**2)]))):
+            u = np.zeros((space.nodes, 3))
+            u[nodes] = np.cross(across / np.linalg.norm(across), x - middle)
+            v = space.gather(u)
+            energy = {
+                slot: sum(
+                    float(v @ (t.matrix @ v)) * t.coefficient(parameters)
+                    for t in terms
+                    if t.slot == slot and t.symmetric and not t.imaginary
+                )
+                for slot in ("M", "K")
+            }
+            if energy["K"] < _HELD * speed**2 * energy["M"]:
+                free.append(word)
+        if free:
+            yield (
+                f"effects.rotation: body {name} is free to {' and to '.join(free)}; without [effects.stress_stiffening]"
+                f" its slow motions, up to some {2 * speed / (2 * np.pi):.3g} Hz, are not right"
+            )
+
+
+def doubts_of_coverage(contacts: Mapping[str, ContactOperators]) -> list[str]:
+    """Return a sentence for each contact of which most does not touch its counterface."""
+    return [
+        f"contact {name}: only {100 * c.coverage:.3g} % of the surface lies on its counterface within the tolerance"
+        for name, c in contacts.items()
+        if c.coverage < 0.5
+    ]
+
+
+def doubts_of_preload(
+    scene: Scene, contacts: Mapping[str, ContactOperators], base: BaseState
+) -> Iterable[str]:
+    """Yield a sentence for each contact whose static state is outside what the equations hold."""
+    for name, contact in zip(scene.contact_names, scene.contacts, strict=True):
+        if name not in base.contacts:
+            continue
+        ratio = follower_ratio(contacts[name], base.contacts[name], contact.normal_stiffness)
+        if ratio > _FOLLOWING:
+            yield (
+                f"contact {name}: p0/(k_n l) = {ratio:.2g}: terms of this size beside the friction stiffness, of forces"
+                " that follow the surface, are left out"
+            )
+        pulling = contacts[name].weights[base.contacts[name].pressure < 0].sum() / contacts[name].area
+        if pulling > 0:
+            yield f"contact {name}: {100 * pulling:.3g} % of its area pulls in the preload, for lift_off = false"
+
+
+def follower_ratio(operators: ContactOperators, state: ContactState, stiffness: float) -> float:
+    """Return p0/(k_n ℓ), the size of the follower terms that are left out over the friction stiffness; ℓ = √area."""
+    return float(np.abs(state.pressure).max(initial=0.0) / (stiffness * np.sqrt(operators.area)))

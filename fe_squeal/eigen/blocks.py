@@ -1,0 +1,66 @@
+"""Products of blocks of tall vectors, by parts of their rows on all threads."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+import numpy as np
+import scipy.sparse as sp
+
+from .threads import thread_count
+
+_TALL = 5000  # rows from which parts pay
+_Part = TypeVar("_Part")
+
+
+def times(A: sp.csr_array, X: np.ndarray) -> np.ndarray:
+    """Return A X for a sparse A (m, n) and X (n, k)."""
+    if A.shape[0] < _TALL:
+        return np.asarray(A @ X)
+
+    out = np.empty((A.shape[0], *X.shape[1:]), np.result_type(A.dtype, X))
+
+    def part(rows: slice) -> None:
+        first, last = A.indptr[rows.start], A.indptr[rows.stop]
+        pointers = A.indptr[rows.start : rows.stop + 1] - first
+        size = (rows.stop - rows.start, A.shape[1])
+        out[rows] = sp.csr_array((A.data[first:last], A.indices[first:last], pointers), shape=size) @ X
+
+    _by_parts(part, A.shape[0])
+    return out
+
+
+def cross(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
+    """Return XᵀY for X (n, k) and Y (n, l)."""
+    if len(X) < _TALL:
+        return np.asarray(X.T @ Y)
+    return np.asarray(sum(_by_parts(lambda rows: X[rows].T @ Y[rows], len(X))))
+
+
+def combine(V: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return V y for V (n, r) and y (r, k)."""
+    if len(V) < _TALL:
+        return np.asarray(V @ y)
+    out = np.empty((len(V), *y.shape[1:]), np.result_type(V, y))
+
+    def part(rows: slice) -> None:
+        np.matmul(V[rows], y, out=out[rows])
+
+    _by_parts(part, len(V))
+    return out
+
+
+def _by_parts(work: Callable[[slice], _Part], n: int) -> list[_Part]:
+    count = thread_count()
+    edges = [n * i // count for i in range(count + 1)]
+    parts = [slice(a, b) for a, b in itertools.pairwise(edges)]
+    return [work(parts[0])] if count == 1 else list(_pool(count).map(work, parts))
+
+
+@functools.cache
+def _pool(count: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(count)

@@ -1,0 +1,1 @@
+"""Sparse direct solvers behind one protocol, and the choice among them."""

@@ -1,0 +1,143 @@
+"""Factors by PARDISO of the Math Kernel Library."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import sys
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...errors import NotConvergedError
+from ..memory import require_memory
+from .factor import SingularError, by_parts
+
+# PARDISO's numbers of the matrix types, by (symmetric, complex).
+_TYPES = {(True, False): -2, (False, False): 11, (True, True): 6, (False, True): 13}
+_DEFINITE = 2
+_OUT_OF_MEMORY, _ZERO_PIVOT = -2, -4  # PARDISO's errors
+_SMALL_PIVOT = 13  # 10 to minus this of the norm: which pivots are perturbed at the second attempt
+_ADJOINT, _TRANSPOSED = 1, 2  # of iparm(12)
+
+
+def has_pardiso() -> bool:
+    """Whether MKL's PARDISO can be loaded."""
+    return _pardiso() is not None
+
+
+@functools.cache
+def _pardiso() -> Any:
+    """Return MKL's pardiso routine, or None. pypardiso finds it by a search of the disk, so once is enough."""
+    try:
+        from pypardiso import PyPardisoSolver
+
+        return PyPardisoSolver()._mkl_pardiso
+    except (ImportError, OSError):
+        return None
+
+
+class PardisoFactor:
+    """LU or LDLᵀ factors by PARDISO.
+
+    pypardiso finds the library; its own `solve` takes real matrices only, compares the whole matrix with the last one
+    and rebuilds its index arrays at every call, which takes longer than the solve, so here they are kept and the solve
+    step is called directly.
+    """
+
+    def __init__(
+        self, A: sp.csr_array, symmetric: bool, definite: bool = False, analyse_only: bool = False
+    ) -> None:
+        self.negative_pivots = None
+        self._dtype = np.complex128 if np.iscomplexobj(A) else np.float64
+        self._matrix = sp.csr_array(sp.triu(A, format="csr") if symmetric else A, dtype=self._dtype, copy=True)
+        self._matrix.sort_indices()
+        self._n = A.shape[0]
+        self._symmetric = symmetric
+        self._mtype = _DEFINITE if definite else _TYPES[symmetric, np.iscomplexobj(A)]
+        self._handle = np.zeros(64, dtype=np.int64)
+        self._iparm = np.zeros(64, dtype=np.int32)
+        self._perm = np.zeros(0, dtype=np.int32)
+        # PARDISO's own defaults for the type, stated because the zero in iparm(1) that would fill them in also switches
+        # two steps of iterative refinement on, which treble the time of a solve. Refinement stays for perturbed pivots.
+        iparm = self._iparm
+        iparm[0], iparm[1], iparm[7] = 1, 3, 0
+        iparm[9], iparm[10], iparm[12], iparm[20] = (8, 0, 0, 1) if symmetric else (13, 1, 1, 0)
+        iparm_before = int(iparm[9])
+        diagonal = np.abs(A.diagonal())
+        if symmetric and not definite and diagonal.min() <= 10.0 ** -iparm[9] * diagonal.max():
+            # Pivots this far below the norm are perturbed, all of them beside a penalty of 1e20, unless scaling comes
+            # before; matching besides prepares pivots of two rows where the diagonal is zero (Lagrange multipliers).
+            iparm[10] = iparm[12] = 1
+        self._ia = self._matrix.indptr.astype(np.int32) + 1
+        self._ja = self._matrix.indices.astype(np.int32) + 1
+        self._call(11, np.zeros((self._n, 1)))
+        if analyse_only:
+            return
+        require_memory(self.memory, self._n)
+        self._call(22, np.zeros((self._n, 1)))
+        if symmetric and not definite and self._iparm[13]:
+            # A soft spring behind a stiff one leaves small pivots that are right: keep them, unless that does not help.
+            self._iparm[9] = _SMALL_PIVOT
+            self._call(22, np.zeros((self._n, 1)))
+            if self._iparm[13]:
+                self._iparm[9] = iparm_before
+                self._call(22, np.zeros((self._n, 1)))
+        # A perturbed pivot (iparm(14)) leaves its sign open.
+        counts = symmetric and not np.iscomplexobj(A) and not self._iparm[13]
+        self.negative_pivots = int(self._iparm[22]) if counts else None
+
+    @property
+    def memory(self) -> int:
+        """Bytes at the peak of the factorisation, by the analysis."""
+        analysis, kept, factors = (1024 * int(self._iparm[i]) for i in (14, 15, 16))
+        return max(analysis, kept + factors)
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Return A⁻¹ b."""
+        return self._apply(0, b)
+
+    def solve_transposed(self, b: np.ndarray) -> np.ndarray:
+        """Return A⁻ᵀ b."""
+        return self._apply(0 if self._symmetric else _TRANSPOSED, b)
+
+    def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
+        """Return A⁻ᴴ b."""
+        if self._symmetric:
+            return self._apply(0, b.conj()).conj()
+        return self._apply(_ADJOINT, b)
+
+    def _apply(self, which: int, b: np.ndarray) -> np.ndarray:
+        self._iparm[11] = which
+        solve = functools.partial(self._call, 33)
+        return solve(b) if self._dtype is np.complex128 else by_parts(solve, b)
+
+    def _call(self, phase: int, b: np.ndarray) -> np.ndarray:
+        b = np.asfortranarray(b, dtype=self._dtype)
+        x, error = np.zeros_like(b, order="F"), ctypes.c_int32(0)
+        doubles = ctypes.POINTER(ctypes.c_double)  # a complex number is two of them
+        ints = ctypes.POINTER(ctypes.c_int32)
+
+        def integer(value: int) -> Any:
+            return ctypes.byref(ctypes.c_int32(value))
+
+        _pardiso()(
+            self._handle.ctypes.data_as(ctypes.POINTER(ctypes.c_int64)), integer(1), integer(1), integer(self._mtype),
+            integer(phase), integer(self._n), self._matrix.data.ctypes.data_as(doubles),
+            self._ia.ctypes.data_as(ints), self._ja.ctypes.data_as(ints), self._perm.ctypes.data_as(ints),
+            integer(1 if b.ndim == 1 else b.shape[1]), self._iparm.ctypes.data_as(ints), integer(0),
+            b.ctypes.data_as(doubles), x.ctypes.data_as(doubles), ctypes.byref(error),
+        )  # fmt: skip
+        if error.value == _OUT_OF_MEMORY:
+            raise MemoryError(f"PARDISO at phase {phase}")
+        if error.value:
+            kind = SingularError if error.value == _ZERO_PIVOT else NotConvergedError
+            raise kind(f"PARDISO failed with error {error.value} at phase {phase}")
+        if not np.isfinite(x).all():
+            raise SingularError("PARDISO: the shifted matrix is singular to working precision")
+        return x
+
+    def __del__(self) -> None:
+        if getattr(self, "_ja", None) is not None and not sys.is_finalizing():
+            self._call(-1, np.zeros((self._n, 1)))

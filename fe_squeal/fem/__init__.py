@@ -1,0 +1,1 @@
+"""Every formula of the discretisation: from meshes and materials to element matrices and contact operators."""

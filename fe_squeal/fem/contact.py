@@ -1,0 +1,242 @@
+"""Contact operators: gap and slip at the quadrature points of a pad's contact surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import skfem
+from scipy.spatial import cKDTree
+
+from ..errors import SceneError
+from .cells import geometry_map
+from .motion import Sliding
+from .spaces import ROUNDED, DisplacementSpace
+
+_NEWTON_STEPS = 25
+_INSIDE = 1e-6  # slack of reference coordinates: a point on an edge belongs to the facets on both sides
+_MOST_PARTS = 8  # of a pad facet's edge in the quadrature of meshes that do not match
+_BATCH = 200_000  # candidate (point, facet) pairs treated at once
+
+
+@dataclass(frozen=True)
+class ContactOperators:
+    """Sparse operators of one contact on the unknowns, at the q points in contact.
+
+    n points out of the counterface into the pad, t along the counterface's velocity relative to the pad, b = n × t.
+
+    Attributes
+    ----------
+    gap, slip, cross : (q, n) sparse
+        (u_pad − u_counter)·n, ·t and ·b.
+    weights : (q,) float, m^2
+    points, normals, directions : (q, 3) float
+    separation : (q,) float, m
+        Distance that the mesh leaves between the surfaces (negative: overlap); treated as closed.
+    coverage : float
+        Part of the pad's surface that is in contact.
+    """
+
+    gap: sp.csr_array
+    slip: sp.csr_array
+    cross: sp.csr_array
+    weights: np.ndarray
+    points: np.ndarray
+    normals: np.ndarray
+    directions: np.ndarray
+    separation: np.ndarray
+    coverage: float
+
+    @property
+    def area(self) -> float:
+        """Area in contact, m^2."""
+        return float(self.weights.sum())
+
+
+def contact_operators(
+    space: DisplacementSpace,
+    pad_facets: np.ndarray,
+    counter_facets: np.ndarray | None,
+    sliding: Sliding | None,
+    gap_tolerance: float | None = None,
+    name: str = "contact",
+) -> ContactOperators:
+    """Return the operators that couple a pad's surface to a counterface; the meshes need not match.
+
+    From each quadrature point of the pad's surface a line along the normal meets the counterface; the displacement
+    there
+    comes from the counterface's own shape functions. Points that meet nothing within the tolerance are not in contact.
+
+    Parameters
+    ----------
+    counter_facets : (f,) int or None
+        None for a rigid counterface.
+    sliding : Sliding or None
+        None for a contact that does not slide; slip and cross then lie along two arbitrary tangents.
+    gap_tolerance : float, m, optional
+        Default 2 % of the mean facet size of the pad.
+
+    Raises
+    ------
+    SceneError
+        If the surfaces do not touch; the message has the gap.
+    """
+    parts = 1 if counter_facets is None else _parts(space.mesh, pad_facets, counter_facets)
+    pad = space.surface(pad_facets, parts)
+    n = -pad.normals
+    values = pad.values
+    separation = np.zeros(len(n))
+    keep = np.ones(len(n), bool)
+    if counter_facets is not None:
+        tolerance = 0.02 * np.sqrt(pad.area / len(pad_facets)) if gap_tolerance is None else gap_tolerance
+        hit = locate_along(space.mesh, counter_facets, pad.points, n)
+        separation = hit.distance
+        keep = np.abs(separation) <= tolerance
+        if not keep.any():
+            nearest = np.abs(separation[np.isfinite(separation)])
+            if len(nearest):
+                gap = f"the gap along the normal is {nearest.min():.3g} m"
+            else:
+                apart = cKDTree(space.surface(counter_facets).points).query(pad.points)[0].min()
+                gap = f"their points are {apart:.3g} m apart, and none lies opposite the other within reach"
+            raise SceneError(
+                f"{name}: the surface and its counterface do not touch: {gap}; expected at most gap_tolerance ="
+                f" {tolerance:.3g} m; check the groups, or set gap_tolerance"
+            )
+        counter = interpolate(space, hit.elements[keep], hit.reference[:, keep])
+        values = values[keep] - counter
+    points, n = pad.points[keep], n[keep]
+    t = _tangents(n) if sliding is None else sliding.directions(points, n)
+    if sliding is not None and not t.any():
+        raise SceneError(
+            f"{name}.sliding: the counterface moves straight along the normal {np.round(n[0], 6).tolist()} of the"
+            " contact surface; expected a motion along the surface"
+        )
+    return ContactOperators(
+        gap=space.along(values, n),
+        slip=space.along(values, t),
+        cross=space.along(values, np.cross(n, t)),
+        weights=pad.weights[keep],
+        points=points,
+        normals=n,
+        directions=t,
+        separation=separation[keep],
+        coverage=float(pad.weights[keep].sum() / pad.area),
+    )
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Where lines from points meet facets: distance along the line (inf: nowhere), element, reference coordinates."""
+
+    distance: np.ndarray
+    elements: np.ndarray
+    reference: np.ndarray
+
+
+def locate_along(mesh: skfem.Mesh, facets: np.ndarray, points: np.ndarray, normals: np.ndarray) -> Hits:
+    """Meet lines x = p − s n with facets whose outward normal is along n; the nearest meeting counts.
+
+    Solves F(Y(ξ)) + s n = p for (ξ, s) by Newton's method on the facet's own, possibly curved, geometry; s > 0 is
+    a gap.
+
+    Parameters
+    ----------
+    facets : (f,) int
+    points, normals : (q, 3) float
+
+    Returns
+    -------
+    Hits
+        distance (q,) m, elements (q,) int, reference (3, q).
+    """
+    elements = mesh.f2t[0, facets]
+    local = np.argmax(mesh.t2f[:, elements] == facets, axis=0)
+    corners, ref = mesh.p[:, mesh.facets[:, facets]], np.asarray(mesh.refdom.p)
+    centres = corners.mean(axis=1).T
+    # Twice the corner radius encloses any facet that is curved within reason.
+    radii = 2 * np.linalg.norm(corners - centres.T[:, None], axis=0).max(axis=0)
+    reach = np.linalg.norm(np.ptp(points, axis=0)) * 1e-9 + radii.max()
+    lists = cKDTree(centres).query_ball_point(points, reach, return_sorted=True)
+    counts = np.array([len(c) for c in lists])
+    point_of = np.repeat(np.arange(len(points)), counts)
+    facet_of = np.concatenate([np.asarray(c, int) for c in lists]) if counts.any() else np.zeros(0, int)
+    near = np.linalg.norm(points[point_of] - centres[facet_of], axis=1) <= radii[facet_of]
+    point_of, facet_of = point_of[near], facet_of[near]
+
+    best = Hits(np.full(len(points), np.inf), np.zeros(len(points), int), np.zeros((3, len(points))))
+    for start in range(0, len(point_of), _BATCH):
+        i, f = point_of[start : start + _BATCH], facet_of[start : start + _BATCH]
+        s, Y = _meet(mesh, elements[f], local[f], ref, points[i], normals[i])
+        # Later entries of equal index win, so write from the farthest to the nearest.
+        order = np.argsort(-np.abs(s), kind="stable")
+        order = order[np.abs(s[order]) < np.abs(best.distance[i[order]])]
+        best.distance[i[order]], best.elements[i[order]] = s[order], elements[f[order]]
+        best.reference[:, i[order]] = Y[:, order]
+    return best
+
+
+def _meet(
+    mesh: skfem.Mesh, elements: np.ndarray, local: np.ndarray, ref: np.ndarray, points: np.ndarray, normals: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return distance along the normal (inf: no meeting) and reference coordinates, one facet per point."""
+    facet_corners = np.array([[c[0], c[1], c[-1]] for c in mesh.refdom.facets])[local]  # (k, 3)
+    origin = ref[:, facet_corners[:, 0]]
+    edges = np.stack([ref[:, facet_corners[:, 1]] - origin, ref[:, facet_corners[:, 2]] - origin], axis=1)
+    triangle = len(mesh.refdom.facets[0]) == 3
+    xi = np.full((2, len(elements)), 1 / 3 if triangle else 0.5)
+    s = np.zeros(len(elements))
+    scale = np.linalg.norm(np.ptp(mesh.p, axis=1))
+    for _ in range(_NEWTON_STEPS):
+        Y = origin + np.einsum("iak,ak->ik", edges, xi)
+        x, J = geometry_map(mesh, elements, Y)
+        residual = x.T + s[:, None] * normals - points
+        A = np.concatenate([np.einsum("ijk,jak->kia", J, edges), normals[:, :, None]], axis=2)
+        singular = np.abs(np.linalg.det(A)) <= 1e-12 * np.prod(np.linalg.norm(A, axis=1), axis=1)
+        A[singular] = np.eye(3)  # the line lies in the facet: no meeting
+        step = np.linalg.solve(A, residual[:, :, None])[:, :, 0]
+        xi = np.clip(xi - step[:, :2].T, -1.0, 2.0)
+        s = s - step[:, 2]
+        if np.abs(step[:, 2]).max(initial=0.0) <= 1e-15 * scale and np.abs(step[:, :2]).max(initial=0.0) <= 1e-13:
+            break
+    Y = origin + np.einsum("iak,ak->ik", edges, xi)
+    x, J = geometry_map(mesh, elements, Y)
+    outward = np.linalg.solve(np.transpose(J, (2, 1, 0)), mesh.refdom.normals[local][:, :, None])[:, :, 0]
+    inside = (xi >= -_INSIDE).all(axis=0) & ((xi.sum(axis=0) if triangle else xi.max(axis=0)) <= 1 + _INSIDE)
+    met = np.linalg.norm(x.T + s[:, None] * normals - points, axis=1) <= 1e-9 * scale
+    facing = np.einsum("ki,ki->k", outward, normals) > 0
+    return np.where(inside & met & facing & ~singular, s, np.inf), Y
+
+
+def _parts(mesh: skfem.Mesh, pad: np.ndarray, counter: np.ndarray) -> int:
+    """Return how often to cut the edges of the pad's facets: not where the meshes match.
+
+    Elsewhere the counterface's shape functions have kinks inside a facet of the pad. A rule for smooth functions then
+    does not hand a uniform pressure on as one; cut into pieces of half the counterface's facet size, it nearly does.
+    """
+    centres = [mesh.p[:, mesh.facets[:, f]].mean(axis=1).T for f in (pad, counter)]
+    sizes = [float(np.median(np.ptp(mesh.p[:, mesh.facets[:, f]], axis=1).max(axis=0))) for f in (pad, counter)]
+    distance, nearest = cKDTree(centres[1]).query(centres[0])
+    spans = [np.linalg.norm(np.ptp(mesh.p[:, mesh.facets[:, f]], axis=1), axis=0) for f in (pad, counter)]
+    # Equal centres are not enough: those of a mesh three times finer are among them.
+    if distance.max() <= 1e-6 * sizes[0] and np.allclose(spans[0], spans[1][nearest], rtol=1e-6):
+        return 1
+    return int(np.clip(np.ceil(2 * sizes[0] / sizes[1]), 2, _MOST_PARTS))
+
+
+def interpolate(space: DisplacementSpace, elements: np.ndarray, X: np.ndarray) -> sp.csr_array:
+    """Return the (q, nodes) operator that evaluates a nodal field at reference points X (3, q) of elements (q,)."""
+    nodes = space.dofs.element_dofs[:, elements]
+    data = np.stack([np.broadcast_to(space.element.lbasis(X, i)[0], elements.shape) for i in range(len(nodes))])
+    data[np.abs(data) < ROUNDED] = 0.0
+    rows = np.broadcast_to(np.arange(len(elements)), nodes.shape)
+    some = data != 0.0
+    return sp.csr_array((data[some], (rows[some], nodes[some])), shape=(len(elements), space.nodes))
+
+
+def _tangents(normals: np.ndarray) -> np.ndarray:
+    """Return one unit tangent per normal: across the coordinate axis that the normal is least along."""
+    axes = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    t = np.cross(normals, axes)
+    return t / np.linalg.norm(t, axis=1, keepdims=True)

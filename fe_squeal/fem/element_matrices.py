@@ -1,0 +1,121 @@
+"""Element matrices of elastic bodies, summed into those of the unknowns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import skfem
+from skfem.refdom import RefTet
+
+from .bubbles import bubble_functions
+from .pressures import pressure_functions
+from .spaces import DisplacementSpace
+
+_BYTES_PER_CHUNK = 2e8  # of element matrices held at once
+
+
+@dataclass(frozen=True)
+class ElementShapes:
+    """Shape functions on some elements at their quadrature points.
+
+    Attributes
+    ----------
+    nodes : (e, j) int
+        Numbers of the functions: those of nodes, and bubbles behind them.
+    values : (e, j, q) float
+    gradients : (e, j, 3, q) float, 1/m
+    points : (e, 3, q) float, m
+    dx : (e, q) float, m^3
+    """
+
+    nodes: np.ndarray
+    values: np.ndarray
+    gradients: np.ndarray
+    points: np.ndarray
+    dx: np.ndarray
+
+
+def element_shapes(space: DisplacementSpace, elements: np.ndarray) -> Iterator[ElementShapes]:
+    """Yield the shape functions of the elements (e,) of a body, so many at once that their matrices stay small."""
+    bubbles = space.bubbles if space.bubbles is not None and space.bubbles.elements[elements].any() else None
+    degree, local = space.integration_order, len(space.element.doflocs)
+    if bubbles is not None:
+        # The stiffness of bubbles, exact on straight elements. On tetrahedra the rule has positive weights, unlike the
+        # next ones, and integrates the mass but for the products of two cell bubbles.
+        degree = 6 if space.mesh.refdom is RefTet else 4
+        local += len(space.mesh.refdom.facets) + bubbles.in_cells
+    step = max(1, int(_BYTES_PER_CHUNK / (8 * (3 * local) ** 2)))
+    mapping = space.mesh.mapping()
+    for start in range(0, len(elements), step):
+        chunk = elements[start : start + step]
+        basis = skfem.CellBasis(
+            space.mesh, space.element, mapping=mapping, elements=chunk, intorder=degree, dofs=space.dofs,
+            disable_doflocs=True,
+        )  # fmt: skip
+        nodes = space.dofs.element_dofs[:, chunk].T
+        values = np.stack([np.asarray(f[0]) for f in basis.basis], axis=1)
+        gradients = np.moveaxis(np.stack([f[0].grad for f in basis.basis], axis=0), 2, 0)
+        if bubbles is not None:
+            b, db = bubble_functions(space.mesh.refdom, basis.X, bubbles.in_cells)
+            nodes = np.hstack([nodes, space.nodes + bubbles.functions_of(space.mesh, chunk).T])
+            values = np.concatenate([values, np.broadcast_to(b, (len(chunk), *b.shape))], axis=1)
+            inverse = mapping.invDF(basis.X, tind=chunk)  # inverse[i, c] = ∂X_i/∂x_c
+            gradients = np.concatenate([gradients, np.einsum("bir,icer->ebcr", db, inverse)], axis=1)
+        points = np.moveaxis(np.asarray(basis.global_coordinates()), 0, 1)
+        yield ElementShapes(nodes, values, gradients, points, basis.dx)
+
+
+def scatter_scalar(space: DisplacementSpace, blocks: np.ndarray, nodes: np.ndarray) -> sp.csr_array:
+    """Return the (n, n) matrix of a form that acts on each component alike, from its element blocks (e, j, j)."""
+    scalar = scatter(blocks, nodes, space.functions)
+    return space.restricted(sp.kron(scalar, sp.eye_array(3), format="csr"))
+
+
+def assemble_elasticity(
+    space: DisplacementSpace, elements: np.ndarray, stiffness: np.ndarray, density: float, lame: float = 0.0
+) -> tuple[sp.csr_array, sp.csr_array]:
+    """Return stiffness and mass matrix of a set of elements on the unknowns.
+
+    K_(Ia)(Jc) = ∫ ∂_b N_I C_abcd ∂_d N_J + λ ∫ Π(∂_a N_I) Π(∂_c N_J),  M_(Ia)(Jc) = δ_ac ∫ ρ N_I N_J.
+
+    Parameters
+    ----------
+    elements : (e,) int
+    stiffness : (3, 3, 3, 3) float, Pa
+    density : float, kg/m^3
+    lame : float, Pa
+        Lamé's λ of the mixed formulation, see `fe_squeal.fem.pressures`; not in the stiffness then.
+
+    Returns
+    -------
+    K, M : (n, n) sparse, N/m and kg
+    """
+    K = M = sp.csr_array((space.unknowns, space.unknowns))
+    for shapes in element_shapes(space, elements):
+        N, dN, t = shapes.values, shapes.gradients, shapes.nodes
+        e, nodes = t.shape
+        stress = np.einsum("abcd,ejdq,eq->ejcabq", stiffness, dN, shapes.dx, optimize=True)
+        # Contract b and q in one batched matrix product: (e, I, bq) x (e, bq, Jca).
+        right = np.transpose(stress, (0, 4, 5, 1, 2, 3)).reshape(e, -1, nodes * 9)
+        block = (dN.reshape(e, nodes, -1) @ right).reshape(e, nodes, nodes, 3, 3)  # e I J c a
+        block = np.transpose(block, (0, 1, 4, 2, 3)).reshape(e, 3 * nodes, 3 * nodes)
+        if lame:
+            P = pressure_functions(shapes.points, shapes.dx, space.order)
+            div = np.einsum("eiq,ejaq->ejai", P * shapes.dx[:, None], dN, optimize=True).reshape(e, 3 * nodes, -1)
+            block = block + lame * div @ np.swapaxes(div, 1, 2)
+        mass = (N * (density * shapes.dx)[:, None, :]) @ np.transpose(N, (0, 2, 1))
+        t3 = (3 * t[:, :, None] + np.arange(3)).reshape(e, -1)
+        K = K + space.restricted(scatter(block, t3, 3 * space.functions))
+        M = M + scatter_scalar(space, mass, t)
+    # Rounding in the products leaves an asymmetry of some ulps that would hide the true class of the problem.
+    return sp.csr_array((K + K.T) / 2), sp.csr_array((M + M.T) / 2)
+
+
+def scatter(blocks: np.ndarray, index: np.ndarray, n: int) -> sp.csr_array:
+    """Return the (n, n) sum of element matrices (e, j, j) at the rows and columns of index (e, j)."""
+    rows = np.broadcast_to(index[:, :, None], blocks.shape).ravel()
+    columns = np.broadcast_to(index[:, None, :], blocks.shape).ravel()
+    return sp.csr_array((blocks.ravel(), (rows, columns)), shape=(n, n))

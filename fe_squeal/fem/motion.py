@@ -1,0 +1,48 @@
+"""How a counterface moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Sliding:
+    """Motion of the counterface: rotation about an axis, or a straight belt.
+
+    Attributes
+    ----------
+    velocity : (3,) float
+        Belt: direction times speed, m/s; rotation: axis times angular speed, rad/s.
+    centre : (3,) float or None, m
+        A point of the axis of rotation; None for a belt.
+    """
+
+    velocity: np.ndarray
+    centre: np.ndarray | None = None
+
+    @property
+    def way(self) -> tuple[float, ...]:
+        """What decides on the direction of sliding: all but the speed."""
+        unit = np.round(self.velocity / np.linalg.norm(self.velocity), 15)
+        return (*unit.tolist(), *(self.centre.tolist() if self.centre is not None else ()))
+
+    def velocities(self, points: np.ndarray) -> np.ndarray:
+        """Return the counterface's velocity at (q, 3) points, (q, 3) m/s."""
+        if self.centre is None:
+            return np.broadcast_to(self.velocity, points.shape)
+        return np.cross(self.velocity, points - self.centre)
+
+    def speeds(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Return the sliding speeds |v| in the plane across the normals, (q,) m/s."""
+        v = self.velocities(points)
+        return np.asarray(np.linalg.norm(v - np.sum(v * normals, axis=1, keepdims=True) * normals, axis=1))
+
+    def directions(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Return unit sliding directions t in the plane across the normals, (q, 3); zero where nothing slides."""
+        v = self.velocities(points)
+        tangential = v - np.sum(v * normals, axis=1, keepdims=True) * normals
+        size = np.linalg.norm(tangential, axis=1, keepdims=True)
+        slides = size > 1e-9 * np.linalg.norm(v, axis=1).max(initial=0.0)
+        return np.divide(tangential, size, out=np.zeros_like(tangential), where=slides)

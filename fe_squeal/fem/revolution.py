@@ -1,0 +1,152 @@
+"""Whether bodies, supports and materials are the same all around an axis."""
+
+from __future__ import annotations
+
+import numpy as np
+import skfem
+
+from ..errors import SceneError
+from .motion import Sliding
+
+_SLOPE = 0.02  # of a facet out of the surface of revolution: an axis off by 2 % of the radius
+_STEEPEST = 0.5  # slope allowed where the meridian is curved; the wall of a hole or of a slot has 1
+_SHARP = 0.8  # change of the unit normal, about 47°, beyond which an edge is one of the body, not of the mesh
+_ON_AXIS = 1e-6  # of the facet's distance from the axis
+_REVOLUTION = 1e-9  # relative change of a stiffness tensor by turning that is rounding
+_ORDERS = 16  # of the harmonics around the axis by which a ring is told from a part of one
+_EVEN = 0.05  # of the area: the largest harmonic of a ring; a coarse mesh of a ring has none
+
+
+def check_revolution(mesh: skfem.Mesh, elements: np.ndarray, rotation: Sliding, name: str) -> None:
+    """Refuse a body that is not one of revolution about the axis of rotation.
+
+    Coordinates (r, θ, z) of the corners turn a surface of revolution into one that is straight along θ, and a facet on
+    a cylinder, a cone or a flat face into a plane one without slope along θ, however coarse the mesh. Where the
+    meridian is curved (fillets), a facet across it may have a slope; not more than between it and its neighbours.
+
+    Parameters
+    ----------
+    elements : (e,) int
+        The body.
+    rotation : Sliding
+        Not a belt.
+    name : str
+        Of the body, for the message.
+
+    Raises
+    ------
+    SceneError
+        If the slope of a facet out of the surface of revolution is too large.
+    """
+    corners, axis, centre = _boundary_corners(mesh, elements), _axis(rotation), rotation.centre
+    x = mesh.p.T[corners] - centre  # (f, corners, 3)
+    z = x @ axis
+    flat = x - z[:, :, None] * axis
+    r = np.linalg.norm(flat, axis=2)
+    radius, middle = r.mean(axis=1, keepdims=True), flat.mean(axis=1)
+    # Angles from the middle of the facet; a corner on the axis has none.
+    angle = np.arctan2(np.cross(middle[:, None], flat) @ axis, np.einsum("fk,fck->fc", middle, flat))
+    angle[r < _ON_AXIS * radius] = 0.0
+    mapped = np.stack([r, radius * angle, z], axis=2)
+    normal, area = _area_vectors(mapped), np.linalg.norm(_area_vectors(x), axis=1, keepdims=True)
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    # A facet that the axis passes through has no angles, and there is none around the axis that it could hide.
+    through = np.ptp(angle, axis=1, keepdims=True) > 0.9 * np.pi
+    through |= np.linalg.norm(middle, axis=1, keepdims=True) < _ON_AXIS * radius
+    normal = np.divide(normal, size, out=np.zeros_like(normal), where=(size > _ON_AXIS * area) & ~through)
+    slope = np.abs(normal[:, 1])
+    allowed = _SLOPE + np.minimum(_bend(corners, normal), _STEEPEST - _SLOPE)
+    worst = int(np.argmax(slope - allowed))
+    if slope[worst] > allowed[worst]:
+        at = np.round(mesh.p.T[corners[worst]].mean(axis=0), 6).tolist()
+        raise SceneError(
+            f'effects.rotation: body "{name}" is not a body of revolution about the axis'
+            f" {np.round(axis, 6).tolist()} through {np.round(np.asarray(centre), 6).tolist()}: its surface at {at}"
+            f" has a slope of {slope[worst]:.3g} out of the surface of revolution; expected at most"
+            f" {allowed[worst]:.2g} there; check the axis and the centre of the rotation, and that the body"
+            " has no holes or slots beside the axis"
+        )
+
+
+def check_ring(mesh: skfem.Mesh, facets: np.ndarray, rotation: Sliding, key: str, name: str) -> None:
+    """Refuse a surface that does not go evenly around the axis, on which what holds a turning body would turn along.
+
+    The harmonics ∫ e^{imθ} dA of a ring vanish; those of bolts or of a sector do not.
+
+    Parameters
+    ----------
+    facets : (f,) int
+        Of the rotating body's surface.
+    rotation : Sliding
+        Not a belt.
+    key, name : str
+        Where the surface is named, and the body, for the message.
+
+    Raises
+    ------
+    SceneError
+    """
+    x = mesh.p.T[mesh.facets[:, facets].T] - rotation.centre  # (f, corners, 3)
+    area = np.linalg.norm(_area_vectors(x[:, [0, 1, 2, -1]]), axis=1)
+    axis = _axis(rotation)
+    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    across /= np.linalg.norm(across)
+    points = np.exp(1j * np.arctan2(x @ np.cross(axis, across), x @ across))
+    middle = np.angle(points.sum(axis=1))
+    widest = np.abs(np.angle(points / np.exp(1j * middle)[:, None])).max() * 2
+    # A facet stands for its middle: harmonics shorter than two facets are not those of the surface.
+    orders = np.arange(1, np.clip(int(np.pi / max(widest, 1e-9)), 1, _ORDERS) + 1)
+    share = np.abs(np.exp(1j * orders[:, None] * middle) @ area) / area.sum()
+    if share.max() > _EVEN:
+        raise SceneError(
+            f'effects.rotation: {key} acts on the rotating body "{name}" on a surface that does not go evenly around'
+            f" the axis (harmonic {share.argmax() + 1} has {share.max():.2g} of its area); expected one of revolution,"
+            " because supports and springs do not turn with the body"
+        )
+
+
+def is_transversal(stiffness: np.ndarray, rotation: Sliding) -> bool:
+    """Return whether turning about the axis leaves a stiffness tensor (3, 3, 3, 3) as it is."""
+    axis = _axis(rotation)
+    # No turn of a crystal into itself is one by 1 rad.
+    K = np.cross(axis, np.eye(3)).T
+    R = np.eye(3) + np.sin(1.0) * K + (1.0 - np.cos(1.0)) * K @ K
+    turned = np.einsum("ip,jq,kr,ls,pqrs->ijkl", R, R, R, R, stiffness, optimize=True)
+    return bool(np.abs(turned - stiffness).max() <= _REVOLUTION * np.abs(stiffness).max())
+
+
+def _axis(rotation: Sliding) -> np.ndarray:
+    return np.asarray(rotation.velocity / np.linalg.norm(rotation.velocity))
+
+
+def _boundary_corners(mesh: skfem.Mesh, elements: np.ndarray) -> np.ndarray:
+    """Return the corners of the facets of a body's surface, cyclic, (f, 4) int; triangles repeat the last one."""
+    facets, count = np.unique(mesh.t2f[:, elements], return_counts=True)
+    facets = facets[count == 1]
+    inside = np.isin(mesh.f2t[0, facets], elements)
+    element = np.where(inside, mesh.f2t[0, facets], mesh.f2t[1, facets])
+    local = np.argmax(mesh.t2f[:, element] == facets, axis=0)
+    order = np.array([[c[0], c[1], c[2], c[-1]] for c in mesh.refdom.facets])[local]
+    return np.asarray(mesh.t.T[element[:, None], order])
+
+
+def _area_vectors(x: np.ndarray) -> np.ndarray:
+    """Return twice the area times the normal of facets with corners (f, 4, 3)."""
+    return np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
+
+
+def _bend(corners: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Return the largest change of the unit normal from a facet to its neighbours, sharp edges left out, (f,)."""
+    edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
+    facet, proper = np.repeat(np.arange(len(corners)), 4), edges[:, 0] != edges[:, 1]
+    facet, edges = facet[proper], edges[proper]
+    order = np.lexsort(edges.T)
+    same = np.flatnonzero((edges[order[1:]] == edges[order[:-1]]).all(axis=1))
+    a, b = facet[order[same]], facet[order[same + 1]]
+    # Corners may run either way around a facet.
+    change = np.minimum(np.linalg.norm(normal[a] - normal[b], axis=1), np.linalg.norm(normal[a] + normal[b], axis=1))
+    bend = np.zeros(len(corners))
+    smooth = change < _SHARP
+    for side in (a, b):
+        np.maximum.at(bend, side[smooth], change[smooth])
+    return bend

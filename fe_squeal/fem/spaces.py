@@ -1,0 +1,258 @@
+"""Displacement spaces: unknowns, and interpolation on surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+import skfem
+from skfem.assembly import Dofs
+from skfem.refdom import RefTet
+
+from ..errors import SceneError
+from .bubbles import Bubbles, make_bubbles
+from .cells import geometry_map
+from .facets import facet_mapping, subdivided_quadrature
+
+_ELEMENTS = {
+    (True, 1): skfem.ElementTetP1,
+    (True, 2): skfem.ElementTetP2,
+    (False, 1): skfem.ElementHex1,
+    (False, 2): skfem.ElementHex2,
+}
+ROUNDED = 1e-13  # size below which shape functions and direction components, of order 1, are rounding
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Quadrature and interpolation on facets.
+
+    Attributes
+    ----------
+    points : (q, 3) float, m
+    normals : (q, 3) float
+        Outward unit normals.
+    weights : (q,) float, m^2
+    values : (q, nodes) sparse
+        Shape-function values: `values @ u_nodes` interpolates at the points.
+    facets : (f,) int
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    weights: np.ndarray
+    values: sp.csr_array
+    facets: np.ndarray
+
+    @property
+    def area(self) -> float:
+        """Area of the surface, m^2."""
+        return float(self.weights.sum())
+
+    def mean(self) -> np.ndarray:
+        """Return the (nodes,) weights of the mean of a nodal field over the surface."""
+        return np.asarray(self.values.T @ self.weights) / self.area
+
+
+@dataclass(frozen=True)
+class DisplacementSpace:
+    """Continuous piecewise polynomial displacements on a mesh.
+
+    Unknowns are the components of the nodes' displacements, 3 j + c being component c at node j, less those that are
+    held, and behind them those of the bubbles between elements of the mixed formulation, which vanish at all nodes.
+
+    Attributes
+    ----------
+    mesh : skfem.Mesh
+        Tetrahedra or hexahedra, straight or curved.
+    order : int
+        1 or 2.
+    fixed : (3 nodes,) bool
+        Displacements that supports hold at zero; they are not unknowns.
+    bubbles : Bubbles or None
+    """
+
+    mesh: skfem.Mesh
+    order: int
+    fixed: np.ndarray
+    bubbles: Bubbles | None = None
+
+    @cached_property
+    def element(self) -> skfem.Element:
+        """The scalar nodal element."""
+        return _ELEMENTS[self.mesh.refdom is RefTet, self.order]()
+
+    @cached_property
+    def dofs(self) -> Dofs:
+        """Numbering of the nodes."""
+        return Dofs(self.mesh, self.element)
+
+    @property
+    def nodes(self) -> int:
+        """Number of displacement nodes."""
+        return int(self.dofs.N)
+
+    @property
+    def functions(self) -> int:
+        """Number of scalar shape functions: of the nodes, and the bubbles behind them."""
+        return self.nodes + (self.bubbles.functions if self.bubbles is not None else 0)
+
+    @cached_property
+    def free(self) -> np.ndarray:
+        """Positions of the unknown displacements among all 3*nodes, int; the unknowns of bubbles come behind them."""
+        return np.flatnonzero(~self.fixed)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns n."""
+        return len(self.free) + (self.bubbles.unknowns if self.bubbles is not None else 0)
+
+    @cached_property
+    def prolongation(self) -> sp.csr_array:
+        """(3 functions, n): amplitudes of all shape functions along x, y and z from the unknowns."""
+        rows, columns = self.free, np.arange(len(self.free))
+        nodal = sp.csr_array((np.ones(len(rows)), (rows, columns)), shape=(3 * self.nodes, len(rows)))
+        if self.bubbles is None:
+            return nodal
+        return sp.csr_array(sp.block_diag([nodal, self.bubbles.directions]))
+
+    def restricted(self, A: sp.csr_array) -> sp.csr_array:
+        """Return the (n, n) matrix of a form on the unknowns from that (3 functions, 3 functions) on all functions."""
+        if self.bubbles is None:
+            return sp.csr_array(A[self.free][:, self.free])
+        return sp.csr_array(self.prolongation.T @ A @ self.prolongation)
+
+    @cached_property
+    def coordinates(self) -> np.ndarray:
+        """(nodes, 3) float, m: where the nodes are (on curved edges too)."""
+        x = np.zeros((self.nodes, 3))
+        elements = np.arange(self.mesh.nelements)
+        for i, reference in enumerate(self.element.doflocs):
+            X = np.repeat(np.asarray(reference)[:, None], len(elements), axis=1)
+            x[self.dofs.element_dofs[i]] = geometry_map(self.mesh, elements, X)[0].T
+        return x
+
+    @property
+    def integration_order(self) -> int:
+        """Degree integrated exactly: the mass on straight elements, two more on curved tetrahedra."""
+        curved = self.mesh.refdom is RefTet and isinstance(self.mesh, skfem.MeshTet2)
+        return 2 * self.order + (2 if curved else 0)
+
+    def nodes_of(self, facets: np.ndarray) -> np.ndarray:
+        """Return the nodes on facets."""
+        return np.asarray(self.dofs.get_facet_dofs(facets).flatten())
+
+    def surface(self, facets: np.ndarray, parts: int = 1) -> Surface:
+        """Return quadrature and interpolation on boundary facets.
+
+        Parameters
+        ----------
+        parts : int
+            Every edge is cut into so many parts and each part of a facet integrated by itself, for integrands that are
+            smooth only piece by piece.
+        """
+        quadrature = subdivided_quadrature(self.mesh.brefdom, self.integration_order, parts)
+        basis = skfem.FacetBasis(
+            self.mesh, self.element, facet_mapping(self.mesh, facets, len(quadrature[1])), facets=facets,
+            quadrature=quadrature, dofs=self.dofs,
+        )  # fmt: skip
+        q = basis.dx.size
+        shapes = np.stack([np.asarray(shape) for (shape,) in basis.basis])  # (local nodes, facets, points)
+        rows = np.broadcast_to(np.arange(q).reshape(basis.dx.shape), shapes.shape)
+        columns = np.broadcast_to(basis.element_dofs[:, :, None], shapes.shape)
+        some = np.abs(shapes) >= ROUNDED  # nodes off the facet have no part in it but rounding
+        values = sp.csr_array((shapes[some], (rows[some], columns[some])), shape=(q, self.nodes))
+        points = np.asarray(basis.global_coordinates()).reshape(3, -1).T
+        normals = np.asarray(basis.normals).reshape(3, -1).T
+        return Surface(points, normals, basis.dx.ravel(), values, np.asarray(facets))
+
+    def along(self, values: sp.csr_array, directions: np.ndarray) -> sp.csr_array:
+        """Return the operator that gives the displacement along directions at points, on the unknowns.
+
+        Parameters
+        ----------
+        values : (q, nodes) sparse
+            Interpolation of a nodal field.
+        directions : (q, 3) or (3,) float
+
+        Returns
+        -------
+        (q, n) sparse
+        """
+        d = np.broadcast_to(np.asarray(directions, float), (values.shape[0], 3))
+        d = np.where(np.abs(d) < ROUNDED, 0.0, d)
+        components = [sp.diags_array(d[:, c]) @ values for c in range(3)]
+        nodal = sp.csr_array(self._interleave(components)[:, self.free])
+        # Bubbles vanish on the boundary; on faces inside it is the nodal interpolant that counts.
+        return sp.csr_array((nodal.data, nodal.indices, nodal.indptr), shape=(nodal.shape[0], self.unknowns))
+
+    def expand(self, u: np.ndarray) -> np.ndarray:
+        """Return nodal displacements (nodes, 3) of a vector of unknowns (n,)."""
+        full = np.zeros(3 * self.nodes, dtype=u.dtype)
+        full[self.free] = u[: len(self.free)]
+        return full.reshape(-1, 3)
+
+    def gather(self, nodal: np.ndarray) -> np.ndarray:
+        """Return the unknowns (n,) of nodal displacements (nodes, 3), bubbles at rest; held displacements drop out."""
+        u = np.zeros(self.unknowns, dtype=nodal.dtype)
+        u[: len(self.free)] = nodal.ravel()[self.free]
+        return u
+
+    def amplitudes(self, u: np.ndarray) -> np.ndarray:
+        """Return those of all shape functions, (functions, 3), of a vector of unknowns (n,)."""
+        return np.asarray(self.prolongation @ u).reshape(-1, 3)
+
+    def _interleave(self, components: list[sp.csr_array]) -> sp.csr_array:
+        parts = [sp.coo_array(p) for p in components]
+        rows = np.concatenate([p.coords[0] for p in parts])
+        columns = np.concatenate([3 * p.coords[1] + c for c, p in enumerate(parts)])
+        data = np.concatenate([p.data for p in parts])
+        some = data != 0.0
+        return sp.csr_array((data[some], (rows[some], columns[some])), shape=(parts[0].shape[0], 3 * self.nodes))
+
+
+def make_space(
+    mesh: skfem.Mesh, order: int, supports: list[tuple[np.ndarray, str]], mixed: Sequence[np.ndarray] = ()
+) -> DisplacementSpace:
+    """Return the displacement space with supports.
+
+    Parameters
+    ----------
+    mesh : skfem.Mesh
+    order : int
+        1 or 2.
+    supports : list of (facets, components)
+        Components are any of "x", "y", "z".
+    mixed : sequence of (e,) int
+        Elements of each body of the mixed formulation.
+    """
+    space = DisplacementSpace(mesh, order, np.zeros(0, bool))
+    fixed, held = np.zeros((space.nodes, 3), bool), np.zeros(mesh.nfacets, bool)
+    elements = np.zeros(mesh.nelements, bool)
+    for facets, components in supports:
+        nodes = space.nodes_of(facets)
+        held[facets] = True
+        for c in components:
+            fixed[nodes, "xyz".index(c)] = True
+    if fixed.all():
+        raise SceneError("supports: every displacement is held; expected at least one free unknown")
+    for body in mixed:
+        elements[body] = True
+    return DisplacementSpace(mesh, order, fixed.ravel(), make_bubbles(mesh, order, elements, held))
+
+
+def straightened(mesh: skfem.Mesh) -> skfem.Mesh:
+    """Return the mesh with straight edges between its corners, groups kept; a straight mesh itself.
+
+    Displacements of order 1 hold no rotation of a curved element: they would stiffen it against rigid motions.
+    """
+    kinds = {skfem.MeshTet2: skfem.MeshTet1, skfem.MeshHex2: skfem.MeshHex1}
+    kind = next((k for quadratic, k in kinds.items() if isinstance(mesh, quadratic)), None)
+    if kind is None:
+        return mesh
+    corners = mesh.t.max() + 1
+    points = np.ascontiguousarray(mesh.doflocs[:, :corners])
+    return kind(points, mesh.t, _subdomains=mesh.subdomains, _boundaries=mesh.boundaries)

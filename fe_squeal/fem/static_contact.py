@@ -1,0 +1,171 @@
+"""Static equilibrium with unilateral contact and steady sliding friction, by a semismooth Newton method."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..eigen.linear.choice import factorize
+from ..errors import NotConvergedError
+
+_ITERATIONS = 60
+_EQUILIBRIUM = 1e-8  # residual forces over those that cancel in them
+_HALVINGS = 12
+_FLOATING = 1e11  # internal forces over the load beyond which they are rounding of rigid motions: nothing holds them
+
+
+@dataclass(frozen=True)
+class SlidingContact:
+    """One contact in a static solve.
+
+    Attributes
+    ----------
+    gap : (q, n) sparse
+        Gap of the displacements at the contact points.
+    slip : (q, n) sparse or None
+        Along the sliding direction; None without friction.
+    stiffness : (q,) float, N/m
+        Contact stiffness times the area of each point.
+    mu : float
+    opens : bool
+        Whether it lifts off; else it also pulls.
+    """
+
+    gap: sp.csr_array
+    slip: sp.csr_array | None
+    stiffness: np.ndarray
+    mu: float
+    opens: bool
+
+    @property
+    def reaction(self) -> sp.csr_array:
+        """(q, n) sparse: G_n + μ G_t, whose transpose makes nodal forces of the contact forces."""
+        return self.gap if self.slip is None or not self.mu else sp.csr_array(self.gap + self.mu * self.slip)
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """A static state.
+
+    Attributes
+    ----------
+    u : (n,) float, m
+    closed : tuple of (q,) bool
+        The points of each contact that touch.
+    iterations : int
+    residual : float
+        Largest residual force over the forces that cancel in it.
+    """
+
+    u: np.ndarray
+    closed: tuple[np.ndarray, ...]
+    iterations: int
+    residual: float
+
+
+class NotHeldError(NotConvergedError):
+    """Nothing holds the bodies against the load; `partial` is the last set of closed points."""
+
+
+def solve_static_contact(
+    K: sp.csr_array, load: np.ndarray, contacts: Sequence[SlidingContact],
+    start: Sequence[np.ndarray] | None = None,
+) -> Equilibrium:  # fmt: skip
+    """Solve K u + Σ (G_n + μG_t)ᵀ k_n A min(G_n u, 0) = f for the displacements.
+
+    The forces are piecewise linear in u, so that Newton's method is an active-set method: the next iterate is exact
+    once the set of closed points is right, and the method stops where the set repeats itself and the residual is that
+    of rounding. Where sets alternate, steps are halved until the residual falls. (Alart and Curnier, Comput. Methods
+    Appl. Mech. Eng. 92, 1991; Hintermüller, Ito and Kunisch, SIAM J. Optim. 13, 2003.)
+
+    Parameters
+    ----------
+    K : (n, n) sparse float, N/m
+        Everything but these contacts.
+    load : (n,) float, N
+    start : sequence of (q,) bool, optional
+        Closed points to begin with (default: all).
+
+    Raises
+    ------
+    NotHeldError
+        If the stiffness with the closed points alone is singular.
+    NotConvergedError
+        `partial` is the last Equilibrium.
+    """
+    closed = tuple(np.ones(len(c.stiffness), bool) for c in contacts) if start is None else tuple(start)
+    symmetric = all(c.reaction is c.gap for c in contacts)
+    seen: set[bytes] = set()
+    u, state = None, None
+    for iteration in range(1, _ITERATIONS + 1):
+        full = _solve_linear(K, load, contacts, closed, symmetric)
+        alternates = _key(closed) in seen
+        seen.add(_key(closed))
+        u = full if u is None or not alternates else _shorter(K, load, contacts, u, full)
+        before, closed = closed, _closed(contacts, u)
+        state = Equilibrium(u, closed, iteration, _residual(K, load, contacts, u))
+        if state.residual <= _EQUILIBRIUM and all((a == b).all() for a, b in zip(before, closed, strict=True)):
+            return state
+    assert state is not None
+    raise NotConvergedError(
+        f"the static contact did not settle in {_ITERATIONS} iterations: residual {state.residual:.2g} of the forces",
+        partial=state,
+    )
+
+
+def _solve_linear(
+    K: sp.csr_array, load: np.ndarray, contacts: Sequence[SlidingContact], closed: Sequence[np.ndarray], symmetric: bool
+) -> np.ndarray:
+    tangent = K
+    for c, touching in zip(contacts, closed, strict=True):
+        tangent = tangent + c.reaction.T @ sp.diags_array(c.stiffness * touching) @ c.gap
+    tangent = sp.csr_array(tangent)
+    if symmetric:
+        tangent = sp.csr_array((tangent + tangent.T) / 2)
+    try:
+        u = factorize(tangent, symmetric).solve(load)
+    except NotConvergedError as error:
+        raise NotHeldError(str(error), partial=tuple(closed)) from error
+    inner = (abs(tangent) @ np.abs(u)).max()
+    if not np.isfinite(u).all() or inner > _FLOATING * np.abs(load).max():
+        raise NotHeldError("the stiffness is singular", partial=tuple(closed))
+    return u
+
+
+def _closed(contacts: Sequence[SlidingContact], u: np.ndarray) -> tuple[np.ndarray, ...]:
+    return tuple((c.gap @ u < 0) if c.opens else np.ones(len(c.stiffness), bool) for c in contacts)
+
+
+def _forces(contacts: Sequence[SlidingContact], u: np.ndarray) -> list[np.ndarray]:
+    gaps = [c.gap @ u for c in contacts]
+    return [
+        c.reaction.T @ (c.stiffness * (np.minimum(g, 0.0) if c.opens else g))
+        for c, g in zip(contacts, gaps, strict=True)
+    ]
+
+
+def _residual(K: sp.csr_array, load: np.ndarray, contacts: Sequence[SlidingContact], u: np.ndarray) -> float:
+    forces = _forces(contacts, u)
+    balance = K @ u - load + sum(forces, start=np.zeros(len(load)))
+    size = abs(K) @ np.abs(u) + np.abs(load) + sum((np.abs(f) for f in forces), start=np.zeros(len(load)))
+    return float(np.abs(balance).max() / (size.max() or 1.0))
+
+
+def _shorter(
+    K: sp.csr_array, load: np.ndarray, contacts: Sequence[SlidingContact], u: np.ndarray, full: np.ndarray
+) -> np.ndarray:
+    """Return the longest of the halved steps from u to `full` that lowers the residual."""
+    least, step = _residual(K, load, contacts, u), 1.0
+    for _ in range(_HALVINGS):
+        trial = u + step * (full - u)
+        if _residual(K, load, contacts, trial) < (1 - 1e-4 * step) * least:
+            return trial
+        step /= 2
+    return u + step * (full - u)
+
+
+def _key(closed: Sequence[np.ndarray]) -> bytes:
+    return b"".join(np.packbits(c).tobytes() for c in closed)

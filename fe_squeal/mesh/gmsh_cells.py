@@ -1,0 +1,101 @@
+"""Gmsh's cells and physical groups, and the mesh that they are: of a file, or of a geometry meshed in memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .checking import connect
+from .raw import CellBlock, Floats, Ints, RawMesh, check_unique_nodes
+
+_HEX20 = [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15]
+# Gmsh's type number: VTK name, number of nodes, and VTK's order in terms of Gmsh's (None: the same).
+SOLIDS: dict[int, tuple[str, list[int] | None]] = {
+    4: ("tetra", None), 5: ("hexahedron", None), 6: ("wedge", None), 7: ("pyramid", None),
+    11: ("tetra10", [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]),
+    12: ("hexahedron27", [*_HEX20, 22, 23, 21, 24, 20, 25, 26]),
+    17: ("hexahedron20", _HEX20),
+    13: ("wedge18", [0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11, 15, 17, 16]),
+    18: ("wedge15", [0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11]),
+    14: ("pyramid14", [0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12, 13]),
+    19: ("pyramid13", [0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12]),
+}  # fmt: skip
+SURFACES = {2: 3, 9: 3, 3: 4, 10: 4, 16: 4}  # number of corners
+NODES = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1, 16: 8,
+          17: 20, 18: 15, 19: 13}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cells of one type and one set of physical groups: numbers (n,), nodes (n, k), groups."""
+
+    type: int
+    labels: Ints
+    nodes: Ints
+    physical: tuple[int, ...]
+
+
+def raw_mesh(
+    source: str, labels: Ints, points: Floats, cells: list[Cells], names: dict[tuple[int, int], str],
+    repeats: bool = False,
+) -> RawMesh:  # fmt: skip
+    """Return the mesh of numbered nodes and cells in physical groups.
+
+    Parameters
+    ----------
+    labels, points : (n,) int, (n, 3) float
+        Numbers of the nodes, and where they are.
+    names : mapping of (dimension, tag) to str
+        Of the physical groups; one without a name is called by its tag.
+    repeats : bool
+        Whether a cell stands there once for each of its groups.
+    """
+    labels, points = check_unique_nodes(labels, points, source)
+    blocks: list[CellBlock] = []
+    volumes: dict[str, list[Ints]] = {}
+    surfaces: dict[str, list[Ints]] = {}
+    at = 0
+    for some in cells:
+        if some.type in SOLIDS:
+            kind, permutation = SOLIDS[some.type]
+            nodes = connect(some.nodes, labels, some.labels, "element", source)
+            nodes = nodes if permutation is None else nodes[:, permutation]
+            blocks.append(CellBlock(kind, nodes, some.labels))
+            index = at + np.arange(len(nodes))
+            at += len(nodes)
+            for tag in some.physical:
+                volumes.setdefault(names.get((3, abs(tag)), str(abs(tag))), []).append(index)
+        elif some.type in SURFACES and some.physical:
+            nodes = connect(some.nodes[:, : SURFACES[some.type]], labels, some.labels, "surface element", source)
+            for tag in some.physical:
+                surfaces.setdefault(names.get((2, abs(tag)), str(abs(tag))), []).append(nodes)
+    groups = {name: np.unique(np.concatenate(parts)) for name, parts in volumes.items()}
+    merged, groups = merge_copies(tuple(blocks), groups) if repeats else (tuple(blocks), groups)
+    return RawMesh(points, labels, merged, groups, surfaces)
+
+
+def merge_copies(
+    blocks: tuple[CellBlock, ...], groups: dict[str, Ints]
+) -> tuple[tuple[CellBlock, ...], dict[str, Ints]]:
+    """Merge elements that stand in the file once per physical group, as version 2.2 writes them.
+
+    Copies within one group are left for `checking.check_cells` to refuse.
+    """
+    if not blocks or any(len(np.unique(block.nodes, axis=0)) < len(block) for block in blocks):
+        return blocks, groups
+    new = np.empty(sum(map(len, blocks)), dtype=np.int64)
+    kept, total = [], 0
+    for kind in dict.fromkeys(block.kind for block in blocks):
+        place = np.concatenate(
+            [np.arange(len(b)) + sum(map(len, blocks[:i])) for i, b in enumerate(blocks) if b.kind == kind]
+        )
+        nodes = np.concatenate([b.nodes for b in blocks if b.kind == kind])
+        labels = np.concatenate([b.labels for b in blocks if b.kind == kind])
+        _, first, inverse = np.unique(nodes, axis=0, return_index=True, return_inverse=True)
+        order = np.argsort(np.argsort(first))  # keep the file's order
+        new[place] = total + order[inverse.ravel()]
+        rows = np.sort(first)
+        kept.append(CellBlock(kind, nodes[rows], labels[rows]))
+        total += len(rows)
+    return tuple(kept), {name: np.unique(new[cells]) for name, cells in groups.items()}

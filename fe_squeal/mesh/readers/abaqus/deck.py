@@ -1,0 +1,197 @@
+"""Abaqus input files: parts, instances, sets, surfaces. Written anew because meshio reads flat files alone.
+
+Syntax after the Abaqus keywords manual (*NODE, *ELEMENT, *NSET, *ELSET, *SURFACE, *PART, *INSTANCE, *INCLUDE); the rest
+of the file (materials, steps, boundary conditions) is passed over.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from fe_squeal.errors import MeshError
+
+from ...raw import Floats, Ints
+from .model import Cells, Instance, Members, Model, Scope
+from .text import Block, entries, is_label, label_of, numbers, read_blocks
+
+# Solid families by their first letters: our kind and the number of nodes, longest names first.
+_TYPES = (("C3D10", "tetra10"), ("C3D15", "wedge15"), ("C3D20", "hexahedron20"), ("C3D27", "hexahedron27"),
+          ("C3D4", "tetra"), ("C3D5", "pyramid"), ("C3D6", "wedge"), ("C3D8", "hexahedron"),
+          ("DC3D10", "tetra10"), ("DC3D20", "hexahedron20"), ("DC3D4", "tetra"), ("DC3D8", "hexahedron"))  # fmt: skip
+_COUNT = {"tetra": 4, "tetra10": 10, "pyramid": 5, "wedge": 6, "wedge15": 15, "hexahedron": 8, "hexahedron20": 20,
+          "hexahedron27": 27}  # fmt: skip
+# Abaqus puts the 27-node brick's centre first and the face centres in the order of its faces S1 ... S6.
+_HEX27 = [*range(20), 26, 24, 23, 25, 21, 22, 20]
+_SKIN = re.compile(r"(?:STRI|CPS|CPE|SFM3D|M3D|R3D|DS|S)(65|[34689])")
+_REFUSED = {"NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "NMAP", "SYSTEM"}
+
+
+def parse_model(path: Path) -> Model:
+    """Return the file's parts, instances and assembly as they are written."""
+    source = path.name
+    model = Model()
+    scope = model.assembly
+    ignored: dict[str, int] = {}
+    seen = False
+    for block in read_blocks(path, source):
+        seen = True
+        word = block.keyword
+        if word == "PART":
+            scope = Scope(block.value("NAME"))
+            model.parts[scope.name.upper()] = scope
+        elif word == "INSTANCE":
+            scope = Scope(block.value("NAME"))
+            if block.value("LIBRARY") or block.value("INSTANCE"):
+                raise MeshError(
+                    f"{source}: {block.where}: an instance imported from another analysis cannot be read; "
+                    "write the part into this file"
+                )
+            model.instances[scope.name.upper()] = Instance(
+                scope.name, block.value("PART"), _placement(block, source), scope, block.where
+            )
+        elif word in ("END PART", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY"):
+            scope = model.assembly
+        elif word == "NODE":
+            _read_nodes(block, scope, source)
+        elif word == "ELEMENT":
+            name, count = _read_elements(block, scope, source)
+            if name:
+                ignored[name] = ignored.get(name, 0) + count
+        elif word in ("NSET", "ELSET"):
+            name = block.value(word)
+            if not name:
+                raise MeshError(f"{source}: {block.where}: *{word} without a name; expected {word}=name")
+            generate = "GENERATE" in block.parameters
+            items = block.lines if generate else [item for line in block.lines for item in entries(line)]
+            member = Members(items, generate, block.value("INSTANCE"))
+            scope.sets.setdefault((word, scope.remember(word, name)), []).append(member)
+        elif word == "SURFACE":
+            name = block.value("NAME")
+            if not name:
+                raise MeshError(f"{source}: {block.where}: *SURFACE without a name; expected NAME=name")
+            scope.surfaces.setdefault(scope.remember("SURFACE", name), []).append(block)
+        elif word in _REFUSED and (block.lines or word != "SYSTEM"):
+            raise MeshError(
+                f"{source}: {block.where}: *{word} is not read; write out all nodes and elements in global coordinates"
+            )
+    if not seen:
+        raise MeshError(f"{source}: no Abaqus keywords (lines that begin with *); expected an Abaqus input file")
+    model.notes += [
+        f"{count} elements of type {name} are no solids and are left out" for name, count in ignored.items()
+    ]
+    return model
+
+
+def _placement(block: Block, source: str) -> tuple[tuple[float, ...], ...]:
+    rows = [tuple(numbers([line], block.where, source)[0].tolist()) for line in block.lines]
+    if (
+        len(rows) > 2
+        or any(len(row) > n for row, n in zip(rows, (3, 7), strict=False))
+        or (len(rows) == 2 and len(rows[1]) != 7)
+    ):
+        raise MeshError(
+            f"{source}: {block.where}: an instance takes a line of 3 numbers (translation) and one of 7 (two points of "
+            "the axis and the angle in degrees)"
+        )
+    return tuple((row + (0.0,) * 3)[:3] if i == 0 else row for i, row in enumerate(rows))
+
+
+def _read_nodes(block: Block, scope: Scope, source: str) -> None:
+    values, ends = numbers(block.lines, block.where, source)
+    width = np.diff(ends, prepend=0)
+    if (width < 2).any() and len(width):
+        row = int(np.flatnonzero(width < 2)[0])
+        raise MeshError(f'{source}: {block.where}: the node line "{block.lines[row][:60]}" has no coordinates')
+    starts = ends - width
+    labels = _whole(values[starts], "node numbers", block, source)
+    points = np.zeros((len(starts), 3))
+    for j in range(3):  # coordinates at the end may be left out and are zero
+        has = width > j + 1
+        points[has, j] = values[starts[has] + j + 1]
+    system = block.value("SYSTEM").upper()
+    if system == "C":
+        angle = np.deg2rad(points[:, 1])
+        points = np.column_stack([points[:, 0] * np.cos(angle), points[:, 0] * np.sin(angle), points[:, 2]])
+    elif system not in ("", "R"):
+        raise MeshError(f"{source}: {block.where}: SYSTEM={system} is not read; write the nodes in global coordinates")
+    scope.labels.append(labels)
+    scope.points.append(points)
+    _name_members("NSET", block, scope, labels)
+
+
+def _read_elements(block: Block, scope: Scope, source: str) -> tuple[str, int]:
+    """Add the block's elements; return the type and number of those that are no solids."""
+    given = block.value("TYPE").upper()
+    kind = next((kind for start, kind in _TYPES if given.startswith(start)), "")
+    if not kind:
+        labels = [entries(line)[0] for line in block.lines if entries(line)]
+        whole = [label_of(text) for text in labels if is_label(text)]
+        scope.others += whole
+        _read_skin(given, block, scope)
+        _name_members("ELSET", block, scope, np.array(whole, dtype=np.int64))
+        return given or "(none)", len(whole)
+    values, ends = numbers(block.lines, block.where, source)
+    count = _COUNT[kind]
+    if kind == "hexahedron27" and not _fits(values, ends, 28) and _fits(values, ends, 22):
+        kind, count = "hexahedron20", 21
+    if not _fits(values, ends, count + 1):
+        raise MeshError(
+            f"{source}: {block.where}: elements of type {given} need a number and {count} nodes each; "
+            + _misfit(block, ends, count + 1)
+        )
+    table = _whole(values, "element and node numbers", block, source).reshape(-1, count + 1)
+    nodes = table[:, 1:]
+    if kind == "hexahedron27":
+        nodes = nodes[:, _HEX27]
+    scope.cells.append(Cells(kind, table[:, 0], nodes[:, :20] if kind == "hexahedron20" else nodes))
+    _name_members("ELSET", block, scope, table[:, 0])
+    return "", 0
+
+
+def _read_skin(given: str, block: Block, scope: Scope) -> None:
+    """Keep the corners of shells: over the faces of solids they make surface groups, as Gmsh exports them."""
+    found = _SKIN.match(given)
+    if not found:
+        return
+    corners = 3 if found[1] in ("3", "6", "65") else 4
+    rows = [row[: 1 + corners] for row in map(entries, block.lines) if len(row) > corners]
+    rows = [row for row in rows if all(is_label(text) and len(text) < 18 and text[0] != "-" for text in row)]
+    if rows:
+        table = np.array(rows, dtype=np.int64)
+        scope.skins.append(Cells("triangle" if corners == 3 else "quad", table[:, 0], table[:, 1:]))
+
+
+def _fits(values: Floats, ends: Ints, width: int) -> bool:
+    """Tell whether elements of that many numbers end where data lines end."""
+    whole = np.arange(width, len(values) + 1, width)
+    return len(values) % width == 0 and bool(np.isin(whole, ends).all())
+
+
+def _misfit(block: Block, ends: Ints, width: int) -> str:
+    whole = np.arange(width, ends[-1] + width, width) if len(ends) else np.empty(0, np.int64)
+    wrong = whole[~np.isin(whole, ends)]
+    row = int(np.searchsorted(ends, wrong[0])) if len(wrong) else len(ends) - 1
+    return (
+        f'see the data line "{block.lines[min(row, len(block.lines) - 1)][:60]}"' if block.lines else "there are none"
+    )
+
+
+def _name_members(word: str, block: Block, scope: Scope, labels: Ints) -> None:
+    name = block.value(word)
+    if name:
+        scope.sets.setdefault((word, scope.remember(word, name)), []).append(
+            Members([str(v) for v in labels.tolist()], False, "")
+        )
+
+
+def _whole(values: Floats, what: str, block: Block, source: str) -> Ints:
+    if len(values) and not (
+        np.isfinite(values).all() and (values == np.floor(values)).all() and (np.abs(values) < 2**53).all()
+    ):
+        raise MeshError(f"{source}: {block.where}: {what} must be whole numbers")
+    return values.astype(np.int64)
+
+

@@ -1,0 +1,136 @@
+"""Sets and surfaces of an Abaqus model, looked up by name over all instances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fe_squeal.errors import MeshError, suggest
+
+from ...raw import Ints, rows_of
+from .model import Members, Scope
+from .text import LARGEST, entries, is_label, label_of
+
+_ROW = {"NSET": "nodes", "ELSET": "elements"}
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An instance (or the assembly itself) with its place in the whole mesh."""
+
+    name: str
+    scopes: tuple[Scope, ...]
+    labels: dict[str, Ints]  # file numbers by "NSET" and "ELSET"
+    rows: dict[str, Ints]  # rows of the whole mesh; a shell k is -2 - k, other elements that are no solids -1
+    part: str = ""
+
+    def sets(self, word: str, name: str) -> list[Members]:
+        return [member for scope in self.scopes for member in scope.sets.get((word, name.upper()), [])]
+
+    def names(self, word: str) -> dict[str, str]:
+        return {key: text for scope in self.scopes for (kind, key), text in scope.spelled.items() if kind == word}
+
+
+class Assembly:
+    """Looks up sets and surfaces by name over all instances."""
+
+    def __init__(self, source: str, own: Placed, instances: dict[str, Placed], skins: Ints) -> None:
+        self.source, self.own, self.instances, self.skins = source, own, instances, skins
+
+    def skin_of(self, rows: Ints) -> list[Ints]:
+        """Return the corners of the shells among the rows of an element set: triangles and quadrilaterals."""
+        corners = self.skins[-2 - rows[rows <= -2]]
+        three = corners[:, 3] < 0
+        return [corners[three][:, :3], corners[~three]]
+
+    def members(self, word: str, placed: Placed, name: str, path: tuple[str, ...] = ()) -> Ints:
+        """Return the rows of a set of nodes ("NSET") or elements ("ELSET").
+
+        Raises
+        ------
+        MeshError
+            A set, instance or number that does not exist, or a set that holds itself.
+        """
+        if name.upper() in path:
+            raise MeshError(f'{self.source}: set "{name}" contains itself')
+        parts = [np.empty(0, np.int64)]
+        for member in placed.sets(word, name):
+            home = self._instance(member.instance, f'set "{name}"') if member.instance else placed
+            if member.generate:
+                parts.append(self._rows(word, home, _generated(member.items, name, self.source), name, strict=False))
+                continue
+            numbers = [label_of(item) for item in member.items if is_label(item)]
+            parts.append(self._rows(word, home, np.array(numbers, dtype=np.int64), name))
+            for item in member.items:
+                if not is_label(item):
+                    parts.append(
+                        self.find(word, home, item, f'set "{name}"', (*path, name.upper()) if home is placed else ())
+                    )
+        return np.unique(np.concatenate(parts))
+
+    def find(self, word: str, placed: Placed, text: str, user: str, path: tuple[str, ...] = ()) -> Ints:
+        """Return the rows that a reference means: a number, a set, INSTANCE.SET or INSTANCE.number."""
+        if is_label(text):
+            return self._rows(word, placed, np.array([label_of(text)]), user)
+        if placed.sets(word, text):
+            return self.members(word, placed, text, path)
+        head, dot, tail = text.partition(".")
+        while dot:
+            if head.upper() in self.instances:
+                return self.find(word, self.instances[head.upper()], tail, user)
+            more, dot, tail = tail.partition(".")
+            head = f"{head}.{more}"
+        what = "node set" if word == "NSET" else "element set"
+        raise MeshError(
+            f'{self.source}: {user} refers to {what} "{text}", which does not exist'
+            + suggest(text, placed.names(word).values())
+        )
+
+    def surface(self, placed: Placed, name: str) -> tuple[str, list[tuple[Ints, str]]]:
+        """Return the type and the rows of a surface: members and face label ("" for all free faces)."""
+        kind, out = "ELEMENT", []
+        for block in [b for scope in placed.scopes for b in scope.surfaces.get(name.upper(), [])]:
+            kind = block.value("TYPE").upper() or "ELEMENT"
+            word = "NSET" if kind == "NODE" else "ELSET"
+            for line in block.lines:
+                fields = entries(line)
+                if fields:
+                    label = fields[1].upper() if len(fields) > 1 and kind != "NODE" else ""
+                    out.append((self.find(word, placed, fields[0], f'surface "{name}"'), label))
+        return kind, out
+
+    def _instance(self, name: str, user: str) -> Placed:
+        if name.upper() not in self.instances:
+            raise MeshError(
+                f'{self.source}: {user} refers to instance "{name}", which does not exist'
+                + suggest(name, [p.name for p in self.instances.values()])
+            )
+        return self.instances[name.upper()]
+
+    def _rows(self, word: str, placed: Placed, wanted: Ints, name: str, strict: bool = True) -> Ints:
+        found = rows_of(wanted, placed.labels[word])
+        if strict and (found < 0).any():
+            where = f' of "{placed.name}"' if placed.name else ""
+            raise MeshError(
+                f'{self.source}: "{name}" refers to number {wanted[found < 0][0]}, '
+                f"which is none of the {_ROW[word]}{where}"
+            )
+        rows = placed.rows[word][found[found >= 0]]
+        return rows[rows != -1]
+
+
+def _generated(lines: list[str], name: str, source: str) -> Ints:
+    parts = [np.empty(0, np.int64)]
+    for line in lines:
+        try:
+            first, last, step = ([int(item) for item in entries(line)] + [1])[:3]
+            if step <= 0 or not -LARGEST < first <= last < LARGEST or (last - first) // step > 10**8:
+                raise ValueError
+        except ValueError:
+            raise MeshError(
+                f'{source}: set "{name}": GENERATE takes first, last and step, whole numbers with first <= last and '
+                f'step > 0; given "{line[:60]}"'
+            ) from None
+        parts.append(np.arange(first, last + 1, step))
+    return np.concatenate(parts)

@@ -1,0 +1,1 @@
+"""The problem: terms that add up to M, C and K at given numbers; algebra alone."""

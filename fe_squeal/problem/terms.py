@@ -1,0 +1,84 @@
+"""Terms of the equation of motion: one matrix each, in one slot, with its own dependence on parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import prod
+from typing import Any, Literal
+
+import scipy.sparse as sp
+
+Slot = Literal["M", "C", "K"]
+POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}  # of λ, of what stands in the slot
+
+
+@dataclass(frozen=True)
+class Term:
+    """One contribution to M, C or K: matrix · Π parameter**power, times i where it is imaginary.
+
+    Attributes
+    ----------
+    name : str
+        Effect and where, as in "friction.outer".
+    slot : "M", "C" or "K"
+    matrix : (n, n) sparse float
+        In kg, N s/m or N/m once the parameters are multiplied in.
+    symmetric : bool
+        Whether the matrix is symmetric by its mathematics.
+    powers : mapping of parameter to exponent
+    skew : bool
+        Whether it is skew by its mathematics.
+    imaginary : bool
+        Whether it counts with i, as structural damping does.
+    penalty : bool
+        Whether it stands for a constraint, which it comes the nearer the stiffer it is.
+    """
+
+    name: str
+    slot: Slot
+    matrix: sp.csr_array
+    symmetric: bool
+    powers: Mapping[str, int] = field(default_factory=dict)
+    skew: bool = False
+    imaginary: bool = False
+    penalty: bool = False
+
+    @property
+    def conservative(self) -> bool:
+        """Whether the term can do no net work in a period of a steady vibration, whatever the shape."""
+        if self.slot == "C":
+            return self.skew
+        return self.symmetric and not self.imaginary
+
+    def coefficient(self, parameters: Mapping[str, float]) -> float:
+        """Return Π parameter**power."""
+        return prod((parameters[p] ** e for p, e in self.powers.items()), start=1.0)
+
+    def unit(self, lam: Any = 1.0) -> Any:
+        """Return λ to the power of the slot, times i where the term is imaginary; without λ what counts in M, C, K."""
+        power = lam ** POWER[self.slot]
+        return 1j * power if self.imaginary else power
+
+    def factor(self, lam: Any, parameters: Mapping[str, float]) -> Any:
+        """Return what the matrix counts with in Q(λ) = λ²M + λC + K: coefficient and unit together.
+
+        Parameters
+        ----------
+        lam : complex or (k,) complex, rad/s
+
+        Examples
+        --------
+        >>> damper = Term("damper", "C", sp.csr_array([[2.0]]), symmetric=True, powers={"c": 1})
+        >>> damper.factor(3j, {"c": 5.0})
+        15j
+        """
+        return self.coefficient(parameters) * self.unit(lam)
+
+    def slope(self, parameter: str, parameters: Mapping[str, float]) -> float:
+        """Return the derivative of the coefficient by one parameter."""
+        e = self.powers.get(parameter, 0)
+        if e == 0:
+            return 0.0
+        others = prod((parameters[p] ** k for p, k in self.powers.items() if p != parameter), start=1.0)
+        return float(e * parameters[parameter] ** (e - 1) * others)

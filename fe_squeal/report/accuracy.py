@@ -1,0 +1,123 @@
+"""Chart and page of what accuracy costs, from the table of a study."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from .advice import QUANTITIES, advice, fitted, pareto
+from .files import replace_atomically
+
+_FLOOR = 1e-12  # error below which a chart shows nothing
+_TITLES = {"error_frequency": "frequency", "error_growth": "growth rate", "error_onset": "critical value"}
+_MARKS = {
+    "size, order 1": "o", "size, order 2": "s", "direct": "D",
+    "modes, modal projection": "^", "tolerance, reduced": "v",
+}  # fmt: skip
+
+
+def plot_accuracy(frame: pd.DataFrame, own: Mapping[str, float], path: Path, title: str) -> None:
+    """Draw error against seconds, both logarithmic: a line per knob, the Pareto front, the reference's own error.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        As in `accuracy.csv`.
+    own : mapping of column to float
+        What is uncertain of the reference itself, for each of `QUANTITIES`.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    shown = [q for q in QUANTITIES if (frame[q].fillna(0) > _FLOOR).any()]
+    figure = Figure(figsize=(4.6 * max(1, len(shown)), 4.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    for axes, quantity in zip(np.atleast_1d(figure.subplots(1, max(1, len(shown)))), shown, strict=False):
+        for knob, mark in _MARKS.items():
+            rows = frame[(frame["knob"] == knob) & (frame[quantity] > _FLOOR)]
+            rows = rows.sort_values(["size", "modes", "tolerance"])
+            if len(rows):
+                axes.loglog(rows["seconds"], rows[quantity], marker=mark, ms=5, lw=1, label=knob)
+        front = frame[pareto(frame, quantity) & (frame[quantity] > _FLOOR)].sort_values("seconds")
+        axes.loglog(
+            front["seconds"], front[quantity], ls="none", marker="o", ms=12, mfc="none", mec="0.3", label="Pareto front"
+        )
+        if own[quantity] > 0:
+            axes.axhline(own[quantity], color="0.5", ls=":", lw=1, label="uncertainty of the reference")
+        axes.set_xlabel("seconds")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.set_title(f"relative error of the {_TITLES[quantity]}", fontsize=10)
+        axes.grid(True, which="major", alpha=0.3)
+    if shown:
+        handles, labels = figure.axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    figure.suptitle(title or "error against time", fontsize=11)
+    with replace_atomically(path) as temporary:
+        figure.savefig(temporary, dpi=130)
+
+
+def accuracy_page(
+    frame: pd.DataFrame, own: Mapping[str, float], finest: str, exact: bool, left_out: Sequence[str], title: str
+) -> str:
+    """Return what was measured and what to choose, as Markdown.
+
+    Parameters
+    ----------
+    frame, own : as of `plot_accuracy`
+    finest : str
+        Order and size of the result that the reference was extrapolated from.
+    exact : bool
+        Whether the frequencies of the reference are exact ones.
+    left_out : sequence of str
+        What was not measured, and why.
+    """
+    unsure = ", ".join(
+        f"{words} {100 * own[quantity]:.2g} %" for quantity, words in QUANTITIES.items() if np.isfinite(own[quantity])
+    )
+    lines = [f"# What accuracy costs: {title or 'this scene'}", "", "![error against time](accuracy.png)", ""]
+    reference = "the exact frequencies, and else to the extrapolation" if exact else "the extrapolation"
+    lines += [
+        f"Errors are relative to {reference} of the finest result ({finest}), which is itself uncertain by"
+        f" {unsure or 'what is not known: its mesh was not refined'}. The largest error counts: of the frequencies"
+        " at the first value of the sweep (modes up to 0.8 of the highest), of the growth rates at the last (relative"
+        " to the largest one), of all critical values. Modes are paired by shape; one that is not found has the error"
+        " 1.",
+        "", "## What to choose", "",
+    ]  # fmt: skip
+    for quantity in QUANTITIES:
+        if frame[quantity].notna().any():
+            lines += [f"- {sentence}" for sentence in advice(frame, quantity)]
+    lines += ["", "## Rates", ""]
+    lines += ["| quantity | order | error ~ size to the |", "|---|---|---|"]
+    for quantity, words in QUANTITIES.items():
+        for order in (1, 2):
+            fit = fitted(frame, order, quantity)
+            if fit is not None:
+                lines.append(f"| {words} | {order} | {fit.rate:.2f} |")
+    lines += ["", "Smooth modes give 2 for order 1 and 4 for order 2; edges of contacts, clamped edges and re-entrant"
+              " corners, where stresses are singular, take order 2 down to between 1 and 3.", ""]  # fmt: skip
+    lines += ["## Measured", "", _table(frame), ""]
+    if left_out:
+        lines += ["## Left out", "", *(f"- {text}" for text in left_out), ""]
+    return "\n".join(lines)
+
+
+def _table(frame: pd.DataFrame) -> str:
+    heads = ["order", "size, mm", "modes", "method", "tolerance", "unknowns", "seconds", "MiB", "frequency", "growth",
+             "onset", "algebraic: frequency", "growth", "onset"]  # fmt: skip
+    lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
+    for row in frame.sort_values(["order", "size", "method", "modes", "tolerance"], ascending=False).itertuples():
+        numbers = (row.error_frequency, row.error_growth, row.error_onset, row.algebraic_frequency,
+                   row.algebraic_growth, row.algebraic_onset)  # fmt: skip
+        cells = [str(row.order), f"{1e3 * float(str(row.size)):.3g}", str(row.modes), str(row.method),
+                 f"{row.tolerance:.0e}", str(row.unknowns), f"{row.seconds:.1f}",
+                 f"{row.peak_memory_mib:.0f}"]  # fmt: skip
+        cells += ["" if not np.isfinite(float(str(x))) else f"{float(str(x)):.1e}" for x in numbers]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)

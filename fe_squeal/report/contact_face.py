@@ -1,0 +1,45 @@
+"""What presses on the face of a contact, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fe_squeal.report.shapes import Floats
+
+
+@dataclass(frozen=True)
+class ContactFace:
+    """What presses on the face of one contact.
+
+    Attributes
+    ----------
+    points : (q, 3) float, m
+        Quadrature points.
+    normals : (q, 3) float
+        Out of the counterface.
+    directions : (q, 3) float
+        Along the counterface's velocity relative to the pad; zero where nothing slides.
+    weights : (q,) float, m^2
+    pressure : (q,) float, Pa
+    closed : (q,) bool
+    normal_force : float, N
+    torque : float, N m
+        Of the friction about the axis of rotation; NaN where there is no such axis.
+    """
+
+    points: Floats
+    normals: Floats
+    directions: Floats
+    weights: Floats
+    pressure: Floats
+    closed: NDArray[np.bool_]
+    normal_force: float
+    torque: float = np.nan
+
+    @property
+    def closed_part(self) -> float:
+        """Part of the area that is closed."""
+        return float(self.weights[self.closed].sum() / self.weights.sum())

@@ -1,0 +1,133 @@
+"""What `fe-squeal accuracy` and `fe-squeal run --accuracy` do."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from rich.table import Table
+
+from ..accuracy.choose import Choice, choose
+from ..accuracy.study import Study, run_study
+from ..errors import NotConvergedError, SceneError
+from ..report.accuracy import accuracy_page, plot_accuracy
+from ..report.advice import QUANTITIES, advice
+from ..report.files import replace_atomically, write_csv
+from ..scene import MatrixScene, Scene
+from .folder import ACCURACY_FIGURE, ACCURACY_PAGE, ACCURACY_TABLE, MEASUREMENTS, STAGES_TABLE, remove_results
+from .inputs import run_inputs
+from .lock import hold_folder
+from .measurements import Measurements
+from .record import write_record
+from .run import report_sweep, write_results
+
+
+def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget: float | None) -> int:
+    """Measure what accuracy costs and write accuracy.csv, accuracy.png and accuracy.md; go on from what is there.
+
+    Raises
+    ------
+    SceneError, NotConvergedError
+    """
+    whole = _with_mesh(scene, "accuracy")
+    if budget is not None and not budget > 0:
+        raise SceneError(f"--budget: given {budget:g}; expected a number of seconds above 0")
+    with hold_folder(out):
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+        with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+            task = bar.add_task("measuring", total=None)
+
+            def report(done: int, total: int, text: str) -> None:
+                bar.update(task, completed=done, total=total, description=text or "done")
+                if not console.is_terminal and text:
+                    console.print(f"{done + 1} of {total}: {text}", markup=False)
+
+            study = run_study(whole, Measurements(out / MEASUREMENTS), budget, progress=report)
+        write_study(study, out, whole.title)
+    frame = study.to_dataframe()
+    for quantity in QUANTITIES:
+        if frame[quantity].notna().any():
+            for sentence in advice(frame, quantity):
+                console.print(sentence, markup=False)
+    for setting, why in study.left_out:
+        console.print(f"left out: {setting}: {why}", markup=False)
+    console.print(f"results in {out}: accuracy.md, accuracy.png, accuracy.csv", markup=False)
+    return 0
+
+
+def write_study(study: Study, out: Path, title: str) -> None:
+    """Write accuracy.csv, the seconds of every stage into accuracy_stages.csv, accuracy.png and accuracy.md."""
+    frame, own, finest = study.to_dataframe(), uncertainty(study), study.finest
+    write_csv(frame, out / ACCURACY_TABLE)
+    write_csv(study.stages(), out / STAGES_TABLE)
+    plot_accuracy(frame, own, out / ACCURACY_FIGURE, title)
+    left_out = [f"{setting}: {why}" for setting, why in study.left_out]
+    page = accuracy_page(
+        frame, own, f"order {finest.order}, {1e3 * finest.size:.3g} mm", study.exact, left_out, title
+    )
+    with replace_atomically(out / ACCURACY_PAGE) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+
+
+def uncertainty(study: Study) -> dict[str, float]:
+    """Return what is uncertain of a study's reference, by the columns of its table."""
+    own = study.reference.uncertainty
+    return {"error_frequency": own.frequency, "error_growth": own.growth, "error_onset": own.onset}
+
+
+def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, target: float) -> int:
+    """Choose the mesh for a target, and write the results with what it cost.
+
+    Raises
+    ------
+    SceneError
+    NotConvergedError
+        The target is not met; what comes nearest is in the folder.
+    """
+    whole = _with_mesh(scene, "--accuracy")
+    start = time.perf_counter()
+
+    def tell(text: str) -> None:
+        console.print(text, markup=False)
+
+    with hold_folder(out):
+        failure = None
+        try:
+            choice = choose(whole, target, tell)
+        except NotConvergedError as error:
+            if not isinstance(error.partial, Choice):
+                raise
+            choice, failure = error.partial, error
+        remove_results(out)
+        write_results(choice.scene, choice.result, out)
+        seconds = {f"trial {i}": trial.seconds for i, trial in enumerate(choice.trials, 1)}
+        seconds |= {**choice.result.seconds, "total": time.perf_counter() - start}
+        status = "complete" if failure is None else "not converged"
+        inputs = run_inputs(choice.scene, choice.mesh)
+        write_record(choice.scene, choice.result.problem, choice.result, seconds, status, inputs, out)
+        report_sweep(choice.scene, choice.result, out, console, seconds["total"])
+        _print_trials(choice, target, console)
+    if failure is not None:
+        raise NotConvergedError(f"{failure}; what comes nearest is in {out}")
+    return 0
+
+
+def _print_trials(choice: Choice, target: float, console: Console) -> None:
+    table = Table(title=f"Meshes tried for {100 * target:g} %", title_justify="left", box=SIMPLE_HEAD)
+    for head in ("order", "size, mm", "unknowns", "error, %", "seconds"):
+        table.add_column(head, justify="right")
+    for t in choice.trials:
+        error = f"{100 * t.error:.2g}" if np.isfinite(t.error) else "not known"
+        row = (str(t.setting.order), f"{1e3 * t.setting.size:.3g}", str(t.unknowns), error)
+        table.add_row(*row, f"{t.seconds:.1f}")
+    console.print(table)
+
+
+def _with_mesh(scene: Scene | MatrixScene, what: str) -> Scene:
+    if isinstance(scene, MatrixScene):
+        raise SceneError(f"{what}: the scene has matrices instead of a mesh; expected one with [mesh]")
+    return scene

@@ -1,0 +1,107 @@
+"""What `fe-squeal check` tells about a scene without solving it."""
+
+from __future__ import annotations
+
+import numpy as np
+import skfem
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from ..assembly.model import model_of
+from ..fem.materials import Material
+from ..mesh.measures import area_of, volume_of
+from ..problem.parameters import MU
+from ..problem.problem import Problem
+from ..scene import MatrixScene, Scene
+from ..sweep.forecast import predict_memory
+from ..sweep.sweep import MODES
+
+
+def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
+    """Return a table of bodies, groups, effects, problem class and size."""
+    table = Table(show_header=False, box=None, pad_edge=False)
+    if isinstance(scene, Scene):
+        _mesh_rows(table, scene, problem)
+    else:
+        for term in problem.terms:
+            kind = "symmetric" if term.symmetric else "skew" if term.skew else "nonsymmetric"
+            table.add_row(term.name, f"{term.matrix.nnz} entries, {kind}")
+        table.add_row("parameters", ", ".join(f"{k} = {v:g}" for k, v in scene.parameters.items()) or "none")
+    table.add_row("effects on", ", ".join(scene.effect_names) or "none")
+    table.add_row("problem class", problem.problem_class)
+    model = model_of(problem)
+    order = f" (order {model.space.order})" if model is not None else ""
+    table.add_row("unknowns", f"{problem.unknowns}{order}")
+    table.add_row("matrix entries", f"{problem.pencil().K.nnz}")
+    sweep, solve = scene.sweep, scene.solve
+    parameter, values = (MU, 1) if sweep is None else (sweep.parameter, len(sweep.grid))
+    modes = solve.modes or MODES  # of a range of frequencies nobody knows the number yet
+    table.add_row("predicted memory", str(predict_memory(problem, parameter, values, modes, solve.method)))
+    return table
+
+
+def _mesh_rows(table: Table, scene: Scene, problem: Problem) -> None:
+    model = model_of(problem)
+    assert model is not None
+    mesh = model.space.mesh
+    for name, elements in model.bodies.items():
+        material = scene.materials[scene.bodies[name].material]
+        volume, _ = volume_of(mesh, elements)
+        corners = mesh.p[:, np.unique(mesh.t[:, elements])]
+        extent = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(corners.min(axis=1), corners.max(axis=1), strict=True))
+        table.add_row(
+            f"body {name}",
+            f"{len(elements)}{' mixed' * scene.bodies[name].is_mixed} elements of {scene.bodies[name].material},"
+            f" {volume:.4g} m3,"
+            f" {volume * material.density:.4g} kg; x, y, z in m: {extent}",
+        )
+        table.add_row("", _values(material))
+    for i, support in enumerate(scene.supports):
+        table.add_row(f"support {i + 1}", f"{support.surface} fixed in {', '.join(support.fixed)}")
+    for spring in scene.springs:
+        table.add_row(f"spring {spring.name}", f"{spring.surface}{f' to {spring.to}' if spring.to else ''}")
+    for name, c in model.contacts.items():
+        table.add_row(f"contact {name}", f"{c.area:.4g} m2 closed, {100 * c.coverage:.4g} % of the surface")
+    if model.base is not None:
+        for name, state in model.base.contacts.items():
+            closed = model.contacts[name].weights[state.closed].sum() / model.contacts[name].area
+            table.add_row(
+                f"preload {name}",
+                f"{100 * closed:.4g} % of it presses with {state.normal_force:.4g} N, at most"
+                f" {state.pressure.max(initial=0.0):.4g} Pa (mu = {model.base.mu:g})",
+            )
+    # Sizes and places by --groups.
+    table.add_row("volume groups", ", ".join(mesh.subdomains or {}))
+    table.add_row("surface groups", ", ".join(mesh.boundaries or {}))
+
+
+def _values(material: Material) -> str:
+    """Return a material's values with their symbols."""
+    parts = []
+    for value, labels in (
+        (material.youngs_modulus, ("E1", "E2", "E3")),
+        (material.shear_modulus, ("G23", "G13", "G12")),
+        (material.poisson_ratio, ("nu23", "nu13", "nu12")),
+    ):
+        if isinstance(value, list):
+            parts += [f"{label} = {v:g}" for label, v in zip(labels, value, strict=True)]
+        elif value is not None:
+            parts.append(f"{labels[0].rstrip('0123456789')} = {value:g}")
+    return ", ".join([*parts, f"rho = {material.density:g}"]) + " (Pa, kg/m3)"
+
+
+def group_table(mesh: skfem.Mesh) -> Table:
+    table = Table(box=SIMPLE_HEAD)
+    for column in ("group", "kind", "count", "m3 or m2", "centre (m)", "mean normal"):
+        table.add_column(column, no_wrap=True)
+
+    def point(x: np.ndarray) -> str:
+        return ", ".join(f"{v + 0.0:.4g}" for v in np.where(np.abs(x) < 1e-9, 0.0, x))
+
+    for name, elements in (mesh.subdomains or {}).items():
+        size, centre = volume_of(mesh, np.asarray(elements))
+        table.add_row(name, "volume", str(len(elements)), f"{size:.4g}", point(centre), "")
+    for name, facets in (mesh.boundaries or {}).items():
+        size, centre, normal = area_of(mesh, np.asarray(facets))
+        table.add_row(name, "surface", str(len(facets)), f"{size:.4g}", point(centre), point(normal))
+    return table

@@ -1,0 +1,183 @@
+"""What is kept of a running sweep in the folder of its results, so that it can go on after any interruption.
+
+The folder `checkpoint` holds `inputs.json`, written first: what the run depends on. Then come `model.npz`, the small
+model where there is one; `first.npz`, the modes at the first value; `point_00000.npz` and so on, what is reported of
+each value; and `state.npz`, written last, which says how many of these count. Every file is complete or absent, so that
+the folder is whole at any moment. Files hold plain arrays and JSON; nothing is pickled.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import OutputError
+from ..report.files import replace_atomically, write_json
+from ..sweep.state import (
+    Record,
+    SweepState,
+    modes_of_record,
+    point_of_record,
+    record_of_modes,
+    record_of_point,
+    record_of_state,
+    state_of_record,
+)
+
+_SHARE = 0.03  # of the time: what may go into keeping values; those that take long are kept one by one
+_JSON = "json"  # name of the array that holds the rest
+
+
+class Checkpoint:
+    """The folder of a checkpoint; a `Store` of a sweep.
+
+    Parameters
+    ----------
+    folder : Path
+        Made by `begin`.
+
+    Attributes
+    ----------
+    report : callable of SweepState
+        Called after a state was written, within the same share of the time.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.report: Callable[[SweepState], None] = lambda state: None
+        self._inputs = folder / "inputs.json"
+        self._model, self._first, self._state = (folder / f"{name}.npz" for name in ("model", "first", "state"))
+        self._written = 0  # points
+        self._pending: SweepState | None = None
+        self._cost, self._idle_since = 0.0, -np.inf
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is one that a run could go on from."""
+        return self._inputs.exists()
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing was finished."""
+        return not self._model.exists() and not self._state.exists()
+
+    @property
+    def inputs(self) -> Any:
+        """What the run depends on that left this checkpoint; None if that cannot be read."""
+        return read_json(self._inputs)
+
+    def progress(self) -> tuple[int, float]:
+        """Return how many values are finished, and the seconds that went into them."""
+        if not self._state.exists():
+            return 0, 0.0
+        data = _read(self._state, _JSON).data
+        return data["points"], sum(data["seconds"].values())
+
+    def begin(self, inputs: Mapping[str, Any]) -> None:
+        """Start anew."""
+        self.remove()
+        write_json(inputs, self._inputs)
+
+    def remove(self) -> None:
+        """Remove all of it, what makes it one first.
+
+        Raises
+        ------
+        OutputError
+        """
+        try:
+            self._inputs.unlink(missing_ok=True)
+            if self.folder.is_dir():
+                shutil.rmtree(self.folder)
+        except OSError as error:
+            raise OutputError(f"{self.folder}: cannot be removed ({error.strerror or error})") from error
+        self._written, self._pending = 0, None
+
+    def load(self) -> SweepState | None:
+        """Return the state that was kept last; None if no value was finished.
+
+        Raises
+        ------
+        OutputError
+            If a file is damaged.
+        """
+        if not self._state.exists():
+            return None
+        record = _read(self._state)
+        try:
+            points = tuple(point_of_record(_read(self._point(i))) for i in range(record.data["points"]))
+            state = state_of_record(record, modes_of_record(_read(self._first)), points)
+        except (KeyError, TypeError, ValueError) as error:
+            raise _damaged(self._state, error) from error
+        if state.reduced and not self._model.exists():
+            raise _damaged(self._model, "it is missing")
+        self._written = len(points)
+        return state
+
+    def load_model(self) -> Record | None:
+        """Return the small model that was kept, if there is one."""
+        return _read(self._model) if self._model.exists() else None
+
+    def save_model(self, model: Record) -> None:
+        """Keep the small model."""
+        _write(self._model, model)
+
+    def save(self, state: SweepState) -> None:
+        """Keep a state: at once, unless writing the last one took too much of the time that has passed since."""
+        self._pending = state
+        if time.perf_counter() - self._idle_since >= self._cost * (1 / _SHARE - 1):
+            self.flush()
+
+    def flush(self) -> None:
+        """Write the last state if that has not been done yet."""
+        state = self._pending
+        if state is None:
+            return
+        start = time.perf_counter()
+        if not self._written:
+            _write(self._first, record_of_modes(state.first))
+        for i in range(self._written, len(state.points)):
+            _write(self._point(i), record_of_point(state.points[i]))
+            self._written = i + 1
+        _write(self._state, record_of_state(state))
+        self._pending = None
+        self.report(state)
+        self._idle_since = time.perf_counter()
+        self._cost = self._idle_since - start
+
+    def _point(self, i: int) -> Path:
+        return self.folder / f"point_{i:05d}.npz"
+
+
+def read_json(path: Path) -> Any:
+    """Return what a JSON file holds; None where there is none, or none that can be read."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+
+
+def _write(path: Path, record: Record) -> None:
+    text = json.dumps(record.data)  # NaN stays NaN here, and every float comes back as it was
+    with replace_atomically(path) as temporary:
+        np.savez(temporary, **{_JSON: np.array(text)}, **record.arrays)  # type: ignore[arg-type]
+
+
+def _read(path: Path, *names: str) -> Record:
+    """Return all arrays of a file, or some."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in names or file.files}
+        return Record(arrays, json.loads(str(arrays.pop(_JSON))))
+    except Exception as error:  # the reader stops at damaged files with almost any exception
+        raise _damaged(path, error) from error
+
+
+def _damaged(path: Path, why: object) -> OutputError:
+    return OutputError(f"{path}: the checkpoint is damaged ({why}); run without --resume to start anew")

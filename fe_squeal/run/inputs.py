@@ -1,0 +1,102 @@
+"""What the results of a run depend on, and how two runs differ in it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from ..mesh import LoadedMesh
+from ..scene import MatrixScene, Scene
+from ..version import __version__
+
+_MOST = 3  # differences in one message
+
+
+def run_inputs(scene: Scene | MatrixScene, mesh: LoadedMesh | None) -> dict[str, Any]:
+    """Return version, scene and digests of mesh or matrices, of kinds that JSON has.
+
+    Parameters
+    ----------
+    mesh : LoadedMesh or None
+        Of a scene on a mesh. Its content counts, in whichever files and format it stands.
+    """
+    content: dict[str, str | None] = {}
+    if mesh is not None:
+        content[f"mesh {mesh.source}"] = _mesh_digest(mesh)
+    if isinstance(scene, MatrixScene):
+        for term in scene.terms:
+            try:
+                data = (scene.folder / term.file).read_bytes()
+            except (OSError, ValueError):  # the assembly says what is wrong with it
+                continue
+            content[f"file {term.file}"] = hashlib.sha256(data).hexdigest()
+    return {
+        "version": __version__,
+        "scene": scene.model_dump(mode="json", by_alias=True, exclude_none=True),
+        "content": content,
+    }
+
+
+def differences(known: Any, given: Mapping[str, Any]) -> list[str]:
+    """Return a few words for each thing in which the inputs of two runs differ.
+
+    Examples
+    --------
+    >>> known = {"version": "1", "scene": {"sweep": {"points": 36}}, "content": {"mesh a.msh": "3f"}}
+    >>> given = {"version": "1", "scene": {"sweep": {"points": 40}}, "content": {"mesh a.msh": "77"}}
+    >>> differences(known, given)
+    ['sweep.points is 36 there and 40 here', 'the content of mesh a.msh is another']
+    """
+    if not isinstance(known, dict) or {"version", "scene", "content"} - known.keys():
+        return ["it has no record of what it was made from"]
+    found = []
+    if known["version"] != given["version"]:
+        found.append(f"the version is {known['version']} there and {given['version']} here")
+    before, now = dict(_flat(known["scene"], "")), dict(_flat(given["scene"], ""))
+    for key in sorted(before.keys() | now.keys()):
+        if before.get(key) != now.get(key):
+            there, here = (_short(side.get(key)) for side in (before, now))
+            found.append(f"{key} is {there} there and {here} here")
+    contents = known["content"] if isinstance(known["content"], dict) else {}
+    names = sorted(contents.keys() & given["content"].keys())
+    found += [f"the content of {name} is another" for name in names if contents[name] != given["content"][name]]
+    return found or ([] if contents.keys() == given["content"].keys() else ["the files are others"])
+
+
+def listed(found: list[str]) -> str:
+    """Return differences as one text, the first few of them."""
+    rest = len(found) - _MOST
+    return "; ".join(found[:_MOST]) + (f"; and {rest} more" if rest > 0 else "")
+
+
+def _flat(data: Any, prefix: str) -> Iterator[tuple[str, Any]]:
+    """Yield the numbers and texts of nested tables by their dotted keys."""
+    if isinstance(data, dict):
+        for key, value in data.items():
+            yield from _flat(value, f"{prefix}.{key}".removeprefix("."))
+    elif isinstance(data, list) and any(isinstance(value, dict) for value in data):
+        for i, value in enumerate(data):
+            yield from _flat(value, f"{prefix}[{i}]")
+    else:
+        yield prefix, data
+
+
+def _short(value: Any) -> str:
+    if value is None:
+        return "not given"
+    text = repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _mesh_digest(loaded: LoadedMesh) -> str:
+    digest = hashlib.sha256()
+    mesh = loaded.mesh
+    groups = {**(mesh.subdomains or {}), **(mesh.boundaries or {})}
+    parts = [mesh.doflocs, mesh.t, *(groups[name] for name in sorted(groups))]
+    digest.update(repr((type(mesh).__name__, sorted(groups), [np.shape(p) for p in parts])).encode())
+    for part in parts:
+        digest.update(np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,102 @@
+"""One run at a time in a folder."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from ..errors import OutputError
+
+_NAME = ".lock"
+_TAKEN = {errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK, errno.EDEADLK}
+
+
+@contextmanager
+def hold_folder(folder: Path) -> Iterator[None]:
+    """Make a folder if it is missing, and keep other runs out of it inside the block.
+
+    The lock is one of the system's, on the file `.lock` in the folder: it ends with the process, however that ends.
+
+    Raises
+    ------
+    OutputError
+        If another run holds the folder, or nothing can be written there.
+    """
+    path = folder / _NAME
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle = _locked(path)
+        if handle is None:
+            raise OutputError(
+                f"{folder}: is held by another run{_holder(path)}; expected a folder of its own for every run at a"
+                " time, given by -o"
+            )
+        try:
+            os.ftruncate(handle, 0)
+            os.write(handle, f"process {os.getpid()} since {time.strftime('%Y-%m-%d %H:%M:%S')}\n".encode())
+        except OSError:
+            _release(handle, path)
+            raise
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: cannot write results here: {error.strerror or error}; expected a folder that can be written,"
+            " given by -o"
+        ) from error
+    try:
+        yield
+    finally:
+        _release(handle, path)
+
+
+def _locked(path: Path) -> int | None:
+    """Return the handle of the file, locked, or None if it is locked by another process."""
+    while True:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            _lock(handle)
+        except OSError as error:
+            if error.errno in _TAKEN:
+                os.close(handle)
+                return None
+            warnings.warn(f"{path.parent}: this file system knows no locks ({error.strerror})", stacklevel=2)
+        # Its last holder may have removed the file between the two steps.
+        with suppress(OSError):
+            if os.path.samestat(os.fstat(handle), os.stat(path)):
+                return handle
+        os.close(handle)
+
+
+def _release(handle: int, path: Path) -> None:
+    """Remove the file while it is locked, or where the system does not allow that (Windows) behind it."""
+    with suppress(OSError):
+        path.unlink()
+    os.close(handle)
+    if sys.platform == "win32":
+        with suppress(OSError):
+            path.unlink()
+
+
+def _holder(path: Path) -> str:
+    with suppress(OSError, UnicodeDecodeError):
+        text = path.read_text("utf-8").strip()
+        return f" ({text})" if text else ""
+    return ""
+
+
+def _lock(handle: int) -> None:
+    if sys.platform == "win32":
+        import msvcrt
+
+        os.lseek(handle, 1 << 30, os.SEEK_SET)  # a byte that nobody reads: such locks keep readers out
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+        os.lseek(handle, 0, os.SEEK_SET)
+    else:
+        import fcntl
+
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,0 +1,49 @@
+"""Measurements of a study of accuracy, a file each."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from ..accuracy.measure import Measurement
+from ..report.files import replace_atomically
+
+
+class Measurements:
+    """A folder of measurements; a `Store` of a study."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._probes = folder / "probes.npy"
+
+    def load(self, key: str) -> Measurement | None:
+        """Return what was kept; None where there is nothing."""
+        path = self._path(key)
+        if not path.exists():
+            return None
+        with np.load(path, allow_pickle=False) as file:
+            found = {f.name: file[f.name] for f in fields(Measurement)}
+            seconds = dict(zip(file["stages"].tolist(), file["seconds"].tolist(), strict=True))
+        found |= {"unknowns": int(found["unknowns"]), "peak_memory_mib": float(found["peak_memory_mib"])}
+        return Measurement(**{**found, "seconds": seconds})
+
+    def save(self, key: str, measured: Measurement) -> None:
+        """Keep a measurement."""
+        plain = {f.name: getattr(measured, f.name) for f in fields(measured) if f.name != "seconds"}
+        stages = {"stages": np.array(list(measured.seconds)), "seconds": np.array(list(measured.seconds.values()))}
+        with replace_atomically(self._path(key)) as temporary, open(temporary, "wb") as file:
+            np.savez(file, **{**plain, **stages})
+
+    def load_probes(self) -> np.ndarray | None:
+        """Return the points at which all shapes were compared; None where there are none yet."""
+        return np.load(self._probes, allow_pickle=False) if self._probes.exists() else None
+
+    def save_probes(self, probes: np.ndarray) -> None:
+        """Keep these points."""
+        with replace_atomically(self._probes) as temporary:
+            np.save(temporary, probes)
+
+    def _path(self, key: str) -> Path:
+        return self.folder / f"{key}.npz"

@@ -1,0 +1,107 @@
+"""What a run writes: tables, figures and shapes."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..assembly.model import model_of
+from ..report.files import replace_atomically, write_csv
+from ..report.shape_names import shape_name
+from ..sweep.result import Sweep, SweepPoint
+from .folder import (
+    CONTRIBUTIONS_FIGURE,
+    CONTRIBUTIONS_TABLE,
+    MODES_TABLE,
+    ONSETS_TABLE,
+    PRELOAD_TABLE,
+    ROOT_LOCUS_FIGURE,
+    SENSITIVITIES_TABLE,
+    STABILITY_FIGURE,
+)
+from .preload import model_grid, preload_dataframe
+from .record import fastest_growing, mode_info
+
+
+def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") -> list[Path]:
+    """Write complex mode shapes for ParaView, with a picture each; those of matrices from files as arrays (.npz).
+
+    Parameters
+    ----------
+    which : "unstable" or "all"
+        Every branch that becomes unstable, at the value where it grows fastest; or also every mode at the last value,
+        for which the sweep has to be made with keep_shapes=True.
+
+    Returns
+    -------
+    list of Path
+    """
+    from ..report.export import export_shapes as export  # Matplotlib, which nothing else here loads
+
+    model = model_of(result.problem)
+    chosen = fastest_growing(result)
+    if which == "all":
+        last = result.points[-1]
+        chosen += [(last, i) for i in last.shapes if not any(p is last and i == j for p, j in chosen)]
+    if not chosen:
+        return []
+    if model is None:
+        return [_write_array(result, point, i, Path(folder)) for point, i in chosen]
+    shapes = [_shape(result, point, i) for point, i in chosen]
+    axis = next((tuple(c.normals.mean(axis=0)) for c in model.contacts.values()), (0.0, 0.0, 1.0))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", RuntimeWarning)
+        files = export(model_grid(model), shapes, folder, axis=axis)
+    for warning in caught:
+        print(f"pictures: {warning.message}", file=sys.stderr)
+    return files
+
+
+def write_tables(result: Sweep, out: Path) -> None:
+    """Write modes.csv, onsets.csv, contributions.csv and sensitivities.csv."""
+    write_modes(result, out)
+    write_csv(result.contributions_dataframe(), out / CONTRIBUTIONS_TABLE)
+    write_csv(result.sensitivities_dataframe(), out / SENSITIVITIES_TABLE)
+    pressed = preload_dataframe(result)
+    if pressed is not None:
+        write_csv(pressed, out / PRELOAD_TABLE)
+
+
+def write_modes(result: Sweep, out: Path) -> None:
+    """Write modes.csv and onsets.csv alone, which ask for no shapes."""
+    write_csv(result.to_dataframe(), out / MODES_TABLE)
+    write_csv(result.onsets_dataframe(), out / ONSETS_TABLE)
+
+
+def write_figures(result: Sweep, out: Path, title: str) -> list[Path]:
+    """Draw stability.png, root_locus.png and contributions.png."""
+    from ..report.contributions import plot_contributions
+    from ..report.figures import plot_root_locus, plot_stability
+
+    modes, onsets = result.to_dataframe(), result.onsets_dataframe()
+    return [
+        plot_stability(modes, onsets, out / STABILITY_FIGURE, title),
+        plot_root_locus(modes, onsets, out / ROOT_LOCUS_FIGURE, title),
+        plot_contributions(result.contributions_dataframe(), modes, out / CONTRIBUTIONS_FIGURE, title),
+    ]
+
+
+def _shape(result: Sweep, point: SweepPoint, i: int) -> tuple[str, np.ndarray, dict[str, Any]]:
+    model = model_of(result.problem)
+    assert model is not None
+    info = mode_info(result, point, i)
+    return shape_name(info), model.space.expand(point.shapes[i]), info
+
+
+def _write_array(result: Sweep, point: SweepPoint, i: int, folder: Path) -> Path:
+    """Write a shape (n,) complex as the array `u` of an .npz file, with what it belongs to beside it."""
+    info = mode_info(result, point, i)
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{shape_name(info)}.npz"
+    with replace_atomically(path) as temporary, open(temporary, "wb") as file:
+        np.savez(file, u=point.shapes[i], **info)
+    return path

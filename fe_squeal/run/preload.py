@@ -1,0 +1,86 @@
+"""What a run tells about the static state under preload."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import skfem
+
+from ..assembly.model import Model, model_of
+from ..assembly.warnings import follower_ratio
+from ..effects.preload import contact_summary
+from ..fem.stress import von_mises
+from ..problem.problem import Problem
+from ..report.contact_face import ContactFace
+from ..report.preload import export_preload
+from ..report.shapes import ShapeGrid, shape_grid
+from ..scene import MatrixScene, Scene
+from ..sweep.result import Sweep
+
+
+def write_preload(scene: Scene, problem: Problem, out: Path) -> list[Path]:
+    """Write preload.vtu, preload_contacts.vtu and preload.png of the state at the nominal values, if there is one."""
+    model = model_of(problem)
+    if model is None or model.base is None:
+        return []
+    base, space = model.base, model.space
+    stress = np.zeros(space.mesh.nelements)
+    for name, elements in model.bodies.items():
+        stress[elements] = von_mises(space, elements, scene.elasticity(name), base.u)
+    kinds = dict(zip(scene.contact_names, (c.kind for c in scene.contacts), strict=True))
+    faces = {}
+    for name, state in base.contacts.items():
+        c = model.contacts[name]
+        directions = c.directions if kinds[name] == "sliding" else np.zeros_like(c.directions)
+        faces[name] = ContactFace(
+            c.points, c.normals, directions, c.weights, state.pressure, state.closed, state.normal_force, state.torque
+        )
+    return export_preload(
+        model_grid(model), space.expand(base.u), faces, out, mu=base.mu, von_mises=stress, title=scene.title
+    )
+
+
+def preload_record(scene: Scene | MatrixScene, problem: Problem) -> dict[str, Any] | None:
+    """Return what presses at the nominal values."""
+    model = model_of(problem)
+    if model is None or model.base is None or not isinstance(scene, Scene):
+        return None
+    base = model.base
+    stiffness = dict(zip(scene.contact_names, (c.normal_stiffness for c in scene.contacts), strict=True))
+    return {
+        "mu": base.mu,
+        "load_n": base.load,
+        "iterations": base.equilibrium.iterations,
+        "residual": base.equilibrium.residual,
+        "contacts": {
+            name: {
+                **contact_summary(model.contacts[name], state),
+                "force_on_pad_n": state.force,
+                "follower_ratio": follower_ratio(model.contacts[name], state, stiffness[name]),
+            }
+            for name, state in base.contacts.items()
+        },
+    }
+
+
+def preload_dataframe(result: Sweep) -> pd.DataFrame | None:
+    """Return the state of every pressed contact at every value of the sweep (preload.csv); None without preload."""
+    rows = [
+        {"parameter": result.parameter, "value": point.value, "contact": name} | dict(numbers)
+        for point in result.points
+        for name, numbers in point.pressed.items()
+    ]
+    return pd.DataFrame(rows) if rows else None
+
+
+def model_grid(model: Model) -> ShapeGrid:
+    """Return the mesh of a model as shapes and fields are written on it."""
+    space, bodies = model.space, model.bodies
+    basis = skfem.CellBasis(space.mesh, space.element, intorder=1, dofs=space.dofs)
+    owner = np.zeros(space.mesh.nelements, int)
+    for number, elements in enumerate(bodies.values()):
+        owner[elements] = number
+    return shape_grid(basis, owner, tuple(bodies))

@@ -1,0 +1,97 @@
+"""The record of a run, run.json: what was run, how, and what came out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..assembly.model import model_of
+from ..eigen.linear.choice import solver_name
+from ..eigen.memory import peak_memory_mib
+from ..problem.problem import Problem
+from ..report.files import write_json
+from ..scene import MatrixScene, Scene
+from ..sweep.result import Sweep, SweepPoint
+from .folder import RECORD
+from .preload import preload_record
+
+
+def write_record(
+    scene: Scene | MatrixScene, problem: Problem, result: Sweep | None, seconds: dict[str, float], status: str,
+    inputs: Mapping[str, Any], out: Path,
+) -> None:  # fmt: skip
+    """Write run.json; whence the growth comes is left out of that of a run that goes on.
+
+    Parameters
+    ----------
+    status : "running", "complete", "interrupted" or "not converged"
+    inputs : mapping
+        See `run_inputs`.
+    """
+    model = model_of(problem)
+    record: dict[str, Any] = {
+        "version": inputs["version"],
+        "title": scene.title,
+        "scene": str(scene.source) if scene.source is not None else None,
+        "status": status,
+        "unknowns": problem.unknowns,
+        "problem_class": problem.problem_class,
+        "effects": list(scene.effect_names),
+        "terms": [{"name": t.name, "slot": t.slot, "powers": dict(t.powers)} for t in problem.terms],
+        "method": result.method if result is not None else None,
+        "linear_solver": solver_name(),
+        "seconds": seconds,
+        "peak_memory_mib": peak_memory_mib(),
+        "completeness": result.completeness if result is not None else None,
+        "completeness_at": result.points[0].value if result is not None else None,
+        "rigid_motions": int(np.count_nonzero(result.points[0].modes.lam == 0)) if result is not None else None,
+        "values": [p.value for p in result.points] if result is not None else [],
+        "contacts": {
+            name: {"area_m2": c.area, "coverage": c.coverage, "largest_gap_m": float(np.abs(c.separation).max())}
+            for name, c in (model.contacts if model is not None else {}).items()
+        },
+        "preload": preload_record(scene, problem),
+        "unstable": _attribution(result) if result is not None and status != "running" else [],
+        "notes": list(model.notes) if model is not None else [],
+        "warnings": (list(model.warnings) if model is not None else []) + (list(result.doubts) if result else []),
+        "inputs": inputs,
+    }
+    write_json(record, out / RECORD)
+
+
+def fastest_growing(result: Sweep) -> list[tuple[SweepPoint, int]]:
+    """Return each unstable branch, as point and position of its mode where it grows fastest."""
+    best: dict[int, tuple[SweepPoint, int]] = {}
+    for point in result.points:
+        for i in np.flatnonzero(point.modes.stability == "unstable"):
+            branch, growth = int(point.branches[i]), point.modes.lam[i].real
+            if branch not in best or growth > best[branch][0].modes.lam[best[branch][1]].real:
+                best[branch] = (point, int(i))
+    return [best[b] for b in sorted(best)]
+
+
+def _attribution(result: Sweep) -> list[dict[str, Any]]:
+    """Return for each unstable branch, where it grows fastest, whence its growth comes and what moves it."""
+    found = []
+    for point, i in fastest_growing(result):
+        shares = result.balance(point, i)
+        moves = point.sensitivities.get(i, {})
+        found.append({
+            **mode_info(result, point, i),
+            "re_shares": {name: s.growth for name, s in shares.items() if s.growth},
+            "energy_shares": {name: s.energy for name, s in shares.items() if np.isfinite(s.energy)},
+            "sensitivities": {path: {"at": at, "dre": d.real, "dim": d.imag} for path, (at, d) in moves.items()},
+        })  # fmt: skip
+    return found
+
+
+def mode_info(result: Sweep, point: SweepPoint, i: int) -> dict[str, Any]:
+    """Return which mode it is, and its eigenvalue."""
+    lam = point.modes.lam[i]
+    return {
+        "parameter": result.parameter, "value": point.value, "mode": i + 1, "branch": int(point.branches[i]),
+        "re": lam.real, "im": lam.imag, "frequency_hz": point.modes.frequency_hz[i],
+    }  # fmt: skip

@@ -1,0 +1,246 @@
+"""The main job: from a scene to a folder of results."""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from ..assembly.assembly import assemble
+from ..assembly.bodies import scene_mesh
+from ..assembly.model import model_of
+from ..assembly.swept import swept
+from ..eigen.memory import peak_memory_mib, refuse_shortage
+from ..errors import INTERRUPTED, InputError, NotConvergedError, SceneError
+from ..problem.problem import Problem
+from ..report.files import remove_partial
+from ..report.tables import print_onsets, print_unstable
+from ..scene import MatrixScene, Scene
+from ..sweep.forecast import is_reduced, predict_memory
+from ..sweep.result import Sweep
+from ..sweep.state import Store, SweepState
+from ..sweep.sweep import MODES, sweep
+from .checkpoint import Checkpoint
+from .folder import CHECKPOINT, SHAPES, is_estimated, is_finished, remove_results, remove_shapes, show_finished
+from .inputs import run_inputs
+from .lock import hold_folder
+from .outputs import export_shapes, write_figures, write_modes, write_tables
+from .preload import write_preload
+from .record import write_record
+
+
+def run_scene(
+    scene: Scene | MatrixScene, out: Path, console: Console, resume: bool = False, estimate: bool = False
+) -> int:
+    """Assemble, sweep, and write every result into a folder.
+
+    Parameters
+    ----------
+    resume : bool
+        Go on from what an interrupted run left in the folder; what is finished already is not solved again.
+    estimate : bool
+        Estimate the error of the mesh, too.
+
+    Returns
+    -------
+    int
+        0, or 130 if the user interrupted; what was finished is written then.
+
+    Raises
+    ------
+    InputError, NotConvergedError
+        After a failure of the solver, what did converge is in the folder, and run.json says so.
+    """
+    existed = out.exists()
+    try:
+        with hold_folder(out):
+            remove_partial(out)
+            return _run(scene, out, console, resume, estimate)
+    finally:
+        if not existed:
+            with suppress(OSError):  # there is something in it, or it was never made
+                out.rmdir()
+
+
+def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, estimate: bool) -> int:
+    start = time.perf_counter()
+    mesh = scene_mesh(scene)
+    inputs = run_inputs(scene, mesh)
+    checkpoint = Checkpoint(out / CHECKPOINT)
+    if resume and is_finished(out, checkpoint, inputs) and not (estimate and not is_estimated(out)):
+        return show_finished(out, console)
+    problem = assemble(scene, mesh)
+    parameter, values = swept(scene, problem)
+    seconds = {"assembly": time.perf_counter() - start}
+    if resume and checkpoint.exists:
+        done, spent = checkpoint.progress()
+        console.print(f"resuming: {done} of {len(values)} values are finished", markup=False)
+    else:
+        if resume:
+            console.print(f"nothing to resume in {out}: the run starts anew", markup=False)
+        spent = 0.0
+        remove_results(out)
+        checkpoint.begin(inputs)
+    model = model_of(problem)
+    if model is not None:
+        for text in model.notes:
+            console.print(f"note: {text}", markup=False)
+        for text in model.warnings:
+            console.print(f"warning: {text}", markup=False)
+    console.print(
+        f"{problem.unknowns} unknowns, {problem.problem_class} problem; effects on: "
+        f"{', '.join(scene.effect_names) or 'none'}",
+        markup=False,
+    )
+
+    def record(result: Sweep | None, status: str) -> None:
+        seconds["total"] = spent + time.perf_counter() - start
+        write_record(scene, problem, result, seconds, status, inputs, out)
+
+    def keep_tables(state: SweepState) -> None:
+        result = state.sweep(problem, parameter)
+        write_modes(result, out)
+        record(result, "running")
+
+    checkpoint.report = keep_tables
+    status, result, failure = "complete", None, None
+    try:
+        if checkpoint.is_empty:
+            record(None, "running")
+        result = sweep_scene(scene, problem, console, store=checkpoint)
+    except NotConvergedError as error:
+        status, failure, result = "not converged", error, _partial(error)
+    except InputError as error:
+        if checkpoint.is_empty:  # nothing of this run is worth keeping
+            remove_results(out)
+            checkpoint.remove()
+        if isinstance(error, SceneError) and scene.source is not None:
+            raise SceneError(f"{scene.source}: {error}") from error
+        raise
+    except KeyboardInterrupt as stop:
+        status, result = "interrupted", stop.args[0] if stop.args else None
+    if result is not None:
+        if estimate and status == "complete":
+            result = _estimated(result, console)
+        seconds |= dict(result.seconds)
+        clock = time.perf_counter()
+        write_results(scene, result, out)
+        seconds["output"] = time.perf_counter() - clock
+    record(result, status)
+    done = len(result.points) if result is not None else 0
+    if failure is not None:
+        raise NotConvergedError(f"{failure}; {done} values before it are in {out}", failure.partial)
+    if result is not None:
+        report_sweep(scene, result, out, console, seconds["total"])
+    if status == "interrupted":
+        print(f"interrupted: {done} of {len(values)} values were finished and are in {out}", file=sys.stderr)
+        return INTERRUPTED
+    checkpoint.remove()
+    return 0
+
+
+def sweep_scene(
+    scene: Scene | MatrixScene, problem: Problem, console: Console, precise: bool = False, store: Store | None = None
+) -> Sweep:
+    """Run the sweep that the scene asks for, with a progress bar on a terminal and plain lines elsewhere.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        With the sweep so far as its argument.
+    """
+    parameter, values = swept(scene, problem)
+    options = {
+        "modes": scene.solve.modes, "max_frequency": scene.solve.max_frequency, "tolerance": scene.solve.tolerance,
+        "keep_shapes": scene.output.shapes == "all", "method": scene.solve.method,
+        "precise": precise, "store": store,
+    }  # fmt: skip
+    solve = scene.solve
+    shortage = refuse_shortage(
+        "the sweep", problem.unknowns,
+        lambda: predict_memory(problem, parameter, len(values), solve.modes or MODES, solve.method).total,
+        "" if is_reduced(problem, parameter, len(values), solve.method) or len(values) == 1
+        else ', or solve.method = "reduced"',
+    )  # fmt: skip
+    if not console.is_terminal:
+        marks = {max(1, round(len(values) * part / 4)) for part in range(1, 5)}
+
+        def report(done: int, total: int) -> None:
+            if done in marks:
+                console.print(f"{parameter} = {values[done - 1]:.4g}: {done} of {total} values solved", markup=False)
+
+        with shortage:
+            return _explained(sweep(problem, values, parameter, progress=report, **options), scene)  # type: ignore[arg-type]
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(f"sweep over {parameter}", total=len(values))
+
+        def advance(done: int, total: int) -> None:
+            bar.update(task, completed=done)
+
+        with shortage:
+            return _explained(sweep(problem, values, parameter, progress=advance, **options), scene)  # type: ignore[arg-type]
+
+
+def write_results(scene: Scene | MatrixScene, result: Sweep, out: Path) -> None:
+    """Write tables, figures and shapes."""
+    remove_shapes(out)  # an interrupted run has written those that grew fastest until then
+    write_tables(result, out)
+    write_figures(result, out, scene.title)
+    if isinstance(scene, Scene):
+        write_preload(scene, result.problem, out)
+    if scene.output.shapes != "none":
+        export_shapes(result, out / SHAPES, scene.output.shapes)
+
+
+def _explained(result: Sweep, scene: Scene | MatrixScene) -> Sweep:
+    """Add the doubt that a sweep without any mode leaves."""
+    if any(len(point.modes) for point in result.points):
+        return result
+    limit = scene.solve.max_frequency
+    asked = f"solve.max_frequency: given {limit:g} Hz; no mode lies below it" if limit else "no mode is determined"
+    doubt = f"{asked}, so nothing is shown"
+    return replace(result, doubts=(*result.doubts, doubt))
+
+
+def _estimated(result: Sweep, console: Console) -> Sweep:
+    """Add the errors of the mesh; where that fails, the doubt that it leaves."""
+    from ..accuracy import with_discretisation
+
+    clock = time.perf_counter()
+    console.print("the error of the mesh is estimated on the mesh refined once")
+    try:
+        result = with_discretisation(result)
+    except (NotConvergedError, InputError) as error:
+        result = replace(result, doubts=(*result.doubts, f"the error of the mesh is not known: {error}"))
+    return replace(result, seconds={**result.seconds, "estimate": time.perf_counter() - clock})
+
+
+def _partial(error: NotConvergedError) -> Sweep | None:
+    return error.partial if isinstance(error.partial, Sweep) else None
+
+
+def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: Console, seconds: float) -> None:
+    """Print what a run has found."""
+    print_onsets(result.onsets_dataframe(), console)
+    print_unstable(result.to_dataframe(), console)
+    c = result.completeness
+    how = "LAPACK finds all modes" if result.method.startswith("dense") else "by the inertia of K − σM"
+    counted = "counted without damping and friction, and followed from there by a small model"
+    proof = f"proven: {how}" if c.proven else counted if c.expected is not None else "not proven"
+    console.print(
+        f"{c.found} of {c.expected if c.expected is not None else '?'} modes found at {result.parameter} = "
+        f"{result.points[0].value:g} ({proof})",
+        markup=False,
+    )
+    for doubt in result.doubts:
+        console.print(f"warning: {doubt}", markup=False)
+    memory = peak_memory_mib()
+    peak = f", {memory:.0f} MiB" if memory is not None else ""
+    shapes = ", shapes/" if scene.output.shapes != "none" and (out / SHAPES).is_dir() else ""
+    console.print(f"results in {out}: stability.png, root_locus.png{shapes} ({seconds:.1f} s{peak})", markup=False)

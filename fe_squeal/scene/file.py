@@ -1,0 +1,79 @@
+"""Reading a scene from TOML."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from ..errors import SceneError
+from .faults import shortened, validated
+from .matrices import MatrixScene
+from .scene import Scene
+
+
+def load_scene(path: str | Path) -> Scene | MatrixScene:
+    """Read and validate a scene file: a scene on a mesh, or one of matrices where it has `[[terms]]`.
+
+    Raises
+    ------
+    SceneError
+        With the file, the key, what was given and what is expected.
+    """
+    path = Path(path)
+    try:
+        if not path.exists():
+            raise SceneError(f"{path}: no such file; expected a scene in TOML")
+        if not path.is_file():
+            raise SceneError(f"{path}: not a file; expected a scene in TOML")
+        content = path.read_bytes()
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read: {error.strerror or error}; expected a scene in TOML") from error
+    try:
+        text = content.decode("utf-8-sig")  # Windows editors put a byte order mark in front
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise SceneError(
+            f"{path}: not TOML: line {line} holds the byte 0x{content[error.start]:02x}, which is not UTF-8;"
+            " expected a text file saved as UTF-8"
+        ) from error
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(f"{path}: not TOML: {_syntax(str(error), text)}") from error
+    except ValueError as error:  # a whole number of more digits than Python reads
+        raise SceneError(f"{path}: not TOML: {error}") from error
+    except RecursionError as error:
+        raise SceneError(f"{path}: not a scene: nested too deeply") from error
+    scene = parse_scene(data, str(path))
+    scene._source = path
+    return scene
+
+
+def parse_scene(data: dict[str, Any], source: str = "scene") -> Scene | MatrixScene:
+    """Validate a scene given as nested dictionaries.
+
+    Raises
+    ------
+    SceneError
+
+    Examples
+    --------
+    >>> parse_scene({"mesh": {"flie": "a.msh"}}, "brake.toml")
+    Traceback (most recent call last):
+    fe_squeal.errors.SceneError: brake.toml: mesh.flie: unknown key; did you mean "file"? (and 2 more)
+    """
+    if "terms" in data or ("parameters" in data and "mesh" not in data):
+        return validated(MatrixScene, data, source)
+    return validated(Scene, data, source)
+
+
+def _syntax(message: str, text: str) -> str:
+    """Return tomllib's message with the line that it is about."""
+    found = re.search(r"at line (\d+)", message)
+    if found is None:
+        return message
+    line = text.split("\n")[int(found[1]) - 1].strip()
+    hint = "; a table or key is given twice, or once as [...] and once as [[...]]" if "overwrite" in message else ""
+    return f"{message}: {shortened(''.join(c if c.isprintable() else '?' for c in line))}{hint}"

@@ -1,0 +1,53 @@
+"""How many modes there are where the inertia of a damped or frictional pencil tells nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..eigen.pencil import Modes
+from ..eigen.solve import Request, is_beside
+from ..errors import NotConvergedError
+from ..problem.problem import Problem
+from ..reduced import ReducedModel
+
+_CLEAR = 1e-5  # of a frequency: a gap in which a count may end
+_VALUE = "value"
+
+
+def count_apart(problem: Problem, modes: Modes, request: Request) -> int | None:
+    """Count the modes up to the highest of those found, by another method than the one that found them.
+
+    Modes with damping and friction grow out of those without, which the inertia of K − σM counts (Sylvester). A small
+    model begins with these and is grown until every residual meets the tolerance and a search at random finds no
+    other mode; how many modes it has up to a clear gap is the count.
+
+    Parameters
+    ----------
+    problem : Problem
+        At the values of its parameters for which the modes were found.
+    request : Request
+        That of the modes.
+
+    Returns
+    -------
+    int or None
+        None where there is no clear gap, the solver counts nothing, or the small model does not get there.
+    """
+    swinging = np.sort(modes.lam.imag[(modes.lam.imag > 0) & ~is_beside(modes)])
+    gaps = np.flatnonzero(np.diff(swinging) > _CLEAR * swinging[1:])
+    if not len(gaps):
+        return None
+    below = int(gaps[-1]) + 1
+    end = float(swinging[below - 1] + swinging[below]) / 2
+    frozen = replace(problem, parameters={**problem.parameters, _VALUE: 0.0}, coupled=frozenset())
+    try:
+        model = ReducedModel(frozen, _VALUE, [0.0], request)
+        if not model.counted():
+            return None
+        others = model.modes(0.0)
+    except NotConvergedError:
+        return None
+    counted = int(np.count_nonzero((others.lam.imag > 0) & (others.lam.imag < end) & ~is_beside(others)))
+    return None if counted < below else len(modes) - below + counted

@@ -1,0 +1,56 @@
+"""What modes themselves say about how sure they are: lost in rounding, or lowered by the penalty of a tie."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..eigen.pencil import Modes
+from ..eigen.quality import ROUNDING
+from ..problem.problem import Problem
+
+_ROUGH = 1e-4  # relative error of a frequency from which on it is spoken of
+_SOFT_TIE = 5e-3  # relative drop of a frequency by the penalty of a tie: what meshes usually leave
+
+
+def doubts_of_rounding(modes: Modes) -> list[str]:
+    """Return a sentence about modes at zero, and one about those whose frequency is lost in rounding of the entries."""
+    doubts = []
+    free, lam = modes.lam == 0, np.abs(modes.lam)
+    if free.any():
+        text = f"{free.sum()} of the modes are rigid motions of frequency 0: no support or spring holds a body against"
+        text += " them"
+        blur = modes.re_uncertainty[free].max() / (2 * np.pi)
+        if free.all() or 2 * np.pi * blur > _ROUGH * lam[~free].min():
+            text += f", or they are slower than {blur:.2g} Hz, which rounding of the matrices hides"
+        doubts.append(text)
+    error = ROUNDING * modes.condition[~free]
+    if (error > _ROUGH).any():
+        doubts.append(
+            f"{np.count_nonzero(error > _ROUGH)} of the modes have frequencies that rounding of the matrices may move,"
+            f" by up to {100 * error.max():.2g} %: something is far stiffer than what they bend (thin cells, springs)"
+        )
+    return doubts
+
+
+def doubts_of_ties(problem: Problem, modes: Modes) -> list[str]:
+    """Return a sentence for each tied contact whose stiffness lets frequencies drop.
+
+    A tie is a penalty: its energy share e = φᴴK_tφ / φᴴKφ is d ln θ / d ln k, and for θ = θ_∞ − a/k, as a stiff tie
+    has, θ lies below θ_∞ by just e θ.
+    """
+    found = []
+    for name in dict.fromkeys(t.name for t in problem.terms if t.penalty):
+        own = [t for t in problem.terms if t.name == name and t.penalty]
+        energy = sum(
+            t.coefficient(problem.parameters) * np.einsum("ij,ij->j", modes.right.conj(), t.matrix @ modes.right).real
+            for t in own
+        )
+        moving = modes.lam != 0
+        shares = np.divide(energy, np.abs(modes.lam) ** 2, out=np.zeros(len(modes)), where=moving)
+        if shares.max(initial=0.0) / 2 > _SOFT_TIE:
+            where = name.replace(".", " ", 1)
+            found.append(
+                f"{where}: tied by a stiffness that lets frequencies drop by up to {50 * shares.max():.2g} %;"
+                " made stiffer, this error falls in proportion"
+            )
+    return found

@@ -1,0 +1,212 @@
+"""Newton's method for critical values: two eigenvalues meet, one becomes zero, or one crosses the imaginary axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..eigen.linear.choice import factorize, factorize_complex
+from ..eigen.quality import ROUNDING
+from ..errors import NotConvergedError
+from ..problem.problem import Problem
+
+_STEPS = 12
+
+
+@dataclass(frozen=True)
+class Root:
+    """A critical value of a parameter.
+
+    Attributes
+    ----------
+    value : float
+    theta : float, rad²/s²
+        The eigenvalue −λ² there.
+    coefficient : float
+        Of √|p − p_c| in the growth rate behind the root, rad/s; at a crossing dRe λ/dp.
+    uncertainty : float
+        Of `value`: last Newton step and rounding.
+    right, left : (n,)
+        Vectors of Q(λ) there.
+    """
+
+    value: float
+    theta: float
+    coefficient: float
+    uncertainty: float
+    right: np.ndarray = field(repr=False)
+    left: np.ndarray = field(repr=False)
+
+
+def find_coalescence(
+    problem: Problem, parameter: str, value: float, theta: float, x: np.ndarray, y: np.ndarray
+) -> Root:
+    """Return where an undamped pair meets: a double root of g(θ, p) in θ.
+
+    With borders b, c the system [[K − θM, b], [cᵀ, 0]] [x; g] = [0; 1] is regular at a defective eigenvalue, and g = 0
+    exactly where K − θM is singular. The pair meets where g = ∂g/∂θ = 0, solved by Newton in (θ, p): a regular root
+    although the eigenvalues themselves move with √|p − p_c|. (Govaerts, Numerical Methods for Bifurcations of Dynamical
+    Equilibria, SIAM 2000, ch. 3 and 4: bordered matrices and singular points.)
+
+    Parameters
+    ----------
+    x, y : (n,) real
+        Approximate right and left mode near the meeting, for the borders.
+
+    Raises
+    ------
+    NotConvergedError
+    """
+    p, scale, last = value, abs(theta), np.inf
+    for _ in range(_STEPS):
+        b = _Bordered(problem, parameter, p, theta, x, y)
+        gradient = np.array([[b.g_theta, b.g_p], [b.g_theta_theta, b.g_theta_p]])
+        try:
+            step = np.linalg.solve(gradient * [scale, 1.0], -np.array([b.g, b.g_theta])) * [scale, 1.0]
+        except np.linalg.LinAlgError as error:
+            raise NotConvergedError("coalescence: the pair does not merge transversally") from error
+        theta, p = theta + step[0], p + step[1]
+        x, y = b.x, b.w
+        size = abs(step[1])
+        # Quadratic convergence ends at rounding level: stop where a step no longer shrinks.
+        if size <= b.p_rounding or (size < 1e-6 * max(abs(p), 1e-3) and size >= 0.25 * last):
+            coefficient = np.sqrt(2 * abs(b.g_p / b.g_theta_theta)) / (2 * np.sqrt(abs(theta)))
+            return Root(float(p), float(theta), float(coefficient), float(size + b.p_rounding), x, y)
+        if not np.isfinite(step).all() or size > 10 * (abs(value) + 1):
+            break
+        last = size
+    raise NotConvergedError(f"coalescence near {parameter} = {value:.6g}: Newton's method did not converge")
+
+
+def find_zero(
+    problem: Problem, parameter: str, value: float, x: np.ndarray, y: np.ndarray, width: float,
+    rigid: np.ndarray | None = None,
+) -> Root:  # fmt: skip
+    """Return where an eigenvalue θ passes zero (divergence): a root of g(0, p) within `width` of `value`, by Newton.
+
+    Parameters
+    ----------
+    rigid : (n, k) float, optional
+        Motions that K leaves free at every p. They are deflated, or K would be singular all along: with KZ = 0 the
+        matrix K + s MZ(MZ)ᵀ has all eigenvalues of K but those of Z.
+
+    Raises
+    ------
+    NotConvergedError
+    """
+    p, last = value, np.inf
+    for _ in range(_STEPS):
+        b = _Bordered(problem, parameter, p, 0.0, x, y, rigid)
+        step = -b.g / b.g_p
+        p, x, y = p + step, b.x, b.w
+        if abs(p - value) > width or b.p_rounding > 0.1 * width:
+            break
+        if abs(step) <= b.p_rounding or (abs(step) < 1e-6 * max(abs(p), 1e-3) and abs(step) >= 0.25 * last):
+            coefficient = float(np.sqrt(abs(b.g_p / b.g_theta)))
+            return Root(float(p), 0.0, coefficient, float(abs(step) + b.p_rounding), x, y)
+        last = abs(step)
+    raise NotConvergedError(f"divergence near {parameter} = {value:.6g}: Newton's method did not converge")
+
+
+def find_crossing(
+    problem: Problem, parameter: str, value: float, omega: float, x: np.ndarray, y: np.ndarray, width: float
+) -> Root:
+    """Return where an eigenvalue of a damped problem crosses the imaginary axis: g(iω, p) = 0, by Newton in (ω, p).
+
+    The two real equations are the parts of the complex g of the bordered Q(iω). `coefficient` is dRe λ/dp there, from
+    dλ/dp = −(∂g/∂p)/(∂g/∂λ), and `theta` is ω².
+
+    Parameters
+    ----------
+    x, y : (n,) complex
+        Approximate right and left mode.
+    width : float
+        How far from `value` the root may lie. Where Re λ hardly depends on p, rounding alone would allow any p.
+
+    Raises
+    ------
+    NotConvergedError
+    """
+    p, last = value, np.inf
+    for _ in range(_STEPS):
+        pencil, lam = problem.pencil(**{parameter: p}), 1j * omega
+        C = sp.csr_array(pencil.M.shape) if pencil.C is None else pencil.C
+        A = sp.csr_array(lam**2 * pencil.M + lam * C + pencil.K)
+        size = abs(A).max()
+        b, c = (v / np.linalg.norm(v) * size for v in (pencil.M @ y, pencil.M @ x))
+        corner = sp.csr_array((1, 1), dtype=complex)
+        full = sp.block_array([[A, sp.csr_array(b[:, None])], [sp.csr_array(c.conj()[None, :]), corner]], format="csr")
+        solve, solve_adjoint = factorize_complex(full)
+        e = np.zeros(pencil.n + 1, complex)
+        e[-1] = size
+        z, w = solve(e), solve_adjoint(e)
+        x, y, g = z[:-1], w[:-1], complex(z[-1])
+        change = np.zeros(pencil.n, complex)
+        for slot, factor in (("M", lam**2), ("C", lam), ("K", 1.0)):
+            d = problem.derivative(parameter, slot, **{parameter: p})  # type: ignore[arg-type]
+            if d is not None:
+                change += factor * (d @ x)
+        g_lam = -complex(np.vdot(y, pencil.derivative(np.array([lam]), x[:, None])[:, 0])) / size
+        g_p = -complex(np.vdot(y, change)) / size
+        jacobian = np.array([[(1j * g_lam).real, g_p.real], [(1j * g_lam).imag, g_p.imag]])
+        step = np.linalg.solve(jacobian, [-g.real, -g.imag])
+        omega, p = omega + step[0], p + step[1]
+        speed = float((-g_p / g_lam).real)
+        rounding = ROUNDING * float(np.abs(y) @ pencil.magnitude(np.array([lam]), x[:, None])[:, 0]) / size / abs(g_lam)
+        rounding = rounding / abs(speed) if speed else np.inf
+        if abs(p - value) > width or rounding > 0.1 * width:
+            break
+        if abs(step[1]) <= rounding or (abs(step[1]) < 1e-6 * max(abs(p), 1e-3) and abs(step[1]) >= 0.25 * last):
+            return Root(float(p), float(omega**2), speed, float(abs(step[1]) + rounding), x, y)
+        last = abs(step[1])
+    raise NotConvergedError(f"crossing near {parameter} = {value:.6g}: Newton's method did not converge")
+
+
+class _Bordered:
+    """g of the bordered matrix and its derivatives at one (θ, p), from one factorisation."""
+
+    def __init__(
+        self, problem: Problem, parameter: str, p: float, theta: float, x: np.ndarray, y: np.ndarray,
+        rigid: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
+        pencil = problem.pencil(**{parameter: p})
+        M, A = pencil.M, sp.csr_array(pencil.K - theta * pencil.M)
+        n = pencil.n
+        zero = sp.csr_array((n, n))
+        dK, dM = (problem.derivative(parameter, slot, **{parameter: p}) for slot in ("K", "M"))
+        dM = zero if dM is None else dM
+        dA = sp.csr_array((zero if dK is None else dK) - theta * dM)
+        # Borders along M y and M x are far from the range of A and its transpose; their size is that of A.
+        size = abs(A).max()
+        b, c = (M @ y), (M @ x)
+        b, c = b / np.linalg.norm(b) * size, c / np.linalg.norm(c) * size
+        rows = [[A, b[:, None]], [c[None, :], None]]
+        if rigid is not None:
+            MZ = M @ rigid
+            MZ = MZ / np.linalg.norm(MZ, axis=0) * size
+            held = -size * sp.eye_array(MZ.shape[1])
+            rows = [[A, MZ, b[:, None]], [MZ.T, held, None], [c[None, :], None, None]]
+        full = sp.block_array(rows, format="csr")
+        more = full.shape[0] - n
+        corner = sp.csr_array(([0.0], ([n + more - 1], [n + more - 1])), shape=full.shape)
+        factor = factorize(sp.csr_array(full + corner), symmetric=False)
+        e = np.zeros(n + more)
+        e[-1] = size
+        z, zt = factor.solve(e), factor.solve_transposed(e)
+        self.x, self.g = z[:n], float(z[-1])
+        self.w = zt[:n]
+        Mx, Mw, dAx, dAw = M @ self.x, M @ self.w, dA @ self.x, dA.T @ self.w
+        # With Bz = e: ∂z = −B⁻¹ ∂B z, and g = zᵗ-weighted; ∂A/∂θ = −M. Rows scaled by `size` like e.
+        derivatives = factor.solve(np.pad(np.column_stack([Mx, -dAx]), ((0, more), (0, 0))))
+        transposed = factor.solve_transposed(np.pad(np.column_stack([Mw, -dAw]), ((0, more), (0, 0))))
+        x_theta, x_p = derivatives[:n].T
+        w_p = transposed[:n, 1]
+        self.g_theta = float(self.w @ Mx) / size
+        self.g_p = -float(self.w @ dAx) / size
+        self.g_theta_theta = 2 * float(self.w @ (M @ x_theta)) / size
+        self.g_theta_p = float(w_p @ Mx + self.w @ (M @ x_p) + self.w @ (dM @ self.x)) / size
+        lam = np.array([1j * np.sqrt(abs(theta))])
+        magnitude = float(np.abs(self.w) @ pencil.magnitude(lam, self.x[:, None])[:, 0])
+        self.p_rounding = ROUNDING * magnitude / size / abs(self.g_p) if self.g_p else np.inf

@@ -1,0 +1,176 @@
+"""What a sweep gives: modes at every value, branches, onsets, and their tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..eigen.pencil import Modes
+from ..eigen.solve import Completeness
+from ..problem.energy import Share, energy_balance
+from ..problem.problem import Problem
+from ..reduced import ReducedModel, lift
+from .noise import classify_noise
+from .onsets import Onset
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MODE_COLUMNS = (
+    "parameter", "value", "mode", "branch", "re", "im", "frequency_hz", "damping_ratio", "stability", "noise",
+    "backward_error", "re_uncertainty", "re_discretisation", "im_discretisation",
+)  # fmt: skip
+ONSET_COLUMNS = (
+    "parameter", "value", "frequency_hz", "kind", "direction", "crossing_speed", "branch_a", "branch_b", "uncertainty",
+    "two_mode_value", "discretisation",
+)  # fmt: skip
+CONTRIBUTION_COLUMNS = ("parameter", "value", "mode", "branch", "term", "re_share", "energy_share")
+SENSITIVITY_COLUMNS = ("parameter", "value", "mode", "branch", "number", "at", "dre", "dim")
+
+
+class LiftedShapes(Mapping[int, np.ndarray]):
+    """Shapes V y (n,) by position, made from few coordinates when they are asked for."""
+
+    def __init__(self, coordinates: Mapping[int, np.ndarray], V: np.ndarray) -> None:
+        self.coordinates, self._V = coordinates, V
+
+    def __getitem__(self, i: int) -> np.ndarray:
+        return lift(self._V, self.coordinates[i])
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.coordinates)
+
+    def __len__(self) -> int:
+        return len(self.coordinates)
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """The modes at one value of the parameter.
+
+    Attributes
+    ----------
+    value : float
+    modes : Modes
+        Without shapes.
+    branches : (k,) int
+    shapes : mapping of mode position to (n,) shape
+        Of the unstable modes, and of all modes where the sweep was asked to keep them.
+    sensitivities : mapping of mode position to {path: (number, ∂λ/∂number)}
+        Of the unstable modes.
+    pressed : mapping of contact to {quantity: number}
+        What presses in the static state under preload, see `contact_summary`.
+    discretisation : (k,) complex or None
+        Errors of Re λ and Im λ by the mesh, where they are estimated.
+    """
+
+    value: float
+    modes: Modes
+    branches: np.ndarray
+    shapes: Mapping[int, np.ndarray]
+    sensitivities: Mapping[int, Mapping[str, tuple[float, complex]]] = field(default_factory=dict)
+    pressed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    discretisation: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Result of a sweep.
+
+    Attributes
+    ----------
+    problem : Problem
+    parameter : str
+    points : tuple of SweepPoint
+    onsets : tuple of Onset
+    completeness : Completeness
+        Of the modes at the first value.
+    seconds : mapping of stage to s
+    doubts : sentences about what could not be made sure
+    model : ReducedModel or None
+        In whose coordinates the modes were found.
+    """
+
+    problem: Problem
+    parameter: str
+    points: tuple[SweepPoint, ...]
+    onsets: tuple[Onset, ...]
+    completeness: Completeness
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    doubts: tuple[str, ...] = ()
+    model: ReducedModel | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        ends = f"{self.points[0].value:g} to {self.points[-1].value:g}"
+        found = f"{len(self.points)} values, {len(self.onsets)} onsets"
+        return f"Sweep({self.parameter} = {ends}, {found}, {self.problem!r})"
+
+    @property
+    def method(self) -> str:
+        """How the modes were solved for."""
+        return self.points[0].modes.method
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return one row per mode and value, the columns of modes.csv."""
+        import pandas as pd
+
+        rows = []
+        for point in self.points:
+            m = point.modes
+            mesh = np.full(len(m), np.nan * (1 + 1j)) if point.discretisation is None else point.discretisation
+            for i, lam in enumerate(m.lam):
+                size, unstable = abs(lam), m.stability[i] == "unstable"
+                rows.append((
+                    self.parameter, point.value, i + 1, point.branches[i], lam.real, lam.imag, m.frequency_hz[i],
+                    -lam.real / size if size else 0.0, m.stability[i],
+                    classify_noise(m.frequency_hz[i]) if unstable else "",
+                    m.backward_error[i], m.re_uncertainty[i], mesh[i].real, mesh[i].imag,
+                ))  # fmt: skip
+        return pd.DataFrame(rows, columns=list(MODE_COLUMNS))
+
+    def onsets_dataframe(self) -> pd.DataFrame:
+        """Return one row per onset, the columns of onsets.csv."""
+        import pandas as pd
+
+        rows = [
+            (o.parameter, o.value, o.frequency_hz, o.kind, o.direction, o.crossing_speed, o.branch_a, o.branch_b,
+             o.uncertainty, o.two_mode_value, o.discretisation)
+            for o in self.onsets
+        ]  # fmt: skip
+        frame = pd.DataFrame(rows, columns=list(ONSET_COLUMNS))
+        return frame.astype({"branch_a": "Int64", "branch_b": "Int64"})
+
+    def balance(self, point: SweepPoint, i: int) -> dict[str, Share]:
+        """Return the shares of the terms in one mode whose shape is known."""
+        problem, shapes = self.problem, point.shapes
+        if self.model is not None and isinstance(shapes, LiftedShapes):
+            problem, shapes = self.model.small, shapes.coordinates
+        return energy_balance(problem, complex(point.modes.lam[i]), shapes[i], **{self.parameter: point.value})
+
+    def contributions_dataframe(self) -> pd.DataFrame:
+        """Return the shares of Re λ and of the energy by term, of every unstable mode (contributions.csv)."""
+        import pandas as pd
+
+        rows = []
+        for point in self.points:
+            for i in np.flatnonzero(point.modes.stability == "unstable"):
+                found = self.balance(point, int(i))
+                key = (self.parameter, point.value, i + 1, point.branches[i])
+                rows += [(*key, term, share.growth, share.energy) for term, share in found.items()]
+                rows.append((*key, "sum", sum(share.growth for share in found.values()), np.nan))
+        return pd.DataFrame(rows, columns=list(CONTRIBUTION_COLUMNS))
+
+    def sensitivities_dataframe(self) -> pd.DataFrame:
+        """Return ∂Re λ and ∂Im λ by every number that terms scale with, of every unstable mode (sensitivities.csv)."""
+        import pandas as pd
+
+        rows = [
+            (self.parameter, point.value, i + 1, point.branches[i], path, at, d.real, d.imag)
+            for point in self.points
+            for i, found in point.sensitivities.items()
+            for path, (at, d) in found.items()
+        ]
+        return pd.DataFrame(rows, columns=list(SENSITIVITY_COLUMNS))

@@ -1,0 +1,259 @@
+"""The state of a running sweep: modes of the last value, branches, onsets and doubts so far."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ..eigen.pencil import Modes
+from ..eigen.solve import Completeness, Request, prove_completeness, solve_modes, wanted_count
+from ..eigen.threads import one_openblas_thread
+from ..errors import NotConvergedError, TooLargeError
+from ..problem.problem import Problem
+from ..problem.sensitivity import sensitivities
+from ..reduced import ReducedModel
+from .counting import count_apart
+from .doubts import doubts_of_rounding, doubts_of_ties
+from .forecast import is_reduced
+from .onsets import Onset, find_step_onsets, two_mode_value
+from .result import LiftedShapes, Sweep, SweepPoint
+from .state import Record, Store, SweepState, lifted
+from .tracking import match_modes
+
+_RIM = 0.9  # of the highest |λ| known: a mode beyond may leave the range by itself
+_REFINEMENTS = 4  # how often a step is halved while the continuation of a mode is in doubt
+
+
+class RunningSweep:
+    """The state of a running sweep."""
+
+    def __init__(self, problem: Problem, parameter: str, request: Request, steps: int, precise: bool) -> None:
+        self.problem, self.parameter, self.request = problem, parameter, request
+        self._steps, self._precise = steps, precise
+        self._guarded = _with_guard(request) if steps else request
+        self.points: list[SweepPoint] = []
+        self.onsets: list[Onset] = []
+        self.seconds = {"reduction": 0.0, "eigenvalues": 0.0, "tracking": 0.0, "onsets": 0.0, "completeness": 0.0}
+        self.doubts: list[str] = []
+        self.completeness = Completeness(0, None, False)
+        self._first: Modes | None = None
+        self._previous: Modes | None = None
+        self._branches = np.zeros(0, int)
+        self._first_branches = np.zeros(0, int)
+        self._next_branch = 1
+        self._start = self._value = np.nan
+        self._M = problem.mass  # weighs shapes; nominal, whatever the sweep does to it
+        self._model: ReducedModel | None = None
+        self._tracked = problem  # the problem whose coordinates the modes have: this one, or the small one
+
+    def reduce(self, values: np.ndarray, method: str, store: Store | None, known: SweepState | None) -> None:
+        """Make the small model, if the method asks for it, or take the one that is stored."""
+        if not is_reduced(self.problem, self.parameter, len(values), method) or (known and not known.reduced):
+            return
+        clock = time.perf_counter()
+        stored = None if store is None else store.load_model()
+        try:
+            with one_openblas_thread():
+                if stored is not None:
+                    model = ReducedModel.restored(self.problem, self.parameter, values, self._guarded, *stored)
+                else:
+                    model = ReducedModel(self.problem, self.parameter, values, self._guarded, modal=method == "modal")
+        except NotConvergedError as error:
+            if method != "auto":
+                raise
+            self.doubts.append(f"solved directly at every value: {error}")
+            self._spend("reduction", clock)
+            return
+        self._model, self._tracked = model, model.small
+        self._M = self._tracked.mass
+        if method == "modal":
+            self.doubts.append(
+                f"modal projection: an eigenvalue may be off by {100 * model.worst:.2g} % of |λ|, as estimated"
+            )
+        self._spend("reduction", clock)
+        if store is not None and stored is None:
+            store.save_model(Record(*model.stored()))
+
+    def state(self) -> SweepState:
+        """Return what the next value needs."""
+        assert self._first is not None and self._previous is not None
+        return SweepState(
+            tuple(self.points), tuple(self.onsets), tuple(self.doubts), self.completeness, dict(self.seconds),
+            self._first, self._previous, self._first_branches, self._branches, self._next_branch, self._start,
+            self._value, self._model is not None,
+        )  # fmt: skip
+
+    def restore(self, state: SweepState) -> None:
+        """Go on behind the last value of a state."""
+        V = None if self._model is None else self._model.basis.V
+        self.points = [point if V is None else lifted(point, V) for point in state.points]
+        self.onsets, self.doubts = list(state.onsets), list(state.doubts)
+        self.completeness, self.seconds = state.completeness, dict(state.seconds)
+        self._first, self._previous = state.first, state.previous
+        self._first_branches, self._branches = state.first_branches, state.branches
+        self._next_branch, self._start, self._value = state.next_branch, state.start, state.value
+
+    def advance(self, value: float, keep_all: bool) -> None:
+        """Solve at the next value."""
+        modes = self._solve(value)
+        if self._previous is None:
+            self._begin(value, modes)
+        else:
+            self._follow(value, modes, _REFINEMENTS)
+        wanted = wanted_count(modes, self.request)
+        kept = range(wanted) if keep_all else np.flatnonzero(modes.stability[:wanted] == "unstable")
+        shapes: Mapping[int, np.ndarray] = {int(i): modes.right[:, i].copy() for i in kept}
+        here = self._tracked.at(**{self.parameter: value})
+        moves = {}
+        growing = np.flatnonzero(modes.stability[:wanted] == "unstable")
+        pencil = here.pencil() if len(growing) else None
+        for i in growing:
+            found = sensitivities(here, modes, int(i), pencil=pencil)
+            moves[int(i)] = {path: (here.value(path), d) for path, d in found.items()}
+        reported = modes.select(np.arange(wanted)).without_shapes()
+        pressed = self.problem.at(**{self.parameter: value}).state
+        if self._model is not None:
+            shapes = LiftedShapes(shapes, self._model.basis.V)
+        self.points.append(SweepPoint(value, reported, self._branches[:wanted], shapes, moves, pressed))
+
+    def _solve(self, value: float) -> Modes:
+        clock = time.perf_counter()
+        if self._model is not None:
+            modes = self._model.modes(value)
+        else:
+            band = None if self._previous is None else float(self._previous.lam.imag.max(initial=0.0)) or None
+            try:
+                modes = solve_modes(self.problem.pencil(**{self.parameter: value}), self._guarded, band)
+            except TooLargeError as error:
+                if not self._steps or not self.problem.is_affine(self.parameter):
+                    raise
+                raise TooLargeError(f'{error}, or solve.method = "reduced"') from error
+        self._spend("eigenvalues", clock)
+        return modes
+
+    def _begin(self, value: float, modes: Modes) -> None:
+        clock = time.perf_counter()
+        pencil = self.problem.pencil(**{self.parameter: value})
+        c = prove_completeness(pencil, modes)
+        if c.expected is None and self._model is None:
+            c = replace(c, expected=count_apart(self.problem.at(**{self.parameter: value}), modes, self._guarded))
+        elif c.expected is None and self._model is not None:
+            counted = self._model.counted()
+            if counted is False:
+                raise NotConvergedError("the small model lacks modes that the inertia without friction counts", modes)
+            c = replace(c, expected=c.found if counted else None)
+        c = c.without(len(modes) - wanted_count(modes, self.request))
+        if c.expected is not None and c.found != c.expected:
+            raise NotConvergedError(f"{c.found} modes found where the inertia counts {c.expected}", modes)
+        wanted = modes.select(np.arange(wanted_count(modes, self.request)))
+        self.doubts += doubts_of_rounding(wanted)
+        if any(t.penalty for t in self._tracked.terms):
+            self.doubts += doubts_of_ties(self._tracked.at(**{self.parameter: value}), wanted)
+        self.completeness, self._start, self._first = c, value, modes
+        self._branches = self._first_branches = np.arange(1, len(modes) + 1)
+        self._next_branch = len(modes) + 1
+        self._value, self._previous = value, modes
+        self._spend("completeness", clock)
+
+    def _follow(self, value: float, modes: Modes, refinements: int) -> None:
+        """Name the branches at the next value and find the onsets on the way; halve the step while in doubt."""
+        assert self._previous is not None
+        clock = time.perf_counter()
+        match = match_modes(self._previous, modes, self._M)
+        clock = self._spend("tracking", clock)
+        doubtful = bool(match.doubtful[: wanted_count(modes, self.request)].any())
+        if not (doubtful and refinements):
+            names = itertools.count(self._next_branch)
+            branches = np.array([self._branches[i] if i >= 0 else next(names) for i in match.origin], dtype=int)
+            found, doubts = self._find_onsets(value, modes, branches)
+            clock = self._spend("onsets", clock)
+            if not (doubts and refinements):
+                self._require_all(value, modes, branches)
+                self.onsets += found
+                self.doubts += doubts
+                self._next_branch = next(names)
+                self._value, self._previous, self._branches = value, modes, branches
+                return
+        middle = (self._value + value) / 2
+        self._follow(middle, self._solve(middle), refinements - 1)
+        self._follow(value, modes, refinements - 1)
+
+    def _lost(self, modes: Modes, branches: np.ndarray) -> np.ndarray:
+        """Return the branches, well inside the range and oscillating, that have no mode among the next ones."""
+        assert self._previous is not None
+        known = wanted_count(self._previous, self.request)
+        lam, names = self._previous.lam[:known], self._branches[:known]
+        inside = (np.abs(lam) < _RIM * np.abs(modes.lam).max(initial=0.0)) & (lam.imag > 0)
+        return np.asarray(names[inside & ~np.isin(names, branches)])
+
+    def _require_all(self, value: float, modes: Modes, branches: np.ndarray) -> None:
+        """Raise if modes have vanished inside the range, where none can end: those were missed by the solver."""
+        lost = self._lost(modes, branches)
+        inside = np.abs(modes.lam) < np.abs(modes.lam).max(initial=0.0)
+        new = np.count_nonzero(inside & (branches >= self._next_branch))
+        if len(lost) > new:
+            raise NotConvergedError(
+                f"{len(lost) - new} modes are missing between {self.parameter} = {self._value:g} and {value:g}: branch"
+                f" {', '.join(str(b) for b in lost)} is not found again"
+            )
+
+    def result(self) -> Sweep:
+        """Return what was solved so far."""
+        return Sweep(
+            self.problem, self.parameter, tuple(self.points), tuple(sorted(self.onsets, key=lambda o: o.value)),
+            self.completeness, dict(self.seconds), tuple(self.doubts), self._model,
+        )  # fmt: skip
+
+    def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray) -> tuple[list[Onset], list[str]]:
+        """Return the onsets between the last value and this one, and what stays open between them."""
+        assert self._previous is not None and self._first is not None
+        ends, name = (self._value, value), self.parameter
+        known = wanted_count(self._previous, self.request)
+        reported = {*self._branches[:known], *branches[: wanted_count(modes, self.request)]}
+        doubts = [
+            f"branch {b} is not found again between {name} = {ends[0]:g} and {ends[1]:g}"
+            for b in self._lost(modes, branches)
+        ]
+        try:
+            below = float(modes.lam[: wanted_count(modes, self.request)].imag.max(initial=0.0))
+            found, unknown, hidden = find_step_onsets(
+                self.problem, name, ends, (self._previous, modes), (self._branches, branches), below, self._steps,
+                self._model, self._precise,
+            )  # fmt: skip
+        except (NotConvergedError, ValueError) as error:
+            return [], [*doubts, f"an onset between {name} = {ends[0]:g} and {ends[1]:g} was not refined: {error}"]
+        doubts += [
+            f"branch {b} is unstable at {name} = {at:g} and was not known at {other:g}: its onset is not found; ask for"
+            " more modes or a finer sweep"
+            for b, at, other in unknown
+            if b in reported
+        ]
+        if hidden is not None:
+            doubts.append(f"near {name} = {hidden:g} other modes are unstable than the onsets found explain")
+        onsets = []
+        for onset in found:
+            if not reported & {onset.branch_a, onset.branch_b}:
+                continue
+            at = [np.flatnonzero(self._first_branches == b) for b in (onset.branch_a, onset.branch_b)]
+            if all(len(i) for i in at) and not self.problem.is_damped:
+                predicted = two_mode_value(self._tracked, name, self._start, self._first, int(at[0][0]), int(at[1][0]))
+                onset = replace(onset, two_mode_value=predicted)
+            onsets.append(onset)
+        return onsets, doubts
+
+    def _spend(self, stage: str, since: float) -> float:
+        now = time.perf_counter()
+        self.seconds[stage] += now - since
+        return now
+
+
+def _with_guard(request: Request) -> Request:
+    """Return a request for some modes beyond those wanted: a mode that comes into the range has then been followed."""
+    if request.max_frequency_hz is not None:
+        return replace(request, max_frequency_hz=1.1 * request.max_frequency_hz)
+    assert request.count is not None
+    return replace(request, count=request.count + max(4, request.count // 5))

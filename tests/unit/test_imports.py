@@ -1,0 +1,53 @@
+"""What is loaded before anything is asked for, in a fresh interpreter."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.resources import files
+
+import pytest
+
+PLOTTING, TABLES, MESHING = ("matplotlib", "pyvista", "vtk"), ("pandas",), ("gmsh", "meshio", "h5py", "skfem")
+SOLVING = ("scipy", "pypardiso", "psutil", "pydantic")
+
+
+def loaded_by(code: str, *packages: str) -> list[str]:
+    """Return which of some packages are loaded behind a piece of code."""
+    shown = f"{code}\nimport sys\nprint(*(p for p in {packages!r} if p in sys.modules), file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", shown], capture_output=True, encoding="utf-8", timeout=60, check=True)
+    return done.stderr.split()
+
+
+def test_the_package_loads_neither_plotting_nor_tables_nor_meshers():
+    assert loaded_by("import fe_squeal", *PLOTTING, *TABLES, *MESHING, *SOLVING) == []
+
+
+def test_help_of_the_command_loads_no_more():
+    code = "from fe_squeal.cli import main\nassert main(['--help']) == 0"
+    assert loaded_by(code, *PLOTTING, *TABLES, *MESHING, *SOLVING) == []
+
+
+def test_a_sweep_of_plain_matrices_needs_neither_mesh_nor_tables():
+    code = """
+import numpy as np, scipy.sparse as sp, fe_squeal
+from fe_squeal.problem.terms import Term
+one = sp.csr_array(np.eye(2))
+terms = (Term("m", "M", one, True), Term("k", "K", sp.csr_array(np.diag([1.0, 4.0])), True))
+assert len(fe_squeal.sweep(fe_squeal.Problem(terms, {}), [0.0], modes=2).points[0].modes) == 2
+"""
+    assert loaded_by(code, *PLOTTING, *TABLES, *MESHING, "pydantic") == []
+
+
+def test_names_are_there_and_sweep_is_the_function():
+    """Also where rooms were imported before: one of them is called like the function."""
+    import fe_squeal.sweep.result
+
+    assert all(getattr(fe_squeal, name) is not None for name in fe_squeal.__all__)
+    assert callable(fe_squeal.sweep) and set(fe_squeal.__all__) <= set(dir(fe_squeal))
+    with pytest.raises(AttributeError, match="has no attribute 'swep'"):
+        fe_squeal.swep  # noqa: B018
+
+
+def test_types_are_published():
+    assert files("fe_squeal").joinpath("py.typed").is_file() and files("lumped").joinpath("py.typed").is_file()
