@@ -11,8 +11,10 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from . import MatrixScene, Scene
+from ..effects import known_effects
+from . import MatrixScene
 from .faults import options, toml_text
+from .scene import scene_with
 
 _UNITS = ("m", "Pa", "Hz", "degrees", "length", "kg/m^3", "rad/s or m/s", "rad/s", "s/m", "1/s", "s", "N/m", "N s/m", "N/m per m^2", "N s/m per m^2")
 _TYPES = {"float": "number", "int": "whole number", "str": "text", "vector": "list of 3 numbers", "two vectors":
@@ -51,7 +53,7 @@ def reference() -> str:
     LookupError
         A key has no description in its section's docstring.
     """
-    return "\n".join([_HEAD, *_section(Scene, ""), _MATRICES, *_section(MatrixScene, "", ("sweep", "solve", "output"))])
+    return "\n".join([_HEAD, *_section(scene_with(known_effects()), ""), _MATRICES, *_section(MatrixScene, "", ("sweep", "solve", "output"))])
 
 
 def _section(section: type[BaseModel], where: str, known: tuple[str, ...] = ()) -> list[str]:
