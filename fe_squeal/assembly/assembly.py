@@ -37,7 +37,7 @@ from .effect_stages import (
 )
 from .matrices import matrix_problem
 from .model import Model
-from .warnings import doubts, doubts_of_coverage
+from .warnings import warnings_of_coverage, warnings_of_scene
 
 _SHARED = 0.15  # of the entries of all element matrices: what elements that share nodes leave, or less
 _COPIES = 3  # of the stiffness: while two sums are added to a third
@@ -108,38 +108,40 @@ class Assembly:
 
     def _build(self, values: Mapping[str, float]) -> Problem:
         scene = with_numbers(self.scene, values) if values else self.scene
-        on, known = scene.effects.on, scene.effects.known
+        on = scene.effects.on
         springs = [t for i, spring in enumerate(scene.springs) for t in self._spring(spring, i)]
-        context = self._context(scene)
-        bodies, sections = context.bodies, dict(zip(scene.contact_names, scene.contacts, strict=True))
-        elastic = [t for body in bodies.values() for t in (body.mass, body.elastic)]
-        context = with_motions(context, on)
-        tied = {
-            name: stiffness_terms(sections[name], part, self._cache)
-            for name, part in context.contacts.items()
-            if part.kind == "tied"
-        }
-        held = [*springs, *(t for of_contact in tied.values() for t in of_contact)]
-        static = (*(body.elastic for body in bodies.values()), *(t for t in held if t.slot == "K"))
+        context = with_motions(self._context(scene), on)
+        always = [t for body in context.bodies.values() for t in (body.mass, body.elastic)] + springs
+        tied = [t for part in context.contacts.values() if part.kind == "tied" for t in self._stiffness(scene, part)]
+        static = tuple(t for t in (*always, *tied) if t.slot == "K")
         context = with_static_state(replace(context, static=static), on)
-        owned: list[Owned] = [("", t) for t in (*elastic, *springs)]
-        for name, part in context.contacts.items():
-            stiff = tied[name] if name in tied else stiffness_terms(sections[name], part, self._cache)
-            owned += [("", t) for t in stiff]
-            owned += [] if name in tied else terms_of_contact(context, on, part)
-        owned += terms_of_model(context, on)
-        for body in bodies.values():
-            owned += terms_of_body(context, known, body)
+        owned = [*(("", t) for t in always), *self._interfaces_and_effects(scene, context)]
         terms = tuple(t for _, t in owned)
-        parameters = {
-            p: number_at(scene, p) for p in sorted({p for t in terms for p in t.powers} | parameters_of(on))
-        }
+        paths = {p for t in terms for p in t.powers} | parameters_of(on)
+        parameters = {p: number_at(scene, p) for p in sorted(paths)}
         operators = {name: part.operators for name, part in context.contacts.items()}
-        warnings = (*self._warnings(operators), *warnings_of(context, known, on, owned, parameters))
+        doubtful = warnings_of(context, scene.effects.known, on, owned, parameters)
+        warnings = (*self._warnings(operators), *doubtful)
         return Problem(
             terms, parameters, Model(self.space, self.bodies, operators, self.notes, warnings, context.state), self,
             state_parameters(context, on), dict(values), self._motions, state=pressed_numbers(operators, context.state),
         )  # fmt: skip
+
+    def _interfaces_and_effects(self, scene: Scene, context: Context) -> Iterator[Owned]:
+        """Yield the terms of contacts and effects, each with the name of its effect."""
+        on = scene.effects.on
+        for part in context.contacts.values():
+            for term in self._stiffness(scene, part):
+                yield "", term
+            if part.kind != "tied":
+                yield from terms_of_contact(context, on, part)
+        yield from terms_of_model(context, on)
+        for body in context.bodies.values():
+            yield from terms_of_body(context, scene.effects.known, body)
+
+    def _stiffness(self, scene: Scene, part: ContactPart) -> list[Term]:
+        """Return the terms of a contact's own stiffness and damping."""
+        return stiffness_terms(scene.contacts[scene.contact_names.index(part.name)], part, self._cache)
 
     def _context(self, scene: Scene) -> Context:
         """Return what effects are made from, before any of them."""
@@ -200,8 +202,8 @@ class Assembly:
         return self._cache.get(
             "warnings", None,
             lambda: (
-                *self.loaded.warnings, *doubts_of_coverage(contacts),
-                *doubts(self.scene, self.loaded, self.space, self.bodies),
+                *self.loaded.warnings, *warnings_of_coverage(contacts),
+                *warnings_of_scene(self.scene, self.loaded, self.space, self.bodies),
             ),
         )  # fmt: skip
 

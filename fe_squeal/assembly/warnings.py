@@ -22,7 +22,7 @@ _LARGE_GAP = 0.05  # of the model's size
 _LOCKING = 0.48  # Poisson's ratio above which standard elements lose digits; see docs/near_incompressible.md
 
 
-def doubts(
+def warnings_of_scene(
     scene: Scene, loaded: LoadedMesh, space: DisplacementSpace, bodies: Mapping[str, np.ndarray]
 ) -> list[str]:
     """Return a sentence for each value that is probably not meant; the groups have been looked up before."""
@@ -104,7 +104,7 @@ def _shapes(loaded: LoadedMesh, space: DisplacementSpace, bodies: Mapping[str, n
             )
 
 
-def doubts_of_coverage(contacts: Mapping[str, ContactOperators]) -> list[str]:
+def warnings_of_coverage(contacts: Mapping[str, ContactOperators]) -> list[str]:
     """Return a sentence for each contact of which most does not touch its counterface."""
     return [
         f"contact {name}: only {100 * c.coverage:.3g} % of the surface lies on its counterface within the tolerance"

@@ -1,7 +1,8 @@
 """Effects: what is simulated beyond elasticity, springs and contact stiffness, one file each.
 
 A file holds the keys of the effect's table in the scene, its formula and its terms. `EFFECTS` lists them, in the order
-in which the scene file, results and docs name them. Everything else finds them here.
+in which the scene file, results and docs name them. A new effect needs its file and its place in that list: the table
+`[effects]`, the assembly, docs/scene.md, warnings and the benchmark of costs go over the list.
 """
 
 from __future__ import annotations

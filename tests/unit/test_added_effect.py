@@ -1,7 +1,7 @@
 """An effect that the program does not have, from its keys in TOML to the results folder, without touching the program.
 
-Two effects are defined here: a mass spread over a surface, with which a bar has a closed form, and dampers to the
-ground, whose virtual work is known.
+Three effects are defined here: a mass spread over a surface, with which a bar has a closed form; dampers to the ground,
+whose virtual work is known; and a drag that a body may have of its own, of which Re λ is known.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 from fe_squeal import assemble, load_scene, sweep
 from fe_squeal.cli import main
 from fe_squeal.effects import EFFECTS, Effect, added_effect, known_effects
-from fe_squeal.effects.context import Context
+from fe_squeal.effects.context import BodyPart, Context
 from fe_squeal.errors import SceneError
 from fe_squeal.problem.terms import Term
 from fe_squeal.scene.reference import reference
@@ -82,6 +82,27 @@ class GroundedDampers(Effect):
         matrix = along_all(context, self.surface)
         powers = {"effects.grounded_dampers.damping": 1}
         return [Term("grounded_dampers", "C", matrix, symmetric=True, powers=powers)]
+
+
+class Drag(Effect):
+    """Drag in proportion to the mass of bodies, C = r M, so that Re λ = −r/2.
+
+    Attributes
+    ----------
+    rate : float, 1/s
+        r.
+    """
+
+    name: ClassVar[str] = "drag"
+    summary: ClassVar[str] = "Drag in proportion to the mass."
+    own_of_body: ClassVar[str] = "Drag of this body."
+
+    rate: NonNegative
+
+    def body_terms(self, context: Context, body: BodyPart, path: str) -> list[Term]:
+        """Return the damping matrix of a body."""
+        powers = {f"{path}.rate": 1, **body.mass.powers}
+        return [Term(f"drag.{body.name}", "C", body.mass.matrix, symmetric=True, powers=powers)]
 
 
 def along_all(context: Context, group: str) -> sp.csr_array:
@@ -165,6 +186,16 @@ def test_scene_keeps_its_effects_after_they_are_taken_away(tmp_path: Path) -> No
         assert modes.frequency_hz[0] == pytest.approx(bar_frequency(312.0), rel=1e-4)
     with pytest.raises(SceneError, match=r"effects\.added_mass: unknown key"):
         load_scene(path)
+
+
+@pytest.mark.parametrize("table", ["effects.drag", "bodies.block.drag"])
+def test_body_may_have_a_table_of_its_own(tmp_path: Path, table: str) -> None:
+    with added_effect(Drag):
+        scene = load_scene(write_scene(tmp_path, BAR + f"[{table}]\nrate = 30.0\n"))
+    problem = assemble(scene)
+    assert scene.effect_names == ("drag",) and problem.parameters[f"{table}.rate"] == 30.0
+    lam = sweep(problem, [10.0, 30.0], parameter=f"{table}.rate", modes=1).points
+    assert [float(p.modes.lam[0].real) for p in lam] == pytest.approx([-5.0, -15.0], rel=1e-6)
 
 
 @pytest.mark.usefixtures("effects")
