@@ -8,8 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fe_squeal.effects import EFFECTS
+
 ROOT = Path(__file__).parents[1]
 FRICTION = "friction"  # the case that all others are compared with
+# Further cases of one effect, of other terms: effect, what to call it, keys.
+VARIANTS: dict[str, dict[str, dict[str, Any]]] = {"structural_damping": {"frozen": {"reference_frequency_hz": 3000.0}}}
 
 
 @dataclass(frozen=True)
@@ -36,12 +40,12 @@ def scene_of(rung: str) -> dict[str, Any]:
 
 
 def effect_cases(scene: dict[str, Any]) -> list[Case]:
-    """Return the scene without friction, with it, and with each effect besides; numbers as in the example of all."""
-    tables = tomllib.loads((ROOT / "examples/disc_pad_effects.toml").read_text(encoding="utf-8"))["effects"]
-    pressure = {"contact_pressure": 1.0e6}
-    loss: dict[str, Any] = {"structural_damping": {}}
-    frozen = {"structural_damping": {"reference_frequency_hz": 3000.0}}
-    preload = {"preload": tables["preload"]}
+    """Return the scene without friction, with it, and with each effect of the program besides.
+
+    Numbers are those of the example of all effects; an effect that has no keys there is taken with its defaults.
+    """
+    example = tomllib.loads((ROOT / "examples/disc_pad_effects.toml").read_text(encoding="utf-8"))["effects"]
+    tables = {kind.name: example.get(kind.name, {}) for kind in EFFECTS}
 
     def with_effects(name: str, effects: dict[str, Any], damper: float = 0.0) -> Case:
         case = copy.deepcopy(scene)
@@ -52,20 +56,21 @@ def effect_cases(scene: dict[str, Any]) -> list[Case]:
             case["springs"] = [{**s, "damping": damper} for s in case["springs"]]
         return Case(name, case)
 
+    cases = [Case("no friction", {**scene, "effects": {}}), Case(FRICTION, scene)]
+    for kind in EFFECTS:
+        if kind.name == FRICTION:
+            continue
+        table = tables[kind.name] | ({"contact_pressure": 1.0e6} if "contact_pressure" in kind.model_fields else {})
+        needed = {name: tables[name] for name in kind.needs if name != FRICTION}
+        cases.append(with_effects(", ".join([*needed, kind.name]), {**needed, kind.name: table}))
+        for variant, keys in VARIANTS.get(kind.name, {}).items():
+            cases.append(with_effects(f"{kind.name}, {variant}", {kind.name: table | keys}))
+    frozen = tables["structural_damping"] | VARIANTS["structural_damping"]["frozen"]
     return [
-        Case("no friction", {**scene, "effects": {}}),
-        Case(FRICTION, scene),
-        with_effects("rayleigh", {"rayleigh": tables["rayleigh"]}),
-        with_effects("structural_damping", loss),
-        with_effects("structural_damping, frozen", frozen),
-        with_effects("friction_damping", {"friction_damping": pressure}),
-        with_effects("falling_friction", {"falling_friction": {**tables["falling_friction"], **pressure}}),
-        with_effects("rotation", {"rotation": tables["rotation"]}),
+        *cases,
         with_effects("springs' damping", {}, damper=100.0),
-        with_effects("preload", preload),
-        with_effects("preload, stress_stiffening", preload | {"stress_stiffening": {}}),
-        with_effects("all, loss frozen", tables | frozen, damper=100.0),
-        with_effects("all", tables | loss, damper=100.0),
+        with_effects("all, loss frozen", tables | {"structural_damping": frozen}, damper=100.0),
+        with_effects("all", tables, damper=100.0),
     ]
 
 

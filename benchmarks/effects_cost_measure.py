@@ -22,8 +22,9 @@ import scipy.sparse as sp
 from effects_cost_cases import Case
 
 from fe_squeal import assemble, parse_scene
-from fe_squeal.assembly import assembly, contacts, preload_state, rotating_bodies
 from fe_squeal.assembly.bodies import read_mesh
+from fe_squeal.effects import EFFECTS
+from fe_squeal.effects.effect import Effect
 from fe_squeal.eigen.linear import choice
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.solve import Request, solve_modes
@@ -32,13 +33,6 @@ from fe_squeal.problem.problem import Problem
 from fe_squeal.scene import Scene
 
 NEXT_MU = 0.41
-# All that the assembly calls for effects other than friction.
-MAKERS = (
-    "rayleigh_terms", "structural_terms", "friction_damping_terms", "falling_friction_terms", "rotation_terms",
-    "rotation_motion", "check_revolution", "is_transversal", "check_ring", "centrifugal_load", "pressure_load",
-    "solve_preload", "stiffening_term", "doubts_of_preload",
-)  # fmt: skip
-
 
 @dataclass
 class Row:
@@ -127,9 +121,11 @@ def _assembled(case: Case, scene: Scene, mesh: Any) -> Problem:
         raise AssertionError("an effect that is not in the scene was called")
 
     with ExitStack() as stack:
-        for name in MAKERS if case.unreachable else ():
-            [module] = [m for m in (assembly, contacts, preload_state, rotating_bodies) if hasattr(m, name)]
-            stack.enter_context(patch.object(module, name, fail))
+        absent = [kind for kind in EFFECTS if case.unreachable and kind.name not in scene.effect_names]
+        for kind in absent:
+            for name in set(vars(Effect)) & set(vars(kind)):
+                if callable(getattr(kind, name)) and not name.startswith("_") and name != "warnings_without":
+                    stack.enter_context(patch.object(kind, name, fail))
         return assemble(scene, mesh)
 
 

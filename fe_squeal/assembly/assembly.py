@@ -2,41 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 
-import numpy as np
-
+from ..effects.cache import Cache
+from ..effects.context import BodyPart, ContactPart, Context
 from ..effects.elasticity import elastic_terms
-from ..effects.falling_friction import falling_friction_terms
-from ..effects.friction_damping import friction_damping_terms
-from ..effects.preload import BaseState
-from ..effects.rayleigh import rayleigh_terms
-from ..effects.rotation import rotating_damping_terms, rotation_terms, unit_rotation
 from ..effects.springs import Spring, spring_terms
-from ..effects.stress_stiffening import stiffening_term
-from ..effects.structural_damping import structural_terms
+from ..effects.static_state import pressed_numbers
 from ..eigen.memory import refuse_shortage, require_memory
 from ..errors import MeshError, SceneError
 from ..fem.contact import ContactOperators
-from ..fem.gyroscopics import circulatory_matrices, gyroscopic_matrices
 from ..fem.materials import material_axes
-from ..fem.motion import Sliding
 from ..fem.rigid_motions import rigid_motions
 from ..fem.spaces import DisplacementSpace, Surface, make_space, straightened
 from ..mesh import LoadedMesh
-from ..problem.parameters import MU
+from ..mesh.groups import find_facets
 from ..problem.problem import Problem
 from ..problem.terms import Term
 from ..scene import MatrixScene, Scene, number_at, with_numbers
-from .bodies import find_bodies, find_facets, read_mesh
-from .cache import Cache, Same
-from .contacts import make_contact, pressure_powers, stiff_terms
+from .bodies import find_bodies, read_mesh
+from .contacts import make_contact, stiffness_terms
+from .effect_stages import (
+    Owned,
+    parameters_of,
+    state_parameters,
+    terms_of_body,
+    terms_of_contact,
+    terms_of_model,
+    warnings_of,
+    with_motions,
+    with_static_state,
+)
 from .matrices import matrix_problem
 from .model import Model
-from .preload_state import pressed_numbers, pressing_of, state_parameters
-from .rotating_bodies import check_material, check_shape, rotating_motions
-from .warnings import doubts, doubts_of_coverage, doubts_of_preload, doubts_of_rotation
+from .warnings import warnings_of_coverage, warnings_of_scene
 
 _SHARED = 0.15  # of the entries of all element matrices: what elements that share nodes leave, or less
 _COPIES = 3  # of the stiffness: while two sums are added to a third
@@ -107,86 +108,55 @@ class Assembly:
 
     def _build(self, values: Mapping[str, float]) -> Problem:
         scene = with_numbers(self.scene, values) if values else self.scene
-        elastic = {name: self._elastic(scene, name) for name in self.bodies}
+        on = scene.effects.on
         springs = [t for i, spring in enumerate(scene.springs) for t in self._spring(spring, i)]
-        found = {name: self._contact(scene, name, i) for i, name in enumerate(scene.contact_names)}
-        contacts = {name: operators for name, (operators, _) in found.items()}
-        motions = rotating_motions(scene, {name: sides for name, (_, sides) in found.items()})
-        for name, motion in motions.items():
-            self._check_rotating(scene, name, motion)
-        terms = [t for pair in elastic.values() for t in pair] + springs
-        tied = {
-            name: self._interface(scene, name, contacts[name], None)
-            for name, c in zip(scene.contact_names, scene.contacts, strict=True)
-            if c.kind == "tied"
-        }
-        held = [*springs, *(t for of_contact in tied.values() for t in of_contact)]
-        static = [*(stiffness for _, stiffness in elastic.values()), *(t for t in held if t.slot == "K")]
-        base = self._base(scene, contacts, static, motions)
-        for name, operators in contacts.items():
-            terms += tied[name] if name in tied else self._interface(scene, name, operators, base)
-        if scene.effects.stress_stiffening is not None and base is not None:
-            terms += [self._stiffening(scene, name, base) for name in self.bodies]
-        for name in scene.bodies:
-            terms += self._damping(scene, name, *elastic[name], motions.get(name))
-        paths = sorted({p for t in terms for p in t.powers} | ({MU} if scene.effects.friction is not None else set()))
-        parameters = {p: number_at(scene, p) for p in paths}
+        context = with_motions(self._context(scene), on)
+        always = [t for body in context.bodies.values() for t in (body.mass, body.elastic)] + springs
+        tied = [t for part in context.contacts.values() if part.kind == "tied" for t in self._stiffness(scene, part)]
+        static = tuple(t for t in (*always, *tied) if t.slot == "K")
+        context = with_static_state(replace(context, static=static), on)
+        owned = [*(("", t) for t in always), *self._interfaces_and_effects(scene, context)]
+        terms = tuple(t for _, t in owned)
+        paths = {p for t in terms for p in t.powers} | parameters_of(on)
+        parameters = {p: number_at(scene, p) for p in sorted(paths)}
+        operators = {name: part.operators for name, part in context.contacts.items()}
+        doubtful = warnings_of(context, scene.effects.known, on, owned, parameters)
+        warnings = (*self._warnings(operators), *doubtful)
         return Problem(
-            tuple(terms), parameters, self._model(scene, contacts, base, motions, terms, parameters), self,
-            state_parameters(scene, static, base), dict(values), self._motions,
-            state=pressed_numbers(contacts, base),
+            terms, parameters, Model(self.space, self.bodies, operators, self.notes, warnings, context.state), self,
+            state_parameters(context, on), dict(values), self._motions, state=pressed_numbers(operators, context.state),
         )  # fmt: skip
 
-    def _damping(
-        self, scene: Scene, name: str, mass: Term, elastic: Term, motion: Sliding | None
-    ) -> list[Term]:
-        """Return the terms of damping and rotation of a body."""
-        body, rayleigh, structural = scene.bodies[name], scene.effects.rayleigh, scene.effects.structural_damping
-        own = (body.rayleigh, f"bodies.{name}.rayleigh") if body.rayleigh is not None else None
-        law = own or ((rayleigh, "effects.rayleigh") if rayleigh is not None else None)
-        path = f"materials.{body.material}"
-        terms: list[Term] = []
-        if law is not None:
-            terms += rayleigh_terms(*law, name, mass, elastic)
-        if structural is not None:
-            loss = scene.materials[body.material].loss_factor
-            terms += structural_terms(structural, name, loss, f"{path}.loss_factor", elastic)
-        if motion is None:
-            return terms
-        elements, unit = self.bodies[name], unit_rotation(motion)
-        inertia = self._cache.get(
-            f"rotation.{name}", motion.way, lambda: gyroscopic_matrices(self.space, elements, 1.0, unit)
-        )
-        terms += rotation_terms(name, path, motion, inertia)
-        if law is not None and (law[0].alpha or law[0].beta):
-            circulatory = self._cache.get(
-                f"rotating_damping.{name}", (motion.way, Same(elastic.matrix)),
-                lambda: circulatory_matrices(self.space, elements, elastic.matrix, 1.0, unit),
-            )  # fmt: skip
-            terms += rotating_damping_terms(name, path, motion, elastic, law, circulatory)
-        return terms
+    def _interfaces_and_effects(self, scene: Scene, context: Context) -> Iterator[Owned]:
+        """Yield the terms of contacts and effects, each with the name of its effect."""
+        on = scene.effects.on
+        for part in context.contacts.values():
+            for term in self._stiffness(scene, part):
+                yield "", term
+            if part.kind != "tied":
+                yield from terms_of_contact(context, on, part)
+        yield from terms_of_model(context, on)
+        for body in context.bodies.values():
+            yield from terms_of_body(context, scene.effects.known, body)
 
-    def _check_rotating(self, scene: Scene, name: str, motion: Sliding) -> None:
-        """Raise where a rotating body, what holds it or its material is not the same all around the axis."""
-        self._cache.get(
-            f"revolution.{name}", motion.way,
-            lambda: check_shape(scene, self.space, self.bodies[name], self.loaded, motion, name),
+    def _stiffness(self, scene: Scene, part: ContactPart) -> list[Term]:
+        """Return the terms of a contact's own stiffness and damping."""
+        return stiffness_terms(scene.contacts[scene.contact_names.index(part.name)], part, self._cache)
+
+    def _context(self, scene: Scene) -> Context:
+        """Return what effects are made from, before any of them."""
+        return Context(
+            self.space, self.loaded, {name: self._body(scene, name) for name in self.bodies},
+            {name: self._contact(scene, name, i) for i, name in enumerate(scene.contact_names)},
+            scene.materials, tuple(_holding(scene)), scene.effects.on, partial(number_at, scene), self._cache,
         )  # fmt: skip
-        check_material(scene, motion, name)
 
-    def _base(
-        self, scene: Scene, contacts: Mapping[str, ContactOperators], static: list[Term], motions: Mapping[str, Sliding]
-    ) -> BaseState | None:
-        pressing = pressing_of(scene, self.space, self.bodies, self.loaded, contacts, static, motions)
-        if pressing is None:
-            return None
-        before = self._cache.latest("base")
-        return self._cache.get("base", pressing.key, lambda: pressing.solve(before))
-
-    def _stiffening(self, scene: Scene, name: str, base: BaseState) -> Term:
-        return self._cache.get(
-            f"stiffening.{name}", Same(base),
-            lambda: stiffening_term(self.space, name, self.bodies[name], scene.elasticity(name), base.u),
+    def _body(self, scene: Scene, name: str) -> BodyPart:
+        body = scene.bodies[name]
+        axes = material_axes(*body.axes) if body.axes is not None else None
+        return BodyPart(
+            name, self.bodies[name], scene.materials[body.material], f"materials.{body.material}", axes, body.is_mixed,
+            *self._elastic(scene, name), scene.own_tables(name),
         )  # fmt: skip
 
     def _elastic(self, scene: Scene, name: str) -> tuple[Term, Term]:
@@ -215,67 +185,37 @@ class Assembly:
             return surface, None
         return surface, self.space.surface(find_facets(self.loaded, spring.to, f"springs[{i}].to"))
 
-    def _contact(self, scene: Scene, name: str, i: int) -> tuple[ContactOperators, set[str]]:
-        """Return the operators of a contact, and the bodies that carry its counterface."""
+    def _contact(self, scene: Scene, name: str, i: int) -> ContactPart:
         contact = scene.contacts[i]
         motion = contact.sliding.motion() if contact.sliding is not None else None
         key = (None if motion is None else motion.way, contact.gap_tolerance)
-        return self._cache.get(
+        operators, carriers = self._cache.get(
             f"contact.{name}", key,
             lambda: make_contact(self.space, self.bodies, self.loaded, contact, motion, f"contacts[{i}]"),
         )  # fmt: skip
+        return ContactPart(
+            name, contact.kind, operators, contact.normal_stiffness, contact.friction_ratio, motion, frozenset(carriers)
+        )
 
-    def _interface(
-        self, scene: Scene, name: str, operators: ContactOperators, base: BaseState | None
-    ) -> list[Term]:
-        """Return the terms of a contact, on its closed part; without a static state it is closed all over."""
-        contact, effects = scene.contacts[scene.contact_names.index(name)], scene.effects
-        state = None if base is None else base.contacts[name]
-        closed = operators
-        if state is not None:
-            closed = replace(operators, weights=operators.weights * state.closed)
-        key = (
-            Same(operators), None if state is None else state.closed.tobytes(),
-            bool(contact.normal_damping), contact.kind == "sliding", contact.friction_ratio != 0,
-        )  # fmt: skip
-        terms = list(self._cache.get(f"interface.{name}", key, lambda: stiff_terms(name, closed, contact, effects)))
-        if contact.kind != "sliding" or not contact.friction_ratio or contact.sliding is None:
-            return terms
-        p0 = np.ones(len(closed.weights)) if state is None else np.maximum(state.pressure, 0.0)
-        if effects.friction_damping is not None:
-            speed = contact.sliding.motion().speeds(closed.points, closed.normals)
-            counts = {MU: 1, **pressure_powers(effects, name, "friction_damping", base is not None)}
-            terms += self._cache.get(
-                f"friction_damping.{name}",
-                (Same(operators), p0.tobytes(), speed.tobytes(), tuple(counts.items())),
-                lambda: friction_damping_terms(name, closed, p0, speed, counts),
-            )  # fmt: skip
-        if effects.falling_friction is not None and effects.falling_friction.slope:
-            slopes = pressure_powers(effects, name, "falling_friction", base is not None)
-            slopes = {"effects.falling_friction.slope": 1, **slopes}
-            terms += self._cache.get(
-                f"falling_friction.{name}", (Same(operators), p0.tobytes(), tuple(slopes.items())),
-                lambda: falling_friction_terms(name, closed, p0, slopes),
-            )  # fmt: skip
-        return terms
-
-    def _model(
-        self, scene: Scene, contacts: dict[str, ContactOperators], base: BaseState | None,
-        motions: dict[str, Sliding], terms: list[Term], parameters: dict[str, float],
-    ) -> Model:  # fmt: skip
-        warnings: tuple[str, ...] = self._cache.get(
-            "doubts", None,
+    def _warnings(self, contacts: Mapping[str, ContactOperators]) -> tuple[str, ...]:
+        """Return what looks doubtful in the scene as it stands, but for its effects."""
+        return self._cache.get(
+            "warnings", None,
             lambda: (
-                *self.loaded.warnings, *doubts_of_coverage(contacts),
-                *doubts(self.scene, self.loaded, self.space, self.bodies),
+                *self.loaded.warnings, *warnings_of_coverage(contacts),
+                *warnings_of_scene(self.scene, self.loaded, self.space, self.bodies),
             ),
         )  # fmt: skip
-        if base is not None:
-            warnings += tuple(doubts_of_preload(scene, contacts, base))
-        if motions and scene.effects.stress_stiffening is None:
-            still = [t for t in terms if not t.name.startswith("convection.")]
-            warnings += tuple(doubts_of_rotation(self.space, self.bodies, motions, still, parameters))
-        return Model(self.space, self.bodies, contacts, self.notes, warnings, base)
+
+
+def _holding(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Yield path and group of each surface on which supports and springs act."""
+    for i, support in enumerate(scene.supports):
+        yield f"supports[{i}]", support.surface
+    for i, spring in enumerate(scene.springs):
+        for surface in (spring.surface, spring.to):
+            if surface is not None:
+                yield f"springs[{i}]", surface
 
 
 def _least_memory(space: DisplacementSpace) -> int:

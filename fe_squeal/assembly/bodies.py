@@ -10,7 +10,7 @@ import skfem
 from ..eigen.memory import refuse_shortage
 from ..errors import MeshError, SceneError, suggest
 from ..geometry import make_mesh
-from ..mesh import LoadedMesh, load_mesh, surface_group, volume_group
+from ..mesh import LoadedMesh, load_mesh, volume_group
 from ..mesh.building import build_mesh
 from ..scene import MatrixScene, Scene
 
@@ -94,17 +94,6 @@ def find_bodies(scene: Scene, loaded: LoadedMesh) -> dict[str, np.ndarray]:
             f" [bodies.{groups[0] if groups else 'NAME'}] with material = ..."
         )
     return bodies
-
-
-def find_facets(loaded: LoadedMesh, group: str, key: str, *others: str) -> np.ndarray:
-    """Return the facets of a group; `others` are words that would be valid as well."""
-    try:
-        return surface_group(loaded, group)
-    except MeshError as error:
-        close = suggest(group, others)
-        if "did you mean" in close:
-            raise MeshError(f'{key}: no surface group "{group}" in {loaded.source}{close}') from error
-        raise MeshError(f"{key}: {error}") from error
 
 
 def contact_sides(

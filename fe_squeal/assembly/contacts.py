@@ -1,4 +1,4 @@
-"""Contacts of a scene: their operators on the mesh, and what their terms scale with."""
+"""Contacts of a scene: their operators on the mesh, and their own stiffness."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..effects.cache import Cache
 from ..effects.contact_stiffness import contact_terms
-from ..effects.friction import friction_terms
+from ..effects.context import ContactPart
 from ..fem.contact import ContactOperators, contact_operators
 from ..fem.motion import Sliding
 from ..fem.spaces import DisplacementSpace
 from ..mesh import LoadedMesh
+from ..mesh.groups import find_facets
 from ..problem.terms import Term
 from ..scene.contacts import Contact
-from ..scene.scene import Effects
-from .bodies import contact_sides, find_facets
+from .bodies import contact_sides
 
 
 def make_contact(
@@ -41,26 +42,11 @@ def make_contact(
     return contact_operators(space, pad, counter, motion, contact.gap_tolerance, key), sides[1]
 
 
-def stiff_terms(name: str, operators: ContactOperators, contact: Contact, effects: Effects) -> list[Term]:
-    """Return the terms of a contact's stiffness and damping, and of friction where it slides."""
-    tied = contact.kind == "tied"
-    terms = contact_terms(name, operators, contact.normal_stiffness, contact.normal_damping, tied)
-    if contact.kind == "sliding" and effects.friction is not None:
-        terms += friction_terms(name, operators, contact.friction_ratio)
-    return terms
-
-
-def pressure_powers(effects: Effects, name: str, effect: str, pressed: bool) -> dict[str, int]:
-    """Return the parameters that a term scales with which acts on a contact's pressure.
-
-    Parameters
-    ----------
-    effect : "friction_damping" or "falling_friction"
-    pressed : bool
-        Whether the pressure is that of a static state, which no parameter scales.
-    """
-    ratio = {f"contacts.{name}.friction_ratio": 1}
-    if pressed:
-        return ratio
-    own = getattr(effects, effect).contact_pressure is not None
-    return {**ratio, f"effects.{effect if own else 'friction_damping'}.contact_pressure": 1}
+def stiffness_terms(contact: Contact, part: ContactPart, cache: Cache) -> list[Term]:
+    """Return the terms of a contact's own stiffness and damping, on its closed part."""
+    return cache.get(
+        f"contact stiffness.{part.name}", (part.key, bool(contact.normal_damping)),
+        lambda: contact_terms(
+            part.name, part.closed, contact.normal_stiffness, contact.normal_damping, contact.kind == "tied"
+        ),
+    )  # fmt: skip

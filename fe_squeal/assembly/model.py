@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..effects.preload import BaseState
+from ..effects.static_state import BaseState
 from ..fem.contact import ContactOperators
 from ..fem.spaces import DisplacementSpace
 from ..problem.problem import Problem

@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from ..effects.preload import BaseState, ContactState
 from ..fem.contact import ContactOperators
-from ..fem.motion import Sliding
 from ..fem.spaces import DisplacementSpace
 from ..mesh import LoadedMesh, surface_group
 from ..mesh.distortion import shape_condition
-from ..problem.terms import Term
 from ..scene import Scene
 
 _DENSITY = (100.0, 30000.0)  # kg/m^3: from foams to osmium
 _MODULUS = (1e6, 1e13)  # Pa: from rubber to beyond diamond
-_FOLLOWING = 1e-3  # of the friction stiffness: the size of the follower terms from which they are spoken of
 # Condition number of the map from the regular cell; with its square, 1e4, a backward error of 1e-8, the usual
 # tolerance, leaves four digits.
 _DISTORTED = 100.0
 _NAMED = 5  # elements in one sentence
 _LARGE_GAP = 0.05  # of the model's size
 _LOCKING = 0.48  # Poisson's ratio above which standard elements lose digits; see docs/near_incompressible.md
-_HELD = 10.0  # times Ω²M: the stiffness against a rigid motion beside which that of the centrifugal stress is small
 
 
-def doubts(
+def warnings_of_scene(
     scene: Scene, loaded: LoadedMesh, space: DisplacementSpace, bodies: Mapping[str, np.ndarray]
 ) -> list[str]:
     """Return a sentence for each value that is probably not meant; the groups have been looked up before."""
@@ -48,10 +43,6 @@ def _materials(scene: Scene) -> Iterable[str]:
             odd = [v for v in values if not _MODULUS[0] <= v <= _MODULUS[1]]
             if odd:
                 yield f"materials.{name}.{key} = {odd[0]:g}: is this in SI units, Pa?"
-        if material.loss_factor and scene.effects.structural_damping is None:
-            yield f"materials.{name}.loss_factor has no effect: [effects.structural_damping], which reads it, is not on"
-    if scene.effects.structural_damping is not None and not any(m.loss_factor for m in scene.materials.values()):
-        yield "effects.structural_damping has no effect: no material has a loss_factor"
 
 
 def _locking(scene: Scene) -> Iterable[str]:
@@ -113,75 +104,10 @@ def _shapes(loaded: LoadedMesh, space: DisplacementSpace, bodies: Mapping[str, n
             )
 
 
-def doubts_of_rotation(
-    space: DisplacementSpace, bodies: Mapping[str, np.ndarray], motions: Mapping[str, Sliding], terms: Sequence[Term],
-    parameters: Mapping[str, float],
-) -> Iterable[str]:  # fmt: skip
-    """Yield a sentence for each rotating body that can turn or tilt against no more than its own inertia.
-
-    The stiffness of the centrifugal stress is what such motions have against K_Ω: with it a turned body stays where it
-    is and a tilted one wobbles with 2Ω; without it the turned one has λ = ±iΩ.
-
-    Parameters
-    ----------
-    terms : sequence of Term
-        Of all bodies, springs and contacts.
-    """
-    for name, motion in motions.items():
-        speed = np.linalg.norm(motion.velocity)
-        axis = motion.velocity / speed
-        nodes = np.unique(space.dofs.element_dofs[:, bodies[name]])
-        x = space.coordinates[nodes]
-        middle = motion.centre + axis * ((x.mean(axis=0) - motion.centre) @ axis)
-        free = []
-        for word, across in (("turn about the axis", axis), ("tilt", np.cross(axis, np.eye(3)[np.argmin(axis**2)]))):
-            u = np.zeros((space.nodes, 3))
-            u[nodes] = np.cross(across / np.linalg.norm(across), x - middle)
-            v = space.gather(u)
-            energy = {
-                slot: sum(
-                    float(v @ (t.matrix @ v)) * t.coefficient(parameters)
-                    for t in terms
-                    if t.slot == slot and t.symmetric and not t.imaginary
-                )
-                for slot in ("M", "K")
-            }
-            if energy["K"] < _HELD * speed**2 * energy["M"]:
-                free.append(word)
-        if free:
-            yield (
-                f"effects.rotation: body {name} is free to {' and to '.join(free)}; without [effects.stress_stiffening]"
-                f" its slow motions, up to some {2 * speed / (2 * np.pi):.3g} Hz, are not right"
-            )
-
-
-def doubts_of_coverage(contacts: Mapping[str, ContactOperators]) -> list[str]:
+def warnings_of_coverage(contacts: Mapping[str, ContactOperators]) -> list[str]:
     """Return a sentence for each contact of which most does not touch its counterface."""
     return [
         f"contact {name}: only {100 * c.coverage:.3g} % of the surface lies on its counterface within the tolerance"
         for name, c in contacts.items()
         if c.coverage < 0.5
     ]
-
-
-def doubts_of_preload(
-    scene: Scene, contacts: Mapping[str, ContactOperators], base: BaseState
-) -> Iterable[str]:
-    """Yield a sentence for each contact whose static state is outside what the equations hold."""
-    for name, contact in zip(scene.contact_names, scene.contacts, strict=True):
-        if name not in base.contacts:
-            continue
-        ratio = follower_ratio(contacts[name], base.contacts[name], contact.normal_stiffness)
-        if ratio > _FOLLOWING:
-            yield (
-                f"contact {name}: p0/(k_n l) = {ratio:.2g}: terms of this size beside the friction stiffness, of forces"
-                " that follow the surface, are left out"
-            )
-        pulling = contacts[name].weights[base.contacts[name].pressure < 0].sum() / contacts[name].area
-        if pulling > 0:
-            yield f"contact {name}: {100 * pulling:.3g} % of its area pulls in the preload, for lift_off = false"
-
-
-def follower_ratio(operators: ContactOperators, state: ContactState, stiffness: float) -> float:
-    """Return p0/(k_n ℓ), the size of the follower terms that are left out over the friction stiffness; ℓ = √area."""
-    return float(np.abs(state.pressure).max(initial=0.0) / (stiffness * np.sqrt(operators.area)))

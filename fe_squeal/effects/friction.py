@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import scipy.sparse as sp
 
 from ..fem.contact import ContactOperators
+from ..problem.parameters import MU
 from ..problem.terms import Term
-from ..schema.section import Section
+from .context import ContactPart, Context
+from .effect import Effect, Outline
 
 
-class Friction(Section):
+class Friction(Effect):
     """Friction in every sliding contact.
 
     With pressure p = p0 − k_n g, the pad feels the traction μ p t along the counterface's velocity, the counterface the
@@ -21,7 +25,28 @@ class Friction(Section):
         Friction coefficient, nominal; a sweep replaces it. A negative one is reversed sliding.
     """
 
+    name: ClassVar[str] = "friction"
+    summary: ClassVar[str] = "Friction in every sliding contact."
+
     mu: float
+
+    def check_scene(self, outline: Outline) -> None:
+        """Raise ValueError where nothing slides."""
+        if not outline.sliding_contacts:
+            raise ValueError('effects.friction: no contact slides; expected a [[contacts]] entry of kind "sliding"')
+
+    def parameters(self) -> tuple[str, ...]:
+        """Return mu, which can be swept over contacts of ratio zero too."""
+        return (MU,)
+
+    def contact_terms(self, context: Context, contact: ContactPart) -> list[Term]:
+        """Return the friction of a contact that slides."""
+        if contact.kind != "sliding":
+            return []
+        return context.cache.get(
+            f"friction.{contact.name}", (contact.key, contact.friction_ratio != 0),
+            lambda: friction_terms(contact.name, contact.closed, contact.friction_ratio),
+        )  # fmt: skip
 
 
 def friction_terms(name: str, operators: ContactOperators, ratio: float) -> list[Term]:
@@ -36,5 +61,5 @@ def friction_terms(name: str, operators: ContactOperators, ratio: float) -> list
         return []
     matrix = operators.slip.T @ sp.diags_array(operators.weights) @ operators.gap
     path = f"contacts.{name}"
-    powers = {"mu": 1, f"{path}.normal_stiffness": 1, f"{path}.friction_ratio": 1}
+    powers = {MU: 1, f"{path}.normal_stiffness": 1, f"{path}.friction_ratio": 1}
     return [Term(f"friction.{name}", "K", sp.csr_array(matrix), symmetric=False, powers=powers)]

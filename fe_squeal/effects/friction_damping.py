@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import numpy as np
 import scipy.sparse as sp
 
 from ..fem.contact import ContactOperators
+from ..problem.parameters import MU
 from ..problem.terms import Term
-from ..schema.section import Positive, Section
+from ..schema.section import Positive
+from .context import ContactPart, Context
+from .effect import Effect
+from .pressure import check_pressure
 
 
-class FrictionDamping(Section):
+class FrictionDamping(Effect):
     """Slip damping C_f = ∫ (μ p0/|v|) δs⊥ ṡ⊥ dA, s⊥ the slip in the surface across the sliding direction.
 
     The friction force is opposed to the relative velocity. A slip velocity ṡ⊥ across the sliding speed v turns it by
@@ -23,7 +30,27 @@ class FrictionDamping(Section):
         Pressure p0 in all contacts, where there is no preload that gives it.
     """
 
+    name: ClassVar[str] = "friction_damping"
+    summary: ClassVar[str] = "Damping of slip across the sliding direction."
+    needs: ClassVar[Mapping[str, str]] = {"friction": "; expected [effects.friction] with mu"}
+
     contact_pressure: Positive | None = None
+
+    def check_effects(self, others: Mapping[str, Effect]) -> None:
+        """Raise ValueError where the pressure is not known, or known twice."""
+        check_pressure(self.name, self.contact_pressure, others)
+
+    def contact_terms(self, context: Context, contact: ContactPart) -> list[Term]:
+        """Return the damping of a contact in which friction acts."""
+        if not contact.slides_with_friction or contact.motion is None:
+            return []
+        speed = contact.motion.speeds(contact.closed.points, contact.closed.normals)
+        powers = {MU: 1, **contact.pressure_powers("effects.friction_damping.contact_pressure")}
+        return context.cache.get(
+            f"friction_damping.{contact.name}",
+            (contact.key, contact.pressure.tobytes(), speed.tobytes(), tuple(powers.items())),
+            lambda: friction_damping_terms(contact.name, contact.closed, contact.pressure, speed, powers),
+        )
 
 
 def friction_damping_terms(

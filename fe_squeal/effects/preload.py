@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, Literal
 
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import NotConvergedError, SceneError
-from ..fem.contact import ContactOperators
-from ..fem.motion import Sliding
+from ..fem.gyroscopics import centrifugal_load
 from ..fem.spaces import DisplacementSpace, Surface
-from ..fem.static_contact import Equilibrium, NotHeldError, SlidingContact, solve_static_contact
-from ..schema.section import Section
+from ..problem.parameters import MU
+from ..problem.terms import Term
+from .cache import Same
+from .context import Context
+from .effect import Effect
+from .friction import Friction
+from .static_state import BaseState, PressedContact, follower_ratio, solve_preload
+
+_FOLLOWING = 1e-3  # of the friction stiffness: the size of the follower terms from which they are spoken of
 
 
-class Preload(Section):
+class Preload(Effect):
     """Static solve under pressures, with contact that opens and steady sliding friction.
 
     K u + Σ ∫ (δg + μ δs) k_n min(g, 0) dA = f, pressure p0 = −k_n g where the gap of the displacements g < 0. Meshes
@@ -39,154 +43,98 @@ class Preload(Section):
     lift_off: bool = True
     mu: Literal["swept"] | float = "swept"
 
+    name: ClassVar[str] = "preload"
+    summary: ClassVar[str] = "Static state under pressures, with contacts that open."
 
-@dataclass(frozen=True)
-class ContactState:
-    """What presses in one contact.
+    def check_effects(self, others: Mapping[str, Effect]) -> None:
+        """Raise ValueError where nothing loads the bodies."""
+        if not self.pressures and "rotation" not in others:
+            raise ValueError(
+                "given preload without a load; expected preload.pressures = { SURFACE = ... }, or [effects.rotation]"
+            )
 
-    Attributes
-    ----------
-    pressure : (q,) float, Pa
-    closed : (q,) bool
-    normal_force : float, N
-        ∫ p0 dA.
-    force : (3,) float, N
-        On the pad, normal force and friction.
-    torque : float, N m
-        Of the friction about the axis of rotation, with which the pad brakes the counterface; NaN for a straight belt.
-    """
+    def static_state(self, context: Context) -> BaseState:
+        """Return the static state, from that of nearly the same problem if there is one.
 
-    pressure: np.ndarray
-    closed: np.ndarray
-    normal_force: float
-    force: np.ndarray
-    torque: float
+        Raises
+        ------
+        SceneError, MeshError, NotConvergedError
+        """
+        numbers = {p: context.number(p) for t in context.static for p in t.powers}
+        load, resultant = self._loads(context)
+        mu = self._mu(context)
+        contacts = {
+            name: PressedContact(
+                c.operators, c.normal_stiffness, c.friction_ratio if c.kind == "sliding" else 0.0, c.motion
+            )
+            for name, c in context.contacts.items()
+            if c.kind != "tied"
+        }
+        key = (
+            load.tobytes(), mu, tuple(sorted(numbers.items())), tuple(Same(t.matrix) for t in context.static),
+            tuple((Same(c.operators), c.stiffness, c.friction_ratio) for c in contacts.values()), self.lift_off,
+        )  # fmt: skip
+        size = float(np.ptp(context.space.mesh.p, axis=1).max())
+        before = context.cache.latest("static state")
 
+        def solve() -> BaseState:
+            K = sp.csr_array(sum(t.matrix * t.coefficient(numbers) for t in context.static))
+            return solve_preload(K, load, resultant, contacts, mu, self.lift_off, size, before)
 
-@dataclass(frozen=True)
-class BaseState:
-    """The static state.
+        return context.cache.get("static state", key, solve)
 
-    Attributes
-    ----------
-    u : (n,) float, m
-    mu : float
-    contacts : mapping of contact to ContactState
-    load : (3,) float, N
-        Resultant of the applied loads.
-    equilibrium : Equilibrium
-    """
+    def state_parameters(self, context: Context) -> frozenset[str]:
+        """Return the parameters that the static state depends on."""
+        names = {p for t in context.static for p in t.powers}
+        for contact in context.contacts.values():
+            names |= {f"{contact.path}.normal_stiffness", f"{contact.path}.friction_ratio"}
+        if self.mu == "swept":
+            names.add(MU)
+        if context.motions:  # by the centrifugal force
+            names |= {f"materials.{name}.density" for name in context.materials}
+        return frozenset(names)
 
-    u: np.ndarray
-    mu: float
-    contacts: Mapping[str, ContactState]
-    load: np.ndarray
-    equilibrium: Equilibrium
+    def warnings(self, context: Context, others: Sequence[Term], parameters: Mapping[str, float]) -> list[str]:
+        """Return a sentence for each contact whose static state is outside what the equations hold."""
+        found = []
+        for name, contact in context.contacts.items():
+            c, state = contact.operators, contact.state
+            if state is None:
+                continue
+            ratio = follower_ratio(c, state, contact.normal_stiffness)
+            if ratio > _FOLLOWING:
+                found.append(
+                    f"contact {name}: p0/(k_n l) = {ratio:.2g}: terms of this size beside the friction stiffness, of"
+                    " forces that follow the surface, are left out"
+                )
+            pulling = c.weights[state.pressure < 0].sum() / c.area
+            if pulling > 0:
+                found.append(
+                    f"contact {name}: {100 * pulling:.3g} % of its area pulls in the preload, for lift_off = false"
+                )
+        return found
 
+    def _mu(self, context: Context) -> float:
+        friction = context.table(Friction)
+        if friction is None:
+            return 0.0
+        return friction.mu if self.mu == "swept" else self.mu
 
-def contact_summary(operators: ContactOperators, state: ContactState) -> dict[str, float]:
-    """Return force, torque, closed part and largest pressure of a pressed contact."""
-    return {
-        "normal_force_n": state.normal_force,
-        "torque_nm": state.torque,
-        "closed": float(operators.weights[state.closed].sum() / operators.area),
-        "largest_pressure_pa": float(state.pressure.max(initial=0.0)),
-    }
-
-
-@dataclass(frozen=True)
-class PressedContact:
-    """A contact as the static solve needs it: its operators, stiffness per area, friction ratio and motion."""
-
-    operators: ContactOperators
-    stiffness: float
-    friction_ratio: float
-    motion: Sliding | None
+    def _loads(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
+        """Return the nodal forces (n,) N of pressures and rotation, and the resultant (3,) N of the pressures."""
+        space = context.space
+        load, resultant = np.zeros(space.unknowns), np.zeros(3)
+        for group, pressure in self.pressures.items():
+            surface = context.surface(group, f"effects.preload.pressures.{group}")
+            forces, total = pressure_load(space, surface, pressure)
+            load, resultant = load + forces, resultant + total
+        for name, motion in context.motions.items():
+            body = context.bodies[name]
+            load = load + centrifugal_load(space, body.elements, body.material.density, motion)
+        return load, resultant
 
 
 def pressure_load(space: DisplacementSpace, surface: Surface, pressure: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the nodal forces (n,) N and the resultant (3,) N of a pressure on a surface: −∫ p δu·n dA."""
     forces = space.along(surface.values, surface.normals).T @ (-pressure * surface.weights)
     return np.asarray(forces), -pressure * surface.weights @ surface.normals
-
-
-def solve_preload(
-    K: sp.csr_array, load: np.ndarray, resultant: np.ndarray, contacts: Mapping[str, PressedContact], mu: float,
-    lift_off: bool, size: float, start: BaseState | None = None,
-) -> BaseState:  # fmt: skip
-    """Return the static state.
-
-    Parameters
-    ----------
-    K : (n, n) sparse, N/m
-        Bodies, springs and tied contacts.
-    load : (n,) float, N
-    resultant : (3,) float, N
-        Of the load, for messages.
-    contacts : mapping of name to PressedContact
-        Those that can open: sliding and frictionless ones.
-    size : float, m
-        Of the model: larger displacements mean that nothing holds it.
-    start : BaseState, optional
-        Of nearly the same problem.
-
-    Raises
-    ------
-    SceneError
-        If nothing holds the bodies, or every contact opens.
-    NotConvergedError
-        `partial` is the last Equilibrium.
-    """
-    models = [
-        SlidingContact(
-            c.operators.gap, c.operators.slip if c.friction_ratio else None, c.stiffness * c.operators.weights,
-            mu * c.friction_ratio, lift_off,
-        )
-        for c in contacts.values()
-    ]  # fmt: skip
-    rounded = np.where(np.abs(resultant) > 1e-9 * np.abs(resultant).max(), resultant, 0.0)
-    force = f"({', '.join(f'{x:.4g}' for x in rounded)}) N"
-    first = None if start is None else tuple(start.contacts[name].closed for name in contacts)
-    try:
-        found = solve_static_contact(K, load, models, first)
-    except NotHeldError as error:
-        if contacts and not any(np.any(c) for c in error.partial):  # type: ignore[attr-defined]
-            raise SceneError(_opened(contacts, force)) from error
-        raise SceneError(
-            f"effects.preload: nothing holds the bodies against the load, resultant {force}; expected supports or"
-            " springs against every rigid motion, along the sliding direction too, where friction does not hold"
-        ) from error
-    except NotConvergedError as error:
-        raise NotConvergedError(f"preload: {error}", error.partial) from error
-    if contacts and not any(np.any(c) for c in found.closed):
-        raise SceneError(_opened(contacts, force))
-    if np.abs(found.u).max() > size:
-        raise SceneError(
-            f"effects.preload: given loads of resultant {force}; they move the bodies by {np.abs(found.u).max():.3g} m,"
-            f" more than the model's size of {size:.3g} m; expected supports or springs that hold them"
-        )
-    states = {
-        name: _state(c, m.mu, found.u, closed)
-        for (name, c), m, closed in zip(contacts.items(), models, found.closed, strict=True)
-    }
-    return BaseState(found.u, mu, states, resultant, found)
-
-
-def _state(contact: PressedContact, mu: float, u: np.ndarray, closed: np.ndarray) -> ContactState:
-    c = contact.operators
-    pressure = -contact.stiffness * (c.gap @ u) * closed
-    per_point = pressure * c.weights
-    friction = mu * per_point[:, None] * c.directions
-    force = (per_point[:, None] * c.normals + friction).sum(axis=0)
-    torque = np.nan
-    if contact.motion is not None and contact.motion.centre is not None:
-        axis = contact.motion.velocity / np.linalg.norm(contact.motion.velocity)
-        torque = float(np.cross(c.points - contact.motion.centre, friction).sum(axis=0) @ axis)
-    return ContactState(pressure, closed, float(per_point.sum()), force, torque)
-
-
-def _opened(contacts: Mapping[str, PressedContact], force: str) -> str:
-    return (
-        f"effects.preload.pressures: the loads, resultant {force}, open every contact ({', '.join(contacts)}); expected"
-        " pressures that press the pads on (a positive pressure acts against the outward normal)"
-    )

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from ..problem.terms import Term
-from ..schema.section import NonNegative, Section
+from ..schema.section import NonNegative
+from .context import BodyPart, Context
+from .effect import Effect
 
 
-class Rayleigh(Section):
+class Rayleigh(Effect):
     """Rayleigh damping C = α M + β K, of a mode of frequency ω the damping ratio ζ = (α/ω + βω)/2.
 
     K is the bodies' elastic stiffness alone: contact, friction and springs are not damped by it. A body's own table
@@ -20,8 +24,16 @@ class Rayleigh(Section):
         Proportional to the elastic stiffness.
     """
 
+    name: ClassVar[str] = "rayleigh"
+    summary: ClassVar[str] = "Rayleigh damping of all bodies."
+    own_of_body: ClassVar[str] = "Rayleigh damping of this body, instead of that of the whole model."
+
     alpha: NonNegative = 0.0
     beta: NonNegative = 0.0
+
+    def body_terms(self, context: Context, body: BodyPart, path: str) -> list[Term]:
+        """Return the damping of a body."""
+        return rayleigh_terms(self, path, body.name, body.mass, body.elastic)
 
 
 def rayleigh_terms(rayleigh: Rayleigh, path: str, body: str, mass: Term, elastic: Term) -> list[Term]:

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated
+from collections.abc import Mapping, Sequence
+from typing import Annotated, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
 from pydantic import Field
 
-from ..errors import SceneError
+from ..errors import suggest
+from ..fem.gyroscopics import circulatory_matrices, gyroscopic_matrices
 from ..fem.motion import Sliding
 from ..problem.terms import Term
-from ..schema.section import Direction, Section, Speed, Vector
+from ..schema.section import Direction, Speed, Vector
+from .cache import Same
+from .context import BodyPart, Context
+from .effect import Effect, Outline
 from .rayleigh import Rayleigh
+from .rotating_bodies import check_material, check_shape, free_motions, motion_of_body
+from .stress_stiffening import StressStiffening
 
 
-class Rotation(Section):
+class Rotation(Effect):
     """Steady rotation of bodies of revolution, described in the frame that does not rotate.
 
     With w = Ω × (x − c): gyroscopic C_G = 2 ∫ ρ δu·(w·∇)u̇ (skew) and K_Ω = −∫ ρ (w·∇)δu·(w·∇)u; the body's Rayleigh
@@ -36,59 +42,88 @@ class Rotation(Section):
         About the axis by the right hand (default: as above).
     """
 
+    name: ClassVar[str] = "rotation"
+    summary: ClassVar[str] = "Rotation of bodies of revolution."
+
     bodies: Annotated[list[str], Field(min_length=1)]
     axis: Direction | None = None
     centre: Vector | None = None
     speed: Speed | None = None
 
+    def check_scene(self, outline: Outline) -> None:
+        """Raise ValueError for a name that is no body, and for a body of the mixed formulation."""
+        for i, name in enumerate(self.bodies):
+            if name not in outline.bodies:
+                raise ValueError(
+                    f'effects.rotation.bodies[{i}]: given "{name}", which is no body{suggest(name, outline.bodies)}'
+                )
+        for name in outline.mixed_bodies:
+            if name in self.bodies:
+                raise ValueError(
+                    f'bodies.{name}.formulation: given "mixed", and effects.rotation.bodies has {name}; expected'
+                    ' "standard" for a body that rotates'
+                )
 
-def rotation_motion(rotation: Rotation, body: str, contacts: Mapping[str, Sliding]) -> Sliding:
-    """Return the motion of a rotating body: that of the contacts on it, or the one given, which has to agree.
+    def motions(self, context: Context) -> dict[str, Sliding]:
+        """Return the motion of each rotating body, of which all is checked to be the same around the axis.
 
-    Raises
-    ------
-    SceneError
-    """
-    key = "effects.rotation"
-    given = {"axis": rotation.axis, "centre": rotation.centre, "speed": rotation.speed}
-    motion, source = None, ""
-    for name, of_contact in contacts.items():
-        if of_contact.centre is None:
-            raise SceneError(
-                f"{key}.bodies: body {body} rotates, and contact {name} moves it straight along a direction; expected"
-                " sliding = { axis, centre, speed } there"
-            )
-        if motion is not None and not _same(motion, of_contact):
-            raise SceneError(
-                f"{key}: contacts {source} and {name} move body {body} differently; expected the same axis, centre and"
-                " speed"
-            )
-        motion, source = of_contact, name
-    if motion is None:
-        if rotation.axis is None or rotation.speed is None:
-            missing = " and ".join(k for k in ("axis", "speed") if given[k] is None)
-            raise SceneError(f"{key}: no contact slides on body {body}, which gives its motion; expected {missing}")
-        unit = np.array(rotation.axis) / np.linalg.norm(rotation.axis)
-        return Sliding(unit * rotation.speed, np.array(rotation.centre or (0.0, 0.0, 0.0)))
-    assert motion.centre is not None
-    speed = np.linalg.norm(motion.velocity) if rotation.speed is None else rotation.speed
-    axis = motion.velocity if rotation.axis is None else np.array(rotation.axis)
-    if rotation.axis is None and rotation.speed is not None and rotation.speed < 0:
-        axis = -axis
-    centre = motion.centre if rotation.centre is None else np.array(rotation.centre)
-    if not _same(motion, Sliding(axis / np.linalg.norm(axis) * speed, centre)):
-        what = ", ".join(k for k, v in given.items() if v is not None)
-        raise SceneError(f"{key}: given {what} other than those of contact {source}; expected the same, or none")
-    return motion
+        Raises
+        ------
+        SceneError, MeshError
+        """
+        motions = {}
+        for name in self.bodies:
+            contacts = {
+                c.name: c.motion
+                for c in context.contacts.values()
+                if c.motion is not None and name in c.carriers
+            }  # fmt: skip
+            motions[name] = motion_of_body(name, contacts, self.axis, self.centre, self.speed)
+        for name, motion in motions.items():
+            _check(context, context.bodies[name], motion)
+        return motions
+
+    def body_terms(self, context: Context, body: BodyPart, path: str) -> list[Term]:
+        """Return the terms of a rotating body, and of its Rayleigh damping."""
+        motion = context.motions.get(body.name)
+        if motion is None:
+            return []
+        unit = unit_rotation(motion)
+        inertia = context.cache.get(
+            f"rotation.{body.name}", motion.way, lambda: gyroscopic_matrices(context.space, body.elements, 1.0, unit)
+        )
+        terms = rotation_terms(body.name, body.material_path, motion, inertia)
+        law = context.table_of_body(Rayleigh, body)
+        if law is not None and (law[0].alpha or law[0].beta):
+            elastic = body.elastic
+            circulatory = context.cache.get(
+                f"rotating_damping.{body.name}", (motion.way, Same(elastic.matrix)),
+                lambda: circulatory_matrices(context.space, body.elements, elastic.matrix, 1.0, unit),
+            )  # fmt: skip
+            terms += rotating_damping_terms(body.name, body.material_path, motion, elastic, law, circulatory)
+        return terms
+
+    def warnings(self, context: Context, others: Sequence[Term], parameters: Mapping[str, float]) -> list[str]:
+        """Return a sentence for each rotating body that can turn or tilt against no more than its own inertia."""
+        if context.table(StressStiffening) is not None:
+            return []
+        found = []
+        for name, motion in context.motions.items():
+            free = free_motions(context.space, context.bodies[name].elements, motion, others, parameters)
+            speed = np.linalg.norm(motion.velocity)
+            if free:
+                found.append(
+                    f"effects.rotation: body {name} is free to {' and to '.join(free)}; without"
+                    f" [effects.stress_stiffening] its slow motions, up to some {2 * speed / (2 * np.pi):.3g} Hz, are"
+                    " not right"
+                )
+        return found
 
 
-def _same(a: Sliding, b: Sliding) -> bool:
-    """Whether two rotations are one: a centre may lie anywhere on the axis."""
-    assert a.centre is not None and b.centre is not None
-    apart, size = b.centre - a.centre, np.linalg.norm(a.velocity)
-    off = np.linalg.norm(np.cross(a.velocity, apart)) / size
-    reach = np.linalg.norm(a.centre) + np.linalg.norm(b.centre)
-    return bool(np.linalg.norm(a.velocity - b.velocity) <= 1e-9 * size and off <= 1e-9 * reach)
+def _check(context: Context, body: BodyPart, motion: Sliding) -> None:
+    """Raise where a rotating body, what holds it or its material is not the same all around the axis."""
+    context.cache.get(f"revolution.{body.name}", motion.way, lambda: check_shape(context, body, motion))
+    check_material(body, motion)
 
 
 def unit_rotation(motion: Sliding) -> Sliding:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -10,15 +13,36 @@ from ..fem.materials import Elasticity
 from ..fem.spaces import DisplacementSpace
 from ..fem.stress import element_stress
 from ..problem.terms import Term
-from ..schema.section import Section
+from .cache import Same
+from .context import BodyPart, Context
+from .effect import Effect
+from .static_state import BaseState
 
 
-class StressStiffening(Section):
+class StressStiffening(Effect):
     """Geometric stiffness K_σ = ∫ σ0_ij ∂_iδu·∂_ju dV of the preload's stress σ0 = σ(u0).
 
     Tension stiffens, pressure softens. Needs `[effects.preload]`; where a body rotates, σ0 includes the centrifugal
     stress. (Zienkiewicz and Taylor, The Finite Element Method, vol. 2.) It has no keys.
     """
+
+    name: ClassVar[str] = "stress_stiffening"
+    summary: ClassVar[str] = "Geometric stiffness of the preload's stress; without keys."
+    needs: ClassVar[Mapping[str, str]] = {"preload": ", whose stress acts; expected [effects.preload]"}
+
+    def terms(self, context: Context) -> list[Term]:
+        """Return the geometric stiffness of every body."""
+        state = context.state
+        if state is None:
+            return []
+        return [_kept_term(context, body, state) for body in context.bodies.values()]
+
+
+def _kept_term(context: Context, body: BodyPart, state: BaseState) -> Term:
+    return context.cache.get(
+        f"stress_stiffening.{body.name}", Same(state),
+        lambda: stiffening_term(context.space, body.name, body.elements, body.elasticity(), state.u),
+    )  # fmt: skip
 
 
 def stiffening_term(

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
 import numpy as np
 
 from ..problem.terms import Term
-from ..schema.section import Positive, Section
+from ..schema.section import Positive
+from .context import BodyPart, Context
+from .effect import Effect
 
 _PATH = "effects.structural_damping.reference_frequency_hz"
 
 
-class StructuralDamping(Section):
+class StructuralDamping(Effect):
     """Structural (hysteretic) damping: elastic stiffness K(1 + iη) with the materials' loss factors η.
 
     It acts at each mode's own frequency, Re λ ≈ −ηω/2, and for Im λ > 0 only. Frozen at a reference frequency, as
@@ -23,7 +28,30 @@ class StructuralDamping(Section):
         Freezes the damping at one frequency (default: each mode's own).
     """
 
+    name: ClassVar[str] = "structural_damping"
+    summary: ClassVar[str] = "Structural damping by the materials' loss factors."
+
     reference_frequency_hz: Positive | None = None
+
+    def body_terms(self, context: Context, body: BodyPart, path: str) -> list[Term]:
+        """Return the damping of a body."""
+        factor = body.material.loss_factor
+        return structural_terms(self, body.name, factor, f"{body.material_path}.loss_factor", body.elastic)
+
+    def warnings(self, context: Context, others: Sequence[Term], parameters: Mapping[str, float]) -> list[str]:
+        """Return a sentence where nothing is damped."""
+        if any(m.loss_factor for m in context.materials.values()):
+            return []
+        return ["effects.structural_damping has no effect: no material has a loss_factor"]
+
+    @classmethod
+    def warnings_without(cls, context: Context) -> list[str]:
+        """Return a sentence for each loss factor that nothing reads."""
+        return [
+            f"materials.{name}.loss_factor has no effect: [effects.structural_damping], which reads it, is not on"
+            for name, material in context.materials.items()
+            if material.loss_factor
+        ]
 
 
 def structural_terms(

@@ -56,6 +56,29 @@ def surface_group(loaded: LoadedMesh, name: str) -> Ints:
     return _look_up(loaded, name, loaded.mesh.boundaries or {}, "surface", loaded.mesh.subdomains or {}, "volume")
 
 
+def find_facets(loaded: LoadedMesh, group: str, key: str, *others: str) -> Ints:
+    """Return the facets of a surface group.
+
+    Parameters
+    ----------
+    key : str
+        Where it was named, for messages.
+    others : str
+        Words that would be valid there as well.
+
+    Raises
+    ------
+    MeshError
+    """
+    try:
+        return surface_group(loaded, group)
+    except MeshError as error:
+        close = suggest(group, others)
+        if "did you mean" in close:
+            raise MeshError(f'{key}: no surface group "{group}" in {loaded.source}{close}') from error
+        raise MeshError(f"{key}: {error}") from error
+
+
 def _look_up(
     loaded: LoadedMesh, name: str, groups: Mapping[str, Ints], kind: str, others: Mapping[str, Ints], other: str
 ) -> Ints:

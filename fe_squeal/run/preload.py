@@ -10,8 +10,7 @@ import pandas as pd
 import skfem
 
 from ..assembly.model import Model, model_of
-from ..assembly.warnings import follower_ratio
-from ..effects.preload import contact_summary
+from ..effects.static_state import contact_summary, follower_ratio
 from ..fem.stress import von_mises
 from ..problem.problem import Problem
 from ..report.contact_face import ContactFace

@@ -6,12 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
-from ..effects.rayleigh import Rayleigh
 from ..fem.materials import material_axes
 from ..schema.section import Section, Vector
 
 
-class Body(Section):
+class BodyTable(Section):
     """A volume group with its material; every element belongs to exactly one body. NAME is the group.
 
     Attributes
@@ -24,8 +23,6 @@ class Body(Section):
         Axes 1 and 2 of an orthotropic material in global coordinates, [[x, y, z], [x, y, z]]; axis 3 is across both,
         and the second vector need only lie in the plane of axes 1 and 2 (default: x and y). The same throughout
         the body.
-    rayleigh : table
-        Rayleigh damping of this body, instead of that of the whole model.
     formulation : "standard" or "mixed"
         "mixed" gives the pressure unknowns of its own, eliminated in each element, so that nearly incompressible
         materials (poisson_ratio above some 0.45) do not lock. It adds unknowns, but not to hexahedra of order 2. For
@@ -35,7 +32,6 @@ class Body(Section):
     material: str
     groups: Annotated[list[str], Field(min_length=1)] | None = None
     axes: Annotated[tuple[Vector, Vector], Field(strict=False)] | None = None
-    rayleigh: Rayleigh | None = None
     formulation: Literal["standard", "mixed"] = "standard"
 
     @property

@@ -7,10 +7,11 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from ..effects import known_effects
 from ..errors import SceneError
 from .faults import shortened, validated
 from .matrices import MatrixScene
-from .scene import Scene
+from .scene import Scene, scene_with
 
 
 def load_scene(path: str | Path) -> Scene | MatrixScene:
@@ -66,7 +67,7 @@ def parse_scene(data: dict[str, Any], source: str = "scene") -> Scene | MatrixSc
     """
     if "terms" in data or ("parameters" in data and "mesh" not in data):
         return validated(MatrixScene, data, source)
-    return validated(Scene, data, source)
+    return validated(scene_with(known_effects()), data, source)
 
 
 def _syntax(message: str, text: str) -> str:

@@ -45,7 +45,7 @@ def with_numbers(scene: _Scene, numbers: Mapping[str, float]) -> _Scene:
         # Whole numbers stay whole where they are asked for (mesh.order, solve.modes).
         whole = isinstance(holder[key], int) and not isinstance(holder[key], bool) and value == int(value)
         holder[key] = int(value) if whole else float(value)
-    changed = validated(type(scene), _plain(data), ", ".join(f"{p} = {v:g}" for p, v in numbers.items()))
+    changed = validated(type(scene), plain(data), ", ".join(f"{p} = {v:g}" for p, v in numbers.items()))
     changed._source = scene.source
     return changed
 
@@ -106,8 +106,8 @@ def _find(scene: BaseScene, data: Any, path: str) -> tuple[Any, Any]:
         rest, prefix = rest[len(name) + 1 :], f"{prefix}.{name}".removeprefix(".")
 
 
-def _plain(data: Any) -> Any:
+def plain(data: Any) -> Any:
     """Return tables and lists alone, as TOML gives them."""
     if isinstance(data, Mapping):
-        return {k: _plain(v) for k, v in data.items() if v is not None}
-    return [_plain(v) for v in data] if isinstance(data, list | tuple) else data
+        return {k: plain(v) for k, v in data.items() if v is not None}
+    return [plain(v) for v in data] if isinstance(data, list | tuple) else data

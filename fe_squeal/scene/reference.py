@@ -11,10 +11,13 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from . import MatrixScene, Scene
+from ..effects import known_effects
+from . import MatrixScene
 from .faults import options, toml_text
+from .scene import scene_with
 
-_UNITS = ("m", "Pa", "Hz", "degrees", "length", "kg/m^3", "rad/s or m/s", "rad/s", "s/m", "1/s", "s", "N/m", "N s/m", "N/m per m^2", "N s/m per m^2")
+_UNIT = r"(1|degrees|length|(kg|rad|Pa|Hz|N|J|W|K|m|s)(\^\d)?)"
+_UNITS = re.compile(rf"{_UNIT}(( |/| per | or ){_UNIT})*")  # such as "N s/m per m^2"
 _TYPES = {"float": "number", "int": "whole number", "str": "text", "vector": "list of 3 numbers", "two vectors":
           "list of 2 vectors", "list of str": "list of texts", "list of float": "list of numbers"}  # fmt: skip
 _HEAD = """\
@@ -51,7 +54,7 @@ def reference() -> str:
     LookupError
         A key has no description in its section's docstring.
     """
-    return "\n".join([_HEAD, *_section(Scene, ""), _MATRICES, *_section(MatrixScene, "", ("sweep", "solve", "output"))])
+    return "\n".join([_HEAD, *_section(scene_with(known_effects()), ""), _MATRICES, *_section(MatrixScene, "", ("sweep", "solve", "output"))])
 
 
 def _section(section: type[BaseModel], where: str, known: tuple[str, ...] = ()) -> list[str]:
@@ -92,7 +95,7 @@ def _docstring(section: type[BaseModel]) -> tuple[list[str], dict[str, tuple[str
             head, _, meaning = entry.partition("\n")
             names, _, spec = head.partition(" : ")
             kind, _, unit = spec.removesuffix(", optional").rpartition(", ")
-            if unit not in _UNITS:
+            if not _UNITS.fullmatch(unit):
                 kind, unit = spec.removesuffix(", optional"), ""
             text = " ".join(meaning.split())
             for name in filter(None, names.split(", ")):

@@ -2,99 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
-from ..effects.falling_friction import FallingFriction
-from ..effects.friction import Friction
-from ..effects.friction_damping import FrictionDamping
-from ..effects.preload import Preload
-from ..effects.rayleigh import Rayleigh
-from ..effects.rotation import Rotation
+from ..effects import EFFECTS
+from ..effects.effect import Effect, Outline
 from ..effects.springs import Spring
-from ..effects.stress_stiffening import StressStiffening
-from ..effects.structural_damping import StructuralDamping
-from ..errors import SceneError, suggest
+from ..errors import SceneError
 from ..fem.materials import Elasticity, Material, elasticity, material_axes, stiffness_tensor
 from ..problem.parameters import MU, paths_of
-from ..schema.section import Section
 from .base import BaseScene
-from .bodies import Body, Support
+from .bodies import BodyTable, Support
 from .contacts import Contact
 from .control import Output, Solve, SweepSection
+from .effects import effects_table, with_own_tables
 from .mesh import MeshSection
-from .numbers import number_at, with_numbers
+from .numbers import number_at, plain, with_numbers
 
-
-class Effects(Section):
-    """Effects that are on; one whose table is absent is not simulated.
-
-    Attributes
-    ----------
-    friction : table
-        Friction in every sliding contact.
-    preload : table
-        Static state under pressures, with contacts that open.
-    stress_stiffening : table
-        Geometric stiffness of the preload's stress; without keys.
-    friction_damping : table
-        Damping of slip across the sliding direction.
-    falling_friction : table
-        Friction that depends on the sliding speed.
-    rayleigh : table
-        Rayleigh damping of all bodies.
-    structural_damping : table
-        Structural damping by the materials' loss factors.
-    rotation : table
-        Rotation of bodies of revolution.
-    """
-
-    friction: Friction | None = None
-    preload: Preload | None = None
-    stress_stiffening: StressStiffening | None = None
-    friction_damping: FrictionDamping | None = None
-    falling_friction: FallingFriction | None = None
-    rayleigh: Rayleigh | None = None
-    structural_damping: StructuralDamping | None = None
-    rotation: Rotation | None = None
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the effects that are on."""
-        return tuple(n for n in type(self).model_fields if getattr(self, n) is not None)
-
-    @model_validator(mode="after")
-    def _make_sense(self) -> Effects:
-        damping, falling = self.friction_damping, self.falling_friction
-        for key in ("friction_damping", "falling_friction"):
-            effect = getattr(self, key)
-            if effect is None:
-                continue
-            if self.friction is None:
-                raise ValueError(f"given {key} without friction; expected [effects.friction] with mu")
-            if self.preload is not None and effect.contact_pressure is not None:
-                raise ValueError(f"given {key}.contact_pressure and preload, which gives the pressure; expected one")
-        pressed = self.preload is not None or (damping is not None and damping.contact_pressure is not None)
-        if damping is not None and not pressed:
-            raise ValueError(
-                "given friction_damping without a pressure; expected friction_damping.contact_pressure, or"
-                " [effects.preload]"
-            )
-        if falling is not None and not pressed and falling.contact_pressure is None:
-            raise ValueError(
-                "given falling_friction without a pressure; expected falling_friction.contact_pressure, or"
-                " [effects.preload]"
-            )
-        if self.stress_stiffening is not None and self.preload is None:
-            raise ValueError("given stress_stiffening without preload, whose stress acts; expected [effects.preload]")
-        if self.preload is not None and not self.preload.pressures and self.rotation is None:
-            raise ValueError(
-                "given preload without a load; expected preload.pressures = { SURFACE = ... }, or [effects.rotation]"
-            )
-        return self
+if TYPE_CHECKING:
+    from .bodies import BodyTable as Body
+    from .effects import EffectsTable as Effects
+else:  # with the effects of the program; `scene_with` has them with others
+    Effects = effects_table(EFFECTS, __name__)
+    Body = with_own_tables(BodyTable, EFFECTS, __name__)
 
 
 class Scene(BaseScene):
@@ -160,8 +95,14 @@ class Scene(BaseScene):
     @property
     def effect_names(self) -> tuple[str, ...]:
         """Names of the effects that are on, damping of single bodies included."""
-        own = "rayleigh" not in self.effects.names and any(b.rayleigh is not None for b in self.bodies.values())
-        return (*self.effects.names, *(["rayleigh"] if own else []))
+        on = self.effects.names
+        own = {name for body in self.bodies for name in self.own_tables(body)}
+        return (*on, *(kind.name for kind in self.effects.known if kind.name in own and kind.name not in on))
+
+    def own_tables(self, body: str) -> dict[str, Effect]:
+        """Return the tables of effects that a body has of its own, by the effects' names."""
+        tables = {kind.name: getattr(self.bodies[body], kind.name) for kind in self.effects.known if kind.own_of_body}
+        return {name: table for name, table in tables.items() if table is not None}
 
     @property
     def contact_names(self) -> tuple[str, ...]:
@@ -175,7 +116,7 @@ class Scene(BaseScene):
         return [s.name for s in self.springs] if path == "springs" else None
 
     @model_validator(mode="after")
-    def _names_and_friction(self) -> Scene:
+    def _names_and_effects(self) -> Scene:
         for key, names in (("contacts", self.contact_names), ("springs", [s.name for s in self.springs])):
             for i, name in enumerate(names):
                 if name in names[:i]:
@@ -187,18 +128,16 @@ class Scene(BaseScene):
                 raise ValueError(f'springs[{i}].name: given ""; expected a name')
             if spring.to == spring.surface:
                 raise ValueError(f'springs[{i}].to: given "{spring.to}", its own surface; expected another one')
-        if self.effects.friction is not None and not any(c.kind == "sliding" for c in self.contacts):
-            raise ValueError('effects.friction: no contact slides; expected a [[contacts]] entry of kind "sliding"')
-        for i, body in enumerate(self.effects.rotation.bodies if self.effects.rotation is not None else ()):
-            if body not in self.bodies:
-                raise ValueError(
-                    f'effects.rotation.bodies[{i}]: given "{body}", which is no body{suggest(body, self.bodies)}'
-                )
+        outline = Outline(
+            tuple(self.bodies), tuple(name for name, body in self.bodies.items() if body.is_mixed),
+            tuple(n for n, c in zip(self.contact_names, self.contacts, strict=True) if c.kind == "sliding"),
+        )  # fmt: skip
+        for effect in self.effects.on.values():
+            effect.check_scene(outline)
         return self
 
     @model_validator(mode="after")
     def _mixed_where_it_holds(self) -> Scene:
-        rotation = self.effects.rotation
         for name, body in self.bodies.items():
             if not body.is_mixed:
                 continue
@@ -208,11 +147,6 @@ class Scene(BaseScene):
                     f'bodies.{name}.formulation: given "mixed", and the material {body.material} is orthotropic (lists'
                     f' in materials.{body.material}); expected "standard", or one with a single poisson_ratio'
                 )
-            if rotation is not None and name in rotation.bodies:
-                raise ValueError(
-                    f'bodies.{name}.formulation: given "mixed", and effects.rotation.bodies has {name}; expected'
-                    ' "standard" for a body that rotates'
-                )
         return self
 
     @model_validator(mode="after")
@@ -220,7 +154,7 @@ class Scene(BaseScene):
         if self.sweep is None:
             return self
         for path in paths_of(self.sweep.parameter):
-            if path == MU and self.effects.friction is None:
+            if path == MU and MU not in {p for effect in self.effects.on.values() for p in effect.parameters()}:
                 raise ValueError('sweep.parameter: given "mu", but no friction; expected [effects.friction] with mu')
             if path.split(".")[0] in ("mesh", "sweep", "solve", "output"):
                 raise ValueError(
@@ -237,3 +171,29 @@ class Scene(BaseScene):
             except SceneError as error:
                 raise ValueError(f"sweep: {error}") from error
         return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how to make the scene again in another process, whose effects may be others."""
+        data = plain(self.model_dump(by_alias=True, exclude_unset=True))
+        return _scene_again, (self.effects.known, data, self.source)
+
+
+def scene_with(known: Sequence[type[Effect]]) -> type[Scene]:
+    """Return the kind of scene that may call for these effects."""
+    return _scene_with(tuple(known))
+
+
+@cache
+def _scene_with(known: tuple[type[Effect], ...]) -> type[Scene]:
+    if known == EFFECTS:
+        return Scene
+    effects, body = effects_table(known, __name__), with_own_tables(BodyTable, known, __name__)
+    bodies: Any = Annotated[dict[str, body], Field(min_length=1)]  # type: ignore[valid-type]
+    fields: Any = {"effects": (effects, effects()), "bodies": (bodies, ...)}
+    return create_model("Scene", __base__=Scene, __module__=__name__, **fields)
+
+
+def _scene_again(known: tuple[type[Effect], ...], data: dict[str, Any], source: Path | None) -> Scene:
+    scene = scene_with(known).model_validate(data)
+    scene._source = source
+    return scene

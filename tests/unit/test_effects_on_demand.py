@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 from selection import some
 
 from fe_squeal import parse_scene
-from fe_squeal.assembly import assembly, contacts, preload_state, rotating_bodies
+from fe_squeal.effects import EFFECTS, rotating_bodies
+from fe_squeal.effects.effect import Effect
 from fe_squeal.errors import InputError, SceneError
 from meshes import STEEL, annulus, box, join, make_problem
 
 SLIDING = {"axis": [0.0, 0.0, 1.0], "speed": 20.0}
 CONTACT = {"name": "pad", "surface": "bottom_pad", "counterface": "top", "normal_stiffness": 1e11, "sliding": SLIDING}
 PRELOAD = {"preload": {"pressures": {"top_pad": 1e5}}}
-# effect: table with what it needs, functions that make it, its terms (name, slot), problem class
-EFFECTS = {
+# case: table with what the effect needs, functions that make it, its terms (name, slot), problem class
+CASES = {
     "friction": ({}, ["friction_terms"], {("friction.pad", "K")}, "nonsymmetric"),
     "rayleigh": (
         {"rayleigh": {"alpha": 10.0, "beta": 1e-7}}, ["rayleigh_terms"],
@@ -53,15 +56,23 @@ EFFECTS = {
         {("stress_stiffening.disc", "K"), ("stress_stiffening.pad", "K")}, "nonsymmetric",
     ),
 }  # fmt: skip
-MAKERS = {name for _, makers, _, _ in EFFECTS.values() for name in makers}
+MAKERS = {name for _, makers, _, _ in CASES.values() for name in makers}
 PLAIN = {("mass.disc", "M"), ("mass.pad", "M"), ("elastic.disc", "K"), ("elastic.pad", "K"), ("spring.hold", "K"),
          ("spring.guide", "K"),         ("contact.pad", "K")}  # fmt: skip
 
 
 def forbid(monkeypatch, maker):
     """Let the test fail where a scene's assembly calls this function."""
-    [module] = [m for m in (assembly, contacts, preload_state, rotating_bodies) if hasattr(m, maker)]
+    [module] = [m for m in (*(sys.modules[e.__module__] for e in EFFECTS), rotating_bodies) if hasattr(m, maker)]
     monkeypatch.setattr(module, maker, lambda *_: pytest.fail(f"{maker} was called"))
+
+
+def forbid_effect(monkeypatch, effect):
+    """Let the test fail where anything of an effect is called but the warning that it is not on."""
+    for hook in set(vars(Effect)) & set(vars(effect)):
+        if callable(getattr(effect, hook)) and not hook.startswith("_") and hook != "warnings_without":
+            text = f"{effect.name}.{hook} was called"
+            monkeypatch.setattr(effect, hook, lambda *_, text=text: pytest.fail(text))
 
 
 def disc_and_pad(effects, **changes):
@@ -81,12 +92,15 @@ def disc_and_pad(effects, **changes):
     return make_problem(join(disc, pad), **{**tables, **changes})
 
 
-@pytest.mark.parametrize("name", some(EFFECTS, lambda name: name not in ("preload", "rotation of a damped body")))
+@pytest.mark.parametrize("name", some(CASES, lambda name: name not in ("preload", "rotation of a damped body")))
 def test_effect_is_there_only_where_it_is_called_for(name, monkeypatch):
     """With the effect its terms exist and the class is as it says; every other effect's code is never called."""
-    table, makers, terms, problem_class = EFFECTS[name]
+    table, makers, terms, problem_class = CASES[name]
     for other in MAKERS - set(makers) - {"friction_terms"}:
         forbid(monkeypatch, other)
+    for effect in EFFECTS:
+        if effect.name not in {"friction", *table}:
+            forbid_effect(monkeypatch, effect)
     problem = disc_and_pad({"friction": {"mu": 0.3}, **table})
     assert {(t.name, t.slot) for t in problem.terms} == PLAIN | {("friction.pad", "K")} | terms
     assert problem.problem_class == problem_class
@@ -102,6 +116,8 @@ def test_effect_is_there_only_where_it_is_called_for(name, monkeypatch):
 def test_without_friction_the_class_is_symmetric(monkeypatch):
     for other in MAKERS:
         forbid(monkeypatch, other)
+    for effect in EFFECTS:
+        forbid_effect(monkeypatch, effect)
     problem = disc_and_pad({})
     assert {(t.name, t.slot) for t in problem.terms} == PLAIN and problem.problem_class == "symmetric"
     assert problem.pencil().C is None

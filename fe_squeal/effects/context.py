@@ -1,0 +1,204 @@
+"""What an effect is given to make its terms from: the discretised scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+
+from ..fem.contact import ContactOperators
+from ..fem.materials import Elasticity, Material, elasticity, stiffness_tensor
+from ..fem.motion import Sliding
+from ..fem.spaces import DisplacementSpace, Surface
+from ..mesh import LoadedMesh
+from ..mesh.groups import find_facets
+from ..problem.terms import Term
+from ..schema.section import Section
+from .cache import Cache, Same
+from .static_state import BaseState, ContactState
+
+_Table = TypeVar("_Table", bound=Section)
+
+
+@dataclass(frozen=True)
+class BodyPart:
+    """A body.
+
+    Attributes
+    ----------
+    name : str
+    elements : (e,) int
+    material : Material
+    material_path : str
+        Such as "materials.steel", for names of parameters.
+    axes : (3, 3) float or None
+        Rows: axes of an orthotropic material.
+    is_mixed : bool
+        Whether the formulation is the mixed one.
+    mass, elastic : Term
+    own : mapping of effect to table
+        Tables that stand in place of the scene's.
+    """
+
+    name: str
+    elements: np.ndarray
+    material: Material
+    material_path: str
+    axes: np.ndarray | None
+    is_mixed: bool
+    mass: Term
+    elastic: Term
+    own: Mapping[str, Section] = field(default_factory=dict)
+
+    def stiffness(self) -> np.ndarray:
+        """Return the stiffness tensor, (3, 3, 3, 3) Pa."""
+        return stiffness_tensor(self.material, self.axes)
+
+    def elasticity(self) -> Elasticity:
+        """Return the law in this body's formulation."""
+        return elasticity(self.material, self.axes, self.is_mixed)
+
+
+@dataclass(frozen=True)
+class ContactPart:
+    """A contact, on its closed part once there is a static state.
+
+    Attributes
+    ----------
+    name, kind : str
+        "sliding", "frictionless" or "tied".
+    operators : ContactOperators
+        On the whole surface.
+    normal_stiffness : float, N/m per m^2
+    friction_ratio : float
+    motion : Sliding or None
+        Of the counterface.
+    carriers : frozenset of str
+        Bodies that carry the counterface.
+    state : ContactState or None
+        What presses in it.
+    """
+
+    name: str
+    kind: str
+    operators: ContactOperators
+    normal_stiffness: float
+    friction_ratio: float
+    motion: Sliding | None
+    carriers: frozenset[str]
+    state: ContactState | None = None
+
+    @property
+    def path(self) -> str:
+        """Path of its table in the scene, for names of parameters."""
+        return f"contacts.{self.name}"
+
+    @property
+    def slides_with_friction(self) -> bool:
+        """Whether friction acts in it at all."""
+        return self.kind == "sliding" and self.friction_ratio != 0 and self.motion is not None
+
+    @cached_property
+    def closed(self) -> ContactOperators:
+        """Its operators with weights of zero where it is open."""
+        if self.state is None:
+            return self.operators
+        return replace(self.operators, weights=self.operators.weights * self.state.closed)
+
+    @property
+    def key(self) -> object:
+        """What `closed` depends on, as part of a key for the cache."""
+        return Same(self.operators), None if self.state is None else self.state.closed.tobytes()
+
+    @cached_property
+    def pressure(self) -> np.ndarray:
+        """(q,) float, Pa: of the static state, not below zero; without one 1, which a parameter then scales."""
+        if self.state is None:
+            return np.ones(len(self.operators.weights))
+        return np.maximum(self.state.pressure, 0.0)
+
+    def pressure_powers(self, path: str) -> dict[str, int]:
+        """Return the parameters that a term of friction scales with which acts on `pressure`.
+
+        Parameters
+        ----------
+        path : str
+            Of the pressure in the scene, where there is no static state that gives it.
+        """
+        ratio = {f"{self.path}.friction_ratio": 1}
+        return ratio if self.state is not None else {**ratio, path: 1}
+
+
+@dataclass(frozen=True)
+class Context:
+    """A scene on its mesh.
+
+    Attributes
+    ----------
+    space : DisplacementSpace
+    loaded : LoadedMesh
+    bodies : mapping of body to BodyPart
+    contacts : mapping of contact to ContactPart
+    materials : mapping of name to Material
+        All of the scene, also those that no body is of.
+    holding : tuple of (path, surface group)
+        Surfaces on which supports and springs act.
+    tables : mapping of effect to table
+        Of the effects that are on.
+    number : function of a path
+        Returns a number of the scene.
+    cache : Cache
+        Keeps what was made, from one value of a sweep to the next.
+    static : tuple of Term
+        Stiffnesses of bodies, springs and tied contacts.
+    motions : mapping of body to Sliding
+        Of the bodies that rotate.
+    state : BaseState or None
+        The static state under preload.
+    """
+
+    space: DisplacementSpace
+    loaded: LoadedMesh
+    bodies: Mapping[str, BodyPart]
+    contacts: Mapping[str, ContactPart]
+    materials: Mapping[str, Material]
+    holding: tuple[tuple[str, str], ...]
+    tables: Mapping[str, Section]
+    number: Callable[[str], float]
+    cache: Cache
+    static: tuple[Term, ...] = ()
+    motions: Mapping[str, Sliding] = field(default_factory=dict)
+    state: BaseState | None = None
+
+    def facets(self, group: str, path: str) -> np.ndarray:
+        """Return the facets of a surface group; `path` says in messages where it was named.
+
+        Raises
+        ------
+        MeshError
+        """
+        return find_facets(self.loaded, group, path)
+
+    def surface(self, group: str, path: str) -> Surface:
+        """Return a surface group with its quadrature; `path` says in messages where it was named.
+
+        Raises
+        ------
+        MeshError
+        """
+        return self.space.surface(self.facets(group, path))
+
+    def table(self, kind: type[_Table]) -> _Table | None:
+        """Return the table of an effect; None where it is not on."""
+        return next((t for t in self.tables.values() if isinstance(t, kind)), None)
+
+    def table_of_body(self, kind: type[_Table], body: BodyPart) -> tuple[_Table, str] | None:
+        """Return the table of an effect that holds for a body, its own or the scene's, and the path of that table."""
+        for tables, prefix in ((body.own, f"bodies.{body.name}"), (self.tables, "effects")):
+            for name, table in tables.items():
+                if isinstance(table, kind):
+                    return table, f"{prefix}.{name}"
+        return None

@@ -1,0 +1,32 @@
+"""Effects that act on the pressure in contacts: whether the scene says what it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from .effect import Effect
+from .preload import Preload
+
+
+def check_pressure(
+    name: str, own: float | None, others: Mapping[str, Effect], default: float | None = None
+) -> None:
+    """Raise ValueError where an effect has no pressure, or one of its own beside that of the preload.
+
+    Parameters
+    ----------
+    name : str
+        Of the effect.
+    own : float or None, Pa
+        The effect's own pressure.
+    others : mapping of effect to table
+    default : float or None, Pa
+        What counts where there is neither an own one nor preload.
+    """
+    pressed = Preload.name in others
+    if pressed and own is not None:
+        raise ValueError(f"given {name}.contact_pressure and preload, which gives the pressure; expected one")
+    if not pressed and own is None and default is None:
+        raise ValueError(
+            f"given {name} without a pressure; expected {name}.contact_pressure, or [effects.preload]"
+        )

@@ -1,0 +1,146 @@
+"""Bodies that rotate: their motions, whether the scene is the same all around their axis, and what leaves them free."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..errors import SceneError
+from ..fem.motion import Sliding
+from ..fem.revolution import check_revolution, check_ring, is_transversal
+from ..fem.spaces import DisplacementSpace
+from ..problem.terms import Term
+from .context import BodyPart, Context
+
+_HELD = 10.0  # times Ω²M: the stiffness against a rigid motion beside which that of the centrifugal stress is small
+
+
+def motion_of_body(
+    body: str, contacts: Mapping[str, Sliding], axis: tuple[float, ...] | None, centre: tuple[float, ...] | None,
+    speed: float | None,
+) -> Sliding:  # fmt: skip
+    """Return the motion of a rotating body: that of the contacts on it, or the one given, which has to agree.
+
+    Parameters
+    ----------
+    contacts : mapping of contact to Sliding
+        Those whose counterface lies on the body.
+    axis : (3,) float or None
+        Of any length; None with what follows where the scene does not say.
+    centre : (3,) float or None, m
+    speed : float or None, rad/s
+
+    Raises
+    ------
+    SceneError
+    """
+    key = "effects.rotation"
+    given = {"axis": axis, "centre": centre, "speed": speed}
+    motion, source = None, ""
+    for name, of_contact in contacts.items():
+        if of_contact.centre is None:
+            raise SceneError(
+                f"{key}.bodies: body {body} rotates, and contact {name} moves it straight along a direction; expected"
+                " sliding = { axis, centre, speed } there"
+            )
+        if motion is not None and not _same(motion, of_contact):
+            raise SceneError(
+                f"{key}: contacts {source} and {name} move body {body} differently; expected the same axis, centre and"
+                " speed"
+            )
+        motion, source = of_contact, name
+    if motion is None:
+        if axis is None or speed is None:
+            missing = " and ".join(k for k in ("axis", "speed") if given[k] is None)
+            raise SceneError(f"{key}: no contact slides on body {body}, which gives its motion; expected {missing}")
+        return Sliding(np.array(axis) / np.linalg.norm(axis) * speed, np.array(centre or (0.0, 0.0, 0.0)))
+    assert motion.centre is not None
+    along = motion.velocity if axis is None else np.array(axis)
+    if axis is None and speed is not None and speed < 0:
+        along = -along
+    size = np.linalg.norm(motion.velocity) if speed is None else speed
+    again = Sliding(along / np.linalg.norm(along) * size, motion.centre if centre is None else np.array(centre))
+    if not _same(motion, again):
+        what = ", ".join(k for k, v in given.items() if v is not None)
+        raise SceneError(f"{key}: given {what} other than those of contact {source}; expected the same, or none")
+    return motion
+
+
+def _same(a: Sliding, b: Sliding) -> bool:
+    """Whether two rotations are one: a centre may lie anywhere on the axis."""
+    assert a.centre is not None and b.centre is not None
+    apart, size = b.centre - a.centre, np.linalg.norm(a.velocity)
+    off = np.linalg.norm(np.cross(a.velocity, apart)) / size
+    reach = np.linalg.norm(a.centre) + np.linalg.norm(b.centre)
+    return bool(np.linalg.norm(a.velocity - b.velocity) <= 1e-9 * size and off <= 1e-9 * reach)
+
+
+def check_shape(context: Context, body: BodyPart, motion: Sliding) -> bool:
+    """Return True for a body that is the same all around the axis, with all that holds it.
+
+    Raises
+    ------
+    SceneError
+    """
+    mesh = context.space.mesh
+    check_revolution(mesh, body.elements, motion, body.name)
+    for path, group in context.holding:
+        facets = context.facets(group, path)
+        mine = facets[np.isin(mesh.f2t[0, facets], body.elements)]
+        if len(mine):
+            check_ring(mesh, mine, motion, path, body.name)
+    return True
+
+
+def check_material(body: BodyPart, motion: Sliding) -> None:
+    """Raise where the material of a rotating body is not the same all around the axis.
+
+    Raises
+    ------
+    SceneError
+    """
+    if not is_transversal(body.stiffness(), motion):
+        raise SceneError(
+            f"effects.rotation: the material of body {body.name} is not the same all around the axis; expected an"
+            " isotropic one, or an orthotropic one with axis 3 along the axis and equal values along 1 and 2"
+        )
+
+
+def free_motions(
+    space: DisplacementSpace, elements: np.ndarray, motion: Sliding, terms: Sequence[Term],
+    parameters: Mapping[str, float],
+) -> list[str]:  # fmt: skip
+    """Return which rigid motions of a rotating body nothing holds but its own inertia: to turn or to tilt.
+
+    The stiffness of the centrifugal stress is what such motions have against K_Ω: with it a turned body stays where it
+    is and a tilted one wobbles with 2Ω; without it the turned one has λ = ±iΩ.
+
+    Parameters
+    ----------
+    elements : (e,) int
+        Of the body.
+    terms : sequence of Term
+        Of all bodies, springs and contacts.
+    """
+    speed = np.linalg.norm(motion.velocity)
+    axis = motion.velocity / speed
+    nodes = np.unique(space.dofs.element_dofs[:, elements])
+    x = space.coordinates[nodes]
+    middle = motion.centre + axis * ((x.mean(axis=0) - motion.centre) @ axis)
+    free = []
+    for word, across in (("turn about the axis", axis), ("tilt", np.cross(axis, np.eye(3)[np.argmin(axis**2)]))):
+        u = np.zeros((space.nodes, 3))
+        u[nodes] = np.cross(across / np.linalg.norm(across), x - middle)
+        v = space.gather(u)
+        energy = {
+            slot: sum(
+                float(v @ (t.matrix @ v)) * t.coefficient(parameters)
+                for t in terms
+                if t.slot == slot and t.symmetric and not t.imaginary
+            )
+            for slot in ("M", "K")
+        }
+        if energy["K"] < _HELD * speed**2 * energy["M"]:
+            free.append(word)
+    return free

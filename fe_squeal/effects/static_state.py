@@ -1,0 +1,174 @@
+"""The static state under preload: what presses in each contact, and the solve that finds it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..errors import NotConvergedError, SceneError
+from ..fem.contact import ContactOperators
+from ..fem.motion import Sliding
+from ..fem.static_contact import Equilibrium, NotHeldError, SlidingContact, solve_static_contact
+
+
+@dataclass(frozen=True)
+class ContactState:
+    """What presses in one contact.
+
+    Attributes
+    ----------
+    pressure : (q,) float, Pa
+    closed : (q,) bool
+    normal_force : float, N
+        ∫ p0 dA.
+    force : (3,) float, N
+        On the pad, normal force and friction.
+    torque : float, N m
+        Of the friction about the axis of rotation, with which the pad brakes the counterface; NaN for a straight belt.
+    """
+
+    pressure: np.ndarray
+    closed: np.ndarray
+    normal_force: float
+    force: np.ndarray
+    torque: float
+
+
+@dataclass(frozen=True)
+class BaseState:
+    """The static state.
+
+    Attributes
+    ----------
+    u : (n,) float, m
+    mu : float
+    contacts : mapping of contact to ContactState
+    load : (3,) float, N
+        Resultant of the applied loads.
+    equilibrium : Equilibrium
+    """
+
+    u: np.ndarray
+    mu: float
+    contacts: Mapping[str, ContactState]
+    load: np.ndarray
+    equilibrium: Equilibrium
+
+
+def contact_summary(operators: ContactOperators, state: ContactState) -> dict[str, float]:
+    """Return force, torque, closed part and largest pressure of a pressed contact."""
+    return {
+        "normal_force_n": state.normal_force,
+        "torque_nm": state.torque,
+        "closed": float(operators.weights[state.closed].sum() / operators.area),
+        "largest_pressure_pa": float(state.pressure.max(initial=0.0)),
+    }
+
+
+def pressed_numbers(
+    contacts: Mapping[str, ContactOperators], base: BaseState | None
+) -> dict[str, dict[str, float]]:
+    """Return what presses in each contact of the static state, in numbers; nothing without a static state."""
+    if base is None:
+        return {}
+    return {name: {"mu": base.mu, **contact_summary(contacts[name], c)} for name, c in base.contacts.items()}
+
+
+def follower_ratio(operators: ContactOperators, state: ContactState, stiffness: float) -> float:
+    """Return p0/(k_n ℓ), the size of the follower terms that are left out over the friction stiffness; ℓ = √area."""
+    return float(np.abs(state.pressure).max(initial=0.0) / (stiffness * np.sqrt(operators.area)))
+
+
+@dataclass(frozen=True)
+class PressedContact:
+    """A contact as the static solve needs it: its operators, stiffness per area, friction ratio and motion."""
+
+    operators: ContactOperators
+    stiffness: float
+    friction_ratio: float
+    motion: Sliding | None
+
+
+def solve_preload(
+    K: sp.csr_array, load: np.ndarray, resultant: np.ndarray, contacts: Mapping[str, PressedContact], mu: float,
+    lift_off: bool, size: float, start: BaseState | None = None,
+) -> BaseState:  # fmt: skip
+    """Return the static state.
+
+    Parameters
+    ----------
+    K : (n, n) sparse, N/m
+        Bodies, springs and tied contacts.
+    load : (n,) float, N
+    resultant : (3,) float, N
+        Of the load, for messages.
+    contacts : mapping of name to PressedContact
+        Those that can open: sliding and frictionless ones.
+    size : float, m
+        Of the model: larger displacements mean that nothing holds it.
+    start : BaseState, optional
+        Of nearly the same problem.
+
+    Raises
+    ------
+    SceneError
+        If nothing holds the bodies, or every contact opens.
+    NotConvergedError
+        `partial` is the last Equilibrium.
+    """
+    models = [
+        SlidingContact(
+            c.operators.gap, c.operators.slip if c.friction_ratio else None, c.stiffness * c.operators.weights,
+            mu * c.friction_ratio, lift_off,
+        )
+        for c in contacts.values()
+    ]  # fmt: skip
+    rounded = np.where(np.abs(resultant) > 1e-9 * np.abs(resultant).max(), resultant, 0.0)
+    force = f"({', '.join(f'{x:.4g}' for x in rounded)}) N"
+    first = None if start is None else tuple(start.contacts[name].closed for name in contacts)
+    try:
+        found = solve_static_contact(K, load, models, first)
+    except NotHeldError as error:
+        if contacts and not any(np.any(c) for c in error.partial):  # type: ignore[attr-defined]
+            raise SceneError(_opened(contacts, force)) from error
+        raise SceneError(
+            f"effects.preload: nothing holds the bodies against the load, resultant {force}; expected supports or"
+            " springs against every rigid motion, along the sliding direction too, where friction does not hold"
+        ) from error
+    except NotConvergedError as error:
+        raise NotConvergedError(f"preload: {error}", error.partial) from error
+    if contacts and not any(np.any(c) for c in found.closed):
+        raise SceneError(_opened(contacts, force))
+    if np.abs(found.u).max() > size:
+        raise SceneError(
+            f"effects.preload: given loads of resultant {force}; they move the bodies by {np.abs(found.u).max():.3g} m,"
+            f" more than the model's size of {size:.3g} m; expected supports or springs that hold them"
+        )
+    states = {
+        name: _state(c, m.mu, found.u, closed)
+        for (name, c), m, closed in zip(contacts.items(), models, found.closed, strict=True)
+    }
+    return BaseState(found.u, mu, states, resultant, found)
+
+
+def _state(contact: PressedContact, mu: float, u: np.ndarray, closed: np.ndarray) -> ContactState:
+    c = contact.operators
+    pressure = -contact.stiffness * (c.gap @ u) * closed
+    per_point = pressure * c.weights
+    friction = mu * per_point[:, None] * c.directions
+    force = (per_point[:, None] * c.normals + friction).sum(axis=0)
+    torque = np.nan
+    if contact.motion is not None and contact.motion.centre is not None:
+        axis = contact.motion.velocity / np.linalg.norm(contact.motion.velocity)
+        torque = float(np.cross(c.points - contact.motion.centre, friction).sum(axis=0) @ axis)
+    return ContactState(pressure, closed, float(per_point.sum()), force, torque)
+
+
+def _opened(contacts: Mapping[str, PressedContact], force: str) -> str:
+    return (
+        f"effects.preload.pressures: the loads, resultant {force}, open every contact ({', '.join(contacts)}); expected"
+        " pressures that press the pads on (a positive pressure acts against the outward normal)"
+    )
