@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..eigen.blocks import cross, times
-from ..eigen.linear.definite import factorize_definite
+from ..eigen.linear.choice import factorize_definite
 from ..eigen.pencil import Modes
 from ..problem.problem import Problem
 from ..reduced import ReducedModel

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from .kernel import amplitudes, find_kernel, null_columns
 from .linear.choice import factorize
-from .linear.factor import Factor
+from .linear.factor import Factor, LinearSolver
 from .multiple import ROUNDING
 from .pencil import FreeMotions, Pencil
 
@@ -63,7 +63,7 @@ class FreeModes:
         return np.append(own, values), np.hstack([self.right, right]), np.hstack([self.left, left])
 
 
-def split_off(pencil: Pencil) -> FreeModes | None:
+def split_off(pencil: Pencil, linear_solver: LinearSolver | str = "auto") -> FreeModes | None:
     """Return the eigenpairs of the motions that nothing holds; None where there are none.
 
     Raises
@@ -73,7 +73,7 @@ def split_off(pencil: Pencil) -> FreeModes | None:
     """
     known = pencil.free
     if known is None:
-        Z = find_kernel(pencil)
+        Z = find_kernel(pencil, linear_solver)
         known = FreeMotions(Z, None if pencil.C is None else pencil.C @ Z)
     if not known.motions.shape[1]:
         return None
@@ -83,7 +83,7 @@ def split_off(pencil: Pencil) -> FreeModes | None:
         return None
     Z = known.motions @ T
     CZ = None if pencil.C is None else (pencil.C @ Z if known.damping is None else known.damping @ T)
-    ground = _Ground(pencil, pencil.K, Z)
+    ground = _Ground(pencil, pencil.K, Z, linear_solver)
     W = Z if pencil.symmetric else ground.left_kernel()
     k, nothing = Z.shape[1], np.zeros_like(Z)
     if pencil.C is None or CZ is None:
@@ -92,7 +92,8 @@ def split_off(pencil: Pencil) -> FreeModes | None:
     d = pencil.units[0]
     sizes = abs(pencil.C) @ amplitudes(Z, d)
     rounding = _CANCELLED * float(la.norm(amplitudes(Z[:, :massive], d).T @ sizes))
-    closed, drift, nu, x, y = _own_decay(pencil, *_closed(pencil, Z[:, :massive], CZ[:, :massive]), rounding)
+    own = _closed(pencil, Z[:, :massive], CZ[:, :massive])
+    closed, drift, nu, x, y = _own_decay(pencil, *own, rounding, linear_solver)
     gram = W.conj().T @ CZ
     size = _CANCELLED * float(la.norm(amplitudes(W, d).T @ sizes))
     rest, rest_left = null_columns(gram, size), null_columns(gram.conj().T, size)
@@ -135,7 +136,7 @@ def _closed(pencil: Pencil, Z: np.ndarray, CZ: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _own_decay(
-    pencil: Pencil, Z: np.ndarray, D: np.ndarray, rounding: float
+    pencil: Pencil, Z: np.ndarray, D: np.ndarray, rounding: float, linear_solver: LinearSolver | str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return Z, D and the ν ≠ 0 with (νM + C)x = 0 of closed motions, with their modes; nothing of a defective D.
 
@@ -160,11 +161,11 @@ def _own_decay(
         if not done[i]:
             same = np.flatnonzero(~done & (np.abs(nu - nu[i]) <= _TOGETHER * np.abs(nu[i])))
             nu[same], done[same] = nu[same].mean(), True
-            y[:, same] = _left_modes(pencil, complex(nu[i]), x[:, same])
+            y[:, same] = _left_modes(pencil, complex(nu[i]), x[:, same], linear_solver)
     return Z, D, nu, x, y
 
 
-def _left_modes(pencil: Pencil, nu: complex, x: np.ndarray) -> np.ndarray:
+def _left_modes(pencil: Pencil, nu: complex, x: np.ndarray, linear_solver: LinearSolver | str) -> np.ndarray:
     """Return the left modes of an eigenvalue whose right modes are x: x or x* where Q(ν) is Hermitian or symmetric."""
     assert pencil.C is not None
     value = nu.real if nu.imag == 0 else nu
@@ -173,7 +174,7 @@ def _left_modes(pencil: Pencil, nu: complex, x: np.ndarray) -> np.ndarray:
     for y in (x, x.conj()):
         if la.norm(Q.conj().T @ y) <= _CANCELLED * la.norm(pencil.magnitude(lam, amplitudes(y, pencil.units[0]))):
             return y
-    return _Ground(pencil, Q, x).left_kernel()
+    return _Ground(pencil, Q, x, linear_solver).left_kernel()
 
 
 class _Ground:
@@ -182,12 +183,13 @@ class _Ground:
     The unknowns are those on which the motions of Z differ most (pivoted QR), as determinate supports of a body do.
     """
 
-    def __init__(self, pencil: Pencil, A: sp.csr_array, Z: np.ndarray) -> None:
+    def __init__(self, pencil: Pencil, A: sp.csr_array, Z: np.ndarray, linear_solver: LinearSolver | str) -> None:
         self._A, self._symmetric = A, pencil.symmetric and A is pencil.K
         k = Z.shape[1]
         self._units = pencil.units[0][:, None]
         order = la.qr((Z / self._units).conj().T, mode="r", pivoting=True)[1]
         self._held, self._rest = np.sort(order[:k]), np.sort(order[k:])
+        self._linear_solver = linear_solver
         self._factor: Factor | None = None
 
     def _solve(self, b: np.ndarray, adjoint: bool) -> np.ndarray:
@@ -196,7 +198,7 @@ class _Ground:
             return b
         A = sp.csr_array(self._A[self._rest][:, self._rest])
         if self._factor is None:
-            self._factor = factorize(A, self._symmetric)
+            self._factor = factorize(A, self._symmetric, self._linear_solver)
         solve = self._factor.solve_adjoint if adjoint else self._factor.solve
         B = sp.csr_array(A.conj().T) if adjoint else A
         x = solve(b)

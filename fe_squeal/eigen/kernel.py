@@ -8,6 +8,7 @@ import scipy.sparse as sp
 
 from ..errors import NotConvergedError
 from .linear.choice import factorize
+from .linear.factor import LinearSolver
 from .multiple import ROUNDING
 from .pencil import Pencil
 
@@ -64,7 +65,7 @@ def _scaled_parts(pencil: Pencil) -> list[sp.csr_array]:
     return [sp.csr_array(D @ A @ D) for A in ((pencil.K.real, pencil.K.imag) if pencil.is_complex else (pencil.K,))]
 
 
-def find_kernel(pencil: Pencil) -> np.ndarray:
+def find_kernel(pencil: Pencil, linear_solver: LinearSolver | str = "auto") -> np.ndarray:
     """Return real Z (n, k) with K Z = 0 to rounding, by inverse iteration with a block.
 
     The iteration starts at random, and its block grows until it holds vectors that are not in the kernel. Where K
@@ -85,7 +86,7 @@ def find_kernel(pencil: Pencil) -> np.ndarray:
     M = sp.csr_array(sp.diags_array(d) @ pencil.M @ sp.diags_array(d))
     shift = _SHIFT * stiffness.max() / mass.max()
     try:
-        factor = factorize(sp.csr_array(scaled[0] + shift * M), pencil.symmetric)
+        factor = factorize(sp.csr_array(scaled[0] + shift * M), pencil.symmetric, linear_solver)
     except NotConvergedError:
         return np.zeros((n, 0))
     rng, block = np.random.default_rng(_SEED), _BLOCK

@@ -14,8 +14,7 @@ from ..eigen.block_lanczos import lowest_modes
 from ..eigen.blocks import times
 from ..eigen.inertia import count_below
 from ..eigen.linear.choice import factorize
-from ..eigen.linear.definite import DefiniteFactor
-from ..eigen.linear.factor import Factor
+from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
 from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
 from ..eigen.solve import Request, select_wanted

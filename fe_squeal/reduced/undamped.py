@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sp
 
-from ..eigen.linear.definite import DefiniteFactor, factorize_definite
+from ..eigen.linear.choice import factorize_definite
+from ..eigen.linear.factor import DefiniteFactor, LinearSolver
 from ..eigen.pencil import Pencil
 from ..eigen.solve import shift_below
 from ..errors import NotConvergedError
