@@ -39,6 +39,8 @@ class Pressing:
     lift_off : bool
     size : float, m
         Of the model.
+    linear_solver : str
+        As the scene has it.
     """
 
     static: Sequence[Term]
@@ -49,6 +51,7 @@ class Pressing:
     mu: float
     lift_off: bool
     size: float
+    linear_solver: str
 
     @property
     def key(self) -> object:
@@ -68,7 +71,8 @@ class Pressing:
         """
         K = sp.csr_array(sum(t.matrix * t.coefficient(self.numbers) for t in self.static))
         return solve_preload(
-            K, self.load, self.resultant, self.contacts, self.mu, self.lift_off, self.size, start
+            K, self.load, self.resultant, self.contacts, self.mu, self.lift_off, self.size, start,
+            self.linear_solver,
         )
 
 
@@ -111,7 +115,7 @@ def pressing_of(
         if c.kind != "tied"
     }  # fmt: skip
     size = float(np.ptp(space.mesh.p, axis=1).max())
-    return Pressing(static, numbers, load, resultant, pressed, mu, preload.lift_off, size)
+    return Pressing(static, numbers, load, resultant, pressed, mu, preload.lift_off, size, scene.solve.linear_solver)
 
 
 def pressed_numbers(

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 import scipy.sparse as sp
 
+from ..eigen.linear.factor import LinearSolver
 from ..errors import NotConvergedError, SceneError
 from ..fem.contact import ContactOperators
 from ..fem.motion import Sliding
@@ -112,7 +113,7 @@ def pressure_load(space: DisplacementSpace, surface: Surface, pressure: float) -
 
 def solve_preload(
     K: sp.csr_array, load: np.ndarray, resultant: np.ndarray, contacts: Mapping[str, PressedContact], mu: float,
-    lift_off: bool, size: float, start: BaseState | None = None,
+    lift_off: bool, size: float, start: BaseState | None = None, linear_solver: LinearSolver | str = "auto",
 ) -> BaseState:  # fmt: skip
     """Return the static state.
 
@@ -129,6 +130,7 @@ def solve_preload(
         Of the model: larger displacements mean that nothing holds it.
     start : BaseState, optional
         Of nearly the same problem.
+    linear_solver : LinearSolver or str
 
     Raises
     ------
@@ -148,7 +150,7 @@ def solve_preload(
     force = f"({', '.join(f'{x:.4g}' for x in rounded)}) N"
     first = None if start is None else tuple(start.contacts[name].closed for name in contacts)
     try:
-        found = solve_static_contact(K, load, models, first)
+        found = solve_static_contact(K, load, models, first, linear_solver)
     except NotHeldError as error:
         if contacts and not any(np.any(c) for c in error.partial):  # type: ignore[attr-defined]
             raise SceneError(_opened(contacts, force)) from error
