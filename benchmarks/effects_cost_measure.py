@@ -165,9 +165,11 @@ class _CountingFactor:
 def _counted() -> Iterator[_Work]:
     work, original = _Work(), choice.factorize
 
-    def counting(A: sp.csr_array, symmetric: bool) -> _CountingFactor:
+    def counting(
+        A: sp.csr_array, symmetric: bool, linear_solver: choice.LinearSolver | str = "auto"
+    ) -> _CountingFactor:
         work.factorised.append((A.shape[0], symmetric))
-        return _CountingFactor(original(A, symmetric), work)
+        return _CountingFactor(original(A, symmetric, linear_solver), work)
 
     with ExitStack() as stack:
         for module in [m for n, m in sys.modules.items() if n.startswith("fe_squeal.")]:
@@ -197,7 +199,7 @@ def _main() -> None:
     case = Case(**json.load(sys.stdin))
     scene = _parsed(case)
     mesh = read_mesh(scene)
-    choice.has_pardiso()  # the library is loaded in every case
+    choice.choose()  # the library is loaded in every case
     before = _peak_mib()
     problem = _assembled(case, scene, mesh)
     with one_openblas_thread():

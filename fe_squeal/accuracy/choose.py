@@ -112,10 +112,11 @@ def choose(scene: Scene, target: float, tell: Callable[[str], None] = lambda tex
         problem = Assembly(changed, loaded).problem({})
         parameter, grid = swept(changed, problem)
         solve = changed.solve
-        result = with_discretisation(sweep(
+        result = sweep(
             problem, grid, parameter, modes=solve.modes, max_frequency=solve.max_frequency, tolerance=solve.tolerance,
-            keep_shapes=scene.output.shapes == "all", method=solve.method,
-        ))  # fmt: skip
+            keep_shapes=scene.output.shapes == "all", method=solve.method, linear_solver=solve.linear_solver,
+        )  # fmt: skip
+        result = with_discretisation(result, solve.linear_solver)
         trial = Trial(setting, problem.unknowns, estimated_error(result), time.perf_counter() - start)
         trials.append(trial)
         results[trial] = (changed, loaded, result)

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..eigen.blocks import cross, times
-from ..eigen.linear.definite import factorize_definite
+from ..eigen.linear.choice import factorize_definite
 from ..eigen.pencil import Modes
 from ..problem.problem import Problem
 from ..reduced import ReducedModel
@@ -43,7 +43,7 @@ class CorrectedModel:
         Parameters
         ----------
         model : ReducedModel
-            Of the coarse problem.
+            Of the coarse problem; its linear solver factorises here, too.
         fine : Problem
             On the refined mesh.
         E : (n_fine, n_coarse) sparse
@@ -56,10 +56,10 @@ class CorrectedModel:
         start = coarse.value(parameter)
         condensed = fine.condensed(parameter).at(**{parameter: start})
         weights = [metric.get(t.name, 0.0) for t in condensed.terms]
-        factor = factorize_definite(weighted(coarse, model.basis.metric))
+        factor = factorize_definite(weighted(coarse, model.basis.metric), model.linear_solver)
         P = weighted(condensed, weights)
         solver = TwoLevelSolver(P, E, factor.solve)
-        basis = ReducedBasis(condensed, parameter, weights, model.basis.sigma, None)
+        basis = ReducedBasis(condensed, parameter, weights, model.basis.sigma, None, model.linear_solver)
         if model.basis.has_slow:
             basis.expect_slow_motions()
         unheld = condensed.free_motions().motions

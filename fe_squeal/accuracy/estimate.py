@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ..assembly.assembly import Assembly
 from ..eigen.dense import solve_dense
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import require_memory
 from ..eigen.pencil import Modes
 from ..eigen.solve import Request
@@ -56,8 +57,13 @@ class Changes:
     onsets: tuple[float, ...]
 
 
-def with_discretisation(result: Sweep) -> Sweep:
+def with_discretisation(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Sweep:
     """Return a sweep with the error of the mesh on all modes and onsets: `BAR` times what `refined_changes` gives.
+
+    Parameters
+    ----------
+    linear_solver : LinearSolver or str
+        As of `sweep`.
 
     Raises
     ------
@@ -66,7 +72,7 @@ def with_discretisation(result: Sweep) -> Sweep:
     NotConvergedError
         The corrections are not found.
     """
-    changes = refined_changes(result)
+    changes = refined_changes(result, linear_solver)
     points = [
         replace(point, discretisation=BAR * (np.abs(c.real) + 1j * np.abs(c.imag)))
         for point, c in zip(result.points, changes.modes, strict=True)
@@ -81,11 +87,16 @@ def with_discretisation(result: Sweep) -> Sweep:
     return replace(result, points=tuple(points), onsets=tuple(onsets), doubts=doubts)
 
 
-def refined_changes(result: Sweep) -> Changes:
+def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Changes:
     """Return how the modes and onsets of a sweep change where every element is cut into eight.
 
     The modes are corrected on the refined mesh, see `CorrectedModel`, and followed over the same sweep. Where the
     parameter changes matrices (under preload) both meshes take matrices that are quadratic in it.
+
+    Parameters
+    ----------
+    linear_solver : LinearSolver or str
+        As of `sweep`.
 
     Raises
     ------
@@ -109,17 +120,22 @@ def refined_changes(result: Sweep) -> Changes:
     axis, at = (parameter, values) if len(values) > 1 else (_VALUE, np.zeros(1))
     model = result.model
     if model is None or len(values) == 1 or not problem.is_affine(parameter):
-        model = ReducedModel(affine[0], axis, at, Request(count=max(len(p.modes) for p in result.points) + 2))
+        request = Request(count=max(len(p.modes) for p in result.points) + 2)
+        model = ReducedModel(affine[0], axis, at, request, linear_solver=linear_solver)
     corrected = CorrectedModel(model, affine[1], E, at)
     changes, first = [], None
     for point, value in zip(result.points, at.tolist(), strict=True):
-        before, now = model.modes(value), solve_dense(corrected.small.pencil(**{axis: value}), 1.5 * model.highest)
+        before, refined_pencil = model.modes(value), corrected.small.pencil(**{axis: value})
+        now = solve_dense(refined_pencil, 1.5 * model.highest, linear_solver)
         same = _same(corrected, before, now)
         first = same if first is None else first
         changes.append(_changes(point, before, now, same))
     onsets: list[float] = []
     if result.onsets:
-        found = sweep(corrected.small, at, axis, modes=len(model.modes(float(at[0]))), method="direct").onsets
+        modes = len(model.modes(float(at[0])))
+        found = sweep(
+            corrected.small, at, axis, modes=modes, method="direct", linear_solver=linear_solver
+        ).onsets
         paired = pair_onsets(result.onsets, found, first or {}, float(np.ptp(values)))
         onsets = [
             found[j].value - onset.value if j is not None else np.nan

@@ -91,8 +91,11 @@ def measure(
     probes = _choose(assembly) if probes is None else probes
     parameter, grid = swept(changed, problem)
     count = min(setting.modes, problem.unknowns)
-    method = setting.method
-    result = sweep(problem, grid, parameter, modes=count, tolerance=setting.tolerance, keep_shapes=True, method=method)
+    solver = changed.solve.linear_solver
+    result = sweep(
+        problem, grid, parameter, modes=count, tolerance=setting.tolerance, keep_shapes=True, method=setting.method,
+        linear_solver=solver,
+    )  # fmt: skip
     seconds |= dict(result.seconds)
     at = _at(assembly, probes)
     if len(result.points) == 1:
@@ -101,12 +104,15 @@ def measure(
         modes = result.model.modes(float(grid[0]))
         first = {i: result.model.lift(modes.right[:, i]) for i in range(len(result.points[0].modes))}
     else:
-        first = sweep(problem, grid[:1], parameter, modes=count, keep_shapes=True, method="direct").points[0].shapes
+        alone = sweep(
+            problem, grid[:1], parameter, modes=count, keep_shapes=True, method="direct", linear_solver=solver
+        )
+        first = alone.points[0].shapes
     changes, peak = Changes((), ()), peak_memory_mib()
     if estimate:
         clock = time.perf_counter()
         with suppress(TooLargeError, NotConvergedError):  # the rest is worth keeping
-            changes = refined_changes(result)
+            changes = refined_changes(result, solver)
         seconds["estimate"] = time.perf_counter() - clock
     return Measurement(
         unknowns=problem.unknowns, seconds=seconds, peak_memory_mib=np.nan if peak is None else peak,

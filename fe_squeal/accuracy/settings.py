@@ -101,7 +101,8 @@ def _modes(scene: Scene) -> int:
     if scene.solve.max_frequency is None:
         return scene.solve.modes or MODES
     pencil = symmetric_part(assemble(scene).pencil())
-    return (count_below(pencil, 2 * np.pi * scene.solve.max_frequency) or MODES) + 1
+    below = count_below(pencil, 2 * np.pi * scene.solve.max_frequency, scene.solve.linear_solver)
+    return (below or MODES) + 1
 
 
 def scene_at(scene: Scene, setting: Setting) -> tuple[Scene, LoadedMesh]:

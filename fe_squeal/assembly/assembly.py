@@ -149,6 +149,7 @@ class Assembly:
             self.space, self.loaded, {name: self._body(scene, name) for name in self.bodies},
             {name: self._contact(scene, name, i) for i, name in enumerate(scene.contact_names)},
             scene.materials, tuple(_holding(scene)), scene.effects.on, partial(number_at, scene), self._cache,
+            linear_solver=scene.solve.linear_solver,
         )  # fmt: skip
 
     def _body(self, scene: Scene, name: str) -> BodyPart:

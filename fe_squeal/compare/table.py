@@ -12,6 +12,7 @@ import pandas as pd
 import lumped
 
 from ..assembly.model import model_of
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..eigen.solve import Request, solve_modes
 from ..errors import SceneError, suggest
@@ -46,7 +47,7 @@ SETUPS = {
 }
 
 
-def compare(name: str = "all") -> pd.DataFrame:
+def compare(name: str = "all", linear_solver: LinearSolver | str = "auto") -> pd.DataFrame:
     """Return a row per quantity: case, quantity, lumped, finite_elements, difference.
 
     Of a spectrum the eigenvalue that differs most is shown, with its relative difference; of the friction matrix,
@@ -56,6 +57,8 @@ def compare(name: str = "all") -> pd.DataFrame:
     ----------
     name : str
         A key of SETUPS, or "all".
+    linear_solver : LinearSolver or str
+        As of `fe_squeal.sweep`.
 
     Raises
     ------
@@ -64,11 +67,14 @@ def compare(name: str = "all") -> pd.DataFrame:
     """
     if name != "all" and name not in SETUPS:
         raise SceneError(f'compare: no case "{name}"{suggest(name, [*SETUPS, "all"])}')
-    rows = [row for key in (SETUPS if name == "all" else [name]) for row in compare_case(key)]
+    keys = SETUPS if name == "all" else [name]
+    rows = [row for key in keys for row in compare_case(key, linear_solver)]
     return pd.DataFrame(rows, columns=["case", "quantity", "lumped", "finite_elements", "difference"])
 
 
-def compare_case(name: str) -> list[tuple[str, str, float, float, float]]:
+def compare_case(
+    name: str, linear_solver: LinearSolver | str = "auto"
+) -> list[tuple[str, str, float, float, float]]:
     """Return the rows of one case."""
     setup = SETUPS[name]
     case = setup.make()
@@ -82,28 +88,30 @@ def compare_case(name: str) -> list[tuple[str, str, float, float, float]]:
     gap = np.abs(projected - expected).max() / size
     rows.append((name, "K_f, largest entry (N/m)", size, float(np.abs(projected).max()), gap))
     for mu in setup.values:
-        difference, model, fem = spectrum_difference(case, stiff, mu)
+        difference, model, fem = spectrum_difference(case, stiff, mu, linear_solver)
         rows.append((name, f"|λ| at μ = {mu:g} (rad/s)", abs(model), abs(fem), difference))
     if setup.values:
-        slope = stiffness_rate(case, setup.modulus, setup.values[-1])
+        slope = stiffness_rate(case, setup.modulus, setup.values[-1], linear_solver)
         rows.append((name, "order in 1/E", 1.0, slope, abs(slope - 1.0)))
-    for label, omega in rotations(case, stiff):
+    for label, omega in rotations(case, stiff, linear_solver):
         rows.append((name, f"rotation of {label} (rad/s)", np.nan, omega, np.nan))
-    rows += _onset_rows(name, case, stiff, setup)
+    rows += _onset_rows(name, case, stiff, setup, linear_solver)
     if name == "uncoupled-disc":
-        drift = spectrum_drift(case.problem(1e-2 * setup.modulus), setup.values)
+        drift = spectrum_drift(case.problem(1e-2 * setup.modulus), setup.values, linear_solver)
         rows.append((name, "change of λ over μ", 0.0, drift, drift))
     return rows
 
 
-def lumped_modes(case: Case, problem: Problem, mu: float) -> Modes:
+def lumped_modes(
+    case: Case, problem: Problem, mu: float, linear_solver: LinearSolver | str = "auto"
+) -> Modes:
     """Return the modes that move as the lumped masses do, without the rotations and deformations of the bodies.
 
     With P the mass projection on the rigid motions R, ψᴴMPφ/ψᴴMφ is the share of the lumped coordinates in a mode,
     right and left together: friction drives a rotation by a translation, so that φ alone may be mostly rotation.
     """
     pencil = problem.pencil(mu=mu)
-    modes = solve_modes(pencil, Request(count=problem.unknowns))
+    modes = solve_modes(pencil, Request(count=problem.unknowns), linear_solver=linear_solver)
     assert modes.left is not None
     R = case.rigid_motions(problem)
     MR = pencil.M @ R
@@ -112,13 +120,15 @@ def lumped_modes(case: Case, problem: Problem, mu: float) -> Modes:
     return modes.select(np.flatnonzero(np.abs(through / whole) > 0.5))
 
 
-def rotations(case: Case, problem: Problem) -> list[tuple[str, float]]:
+def rotations(
+    case: Case, problem: Problem, linear_solver: LinearSolver | str = "auto"
+) -> list[tuple[str, float]]:
     """Return the body and the frequency at μ = 0 of each mode that is neither the lumped model's nor a deformation."""
     model = model_of(problem)
     assert model is not None
     pencil, space = problem.pencil(mu=0.0), model.space
-    modes = solve_modes(pencil, Request(count=problem.unknowns))
-    lumped_ones = lumped_modes(case, problem, 0.0).lam.imag
+    modes = solve_modes(pencil, Request(count=problem.unknowns), linear_solver=linear_solver)
+    lumped_ones = lumped_modes(case, problem, 0.0, linear_solver).lam.imag
     highest = _DEFORMING * lumped_ones.max()
     found = []
     for i, omega in enumerate(modes.lam.imag):
@@ -130,37 +140,45 @@ def rotations(case: Case, problem: Problem) -> list[tuple[str, float]]:
     return found
 
 
-def spectrum_difference(case: Case, problem: Problem, mu: float) -> tuple[float, complex, complex]:
+def spectrum_difference(
+    case: Case, problem: Problem, mu: float, linear_solver: LinearSolver | str = "auto"
+) -> tuple[float, complex, complex]:
     """Return the largest relative difference of an eigenvalue, with the lumped and the finite-element one."""
     reference = case.model.eigenvalues(mu)
     reference = reference[reference.imag > 1e-6 * np.abs(reference).max()]
-    found = lumped_modes(case, problem, mu).lam
+    found = lumped_modes(case, problem, mu, linear_solver).lam
     nearest = found[np.argmin(np.abs(reference[:, None] - found[None, :]), axis=1)]
     difference = np.abs(nearest - reference) / np.abs(reference)
     worst = int(np.argmax(difference))
     return float(difference[worst]), complex(reference[worst]), complex(nearest[worst])
 
 
-def stiffness_rate(case: Case, modulus: float, mu: float) -> float:
+def stiffness_rate(
+    case: Case, modulus: float, mu: float, linear_solver: LinearSolver | str = "auto"
+) -> float:
     """Return the fitted order in 1/E of the largest change of an eigenvalue from one modulus to the next."""
     moduli = [modulus * s for s in _SOFTER]
-    spectra = [lumped_modes(case, case.problem(E), mu).lam for E in (0.1 * moduli[0], *moduli)]
+    spectra = [lumped_modes(case, case.problem(E), mu, linear_solver).lam for E in (0.1 * moduli[0], *moduli)]
     changes = [max(np.abs(b - x).min() for x in a) for a, b in pairwise(spectra)]
     return float(-np.polyfit(np.log(moduli), np.log(changes), 1)[0])
 
 
-def spectrum_drift(problem: Problem, values: tuple[float, ...]) -> float:
+def spectrum_drift(
+    problem: Problem, values: tuple[float, ...], linear_solver: LinearSolver | str = "auto"
+) -> float:
     """Return the largest relative change of an eigenvalue between values of μ."""
-    spectra = [solve_modes(problem.pencil(mu=mu), Request(count=9)).lam.imag for mu in values]
+    found = [solve_modes(problem.pencil(mu=mu), Request(count=9), linear_solver=linear_solver) for mu in values]
+    spectra = [modes.lam.imag for modes in found]
     return float(max(np.abs(s / spectra[0] - 1).max() for s in spectra[1:]))
 
 
 def _onset_rows(
-    name: str, case: Case, problem: Problem, setup: Setup
+    name: str, case: Case, problem: Problem, setup: Setup, linear_solver: LinearSolver | str
 ) -> list[tuple[str, str, float, float, float]]:  # fmt: skip
     low, high, points = setup.interval
     rotations = problem.unknowns if problem.unknowns < 12 else 12
-    result = sweep(problem, np.linspace(low, high, points), modes=rotations if name == "nine-dof" else 4)
+    modes = rotations if name == "nine-dof" else 4
+    result = sweep(problem, np.linspace(low, high, points), modes=modes, linear_solver=linear_solver)
     found = [o.value for o in result.onsets if o.direction == "into"]
     expected = [mu for mu in case.model.critical_mu() if low < mu < high]
     if name == "minimal-sprung-at-top":

@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from ..eigen.linear.factor import LinearSolver
 from ..fem.contact import ContactOperators
 from ..fem.materials import Elasticity, Material, elasticity, stiffness_tensor
 from ..fem.motion import Sliding
@@ -158,6 +159,8 @@ class Context:
         Of the bodies that rotate.
     state : BaseState or None
         The static state under preload.
+    linear_solver : LinearSolver or str
+        For static states.
     """
 
     space: DisplacementSpace
@@ -172,6 +175,7 @@ class Context:
     static: tuple[Term, ...] = ()
     motions: Mapping[str, Sliding] = field(default_factory=dict)
     state: BaseState | None = None
+    linear_solver: LinearSolver | str = "auto"
 
     def facets(self, group: str, path: str) -> np.ndarray:
         """Return the facets of a surface group; `path` says in messages where it was named.

@@ -79,7 +79,9 @@ class Preload(Effect):
 
         def solve() -> BaseState:
             K = sp.csr_array(sum(t.matrix * t.coefficient(numbers) for t in context.static))
-            return solve_preload(K, load, resultant, contacts, mu, self.lift_off, size, before)
+            return solve_preload(
+                K, load, resultant, contacts, mu, self.lift_off, size, before, context.linear_solver
+            )
 
         return context.cache.get("static state", key, solve)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from ..eigen.linear.factor import LinearSolver
 from ..errors import NotConvergedError, SceneError
 from ..fem.contact import ContactOperators
 from ..fem.motion import Sliding
@@ -94,7 +95,7 @@ class PressedContact:
 
 def solve_preload(
     K: sp.csr_array, load: np.ndarray, resultant: np.ndarray, contacts: Mapping[str, PressedContact], mu: float,
-    lift_off: bool, size: float, start: BaseState | None = None,
+    lift_off: bool, size: float, start: BaseState | None = None, linear_solver: LinearSolver | str = "auto",
 ) -> BaseState:  # fmt: skip
     """Return the static state.
 
@@ -111,6 +112,7 @@ def solve_preload(
         Of the model: larger displacements mean that nothing holds it.
     start : BaseState, optional
         Of nearly the same problem.
+    linear_solver : LinearSolver or str
 
     Raises
     ------
@@ -130,7 +132,7 @@ def solve_preload(
     force = f"({', '.join(f'{x:.4g}' for x in rounded)}) N"
     first = None if start is None else tuple(start.contacts[name].closed for name in contacts)
     try:
-        found = solve_static_contact(K, load, models, first)
+        found = solve_static_contact(K, load, models, first, linear_solver)
     except NotHeldError as error:
         if contacts and not any(np.any(c) for c in error.partial):  # type: ignore[attr-defined]
             raise SceneError(_opened(contacts, force)) from error

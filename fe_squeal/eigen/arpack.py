@@ -7,7 +7,6 @@ from scipy.optimize import linear_sum_assignment
 
 from ..errors import NotConvergedError
 from .free_modes import FreeModes
-from .linear.choice import solver_name
 from .pencil import Modes, Pencil
 from .quality import in_upper_half, modes_from_lambda, modes_from_theta
 from .shift_invert import ShiftInverted
@@ -34,7 +33,7 @@ def symmetric_modes(
         theta, x = np.append(far, theta[theta > sigma]), np.hstack([x_far, x[:, theta > sigma]])
     if free is not None:
         theta, x, _ = free.beside(theta, x, x)
-    return modes_from_theta(pencil, theta, x, x, _method()), every
+    return modes_from_theta(pencil, theta, x, x, _method(operator)), every
 
 
 def nonsymmetric_modes(
@@ -56,7 +55,7 @@ def nonsymmetric_modes(
     left = left[:, inner_left[partner]]
     if free is not None:
         theta, right, left = free.beside(theta, right, left)
-    return modes_from_theta(pencil, theta, right, left, _method()), every
+    return modes_from_theta(pencil, theta, right, left, _method(operator)), every
 
 
 def quadratic_modes(
@@ -75,7 +74,7 @@ def quadratic_modes(
     lam, right, left = lam[upper], right[:, upper], left[:, upper]
     if free is not None:
         lam, right, left = free.beside(lam, right, left)
-    return modes_from_lambda(pencil, lam, right, left, _method()), every
+    return modes_from_lambda(pencil, lam, right, left, _method(operator)), every
 
 
 def _common(theta: np.ndarray, theta_left: np.ndarray, sigma: float, every: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -100,5 +99,5 @@ def _common(theta: np.ndarray, theta_left: np.ndarray, sigma: float, every: bool
     raise NotConvergedError(f"the {len(theta)} right and {len(theta_left)} left modes nearest the shift do not pair")
 
 
-def _method() -> str:
-    return f"shift-invert ARPACK, {solver_name()}"
+def _method(operator: ShiftInverted) -> str:
+    return f"shift-invert ARPACK, {operator.linear_solver.name}"

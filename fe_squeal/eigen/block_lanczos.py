@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from ..errors import NotConvergedError
 from .blocks import combine, cross, times
-from .linear.definite import DefiniteFactor
+from .linear.factor import DefiniteFactor
 
 _SEED, _BLOCK, _MOST = 20251121, 24, 60
 _ROOM = 4  # times the modes: for how many vectors address space is set aside at first

@@ -9,6 +9,7 @@ import scipy.linalg as la
 
 from ..errors import NotConvergedError
 from .free_modes import FreeModes, split_off
+from .linear.factor import LinearSolver
 from .pencil import Modes, Pencil
 from .polish import ACCURATE, pair_errors, refine
 from .quality import in_upper_half, modes_from_lambda, modes_from_theta
@@ -23,8 +24,13 @@ _FEW = 0.1  # share of inaccurate pairs that is left to refinement
 _HUGE, _WRONG = 1e4, 1e-8
 
 
-def solve_dense(pencil: Pencil, highest: float = np.inf) -> Modes:
+def solve_dense(pencil: Pencil, highest: float = np.inf, linear_solver: LinearSolver | str = "auto") -> Modes:
     """Return all finite modes of a small pencil, or those up to |λ| = highest, rad/s.
+
+    Parameters
+    ----------
+    linear_solver : LinearSolver or str
+        Factorises what motions that nothing holds ask for.
 
     Examples
     --------
@@ -34,7 +40,7 @@ def solve_dense(pencil: Pencil, highest: float = np.inf) -> Modes:
     array([1., 3.])
     """
     d, omega0 = pencil.units
-    free = split_off(pencil)
+    free = split_off(pencil, linear_solver)
     pencil = pencil.dense()
     M, K = omega0**2 * d[:, None] * pencil.M * d, d[:, None] * pencil.K * d
     if pencil.C is None:

@@ -9,6 +9,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from .kernel import Ground, amplitudes, find_kernel, null_columns
+from .linear.factor import LinearSolver
 from .multiple import ROUNDING
 from .pencil import FreeMotions, Pencil
 
@@ -61,7 +62,7 @@ class FreeModes:
         return np.append(own, values), np.hstack([self.right, right]), np.hstack([self.left, left])
 
 
-def split_off(pencil: Pencil) -> FreeModes | None:
+def split_off(pencil: Pencil, linear_solver: LinearSolver | str = "auto") -> FreeModes | None:
     """Return the eigenpairs of the motions that nothing holds; None where there are none.
 
     Raises
@@ -71,7 +72,7 @@ def split_off(pencil: Pencil) -> FreeModes | None:
     """
     known = pencil.free
     if known is None:
-        Z = find_kernel(pencil)
+        Z = find_kernel(pencil, linear_solver)
         known = FreeMotions(Z)
     if not known.motions.shape[1]:
         return None
@@ -86,7 +87,7 @@ def split_off(pencil: Pencil) -> FreeModes | None:
         else (_without_rounding(pencil.C, Z, pencil.units[0]) if known.damping is None else known.damping @ T)
     )
     units = pencil.units[0][:, None]
-    ground = Ground(pencil.K, Z / units, pencil.symmetric)
+    ground = Ground(pencil.K, Z / units, pencil.symmetric, linear_solver)
     W = Z if pencil.symmetric else _orthonormal(ground.followed(adjoint=True), units)
     k, nothing = Z.shape[1], np.zeros_like(Z)
     if pencil.C is None or CZ is None:
@@ -95,7 +96,8 @@ def split_off(pencil: Pencil) -> FreeModes | None:
     d = pencil.units[0]
     sizes = abs(pencil.C) @ amplitudes(Z, d)  # of what may cancel in C Z
     rounding = _CANCELLED * float(la.norm(amplitudes(Z[:, :massive], d).T @ sizes))
-    closed, drift, nu, x, y = _own_decay(pencil, *_closed(pencil, Z[:, :massive], CZ[:, :massive]), rounding)
+    own = _closed(pencil, Z[:, :massive], CZ[:, :massive])
+    closed, drift, nu, x, y = _own_decay(pencil, *own, rounding, linear_solver)
     # Motions that damping does not hold either, from both sides: each begins a Jordan chain.
     gram, rounding = W.conj().T @ CZ, _CANCELLED * float(la.norm(amplitudes(W, d).T @ sizes))
     loose, loose_left = null_columns(gram, rounding), null_columns(gram.conj().T, rounding)
@@ -144,7 +146,7 @@ def _closed(pencil: Pencil, Z: np.ndarray, CZ: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _own_decay(
-    pencil: Pencil, Z: np.ndarray, D: np.ndarray, rounding: float
+    pencil: Pencil, Z: np.ndarray, D: np.ndarray, rounding: float, linear_solver: LinearSolver | str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return Z, D and the ν ≠ 0 with (νM + C)x = 0 of closed motions, with their modes; nothing of a defective D.
 
@@ -169,11 +171,11 @@ def _own_decay(
         if not done[i]:
             same = np.flatnonzero(~done & (np.abs(nu - nu[i]) <= _TOGETHER * np.abs(nu[i])))
             nu[same], done[same] = nu[same].mean(), True
-            y[:, same] = _left_modes(pencil, complex(nu[i]), x[:, same])
+            y[:, same] = _left_modes(pencil, complex(nu[i]), x[:, same], linear_solver)
     return Z, D, nu, x, y
 
 
-def _left_modes(pencil: Pencil, nu: complex, x: np.ndarray) -> np.ndarray:
+def _left_modes(pencil: Pencil, nu: complex, x: np.ndarray, linear_solver: LinearSolver | str) -> np.ndarray:
     """Return the left modes of an eigenvalue whose right modes are x: x or x* where Q(ν) is Hermitian or symmetric."""
     assert pencil.C is not None
     value = nu.real if nu.imag == 0 else nu
@@ -183,7 +185,7 @@ def _left_modes(pencil: Pencil, nu: complex, x: np.ndarray) -> np.ndarray:
         if la.norm(Q.conj().T @ y) <= _CANCELLED * la.norm(pencil.magnitude(lam, amplitudes(y, pencil.units[0]))):
             return y
     units = pencil.units[0][:, None]
-    return _orthonormal(Ground(Q, x / units, symmetric=False).followed(adjoint=True), units)
+    return _orthonormal(Ground(Q, x / units, False, linear_solver).followed(adjoint=True), units)
 
 
 def _orthonormal(W: np.ndarray, units: np.ndarray) -> np.ndarray:

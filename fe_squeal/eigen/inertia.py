@@ -9,30 +9,34 @@ import scipy.sparse as sp
 from ..errors import NotConvergedError
 from .dense import DENSE_LIMIT
 from .linear.choice import factorize
+from .linear.factor import LinearSolver
 from .pencil import Pencil
 
 
-def count_below(pencil: Pencil, omega: float) -> int | None:
+def count_below(pencil: Pencil, omega: float, linear_solver: LinearSolver | str = "auto") -> int | None:
     """Return how many θ = −λ² of a symmetric pencil lie below omega² (rad/s), by the inertia of K − ω²M.
 
     None where the factorisation gives no inertia. Negative θ (divergence) count as well, each once.
     """
     try:
-        pivots = factorize(sp.csr_array(pencil.K - omega**2 * pencil.M), symmetric=True).negative_pivots
+        shifted = sp.csr_array(pencil.K - omega**2 * pencil.M)
+        pivots = factorize(shifted, True, linear_solver).negative_pivots
     except NotConvergedError:
         return None
-    return finite_below(pencil, pivots)
+    return finite_below(pencil, pivots, linear_solver)
 
 
-def finite_below(pencil: Pencil, negative_pivots: int | None) -> int | None:
+def finite_below(
+    pencil: Pencil, negative_pivots: int | None, linear_solver: LinearSolver | str = "auto"
+) -> int | None:
     """Return how many of the negative pivots of K − sM are finite θ < s; None where that is not known."""
     if negative_pivots is None:
         return None
-    infinite = _negative_at_infinity(pencil)
+    infinite = _negative_at_infinity(pencil, linear_solver)
     return None if infinite is None else negative_pivots - infinite
 
 
-def _negative_at_infinity(pencil: Pencil) -> int | None:
+def _negative_at_infinity(pencil: Pencil, linear_solver: LinearSolver | str) -> int | None:
     """Return the number of negative eigenvalues that K − sM keeps for s → −∞, where no finite θ gives any.
 
     With Z the null space of M ≥ 0, every positive or negative eigenvalue of ZᵀKZ is an infinite eigenvalue of the
@@ -51,7 +55,7 @@ def _negative_at_infinity(pencil: Pencil) -> int | None:
         return free
     if len(filled) > DENSE_LIMIT:
         try:
-            pivots = factorize(K, symmetric=True).negative_pivots
+            pivots = factorize(K, True, linear_solver).negative_pivots
         except NotConvergedError:  # singular, and too large to tell by how much
             return None
         return None if pivots is None else free + pivots

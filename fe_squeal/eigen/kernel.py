@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from ..errors import NotConvergedError
 from .linear.choice import factorize
-from .linear.factor import Factor
+from .linear.factor import Factor, LinearSolver
 from .multiple import ROUNDING
 from .pencil import Pencil
 
@@ -65,7 +65,7 @@ def _scaled_parts(pencil: Pencil) -> list[sp.csr_array]:
     return [sp.csr_array(D @ A @ D) for A in ((pencil.K.real, pencil.K.imag) if pencil.is_complex else (pencil.K,))]
 
 
-def find_kernel(pencil: Pencil) -> np.ndarray:
+def find_kernel(pencil: Pencil, linear_solver: LinearSolver | str = "auto") -> np.ndarray:
     """Return real Z (n, k) with K Z = 0 to rounding.
 
     A block of vectors in which the kernel lies roughly shows which unknowns to hold so that K is regular. With these
@@ -77,8 +77,8 @@ def find_kernel(pencil: Pencil) -> np.ndarray:
     while True:
         block = min(block, n)
         try:
-            X = _nearly_kernel(pencil, scaled, block)
-            Z = _followed(scaled[0], X, pencil.symmetric) if X.shape[1] else X
+            X = _nearly_kernel(pencil, scaled, block, linear_solver)
+            Z = _followed(scaled[0], X, pencil.symmetric, linear_solver) if X.shape[1] else X
         except NotConvergedError:  # held in too few unknowns, or singular for another reason
             Z = None
         if block >= min(n, _MOST) or (Z is not None and Z.shape[1] < block):
@@ -87,7 +87,9 @@ def find_kernel(pencil: Pencil) -> np.ndarray:
         block *= 2
 
 
-def _nearly_kernel(pencil: Pencil, scaled: list[sp.csr_array], block: int) -> np.ndarray:
+def _nearly_kernel(
+    pencil: Pencil, scaled: list[sp.csr_array], block: int, linear_solver: LinearSolver | str
+) -> np.ndarray:
     """Return orthonormal vectors (n, block) that nearly contain the kernel; none where there is none for sure."""
     if pencil.n <= _DENSE:
         _, s, Vh = la.svd(scaled[0].toarray())
@@ -97,16 +99,17 @@ def _nearly_kernel(pencil: Pencil, scaled: list[sp.csr_array], block: int) -> np
         return np.zeros((pencil.n, 0))
     D = sp.diags_array(pencil.units[0])
     M = sp.csr_array(D @ pencil.M @ D)
-    factor = factorize(sp.csr_array(scaled[0] + _SHIFT * stiffness.max() / mass.max() * M), pencil.symmetric)
+    shifted = sp.csr_array(scaled[0] + _SHIFT * stiffness.max() / mass.max() * M)
+    factor = factorize(shifted, pencil.symmetric, linear_solver)
     X = np.random.default_rng(_SEED).standard_normal((pencil.n, block))
     for _ in range(_STEPS):
         X = la.qr(factor.solve(M @ X), mode="economic")[0]
     return np.asarray(X)
 
 
-def _followed(A: sp.csr_array, X: np.ndarray, symmetric: bool) -> np.ndarray:
+def _followed(A: sp.csr_array, X: np.ndarray, symmetric: bool, linear_solver: LinearSolver | str) -> np.ndarray:
     """Return the kernel (n, k) of A among motions of as many held unknowns as X has columns; others follow."""
-    ground = Ground(A, X, symmetric)
+    ground = Ground(A, X, symmetric, linear_solver)
     Z = ground.followed()
     force, size = A[ground.held] @ Z, abs(A[ground.held]) @ amplitudes(Z)
     _, _, Vh = la.svd(force)
@@ -125,9 +128,9 @@ class Ground:
     held : (k,) int
     """
 
-    def __init__(self, A: sp.csr_array, Z: np.ndarray, symmetric: bool) -> None:
+    def __init__(self, A: sp.csr_array, Z: np.ndarray, symmetric: bool, linear_solver: LinearSolver | str) -> None:
         order = la.qr(Z.conj().T, mode="r", pivoting=True)[1]
-        self._A, self._symmetric = A, symmetric
+        self._A, self._symmetric, self._linear_solver = A, symmetric, linear_solver
         self.held, self._rest = np.sort(order[: Z.shape[1]]), np.sort(order[Z.shape[1] :])
         self._factor: Factor | None = None
 
@@ -151,7 +154,7 @@ class Ground:
             return b
         A = sp.csr_array(self._A[self._rest][:, self._rest])
         if self._factor is None:
-            self._factor = factorize(A, self._symmetric)
+            self._factor = factorize(A, self._symmetric, self._linear_solver)
         solve = self._factor.solve_adjoint if adjoint else self._factor.solve
         B = sp.csr_array(A.conj().T) if adjoint else A
         x = solve(b)

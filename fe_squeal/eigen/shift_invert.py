@@ -13,8 +13,8 @@ from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator
 from ..errors import NotConvergedError
 from .dense import DENSE_LIMIT
 from .free_modes import FreeModes, States
-from .linear.choice import factorize
-from .linear.factor import Factor, Solve
+from .linear.choice import choose, factorize
+from .linear.factor import Factor, LinearSolver, Solve
 from .memory import require_vectors
 from .pencil import Pencil
 from .threads import one_openblas_thread
@@ -50,23 +50,29 @@ class ShiftInverted:
     free : FreeModes, optional
         What is known of motions that nothing holds. Their eigenvalues, multiple and with damping defective, are taken
         out of the operator by the spectral projector: it has zero in their place, which stands for infinity.
+    linear_solver : LinearSolver or str
+        Factorises the shifted matrices.
 
     Attributes
     ----------
     negative_pivots : int or None
         Of K − σM where K is symmetric.
+    linear_solver : LinearSolver
     size : int
         Number of unknowns of the operator.
     most : int
         How many eigenvalues can be asked for.
     """
 
-    def __init__(self, pencil: Pencil, sigma: float, free: FreeModes | None = None) -> None:
+    def __init__(
+        self, pencil: Pencil, sigma: float, free: FreeModes | None = None, linear_solver: LinearSolver | str = "auto"
+    ) -> None:
         d, omega0 = pencil.units
         self._d = d if d.max() > _ALIKE * d.min() else None
         self._unit = omega0**2 if pencil.C is None else omega0
         self.pencil = pencil = _scaled(pencil, self._d, omega0)
         self.sigma, self._shift = sigma, sigma / self._unit
+        self.linear_solver = choose(linear_solver)
         self._factor = self._factorized(self._shift)
         self.negative_pivots = self._factor.negative_pivots
         mass = occupied(pencil.M)
@@ -166,8 +172,8 @@ class ShiftInverted:
     def _factorized(self, sigma: float) -> Factor:
         M, C, K = self.pencil.M, self.pencil.C, self.pencil.K
         if C is not None:
-            return factorize(sp.csr_array(sigma**2 * M + sigma * C + K), symmetric=False)
-        return factorize(sp.csr_array(K - sigma * M), symmetric=self.pencil.symmetric)
+            return factorize(sp.csr_array(sigma**2 * M + sigma * C + K), False, self.linear_solver)
+        return factorize(sp.csr_array(K - sigma * M), self.pencil.symmetric, self.linear_solver)
 
     def _in_units(self, x: np.ndarray) -> np.ndarray:
         return x if self._d is None else self._d[:, None] * x

@@ -13,7 +13,7 @@ from .dense import DENSE_LIMIT, LAPACK, solve_dense
 from .free_modes import FreeModes, split_off
 from .inertia import count_below, finite_below
 from .kernel import kernel_within
-from .linear.factor import SingularError
+from .linear.factor import LinearSolver, SingularError
 from .pencil import FreeMotions, Modes, Pencil, is_mirror
 from .shift_invert import ShiftInverted
 
@@ -57,13 +57,17 @@ class Completeness:
         return Completeness(self.found - count, None if self.expected is None else self.expected - count, self.proven)
 
 
-def solve_modes(pencil: Pencil, request: Request, band: float | None = None) -> Modes:
+def solve_modes(
+    pencil: Pencil, request: Request, band: float | None = None, linear_solver: LinearSolver | str = "auto"
+) -> Modes:
     """Return the wanted modes, sorted by Im λ; conjugate pairs are not cut apart.
 
     Parameters
     ----------
     band : float, rad/s, optional
         About where the wanted modes end (from a neighbouring solve); places the shift.
+    linear_solver : LinearSolver or str
+        Factorises the shifted matrices.
 
     Raises
     ------
@@ -78,10 +82,10 @@ def solve_modes(pencil: Pencil, request: Request, band: float | None = None) -> 
     array([1., 2., 3.])
     """
     if pencil.n <= DENSE_LIMIT:
-        modes = select_wanted(solve_dense(pencil), request, np.inf)
+        modes = select_wanted(solve_dense(pencil, linear_solver=linear_solver), request, np.inf)
         assert modes is not None
     else:
-        modes = _solve_sparse(pencil, request, band)
+        modes = _solve_sparse(pencil, request, band, linear_solver)
     worst = modes.backward_error.max(initial=0.0)
     if not worst <= request.tolerance:
         raise NotConvergedError(
@@ -90,7 +94,9 @@ def solve_modes(pencil: Pencil, request: Request, band: float | None = None) -> 
     return modes
 
 
-def prove_completeness(pencil: Pencil, modes: Modes) -> Completeness:
+def prove_completeness(
+    pencil: Pencil, modes: Modes, linear_solver: LinearSolver | str = "auto"
+) -> Completeness:
     """Count the modes up to the highest one found by the inertia just above it (symmetric pencils).
 
     A θ < 0 that is missing counts as one mode here, although it makes two.
@@ -112,29 +118,31 @@ def prove_completeness(pencil: Pencil, modes: Modes) -> Completeness:
     if not len(gaps):
         return Completeness(found, None, False)
     below = int(gaps[-1]) + 1
-    counted = count_below(pencil, float(omega[below - 1] + omega[below]) / 2)
+    counted = count_below(pencil, float(omega[below - 1] + omega[below]) / 2, linear_solver)
     if counted is None:
         return Completeness(found, None, False)
     return Completeness(found, found - below + counted, counted == below)
 
 
-def _solve_sparse(pencil: Pencil, request: Request, band: float | None) -> Modes:
+def _solve_sparse(
+    pencil: Pencil, request: Request, band: float | None, linear_solver: LinearSolver | str
+) -> Modes:
     count = request.count or 0
     if request.max_frequency_hz is not None:
         band = 2 * np.pi * request.max_frequency_hz
         # Friction and damping change the number of modes in a band by a few at most: start from the symmetric part's.
-        below = count_below(symmetric_part(pencil), band)
+        below = count_below(symmetric_part(pencil), band, linear_solver)
         count = below if below is not None else 20
     sought = count + max(4, count // 10)
     if pencil.C is not None:
         # A real positive shift sees both half planes alike, and no mode is near it. In the middle of the band it takes
         # a quarter less solves than at the top, and costs the upper modes no accuracy.
-        sigma = (band or _undamped_band(pencil, request)) / 2
+        sigma = (band or _undamped_band(pencil, request, linear_solver)) / 2
     else:
         # Just below zero: the eigenvalues nearest are then all those of |θ| up to a limit, flutter and divergence too.
         sigma = -((_BELOW * band) ** 2) if band is not None else -_RIGID_SHIFT * _largest_ratio(pencil)
-    moves, free = 0, split_off(pencil)
-    operator, divergent = _shifted(pencil, sigma, free)
+    moves, free = 0, split_off(pencil, linear_solver)
+    operator, divergent = _shifted(pencil, sigma, free, linear_solver)
     while True:
         sought = min(sought, operator.most)
         try:
@@ -148,11 +156,11 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None) -> Modes
             if moves == _MOVES:
                 raise
             moves += 1
-            operator, divergent = _shifted(pencil, operator.sigma * _MOVE, free)
+            operator, divergent = _shifted(pencil, operator.sigma * _MOVE, free, linear_solver)
             continue
         if moves < _MOVES and _nearest(pencil, modes, operator.sigma) < _CLEAR * abs(operator.sigma):
             moves += 1
-            operator, divergent = _shifted(pencil, operator.sigma * _MOVE, free)
+            operator, divergent = _shifted(pencil, operator.sigma * _MOVE, free, linear_solver)
             continue
         sigma = operator.sigma
         radius = np.inf if every else _known_radius(pencil, modes, sigma)
@@ -166,20 +174,22 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None) -> Modes
         sought = int(np.clip(growth, 1.2, 3.0) * sought) + 4
 
 
-def _shifted(pencil: Pencil, sigma: float, free: FreeModes | None) -> tuple[ShiftInverted, int]:
+def _shifted(
+    pencil: Pencil, sigma: float, free: FreeModes | None, linear_solver: LinearSolver | str
+) -> tuple[ShiftInverted, int]:
     """Return the shift-inverted operator at a shift, or beside it where that is an eigenvalue; θ below it (symmetric).
     """
     for _ in range(_MOVES):
         try:
-            operator = ShiftInverted(pencil, sigma, free)
+            operator = ShiftInverted(pencil, sigma, free, linear_solver)
             break
         except SingularError:
             sigma *= _MOVE
     else:
-        operator = ShiftInverted(pencil, sigma, free)
+        operator = ShiftInverted(pencil, sigma, free, linear_solver)
     divergent = 0
     if pencil.problem_class == "symmetric":
-        divergent = finite_below(pencil, operator.negative_pivots) or 0
+        divergent = finite_below(pencil, operator.negative_pivots, linear_solver) or 0
     return operator, divergent
 
 
@@ -282,10 +292,10 @@ def shift_below(pencil: Pencil, band: float | None) -> float:
     return -((_BELOW * band) ** 2) if band is not None else -_RIGID_SHIFT * _largest_ratio(pencil)
 
 
-def _undamped_band(pencil: Pencil, request: Request) -> float:
+def _undamped_band(pencil: Pencil, request: Request, linear_solver: LinearSolver | str) -> float:
     """Return about where the wanted modes end: the undamped ones without friction, a little more than half of them."""
     count = min(max(request.count or 1, 2), pencil.n - 2)
-    modes = _solve_sparse(symmetric_part(pencil), Request(count=count), None)
+    modes = _solve_sparse(symmetric_part(pencil), Request(count=count), None, linear_solver)
     return float(np.abs(modes.lam).max(initial=0.0)) or float(np.sqrt(_RIGID_SHIFT * _largest_ratio(pencil)))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..eigen.linear.choice import factorize
+from ..eigen.linear.factor import LinearSolver
 from ..errors import NotConvergedError
 
 _ITERATIONS = 60
@@ -72,7 +73,7 @@ class NotHeldError(NotConvergedError):
 
 def solve_static_contact(
     K: sp.csr_array, load: np.ndarray, contacts: Sequence[SlidingContact],
-    start: Sequence[np.ndarray] | None = None,
+    start: Sequence[np.ndarray] | None = None, linear_solver: LinearSolver | str = "auto",
 ) -> Equilibrium:  # fmt: skip
     """Solve K u + Σ (G_n + μG_t)ᵀ k_n A min(G_n u, 0) = f for the displacements.
 
@@ -88,6 +89,7 @@ def solve_static_contact(
     load : (n,) float, N
     start : sequence of (q,) bool, optional
         Closed points to begin with (default: all).
+    linear_solver : LinearSolver or str
 
     Raises
     ------
@@ -101,7 +103,7 @@ def solve_static_contact(
     seen: set[bytes] = set()
     u, state = None, None
     for iteration in range(1, _ITERATIONS + 1):
-        full = _solve_linear(K, load, contacts, closed, symmetric)
+        full = _solve_linear(K, load, contacts, closed, symmetric, linear_solver)
         alternates = _key(closed) in seen
         seen.add(_key(closed))
         u = full if u is None or not alternates else _shorter(K, load, contacts, u, full)
@@ -117,8 +119,9 @@ def solve_static_contact(
 
 
 def _solve_linear(
-    K: sp.csr_array, load: np.ndarray, contacts: Sequence[SlidingContact], closed: Sequence[np.ndarray], symmetric: bool
-) -> np.ndarray:
+    K: sp.csr_array, load: np.ndarray, contacts: Sequence[SlidingContact], closed: Sequence[np.ndarray],
+    symmetric: bool, linear_solver: LinearSolver | str,
+) -> np.ndarray:  # fmt: skip
     tangent = K
     for c, touching in zip(contacts, closed, strict=True):
         tangent = tangent + c.reaction.T @ sp.diags_array(c.stiffness * touching) @ c.gap
@@ -126,7 +129,7 @@ def _solve_linear(
     if symmetric:
         tangent = sp.csr_array((tangent + tangent.T) / 2)
     try:
-        u = factorize(tangent, symmetric).solve(load)
+        u = factorize(tangent, symmetric, linear_solver).solve(load)
     except NotConvergedError as error:
         raise NotHeldError(str(error), partial=tuple(closed)) from error
     inner = (abs(tangent) @ np.abs(u)).max()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,6 +12,7 @@ import scipy.sparse as sp
 
 from ..eigen.blocks import cross, times
 from ..eigen.kernel import find_kernel, kernel_within, null_columns, unforced
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Pencil, ProblemClass
 from ..errors import SceneError, SquealError, suggest
 from .parameters import paths_of
@@ -57,6 +59,8 @@ class Problem:
         known the kernel of K is looked for.
     free : function of the parameters' values, or None
         Returns the motions that nothing holds, of a problem made from another one, which knows.
+    kernel : function of a Pencil
+        Looks for the kernel of K where motions are not known; see `searched_by`.
     state : mapping of place to {quantity: number}
         What the state is like about which the terms are linearised; a sweep keeps it beside the modes.
     """
@@ -70,6 +74,7 @@ class Problem:
     motions: np.ndarray | None = field(default=None, repr=False, compare=False)
     free: Callable[[Mapping[str, float]], FreeMotions] | None = field(default=None, repr=False, compare=False)
     state: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    kernel: Callable[[Pencil], np.ndarray] = field(default=find_kernel, repr=False, compare=False)
     _sums: dict[object, sp.csr_array | None] = field(default_factory=dict, repr=False, compare=False)
     _unheld: dict[object, Any] = field(default_factory=dict, repr=False, compare=False)
 
@@ -144,6 +149,12 @@ class Problem:
             raise SceneError(f"a problem without a scene cannot be made anew at {moved}")
         return self.source.problem(changed)
 
+    def searched_by(self, linear_solver: LinearSolver | str) -> Problem:
+        """Return the same problem; where motions that nothing holds are looked for, it is with this linear solver."""
+        if self.motions is not None or self.free is not None:
+            return self
+        return replace(self, kernel=partial(find_kernel, linear_solver=linear_solver))
+
     def prepared(self, parameter: str, values: np.ndarray) -> Problem:
         """Return the same problem with every term that occurs at one of the values of a parameter.
 
@@ -212,7 +223,7 @@ class Problem:
     def _find_unheld(self, stiff: tuple[int, ...], pencil: Pencil | None) -> np.ndarray:
         """Return the motions that some of the terms leave free."""
         if self.motions is None:
-            return find_kernel(self.pencil() if pencil is None else pencil)
+            return self.kernel(self.pencil() if pencil is None else pencil)
         Z = self.motions
         for i in sorted(stiff, key=lambda i: self.terms[i].matrix.nnz):  # small springs and contacts hold most of them
             Z = Z @ unforced(self.terms[i].matrix, Z, _FREE)

@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..eigen.blocks import combine, cross, times
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..eigen.quality import ROUNDING
 from ..problem.problem import Problem
@@ -49,7 +50,7 @@ class ReducedBasis(Projection):
 
     Parameters
     ----------
-    problem, parameter, metric, sigma
+    problem, parameter, metric, sigma, linear_solver
         As of `Projection`.
     half_solve : callable, optional
         Returns L⁻ᵀS; without it there are no samples, and no errors.
@@ -57,9 +58,9 @@ class ReducedBasis(Projection):
 
     def __init__(
         self, problem: Problem, parameter: str, metric: Sequence[float], sigma: float,
-        half_solve: Callable[[np.ndarray], np.ndarray] | None,
+        half_solve: Callable[[np.ndarray], np.ndarray] | None, linear_solver: LinearSolver | str = "auto",
     ) -> None:  # fmt: skip
-        super().__init__(problem, parameter, metric, sigma)
+        super().__init__(problem, parameter, metric, sigma, linear_solver)
         n = problem.unknowns
         rng = np.random.default_rng(_SEED)
         # Rows of backward errors count in the problem's own units, as in `fe_squeal.eigen.quality`.
@@ -81,11 +82,12 @@ class ReducedBasis(Projection):
 
     @classmethod
     def restored(
-        cls, problem: Problem, parameter: str, arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any]
-    ) -> ReducedBasis:
+        cls, problem: Problem, parameter: str, arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any],
+        linear_solver: LinearSolver | str = "auto",
+    ) -> ReducedBasis:  # fmt: skip
         """Return the basis that gave `stored`, of the same problem; it cannot be extended any more."""
         basis = cls.__new__(cls)
-        Projection.__init__(basis, problem, parameter, numbers["metric"], numbers["sigma"])
+        Projection.__init__(basis, problem, parameter, numbers["metric"], numbers["sigma"], linear_solver)
         basis._cancels, basis.has_slow = numbers["cancels"], numbers["has_slow"]
         basis.V = arrays["vectors"].T
         basis._units, basis._lines, basis._size = arrays["units"], arrays["lines"], arrays["size"]

@@ -13,9 +13,8 @@ import scipy.sparse as sp
 from ..eigen.block_lanczos import lowest_modes
 from ..eigen.blocks import times
 from ..eigen.inertia import count_below
-from ..eigen.linear.choice import factorize
-from ..eigen.linear.definite import DefiniteFactor
-from ..eigen.linear.factor import Factor
+from ..eigen.linear.choice import choose, factorize
+from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
 from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
 from ..eigen.solve import Request, select_wanted
@@ -55,13 +54,14 @@ class ReducedModel:
     parameter : str
     basis : ReducedBasis
     highest : float, rad/s
+    linear_solver : LinearSolver
     factorizations, solves : int
         Matrices factorised and right-hand sides solved for.
     """
 
     def __init__(
         self, problem: Problem, parameter: str, values: Sequence[float] | np.ndarray, request: Request,
-        modal: bool = False,
+        modal: bool = False, linear_solver: LinearSolver | str = "auto",
     ) -> None:  # fmt: skip
         """Build the model.
 
@@ -73,13 +73,17 @@ class ReducedModel:
         request : Request
         modal : bool
             Stop at the modes of the undamped problem without friction, whatever the error.
+        linear_solver : LinearSolver or str
+            Factorises what the model is made from.
 
         Raises
         ------
         NotConvergedError
             If the tolerance is not met, or the problem without damping and friction is not positive semidefinite.
         """
-        self.problem, self.parameter, self.request = problem, parameter, request
+        self.linear_solver = choose(linear_solver)
+        self.problem = problem = problem.searched_by(self.linear_solver)
+        self.parameter, self.request = parameter, request
         self.factorizations = self.solves = 0
         self._known: dict[float, _Estimate] = {}
         self._known_with: np.ndarray | None = None  # the basis that these belong to
@@ -88,10 +92,10 @@ class ReducedModel:
         condensed = problem.condensed(parameter).at(**{parameter: start})
         limit = request.max_frequency_hz
         band = None if limit is None else 2 * np.pi * limit
-        base, self._sigma, metric, definite = factorize_undamped(condensed, band)
+        base, self._sigma, metric, definite = factorize_undamped(condensed, band, self.linear_solver)
         count = request.count or 0
         if band is not None:
-            below = count_below(base, band)
+            below = count_below(base, band, self.linear_solver)
             if below is None:
                 raise NotConvergedError("the linear solver does not count the modes below solve.max_frequency")
             count = below
@@ -101,7 +105,9 @@ class ReducedModel:
         theta, vectors = lowest_modes(definite, base.M, self._sigma, count, _ROUGH)
         self.factorizations += 1
         self.highest = float(np.sqrt(theta.max(initial=0.0)))
-        self.basis = ReducedBasis(condensed, parameter, metric, self._sigma, definite.half_solve)
+        self.basis = ReducedBasis(
+            condensed, parameter, metric, self._sigma, definite.half_solve, self.linear_solver
+        )
         if (theta < -_SLOW * self._sigma).any():
             self.basis.expect_slow_motions()
         unheld = condensed.free_motions().motions
@@ -129,17 +135,19 @@ class ReducedModel:
     @classmethod
     def restored(
         cls, problem: Problem, parameter: str, values: Sequence[float] | np.ndarray, request: Request,
-        arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any],
+        arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any], linear_solver: LinearSolver | str = "auto",
     ) -> ReducedModel:  # fmt: skip
         """Return the model that gave `stored`, of the same problem and request."""
         model = cls.__new__(cls)
-        model.problem, model.parameter, model.request = problem, parameter, request
+        model.linear_solver = choose(linear_solver)
+        model.problem = problem = problem.searched_by(model.linear_solver)
+        model.parameter, model.request = parameter, request
         model.factorizations, model.solves = numbers["factorizations"], numbers["solves"]
         model._known, model._known_with = {}, None
         model._values = np.asarray(values, float)
         model._sigma, model.highest, model._without = numbers["sigma"], numbers["highest"], arrays["without"]
         condensed = problem.condensed(parameter).at(**{parameter: numbers["start"]})
-        model.basis = ReducedBasis.restored(condensed, parameter, arrays, numbers["basis"])
+        model.basis = ReducedBasis.restored(condensed, parameter, arrays, numbers["basis"], model.linear_solver)
         return model
 
     def stored(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -173,7 +181,8 @@ class ReducedModel:
             return None
         below = int(gaps[-1]) + 1
         self.factorizations += 1
-        counted = count_below(self.basis.base(self._sigma), float(np.sqrt((theta[below - 1] + theta[below]) / 2)))
+        omega = float(np.sqrt((theta[below - 1] + theta[below]) / 2))
+        counted = count_below(self.basis.base(self._sigma), omega, self.linear_solver)
         return None if counted is None else counted == below
 
     def lift(self, vectors: np.ndarray) -> np.ndarray:
@@ -254,7 +263,7 @@ class ReducedModel:
         if pencil.C is not None:
             shifted = shifted + 0.5j * self.highest * pencil.C
         self.factorizations += 1
-        return factorize(sp.csr_array(shifted), pencil.symmetric and pencil.C is None)
+        return factorize(sp.csr_array(shifted), pencil.symmetric and pencil.C is None, self.linear_solver)
 
     def _missing(self, values: np.ndarray, definite: DefiniteFactor) -> bool:
         """Look for modes that the basis does not hold, of which its residuals know nothing; add what is found.

@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from ..eigen.blocks import combine, cross, times
 from ..eigen.dense import solve_dense
 from ..eigen.kernel import null_columns
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes, Pencil
 from ..problem.problem import Problem
 from ..problem.terms import Slot, Term
@@ -36,10 +37,16 @@ class Projection:
     metric : (terms,) float
         The coefficients of the terms in P, see `factorize_undamped`.
     sigma : float, rad²/s²
+    linear_solver : LinearSolver or str
+        Factorises what motions that nothing holds ask for.
     """
 
-    def __init__(self, problem: Problem, parameter: str, metric: Sequence[float], sigma: float) -> None:
+    def __init__(
+        self, problem: Problem, parameter: str, metric: Sequence[float], sigma: float,
+        linear_solver: LinearSolver | str = "auto",
+    ) -> None:  # fmt: skip
         self.problem, self.parameter, self.metric, self.sigma = problem, parameter, metric, sigma
+        self._linear_solver = linear_solver
         self.V = np.zeros((problem.unknowns, 0))
         self._small = [np.zeros((0, 0)) for _ in problem.terms]
         self.has_slow = False
@@ -119,7 +126,7 @@ class Projection:
 
     def modes(self, value: float, highest: float) -> Modes:
         """Return the modes of the small problem up to |λ| = highest, rad/s, with vectors of length r."""
-        return solve_dense(self.pencil(value), highest)
+        return solve_dense(self.pencil(value), highest, self._linear_solver)
 
     def base(self, sigma: float) -> Pencil:
         """Return the pencil of K = P + σM."""

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sp
 
-from ..eigen.linear.definite import DefiniteFactor, factorize_definite
+from ..eigen.linear.choice import factorize_definite
+from ..eigen.linear.factor import DefiniteFactor, LinearSolver
 from ..eigen.pencil import Pencil
 from ..eigen.solve import shift_below
 from ..errors import NotConvergedError
@@ -38,7 +39,9 @@ def weighted(problem: Problem, coefficients: Sequence[float]) -> sp.csr_array:
     return sp.csr_array(sum(parts[1:], parts[0])) if parts else zero
 
 
-def factorize_undamped(problem: Problem, band: float | None) -> tuple[Pencil, float, list[float], DefiniteFactor]:
+def factorize_undamped(
+    problem: Problem, band: float | None, linear_solver: LinearSolver | str
+) -> tuple[Pencil, float, list[float], DefiniteFactor]:
     """Return a problem without damping and friction, a shift σ below its modes, and P = K − σM of it.
 
     P is close to Q(λ) on everything beyond the modes of this problem, and has fewer and faster factors than any Q(λ).
@@ -49,6 +52,7 @@ def factorize_undamped(problem: Problem, band: float | None) -> tuple[Pencil, fl
         Condensed.
     band : float, rad/s, optional
         Up to where modes are asked for.
+    linear_solver : LinearSolver or str
 
     Returns
     -------
@@ -73,7 +77,8 @@ def factorize_undamped(problem: Problem, band: float | None) -> tuple[Pencil, fl
             for c, t in zip(stiffness, problem.terms, strict=True)
         ]
         try:
-            return pencil, sigma, metric, factorize_definite(sp.csr_array(pencil.K - sigma * M))
+            P = sp.csr_array(pencil.K - sigma * M)
+            return pencil, sigma, metric, factorize_definite(P, linear_solver)
         except NotConvergedError as error:
             failure = error
     raise NotConvergedError(f"the problem without damping and friction is not positive semidefinite: {failure}")

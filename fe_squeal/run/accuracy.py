@@ -24,6 +24,7 @@ from .lock import hold_folder
 from .measurements import Measurements
 from .record import write_record
 from .run import report_sweep, write_results
+from .solver import solver_of
 
 
 def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget: float | None) -> int:
@@ -34,6 +35,7 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
     SceneError, NotConvergedError
     """
     whole = _with_mesh(scene, "accuracy")
+    solver_of(whole)  # raises where it is not there, before anything is measured
     if budget is not None and not budget > 0:
         raise SceneError(f"--budget: given {budget:g}; expected a number of seconds above 0")
     with hold_folder(out):
@@ -89,6 +91,7 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
         The target is not met; what comes nearest is in the folder.
     """
     whole = _with_mesh(scene, "--accuracy")
+    solver = solver_of(whole)
     start = time.perf_counter()
 
     def tell(text: str) -> None:
@@ -108,7 +111,7 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
         seconds |= {**choice.result.seconds, "total": time.perf_counter() - start}
         status = "complete" if failure is None else "not converged"
         inputs = run_inputs(choice.scene, choice.mesh)
-        write_record(choice.scene, choice.result.problem, choice.result, seconds, status, inputs, out)
+        write_record(choice.scene, choice.result.problem, choice.result, seconds, status, inputs, solver, out)
         report_sweep(choice.scene, choice.result, out, console, seconds["total"])
         _print_trials(choice, target, console)
     if failure is not None:

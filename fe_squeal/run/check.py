@@ -15,10 +15,13 @@ from ..problem.problem import Problem
 from ..scene import MatrixScene, Scene
 from ..sweep.forecast import predict_memory
 from ..sweep.sweep import MODES
+from .solver import solver_of
 
 
 def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
     """Return a table of bodies, groups, effects, problem class and size."""
+    solver = solver_of(scene)
+    problem = problem.searched_by(solver)
     table = Table(show_header=False, box=None, pad_edge=False)
     if isinstance(scene, Scene):
         _mesh_rows(table, scene, problem)
@@ -36,7 +39,8 @@ def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
     sweep, solve = scene.sweep, scene.solve
     parameter, values = (MU, 1) if sweep is None else (sweep.parameter, len(sweep.grid))
     modes = solve.modes or MODES  # of a range of frequencies nobody knows the number yet
-    table.add_row("predicted memory", str(predict_memory(problem, parameter, values, modes, solve.method)))
+    forecast = predict_memory(problem, parameter, values, modes, solve.method, solver)
+    table.add_row("predicted memory", str(forecast))
     return table
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..assembly.model import model_of
-from ..eigen.linear.choice import solver_name
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import peak_memory_mib
 from ..problem.problem import Problem
 from ..report.files import write_json
@@ -21,7 +21,7 @@ from .preload import preload_record
 
 def write_record(
     scene: Scene | MatrixScene, problem: Problem, result: Sweep | None, seconds: dict[str, float], status: str,
-    inputs: Mapping[str, Any], out: Path,
+    inputs: Mapping[str, Any], solver: LinearSolver, out: Path,
 ) -> None:  # fmt: skip
     """Write run.json; whence the growth comes is left out of that of a run that goes on.
 
@@ -30,6 +30,8 @@ def write_record(
     status : "running", "complete", "interrupted" or "not converged"
     inputs : mapping
         See `run_inputs`.
+    solver : LinearSolver
+        What factorised.
     """
     model = model_of(problem)
     record: dict[str, Any] = {
@@ -42,7 +44,7 @@ def write_record(
         "effects": list(scene.effect_names),
         "terms": [{"name": t.name, "slot": t.slot, "powers": dict(t.powers)} for t in problem.terms],
         "method": result.method if result is not None else None,
-        "linear_solver": solver_name(),
+        "linear_solver": solver.name,
         "seconds": seconds,
         "peak_memory_mib": peak_memory_mib(),
         "completeness": result.completeness if result is not None else None,

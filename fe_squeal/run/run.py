@@ -15,6 +15,7 @@ from ..assembly.assembly import assemble
 from ..assembly.bodies import scene_mesh
 from ..assembly.model import model_of
 from ..assembly.swept import swept
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import peak_memory_mib, refuse_shortage
 from ..errors import INTERRUPTED, InputError, NotConvergedError, SceneError
 from ..problem.problem import Problem
@@ -32,6 +33,7 @@ from .lock import hold_folder
 from .outputs import export_shapes, write_figures, write_modes, write_tables
 from .preload import write_preload
 from .record import write_record
+from .solver import solver_of
 
 
 def run_scene(
@@ -68,7 +70,7 @@ def run_scene(
 
 
 def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, estimate: bool) -> int:
-    start = time.perf_counter()
+    start, solver = time.perf_counter(), solver_of(scene)
     mesh = scene_mesh(scene)
     inputs = run_inputs(scene, mesh)
     checkpoint = Checkpoint(out / CHECKPOINT)
@@ -100,7 +102,7 @@ def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, 
 
     def record(result: Sweep | None, status: str) -> None:
         seconds["total"] = spent + time.perf_counter() - start
-        write_record(scene, problem, result, seconds, status, inputs, out)
+        write_record(scene, problem, result, seconds, status, inputs, solver, out)
 
     def keep_tables(state: SweepState) -> None:
         result = state.sweep(problem, parameter)
@@ -126,7 +128,7 @@ def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, 
         status, result = "interrupted", stop.args[0] if stop.args else None
     if result is not None:
         if estimate and status == "complete":
-            result = _estimated(result, console)
+            result = _estimated(result, solver, console)
         seconds |= dict(result.seconds)
         clock = time.perf_counter()
         write_results(scene, result, out)
@@ -155,15 +157,16 @@ def sweep_scene(
         With the sweep so far as its argument.
     """
     parameter, values = swept(scene, problem)
+    solver = solver_of(scene)
     options = {
         "modes": scene.solve.modes, "max_frequency": scene.solve.max_frequency, "tolerance": scene.solve.tolerance,
         "keep_shapes": scene.output.shapes == "all", "method": scene.solve.method,
-        "precise": precise, "store": store,
+        "precise": precise, "store": store, "linear_solver": solver,
     }  # fmt: skip
     solve = scene.solve
     shortage = refuse_shortage(
         "the sweep", problem.unknowns,
-        lambda: predict_memory(problem, parameter, len(values), solve.modes or MODES, solve.method).total,
+        lambda: predict_memory(problem, parameter, len(values), solve.modes or MODES, solve.method, solver).total,
         "" if is_reduced(problem, parameter, len(values), solve.method) or len(values) == 1
         else ', or solve.method = "reduced"',
     )  # fmt: skip
@@ -208,14 +211,14 @@ def _explained(result: Sweep, scene: Scene | MatrixScene) -> Sweep:
     return replace(result, doubts=(*result.doubts, doubt))
 
 
-def _estimated(result: Sweep, console: Console) -> Sweep:
+def _estimated(result: Sweep, solver: LinearSolver, console: Console) -> Sweep:
     """Add the errors of the mesh; where that fails, the doubt that it leaves."""
     from ..accuracy import with_discretisation
 
     clock = time.perf_counter()
     console.print("the error of the mesh is estimated on the mesh refined once")
     try:
-        result = with_discretisation(result)
+        result = with_discretisation(result, solver)
     except (NotConvergedError, InputError) as error:
         result = replace(result, doubts=(*result.doubts, f"the error of the mesh is not known: {error}"))
     return replace(result, seconds={**result.seconds, "estimate": time.perf_counter() - clock})

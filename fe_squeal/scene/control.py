@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from ..eigen.linear.choice import SolverName
 from ..problem.parameters import MU, canonical, paths_of
 from ..schema.section import Positive, Section
 
@@ -93,12 +94,17 @@ class Solve(Section):
         this makes; "auto" takes "reduced" for a large problem, where the parameter allows it.
     tolerance : float
         Relative backward error at which an eigenvalue is taken as converged.
+    linear_solver : "auto", "pardiso", "superlu" or "mumps"
+        What factorises sparse matrices: "pardiso" is MKL's, "superlu" is SciPy's, which is always there, slower and
+        cannot count the modes; "auto" takes "pardiso" where it can be loaded, else "superlu". "mumps" is not available
+        in this version.
     """
 
     modes: Annotated[int, Field(ge=1)] | None = None  # 20, or as many as there are, where max_frequency is not given
     max_frequency: Positive | None = None
     method: Literal["auto", "direct", "reduced", "modal"] = "auto"
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
+    linear_solver: SolverName = "auto"
 
     @model_validator(mode="after")
     def _one_limit(self) -> Solve:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..eigen.solve import Request, is_beside
 from ..errors import NotConvergedError
@@ -16,7 +17,9 @@ _CLEAR = 1e-5  # of a frequency: a gap in which a count may end
 _VALUE = "value"
 
 
-def count_apart(problem: Problem, modes: Modes, request: Request) -> int | None:
+def count_apart(
+    problem: Problem, modes: Modes, request: Request, linear_solver: LinearSolver | str = "auto"
+) -> int | None:
     """Count the modes up to the highest of those found, by another method than the one that found them.
 
     Modes with damping and friction grow out of those without, which the inertia of K − σM counts (Sylvester). A small
@@ -29,6 +32,7 @@ def count_apart(problem: Problem, modes: Modes, request: Request) -> int | None:
         At the values of its parameters for which the modes were found.
     request : Request
         That of the modes.
+    linear_solver : LinearSolver or str
 
     Returns
     -------
@@ -43,7 +47,7 @@ def count_apart(problem: Problem, modes: Modes, request: Request) -> int | None:
     end = float(swinging[below - 1] + swinging[below]) / 2
     frozen = replace(problem, parameters={**problem.parameters, _VALUE: 0.0}, coupled=frozenset())
     try:
-        model = ReducedModel(frozen, _VALUE, [0.0], request)
+        model = ReducedModel(frozen, _VALUE, [0.0], request, linear_solver=linear_solver)
         if not model.counted():
             return None
         others = model.modes(0.0)

@@ -9,6 +9,7 @@ import psutil
 import scipy.sparse as sp
 
 from ..eigen.linear.choice import factor_memory
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.linear.superlu import superlu_memory
 from ..eigen.memory import available_memory, memory_text
 from ..eigen.pencil import Pencil
@@ -61,7 +62,9 @@ class MemoryPrediction:
         return text if self.fits else f"{text}; {memory_text(self.free)} are free: it does not fit"
 
 
-def predict_memory(problem: Problem, parameter: str, values: int, modes: int, method: str) -> MemoryPrediction:
+def predict_memory(
+    problem: Problem, parameter: str, values: int, modes: int, method: str, linear_solver: LinearSolver | str = "auto"
+) -> MemoryPrediction:
     """Predict the memory of a sweep from an analysis of the matrices; about a third is uncertain.
 
     Parameters
@@ -70,20 +73,22 @@ def predict_memory(problem: Problem, parameter: str, values: int, modes: int, me
         Assembled: what it takes by itself is measured.
     values, modes : int
         How many of each are asked for.
+    linear_solver : LinearSolver or str
+        Whose factors they are.
     """
     loaded = int(psutil.Process().memory_info().rss)
     reduced = is_reduced(problem, parameter, values, method)
     if problem.unknowns <= DENSE_LIMIT:
         return MemoryPrediction(loaded, 0, available_memory(), reduced)
-    pencil = problem.pencil()
+    pencil = problem.searched_by(linear_solver).pencil()
     entries = sum(A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)
     number = 16 if pencil.is_complex else 8
     definite = symmetric_part(pencil)
     sigma = shift_below(definite, None)
     if reduced:
-        factors = _factors(sp.csr_array(definite.K - sigma * definite.M), True, True)
+        factors = _factors(sp.csr_array(definite.K - sigma * definite.M), True, True, linear_solver)
     else:
-        factors = _factors(_shifted(pencil, sigma), pencil.symmetric and pencil.C is None, False)
+        factors = _factors(_shifted(pencil, sigma), pencil.symmetric and pencil.C is None, False, linear_solver)
     copies, vectors = (_REDUCED_COPIES, _REDUCED_VECTORS) if reduced else (_DIRECT_COPIES, _DIRECT_VECTORS)
     extra = copies * entries * (number + 4) + vectors * modes * problem.unknowns * 8
     return MemoryPrediction(loaded + extra + factors, factors, available_memory(), reduced)
@@ -95,9 +100,9 @@ def _shifted(pencil: Pencil, sigma: float) -> sp.csr_array:
     return sp.csr_array(A if pencil.C is None else A + np.sqrt(-sigma) * pencil.C)
 
 
-def _factors(A: sp.csr_array, symmetric: bool, definite: bool) -> int:
+def _factors(A: sp.csr_array, symmetric: bool, definite: bool, linear_solver: LinearSolver | str) -> int:
     try:
-        return factor_memory(A, symmetric, definite)
+        return factor_memory(A, symmetric, definite, linear_solver)
     except NotConvergedError:  # an analysis that fails: the solve says why
         return 0
     except MemoryError:  # the analysis itself did not fit

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..eigen.linear.choice import factorize, factorize_complex
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.quality import ROUNDING
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
@@ -41,8 +42,9 @@ class Root:
 
 
 def find_coalescence(
-    problem: Problem, parameter: str, value: float, theta: float, x: np.ndarray, y: np.ndarray
-) -> Root:
+    problem: Problem, parameter: str, value: float, theta: float, x: np.ndarray, y: np.ndarray,
+    linear_solver: LinearSolver | str = "auto",
+) -> Root:  # fmt: skip
     """Return where an undamped pair meets: a double root of g(θ, p) in θ.
 
     With borders b, c the system [[K − θM, b], [cᵀ, 0]] [x; g] = [0; 1] is regular at a defective eigenvalue, and g = 0
@@ -61,7 +63,7 @@ def find_coalescence(
     """
     p, scale, last = value, abs(theta), np.inf
     for _ in range(_STEPS):
-        b = _Bordered(problem, parameter, p, theta, x, y)
+        b = _Bordered(problem, parameter, p, theta, x, y, linear_solver)
         gradient = np.array([[b.g_theta, b.g_p], [b.g_theta_theta, b.g_theta_p]])
         try:
             step = np.linalg.solve(gradient * [scale, 1.0], -np.array([b.g, b.g_theta])) * [scale, 1.0]
@@ -82,7 +84,7 @@ def find_coalescence(
 
 def find_zero(
     problem: Problem, parameter: str, value: float, x: np.ndarray, y: np.ndarray, width: float,
-    rigid: np.ndarray | None = None,
+    rigid: np.ndarray | None = None, linear_solver: LinearSolver | str = "auto",
 ) -> Root:  # fmt: skip
     """Return where an eigenvalue θ passes zero (divergence): a root of g(0, p) within `width` of `value`, by Newton.
 
@@ -98,7 +100,7 @@ def find_zero(
     """
     p, last = value, np.inf
     for _ in range(_STEPS):
-        b = _Bordered(problem, parameter, p, 0.0, x, y, rigid)
+        b = _Bordered(problem, parameter, p, 0.0, x, y, linear_solver, rigid)
         step = -b.g / b.g_p
         p, x, y = p + step, b.x, b.w
         if abs(p - value) > width or b.p_rounding > 0.1 * width:
@@ -111,8 +113,9 @@ def find_zero(
 
 
 def find_crossing(
-    problem: Problem, parameter: str, value: float, omega: float, x: np.ndarray, y: np.ndarray, width: float
-) -> Root:
+    problem: Problem, parameter: str, value: float, omega: float, x: np.ndarray, y: np.ndarray, width: float,
+    linear_solver: LinearSolver | str = "auto",
+) -> Root:  # fmt: skip
     """Return where an eigenvalue of a damped problem crosses the imaginary axis: g(iω, p) = 0, by Newton in (ω, p).
 
     The two real equations are the parts of the complex g of the bordered Q(iω). `coefficient` is dRe λ/dp there, from
@@ -138,7 +141,7 @@ def find_crossing(
         b, c = (v / np.linalg.norm(v) * size for v in (pencil.M @ y, pencil.M @ x))
         corner = sp.csr_array((1, 1), dtype=complex)
         full = sp.block_array([[A, sp.csr_array(b[:, None])], [sp.csr_array(c.conj()[None, :]), corner]], format="csr")
-        solve, solve_adjoint = factorize_complex(full)
+        solve, solve_adjoint = factorize_complex(full, linear_solver)
         e = np.zeros(pencil.n + 1, complex)
         e[-1] = size
         z, w = solve(e), solve_adjoint(e)
@@ -169,7 +172,7 @@ class _Bordered:
 
     def __init__(
         self, problem: Problem, parameter: str, p: float, theta: float, x: np.ndarray, y: np.ndarray,
-        rigid: np.ndarray | None = None,
+        linear_solver: LinearSolver | str, rigid: np.ndarray | None = None,
     ) -> None:  # fmt: skip
         pencil = problem.pencil(**{parameter: p})
         M, A = pencil.M, sp.csr_array(pencil.K - theta * pencil.M)
@@ -191,7 +194,7 @@ class _Bordered:
         full = sp.block_array(rows, format="csr")
         more = full.shape[0] - n
         corner = sp.csr_array(([0.0], ([n + more - 1], [n + more - 1])), shape=full.shape)
-        factor = factorize(sp.csr_array(full + corner), symmetric=False)
+        factor = factorize(sp.csr_array(full + corner), False, linear_solver)
         e = np.zeros(n + more)
         e[-1] = size
         z, zt = factor.solve(e), factor.solve_transposed(e)

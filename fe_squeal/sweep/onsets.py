@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..problem.problem import Problem
 from ..reduced import ReducedModel
@@ -19,7 +20,7 @@ _OVERALL = 80  # of these values in a sweep: with more steps than that there is 
 def find_step_onsets(
     problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
     branches: tuple[np.ndarray, np.ndarray], below: float, steps: int, model: ReducedModel | None = None,
-    precise: bool = False,
+    precise: bool = False, linear_solver: LinearSolver | str = "auto",
 ) -> tuple[list[Onset], list[tuple[int, float, float]], float | None]:  # fmt: skip
     """Return the onsets between two neighbouring values of a sweep, and what they leave unexplained.
 
@@ -36,6 +37,7 @@ def find_step_onsets(
         Of which the modes are.
     precise : bool
         Refine the onsets of this model on the problem itself, whatever it costs.
+    linear_solver : LinearSolver or str
 
     Returns
     -------
@@ -48,7 +50,7 @@ def find_step_onsets(
     unknown: list[tuple[int, float, float]] = []
     if not len(modes[0]) or not len(modes[1]):
         return onsets, unknown, None
-    step = Step(problem, parameter, values, modes, model, precise)
+    step = Step(problem, parameter, values, modes, model, precise, linear_solver)
     for inner, outer, direction in ((0, 1, "into"), (1, 0, "out of")):
         stable_end, unstable_end = values[inner], values[outer]
         unstable = {int(b) for b, s in zip(branches[inner], modes[inner].stability, strict=True) if s == "unstable"}

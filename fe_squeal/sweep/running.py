@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..eigen.solve import Completeness, Request, prove_completeness, solve_modes, wanted_count
 from ..eigen.threads import one_openblas_thread
@@ -31,9 +32,12 @@ _REFINEMENTS = 4  # how often a step is halved while the continuation of a mode 
 class RunningSweep:
     """The state of a running sweep."""
 
-    def __init__(self, problem: Problem, parameter: str, request: Request, steps: int, precise: bool) -> None:
+    def __init__(
+        self, problem: Problem, parameter: str, request: Request, steps: int, precise: bool,
+        linear_solver: LinearSolver | str = "auto",
+    ) -> None:  # fmt: skip
         self.problem, self.parameter, self.request = problem, parameter, request
-        self._steps, self._precise = steps, precise
+        self._steps, self._precise, self._linear_solver = steps, precise, linear_solver
         self._guarded = _with_guard(request) if steps else request
         self.points: list[SweepPoint] = []
         self.onsets: list[Onset] = []
@@ -59,9 +63,14 @@ class RunningSweep:
         try:
             with one_openblas_thread():
                 if stored is not None:
-                    model = ReducedModel.restored(self.problem, self.parameter, values, self._guarded, *stored)
+                    model = ReducedModel.restored(
+                        self.problem, self.parameter, values, self._guarded, *stored, self._linear_solver
+                    )
                 else:
-                    model = ReducedModel(self.problem, self.parameter, values, self._guarded, modal=method == "modal")
+                    modal = method == "modal"
+                    model = ReducedModel(
+                        self.problem, self.parameter, values, self._guarded, modal, self._linear_solver
+                    )
         except NotConvergedError as error:
             if method != "auto":
                 raise
@@ -127,7 +136,8 @@ class RunningSweep:
         else:
             band = None if self._previous is None else float(self._previous.lam.imag.max(initial=0.0)) or None
             try:
-                modes = solve_modes(self.problem.pencil(**{self.parameter: value}), self._guarded, band)
+                pencil = self.problem.pencil(**{self.parameter: value})
+                modes = solve_modes(pencil, self._guarded, band, self._linear_solver)
             except TooLargeError as error:
                 if not self._steps or not self.problem.is_affine(self.parameter):
                     raise
@@ -138,9 +148,10 @@ class RunningSweep:
     def _begin(self, value: float, modes: Modes) -> None:
         clock = time.perf_counter()
         pencil = self.problem.pencil(**{self.parameter: value})
-        c = prove_completeness(pencil, modes)
+        c = prove_completeness(pencil, modes, self._linear_solver)
         if c.expected is None and self._model is None:
-            c = replace(c, expected=count_apart(self.problem.at(**{self.parameter: value}), modes, self._guarded))
+            here = self.problem.at(**{self.parameter: value})
+            c = replace(c, expected=count_apart(here, modes, self._guarded, self._linear_solver))
         elif c.expected is None and self._model is not None:
             counted = self._model.counted()
             if counted is False:
@@ -222,7 +233,7 @@ class RunningSweep:
             below = float(modes.lam[: wanted_count(modes, self.request)].imag.max(initial=0.0))
             found, unknown, hidden = find_step_onsets(
                 self.problem, name, ends, (self._previous, modes), (self._branches, branches), below, self._steps,
-                self._model, self._precise,
+                self._model, self._precise, self._linear_solver,
             )  # fmt: skip
         except (NotConvergedError, ValueError) as error:
             return [], [*doubts, f"an onset between {name} = {ends[0]:g} and {ends[1]:g} was not refined: {error}"]

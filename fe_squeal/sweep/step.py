@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from scipy.optimize import brentq
 
 from ..eigen.dense import solve_dense
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes
 from ..eigen.solve import Request, solve_modes
 from ..errors import NotConvergedError
@@ -75,9 +76,10 @@ class Step:
 
     def __init__(
         self, problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
-        model: ReducedModel | None, precise: bool,
+        model: ReducedModel | None, precise: bool, linear_solver: LinearSolver | str,
     ) -> None:  # fmt: skip
         self.full, self.parameter, self.model = problem, parameter, model
+        self._linear_solver = linear_solver
         self._precise = precise or problem.unknowns <= _CHEAP
         self.problem = problem = problem if model is None else model.condensed
         M = problem.pencil(**{parameter: values[0]}).M
@@ -145,7 +147,8 @@ class Step:
         if len(self.V) > self.V.shape[1]:
             damping = None if known.damping is None else self.V.T @ known.damping
             known = FreeMotions(self._MV.T @ known.motions, damping)
-        return solve_dense(replace(self.small.pencil(**{self.parameter: p}), cancelled=self._cancelled, free=known))
+        pencil = replace(self.small.pencil(**{self.parameter: p}), cancelled=self._cancelled, free=known)
+        return solve_dense(pencil, linear_solver=self._linear_solver)
 
     def flutter(self, ends: tuple[float, float], mode: Modes) -> Onset:
         """Two eigenvalues of an undamped problem meet: the squared half of their distance changes sign."""
@@ -186,8 +189,10 @@ class Step:
         assert left is not None
         x, y = (self.V @ _real_direction(v / np.linalg.norm(v, axis=0)) for v in (two.right, left))
         try:
-            root = self._refined(lambda problem, start: find_coalescence(problem, self.parameter, *start),
-                                 (rough, theta, x, y))  # fmt: skip
+            root = self._refined(
+                lambda problem, start: find_coalescence(problem, self.parameter, *start, self._linear_solver),
+                (rough, theta, x, y),
+            )
             if abs(root.value - rough) <= 0.1 * step:
                 frequency = np.sqrt(root.theta) / (2 * np.pi)
                 if abs(root.value - ends[0]) <= root.uncertainty and not met:  # a doublet but for rounding
@@ -203,7 +208,8 @@ class Step:
         request = Request(max_frequency_hz=1.02 * max(omega, abs(growth)) / (2 * np.pi))
 
         def unstable(p: float) -> np.ndarray:
-            modes = solve_modes(self.problem.pencil(**{self.parameter: p}), request)
+            pencil = self.problem.pencil(**{self.parameter: p})
+            modes = solve_modes(pencil, request, linear_solver=self._linear_solver)
             near = np.abs(modes.lam.imag - omega) <= max(0.01 * omega, 2 * abs(growth))
             return np.asarray(modes.lam[(modes.stability == "unstable") & near])
 
@@ -247,7 +253,7 @@ class Step:
         width = 0.1 * abs(ends[1] - ends[0])
         root = self._refined(
             lambda problem, start: find_zero(
-                problem, self.parameter, start[0], start[2], start[3], width, self._free(problem)
+                problem, self.parameter, start[0], start[2], start[3], width, self._free(problem), self._linear_solver
             ),
             (rough, 0.0, x, x),
         )  # fmt: skip
@@ -286,7 +292,8 @@ class Step:
         width = 0.1 * abs(ends[1] - ends[0])
         root = self._refined(
             lambda problem, start: find_crossing(
-                problem, self.parameter, start[0], float(np.sqrt(start[1])), start[2], start[3], width
+                problem, self.parameter, start[0], float(np.sqrt(start[1])), start[2], start[3], width,
+                self._linear_solver,
             ),
             (rough, float(at.lam[0].imag) ** 2, x, y),
         )  # fmt: skip

@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import NotConvergedError, SceneError, TooLargeError
 
 if TYPE_CHECKING:
+    from ..eigen.linear.factor import LinearSolver
     from ..problem.problem import Problem
     from .onsets import Onset
     from .result import Sweep
@@ -35,6 +36,7 @@ def sweep(
     precise: bool = False,
     progress: Callable[[int, int], None] = lambda done, total: None,
     store: Store | None = None,
+    linear_solver: LinearSolver | str = "auto",
 ) -> Sweep:
     """Solve for the complex modes at every value of a parameter, track them, and find the onsets.
 
@@ -56,27 +58,31 @@ def sweep(
     progress : callable of (values done, values in all)
     store : Store, optional
         Where every finished value is kept, and from which the sweep goes on if it holds some.
+    linear_solver : "auto", "pardiso", "superlu" or LinearSolver
+        What factorises sparse matrices, see `fe_squeal.eigen.linear`; "auto" is PARDISO where it can be loaded, else
+        SuperLU. A static state under preload that depends on the parameter is solved with the solver of the scene.
 
     Raises
     ------
     SceneError
         Values that are empty, not finite or not increasing; a parameter that the problem does not have; no static state
-        at the first value.
+        at the first value; a linear solver that is not there.
     NotConvergedError
         `partial` is the sweep so far (None if no value was finished).
     KeyboardInterrupt
         With the sweep so far as its argument.
     """
+    from ..eigen.linear.choice import choose
     from ..eigen.solve import Request
     from ..eigen.threads import one_openblas_thread
     from .running import RunningSweep
 
-    values = _checked(problem, parameter, values)
+    values, solver = _checked(problem, parameter, values), choose(linear_solver)
     if len(values) == 1 and not problem.has(parameter):  # a scene without friction has no mu, and needs none
         problem = replace(problem, parameters={**problem.parameters, parameter: float(values[0])})
-    problem = problem.prepared(parameter, values)
+    problem = problem.prepared(parameter, values).searched_by(solver)
     request = Request(None if max_frequency else modes or MODES, max_frequency, tolerance)
-    tracker = RunningSweep(problem, parameter, request, len(values) - 1, precise)
+    tracker = RunningSweep(problem, parameter, request, len(values) - 1, precise, solver)
     known = None if store is None else store.load()
     tracker.reduce(values, method, store, known)
     if known is not None:
@@ -112,15 +118,20 @@ def sweep(
     return tracker.result()
 
 
-def find_onsets(problem: Problem, values: np.ndarray, parameter: str = "mu", modes: int = 20) -> tuple[Onset, ...]:
+def find_onsets(
+    problem: Problem, values: np.ndarray, parameter: str = "mu", modes: int = 20,
+    linear_solver: LinearSolver | str = "auto",
+) -> tuple[Onset, ...]:  # fmt: skip
     """Return the critical values of a parameter between the first and the last of the given values, to full precision.
 
     Parameters
     ----------
     values : (m,) float, increasing
         Where modes are solved for; critical values are refined between them.
+    linear_solver : "auto", "pardiso", "superlu" or LinearSolver
+        As of `sweep`.
     """
-    return sweep(problem, values, parameter, modes=modes, precise=True).onsets
+    return sweep(problem, values, parameter, modes=modes, precise=True, linear_solver=linear_solver).onsets
 
 
 def _checked(problem: Problem, parameter: str, values: Sequence[float] | np.ndarray) -> np.ndarray:

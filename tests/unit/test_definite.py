@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from fe_squeal.eigen.linear.choice import factorize
-from fe_squeal.eigen.linear.definite import PardisoCholesky, SuperLUCholesky, factorize_definite
+from fe_squeal.eigen.linear.choice import factorize, factorize_definite
 from fe_squeal.eigen.linear.dense import DenseFactor
-from fe_squeal.eigen.linear.pardiso import has_pardiso
+from fe_squeal.eigen.linear.pardiso import PardisoCholesky, has_pardiso
+from fe_squeal.eigen.linear.superlu import SuperLUCholesky
 from fe_squeal.errors import NotConvergedError
 
 N = 300

@@ -13,7 +13,7 @@ from scene_texts import write_scene
 
 from fe_squeal.cli import main
 from fe_squeal.eigen import memory
-from fe_squeal.eigen.linear import choice
+from fe_squeal.eigen.linear import superlu
 from fe_squeal.eigen.linear.choice import factor_memory
 from fe_squeal.eigen.linear.pardiso import PardisoFactor, has_pardiso
 from fe_squeal.errors import TooLargeError
@@ -80,7 +80,7 @@ def test_solvers_refuse_before_they_factorise(monkeypatch):
         PardisoFactor(solid(6), True)
     assert 22 not in phases
     with pytest.raises(TooLargeError):
-        choice.SuperLUFactor(solid(6), True)
+        superlu.SuperLUFactor(solid(6), True)
 
 
 @pytest.mark.parametrize("symmetric", [True, False])
@@ -88,9 +88,9 @@ def test_superlu_law_is_right_to_a_factor_of_three(symmetric):
     """Vector-valued and denser matrices come nearer to the law than this one."""
     for m in (16, 22):
         A = solid(m)
-        factors = choice.SuperLUFactor(A, symmetric)._lu
+        factors = superlu.SuperLUFactor(A, symmetric)._lu
         real = 12 * (factors.L.nnz + factors.U.nnz)
-        assert 1 / 3 < choice.superlu_memory(A, symmetric) / real < 3
+        assert 1 / 3 < superlu.superlu_memory(A, symmetric) / real < 3
 
 
 def test_command_says_what_would_fit(tmp_path, monkeypatch, capsys):

@@ -1,1 +1,1 @@
-"""Sparse direct solvers behind one protocol, and the choice among them."""
+"""Sparse direct solvers, a file each, behind the protocol of `factor`, and the choice among them."""

@@ -1,19 +1,64 @@
-"""The choice of a sparse direct solver: PARDISO where it is there, SuperLU otherwise."""
+"""The choice of a sparse direct solver, and what is done before any of them is called.
+
+A solver is handed in as `linear_solver`: one of the words of `[solve] linear_solver`, or an object that has the methods
+of `LinearSolver`. Another solver is a file beside `superlu.py`, an entry in `_available` and a word in `SolverName`.
+"""
 
 from __future__ import annotations
 
+from typing import Literal
+
 import scipy.sparse as sp
 
+from ...errors import NotConvergedError, SceneError
 from .dense import DenseFactor
-from .factor import Factor, Solve
-from .pardiso import PardisoFactor, has_pardiso
-from .superlu import SuperLUFactor, superlu_memory
+from .factor import DefiniteFactor, Factor, LinearSolver, Solve
+from .pardiso import PARDISO, has_pardiso
+from .superlu import SUPERLU
 
+SolverName = Literal["auto", "pardiso", "superlu", "mumps"]
+_MISSING = {
+    "pardiso": "MKL's PARDISO cannot be loaded on this machine (package pypardiso)",
+    "mumps": "MUMPS is not available in this version",
+}
 _FULL = 1000  # unknowns up to which a full matrix goes to LAPACK
 
 
-def factorize(A: sp.csr_array, symmetric: bool) -> Factor:
-    """Factorise a sparse matrix with the best solver that is installed.
+def choose(linear_solver: LinearSolver | str = "auto") -> LinearSolver:
+    """Return the solver that a word stands for; "auto" is PARDISO where it can be loaded, else SuperLU.
+
+    Raises
+    ------
+    SceneError
+        If the word is unknown, or stands for a solver that is not there.
+
+    Examples
+    --------
+    >>> choose("superlu").name
+    'SuperLU (SciPy)'
+    """
+    if not isinstance(linear_solver, str):
+        return linear_solver
+    solvers = _available()
+    if linear_solver == "auto":
+        return next(iter(solvers.values()))
+    if linear_solver in solvers:
+        return solvers[linear_solver]
+    *others, last = (f'"{word}"' for word in ("auto", *solvers))
+    why = f", and {_MISSING[linear_solver]}" if linear_solver in _MISSING else ""
+    raise SceneError(
+        f'solve.linear_solver: given "{linear_solver}"{why}; expected {", ".join(others)} or {last}'
+    )
+
+
+def _available() -> dict[str, LinearSolver]:
+    """Return the solvers that can be loaded on this machine, the one that "auto" takes first."""
+    superlu: dict[str, LinearSolver] = {"superlu": SUPERLU}
+    return {"pardiso": PARDISO, **superlu} if has_pardiso() else superlu
+
+
+def factorize(A: sp.csr_array, symmetric: bool, linear_solver: LinearSolver | str = "auto") -> Factor:
+    """Factorise a matrix: a small one that is full by LAPACK, any other by the sparse solver.
 
     Parameters
     ----------
@@ -23,34 +68,40 @@ def factorize(A: sp.csr_array, symmetric: bool) -> Factor:
 
     Raises
     ------
-    NotConvergedError
-        If a pivot is zero. PARDISO perturbs what rounding leaves of a singular matrix, which backward errors then show.
-    TooLargeError
-        If the factors do not fit into memory.
+    NotConvergedError, TooLargeError
+        As `LinearSolver.factorize`.
     """
     if A.shape[0] <= _FULL and A.nnz > A.shape[0] ** 2 / 2 and not symmetric:
         return DenseFactor(A)
-    return PardisoFactor(A, symmetric) if has_pardiso() else SuperLUFactor(A, symmetric)
+    return choose(linear_solver).factorize(A, symmetric)
 
 
-def factor_memory(A: sp.csr_array, symmetric: bool, definite: bool = False) -> int:
-    """Return the bytes that the factors of a matrix will take, without computing them.
+def factorize_definite(A: sp.csr_array, linear_solver: LinearSolver | str = "auto") -> DefiniteFactor:
+    """Factorise a real symmetric positive definite matrix.
 
-    PARDISO's analysis knows; for SuperLU it is what factors of meshes of solids take, to a factor of three.
+    Raises
+    ------
+    NotConvergedError
+        If it is not positive definite.
     """
-    if has_pardiso():
-        return PardisoFactor(A, symmetric, definite, analyse_only=True).memory
-    return superlu_memory(A, symmetric)
+    if not (A.diagonal() > 0).all():  # solvers take it for granted, and PARDISO may crash
+        raise NotConvergedError("the matrix is not positive definite: its diagonal is not")
+    return choose(linear_solver).factorize_definite(A)
 
 
-def solver_name() -> str:
-    """Return the name of the sparse solver that `factorize` takes."""
-    return "PARDISO (MKL)" if has_pardiso() else "SuperLU (SciPy)"
+def factor_memory(
+    A: sp.csr_array, symmetric: bool, definite: bool = False, linear_solver: LinearSolver | str = "auto"
+) -> int:
+    """Return the bytes that the factors of a matrix will take, without computing them."""
+    return choose(linear_solver).memory(A, symmetric, definite)
 
 
-def factorize_complex(A: sp.csr_array) -> tuple[Solve, Solve]:
+def solver_name(linear_solver: LinearSolver | str = "auto") -> str:
+    """Return the name of a sparse solver."""
+    return choose(linear_solver).name
+
+
+def factorize_complex(A: sp.csr_array, linear_solver: LinearSolver | str = "auto") -> tuple[Solve, Solve]:
     """Return functions that apply A⁻¹ and A⁻ᴴ of a complex matrix."""
-    factor = factorize(sp.csr_array(A, dtype=complex), symmetric=False)
+    factor = factorize(sp.csr_array(A, dtype=complex), False, linear_solver)
     return factor.solve, factor.solve_adjoint
-
-

@@ -1,4 +1,4 @@
-"""What a factorised matrix can do, whichever solver made it."""
+"""What a sparse direct solver gives, whichever it is: the protocol of solvers and of their factors."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
+import scipy.sparse as sp
 
 from ...errors import NotConvergedError
 
@@ -30,6 +31,57 @@ class Factor(Protocol):
 
     def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻ᴴ b."""
+
+
+class DefiniteFactor(Protocol):
+    """Factors A = LLᵀ of a real symmetric positive definite matrix, up to the order of rows."""
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Return A⁻¹ b for b (n,) or (n, k) real."""
+
+    def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
+        """Return the same: A is symmetric."""
+
+    def half_solve(self, b: np.ndarray) -> np.ndarray:
+        """Return L⁻ᵀ b, so that for random b of unit covariance the result has A⁻¹."""
+
+
+class LinearSolver(Protocol):
+    """A sparse direct solver."""
+
+    @property
+    def name(self) -> str:
+        """As run.json gives it."""
+
+    def factorize(self, A: sp.csr_array, symmetric: bool) -> Factor:
+        """Factorise a matrix (n, n), real or complex.
+
+        Parameters
+        ----------
+        symmetric : bool
+            Whether A = Aᵀ, also where it is complex.
+
+        Raises
+        ------
+        SingularError
+            If a pivot is zero. A solver may perturb what rounding leaves of a singular matrix instead, which backward
+            errors then show.
+        TooLargeError
+            If the factors do not fit into memory.
+        """
+
+    def factorize_definite(self, A: sp.csr_array) -> DefiniteFactor:
+        """Factorise a real symmetric positive definite matrix (n, n) with a positive diagonal.
+
+        Raises
+        ------
+        NotConvergedError
+            If it is not positive definite.
+        TooLargeError
+        """
+
+    def memory(self, A: sp.csr_array, symmetric: bool, definite: bool = False) -> int:
+        """Return about how many bytes the factors of a matrix will take, without computing them."""
 
 
 def by_parts(solve: Solve, b: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Factors by PARDISO of the Math Kernel Library."""
+"""PARDISO of the Math Kernel Library."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from ...errors import NotConvergedError
 from ..memory import require_memory
-from .factor import SingularError, by_parts
+from .factor import DefiniteFactor, Factor, SingularError, by_parts
 
 # PARDISO's numbers of the matrix types, by (symmetric, complex).
 _TYPES = {(True, False): -2, (False, False): 11, (True, True): 6, (False, True): 13}
@@ -141,3 +141,36 @@ class PardisoFactor:
     def __del__(self) -> None:
         if getattr(self, "_ja", None) is not None and not sys.is_finalizing():
             self._call(-1, np.zeros((self._n, 1)))
+
+
+class PardisoCholesky(PardisoFactor):
+    """LLᵀ by PARDISO."""
+
+    def __init__(self, A: sp.csr_array) -> None:
+        super().__init__(A, symmetric=True, definite=True)
+
+    def half_solve(self, b: np.ndarray) -> np.ndarray:
+        """Return L⁻ᵀ b."""
+        self._iparm[11] = 0
+        return self._call(333, b)
+
+
+class Pardiso:
+    """PARDISO as a `LinearSolver`; only where `has_pardiso()`."""
+
+    name = "PARDISO (MKL)"
+
+    def factorize(self, A: sp.csr_array, symmetric: bool) -> Factor:
+        """Return LU or LDLᵀ factors; those of a real symmetric matrix know its inertia."""
+        return PardisoFactor(A, symmetric)
+
+    def factorize_definite(self, A: sp.csr_array) -> DefiniteFactor:
+        """Return Cholesky factors."""
+        return PardisoCholesky(A)
+
+    def memory(self, A: sp.csr_array, symmetric: bool, definite: bool = False) -> int:
+        """Return the bytes that PARDISO's analysis tells."""
+        return PardisoFactor(A, symmetric, definite, analyse_only=True).memory
+
+
+PARDISO = Pardiso()

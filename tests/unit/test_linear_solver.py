@@ -1,0 +1,258 @@
+"""The sparse solver that a scene asks for, and one that is handed in from outside the package."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+from chains import chain
+from scene_texts import SCENE, replaced, write_scene
+from scipy.sparse.linalg import splu
+
+from fe_squeal import assemble, parse_scene, sweep
+from fe_squeal.accuracy import with_discretisation
+from fe_squeal.cli import main
+from fe_squeal.compare.table import compare_case
+from fe_squeal.eigen.linear import choice
+from fe_squeal.eigen.linear.choice import choose, factorize
+from fe_squeal.eigen.linear.dense import DenseFactor
+from fe_squeal.eigen.linear.factor import SingularError
+from fe_squeal.eigen.linear.pardiso import PardisoFactor
+from fe_squeal.eigen.linear.superlu import SuperLUCholesky, SuperLUFactor
+from fe_squeal.errors import NotConvergedError, SceneError
+from fe_squeal.scene.file import load_scene
+from fe_squeal.sweep.forecast import predict_memory
+
+VALUES = np.linspace(0.0, 0.9, 7)
+MODES, N = 8, 450  # more unknowns than go to LAPACK as a whole
+# 405 unknowns, solved directly, and 2295, which "auto" reduces.
+SMALL = replaced("size = 0.02", "size = 0.01", replaced('file = "block.msh"\n', ""))
+FINE = replaced("order = 1", "order = 2", SMALL)
+
+
+def asking_for(word: str, text: str = SCENE) -> str:
+    return replaced("modes = 8", f'modes = 8\nlinear_solver = "{word}"', text)
+
+
+class ToyFactor:
+    """LU factors of SciPy, which know no inertia."""
+
+    negative_pivots = None
+
+    def __init__(self, A):
+        self._real = not np.iscomplexobj(A)
+        try:
+            self._lu = splu(sp.csc_array(A))
+        except RuntimeError as error:
+            raise SingularError(str(error)) from error
+
+    def solve(self, b):
+        return self._apply(b, "N")
+
+    def solve_transposed(self, b):
+        return self._apply(b, "T")
+
+    def solve_adjoint(self, b):
+        return self._apply(b, "H")
+
+    def _apply(self, b, which):
+        if not self._real:
+            return self._lu.solve(np.asarray(b, complex), which)
+        if np.iscomplexobj(b):
+            return self._lu.solve(b.real, which) + 1j * self._lu.solve(b.imag, which)
+        return self._lu.solve(b, which)
+
+
+class ToyCholesky:
+    """Cholesky factors of LAPACK."""
+
+    def __init__(self, A):
+        try:
+            self._L = la.cholesky(A.toarray(), lower=True)
+        except la.LinAlgError as error:
+            raise NotConvergedError(str(error)) from error
+
+    def solve(self, b):
+        return la.cho_solve((self._L, True), b)
+
+    solve_adjoint = solve
+
+    def half_solve(self, b):
+        return la.solve_triangular(self._L, b, lower=True, trans="T")
+
+
+class Toy:
+    """A third solver, which counts what it factorises."""
+
+    name = "toy"
+
+    def __init__(self):
+        self.plain, self.definite = 0, 0
+
+    def factorize(self, A, symmetric):
+        self.plain += 1
+        return ToyFactor(A)
+
+    def factorize_definite(self, A):
+        self.definite += 1
+        return ToyCholesky(A)
+
+    def memory(self, A, symmetric, definite=False):
+        return 1000 * A.nnz
+
+
+@pytest.fixture
+def no_other(monkeypatch):
+    """Let no other sparse solver factorise anything, from the call of what is returned on."""
+
+    def refuse(*_, **__):
+        raise AssertionError("another solver than the one handed in factorises")
+
+    def begin():
+        for kind in (PardisoFactor, SuperLUFactor, SuperLUCholesky):
+            monkeypatch.setattr(kind, "__init__", refuse)
+
+    return begin
+
+
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+@pytest.mark.parametrize("effects", [(), ("damper", "slip damping"), ("loss",)], ids=["undamped", "damped", "complex"])
+def test_a_solver_handed_in_goes_through_a_whole_sweep(effects, method, no_other):
+    """Kernel, modes, count, small model and onsets; nothing is known of the motions of these matrices."""
+    expected = sweep(chain(*effects, n=N), VALUES, modes=MODES, method=method)
+    toy, problem = Toy(), chain(*effects, n=N)
+    no_other()
+    found = sweep(problem, VALUES, modes=MODES, method=method, linear_solver=toy)
+    assert toy.plain > 0
+    assert toy.definite == 1  # of the small model, which a direct sweep makes to count the modes
+    if method == "direct":
+        assert found.method == "shift-invert ARPACK, toy"
+    for a, b in zip(found.points, expected.points, strict=True):
+        assert np.abs(a.modes.lam - b.modes.lam).max() <= 1e-7 * np.abs(b.modes.lam).max()
+    assert len(found.onsets) == len(expected.onsets)
+    for a, b in zip(found.onsets, expected.onsets, strict=True):
+        assert a.value == pytest.approx(b.value, rel=1e-7)
+    if not effects:
+        assert found.onsets  # refined by Newton's method on bordered matrices
+
+
+def test_a_solver_handed_in_estimates_the_error_of_the_mesh(no_other):
+    block = {"order": 1, "block": {"length": 0.08, "width": 0.04, "height": 0.02, "size": 0.02}}
+    scene = parse_scene({
+        "mesh": block,
+        "materials": {"steel": {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 7800.0}},
+        "bodies": {"block": {"material": "steel"}},
+        "supports": [{"surface": "left", "fixed": "xyz"}],
+        "contacts": [{
+            "surface": "bottom", "counterface": "rigid", "normal_stiffness": 3e8,
+            "sliding": {"direction": [1.0, 0.0, 0.0], "speed": 1.0},
+        }],
+        "effects": {"friction": {"mu": 0.3}},
+    })  # fmt: skip
+    problem, toy = assemble(scene), Toy()
+    no_other()
+    found = with_discretisation(
+        sweep(problem, [0.0, 0.3, 0.6], modes=4, method="reduced", linear_solver=toy), linear_solver=toy
+    )
+    assert toy.definite >= 2  # the small model, and the coarse problem under the refined one
+    assert all(np.isfinite(point.discretisation).all() for point in found.points)
+
+
+@pytest.mark.slow
+def test_a_solver_handed_in_goes_through_a_comparison(no_other):
+    expected, toy = compare_case("nine-dof"), Toy()
+    no_other()
+    found = compare_case("nine-dof", toy)
+    assert toy.plain > 0
+    for a, b in zip(found, expected, strict=True):
+        assert a[:2] == b[:2]
+        # Beside bodies this stiff, rounding leaves the critical values uncertain by 2e-4, as the onsets say themselves.
+        np.testing.assert_allclose(a[2:4], b[2:4], rtol=2e-4)
+
+
+def test_forecast_is_that_of_the_solver_handed_in(no_other):
+    problem = chain(n=N)
+    no_other()
+    told = predict_memory(problem, "mu", 7, MODES, "direct", Toy())
+    A = problem.searched_by(Toy()).pencil()
+    assert told.factors == 1000 * sp.csr_array(A.K + A.M).nnz
+
+
+def test_small_full_matrices_go_to_lapack_with_any_solver():
+    toy, A = Toy(), sp.csr_array(np.random.default_rng(0).standard_normal((30, 30)))
+    assert isinstance(factorize(A, False, toy), DenseFactor) and not toy.plain
+
+
+def test_auto_is_pardiso_where_it_is_there(monkeypatch):
+    monkeypatch.setattr(choice, "has_pardiso", lambda: True)
+    assert choose("auto").name == choose("pardiso").name == "PARDISO (MKL)"
+    assert choose("superlu").name == "SuperLU (SciPy)"
+    monkeypatch.setattr(choice, "has_pardiso", lambda: False)
+    assert choose("auto").name == "SuperLU (SciPy)"
+    toy = Toy()
+    assert choose(toy) is toy
+
+
+@pytest.mark.parametrize(
+    ("word", "pardiso", "told"),
+    [
+        ("pardiso", False, "MKL's PARDISO cannot be loaded on this machine (package pypardiso); expected \"auto\" or"
+                           ' "superlu"'),
+        ("mumps", True, 'MUMPS is not available in this version; expected "auto", "pardiso" or "superlu"'),
+        ("mumps", False, 'MUMPS is not available in this version; expected "auto" or "superlu"'),
+    ],
+)  # fmt: skip
+def test_a_solver_that_is_not_there_is_bad_input(tmp_path, monkeypatch, capsys, word, pardiso, told):
+    monkeypatch.setattr(choice, "has_pardiso", lambda: pardiso)
+    path = write_scene(tmp_path, asking_for(word))
+    for command in (["run", str(path), "-o", str(tmp_path / "out")], ["check", str(path)], ["onset", str(path)],
+                    ["run", str(path), "--accuracy", "0.1", "-o", str(tmp_path / "out")],
+                    ["accuracy", str(path), "-o", str(tmp_path / "out")]):  # fmt: skip
+        assert main(command) == 2
+        said = capsys.readouterr().err
+        assert said == f'error: {path}: solve.linear_solver: given "{word}", and {told}\n'
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(SceneError, match=r"solve\.linear_solver"):
+        sweep(assemble(load_scene(path)), [0.3], linear_solver=word)
+
+
+def test_an_unknown_word_is_bad_input(tmp_path, capsys):
+    path = write_scene(tmp_path, asking_for("umfpack"))
+    assert main(["check", str(path)]) == 2
+    assert 'solve.linear_solver: given "umfpack"; expected one of "auto"' in capsys.readouterr().err
+    with pytest.raises(SceneError, match='given "umfpack"; expected "auto"'):
+        sweep(chain(n=60), [0.3], linear_solver="umfpack")
+
+
+def table(folder: Path) -> list[dict[str, str]]:
+    with (folder / "modes.csv").open(encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+@pytest.mark.parametrize(
+    "text", [pytest.param(SMALL, id="direct"), pytest.param(FINE, id="reduced", marks=pytest.mark.slow)]
+)
+def test_superlu_by_the_scene_gives_the_same_modes(tmp_path, text, needs_pardiso, monkeypatch):
+    tables, names = [], []
+    for word in ("pardiso", "superlu"):
+        path, out = write_scene(tmp_path, asking_for(word, text), f"{word}.toml"), tmp_path / word
+        if word == "superlu":
+            monkeypatch.setattr(PardisoFactor, "__init__", None)  # fails where it is called
+        assert main(["run", str(path), "-o", str(out)]) == 0
+        tables.append(table(out))
+        names.append(json.loads((out / "run.json").read_text("utf-8"))["linear_solver"])
+    assert names == ["PARDISO (MKL)", "SuperLU (SciPy)"]
+    assert len(tables[0]) == len(tables[1]) >= 5 * 8
+    for rows in tables:  # λ and −λ* have the same frequency but for rounding, which puts either first
+        rows.sort(key=lambda row: (float(row["value"]), int(row["branch"])))
+    for a, b in zip(*tables, strict=True):
+        assert a.keys() == b.keys()
+        assert all(a[key] == b[key] for key in ("value", "branch", "stability"))
+        # [solve] tolerance is 1e-8.
+        lam = [complex(float(row["re"]), float(row["im"])) for row in (a, b)]
+        assert abs(lam[0] - lam[1]) <= 1e-8 * abs(lam[0])
