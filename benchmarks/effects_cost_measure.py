@@ -136,7 +136,7 @@ def _pencil(case: Case, problem: Problem) -> Pencil:
     M, K = (
         sp.csr_array(sum(t.matrix * t.coefficient(numbers) for t in problem.terms if t.slot == slot)) for slot in "MK"
     )
-    return Pencil(M, K)
+    return Pencil(M, K, free=problem.free_motions())
 
 
 @dataclass
