@@ -7,14 +7,13 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 from pydantic import Field, create_model, model_validator
 
 from ..effects import EFFECTS
 from ..effects.effect import Effect, Outline
 from ..effects.springs import Spring
 from ..errors import SceneError
-from ..fem.materials import Elasticity, Material, elasticity, material_axes, stiffness_tensor
+from ..fem.materials import Elasticity, Material, elasticity, material_axes
 from ..problem.parameters import MU, paths_of
 from .base import BaseScene
 from .bodies import BodyTable, Support
@@ -79,12 +78,6 @@ class Scene(BaseScene):
         if self.mesh.file is None:
             return None
         return self.folder / self.mesh.file
-
-    def stiffness(self, body: str) -> np.ndarray:
-        """Return the stiffness tensor of a body, (3, 3, 3, 3) Pa."""
-        section = self.bodies[body]
-        axes = None if section.axes is None else material_axes(*section.axes)
-        return stiffness_tensor(self.materials[section.material], axes)
 
     def elasticity(self, body: str) -> Elasticity:
         """Return the law of a body in its formulation."""
