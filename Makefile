@@ -3,7 +3,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test test-all test-again test-lowest benchmarks clean
+.PHONY: run test types fast test-all test-again test-lowest benchmarks clean
 
 run: .venv/installed
 	$(BIN)/fe-squeal run examples/disc_pad.toml -o results/disc_pad
@@ -15,8 +15,13 @@ PYTEST_OPTIONS := -n 2 --dist worksteal --durations=20
 # What shows the mathematics: closed forms, rates, invariants, onsets, doublets, exceptional points.
 test: .venv/installed-test
 	$(BIN)/ruff check .
+	@$(MAKE) --no-print-directory -j2 types fast
+
+types: .venv/installed-test
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
+
+fast: .venv/installed-test
 	$(BIN)/pytest $(PYTEST_OPTIONS) -m "not slow"
 
 # What takes its time besides: fuzzing, kills, full discs, processes, smallest rungs of the benchmarks, further parameters.

@@ -10,6 +10,8 @@ from hypothesis import settings
 # Before NumPy is imported: the dense references are small, and OpenBLAS's threads wait for those of MKL and of whatever
 # else runs on the machine, which makes them up to twenty times slower.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# PARDISO's threads sleep between its calls instead of spinning, since the other processes of pytest want the cores.
+os.environ.setdefault("KMP_BLOCKTIME", "0")
 # Formulas and smallest rungs of the benchmarks are tested; names of the tests' own modules come first.
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 

@@ -74,7 +74,7 @@ def split_off(pencil: Pencil, linear_solver: LinearSolver | str = "auto") -> Fre
     known = pencil.free
     if known is None:
         Z = find_kernel(pencil, linear_solver)
-        known = FreeMotions(Z, None if pencil.C is None else pencil.C @ Z)
+        known = FreeMotions(Z)
     if not known.motions.shape[1]:
         return None
     T, massive = _by_mass(pencil, known.motions)
@@ -82,7 +82,11 @@ def split_off(pencil: Pencil, linear_solver: LinearSolver | str = "auto") -> Fre
     if not T.shape[1]:
         return None
     Z = known.motions @ T
-    CZ = None if pencil.C is None else (pencil.C @ Z if known.damping is None else known.damping @ T)
+    CZ = (
+        None
+        if pencil.C is None
+        else (_without_rounding(pencil.C, Z, pencil.units[0]) if known.damping is None else known.damping @ T)
+    )
     ground = _Ground(pencil, pencil.K, Z, linear_solver)
     W = Z if pencil.symmetric else ground.left_kernel()
     k, nothing = Z.shape[1], np.zeros_like(Z)
@@ -90,23 +94,29 @@ def split_off(pencil: Pencil, linear_solver: LinearSolver | str = "auto") -> Fre
         free = np.zeros((0, 0))
         return FreeModes(np.zeros(k, complex), Z, W, (Z, nothing), (W, 0 * W), Z, free, 0)
     d = pencil.units[0]
-    sizes = abs(pencil.C) @ amplitudes(Z, d)
+    sizes = abs(pencil.C) @ amplitudes(Z, d)  # of what may cancel in C Z
     rounding = _CANCELLED * float(la.norm(amplitudes(Z[:, :massive], d).T @ sizes))
     own = _closed(pencil, Z[:, :massive], CZ[:, :massive])
     closed, drift, nu, x, y = _own_decay(pencil, *own, rounding, linear_solver)
-    gram = W.conj().T @ CZ
-    size = _CANCELLED * float(la.norm(amplitudes(W, d).T @ sizes))
-    rest, rest_left = null_columns(gram, size), null_columns(gram.conj().T, size)
-    slow, slow_left = Z @ rest, W @ rest_left
-    pushed = ground.pushed(-CZ @ rest)
-    pushed_left = ground.pushed(-(pencil.C.T @ slow_left), adjoint=True)
-    states = _side_by_side([(Z, nothing), (pushed, slow), *_real_span(x, nu)])
-    adjoint = _side_by_side([(W, 0 * W), (pushed_left, slow_left), *_real_span(y, nu.conj())])
+    # Motions that damping does not hold either, from both sides: each begins a Jordan chain.
+    gram, rounding = W.conj().T @ CZ, _CANCELLED * float(la.norm(amplitudes(W, d).T @ sizes))
+    loose, loose_left = null_columns(gram, rounding), null_columns(gram.conj().T, rounding)
+    forces, forces_left = CZ @ loose, _without_rounding(pencil.C.T, W @ loose_left, d)
+    pushed, pushed_left = ground.pushed(-forces), ground.pushed(-forces_left, adjoint=True)
+    states = _side_by_side([(Z, nothing), (pushed, Z @ loose), *_real_span(x, nu)])
+    adjoint = _side_by_side([(W, 0 * W), (pushed_left, W @ loose_left), *_real_span(y, nu.conj())])
     upper = nu.imag >= 0
     lam = np.concatenate([np.zeros(k), nu[upper]])
     right, left = np.hstack([Z, x[:, upper]]), np.hstack([W, y[:, upper]])
     accounted = 2 * closed.shape[1] - len(nu)  # each closed motion is a mode of 0 and one of some ν, or twice of 0
-    return FreeModes(lam, right, left, states, adjoint, closed, drift, k + slow.shape[1] - accounted)
+    return FreeModes(lam, right, left, states, adjoint, closed, drift, k + loose.shape[1] - accounted)
+
+
+def _without_rounding(C: sp.csr_array, Z: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Return C Z, zero in columns where all of it is rounding of what cancels."""
+    CZ = C @ Z
+    sizes = np.linalg.norm(abs(C) @ amplitudes(Z, d), axis=0)
+    return np.asarray(np.where(np.linalg.norm(CZ, axis=0) > _CANCELLED * sizes, CZ, 0.0))
 
 
 def _by_mass(pencil: Pencil, Z: np.ndarray) -> tuple[np.ndarray, int]:

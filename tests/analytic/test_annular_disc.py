@@ -169,6 +169,7 @@ def test_torsion_of_the_clamped_ring():
     assert np.abs(f / torsion_hz() - 1).min() < 1e-3
 
 
+@pytest.mark.slow
 def test_tetrahedra():
     """Straight ten-node tetrahedra, still too stiff by 1.5 % at 8 × 96: loosely, from above."""
     mesh = annulus("tet1", (8, 96, 1), INNER, OUTER, THICKNESS)

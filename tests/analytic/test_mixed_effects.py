@@ -134,7 +134,7 @@ def test_contact_does_virtual_work_on_nodes_alone(kind, order):
     assert abs(c.gap[:, :n] - fresh.gap).max() == 0 and c.gap.shape[1] == mixed.unknowns
 
 
-@pytest.mark.parametrize(("kind", "order"), [("hex1", 2), ("tet1", 1)])
+@pytest.mark.parametrize(("kind", "order"), [pytest.param("hex1", 2, marks=pytest.mark.slow), ("tet1", 1)])
 def test_friction_sweep_reduced_and_direct(kind, order):
     """Growth rates and frequencies of the reduced model are those of direct solves, with bubbles in the unknowns."""
     problem = pad_on_belt(kind, order)

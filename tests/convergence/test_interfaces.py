@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from selection import some
 
 from fe_squeal.eigen.linear.choice import factorize
 from meshes import BELT, STEEL, annulus, box, frequencies, join, make_problem, mapped
@@ -30,7 +29,8 @@ def stack(cells, pad_counts, belt_counts, base=BASE, corner=(0.0, 0.0, -0.03), *
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(("kind", "limit"), some([("hex2", 1e-3), ("tet2", 1e-2)], lambda kind, limit: kind == "hex2"))
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "limit"), [("hex2", 1e-3), ("tet2", 1e-2)])
 def test_matching_and_non_matching_meshes_agree(kind, limit):
     """The same bodies with a belt of equal or of other cells (2:3): the frictional spectra differ by the
     discretisation, which falls with the mesh, at the finest below the stated limit.
@@ -71,16 +71,19 @@ def press(pad_cells, belt_cells):
     return np.abs(u - expected).max() / closing
 
 
-def test_contact_patch():
+@pytest.mark.parametrize(
+    ("cells", "finest", "limit"), [((4, 5), 2, 0.003), pytest.param((5, 7), 3, 0.001, marks=pytest.mark.slow)]
+)
+def test_contact_patch(cells, finest, limit):
     """A uniform pressure passes exactly (1e-9) where the meshes match or the pieces of the pad's quadrature end at the
     edges of the belt's cells. Elsewhere the belt gets the right force and moment, spread with an error that falls with
     the mesh. Without the pieces it is 0.14 for 3:2 and 0.59 for 2:4 cells.
     """
     for pad, belt in ((3, 3), (4, 2), (3, 2), (2, 4)):
         assert press((pad, pad, 1), (belt, belt, 1)) < 1e-9
-    errors = [press((5 * n, 5 * n, 1), (7 * n, 7 * n, 1)) for n in (1, 2, 3)]
-    assert errors[0] > errors[1] > errors[2]
-    assert errors[0] < 0.01 and errors[2] < 0.001
+    errors = [press(*((c * n, c * n, 1) for c in cells)) for n in range(1, finest + 1)]
+    assert (np.diff(errors) < 0).all()
+    assert errors[0] < 0.01 and errors[-1] < limit
 
 
 def test_tied_contact_tends_to_the_merged_mesh():

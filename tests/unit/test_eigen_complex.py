@@ -100,6 +100,7 @@ def test_sparse_modes_agree_with_dense_ones(solver, friction, damping):
     assert prove_completeness(pencil, modes).expected is None
 
 
+@pytest.mark.parametrize("solver", ["pardiso", pytest.param("superlu", marks=pytest.mark.slow)], indirect=True)
 def test_all_modes_up_to_a_frequency(solver):
     """Also those whose damping takes them farther from the shift than lightly damped ones above the limit."""
     pencil, limit = chain(0.9, eta=0.6), 0.8

@@ -110,6 +110,7 @@ def test_names_beyond_ascii_in_shapes(tmp_path: Path) -> None:
     assert read.field_data["value"][0] == 1.0
 
 
+@pytest.mark.slow
 def test_dollars_in_titles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two of them are mathematics to Matplotlib, and most text between them is none."""
     text = SCENE.replace("block on a belt", r"from 5 $ \\frac to 6 $").replace('name = "belt"', r'name = "$\\frac$"')

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from selection import some
 
 from lumped import STUDIES, run_study
 from lumped.document import write_document
@@ -14,7 +15,7 @@ from lumped.document import write_document
 ALL = [(model, study) for model, studies in STUDIES.items() for study in studies]
 
 
-@pytest.mark.parametrize(("model", "study"), ALL)
+@pytest.mark.parametrize(("model", "study"), some(ALL, lambda model, study: study == next(iter(STUDIES[model]))))
 def test_study_writes_table_figure_and_notes(model, study, tmp_path):
     table, figure, notes = run_study(model, study, tmp_path / "new" / "folder")
     assert [p.name for p in (table, figure, notes)] == [f"{model}_{study}.{end}" for end in ("csv", "png", "md")]

@@ -47,8 +47,9 @@ def test_what_cannot_fit_is_refused_with_numbers(monkeypatch):
         memory.require_memory(2**34, 80_000)  # an eighth of the unknowns needs a sixteenth of the memory
 
 
+@pytest.mark.slow
 @needs_pardiso
-@pytest.mark.parametrize("definite", [pytest.param(True, marks=pytest.mark.slow), False])
+@pytest.mark.parametrize("definite", [True, False])
 def test_analysis_knows_what_the_factors_take(definite):
     """Against the resident memory that factorising really adds, and against another size of the same solid."""
     small, large = (factor_memory(solid(m), True, definite) for m in (24, 48))

@@ -92,7 +92,9 @@ def with_pair(problem, low, high, *, theta=0.04):
     return Problem(tuple(terms), problem.parameters)
 
 
-@pytest.mark.parametrize("effects", [(), ("damper",)], ids=["nonsymmetric", "quadratic"])
+@pytest.mark.parametrize(
+    "effects", [(), pytest.param(("damper",), marks=pytest.mark.slow)], ids=["nonsymmetric", "quadratic"]
+)
 def test_pair_that_couples_and_parts_within_one_step(effects):
     problem = with_pair(chain(*effects), 0.35, 0.55)
     values = np.linspace(0.0, 0.9, 4)  # nothing of it shows at 0.3 and 0.6
@@ -177,8 +179,9 @@ def test_a_tolerance_out_of_reach_is_an_error():
         sweep(chain(), VALUES, modes=MODES, method="reduced", tolerance=1e-17)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "effects", [("damper",), pytest.param(("loss", "damper"), marks=pytest.mark.slow)], ids=["quadratic", "complex"]
+    "effects", [("damper",), ("loss", "damper")], ids=["quadratic", "complex"]
 )
 def test_modes_of_damped_problems_are_counted(effects, monkeypatch):
     """By the inertia without damping and friction; a basis that lacks one of its modes does not pass."""

@@ -90,6 +90,7 @@ def test_attribution_is_the_same_in_all_files(out: Path) -> None:
     assert (out / "contributions.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_nothing_of_an_effect_that_is_not_called_for(tmp_path: Path) -> None:
     assert main(["run", str(write_scene(tmp_path)), "-o", str(tmp_path / "out")]) == 0
     assert not [p.name for p in (tmp_path / "out").iterdir() if p.name.startswith("preload")]

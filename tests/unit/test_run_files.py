@@ -161,6 +161,7 @@ def test_shapes(out: Path) -> None:
     assert file.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_all_shapes_of_the_last_value(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures are left out: they take most of the time and are tested above."""
     import fe_squeal.report.export
