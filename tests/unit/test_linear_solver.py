@@ -234,6 +234,15 @@ def table(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
+def test_the_static_state_takes_the_solver_of_the_scene(tmp_path, monkeypatch):
+    text = SCENE + "[effects.preload]\npressures = { top = 1e5 }\n"
+    asked = []
+    monkeypatch.setattr(SuperLUFactor, "solve", lambda factor, b: asked.append(len(b)) or factor._apply("N", b))
+    monkeypatch.setattr(PardisoFactor, "__init__", None)  # fails where it is called
+    problem = assemble(load_scene(write_scene(tmp_path, asking_for("superlu", text))))
+    assert asked and set(asked) == {problem.unknowns}
+
+
 @pytest.mark.parametrize(
     "text", [pytest.param(SMALL, id="direct"), pytest.param(FINE, id="reduced", marks=pytest.mark.slow)]
 )
