@@ -29,6 +29,7 @@ from .materials import material_axes
 from .matrix_scene import matrix_problem
 from .mesh import LoadedMesh
 from .problem import Model, Problem
+from .rigid_motions import rigid_motions
 from .rotating_bodies import rotating_motions
 from .scene import MU, MatrixScene, Scene, number_at, with_numbers
 from .spaces import DisplacementSpace, make_space, straightened
@@ -105,7 +106,7 @@ class Assembly:
         mixed = [elements for name, elements in self.bodies.items() if scene.bodies[name].is_mixed]
         self.space = make_space(mesh, scene.mesh.order, supports, mixed)
         require_memory(_least_memory(self.space), self.space.unknowns, "matrices", exponent=1)
-        self.loaded = loaded
+        self.loaded, self._motions = loaded, rigid_motions(self.space)
         self._made: dict[str, list[tuple[object, Any]]] = {}
         self._sides: dict[str, set[str]] = {}
         wanted = scene.solve.modes
@@ -169,7 +170,7 @@ class Assembly:
         parameters = {p: number_at(scene, p) for p in paths}
         return Problem(
             tuple(terms), parameters, self._model(scene, contacts, base, motions, terms, parameters), self,
-            state_parameters(scene, static, base), dict(values),
+            state_parameters(scene, static, base), dict(values), self._motions,
         )  # fmt: skip
 
     def _kept(self, kind: str, key: object, make: Callable[[], _Made]) -> _Made:

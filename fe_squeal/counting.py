@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from .eigen.pencil import Modes
@@ -39,7 +41,7 @@ def count_apart(problem: Problem, modes: Modes, request: Request) -> int | None:
         return None
     below = int(gaps[-1]) + 1
     end = float(swinging[below - 1] + swinging[below]) / 2
-    frozen = Problem(problem.terms, {**problem.parameters, _VALUE: 0.0})
+    frozen = replace(problem, parameters={**problem.parameters, _VALUE: 0.0}, coupled=frozenset())
     try:
         model = ReducedModel(frozen, _VALUE, [0.0], request)
         if not model.counted():

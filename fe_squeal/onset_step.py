@@ -11,11 +11,11 @@ from scipy.optimize import brentq
 
 from .bordered import Root, find_coalescence, find_crossing, find_zero
 from .eigen.dense import solve_dense
-from .eigen.pencil import Modes
+from .eigen.pencil import FreeMotions, Modes
 from .eigen.solve import Request, solve_modes
 from .errors import NotConvergedError
 from .problem import Problem
-from .reduced import FreeMotions, ReducedModel
+from .reduced import ReducedModel, SlowMotions
 from .tracking import modal_assurance
 
 _BISECTED = 1e-7  # of the sweep step: the bracket where only stability itself can be told
@@ -93,14 +93,15 @@ class Step:
                 rest = self.V - Z @ (Z.T @ (M @ self.V))
                 size = np.sqrt(np.maximum(np.einsum("ij,ij->j", rest, M @ rest), 0.0))
                 self.V = np.hstack([Z, _orthonormal(rest[:, size > _SPANNED], M)])
-        self.small = problem.interpolated(parameter, *values).project(self.V)
+        self._inside = problem.interpolated(parameter, *values)
+        self.small = self._inside.project(self.V)
         self._MV = M @ self.V
-        free = None
+        slow = None
         if self.rigid is not None and model is None:
-            free = FreeMotions.of(problem.pencil(**{parameter: values[0]}).K, self.rigid, self.rigid.T @ self._MV)
-        elif self.rigid is not None and model is not None and model.basis.free is not None:
-            free = model.basis.free.on(self.V)
-        self._cancelled = None if free is None else free.cancelled
+            slow = SlowMotions.of(problem.pencil(**{parameter: values[0]}).K, self.rigid, self.rigid.T @ self._MV)
+        elif self.rigid is not None and model is not None and model.basis.slow is not None:
+            slow = model.basis.slow.on(self.V)
+        self._cancelled = None if slow is None else slow.cancelled
 
     def hidden(
         self, ends: tuple[float, float], first: Modes, onsets: list[Onset], below: float, inner: int
@@ -140,7 +141,11 @@ class Step:
 
     def modes(self, p: float) -> Modes:
         """Return all modes of the small model."""
-        return solve_dense(replace(self.small.pencil(**{self.parameter: p}), cancelled=self._cancelled))
+        known = self._inside.at(**{self.parameter: p}).free_motions()
+        if len(self.V) > self.V.shape[1]:
+            damping = None if known.damping is None else self.V.T @ known.damping
+            known = FreeMotions(self._MV.T @ known.motions, damping)
+        return solve_dense(replace(self.small.pencil(**{self.parameter: p}), cancelled=self._cancelled, free=known))
 
     def flutter(self, ends: tuple[float, float], mode: Modes) -> Onset:
         """Two eigenvalues of an undamped problem meet: the squared half of their distance changes sign."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,12 +12,16 @@ import scipy.sparse as sp
 from .blocks import cross, times
 from .contact import ContactOperators
 from .effects.preload import BaseState
-from .eigen.pencil import Pencil, ProblemClass
+from .eigen.kernel import find_kernel, kernel_within, null_columns, unforced
+from .eigen.pencil import FreeMotions, Pencil, ProblemClass
 from .errors import SceneError, SquealError, suggest
 from .scene.paths import paths_of
 from .spaces import DisplacementSpace
 from .terms import Slot, Term
 
+# Of the forces that cancel when a body moves as a whole: what rounding of its coordinates leaves, also far from the
+# origin; each term counts for itself, so that a soft spring is not taken for the rounding of a stiff body.
+_FREE = 1e-9
 _DIFFERENCE = 1e-4  # relative step of the differences that stand for derivatives where terms are made anew
 
 
@@ -74,6 +78,11 @@ class Problem:
         Parameters that the terms' matrices depend on as well, through the static state.
     changed : mapping of path to value
         What differs from the scene.
+    motions : (n, r) float or None
+        The motions among which those are that nothing holds, such as the rigid motions of each body. Where they are not
+        known the kernel of K is looked for.
+    free : function of the parameters' values, or None
+        Returns the motions that nothing holds, of a problem made from another one, which knows.
     """
 
     terms: tuple[Term, ...]
@@ -82,7 +91,10 @@ class Problem:
     source: Source | None = None
     coupled: frozenset[str] = frozenset()
     changed: Mapping[str, float] = field(default_factory=dict)
+    motions: np.ndarray | None = field(default=None, repr=False, compare=False)
+    free: Callable[[Mapping[str, float]], FreeMotions] | None = field(default=None, repr=False, compare=False)
     _sums: dict[object, sp.csr_array | None] = field(default_factory=dict, repr=False, compare=False)
+    _unheld: dict[object, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def __repr__(self) -> str:
         size = f"{self.unknowns} unknowns, {len(self.terms)} terms"
@@ -186,7 +198,48 @@ class Problem:
         symmetric = all(t.symmetric for t in problem.terms if t.slot == "K" and t.coefficient(problem.parameters))
         M, C, K = (problem._slot(slot, moving) for slot in ("M", "C", "K"))
         zero = sp.csr_array((self.unknowns, self.unknowns))
-        return Pencil(zero if M is None else M, zero if K is None else K, C, symmetric)
+        pencil = Pencil(zero if M is None else M, zero if K is None else K, C, symmetric)
+        return replace(pencil, free=problem.free_motions(pencil))
+
+    def free_motions(self, pencil: Pencil | None = None) -> FreeMotions:
+        """Return the motions that nothing holds at the present values of the parameters, and the forces of dampers.
+
+        Parameters
+        ----------
+        pencil : Pencil, optional
+            The matrices at these values, where they are there already.
+        """
+        if self.free is not None:
+            return self.free(self.parameters)
+        acting = [(i, c) for i, t in enumerate(self.terms) if (c := t.coefficient(self.parameters))]
+        stiff = tuple(i for i, _ in acting if self.terms[i].slot == "K")
+        if stiff not in self._unheld:
+            self._unheld[stiff] = self._find_unheld(stiff, pencil)
+        Z = self._unheld[stiff]
+        if self.motions is None and Z.shape[1]:  # an eigenvalue may have been zero by chance where Z was found
+            Z = kernel_within(self.pencil() if pencil is None else pencil, Z)
+        dampers = [(i, c) for i, c in acting if self.terms[i].slot == "C"]
+        if not dampers or not Z.shape[1]:
+            return FreeMotions(Z, np.zeros_like(Z) if dampers else None)
+        return FreeMotions(Z, np.asarray(sum(c * self._damping(i, Z) for i, c in dampers)))
+
+    def _damping(self, i: int, Z: np.ndarray) -> np.ndarray:
+        """Return the forces (n, k) of a term along some motions, zero where they are rounding."""
+        known = self._unheld.get(("damping", i))
+        if known is None or known[0] is not Z:
+            A = self.terms[i].matrix
+            N = unforced(A, Z, _FREE)
+            self._unheld["damping", i] = known = Z, A @ (Z - Z @ N @ N.T)
+        return known[1]
+
+    def _find_unheld(self, stiff: tuple[int, ...], pencil: Pencil | None) -> np.ndarray:
+        """Return the motions that some of the terms leave free."""
+        if self.motions is None:
+            return find_kernel(self.pencil() if pencil is None else pencil)
+        Z = self.motions
+        for i in sorted(stiff, key=lambda i: self.terms[i].matrix.nnz):  # small springs and contacts hold most of them
+            Z = Z @ unforced(self.terms[i].matrix, Z, _FREE)
+        return Z
 
     @property
     def mass(self) -> sp.csr_array:
@@ -232,15 +285,25 @@ class Problem:
             skew = all(t.skew for t, _ in parts)
             name = f"{slot}{power}" + ("" if symmetric else "n") + ("i" if imaginary else "")
             terms.append(Term(name, slot, matrix, symmetric, {paths[0]: power}, skew, imaginary))
-        return Problem(tuple(terms), dict.fromkeys(paths, self.value(parameter)))
+        own = self.parameters
+
+        def free(values: Mapping[str, float]) -> FreeMotions:
+            return replace(self, parameters={**own, **{p: values[p] for p in paths}}).free_motions()
+
+        return Problem(tuple(terms), dict.fromkeys(paths, self.value(parameter)), free=free)
 
     def project(self, V: np.ndarray) -> Problem:
-        """Return the Galerkin projection of every term on the columns of a real V (n, r): terms VᵀAV of size r."""
+        """Return the Galerkin projection of every term on the columns of a real V (n, r): terms VᵀAV of size r.
+
+        What is free among the combinations of V is for the caller to say: entries of the projected matrices are too
+        small to tell it from rounding.
+        """
+        none = FreeMotions.none(V.shape[1])
         terms = []
         for t in self.terms:
             rows = np.flatnonzero(np.diff(t.matrix.indptr))  # springs and contacts have few
             terms.append(replace(t, matrix=sp.csr_array(cross(V[rows], times(sp.csr_array(t.matrix[rows]), V)))))
-        return Problem(tuple(terms), self.parameters)
+        return Problem(tuple(terms), self.parameters, free=lambda _: none)
 
     def derivative(self, parameter: str, slot: Slot, **values: float) -> sp.csr_array | None:
         """Return ∂M, ∂C or ∂K by a parameter; None where it does not depend on it.
@@ -283,7 +346,17 @@ class Problem:
                         powers = {paths_of(parameter)[0]: power}
                         term = Term(f"{slot}{power}", slot, sp.csr_array(matrix), slot == "M" or symmetric, powers)
                         terms.append(replace(term, imaginary=imaginary))
-        return Problem(tuple(terms), dict.fromkeys(paths_of(parameter), low))
+        always = _common([p.free for p in pencils if p.free is not None])
+        return Problem(tuple(terms), dict.fromkeys(paths_of(parameter), low), free=lambda _: always)
+
+
+def _common(found: list[FreeMotions]) -> FreeMotions:
+    """Return the motions that are free in all of several cases."""
+    Z = found[0].motions
+    for other in found[1:]:
+        Q = np.linalg.qr(other.motions)[0]
+        Z = Z @ null_columns(Z - Q @ (Q.T @ Z), _FREE * float(np.linalg.norm(Z)))
+    return FreeMotions(Z)
 
 
 def _sum(parts: list[tuple[Term, float]]) -> sp.csr_array | None:

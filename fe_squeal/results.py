@@ -127,6 +127,7 @@ def write_record(
         "peak_memory_mib": peak_memory_mib(),
         "completeness": result.completeness if result is not None else None,
         "completeness_at": result.points[0].value if result is not None else None,
+        "rigid_motions": int(np.count_nonzero(result.points[0].modes.lam == 0)) if result is not None else None,
         "values": [p.value for p in result.points] if result is not None else [],
         "contacts": {
             name: {"area_m2": c.area, "coverage": c.coverage, "largest_gap_m": float(np.abs(c.separation).max())}

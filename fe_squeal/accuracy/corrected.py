@@ -60,8 +60,11 @@ class CorrectedModel:
         P = weighted(condensed, weights)
         solver = TwoLevelSolver(P, E, factor.solve)
         basis = ReducedBasis(condensed, parameter, weights, model.basis.sigma, None)
-        if model.basis.has_free:
-            basis.expect_free_motions()
+        if model.basis.has_slow:
+            basis.expect_slow_motions()
+        unheld = condensed.free_motions().motions
+        if unheld.shape[1]:
+            basis.append(unheld)
         EV = times(E, model.basis.V)
         basis.append(EV)
         chosen = values[np.unique(np.round(np.linspace(0, len(values) - 1, _CORRECTED)).astype(int))].tolist()
@@ -76,7 +79,7 @@ class CorrectedModel:
             modes = self._asked(basis, value, model)
             assert modes.left is not None
             spanned.append(unit_columns(modes.right, modes.left))
-        W = range_of(np.hstack(spanned), _FINE)
+        W = range_of(np.hstack(spanned), _FINE, basis.free_motions(start).motions)
         self._coordinates = W.T @ self._coordinates
         self.small = basis.restricted(W).condensed()
 

@@ -143,7 +143,7 @@ def _affine(problem: Problem, parameter: str, values: np.ndarray) -> Problem:
     if len(values) > 1:
         return problem.interpolated(parameter, float(values[0]), float(values[-1]))
     here = problem.at(**{parameter: float(values[0])}) if problem.has(parameter) else problem
-    return Problem(here.terms, {**here.parameters, _VALUE: 0.0})
+    return replace(here, parameters={**here.parameters, _VALUE: 0.0}, coupled=frozenset())
 
 
 def _same(corrected: CorrectedModel, before: Modes, now: Modes) -> dict[int, int]:

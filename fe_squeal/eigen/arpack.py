@@ -6,14 +6,19 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from ..errors import NotConvergedError
+from .free_modes import FreeModes
 from .linear_solvers import solver_name
 from .pencil import Modes, Pencil
 from .quality import in_upper_half, modes_from_lambda, modes_from_theta
 from .shift_invert import ShiftInverted
 
 
-def symmetric_modes(pencil: Pencil, operator: ShiftInverted, count: int, below: int = 0) -> tuple[Modes, bool]:
+def symmetric_modes(
+    pencil: Pencil, operator: ShiftInverted, count: int, below: int = 0, free: FreeModes | None = None
+) -> tuple[Modes, bool]:
     """Return the `count` modes of K φ = θ M φ nearest the shift, K symmetric, and whether these are all.
+
+    The free motions come besides, here and below: the operator must not have them.
 
     Parameters
     ----------
@@ -27,10 +32,14 @@ def symmetric_modes(pencil: Pencil, operator: ShiftInverted, count: int, below: 
         far, x_far = operator.largest_symmetric(below, "SA")
         far, x_far = operator.refined(far[far < sigma], x_far[:, far < sigma])
         theta, x = np.append(far, theta[theta > sigma]), np.hstack([x_far, x[:, theta > sigma]])
+    if free is not None:
+        theta, x, _ = free.beside(theta, x, x)
     return modes_from_theta(pencil, theta, x, x, _method()), every
 
 
-def nonsymmetric_modes(pencil: Pencil, operator: ShiftInverted, count: int) -> tuple[Modes, bool]:
+def nonsymmetric_modes(
+    pencil: Pencil, operator: ShiftInverted, count: int, free: FreeModes | None = None
+) -> tuple[Modes, bool]:
     """Return the `count` modes of K φ = θ M φ nearest the shift, right and left, and whether these are all.
 
     The left modes of a complex K = Kᵀ are φ*.
@@ -45,12 +54,15 @@ def nonsymmetric_modes(pencil: Pencil, operator: ShiftInverted, count: int) -> t
     theta, right = theta[inner], right[:, inner]
     _, partner = linear_sum_assignment(np.abs(theta[:, None] - theta_left[None, inner_left].conj()))
     left = left[:, inner_left[partner]]
+    if free is not None:
+        theta, right, left = free.beside(theta, right, left)
     return modes_from_theta(pencil, theta, right, left, _method()), every
 
 
-def quadratic_modes(pencil: Pencil, operator: ShiftInverted, count: int) -> tuple[Modes, bool]:
-    """Return the modes of (λ²M + λC + K) φ = 0 among the 2·count eigenvalues nearest the shift, and whether all are.
-    """
+def quadratic_modes(
+    pencil: Pencil, operator: ShiftInverted, count: int, free: FreeModes | None = None
+) -> tuple[Modes, bool]:
+    """Return the modes of (λ²M + λC + K) φ = 0 among the 2·count eigenvalues nearest the shift, and whether all are."""
     count = min(2 * count, operator.most)
     lam, right = operator.largest(count)
     every = len(lam) < count or count == operator.size
@@ -60,12 +72,13 @@ def quadratic_modes(pencil: Pencil, operator: ShiftInverted, count: int) -> tupl
     # The left mode of λ is the transposed problem's mode of λ*: ψᴴQ(λ) = 0 is Q(λ)ᴴψ = 0.
     _, partner = linear_sum_assignment(np.abs(lam[:, None] - lam_left[None, inner_left].conj()))
     left, upper = left[:, inner_left[partner]], in_upper_half(pencil, lam)
-    return modes_from_lambda(pencil, lam[upper], right[:, upper], left[:, upper], _method()), every
+    lam, right, left = lam[upper], right[:, upper], left[:, upper]
+    if free is not None:
+        lam, right, left = free.beside(lam, right, left)
+    return modes_from_lambda(pencil, lam, right, left, _method()), every
 
 
-def _common(
-    theta: np.ndarray, theta_left: np.ndarray, sigma: float, every: bool
-) -> tuple[np.ndarray, np.ndarray]:
+def _common(theta: np.ndarray, theta_left: np.ndarray, sigma: float, every: bool) -> tuple[np.ndarray, np.ndarray]:
     """Return the positions of right and left eigenvalues inside the widest clear ring around sigma.
 
     Inside, both sets are the same; at the rim a conjugate pair or a multiple eigenvalue may be cut by one of them.

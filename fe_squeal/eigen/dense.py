@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg as la
 
 from ..errors import NotConvergedError
+from .free_modes import FreeModes, split_off
 from .pencil import Modes, Pencil
 from .quality import in_upper_half, modes_from_lambda, modes_from_theta
 from .refine import ACCURATE, pair_errors, refine
@@ -33,23 +34,76 @@ def solve_dense(pencil: Pencil, highest: float = np.inf) -> Modes:
     array([1., 3.])
     """
     d, omega0 = pencil.units
+    free = split_off(pencil)
     pencil = pencil.dense()
-    K, M, C = pencil.K, pencil.M, pencil.C
-    K, M = d[:, None] * K * d, omega0**2 * d[:, None] * M * d
-    if C is not None:
-        C = omega0 * d[:, None] * C * d
-        lam, right, left, error = _best([K, C, M], _damped_methods(M, C, K), highest / omega0)
-        keep = in_upper_half(pencil, omega0 * lam)
-        pairs = refine([K, C, M], lam[keep], right[:, keep], left[:, keep], error[keep])
-        lam, right, left = _finite([K, C, M], pairs, _HUGE)
-        return modes_from_lambda(pencil, omega0 * lam, d[:, None] * right, d[:, None] * left, LAPACK)
+    M, K = omega0**2 * d[:, None] * pencil.M * d, d[:, None] * pencil.K * d
+    if pencil.C is None:
+        v, right, left = _undamped_pairs(pencil, M, K, (highest / omega0) ** 2, free)
+        if not pencil.is_complex and not v.imag.any():
+            v, right, left = v.real, right.real, left.real
+    else:
+        C = omega0 * d[:, None] * pencil.C * d
+        v, right, left = _damped_pairs(pencil, M, C, K, highest / omega0, free)
+    v, right, left = (omega0 if pencil.C is not None else omega0**2) * v, d[:, None] * right, d[:, None] * left
+    if free is not None:
+        v, right, left = free.beside(v, right, left)
+    modes = modes_from_theta if pencil.C is None else modes_from_lambda
+    return modes(pencil, v, right, left, LAPACK)
+
+
+def _undamped_pairs(pencil: Pencil, M: np.ndarray, K: np.ndarray, highest: float, free: FreeModes | None) -> Pairs:
+    """Return the eigenpairs K x = θ M x of scaled matrices, without those of free motions."""
+    d, A, X = pencil.units[0][:, None], [K, -M], None
+    if free is not None:
+        X = complement(M @ (free.right / d))
+        A = [X.T @ part @ X for part in A]
+    if not len(A[0]):
+        return np.zeros(0), np.zeros((len(K), 0)), np.zeros((len(K), 0))
     real_symmetric = pencil.symmetric and not pencil.is_complex
-    methods = _symmetric_methods(M, K) if real_symmetric else _undamped_methods(M, K)
-    pairs = refine([K, -M], *_best([K, -M], methods, (highest / omega0) ** 2))
-    theta, right, left = _finite([K, -M], pairs, _HUGE**2)
-    if not pencil.is_complex and not theta.imag.any():
-        theta, right, left = theta.real, right.real, left.real
-    return modes_from_theta(pencil, omega0**2 * theta, d[:, None] * right, d[:, None] * left, LAPACK)
+    methods = (_symmetric_methods if real_symmetric else _undamped_methods)(-A[1], A[0])
+    theta, right, left = _finite(A, refine(A, *_best(A, methods, highest)), _HUGE**2)
+    if X is None or free is None:
+        return theta, right, left
+    right, left, Z, MW = X @ right, X @ left, free.right / d, M @ (free.left / d)
+    return theta, right - Z @ (np.linalg.pinv(MW.conj().T @ Z) @ (MW.conj().T @ right)), left
+
+
+def complement(MZ: np.ndarray) -> np.ndarray:
+    """Return orthonormal X (n, n − k) with XᵀMZ = 0, whose columns are single unknowns where MZ has no row.
+
+    With K Z = 0 the left modes of other eigenvalues lie in the span of X, and XᵀKX, XᵀMX have these eigenvalues alone.
+    """
+    order = np.argsort(~MZ.any(axis=1), kind="stable")  # reflections then leave the rows without mass alone
+    X = np.empty((len(MZ), len(MZ) - MZ.shape[1]))
+    X[order] = la.qr(MZ[order], mode="full")[0][:, MZ.shape[1] :]
+    return X
+
+
+def _damped_pairs(
+    pencil: Pencil, M: np.ndarray, C: np.ndarray, K: np.ndarray, highest: float, free: FreeModes | None
+) -> Pairs:
+    """Return the eigenpairs of scaled matrices in the upper half plane, without those of free motions."""
+    d, omega0 = pencil.units
+    A, X, Z = [K, C, M], None, None
+    if free is not None and free.closed.shape[1]:
+        Z = free.closed / d[:, None]
+        X = complement(M @ Z)
+        A = [X.T @ part @ X for part in A]
+    if not len(A[0]):
+        return np.zeros(0, complex), np.zeros((len(K), 0)), np.zeros((len(K), 0))
+    lam, right, left, error = _best(A, _damped_methods(*A[::-1]), highest)
+    keep = in_upper_half(pencil, omega0 * lam)
+    if free is not None:  # the nearest to zero are the zeros, whose number is known
+        keep[np.argsort(np.abs(lam), kind="stable")[: free.zeros]] = False
+    lam, right, left = _finite(A, refine(A, lam[keep], right[:, keep], left[:, keep], error[keep]), _HUGE)
+    if X is None or Z is None:
+        return lam, right, left
+    # C Z = M Z D and XᵀMZ = 0: forces on Z by the others move it, and it moves nothing. Q(λ)(Xa + Zc) = 0 in Z's rows.
+    right, left = X @ right, X @ left
+    inertia = lam[:, None, None] ** 2 * (Z.T @ M @ Z) + lam[:, None, None] * (Z.T @ C @ Z)
+    forces = (Z.T @ C @ right) * lam + Z.T @ K @ right
+    moved = np.linalg.pinv(inertia) @ forces.T[:, :, None]
+    return lam, right - Z @ moved[:, :, 0].T, left
 
 
 def _best(

@@ -14,6 +14,7 @@ _EQUAL = 1e-9  # relative distance below which eigenvalues count as one multiple
 _ONE_SHAPE = 64 * ROUNDING  # of the squared sine between two modes: below it they are one shape
 _NEARLY_REAL = 1e-6  # Im λ over |λ| that may be two equal real eigenvalues
 _APART = 1e-6  # of the squares of vectors: what counts as a direction of its own
+_MARGIN = 64  # times what rounding leaves of a single sum
 _EXACT = 1e-11  # backward error of a mode that is one for itself
 
 
@@ -54,7 +55,8 @@ def separated(
     """
     if pencil.is_complex:
         return lam, right, left
-    zero = np.abs(lam) <= rounding_of_zero(pencil, lam, right)
+    # Exact zeros are those of free motions, which are told apart already.
+    zero = (lam != 0) & (np.abs(lam) <= rounding_of_zero(pencil, lam, right))
     groups = [np.flatnonzero(zero)] if zero.any() else []
     groups += [np.array([i]) for i in np.flatnonzero(~zero & (lam.imag > 0) & (lam.imag <= _NEARLY_REAL * np.abs(lam)))]
     gone, found = [], []
@@ -127,7 +129,9 @@ def _clusters(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return cluster, size
 
 
-def biorthogonal(left: np.ndarray, gram: np.ndarray, values: np.ndarray) -> np.ndarray:
+def biorthogonal(
+    left: np.ndarray, gram: np.ndarray, values: np.ndarray, rounding: np.ndarray | None = None
+) -> np.ndarray:
     """Return left modes ψ with ψᴴ(weight)φ = 1 for their own φ and 0 within a multiple eigenvalue.
 
     Each pair is scaled by itself, so that a small ψᴴφ shows as the large condition number it is; only within a cluster
@@ -140,15 +144,20 @@ def biorthogonal(left: np.ndarray, gram: np.ndarray, values: np.ndarray) -> np.n
         ψ_iᴴ(weight)φ_j of the given left vectors.
     values : (k,)
         Eigenvalues, in the order of both.
+    rounding : (k,), optional
+        What rounding leaves of ψᴴ(weight)φ, where an eigenvalue is exactly known and may be defective: its left vectors
+        are then zero.
     """
+    rounding = np.zeros(len(values)) if rounding is None else _MARGIN * rounding
     left = left.astype(np.result_type(left, gram))
     cluster, size = _clusters(values)
     alone = np.flatnonzero(size[cluster] == 1)
     own = gram.diagonal()[alone]
-    left[:, alone] *= np.divide(1.0, own, out=np.zeros_like(own), where=own != 0).conj()
+    left[:, alone] *= np.divide(1.0, own, out=np.zeros_like(own), where=np.abs(own) > rounding[alone]).conj()
     for c in np.flatnonzero(size > 1):
         i = np.flatnonzero(cluster == c)
         block = gram[np.ix_(i, i)]
         unit = np.abs(block).max() or 1.0
-        left[:, i] = left[:, i] @ (np.linalg.pinv(block / unit, rcond=np.finfo(float).eps) / unit).conj().T
+        least = max(np.finfo(float).eps, min(rounding[i].max() / unit, 1.0))
+        left[:, i] = left[:, i] @ (np.linalg.pinv(block / unit, rcond=least) / unit).conj().T
     return left

@@ -15,6 +15,27 @@ ProblemClass = Literal["symmetric", "nonsymmetric", "quadratic", "complex"]
 
 
 @dataclass(frozen=True)
+class FreeMotions:
+    """Motions Z with K Z = 0, which nothing holds.
+
+    Attributes
+    ----------
+    motions : (n, k) float
+        Linearly independent columns; k = 0 where every motion is held.
+    damping : (n, k) float or None
+        C Z, the forces of dampers, without rounding of what cancels in them; None without damping.
+    """
+
+    motions: np.ndarray
+    damping: np.ndarray | None = None
+
+    @classmethod
+    def none(cls, n: int) -> FreeMotions:
+        """Return those of a problem of n unknowns in which every motion is held."""
+        return cls(np.zeros((n, 0)), np.zeros((n, 0)))
+
+
+@dataclass(frozen=True)
 class Pencil:
     """Matrices of (λ²M + λC + K) u = 0.
 
@@ -31,6 +52,8 @@ class Pencil:
     cancelled : (n, n) float array or None, N/m
         Sizes of what cancelled when K was projected, where that is more than its entries show: rounding of these moves
         eigenvalues that are zero.
+    free : FreeMotions or None
+        Motions that nothing holds. None where they are not known: they are then looked for, see `kernel`.
     """
 
     M: sp.csr_array
@@ -38,6 +61,7 @@ class Pencil:
     C: sp.csr_array | None = None
     symmetric: bool = False
     cancelled: np.ndarray | None = None
+    free: FreeMotions | None = None
 
     @property
     def n(self) -> int:
@@ -100,7 +124,7 @@ class Pencil:
         if self.symmetric and self.C is None and not self.is_complex:
             return self
         C = None if self.C is None else sp.csr_array(self.C.T)
-        return replace(self, K=sp.csr_array(self.K.T.conj()), C=C)
+        return replace(self, K=sp.csr_array(self.K.T.conj()), C=C, free=None)
 
 
 @dataclass(frozen=True)

@@ -39,9 +39,8 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     rigid = np.abs(theta) <= u_theta
     lam = np.where(rigid, 0.0, lam)
     # |√(θ+δ) − √θ| is at most δ/2√θ to first order, and at most √δ always.
-    with np.errstate(divide="ignore"):
-        u_re = np.minimum(u_theta / (2 * np.abs(lam)), np.sqrt(u_theta))
-        condition = amplification / (2 * np.abs(theta))
+    u_re = np.minimum(_over(u_theta, 2 * np.abs(lam)), np.sqrt(u_theta))
+    condition = _over(amplification, 2 * np.abs(theta))
     if pencil.is_complex:
         divergent = np.zeros(0, dtype=int)
         u_re = _outside_the_law(lam, u_re)
@@ -69,14 +68,16 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     # ψ_iᴴ((λ_i + λ_j)M + C)φ_j vanishes for λ_i ≠ λ_j, and is ψᴴ(2λM + C)φ on the diagonal.
     lefts = unit_mass(pencil, left)
     mass = left.conj().T @ (pencil.M @ right)
-    left = biorthogonal(left, (lam[:, None] + lam[None, :]) * mass + left.conj().T @ (pencil.C @ right), lam)
+    gram = (lam[:, None] + lam[None, :]) * mass + left.conj().T @ (pencil.C @ right)
+    left = biorthogonal(left, gram, lam, _rounding_at_rest(pencil, lam, right, left))
     residual = pencil.apply(lam, right)
     magnitude = pencil.magnitude(lam, right)
     backward = _backward_errors(pencil, residual, magnitude)
     first_order, amplification = _perturbation(left, residual, magnitude, lam)
     dissipation = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.C @ right))
     least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
-    least = least / np.maximum(2 * np.abs(lam) + dissipation, np.finfo(float).tiny)
+    with np.errstate(over="ignore"):  # a mode at rest that nothing damps moves by its rounding however large
+        least = least / np.maximum(2 * np.abs(lam) + dissipation, np.finfo(float).tiny)
     u = _near_coalescence(first_order, least, lam)
     slope = np.where(lam == 0, np.inf, 2 * np.abs(lam))
     u = np.maximum(u, defective_error(pencil, lam, right, lefts, magnitude / slope))
@@ -89,9 +90,16 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     order = np.lexsort((-lam.real, lam.imag))
     if pencil.is_complex:
         order = order[lam[order].imag >= 0]
-    with np.errstate(divide="ignore"):
-        condition = amplification / np.abs(lam)
+    condition = _over(amplification, np.abs(lam))
     return Modes(lam, right, left, backward, u, condition, method).select(order)
+
+
+def _rounding_at_rest(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """Return for each mode what rounding leaves of ψᴴCφ where λ is known to be zero, and 0 for all others."""
+    found, known = np.zeros(len(lam)), np.flatnonzero(lam == 0)
+    if len(known) and pencil.C is not None:
+        found[known] = ROUNDING * np.einsum("ij,ij->j", np.abs(left[:, known]), abs(pencil.C) @ np.abs(right[:, known]))
+    return found
 
 
 def in_upper_half(pencil: Pencil, lam: np.ndarray) -> np.ndarray:
@@ -168,7 +176,13 @@ def _near_coalescence(first_order: np.ndarray, least: np.ndarray, values: np.nda
 
 def _backward_errors(pencil: Pencil, residual: np.ndarray, magnitude: np.ndarray) -> np.ndarray:
     d = pencil.units[0][:, None]
-    return _column_norms(d * residual) / _column_norms(d * magnitude)
+    left, size = _column_norms(d * residual), _column_norms(d * magnitude)
+    return np.divide(left, size, out=np.zeros(len(left)), where=left > 0)  # no force at all on an unknown of its own
+
+
+def _over(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return a / b, infinite where b is zero."""
+    return np.divide(a, b, out=np.full(len(b), np.inf), where=b != 0)
 
 
 def _column_norms(x: np.ndarray) -> np.ndarray:

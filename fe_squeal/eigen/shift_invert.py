@@ -12,6 +12,7 @@ from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator
 
 from ..errors import NotConvergedError
 from .dense import DENSE_LIMIT
+from .free_modes import FreeModes, States
 from .linear_solvers import Factor, Solve, factorize
 from .memory import require_vectors
 from .pencil import Pencil
@@ -45,6 +46,9 @@ class ShiftInverted:
     ----------
     sigma : float
         A shift of θ, rad²/s², with C one of λ, rad/s.
+    free : FreeModes, optional
+        What is known of motions that nothing holds. Their eigenvalues, multiple and with damping defective, are taken
+        out of the operator by the spectral projector: it has zero in their place, which stands for infinity.
 
     Attributes
     ----------
@@ -56,7 +60,7 @@ class ShiftInverted:
         How many eigenvalues can be asked for.
     """
 
-    def __init__(self, pencil: Pencil, sigma: float) -> None:
+    def __init__(self, pencil: Pencil, sigma: float, free: FreeModes | None = None) -> None:
         d, omega0 = pencil.units
         self._d = d if d.max() > _ALIKE * d.min() else None
         self._unit = omega0**2 if pencil.C is None else omega0
@@ -72,6 +76,13 @@ class ShiftInverted:
         self.most = self.size if self.size <= 2 * DENSE_LIMIT else self.size - 2
         if not len(self._mass):
             raise NotConvergedError("no unknown has a mass")
+        self._free_motions: tuple[np.ndarray, np.ndarray] | None = None
+        self._free: tuple[Solve, Solve] | None = None  # without the known eigenvalues: of the problem, of the adjoint
+        if free is not None:
+            own, other = (self._own_units(s, d, omega0) for s in (free.states, free.adjoint_states))
+            self._free = self._projector(own, other, adjoint=False), self._projector(other, own, adjoint=True)
+            Z, MW = own[0], pencil.M @ other[0]
+            self._free_motions = Z, np.linalg.pinv(MW.conj().T @ Z) @ MW.conj().T
 
     def largest(self, count: int, adjoint: bool = False) -> Pairs:
         """Return the θ or λ nearest the shift and the vectors u; fewer where there are no more.
@@ -85,11 +96,16 @@ class ShiftInverted:
         respond = (self._undamped if self.pencil.C is None else self._damped)(solve, adjoint)
         dtype, k = self.pencil.K.dtype, len(self._active)
 
-        def apply(z: np.ndarray) -> np.ndarray:
+        def step(z: np.ndarray) -> np.ndarray:
             u = respond(z)
             if self.pencil.C is None:
                 return u[self._active]
             return np.concatenate([u[self._active], u[self._mass] + z[:k][self._moving] / self._shift])
+
+        remain = None if self._free is None else self._free[adjoint]
+
+        def apply(z: np.ndarray) -> np.ndarray:
+            return step(z) if remain is None else remain(step(remain(z)))
 
         if self._takes_all(count):
             nu, z = la.eig(apply(np.eye(self.size, dtype=dtype)))
@@ -98,6 +114,7 @@ class ShiftInverted:
         else:
             operator = LinearOperator((self.size, self.size), matvec=apply, dtype=dtype)
             v0, basis = _start(self.size).astype(dtype), _basis_size(count, self.size)
+            v0 = v0 if remain is None else remain(v0)
             require_vectors(self.size, basis + 2 * count, v0.itemsize)
             nu, z = _run(lambda: eigs(operator, count, which="LM", tol=_TOLERANCE, v0=v0, ncv=basis), count)
         nu, z = _nonzero(nu, z, self.size)
@@ -107,18 +124,22 @@ class ShiftInverted:
         """Return θ and φ of an undamped symmetric pencil: those nearest the shift ("LM"), or those below it ("SA")."""
         n, sigma, rows = self.pencil.n, self._shift, self._active
         M = sp.csr_array(_columns(self.pencil.M, rows)[rows]) if self.size < n else self.pencil.M
+        respond = self._without_free
         if self._takes_all(count):
             root = _root(M.toarray())
-            x = self._factor.solve(self._pad(root))
+            x = respond(self._factor.solve(self._pad(root)))
             nu, y = la.eigh(root.T @ x[rows])
             order = np.argsort(-np.abs(nu) if which == "LM" else nu)[:count]
             nu, y = _nonzero(nu[order], y[:, order], self.size)
             return self._unit * (sigma + 1 / nu), self._in_units(x @ y)
         require_vectors(self.size, _basis_size(count, self.size) + 2 * count, 8)
-        operator = LinearOperator(M.shape, matvec=lambda b: self._factor.solve(self._pad(b))[rows], dtype=float)
+        operator = LinearOperator(
+            M.shape, matvec=lambda b: respond(self._factor.solve(self._pad(b)))[rows], dtype=float
+        )
+        v0 = respond(self._pad(_start(self.size)))[rows]
         theta, x = _run(
             lambda: eigsh(
-                M, count, M=M, sigma=sigma, which=which, OPinv=operator, tol=_TOLERANCE, v0=_start(self.size),
+                M, count, M=M, sigma=sigma, which=which, OPinv=operator, tol=_TOLERANCE, v0=v0,
                 ncv=_basis_size(count, self.size),
             ),
             count,
@@ -126,7 +147,7 @@ class ShiftInverted:
         plain = self.size == n and self._d is None  # else the M-norm may hardly see some unknowns
         nu, index = _nonzero(1 / (theta - sigma), np.arange(len(theta))[None, :], self.size)
         theta, x = theta[index[0]], x[:, index[0]]
-        return self._unit * theta, self._in_units(x if plain else self._factor.solve(self._pad(M @ x)))
+        return self._unit * theta, self._in_units(x if plain else respond(self._factor.solve(self._pad(M @ x))))
 
     def refined(self, theta: np.ndarray, x: np.ndarray) -> Pairs:
         """Return eigenpairs of a symmetric pencil that lie far from the shift, improved by inverse iteration."""
@@ -162,6 +183,34 @@ class ShiftInverted:
         sigma, k = self._shift, len(self._active)
         return lambda z: -solve(M @ (z[k:] * sigma + sigma * z[:k][self._moving]) + C @ z[:k])
 
+    def _own_units(self, states: States, d: np.ndarray, omega0: float) -> States:
+        """Return states (u, λu) in the units of the scaled pencil."""
+        d = d if self._d is not None else np.ones(len(d))
+        return states[0] / d[:, None], states[1] / d[:, None] / omega0
+
+    def _projector(self, states: States, others: States, adjoint: bool) -> Solve:
+        """Return z ↦ z − S (LᴴS)⁻¹ Lᴴz for the invariant states S of this problem and `others` of the adjoint one.
+
+        A state (a, b) of the adjoint problem belongs to the left vectors L = (Cᵀa + Mb, Ma) of this one.
+        """
+        pencil, (u, v), (a, b) = self.pencil, states, others
+        if pencil.C is None:
+            S, L = u[self._active], (pencil.M @ a)[self._active]
+        else:
+            C = pencil.C if adjoint else sp.csr_array(pencil.C.T)
+            S = np.vstack([u[self._active], v[self._mass] / self._shift])
+            L = np.vstack([(C @ a + pencil.M @ b)[self._active], self._shift * (pencil.M @ a)[self._mass]])
+        S = S / np.linalg.norm(S, axis=0)
+        weights = np.linalg.pinv(L.conj().T @ S) @ L.conj().T
+        return lambda z: z - S @ (weights @ z)
+
+    def _without_free(self, u: np.ndarray) -> np.ndarray:
+        """Return displacements (n, ...) of an undamped symmetric pencil less their parts in its free motions."""
+        if self._free_motions is None:
+            return u
+        Z, weights = self._free_motions
+        return np.asarray(u - Z @ (weights @ u))
+
     def _pad(self, b: np.ndarray) -> np.ndarray:
         full = np.zeros((self.pencil.n, *b.shape[1:]), b.dtype)
         full[self._active] = b
@@ -180,7 +229,7 @@ def _scaled(pencil: Pencil, d: np.ndarray | None, omega0: float) -> Pencil:
         return A if factor == 1 else A * factor
 
     C = None if pencil.C is None else scale(pencil.C, omega0)
-    return replace(pencil, M=scale(pencil.M, omega0**2), C=C, K=scale(pencil.K, 1.0))
+    return replace(pencil, M=scale(pencil.M, omega0**2), C=C, K=scale(pencil.K, 1.0), free=None)
 
 
 def _columns(A: sp.csr_array, index: np.ndarray) -> sp.csr_array:

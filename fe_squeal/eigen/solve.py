@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -10,9 +10,11 @@ import scipy.sparse as sp
 from ..errors import NotConvergedError
 from .arpack import nonsymmetric_modes, quadratic_modes, symmetric_modes
 from .dense import DENSE_LIMIT, LAPACK, solve_dense
+from .free_modes import FreeModes, split_off
 from .inertia import count_below, finite_below
+from .kernel import kernel_within
 from .linear_solvers import SingularError
-from .pencil import Modes, Pencil, is_mirror
+from .pencil import FreeMotions, Modes, Pencil, is_mirror
 from .shift_invert import ShiftInverted
 
 # Of the largest ratio of diagonal stiffness to mass: far below any elastic mode, far above rounding.
@@ -131,26 +133,26 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None) -> Modes
     else:
         # Just below zero: the eigenvalues nearest are then all those of |θ| up to a limit, flutter and divergence too.
         sigma = -((_BELOW * band) ** 2) if band is not None else -_RIGID_SHIFT * _largest_ratio(pencil)
-    moves = 0
-    operator, divergent = _shifted(pencil, sigma)
+    moves, free = 0, split_off(pencil)
+    operator, divergent = _shifted(pencil, sigma, free)
     while True:
         sought = min(sought, operator.most)
         try:
             if pencil.C is not None:
-                modes, every = quadratic_modes(pencil, operator, sought)
+                modes, every = quadratic_modes(pencil, operator, sought, free)
             elif pencil.problem_class == "symmetric":
-                modes, every = symmetric_modes(pencil, operator, sought, divergent)
+                modes, every = symmetric_modes(pencil, operator, sought, divergent, free)
             else:
-                modes, every = nonsymmetric_modes(pencil, operator, sought)
+                modes, every = nonsymmetric_modes(pencil, operator, sought, free)
         except SingularError:
             if moves == _MOVES:
                 raise
             moves += 1
-            operator, divergent = _shifted(pencil, operator.sigma * _MOVE)
+            operator, divergent = _shifted(pencil, operator.sigma * _MOVE, free)
             continue
         if moves < _MOVES and _nearest(pencil, modes, operator.sigma) < _CLEAR * abs(operator.sigma):
             moves += 1
-            operator, divergent = _shifted(pencil, operator.sigma * _MOVE)
+            operator, divergent = _shifted(pencil, operator.sigma * _MOVE, free)
             continue
         sigma = operator.sigma
         radius = np.inf if every else _known_radius(pencil, modes, sigma)
@@ -164,17 +166,17 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None) -> Modes
         sought = int(np.clip(growth, 1.2, 3.0) * sought) + 4
 
 
-def _shifted(pencil: Pencil, sigma: float) -> tuple[ShiftInverted, int]:
+def _shifted(pencil: Pencil, sigma: float, free: FreeModes | None) -> tuple[ShiftInverted, int]:
     """Return the shift-inverted operator at a shift, or beside it where that is an eigenvalue; θ below it (symmetric).
     """
     for _ in range(_MOVES):
         try:
-            operator = ShiftInverted(pencil, sigma)
+            operator = ShiftInverted(pencil, sigma, free)
             break
         except SingularError:
             sigma *= _MOVE
     else:
-        operator = ShiftInverted(pencil, sigma)
+        operator = ShiftInverted(pencil, sigma, free)
     divergent = 0
     if pencil.problem_class == "symmetric":
         divergent = finite_below(pencil, operator.negative_pivots) or 0
@@ -269,7 +271,10 @@ def symmetric_part(pencil: Pencil) -> Pencil:
     turned = (pencil.M.diagonal() == 0) & (np.asarray(K.multiply(K.T).sum(axis=1)) < 0)
     if turned.any():
         K = sp.csr_array(sp.diags_array(np.where(turned, -1.0, 1.0)) @ K)
-    return Pencil(pencil.M, sp.csr_array((K + K.T) / 2), symmetric=True)
+    symmetric = Pencil(pencil.M, sp.csr_array((K + K.T) / 2), symmetric=True)
+    if pencil.free is None:
+        return symmetric
+    return replace(symmetric, free=FreeMotions(kernel_within(symmetric, pencil.free.motions)))
 
 
 def shift_below(pencil: Pencil, band: float | None) -> float:

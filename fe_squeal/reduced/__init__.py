@@ -1,6 +1,6 @@
 """Sweeps on a small model of the problem."""
 
 from .model import ReducedModel
-from .vectors import FreeMotions, lift
+from .vectors import SlowMotions, lift
 
-__all__ = ["FreeMotions", "ReducedModel", "lift"]
+__all__ = ["ReducedModel", "SlowMotions", "lift"]

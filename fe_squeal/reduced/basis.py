@@ -85,7 +85,7 @@ class ReducedBasis(Projection):
         """Return the basis that gave `stored`, of the same problem; it cannot be extended any more."""
         basis = cls.__new__(cls)
         Projection.__init__(basis, problem, parameter, numbers["metric"], numbers["sigma"])
-        basis._cancels, basis.has_free = numbers["cancels"], numbers["has_free"]
+        basis._cancels, basis.has_slow = numbers["cancels"], numbers["has_slow"]
         basis.V = arrays["vectors"].T
         basis._units, basis._lines, basis._size = arrays["units"], arrays["lines"], arrays["size"]
         basis._sampled_rows = arrays["sampled_rows"]
@@ -103,7 +103,7 @@ class ReducedBasis(Projection):
             "vectors": self.V.T, "units": self._units, "lines": self._lines, "size": self._size,
             "sampled_rows": self._sampled_rows,
         }  # fmt: skip
-        numbers = {"cancels": self._cancels, "sigma": self.sigma, "has_free": self.has_free}
+        numbers = {"cancels": self._cancels, "sigma": self.sigma, "has_slow": self.has_slow}
         return arrays, {"metric": [float(c) for c in self.metric], **numbers}
 
     def append(self, X: np.ndarray, threshold: float = 0.0) -> int:

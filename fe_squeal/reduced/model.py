@@ -28,7 +28,7 @@ from .vectors import interior_nodes, lift, range_of, real_columns, unit_columns
 _GUARD = 1.25  # times the modes asked for: how many of the undamped problem the basis begins with
 _ROUGH = 1e-4  # accuracy of these modes: what they lack is corrected with the rest
 _LANCZOS = 8  # times these: vectors that their iteration keeps at first
-_FREE = 0.1  # of −σ: θ of what may be a rigid motion, as found roughly
+_SLOW = 0.1  # of −σ: θ of what may be hardly held, as found roughly
 _ROUNDS = 16
 _CANDIDATES = 5  # values at which the basis is corrected until all modes there meet the tolerance
 _CORRECTED = 0.3  # times the tolerance: what is corrected along with what misses it
@@ -102,8 +102,11 @@ class ReducedModel:
         self.factorizations += 1
         self.highest = float(np.sqrt(theta.max(initial=0.0)))
         self.basis = ReducedBasis(condensed, parameter, metric, self._sigma, definite.half_solve)
-        if (theta < -_FREE * self._sigma).any():
-            self.basis.expect_free_motions()
+        if (theta < -_SLOW * self._sigma).any():
+            self.basis.expect_slow_motions()
+        unheld = condensed.free_motions().motions
+        if unheld.shape[1]:
+            self.basis.append(unheld)  # first, so that the basis has them exactly
         self.basis.append(vectors)
         del base, vectors
         first = self._estimated(start)[0]
@@ -320,7 +323,7 @@ class ReducedModel:
                 modes = full.modes(p, self.highest)
                 assert modes.left is not None
                 spanned = np.hstack([spanned, unit_columns(modes.right, modes.left)])
-            W = range_of(spanned, _FINE)
+            W = range_of(spanned, _FINE, full.free_motions(full.problem.value(self.parameter)).motions)
             rounds += 1
             if W.shape[1] > _WORTH * len(full) or rounds > _SUPPLEMENTS:
                 self.basis = full

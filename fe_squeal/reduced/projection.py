@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -10,17 +10,19 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from ..blocks import combine, times
+from ..blocks import combine, cross, times
 from ..eigen.dense import solve_dense
-from ..eigen.pencil import Modes, Pencil
+from ..eigen.kernel import null_columns
+from ..eigen.pencil import FreeMotions, Modes, Pencil
 from ..problem import Problem
 from ..terms import Slot, Term
 from .undamped import weighted
-from .vectors import FreeMotions, lift
+from .vectors import SlowMotions, lift
 
 POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}  # of λ, of what stands in the slot
 _SPARSE = 0.3  # of all rows: what a term has at most that is handled by its own rows
-_RIGID = 1e-3  # of the shift: θ of a motion that nothing holds
+_SLOW = 1e-3  # of the shift: θ of a motion that is hardly held
+_CONTAINED = 1e-12  # of the mass of a motion: what lies outside the basis and is rounding
 _Acting = tuple[np.ndarray | None, sp.csr_array, sp.csr_array | None]
 
 
@@ -41,15 +43,21 @@ class Projection:
         self.problem, self.parameter, self.metric, self.sigma = problem, parameter, metric, sigma
         self.V = np.zeros((problem.unknowns, 0))
         self._small = [np.zeros((0, 0)) for _ in problem.terms]
-        self.has_free = False
-        self._free: tuple[np.ndarray, FreeMotions | None] | None = None  # and of which V
+        self.has_slow = False
+        self._slow: tuple[np.ndarray, SlowMotions | None] | None = None  # and of which V
+        # Motions of the problem, the basis, and those in its span: coordinates and combinations.
+        self._contained: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
 
     def __len__(self) -> int:
         return int(self.V.shape[1])
 
     def project(self, problem: Problem) -> Problem:
         """Return another problem of the same unknowns on the basis."""
-        return problem.project(self.V)
+
+        def free(values: Mapping[str, float]) -> FreeMotions:
+            return self._coordinates(replace(problem, parameters=values).free_motions())
+
+        return replace(problem.project(self.V), free=free)
 
     def pencil(self, value: float) -> Pencil:
         """Return the small matrices at a value of the parameter."""
@@ -66,28 +74,49 @@ class Projection:
             sums[term.slot] = part if before is None else before + part
         M, C, K = (None if A is None else sp.csr_array(A) for A in sums.values())
         assert M is not None and K is not None
-        free = self.free
-        return Pencil(M, K, C, symmetric, None if free is None else free.cancelled)
+        slow = self.slow
+        return Pencil(M, K, C, symmetric, None if slow is None else slow.cancelled, self.free_motions(value))
 
-    def expect_free_motions(self) -> None:
-        """Look for motions that nothing holds from now on."""
-        self.has_free = True
+    def free_motions(self, value: float) -> FreeMotions:
+        """Return the motions that nothing holds at a value of the parameter, in the coordinates of the basis."""
+        return self._coordinates(self.problem.at(**{self.parameter: value}).free_motions())
+
+    def _coordinates(self, known: FreeMotions) -> FreeMotions:
+        """Return those motions of the problem that lie in the span of the basis, in its coordinates."""
+        Z, V = known.motions, self.V
+        if not Z.shape[1]:
+            return FreeMotions.none(V.shape[1])
+        if self._contained is None or self._contained[0] is not Z or self._contained[1] is not V:
+            small, MZ = self._small_mass(), times(self.problem.mass, Z)
+            part = cross(V, MZ)
+            Y = la.lstsq(small, part, lapack_driver="gelsy")[0]
+            mass = Z.T @ MZ
+            N = null_columns(mass - part.T @ Y, _CONTAINED * float(la.norm(mass)))
+            self._contained = Z, V, Y @ N, N
+        Y, N = self._contained[2:]
+        return FreeMotions(Y, None if known.damping is None else cross(V, known.damping) @ N)
+
+    def _small_mass(self) -> np.ndarray:
+        at, pairs = self.problem.parameters, zip(self.problem.terms, self._small, strict=True)
+        return np.asarray(sum(t.coefficient(at) * A for t, A in pairs if t.slot == "M"))
+
+    def expect_slow_motions(self) -> None:
+        """Look for motions that are hardly held from now on."""
+        self.has_slow = True
 
     @property
-    def free(self) -> FreeMotions | None:
-        """The motions that nothing holds, in the coordinates of the basis."""
-        if not self.has_free:
+    def slow(self) -> SlowMotions | None:
+        """The motions that are hardly held, in the coordinates of the basis."""
+        if not self.has_slow:
             return None
-        if self._free is None or self._free[0] is not self.V:
-            at = self.problem.parameters
-            pairs = zip(self.problem.terms, self._small, strict=True)
-            M = sum(t.coefficient(at) * A for t, A in pairs if t.slot == "M")
+        if self._slow is None or self._slow[0] is not self.V:
+            M = self._small_mass()
             nu, Y = la.eigh(M)
-            rigid = (nu > 0) & (np.abs(1 + self.sigma * np.maximum(nu, 0.0)) < _RIGID)  # θ = σ + 1/ν
-            Y = Y[:, rigid] / np.sqrt(nu[rigid])
+            slow = (nu > 0) & (np.abs(1 + self.sigma * np.maximum(nu, 0.0)) < _SLOW)  # θ = σ + 1/ν
+            Y = Y[:, slow] / np.sqrt(nu[slow])
             K = weighted(self.problem, self.metric) + self.sigma * self.problem.mass
-            self._free = self.V, FreeMotions.of(K, lift(self.V, Y), Y.T @ M) if rigid.any() else None
-        return self._free[1]
+            self._slow = self.V, SlowMotions.of(K, lift(self.V, Y), Y.T @ M) if slow.any() else None
+        return self._slow[1]
 
     def modes(self, value: float, highest: float) -> Modes:
         """Return the modes of the small problem up to |λ| = highest, rad/s, with vectors of length r."""
@@ -100,9 +129,7 @@ class Projection:
 
     def undamped_values(self, sigma: float) -> np.ndarray:
         """Return the rising θ of the small problem without damping and friction: VᵀPV = 1, so θ = σ + 1/ν of VᵀMV."""
-        at = self.problem.parameters
-        M = sum(t.coefficient(at) * A for t, A in zip(self.problem.terms, self._small, strict=True) if t.slot == "M")
-        nu = la.eigvalsh(M)[::-1]
+        nu = la.eigvalsh(self._small_mass())[::-1]
         return np.asarray(sigma + 1 / nu[nu > len(nu) * np.finfo(float).eps * nu[0]])
 
     def condensed(self) -> Problem:
@@ -110,7 +137,11 @@ class Projection:
         terms = tuple(
             replace(t, matrix=sp.csr_array(A)) for t, A in zip(self.problem.terms, self._small, strict=True)
         )
-        return Problem(terms, self.problem.parameters)
+
+        def free(values: Mapping[str, float]) -> FreeMotions:
+            return self._coordinates(replace(self.problem, parameters=values).free_motions())
+
+        return Problem(terms, self.problem.parameters, free=free)
 
     @cached_property
     def _acting(self) -> list[_Acting]:

@@ -16,8 +16,8 @@ _DEPENDENT = 1e-4  # eigenvalue of a Gram matrix of unit vectors: what is left t
 
 
 @dataclass(frozen=True)
-class FreeMotions:
-    """Motions that nothing holds, in a small problem: with them its zero eigenvalues are seen to be zero.
+class SlowMotions:
+    """Motions that are hardly held, in a small problem: with them it is seen how little is known of their eigenvalues.
 
     What is left of zᵀKz is rounding of |z|ᵀ|K||z|, far more than of the entries of VᵀKV.
 
@@ -33,13 +33,13 @@ class FreeMotions:
     coordinates: np.ndarray
 
     @classmethod
-    def of(cls, K: sp.csr_array, Z: np.ndarray, coordinates: np.ndarray) -> FreeMotions:
+    def of(cls, K: sp.csr_array, Z: np.ndarray, coordinates: np.ndarray) -> SlowMotions:
         """Return those of the motions Z (n, k) of unit mass."""
         return cls(_MARGIN * np.einsum("ij,ij->j", np.abs(Z), abs(K) @ np.abs(Z)), coordinates)
 
-    def on(self, V: np.ndarray) -> FreeMotions:
+    def on(self, V: np.ndarray) -> SlowMotions:
         """Return the same for a smaller basis, of columns V (r, s)."""
-        return FreeMotions(self.sizes, self.coordinates @ V)
+        return SlowMotions(self.sizes, self.coordinates @ V)
 
     @property
     def cancelled(self) -> np.ndarray:
@@ -80,10 +80,11 @@ def unit_columns(right: np.ndarray, left: np.ndarray) -> np.ndarray:
     return np.asarray(new / np.linalg.norm(new, axis=0))
 
 
-def range_of(columns: np.ndarray, least: float) -> np.ndarray:
-    """Return orthonormal columns that span others, up to a part of the largest singular value."""
-    U, s, _ = la.svd(columns, full_matrices=False)
-    return np.asarray(U[:, s > least * s[0]])
+def range_of(columns: np.ndarray, least: float, exact: np.ndarray) -> np.ndarray:
+    """Return orthonormal columns that span `exact`, and others up to a part of the largest singular value."""
+    Q = la.qr(exact, mode="economic")[0]
+    U, s, _ = la.svd(columns - Q @ (Q.T @ columns), full_matrices=False)
+    return np.hstack([Q, U[:, s > least * s[0]]])
 
 
 def _by_parts(apply: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -95,3 +97,46 @@ def test_doublets_are_as_uncertain_as_single_modes():
     ring = annulus("hex2", (2, 16, 1), 0.1, 0.2, 0.02)
     modes = modes_of(make_problem(ring, supports=[{"surface": "hub", "fixed": "xyz"}]), 6)
     assert modes.re_uncertainty[1] > 0.1 * modes.re_uncertainty[0]  # n = 0 and n = 1 at 1604 and 1624 Hz
+
+
+ON_ROLLERS = [{"surface": "bottom", "fixed": "z"}]
+GUIDED = [{"surface": "left", "fixed": "yz"}, {"surface": "right", "fixed": "yz"}]
+SOFT_SPRING = [{"name": "soft", "surface": "top", "direction": [0, 0, 1], "stiffness": 1e-3}]  # 1e-13 of the body's own
+
+
+@pytest.mark.parametrize("away", [0.0, 1e3], ids=["", "far from the origin"])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("tables", "free"),
+    [({}, 6), ({"supports": ON_ROLLERS}, 3), ({"supports": GUIDED}, 1), ({"springs": SOFT_SPRING}, 3)],
+    ids=["free", "on rollers", "guided", "soft spring"],
+)
+def test_motions_that_nothing_holds_are_known_by_geometry(kind, tables, free, away):
+    """Six less what supports and springs hold, however soft: of the free motions all forces are rounding."""
+    problem = make_problem(box(kind, (2, 2, 2), (SIDE,) * 3, (away,) * 3), **tables)
+    pencil = problem.pencil()
+    Z = pencil.free.motions
+    assert Z.shape == (problem.unknowns, free)
+    assert np.linalg.matrix_rank(Z) == free
+    # Coordinates of 1 km are rounded to 1e-13 m, 1e-12 of a cell.
+    assert np.abs(pencil.K @ Z).max() <= 1e-11 * abs(pencil.K).sum(axis=1).max() * np.abs(Z).max()
+
+
+def test_parts_of_a_mesh_move_by_themselves():
+    """Bodies that share nodes are one part, bodies that do not are two, and so are islands of one body."""
+    one, other = box("hex2", (2, 2, 2), (SIDE,) * 3), box("hex2", (2, 2, 2), (SIDE,) * 3, (0, 0, -SIDE), name="belt")
+    assert make_problem(join(one, other)).free_motions().motions.shape[1] == 12
+    halves = {"low": np.arange(4), "high": np.arange(4, 8)}
+    glued = dataclasses.replace(one, _subdomains=halves)
+    assert make_problem(glued).free_motions().motions.shape[1] == 6
+    islands = dataclasses.replace(join(one, other), _subdomains={"both": np.arange(16)})
+    assert make_problem(islands).free_motions().motions.shape[1] == 12
+
+
+def test_a_parameter_that_vanishes_frees_what_it_held():
+    """At stiffness 0 the spring holds nothing: three motions more are free there, and only there."""
+    problem = make_problem(box("hex1", (2, 2, 2), (SIDE,) * 3), order=1, springs=[{**SOFT_SPRING[0], "stiffness": 1e6}])
+    stiffness = "springs.soft.stiffness"
+    assert [problem.at(**{stiffness: k}).free_motions().motions.shape[1] for k in (1e6, 0.0, 1e3)] == [3, 6, 3]
+    swept = problem.prepared(stiffness, np.array([0.0, 1e6])).condensed(stiffness)
+    assert [swept.at(**{stiffness: k}).pencil().free.motions.shape[1] for k in (0.0, 1.0)] == [6, 3]

@@ -98,6 +98,28 @@ def test_divergence_beside_a_rigid_motion(record, counts, method):
     record(digits(rest, near), "the zero stays zero, both divergences are found", *judged(plain_eigs(pencil, 10), near))
 
 
+@pytest.mark.parametrize("effects", ["rayleigh", "beta", "loss", "slip"])
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+def test_damped_pad_held_by_friction_alone(method, effects):
+    """Three free motions at every μ, by both ways, whatever damps the pad; −α three times where mass does."""
+    rayleigh = {"alpha": 20.0 if effects == "rayleigh" else 0.0, "beta": 1e-7}
+    more = {
+        "rayleigh": {"rayleigh": rayleigh}, "beta": {"rayleigh": rayleigh},
+        "loss": {"structural_damping": {}}, "slip": {"friction_damping": {"contact_pressure": 1e5}},
+    }[effects]  # fmt: skip
+    lining = {"lining": {**LINING, "loss_factor": 0.02 if effects == "loss" else 0.0}}
+    contact = {"surface": "bottom", "counterface": "rigid", "normal_stiffness": SOFT, "sliding": BELT}
+    mesh = box("hex2", (6, 4, 2), SIDES, (-SIDES[0] / 2, -SIDES[1] / 2, 0.0))
+    problem = make_problem(mesh, materials=lining, contacts=[contact], effects={"friction": {"mu": 0.3}, **more})
+    result = fe_squeal.sweep(problem, [0.2, 0.25, 0.3], modes=8, method=method)
+    assert "3 of the modes are rigid motions" in result.doubts[0]
+    for point in result.points:
+        lam = point.modes.lam
+        assert (lam == 0).sum() == 3 and set(point.modes.stability[lam == 0]) == {"marginal"}
+        if effects == "rayleigh":
+            assert np.count_nonzero(np.abs(lam + 20.0) < 1e-6) == 3
+
+
 @pytest.mark.parametrize("rayleigh", [(20.0, 0.0), (20.0, 1e-8), (0.0, 1e-8)])
 @pytest.mark.parametrize("cells", [2, 4])
 def test_free_body_with_damping(record, cells, rayleigh):

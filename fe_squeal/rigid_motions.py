@@ -1,0 +1,50 @@
+"""Rigid motions of the parts of a mesh: what a scene leaves free is among them."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from .spaces import DisplacementSpace
+
+_HELD = 1e-9  # of a motion of order one: a displacement at supports that is rounding
+
+
+def rigid_motions(space: DisplacementSpace) -> np.ndarray:
+    """Return the rigid motions (n, k) of every connected part of the mesh that its supports allow.
+
+    A part turns about its centre, by as much as moves its nodes by a unit in the mean. Elastic stiffness leaves all
+    these motions free; springs and contacts may hold them.
+    """
+    part = _parts(space)
+    columns = []
+    for i in range(part.max() + 1):
+        nodes = np.flatnonzero(part == i)
+        x = space.coordinates[nodes]
+        x = x - x.mean(axis=0)
+        x = x / np.sqrt(np.mean(np.sum(x**2, axis=1)))
+        motions = [np.tile(e, (len(x), 1)) for e in np.eye(3)] + [np.cross(e, x) for e in np.eye(3)]
+        R = np.stack([m.ravel() for m in motions], axis=1)  # (3 nodes, 6)
+        rows = (3 * nodes[:, None] + np.arange(3)).ravel()
+        held = R[space.fixed[rows]]
+        if len(held):
+            _, s, turn = la.svd(held, full_matrices=held.shape[0] < 6)
+            s = np.append(s, np.zeros(6 - len(s)))
+            R = R @ turn[s <= _HELD * np.sqrt(len(held))].T
+        for column in R.T:
+            nodal = np.zeros(3 * space.nodes)
+            nodal[rows] = column
+            columns.append(space.gather(nodal.reshape(-1, 3)))
+    return np.stack(columns, axis=1) if columns else np.zeros((space.unknowns, 0))
+
+
+def _parts(space: DisplacementSpace) -> np.ndarray:
+    """Return the number of the connected part of the mesh that each node belongs to, (nodes,) int."""
+    nodes = space.dofs.element_dofs  # (local nodes, elements)
+    elements = np.broadcast_to(np.arange(nodes.shape[1]), nodes.shape)
+    ones = np.ones(nodes.size, bool)
+    incidence = sp.csr_array((ones, (nodes.ravel(), elements.ravel())), shape=(space.nodes, nodes.shape[1]))
+    both = sp.block_array([[None, incidence], [incidence.T, None]])
+    return np.asarray(connected_components(both, directed=False)[1][: space.nodes])
