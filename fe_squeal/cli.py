@@ -81,6 +81,7 @@ def check(
     from .assembly.assembly import assemble
     from .assembly.bodies import read_mesh
     from .assembly.model import model_of
+    from .report.warnings import told_once
     from .run.check import describe, group_table
     from .scene import Scene
     from .scene.file import load_scene
@@ -97,7 +98,7 @@ def check(
     console.print(describe(loaded, problem))
     model = model_of(problem)
     if model is not None:
-        for text in (*model.notes, *(f"warning: {w}" for w in model.warnings)):
+        for text in (*model.notes, *(f"warning: {w}" for w in told_once(model.warnings))):
             console.print(text, markup=False)
     return 0
 
@@ -132,6 +133,7 @@ def onset(scene: SceneFile) -> int:
     """Print the critical values of the sweep parameter alone, to full precision."""
     from .assembly.assembly import assemble
     from .report.tables import print_onsets
+    from .report.warnings import told_once
     from .run.run import sweep_scene
     from .scene.file import load_scene
 
@@ -143,7 +145,7 @@ def onset(scene: SceneFile) -> int:
     print_onsets(result.onsets_dataframe(), console)
     for o in result.onsets:
         console.print(f"{o.parameter} = {o.value!r} ± {o.uncertainty:.1g}, {o.frequency_hz!r} Hz", markup=False)
-    for doubt in result.doubts:
+    for doubt in told_once(result.doubts):
         console.print(f"warning: {doubt}", markup=False)
     return 0
 

@@ -37,6 +37,7 @@ from .effect_stages import (
 )
 from .matrices import matrix_problem
 from .model import Model
+from .units import require_si
 from .warnings import warnings_of_coverage, warnings_of_scene
 
 _SHARED = 0.15  # of the entries of all element matrices: what elements that share nodes leave, or less
@@ -81,6 +82,7 @@ class Assembly:
     def __init__(self, scene: Scene, loaded: LoadedMesh) -> None:
         self.scene = scene
         self.bodies = find_bodies(scene, loaded)
+        require_si(scene, loaded.mesh, self.bodies)
         supports = [
             (find_facets(loaded, s.surface, f"supports[{i}].surface"), s.fixed) for i, s in enumerate(scene.supports)
         ]

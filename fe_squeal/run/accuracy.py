@@ -13,6 +13,8 @@ from rich.table import Table
 
 from ..accuracy.choose import Choice, choose
 from ..accuracy.study import Study, run_study
+from ..assembly.bodies import find_bodies, scene_mesh
+from ..assembly.units import require_si
 from ..errors import NotConvergedError, SceneError
 from ..report.accuracy import accuracy_page, plot_accuracy
 from ..report.advice import QUANTITIES, advice
@@ -36,6 +38,7 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
     """
     whole = _with_mesh(scene, "accuracy")
     solver_of(whole)  # raises where it is not there, before anything is measured
+    check_units(whole)
     if budget is not None and not budget > 0:
         raise SceneError(f"--budget: given {budget:g}; expected a number of seconds above 0")
     with hold_folder(out):
@@ -92,6 +95,7 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
     """
     whole = _with_mesh(scene, "--accuracy")
     solver = solver_of(whole)
+    check_units(whole)
     start = time.perf_counter()
 
     def tell(text: str) -> None:
@@ -128,6 +132,17 @@ def _print_trials(choice: Choice, target: float, console: Console) -> None:
         row = (str(t.setting.order), f"{1e3 * t.setting.size:.3g}", str(t.unknowns), error)
         table.add_row(*row, f"{t.seconds:.1f}")
     console.print(table)
+
+
+def check_units(scene: Scene) -> None:
+    """Raise SceneError where the numbers of a scene cannot be meant in its units, before anything is measured."""
+    mesh = scene_mesh(scene)
+    assert mesh is not None
+    where = f"{scene.source}: " if scene.source is not None else ""
+    try:
+        require_si(scene, mesh.mesh, find_bodies(scene, mesh))
+    except SceneError as error:
+        raise SceneError(f"{where}{error}") from error
 
 
 def _with_mesh(scene: Scene | MatrixScene, what: str) -> Scene:

@@ -21,6 +21,7 @@ from ..errors import INTERRUPTED, InputError, NotConvergedError, SceneError
 from ..problem.problem import Problem
 from ..report.files import remove_partial
 from ..report.tables import print_onsets, print_unstable
+from ..report.warnings import told_once
 from ..scene import MatrixScene, Scene
 from ..sweep.forecast import is_reduced, predict_memory
 from ..sweep.result import Sweep
@@ -92,7 +93,7 @@ def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, 
     if model is not None:
         for text in model.notes:
             console.print(f"note: {text}", markup=False)
-        for text in model.warnings:
+        for text in told_once(model.warnings):
             console.print(f"warning: {text}", markup=False)
     console.print(
         f"{problem.unknowns} unknowns, {problem.problem_class} problem; effects on: "
@@ -241,9 +242,9 @@ def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: 
         f"{result.points[0].value:g} ({proof})",
         markup=False,
     )
-    for doubt in result.doubts:
-        console.print(f"warning: {doubt}", markup=False)
     memory = peak_memory_mib()
     peak = f", {memory:.0f} MiB" if memory is not None else ""
     shapes = ", shapes/" if scene.output.shapes != "none" and (out / SHAPES).is_dir() else ""
     console.print(f"results in {out}: stability.png, root_locus.png{shapes} ({seconds:.1f} s{peak})", markup=False)
+    for doubt in told_once(result.doubts):  # what a sweep doubts last, onsets that it did not find, is the gravest
+        console.print(f"warning: {doubt}", markup=False)

@@ -102,6 +102,7 @@ def test_any_number_may_be_swept(tmp_path: Path) -> None:
     text = SCENE.replace('parameter = "mu"', 'parameter = "contacts.belt.normal_stiffness"')
     text = text.replace("mu = 0.3", "mu = 0.6").replace("youngs_modulus = 2.0e11", "youngs_modulus = 2.0e13")
     text = text.replace("from = 0.0\nto = 0.8", f"from = {1e5 / AREA}\nto = {1e6 / AREA}")
+    text = 'units = "any"\n' + text  # no material is as stiff
     assert main(["run", str(write_scene(tmp_path, text)), "-o", str(tmp_path / "out")]) == 0
     [onset] = read_rows(tmp_path / "out" / "onsets.csv")
     assert (onset["parameter"], onset["direction"]) == ("contacts.belt.normal_stiffness", "into")
