@@ -74,32 +74,37 @@ def run(
 
 @app.command()
 def check(
-    scene: SceneFile,
-    groups: Annotated[bool, typer.Option("--groups", help="List the mesh's groups, with size and place.")] = False,
+    scene: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene, or a mesh.", show_default=False)],
+    groups: Annotated[
+        bool, typer.Option("--groups", help="List the groups of its mesh, or of a mesh file, with size and place.")
+    ] = False,
 ) -> int:
     """Validate scene and mesh without solving."""
     from .assembly.assembly import assemble
-    from .assembly.bodies import read_mesh
     from .assembly.model import model_of
+    from .report.terminal import print_table
     from .report.warnings import told_once
-    from .run.check import describe, group_table
+    from .run.check import describe
+    from .run.free import free_motion_warnings
+    from .run.groups import groups_of_file, groups_of_scene
     from .scene import Scene
     from .scene.file import load_scene
 
-    loaded = load_scene(scene)
-    if groups and isinstance(loaded, Scene):
-        try:
-            found = read_mesh(loaded)
-        except MeshError as error:
-            raise MeshError(f"{scene}: {error}") from error
-        _console().print(group_table(found.mesh))
+    console, bare = _console(), groups and scene.suffix.lower() != ".toml"
+    loaded = None if bare else load_scene(scene)
+    if groups and (loaded is None or isinstance(loaded, Scene)):
+        table, fault = groups_of_file(scene) if loaded is None else groups_of_scene(loaded)
+        print_table(table, console)
+        if fault is not None:
+            raise fault
+    if loaded is None:
+        return 0
     problem = assemble(loaded)
-    console = _console()
-    console.print(describe(loaded, problem))
+    print_table(describe(loaded, problem), console)
     model = model_of(problem)
-    if model is not None:
-        for text in (*model.notes, *(f"warning: {w}" for w in told_once(model.warnings))):
-            console.print(text, markup=False)
+    notes, warnings = ((), ()) if model is None else (model.notes, model.warnings)
+    for text in (*notes, *(f"warning: {w}" for w in told_once((*warnings, *free_motion_warnings(problem))))):
+        console.print(text, markup=False)
     return 0
 
 
@@ -159,6 +164,7 @@ def compare(
     from rich.table import Table
 
     from .compare import compare as compare_cases
+    from .report.terminal import print_table
 
     frame = compare_cases(case)
     table = Table(box=SIMPLE_HEAD)
@@ -170,7 +176,7 @@ def compare(
         table.add_row(name if name != previous else "", quantity, *("none" if n == "nan" else n for n in numbers))
         previous = name
     console = _console()
-    console.print(table, soft_wrap=True)
+    print_table(table, console)
     console.print("Of each spectrum the eigenvalue that differs most is shown; differences fall with 1/E.")
     console.print("The block sprung at its top is no mass point: its rotation takes part, and it does not flutter.")
     return 0
@@ -238,6 +244,7 @@ def info() -> int:
     from rich.table import Table
 
     from .eigen.linear.choice import solver_name
+    from .report.terminal import print_table
     from .version import __version__
 
     table = Table(show_header=False, box=None, pad_edge=False)
@@ -252,7 +259,7 @@ def info() -> int:
     table.add_row("cores", str(os.cpu_count()))
     for key in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         table.add_row(key, os.environ.get(key, "not set"))
-    _console().print(table)
+    print_table(table, _console())
     return 0
 
 

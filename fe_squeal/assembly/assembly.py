@@ -37,6 +37,7 @@ from .effect_stages import (
 )
 from .matrices import matrix_problem
 from .model import Model
+from .names import check_names
 from .units import require_si
 from .warnings import warnings_of_coverage, warnings_of_scene
 
@@ -81,6 +82,7 @@ class Assembly:
 
     def __init__(self, scene: Scene, loaded: LoadedMesh) -> None:
         self.scene = scene
+        check_names(scene, loaded)
         self.bodies = find_bodies(scene, loaded)
         require_si(scene, loaded.mesh, self.bodies)
         supports = [

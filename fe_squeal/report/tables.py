@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fe_squeal.report.branches import numbers, parameter_name, parameter_symbol, total_uncertainty
+from fe_squeal.report.terminal import print_table
 
 MAX_ROWS = 20
 
@@ -53,7 +54,7 @@ def print_unstable(modes: pd.DataFrame, console: Console) -> None:
         else:
             cells = [_name(row.branch), _span(row.first, row.last, ".4g"), *cells, f"{row.peak_value:.4g}"]
         table.add_row(*cells, f"{100 * row.damping_ratio:.3g}", row.noise)
-    console.print(table)
+    print_table(table, console)
     if len(rows) > MAX_ROWS:
         console.print(Text(f"... {len(rows) - MAX_ROWS} more in modes.csv"))
 
@@ -93,7 +94,7 @@ def print_onsets(onsets: pd.DataFrame, console: Console) -> None:
             guess = "?" if np.isnan(mesh[i]) else f"± {mesh[i]:.2g}"
         words = (str(row["kind"]), str(row["direction"]))
         table.add_row(f"{value[i]:.8g}", known, guess, f"{frequency[i]:.6g}", *words, pair)
-    console.print(table)
+    print_table(table, console)
     if len(ordered) > MAX_ROWS:
         console.print(Text(f"... {len(ordered) - MAX_ROWS} more in onsets.csv"))
 

@@ -19,6 +19,7 @@ from ..errors import NotConvergedError, SceneError
 from ..report.accuracy import accuracy_page, plot_accuracy
 from ..report.advice import QUANTITIES, advice
 from ..report.files import replace_atomically, write_csv
+from ..report.terminal import print_table
 from ..scene import MatrixScene, Scene
 from .folder import ACCURACY_FIGURE, ACCURACY_PAGE, ACCURACY_TABLE, MEASUREMENTS, STAGES_TABLE, remove_results
 from .inputs import run_inputs
@@ -131,7 +132,7 @@ def _print_trials(choice: Choice, target: float, console: Console) -> None:
         error = f"{100 * t.error:.2g}" if np.isfinite(t.error) else "not known"
         row = (str(t.setting.order), f"{1e3 * t.setting.size:.3g}", str(t.unknowns), error)
         table.add_row(*row, f"{t.seconds:.1f}")
-    console.print(table)
+    print_table(table, console)
 
 
 def check_units(scene: Scene) -> None:

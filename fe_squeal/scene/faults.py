@@ -1,4 +1,4 @@
-"""Saying in one line what is wrong with a scene."""
+"""Saying in one line all that is wrong with a scene."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ _EXPECTED = {
 }
 _SIGNS = {"greater_than": ">", "greater_than_equal": "≥", "less_than": "<", "less_than_equal": "≤"}
 _KINDS: dict[Any, str] = {float: "a number", int: "a whole number", str: "a text in quotes", tuple: "a list of numbers"}
+_MOST = 50  # faults in one message
 _Keys = tuple[int | str, ...]
 _Table = TypeVar("_Table", bound=BaseModel)
 
@@ -32,14 +33,15 @@ def validated(kind: type[_Table], data: dict[str, Any], source: str) -> _Table:
     Raises
     ------
     SceneError
-        With the source, the key, what was given and what is expected.
+        With the source, and of every fault the key, what was given and what is expected, with " | " between them.
     """
     try:
         return kind.model_validate(data)
     except ValidationError as error:
         faults = _distinct([_locate(fault, data, kind) for fault in error.errors()])
-        tail = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
-        raise SceneError(f"{source}: {_describe(faults[0])}{tail}") from None
+        shown = [_describe(fault) for fault in faults[:_MOST]]
+        tail = f" | and {len(faults) - _MOST} more" if len(faults) > _MOST else ""
+        raise SceneError(f"{source}: {' | '.join(shown)}{tail}") from None
     except RecursionError as error:
         raise SceneError(f"{source}: not a scene: nested too deeply") from error
 
