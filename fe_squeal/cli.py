@@ -81,10 +81,12 @@ def check(
 ) -> int:
     """Validate scene and mesh without solving."""
     from .assembly.assembly import assemble
+    from .assembly.forces import balance_warnings, force_balance
     from .assembly.model import model_of
     from .report.terminal import print_table
     from .report.warnings import told_once
     from .run.check import describe
+    from .run.forces import balance_table
     from .run.free import free_motion_warnings
     from .run.groups import groups_of_file, groups_of_scene
     from .scene import Scene
@@ -103,7 +105,12 @@ def check(
     print_table(describe(loaded, problem), console)
     model = model_of(problem)
     notes, warnings = ((), ()) if model is None else (model.notes, model.warnings)
-    for text in (*notes, *(f"warning: {w}" for w in told_once((*warnings, *free_motion_warnings(problem))))):
+    parts = force_balance(problem)
+    balance = balance_table(parts)
+    if balance is not None:
+        print_table(balance, console)
+    warnings = (*warnings, *balance_warnings(parts), *free_motion_warnings(problem))
+    for text in (*notes, *(f"warning: {w}" for w in told_once(warnings))):
         console.print(text, markup=False)
     return 0
 

@@ -15,6 +15,7 @@ from ..eigen.memory import refuse_shortage, require_memory
 from ..errors import MeshError, SceneError
 from ..fem.contact import ContactOperators
 from ..fem.materials import material_axes
+from ..fem.motion import Sliding
 from ..fem.rigid_motions import rigid_motions
 from ..fem.spaces import DisplacementSpace, Surface, make_space, straightened
 from ..mesh import LoadedMesh
@@ -105,6 +106,11 @@ class Assembly:
     def number(self, path: str) -> float:
         """Return a number as it stands in the scene."""
         return number_at(self.scene, path)
+
+    def motions(self, values: Mapping[str, float]) -> Mapping[str, Sliding]:
+        """Return the motions of the bodies that rotate, with other numbers."""
+        scene = with_numbers(self.scene, values) if values else self.scene
+        return with_motions(self._context(scene), scene.effects.on).motions
 
     def problem(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with other numbers, by their paths."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..assembly.forces import balance_record, balance_warnings, force_balance
 from ..assembly.model import model_of
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import peak_memory_mib
@@ -33,7 +34,7 @@ def write_record(
     solver : LinearSolver
         What factorised.
     """
-    model = model_of(problem)
+    model, parts = model_of(problem), force_balance(problem)
     record: dict[str, Any] = {
         "version": inputs["version"],
         "title": scene.title,
@@ -56,9 +57,13 @@ def write_record(
             for name, c in (model.contacts if model is not None else {}).items()
         },
         "preload": preload_record(scene, problem),
+        "forces": balance_record(parts) if parts else None,
         "unstable": _attribution(result) if result is not None and status != "running" else [],
         "notes": list(model.notes) if model is not None else [],
-        "warnings": (list(model.warnings) if model is not None else []) + (list(result.doubts) if result else []),
+        "warnings": [
+            *(model.warnings if model is not None else ()), *balance_warnings(parts),
+            *(result.doubts if result is not None else ()),
+        ],
         "inputs": inputs,
     }
     write_json(record, out / RECORD)

@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from ..assembly.assembly import assemble
 from ..assembly.bodies import scene_mesh
+from ..assembly.forces import balance_warnings, force_balance
 from ..assembly.model import model_of
 from ..assembly.swept import swept
 from ..eigen.linear.factor import LinearSolver
@@ -21,6 +22,7 @@ from ..errors import INTERRUPTED, InputError, NotConvergedError, SceneError
 from ..problem.problem import Problem
 from ..report.files import remove_partial
 from ..report.tables import print_onsets, print_unstable
+from ..report.terminal import print_table
 from ..report.warnings import told_once
 from ..scene import MatrixScene, Scene
 from ..sweep.forecast import is_reduced, predict_memory
@@ -29,6 +31,7 @@ from ..sweep.state import Store, SweepState
 from ..sweep.sweep import MODES, sweep
 from .checkpoint import Checkpoint
 from .folder import CHECKPOINT, SHAPES, is_estimated, is_finished, remove_results, remove_shapes, show_finished
+from .forces import balance_table
 from .inputs import run_inputs
 from .lock import hold_folder
 from .outputs import export_shapes, write_figures, write_modes, write_tables
@@ -93,7 +96,11 @@ def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, 
     if model is not None:
         for text in model.notes:
             console.print(f"note: {text}", markup=False)
-        for text in told_once(model.warnings):
+        parts = force_balance(problem)
+        balance = balance_table(parts)
+        if balance is not None:
+            print_table(balance, console)
+        for text in told_once((*model.warnings, *balance_warnings(parts))):
             console.print(f"warning: {text}", markup=False)
     console.print(
         f"{problem.unknowns} unknowns, {problem.problem_class} problem; effects on: "

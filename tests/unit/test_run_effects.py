@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import pyvista
 from scene_texts import CONTACT, COUPLING, K0, SCENE, read_rows, replaced, write_scene
@@ -58,6 +59,12 @@ def test_preload_is_written(out: Path) -> None:
     belt = told["contacts"]["belt"]
     assert belt["force_on_pad_n"][0] == pytest.approx(0.3 * belt["normal_force_n"])
     assert belt["force_on_pad_n"][2] == pytest.approx(belt["normal_force_n"])
+    # Of 320 N on the top most goes into the springs, which is said, and all is balanced.
+    balance = record_of(out)["forces"]["block"]
+    total = np.sum([balance["applied_n"], *balance["contacts_n"].values(), *balance["springs_n"].values()], axis=0)
+    assert np.abs(total).max() < 1e-6 * PRESSURE * AREA and balance["supports_n"] == [0, 0, 0]
+    assert balance["contacts_n"]["belt"] == pytest.approx(belt["force_on_pad_n"])
+    assert any(w.startswith("preload: of 320 N on body block,") for w in record_of(out)["warnings"])
     faces = pyvista.read(out / "preload_contacts.vtu")
     assert faces.point_data["contact_pressure"].max() == pytest.approx(belt["largest_pressure_pa"])
     pressed = faces.point_data["contact_pressure"] * faces.point_data["weight"]
