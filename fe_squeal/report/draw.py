@@ -25,7 +25,7 @@ from fe_squeal.report.pictures import (
     normal_limit,
     widest_body,
 )
-from fe_squeal.report.vtk_files import VISIBLE
+from fe_squeal.report.vtk_files import VISIBLE, names_in
 
 PIXELS = (1100, 860)
 SUBDIVISION = 2  # each face of a quadratic cell becomes 4² triangles, so that curved shapes look curved
@@ -44,7 +44,7 @@ def draw_file(shape: Path, picture: Path, title: str, axis: list[float]) -> None
     main = widest_body(np.asarray(grid.points), nodes, body)
     limit = normal_limit(real[np.unique(nodes[body == main]), 2])
 
-    figure, left, right = compose_figure(title, str(grid.field_data["body_names"][main]), limit, axis)
+    figure, left, right = compose_figure(title, names_in(grid, "body")[main], limit, axis)
     left.imshow(_oblique_view(grid, real * VISIBLE * size), interpolation="antialiased")
     right.imshow(_axial_view(grid, body, main, limit), interpolation="antialiased")
     save_figure(figure, picture)
