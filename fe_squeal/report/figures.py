@@ -21,14 +21,16 @@ from fe_squeal.report.branches import (
     Branch,
     Floats,
     collect_branches,
+    distinct_texts,
     figure_text,
     frequency_text,
     numbers,
     parameter_name,
     parameter_symbol,
 )
-from fe_squeal.report.curves import draw_growth, draw_stretches, padded, segments
+from fe_squeal.report.curves import draw_growth, draw_stretches, padded
 from fe_squeal.report.files import save_figure
+from fe_squeal.report.growth import segments
 from fe_squeal.report.labels import place_labels
 
 MAX_LABELLED_ONSETS = 12
@@ -157,10 +159,11 @@ def _label_onsets(
 ) -> None:
     symbol = figure_text(parameter_symbol(name))
     points, texts = [], []
-    for value, frequency in zip(numbers(onsets, "value"), numbers(onsets, "frequency_hz"), strict=True):
+    values = numbers(onsets, "value")
+    told = distinct_texts(values, "f" if symbol == "μ" else "g")
+    for value, number, frequency in zip(values, told, numbers(onsets, "frequency_hz"), strict=True):
         if np.isfinite(value) and np.isfinite(frequency):
             points.append((value, frequency / per_unit))
-            number = f"{value:.3f}" if symbol == "μ" else f"{value:.4g}"
             texts.append(f"{symbol} = {number}, {frequency_text(frequency)}")
     samples = [np.empty((0, 2))]
     for branch in branches:

@@ -73,7 +73,7 @@ def show_finished(out: Path, console: Console) -> int:
     try:
         onsets, modes = (pd.read_csv(out / name) for name in (ONSETS_TABLE, MODES_TABLE))
         print_onsets(onsets, console)
-        print_unstable(modes, console)
+        print_unstable(modes, console, onsets)
     except (OSError, ValueError, KeyError) as error:
         raise OutputError(
             f"{out}: the results are complete by run.json, but a table cannot be read ({error}); run without --resume"

@@ -239,7 +239,7 @@ def _partial(error: NotConvergedError) -> Sweep | None:
 def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: Console, seconds: float) -> None:
     """Print what a run has found."""
     print_onsets(result.onsets_dataframe(), console)
-    print_unstable(result.to_dataframe(), console)
+    print_unstable(result.to_dataframe(), console, result.onsets_dataframe())
     c = result.completeness
     how = "LAPACK finds all modes" if result.method.startswith("dense") else "by the inertia of K − σM"
     counted = "counted without damping and friction, and followed from there by a small model"
