@@ -146,6 +146,7 @@ def onset(scene: SceneFile) -> int:
     from .assembly.assembly import assemble
     from .report.tables import print_onsets
     from .report.warnings import told_once
+    from .run.covered import covered_text, frequency_range
     from .run.run import sweep_scene
     from .scene.file import load_scene
 
@@ -154,7 +155,7 @@ def onset(scene: SceneFile) -> int:
         raise SceneError(f"{scene}: sweep: is missing; expected a table, written [sweep]: the interval to look in")
     console = _console()
     result = sweep_scene(loaded, assemble(loaded), console, precise=True)
-    print_onsets(result.onsets_dataframe(), console)
+    print_onsets(result.onsets_dataframe(), console, covered_text(frequency_range(loaded, result)))
     for o in result.onsets:
         console.print(f"{o.parameter} = {o.value!r} ± {o.uncertainty:.1g}, {o.frequency_hz!r} Hz", markup=False)
     for doubt in told_once(result.doubts):

@@ -74,7 +74,7 @@ def print_unstable(modes: pd.DataFrame, console: Console, onsets: pd.DataFrame |
         console.print(Text(f"... {len(rows) - MAX_ROWS} more in modes.csv"))
 
 
-def print_onsets(onsets: pd.DataFrame, console: Console) -> None:
+def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "") -> None:
     """Print where modes turn unstable or stable again, in the order of the parameter.
 
     Beside each value stands what the pair's own two modes at the start of the sweep predict in closed form: where the
@@ -87,11 +87,11 @@ def print_onsets(onsets: pd.DataFrame, console: Console) -> None:
     console : rich.console.Console
     """
     if not len(onsets):
-        console.print(Text("No onset of instability in this sweep."))
+        console.print(Text(f"No onset of instability {covered}{' ' * bool(covered)}in this sweep."))
         return
     symbol = parameter_symbol(parameter_name(onsets))
     ordered = onsets.sort_values("value", kind="stable")
-    table = _table("Onsets")
+    table = _table(f"Onsets {covered}".rstrip())
     mesh = numbers(ordered, "discretisation") if "discretisation" in ordered else np.full(len(ordered), np.nan)
     estimated = bool(np.isfinite(mesh).any())
     beside = "mesh" if estimated else "two modes"

@@ -13,6 +13,7 @@ from rich.console import Console
 from ..errors import OutputError, SceneError
 from ..report.tables import print_onsets, print_unstable
 from .checkpoint import Checkpoint, read_json
+from .covered import covered_text
 from .inputs import differences, listed
 
 # Every file and folder that a run or a study of accuracy writes.
@@ -72,7 +73,8 @@ def show_finished(out: Path, console: Console) -> int:
     """
     try:
         onsets, modes = (pd.read_csv(out / name) for name in (ONSETS_TABLE, MODES_TABLE))
-        print_onsets(onsets, console)
+        covered = (read_json(out / RECORD) or {}).get("frequency_range_hz")
+        print_onsets(onsets, console, covered_text(tuple(covered)) if covered else "")
         print_unstable(modes, console, onsets)
     except (OSError, ValueError, KeyError) as error:
         raise OutputError(

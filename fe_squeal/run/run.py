@@ -30,6 +30,7 @@ from ..sweep.result import Sweep
 from ..sweep.state import Store, SweepState
 from ..sweep.sweep import MODES, sweep
 from .checkpoint import Checkpoint
+from .covered import above_text, covered_text, frequency_range, unstable_above
 from .folder import CHECKPOINT, SHAPES, is_estimated, is_finished, remove_results, remove_shapes, show_finished
 from .forces import balance_table
 from .inputs import run_inputs
@@ -202,7 +203,7 @@ def write_results(scene: Scene | MatrixScene, result: Sweep, out: Path) -> None:
     """Write tables, figures and shapes."""
     remove_shapes(out)  # an interrupted run has written those that grew fastest until then
     write_tables(result, out)
-    write_figures(result, out, scene.title)
+    write_figures(result, out, scene.title, frequency_range(scene, result)[1])
     if isinstance(scene, Scene):
         write_preload(scene, result.problem, out)
     if scene.output.shapes != "none":
@@ -238,7 +239,8 @@ def _partial(error: NotConvergedError) -> Sweep | None:
 
 def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: Console, seconds: float) -> None:
     """Print what a run has found."""
-    print_onsets(result.onsets_dataframe(), console)
+    covered = frequency_range(scene, result)
+    print_onsets(result.onsets_dataframe(), console, covered_text(covered))
     print_unstable(result.to_dataframe(), console, result.onsets_dataframe())
     c = result.completeness
     how = "LAPACK finds all modes" if result.method.startswith("dense") else "by the inertia of K − σM"
@@ -253,5 +255,8 @@ def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: 
     peak = f", {memory:.0f} MiB" if memory is not None else ""
     shapes = ", shapes/" if scene.output.shapes != "none" and (out / SHAPES).is_dir() else ""
     console.print(f"results in {out}: stability.png, root_locus.png{shapes} ({seconds:.1f} s{peak})", markup=False)
+    above = unstable_above(result, covered[1])
+    if above is not None:
+        console.print(f"note: {above_text(above, result.parameter)}", markup=False)
     for doubt in told_once(result.doubts):  # what a sweep doubts last, onsets that it did not find, is the gravest
         console.print(f"warning: {doubt}", markup=False)
