@@ -71,7 +71,7 @@ def as_reference(m: Measurement) -> Reference:
 def reference_of(m: Measurement) -> Reference:
     """Return the extrapolation of a result by what refining its mesh once changes, with its uncertainty.
 
-    The change is between half and 15/16 of the error, see `estimate.BAR`; the middle is taken.
+    The change is between half and 15/16 of the error, see `bars`; the middle is taken.
     """
     if not len(m.changes):
         return as_reference(m)

@@ -93,7 +93,7 @@ def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "") -> N
     ordered = onsets.sort_values("value", kind="stable")
     table = _table(f"Onsets {covered}".rstrip())
     mesh = numbers(ordered, "discretisation") if "discretisation" in ordered else np.full(len(ordered), np.nan)
-    estimated = bool(np.isfinite(mesh).any())
+    estimated = bool((~np.isnan(mesh)).any())
     beside = "mesh" if estimated else "two modes"
     for head in (f"{symbol} at onset", "uncertainty", beside, "frequency, Hz", "kind", "direction", "branches"):
         table.add_column(head, justify="left" if head in ("kind", "direction") else "right")
@@ -102,11 +102,12 @@ def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "") -> N
     partners = np.column_stack([numbers(ordered, "branch_a"), numbers(ordered, "branch_b")])
     for i in range(min(len(ordered), MAX_ROWS)):
         row = ordered.iloc[i]
-        pair = " + ".join(_name(b) for b in partners[i] if not np.isnan(b))
+        pair = " + ".join(_name(b) for b in partners[i] if b > 0) or "–"
         known = "" if np.isnan(uncertainty[i]) else f"{uncertainty[i]:.1e}"
         guess = "" if np.isnan(two_modes[i]) else f"{two_modes[i]:.4g}"
         if estimated:
-            guess = "?" if np.isnan(mesh[i]) else f"± {mesh[i]:.2g}"
+            other = "refined only" if partners[i][0] == 0 else "vanishes"
+            guess = "?" if np.isnan(mesh[i]) else other if np.isinf(mesh[i]) else f"± {mesh[i]:.2g}"
         words = (str(row["kind"]), str(row["direction"]))
         table.add_row(f"{value[i]:.8g}", known, guess, f"{frequency[i]:.6g}", *words, pair)
     print_table(table, console)

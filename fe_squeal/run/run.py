@@ -137,7 +137,10 @@ def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, 
         status, result = "interrupted", stop.args[0] if stop.args else None
     if result is not None:
         if estimate and status == "complete":
-            result = _estimated(result, solver, console)
+            try:
+                result = _estimated(result, solver, console)
+            except KeyboardInterrupt:
+                status = "interrupted"  # the sweep is whole; --resume goes on with the estimate
         seconds |= dict(result.seconds)
         clock = time.perf_counter()
         write_results(scene, result, out)
