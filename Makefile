@@ -68,6 +68,7 @@ benchmarks: .venv/installed
 	$(BIN)/python benchmarks/effects_cost.py --write
 	$(BIN)/python benchmarks/sweep_cost.py --write
 	$(BIN)/python benchmarks/accuracy_and_cost.py --write
+	$(BIN)/python benchmarks/mesh_bars.py --write
 	$(BIN)/python benchmarks/near_incompressible.py --write
 
 # The page of the hard cases, from the tests' own results.
