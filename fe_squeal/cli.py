@@ -80,7 +80,7 @@ def check(
     """Validate scene and mesh without solving."""
     from .assembly.assembly import assemble
     from .assembly.bodies import read_mesh
-    from .assembly.model import model_of
+    from .assembly.discretisation import discretisation_of
     from .run.check import describe, group_table
     from .scene import Scene
     from .scene.file import load_scene
@@ -95,9 +95,9 @@ def check(
     problem = assemble(loaded)
     console = _console()
     console.print(describe(loaded, problem))
-    model = model_of(problem)
-    if model is not None:
-        for text in (*model.notes, *(f"warning: {w}" for w in model.warnings)):
+    discretisation = discretisation_of(problem)
+    if discretisation is not None:
+        for text in (*discretisation.notes, *(f"warning: {w}" for w in discretisation.warnings)):
             console.print(text, markup=False)
     return 0
 

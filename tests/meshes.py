@@ -185,7 +185,7 @@ def term(problem: Problem, name: str, slot: str = "K"):
 
 def rigid_motions(problem: Problem) -> np.ndarray:
     """Return (n, 6): translations along x, y, z and rotations e × x about the origin, on the unknowns."""
-    space = problem.model.space
+    space = problem.discretisation.space
     x = space.coordinates
     columns = [np.tile(e, (len(x), 1)) for e in np.eye(3)] + [np.cross(e, x) for e in np.eye(3)]
     return np.stack([space.gather(c) for c in columns], axis=1)

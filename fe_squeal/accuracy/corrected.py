@@ -54,15 +54,15 @@ class CorrectedModel:
         coarse, parameter = model.basis.problem, model.parameter
         metric = {t.name: c for t, c in zip(coarse.terms, model.basis.metric, strict=True)}
         start = coarse.value(parameter)
-        condensed = fine.condensed(parameter).at(**{parameter: start})
-        weights = [metric.get(t.name, 0.0) for t in condensed.terms]
+        collected = fine.collected(parameter).at(**{parameter: start})
+        weights = [metric.get(t.name, 0.0) for t in collected.terms]
         factor = factorize_definite(weighted(coarse, model.basis.metric), model.linear_solver)
-        P = weighted(condensed, weights)
+        P = weighted(collected, weights)
         solver = TwoLevelSolver(P, E, factor.solve)
-        basis = ReducedBasis(condensed, parameter, weights, model.basis.sigma, None, model.linear_solver)
+        basis = ReducedBasis(collected, parameter, weights, model.basis.sigma, None, model.linear_solver)
         if model.basis.has_slow:
             basis.expect_slow_motions()
-        unheld = condensed.free_motions().motions
+        unheld = collected.free_motions().motions
         if unheld.shape[1]:
             basis.append(unheld)
         EV = times(E, model.basis.V)
@@ -81,7 +81,7 @@ class CorrectedModel:
             spanned.append(unit_columns(modes.right, modes.left))
         W = range_of(np.hstack(spanned), _FINE, basis.free_motions(start).motions)
         self._coordinates = W.T @ self._coordinates
-        self.small = basis.restricted(W).condensed()
+        self.small = basis.restricted(W).collected()
 
     def _correct(self, basis: ReducedBasis, solver: TwoLevelSolver, value: float, modes: Modes) -> bool:
         """Add the corrections of modes at a value; return whether one is so long that it should itself be corrected."""

@@ -24,19 +24,19 @@ from ..problem.terms import Term
 from ..scene import MatrixScene, Scene, number_at, with_numbers
 from .bodies import find_bodies, read_mesh
 from .contacts import make_contact, stiffness_terms
+from .discretisation import Discretisation
 from .effect_stages import (
     Owned,
     parameters_of,
     state_parameters,
     terms_of_body,
     terms_of_contact,
-    terms_of_model,
+    terms_of_whole,
     warnings_of,
     with_motions,
     with_static_state,
 )
 from .matrices import matrix_problem
-from .model import Model
 from .warnings import warnings_of_coverage, warnings_of_scene
 
 _SHARED = 0.15  # of the entries of all element matrices: what elements that share nodes leave, or less
@@ -121,10 +121,10 @@ class Assembly:
         parameters = {p: number_at(scene, p) for p in sorted(paths)}
         operators = {name: part.operators for name, part in context.contacts.items()}
         doubtful = warnings_of(context, scene.effects.known, on, owned, parameters)
-        warnings = (*self._warnings(operators), *doubtful)
+        warnings, state = (*self._warnings(operators), *doubtful), context.static_state
         return Problem(
-            terms, parameters, Model(self.space, self.bodies, operators, self.notes, warnings, context.state), self,
-            state_parameters(context, on), dict(values), self._motions, state=pressed_numbers(operators, context.state),
+            terms, parameters, Discretisation(self.space, self.bodies, operators, self.notes, warnings, state), self,
+            state_parameters(context, on), dict(values), self._motions, state=pressed_numbers(operators, state),
         )  # fmt: skip
 
     def _interfaces_and_effects(self, scene: Scene, context: Context) -> Iterator[Owned]:
@@ -135,7 +135,7 @@ class Assembly:
                 yield "", term
             if part.kind != "tied":
                 yield from terms_of_contact(context, on, part)
-        yield from terms_of_model(context, on)
+        yield from terms_of_whole(context, on)
         for body in context.bodies.values():
             yield from terms_of_body(context, scene.effects.known, body)
 

@@ -11,7 +11,7 @@ import pandas as pd
 
 import lumped
 
-from ..assembly.model import model_of
+from ..assembly.discretisation import discretisation_of
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..eigen.solve import Request, solve_modes
@@ -124,9 +124,9 @@ def rotations(
     case: Case, problem: Problem, linear_solver: LinearSolver | str = "auto"
 ) -> list[tuple[str, float]]:
     """Return the body and the frequency at μ = 0 of each mode that is neither the lumped model's nor a deformation."""
-    model = model_of(problem)
-    assert model is not None
-    pencil, space = problem.pencil(mu=0.0), model.space
+    discretisation = discretisation_of(problem)
+    assert discretisation is not None
+    pencil, space = problem.pencil(mu=0.0), discretisation.space
     modes = solve_modes(pencil, Request(count=problem.unknowns), linear_solver=linear_solver)
     lumped_ones = lumped_modes(case, problem, 0.0, linear_solver).lam.imag
     highest = _DEFORMING * lumped_ones.max()
@@ -135,7 +135,7 @@ def rotations(
         if omega > highest or np.abs(lumped_ones - omega).min() <= 1e-9 * highest:
             continue
         motion = np.abs(space.expand(modes.right[:, i]))
-        size = {b: motion[space.dofs.element_dofs[:, e]].max() for b, e in model.bodies.items()}
+        size = {b: motion[space.dofs.element_dofs[:, e]].max() for b, e in discretisation.bodies.items()}
         found.append((max(size, key=lambda b: size[b]), float(omega)))
     return found
 

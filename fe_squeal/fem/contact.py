@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from ..errors import SceneError
 from .cells import geometry_map
-from .motion import Sliding
+from .motion import SteadyMotion
 from .spaces import ROUNDED, DisplacementSpace
 
 _NEWTON_STEPS = 25
@@ -58,7 +58,7 @@ def contact_operators(
     space: DisplacementSpace,
     pad_facets: np.ndarray,
     counter_facets: np.ndarray | None,
-    sliding: Sliding | None,
+    sliding: SteadyMotion | None,
     gap_tolerance: float | None = None,
     name: str = "contact",
 ) -> ContactOperators:
@@ -72,7 +72,7 @@ def contact_operators(
     ----------
     counter_facets : (f,) int or None
         None for a rigid counterface.
-    sliding : Sliding or None
+    sliding : SteadyMotion or None
         None for a contact that does not slide; slip and cross then lie along two arbitrary tangents.
     gap_tolerance : float, m, optional
         Default 2 % of the mean facet size of the pad.

@@ -6,7 +6,7 @@ import numpy as np
 import skfem
 
 from ..errors import SceneError
-from .motion import Sliding
+from .motion import SteadyMotion
 
 _SLOPE = 0.02  # of a facet out of the surface of revolution: an axis off by 2 % of the radius
 _STEEPEST = 0.5  # slope allowed where the meridian is curved; the wall of a hole or of a slot has 1
@@ -17,7 +17,7 @@ _ORDERS = 16  # of the harmonics around the axis by which a ring is told from a 
 _EVEN = 0.05  # of the area: the largest harmonic of a ring; a coarse mesh of a ring has none
 
 
-def check_revolution(mesh: skfem.Mesh, elements: np.ndarray, rotation: Sliding, name: str) -> None:
+def check_revolution(mesh: skfem.Mesh, elements: np.ndarray, rotation: SteadyMotion, name: str) -> None:
     """Refuse a body that is not one of revolution about the axis of rotation.
 
     Coordinates (r, θ, z) of the corners turn a surface of revolution into one that is straight along θ, and a facet on
@@ -28,7 +28,7 @@ def check_revolution(mesh: skfem.Mesh, elements: np.ndarray, rotation: Sliding, 
     ----------
     elements : (e,) int
         The body.
-    rotation : Sliding
+    rotation : SteadyMotion
         Not a belt.
     name : str
         Of the body, for the message.
@@ -68,7 +68,7 @@ def check_revolution(mesh: skfem.Mesh, elements: np.ndarray, rotation: Sliding, 
         )
 
 
-def check_ring(mesh: skfem.Mesh, facets: np.ndarray, rotation: Sliding, key: str, name: str) -> None:
+def check_ring(mesh: skfem.Mesh, facets: np.ndarray, rotation: SteadyMotion, key: str, name: str) -> None:
     """Refuse a surface that does not go evenly around the axis, on which what holds a turning body would turn along.
 
     The harmonics ∫ e^{imθ} dA of a ring vanish; those of bolts or of a sector do not.
@@ -77,7 +77,7 @@ def check_ring(mesh: skfem.Mesh, facets: np.ndarray, rotation: Sliding, key: str
     ----------
     facets : (f,) int
         Of the rotating body's surface.
-    rotation : Sliding
+    rotation : SteadyMotion
         Not a belt.
     key, name : str
         Where the surface is named, and the body, for the message.
@@ -105,7 +105,7 @@ def check_ring(mesh: skfem.Mesh, facets: np.ndarray, rotation: Sliding, key: str
         )
 
 
-def is_transversal(stiffness: np.ndarray, rotation: Sliding) -> bool:
+def is_transversal(stiffness: np.ndarray, rotation: SteadyMotion) -> bool:
     """Return whether turning about the axis leaves a stiffness tensor (3, 3, 3, 3) as it is."""
     axis = _axis(rotation)
     # No turn of a crystal into itself is one by 1 rad.
@@ -115,7 +115,7 @@ def is_transversal(stiffness: np.ndarray, rotation: Sliding) -> bool:
     return bool(np.abs(turned - stiffness).max() <= _REVOLUTION * np.abs(stiffness).max())
 
 
-def _axis(rotation: Sliding) -> np.ndarray:
+def _axis(rotation: SteadyMotion) -> np.ndarray:
     return np.asarray(rotation.velocity / np.linalg.norm(rotation.velocity))
 
 

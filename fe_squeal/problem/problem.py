@@ -47,7 +47,7 @@ class Problem:
     terms : tuple of Term
     parameters : mapping of name to value
         Values of those that are powers in coefficients, e.g. {"mu": 0.3}.
-    model : object or None
+    discretisation : object or None
         Where the terms come from, for whoever made them: a problem carries it along and does not look into it.
     source : Source or None
     coupled : frozenset of str
@@ -67,7 +67,7 @@ class Problem:
 
     terms: tuple[Term, ...]
     parameters: Mapping[str, float]
-    model: object | None = None
+    discretisation: object | None = None
     source: Source | None = None
     coupled: frozenset[str] = frozenset()
     changed: Mapping[str, float] = field(default_factory=dict)
@@ -248,7 +248,7 @@ class Problem:
         constant = self._sums[slot, fixed]
         return rest if constant is None else constant if rest is None else sp.csr_array(constant + rest)
 
-    def condensed(self, parameter: str) -> Problem:
+    def collected(self, parameter: str) -> Problem:
         """Return the same problem over one parameter as few terms: one for each slot, power of it and symmetry.
 
         Raises

@@ -247,7 +247,7 @@ class ReducedBasis(Projection):
         lams, phi, psi = np.array([lam]), right[:, None], left[:, None]
         rho, eta = self._sampled(value, lams, phi, psi)
         both = float(self._product(rho, eta, np.array([abs(lam)]), highest)[0])
-        small, change = self.condensed(), 0j
+        small, change = self.collected(), 0j
         for slot, power in POWER.items():
             d = small.derivative(self.parameter, slot, **{self.parameter: value})
             if d is not None:

@@ -89,10 +89,10 @@ class ReducedModel:
         self._known_with: np.ndarray | None = None  # the basis that these belong to
         self._values = values = np.asarray(values, float)
         start = float(values[np.argmin(np.abs(values))])
-        condensed = problem.condensed(parameter).at(**{parameter: start})
+        collected = problem.collected(parameter).at(**{parameter: start})
         limit = request.max_frequency_hz
         band = None if limit is None else 2 * np.pi * limit
-        base, self._sigma, metric, definite = factorize_undamped(condensed, band, self.linear_solver)
+        base, self._sigma, metric, definite = factorize_undamped(collected, band, self.linear_solver)
         count = request.count or 0
         if band is not None:
             below = count_below(base, band, self.linear_solver)
@@ -106,11 +106,11 @@ class ReducedModel:
         self.factorizations += 1
         self.highest = float(np.sqrt(theta.max(initial=0.0)))
         self.basis = ReducedBasis(
-            condensed, parameter, metric, self._sigma, definite.half_solve, self.linear_solver
+            collected, parameter, metric, self._sigma, definite.half_solve, self.linear_solver
         )
         if (theta < -_SLOW * self._sigma).any():
             self.basis.expect_slow_motions()
-        unheld = condensed.free_motions().motions
+        unheld = collected.free_motions().motions
         if unheld.shape[1]:
             self.basis.append(unheld)  # first, so that the basis has them exactly
         self.basis.append(vectors)
@@ -146,8 +146,8 @@ class ReducedModel:
         model._known, model._known_with = {}, None
         model._values = np.asarray(values, float)
         model._sigma, model.highest, model._without = numbers["sigma"], numbers["highest"], arrays["without"]
-        condensed = problem.condensed(parameter).at(**{parameter: numbers["start"]})
-        model.basis = ReducedBasis.restored(condensed, parameter, arrays, numbers["basis"], model.linear_solver)
+        collected = problem.collected(parameter).at(**{parameter: numbers["start"]})
+        model.basis = ReducedBasis.restored(collected, parameter, arrays, numbers["basis"], model.linear_solver)
         return model
 
     def stored(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -195,9 +195,9 @@ class ReducedModel:
         return self.basis.project(self.problem)
 
     @cached_property
-    def condensed(self) -> Problem:
+    def collected(self) -> Problem:
         """The small problem over the parameter alone."""
-        return self.basis.condensed()
+        return self.basis.collected()
 
     def root_error(self, value: float, theta: float, right: np.ndarray, left: np.ndarray) -> tuple[float, float]:
         """Return how far a critical value of the small problem may be from that of the problem itself, and rounding."""

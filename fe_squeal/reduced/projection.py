@@ -32,7 +32,7 @@ class Projection:
     Parameters
     ----------
     problem : Problem
-        Affine in the parameter and condensed: few terms.
+        Affine in the parameter, its terms collected by powers: few of them.
     parameter : str
     metric : (terms,) float
         The coefficients of the terms in P, see `factorize_undamped`.
@@ -138,7 +138,7 @@ class Projection:
         nu = la.eigvalsh(self._small_mass())[::-1]
         return np.asarray(sigma + 1 / nu[nu > len(nu) * np.finfo(float).eps * nu[0]])
 
-    def condensed(self) -> Problem:
+    def collected(self) -> Problem:
         """Return the small terms as a problem."""
         terms = tuple(
             replace(t, matrix=sp.csr_array(A)) for t, A in zip(self.problem.terms, self._small, strict=True)

@@ -81,7 +81,7 @@ class Step:
         self.full, self.parameter, self.model = problem, parameter, model
         self._linear_solver = linear_solver
         self._precise = precise or problem.unknowns <= _CHEAP
-        self.problem = problem = problem if model is None else model.condensed
+        self.problem = problem = problem if model is None else model.collected
         M = problem.pencil(**{parameter: values[0]}).M
         rigid = np.hstack([m.right[:, m.lam == 0].real for m in modes])
         self._ends, self.rigid = values, _orthonormal(rigid, M) if rigid.any() else None

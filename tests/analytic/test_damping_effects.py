@@ -136,8 +136,8 @@ def test_a_bodys_own_rayleigh_damping_replaces_that_of_the_model():
     modes = modes_of(bar({"rayleigh": {"alpha": 30.0, "beta": 4e-6}}, bodies=bodies), 6)
     split = modes_of(bar({}), 6)
     problem = bar({})
-    of_b = problem.model.space.coordinates[:, 1] > 0.5
-    shapes = [np.abs(problem.model.space.expand(split.right[:, i]))[of_b].max() > 1e-6 for i in range(6)]
+    of_b = problem.discretisation.space.coordinates[:, 1] > 0.5
+    shapes = [np.abs(problem.discretisation.space.expand(split.right[:, i]))[of_b].max() > 1e-6 for i in range(6)]
     assert 0 < sum(shapes) < 6
     for lam, omega, b in zip(modes.lam, split.lam.imag, shapes, strict=True):
         c = 9e-6 * omega**2 if b else 30.0 + 4e-6 * omega**2
@@ -151,7 +151,7 @@ def test_structural_damping_acts_at_each_modes_own_frequency():
     problem = bar({"structural_damping": {}}, eta)
     modes = modes_of(problem, 6)
     assert problem.problem_class == "complex"
-    space = problem.model.space
+    space = problem.discretisation.space
     of_b = space.coordinates[:, 1] > 0.5
     for i, omega in enumerate(plain.lam.imag):
         loss = eta[int(np.abs(space.expand(plain.right[:, i]))[of_b].max() > 1e-6)]

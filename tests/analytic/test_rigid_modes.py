@@ -138,5 +138,5 @@ def test_a_parameter_that_vanishes_frees_what_it_held():
     problem = make_problem(box("hex1", (2, 2, 2), (SIDE,) * 3), order=1, springs=[{**SOFT_SPRING[0], "stiffness": 1e6}])
     stiffness = "springs.soft.stiffness"
     assert [problem.at(**{stiffness: k}).free_motions().motions.shape[1] for k in (1e6, 0.0, 1e3)] == [3, 6, 3]
-    swept = problem.prepared(stiffness, np.array([0.0, 1e6])).condensed(stiffness)
+    swept = problem.prepared(stiffness, np.array([0.0, 1e6])).collected(stiffness)
     assert [swept.at(**{stiffness: k}).pencil().free.motions.shape[1] for k in (0.0, 1.0)] == [6, 3]

@@ -24,7 +24,7 @@ CLAMPED = [{"surface": "left", "fixed": "xyz"}]
 
 
 def shapes_doubted(problem) -> list[str]:
-    return [w for w in problem.model.warnings if "regular shape" in w]
+    return [w for w in problem.discretisation.warnings if "regular shape" in w]
 
 
 @pytest.mark.parametrize("aspect", [1, 10, 100, 1000])

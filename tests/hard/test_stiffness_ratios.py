@@ -199,7 +199,7 @@ def test_whole_scene_in_other_units(record, units):
                      "rayleigh": {"alpha": 20.0 * time, "beta": 1e-8 / time}},
         )  # fmt: skip
         modes = modes_of(problem, 8)
-        return modes.lam / time, problem.model.base, modes.stability.tolist()
+        return modes.lam / time, problem.discretisation.static_state, modes.stability.tolist()
 
     (lam, base, verdicts), (plain, reference, expected) = spectrum(*UNITS[units]), spectrum(1.0, 1.0, 1.0)
     assert verdicts == expected
