@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from ..eigen.blocks import cross, times
 from ..eigen.linear.choice import factorize_definite
 from ..eigen.pencil import Modes
+from ..problem.forms import collect_powers
 from ..problem.problem import Problem
 from ..reduced import ReducedModel
 from ..reduced.basis import ReducedBasis
@@ -54,7 +55,7 @@ class CorrectedModel:
         coarse, parameter = model.basis.problem, model.parameter
         metric = {t.name: c for t, c in zip(coarse.terms, model.basis.metric, strict=True)}
         start = coarse.value(parameter)
-        collected = fine.collected(parameter).at(**{parameter: start})
+        collected = collect_powers(fine, parameter).at({parameter: start})
         weights = [metric.get(t.name, 0.0) for t in collected.terms]
         factor = factorize_definite(weighted(coarse, model.basis.metric), model.linear_solver)
         P = weighted(collected, weights)

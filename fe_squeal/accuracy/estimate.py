@@ -16,6 +16,7 @@ from ..eigen.pencil import Modes
 from ..eigen.solve import Request
 from ..errors import SceneError
 from ..mesh.refining import refine
+from ..problem.forms import interpolate
 from ..problem.problem import Problem
 from ..reduced import ReducedModel
 from ..sweep.onsets import Onset
@@ -125,7 +126,7 @@ def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -
     corrected = CorrectedModel(model, affine[1], E, at)
     changes, first = [], None
     for point, value in zip(result.points, at.tolist(), strict=True):
-        before, refined_pencil = model.modes(value), corrected.small.pencil(**{axis: value})
+        before, refined_pencil = model.modes(value), corrected.small.pencil({axis: value})
         now = solve_dense(refined_pencil, 1.5 * model.highest, linear_solver)
         same = _same(corrected, before, now)
         first = same if first is None else first
@@ -157,8 +158,8 @@ def _refined_memory(result: Sweep) -> int:
 def _affine(problem: Problem, parameter: str, values: np.ndarray) -> Problem:
     """Return the problem with a parameter that changes coefficients alone; at one value there is none to change."""
     if len(values) > 1:
-        return problem.interpolated(parameter, float(values[0]), float(values[-1]))
-    here = problem.at(**{parameter: float(values[0])}) if problem.has(parameter) else problem
+        return interpolate(problem, parameter, float(values[0]), float(values[-1]))
+    here = problem.at({parameter: float(values[0])}) if problem.has(parameter) else problem
     return replace(here, parameters={**here.parameters, _VALUE: 0.0}, coupled=frozenset())
 
 

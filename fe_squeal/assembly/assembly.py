@@ -21,7 +21,7 @@ from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
 from ..problem.problem import Problem
 from ..problem.terms import Term
-from ..scene import MatrixScene, Scene, number_at, with_numbers
+from ..scene import NOT_PHYSICS, MatrixScene, Scene, number_at, with_numbers
 from .bodies import find_bodies, read_mesh
 from .contacts import make_contact, stiffness_terms
 from .discretisation import Discretisation
@@ -99,7 +99,15 @@ class Assembly:
             raise SceneError(f"solve.modes: given {wanted}; expected at most {n}, the number of unknowns")
 
     def number(self, path: str) -> float:
-        """Return a number as it stands in the scene."""
+        """Return a number as it stands in the scene.
+
+        Raises
+        ------
+        SceneError
+            If there is none, or it is one of those that the assembled problem does not depend on or cannot follow.
+        """
+        if path.split(".")[0] in NOT_PHYSICS:
+            raise SceneError(f'given "{path}"; expected a number of the physics, or another scene to be assembled')
         return number_at(self.scene, path)
 
     def problem(self, values: Mapping[str, float]) -> Problem:

@@ -19,6 +19,7 @@ from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
 from ..eigen.solve import Request, select_wanted
 from ..errors import NotConvergedError
+from ..problem.forms import collect_powers
 from ..problem.problem import Problem
 from .basis import ReducedBasis
 from .undamped import factorize_undamped
@@ -89,7 +90,7 @@ class ReducedModel:
         self._known_with: np.ndarray | None = None  # the basis that these belong to
         self._values = values = np.asarray(values, float)
         start = float(values[np.argmin(np.abs(values))])
-        collected = problem.collected(parameter).at(**{parameter: start})
+        collected = collect_powers(problem, parameter).at({parameter: start})
         limit = request.max_frequency_hz
         band = None if limit is None else 2 * np.pi * limit
         base, self._sigma, metric, definite = factorize_undamped(collected, band, self.linear_solver)
@@ -146,7 +147,7 @@ class ReducedModel:
         model._known, model._known_with = {}, None
         model._values = np.asarray(values, float)
         model._sigma, model.highest, model._without = numbers["sigma"], numbers["highest"], arrays["without"]
-        collected = problem.collected(parameter).at(**{parameter: numbers["start"]})
+        collected = collect_powers(problem, parameter).at({parameter: numbers["start"]})
         model.basis = ReducedBasis.restored(collected, parameter, arrays, numbers["basis"], model.linear_solver)
         return model
 
@@ -258,7 +259,7 @@ class ReducedModel:
 
     def _factorize(self, value: float) -> Factor:
         """Factorise what is closer to Q(λ) than P where that is too far: K − σM, with damping at half the band."""
-        pencil = self.basis.problem.pencil(**{self.parameter: value})
+        pencil = self.basis.problem.pencil({self.parameter: value})
         shifted = pencil.K - self._sigma * pencil.M
         if pencil.C is not None:
             shifted = shifted + 0.5j * self.highest * pencil.C

@@ -48,9 +48,9 @@ def test_slip_damping_on_rigid_motions():
     # It counts with mu, and with one over the speed.
     C = motions.T @ (problem.pencil(mu=0.8).C @ motions)
     assert C[1, 1] == pytest.approx(0.8 * P0 / SPEED)
-    faster = problem.at(**{"contacts.belt.sliding.speed": 5.0})
+    faster = problem.at({"contacts.belt.sliding.speed": 5.0})
     assert (motions.T @ (faster.pencil().C @ motions))[1, 1] == pytest.approx(MU * P0 / 5.0)
-    back = problem.at(**{"contacts.belt.sliding.speed": -5.0})
+    back = problem.at({"contacts.belt.sliding.speed": -5.0})
     assert (motions.T @ (back.pencil().C @ motions))[1, 1] == pytest.approx(MU * P0 / 5.0), "stabilises either way"
 
 

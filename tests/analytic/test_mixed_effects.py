@@ -93,7 +93,7 @@ def test_damping_and_sweeps_act_on_the_elastic_stiffness():
     for key, value in (("youngs_modulus", 3.0), ("poisson_ratio", 0.4999)):
         changed = {"lining": {**tables["materials"]["lining"], key: value}}
         fresh = make_problem(mesh, order=2, **{**tables, "materials": changed}).pencil().K
-        assert abs(plain.at(**{path + key: value}).pencil().K - fresh).max() < 1e-13 * abs(fresh).max()
+        assert abs(plain.at({path + key: value}).pencil().K - fresh).max() < 1e-13 * abs(fresh).max()
     # Every mode has the loss factor of its only material: λ² = −ω²(1 + iη).
     loss = make_problem(mesh, order=2, effects={"structural_damping": {}}, **tables)
     still = modes_of(plain, 4).lam.imag[:4]

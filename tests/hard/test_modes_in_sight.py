@@ -89,7 +89,7 @@ def test_rigid_modes_of_a_damped_free_chain_are_zero():
 def test_shares_of_a_real_growth_rate_add_up():
     """For an undamped divergence the oscillating mode's energy balance is 0/0."""
     problem = diagonal([1.0, 9.0], [-2.0, 0.0])
-    found = energy_balance(problem, 3.0 + 0j, np.array([1.0, 0.0]), mu=5.0)
+    found = energy_balance(problem.at(mu=5.0), 3.0 + 0j, np.array([1.0, 0.0]))
     shares = {name: share.growth for name, share in found.items() if share.growth}
     assert shares == pytest.approx({"k": -1 / 3, "f": 10 / 3})
     assert sum(shares.values()) == pytest.approx(3.0)
