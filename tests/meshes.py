@@ -9,7 +9,8 @@ import skfem
 
 import fe_squeal
 from fe_squeal.eigen.pencil import Modes
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.problem.problem import Problem
 
 KINDS = ("hex1", "hex2", "tet1", "tet2")

@@ -13,7 +13,7 @@ from ..eigen.dense import solve_dense
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import require_memory
 from ..eigen.pencil import Modes
-from ..eigen.solve import Request
+from ..eigen.request import Request
 from ..errors import SceneError
 from ..mesh.refining import refine
 from ..problem.forms import interpolate

@@ -10,7 +10,7 @@ import numpy as np
 from ..assembly.assembly import assemble
 from ..assembly.bodies import read_mesh
 from ..eigen.inertia import count_below
-from ..eigen.solve import symmetric_part
+from ..eigen.shift import symmetric_part
 from ..mesh import LoadedMesh
 from ..mesh.refining import refine
 from ..scene import Scene

@@ -14,7 +14,8 @@ import lumped
 from ..assembly.discretisation import discretisation_of
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
-from ..eigen.solve import Request, solve_modes
+from ..eigen.request import Request
+from ..eigen.solve import solve_modes
 from ..errors import SceneError, suggest
 from ..problem.problem import Problem
 from ..sweep.sweep import sweep

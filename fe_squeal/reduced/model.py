@@ -17,7 +17,7 @@ from ..eigen.linear.choice import choose, factorize
 from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
 from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
-from ..eigen.solve import Request, select_wanted
+from ..eigen.request import Request, select_wanted
 from ..errors import NotConvergedError
 from ..problem.forms import collect_powers
 from ..problem.problem import Problem

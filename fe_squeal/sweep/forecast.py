@@ -8,12 +8,13 @@ import numpy as np
 import psutil
 import scipy.sparse as sp
 
+from ..eigen.dense import DENSE_LIMIT
 from ..eigen.linear.choice import factor_memory
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.linear.superlu import superlu_memory
 from ..eigen.memory import available_memory, memory_text
 from ..eigen.pencil import Pencil
-from ..eigen.solve import DENSE_LIMIT, shift_below, symmetric_part
+from ..eigen.shift import shift_below, symmetric_part
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..eigen.pencil import Modes
-from ..eigen.solve import Completeness
+from ..eigen.request import Completeness
 from ..problem.energy import Share, energy_balance
 from ..problem.problem import Problem
 from ..reduced import ReducedModel, lift

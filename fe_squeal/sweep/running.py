@@ -11,7 +11,8 @@ import numpy as np
 
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
-from ..eigen.solve import Completeness, Request, prove_completeness, solve_modes, wanted_count
+from ..eigen.request import Completeness, Request, wanted_count
+from ..eigen.solve import prove_completeness, solve_modes
 from ..eigen.threads import one_openblas_thread
 from ..errors import NotConvergedError, TooLargeError
 from ..problem.problem import Problem

@@ -12,7 +12,8 @@ from scipy.optimize import brentq
 from ..eigen.dense import solve_dense
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes
-from ..eigen.solve import Request, solve_modes
+from ..eigen.request import Request
+from ..eigen.solve import solve_modes
 from ..errors import NotConvergedError
 from ..problem.forms import interpolate, project
 from ..problem.problem import Problem

@@ -73,7 +73,7 @@ def sweep(
         With the sweep so far as its argument.
     """
     from ..eigen.linear.choice import choose
-    from ..eigen.solve import Request
+    from ..eigen.request import Request
     from ..eigen.threads import one_openblas_thread
     from .running import RunningSweep
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import fe_squeal
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.geometry import Block, DiscPad, write_mesh
 from meshes import STEEL, box, join, make_problem, mapped, modes_of, rotation
 

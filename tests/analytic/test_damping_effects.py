@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from meshes import BELT, STEEL, annulus, box, join, make_problem, modes_of, rigid_motions, term
 
 P0, SPEED, MU = 3.0, 2.0, 0.4

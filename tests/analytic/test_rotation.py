@@ -12,7 +12,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
 from fe_squeal.eigen.pencil import Pencil
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.fem import gyroscopics
 from fe_squeal.fem.element_matrices import assemble_elasticity
 from fe_squeal.fem.materials import Material, stiffness_tensor

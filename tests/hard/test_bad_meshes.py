@@ -15,7 +15,8 @@ import skfem
 from hard_cases import digits, judged, plain_eigs
 
 import fe_squeal
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from meshes import STEEL, box, make_problem, modes_of
 
 LENGTH, WIDTH = 1.0, 0.1

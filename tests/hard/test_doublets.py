@@ -10,7 +10,8 @@ import scipy.linalg as la
 from hard_cases import digits, judged, plain_eigs, through_files
 
 import fe_squeal
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from meshes import annulus, join, make_problem
 
 HELD = [{"surface": "hub", "fixed": "xyz"}]

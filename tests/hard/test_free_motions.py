@@ -16,7 +16,8 @@ from fe_squeal.eigen import kernel, shift_invert
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.free_modes import split_off
 from fe_squeal.eigen.pencil import FreeMotions, Pencil
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 
 ALPHA, BETA, ETA = 0.02, 0.01, 0.05
 CHAINS = 3

@@ -7,7 +7,8 @@ import scipy.sparse as sp
 
 import fe_squeal
 from fe_squeal.eigen.dense import DENSE_LIMIT
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.fem.contact import contact_operators
 from fe_squeal.fem.spaces import make_space
 from fe_squeal.problem.energy import energy_balance

@@ -17,7 +17,8 @@ from hard_cases import MIDDLE, SMALL, brake, digits, judged, matrices, plain_eig
 import fe_squeal
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.pencil import Pencil
-from fe_squeal.eigen.solve import Request, prove_completeness, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import prove_completeness, solve_modes
 from meshes import STEEL, box, join, make_problem
 
 plain_brake = functools.cache(brake)

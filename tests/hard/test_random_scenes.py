@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 import fe_squeal
 from fe_squeal.eigen.pencil import Pencil
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.errors import NotConvergedError, SquealError
 from meshes import box, join, make_problem
 

@@ -18,7 +18,8 @@ from hard_cases import LINING, brake, digits, judged, matrices, plain_eigs
 import fe_squeal
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.pencil import Pencil
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from meshes import STEEL, box, join, make_problem, modes_of
 
 N, M_ = (3, 3, 1), (3, 3, 2)

@@ -12,7 +12,8 @@ from fe_squeal.eigen.dense import solve_dense
 from fe_squeal.eigen.linear import choice
 from fe_squeal.eigen.linear.choice import factorize
 from fe_squeal.eigen.pencil import Pencil
-from fe_squeal.eigen.solve import Request, prove_completeness, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import prove_completeness, solve_modes
 
 # (friction, dashpots): every kind of complex pencil.
 KINDS = [(0.0, 0.0), (0.9, 0.0), (0.0, 0.05), (0.9, 0.05)]
