@@ -108,13 +108,13 @@ def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -
     TooLargeError
         The refined mesh does not fit into memory.
     """
-    problem, parameter = result.problem, result.parameter
+    problem, parameter = result.problem.solved_with(linear_solver), result.parameter
     assembly = problem.source
     if not isinstance(assembly, Assembly):
         raise SceneError("the error of a mesh is asked for (--estimate), and the scene has matrices instead of a mesh")
     require_memory(_refined_memory(result), _CHILDREN * problem.unknowns, "modes on the refined mesh")
     values = np.array([p.value for p in result.points])
-    refined = Assembly(assembly.scene, refine(assembly.loaded))
+    refined = Assembly(assembly.scene, refine(assembly.loaded)).solved_with(linear_solver)
     E = prolongation(assembly.space, refined.space)
     fine = refined.problem(problem.changed).prepared(parameter, values)
     affine = [_affine(p, parameter, values) for p in (problem, fine)]

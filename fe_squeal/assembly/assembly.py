@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from copy import copy
 from dataclasses import replace
 from functools import partial
 
-from ..effects.cache import Cache
+from ..effects.cache import Cache, Same
 from ..effects.context import BodyPart, ContactPart, Context
 from ..effects.elasticity import elastic_terms
 from ..effects.springs import Spring, spring_terms
 from ..effects.static_state import pressed_numbers
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import refuse_shortage, require_memory
 from ..errors import MeshError, SceneError
 from ..fem.contact import ContactOperators
@@ -43,7 +45,9 @@ _SHARED = 0.15  # of the entries of all element matrices: what elements that sha
 _COPIES = 3  # of the stiffness: while two sums are added to a third
 
 
-def assemble(scene: Scene | MatrixScene, mesh: LoadedMesh | None = None) -> Problem:
+def assemble(
+    scene: Scene | MatrixScene, mesh: LoadedMesh | None = None, linear_solver: LinearSolver | str | None = None
+) -> Problem:
     """Assemble the terms of a scene.
 
     Parameters
@@ -51,6 +55,8 @@ def assemble(scene: Scene | MatrixScene, mesh: LoadedMesh | None = None) -> Prob
     scene : Scene or MatrixScene
     mesh : LoadedMesh, optional
         Used instead of the scene's own mesh.
+    linear_solver : "auto", "pardiso", "superlu" or LinearSolver, optional
+        For the static state under preload (default: the scene's).
 
     Returns
     -------
@@ -68,7 +74,8 @@ def assemble(scene: Scene | MatrixScene, mesh: LoadedMesh | None = None) -> Prob
         if isinstance(scene, MatrixScene):
             return matrix_problem(scene)
         with refuse_shortage("the assembly"):
-            return Assembly(scene, read_mesh(scene) if mesh is None else mesh).problem({})
+            assembly = Assembly(scene, read_mesh(scene) if mesh is None else mesh)
+            return (assembly if linear_solver is None else assembly.solved_with(linear_solver)).problem({})
     except SceneError as error:
         raise SceneError(f"{where}{error}") from error
     except MeshError as error:
@@ -92,6 +99,7 @@ class Assembly:
         self.space = make_space(mesh, scene.mesh.order, supports, mixed)
         require_memory(_least_memory(self.space), self.space.unknowns, "matrices", exponent=1)
         self.loaded, self._motions = loaded, rigid_motions(self.space)
+        self._linear_solver: LinearSolver | str = scene.solve.linear_solver
         self._cache = Cache()
         wanted = scene.solve.modes
         if wanted is not None and wanted > self.space.unknowns:
@@ -110,9 +118,17 @@ class Assembly:
             raise SceneError(f'given "{path}"; expected a number of the physics, or another scene to be assembled')
         return number_at(self.scene, path)
 
+    def solved_with(self, linear_solver: LinearSolver | str) -> Assembly:
+        """Return the same assembly, which finds static states with this linear solver; what was made is shared."""
+        other = copy(self)
+        other._linear_solver = linear_solver
+        return other
+
     def problem(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with other numbers, by their paths."""
-        return self._cache.get("problem", tuple(sorted(values.items())), lambda: self._build(values))
+        # The solver belongs to the key because a problem refers to the assembly that made it.
+        key = Same(self._linear_solver), tuple(sorted(values.items()))
+        return self._cache.get("problem", key, lambda: self._build(values))
 
     def _build(self, values: Mapping[str, float]) -> Problem:
         scene = with_numbers(self.scene, values) if values else self.scene
@@ -157,7 +173,7 @@ class Assembly:
             self.space, self.loaded, {name: self._body(scene, name) for name in self.bodies},
             {name: self._contact(scene, name, i) for i, name in enumerate(scene.contact_names)},
             scene.materials, tuple(_holding(scene)), scene.effects.on, partial(number_at, scene), self._cache,
-            linear_solver=scene.solve.linear_solver,
+            linear_solver=self._linear_solver,
         )  # fmt: skip
 
     def _body(self, scene: Scene, name: str) -> BodyPart:

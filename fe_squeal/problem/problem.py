@@ -30,6 +30,9 @@ class Source(Protocol):
     def number(self, path: str) -> float:
         """Return a number as it stands in the scene."""
 
+    def solved_with(self, linear_solver: LinearSolver | str) -> Source:
+        """Return the same source, which finds static states with this linear solver."""
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -57,7 +60,7 @@ class Problem:
     free : function of the parameters' values, or None
         Returns the motions that nothing holds, of a problem made from another one, which knows.
     kernel : function of a Pencil
-        Looks for the kernel of K where motions are not known; see `searched_by`.
+        Looks for the kernel of K where motions are not known; see `solved_with`.
     state : mapping of place to {quantity: number}
         What the state is like about which the terms are linearised; a sweep keeps it beside the modes.
     """
@@ -179,11 +182,15 @@ did you mean "springs.piston.stiffness"?
             if value == 0 and any(t.powers.get(path, 0) < 0 for t in self.terms):
                 raise SceneError(f"{path}: given 0; expected another number: a term counts with a negative power of it")
 
-    def searched_by(self, linear_solver: LinearSolver | str) -> Problem:
-        """Return the same problem; where motions that nothing holds are looked for, it is with this linear solver."""
+    def solved_with(self, linear_solver: LinearSolver | str) -> Problem:
+        """Return the same problem, for which a linear solver does what the terms themselves need solving for.
+
+        That is a static state where terms are made anew, and the search for motions that nothing holds.
+        """
+        problem = self if self.source is None else replace(self, source=self.source.solved_with(linear_solver))
         if self.motions is not None or self.free is not None:
-            return self
-        return replace(self, kernel=partial(find_kernel, linear_solver=linear_solver))
+            return problem
+        return replace(problem, kernel=partial(find_kernel, linear_solver=linear_solver))
 
     def prepared(self, parameter: str, values: np.ndarray) -> Problem:
         """Return the same problem with every term that occurs at one of the values of a parameter.

@@ -83,7 +83,7 @@ class ReducedModel:
             If the tolerance is not met, or the problem without damping and friction is not positive semidefinite.
         """
         self.linear_solver = choose(linear_solver)
-        self.problem = problem = problem.searched_by(self.linear_solver)
+        self.problem = problem = problem.solved_with(self.linear_solver)
         self.parameter, self.request = parameter, request
         self.factorizations = self.solves = 0
         self._known: dict[float, _Estimate] = {}
@@ -141,7 +141,7 @@ class ReducedModel:
         """Return the model that gave `stored`, of the same problem and request."""
         model = cls.__new__(cls)
         model.linear_solver = choose(linear_solver)
-        model.problem = problem = problem.searched_by(model.linear_solver)
+        model.problem = problem = problem.solved_with(model.linear_solver)
         model.parameter, model.request = parameter, request
         model.factorizations, model.solves = numbers["factorizations"], numbers["solves"]
         model._known, model._known_with = {}, None

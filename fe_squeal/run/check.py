@@ -21,7 +21,7 @@ from .solver import solver_of
 def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
     """Return a table of bodies, groups, effects, problem class and size."""
     solver = solver_of(scene)
-    problem = problem.searched_by(solver)
+    problem = problem.solved_with(solver)
     table = Table(show_header=False, box=None, pad_edge=False)
     if isinstance(scene, Scene):
         _mesh_rows(table, scene, problem)

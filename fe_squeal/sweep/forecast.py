@@ -81,7 +81,7 @@ def predict_memory(
     reduced = is_reduced(problem, parameter, values, method)
     if problem.unknowns <= DENSE_LIMIT:
         return MemoryPrediction(loaded, 0, available_memory(), reduced)
-    pencil = problem.searched_by(linear_solver).pencil()
+    pencil = problem.solved_with(linear_solver).pencil()
     entries = sum(A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)
     number = 16 if pencil.is_complex else 8
     definite = symmetric_part(pencil)

@@ -30,8 +30,9 @@ from fe_squeal.sweep.forecast import predict_memory
 
 VALUES = np.linspace(0.0, 0.9, 7)
 MODES, N = 8, 450  # more unknowns than go to LAPACK as a whole
-# 405 unknowns, solved directly, and 2295, which "auto" reduces.
-SMALL = replaced("size = 0.02", "size = 0.01", replaced('file = "block.msh"\n', ""))
+# 90 unknowns, all modes by LAPACK; 405, solved directly, and 2295, which "auto" reduces.
+COARSE = replaced('file = "block.msh"\n', "")
+SMALL = replaced("size = 0.02", "size = 0.01", COARSE)
 FINE = replaced("order = 1", "order = 2", SMALL)
 
 
@@ -179,7 +180,7 @@ def test_forecast_is_that_of_the_solver_handed_in(no_other):
     problem = chain(n=N)
     no_other()
     told = predict_memory(problem, "mu", 7, MODES, "direct", Toy())
-    A = problem.searched_by(Toy()).pencil()
+    A = problem.solved_with(Toy()).pencil()
     assert told.factors == 1000 * sp.csr_array(A.K + A.M).nnz
 
 
@@ -241,6 +242,40 @@ def test_the_static_state_takes_the_solver_of_the_scene(tmp_path, monkeypatch):
     monkeypatch.setattr(PardisoFactor, "__init__", None)  # fails where it is called
     problem = assemble(load_scene(write_scene(tmp_path, asking_for("superlu", text))))
     assert asked and set(asked) == {problem.unknowns}
+
+
+def preloaded(tmp_path):
+    text = replaced("[effects.friction]", "[effects.preload]\npressures = { top = 1e5 }\n[effects.friction]", COARSE)
+    return load_scene(write_scene(tmp_path, text))
+
+
+def test_a_solver_handed_in_finds_static_states(tmp_path, no_other):
+    """That of the assembly, that at another value, and those of a sweep, which its own solver finds."""
+    scene = preloaded(tmp_path)
+    expected = sweep(assemble(scene), [0.1, 0.3], modes=4)
+    no_other()
+    first, later, last = Toy(), Toy(), Toy()
+    problem = assemble(scene, linear_solver=first)
+    assert first.plain >= 1
+    solved = first.plain
+    moved = problem.solved_with(later).at(mu=0.5)
+    assert later.plain >= 1 and moved.discretisation.static_state.mu == 0.5
+    found = sweep(problem, [0.1, 0.3], modes=4, linear_solver=last)
+    assert first.plain == solved and last.plain > 0
+    for a, b in zip(found.points, expected.points, strict=True):
+        np.testing.assert_allclose(a.modes.lam, b.modes.lam, rtol=1e-7)
+        assert a.pressed == {name: pytest.approx(state, rel=1e-9, nan_ok=True) for name, state in b.pressed.items()}
+        assert a.pressed and all(state["mu"] == a.value for state in a.pressed.values())
+
+
+@pytest.mark.slow
+def test_a_solver_handed_in_finds_static_states_on_the_refined_mesh(tmp_path, no_other):
+    problem, toy = assemble(preloaded(tmp_path)), Toy()
+    expected = with_discretisation(sweep(problem, [0.1, 0.3], modes=4))
+    no_other()
+    found = with_discretisation(sweep(problem, [0.1, 0.3], modes=4, linear_solver=toy), linear_solver=toy)
+    for a, b in zip(found.points, expected.points, strict=True):
+        np.testing.assert_allclose(a.discretisation, b.discretisation, rtol=1e-4, atol=1e-7 * np.abs(b.modes.lam).max())
 
 
 @pytest.mark.parametrize(
