@@ -12,6 +12,16 @@ from fe_squeal.eigen.pencil import Pencil
 N = DENSE_LIMIT + 100
 
 
+def sparse(A):
+    return sp.csr_array(np.asarray(A))
+
+
+def definite(rng, n):
+    """Draw a full symmetric positive definite matrix."""
+    A = rng.standard_normal((n, n))
+    return A @ A.T / n + 0.1 * np.eye(n)
+
+
 def chain(friction=0.0, damping=0.0, n=N, eta=0.0, seed=1):
     """A chain of unequal masses and springs, these with loss factors up to eta, some follower forces, and dashpots."""
     rng = np.random.default_rng(seed)
