@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+from dense import all_eigenvalues
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -51,12 +52,9 @@ def pencils(draw):
 
 
 def all_of(M, C, K):
-    """Return all λ by LAPACK's QZ-free linearisation, in units of √(k/m)."""
-    M, K = M.toarray(), K.toarray()
-    n, unit = len(M), np.sqrt(np.abs(K).max() / np.abs(M).max())
-    C = np.zeros_like(M) if C is None else C.toarray()
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K) / unit**2, -la.solve(M, C) / unit]])
-    return unit, unit * la.eigvals(A)
+    """Return the unit √(k/m) and all λ."""
+    unit = np.sqrt(abs(K).max() / abs(M).max())
+    return unit, all_eigenvalues(M, C, K, unit)
 
 
 @SETTINGS
