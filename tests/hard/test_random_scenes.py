@@ -146,21 +146,19 @@ def scenes(draw):
     }  # fmt: skip
 
 
-@FEW
-@given(scenes())
-def test_random_scenes(tables):
-    """From the scene to the table of modes, over three values of μ: either an answer whose errors and shares are right
-    or one of the program's own errors, never another."""
+def solved(tables):
+    """Solve a scene over two values of μ: either an answer whose errors and shares are right, or one of the program's
+    own errors, never another; return whether there is an answer."""
     tables = dict(tables)
     try:
         problem = make_problem(tables.pop("mesh"), **tables)
         result = fe_squeal.sweep(problem, [0.0, 0.6], modes=5)
     except NotConvergedError as error:
         assert str(error)
-        return
+        return False
     except SquealError as error:
         assert "preload" in str(error)  # nothing else of these scenes is bad input
-        return
+        return False
     damped = problem.is_damped
     for point in result.points:
         modes = point.modes
@@ -174,3 +172,18 @@ def test_random_scenes(tables):
             assert abs(sum(shares) - modes.lam[i].real) <= 1e-6 * np.abs(modes.lam[i]) + modes.re_uncertainty[i]
     frame = result.to_dataframe()
     assert len(frame) == sum(len(p.modes) for p in result.points) and not frame["re"].isna().any()
+    return True
+
+
+def test_random_scenes():
+    """From the scene to the table of modes. Of 150 drawn by chance all were solved: more than one in ten without an
+    answer is a mistake."""
+    answers = []
+
+    @FEW
+    @given(scenes())
+    def each(tables):
+        answers.append(solved(tables))
+
+    each()
+    assert len(answers) >= 10 and np.mean(answers) >= 0.9
