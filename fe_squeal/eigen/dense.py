@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy.linalg as la
@@ -15,7 +16,6 @@ from .polish import ACCURATE, pair_errors, refine
 from .quality import in_upper_half, modes_from_lambda, modes_from_theta
 
 DENSE_LIMIT = 400  # unknowns up to which all modes come from LAPACK: seconds, tens of them where QZ is needed
-LAPACK = "dense (LAPACK)"
 
 Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # eigenvalues (k,), right and left vectors (n, k)
 _FEW = 0.1  # share of inaccurate pairs that is left to refinement
@@ -53,8 +53,8 @@ def solve_dense(pencil: Pencil, highest: float = np.inf, linear_solver: LinearSo
     v, right, left = (omega0 if pencil.C is not None else omega0**2) * v, d[:, None] * right, d[:, None] * left
     if free is not None:
         v, right, left = free.beside(v, right, left)
-    modes = modes_from_theta if pencil.C is None else modes_from_lambda
-    return modes(pencil, v, right, left, LAPACK)
+    modes_from = modes_from_theta if pencil.C is None else modes_from_lambda
+    return replace(modes_from(pencil, v, right, left, "dense (LAPACK)"), exhaustive=True)
 
 
 def _undamped_pairs(pencil: Pencil, M: np.ndarray, K: np.ndarray, highest: float, free: FreeModes | None) -> Pairs:

@@ -63,8 +63,9 @@ def wanted_count(modes: Modes, request: Request) -> int:
         return int(np.count_nonzero(modes.frequency_hz <= request.max_frequency_hz))
     beside, omega = is_beside(modes), modes.lam.imag
     counted = np.flatnonzero(~beside)[: request.count or 0]
-    count = len(counted) + int((beside & (omega <= omega[counted].max(initial=0.0))).sum())
-    return count + int(0 < count < len(modes) and is_mirror(modes.lam[count - 1], modes.lam[count]))
+    count = len(counted) + int(np.count_nonzero(beside & (omega <= omega[counted].max(initial=0.0))))
+    cuts_a_pair = 0 < count < len(modes) and is_mirror(modes.lam[count - 1], modes.lam[count])
+    return count + 1 if cuts_a_pair else count
 
 
 def is_beside(modes: Modes) -> np.ndarray:

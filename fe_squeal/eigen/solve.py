@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import NotConvergedError
 from .arpack import nonsymmetric_modes, quadratic_modes, symmetric_modes
-from .dense import DENSE_LIMIT, LAPACK, solve_dense
+from .dense import DENSE_LIMIT, solve_dense
 from .free_modes import FreeModes, split_off
 from .inertia import count_below, finite_below
 from .linear.factor import LinearSolver, SingularError
@@ -72,7 +72,7 @@ def prove_completeness(
         proven False where the class or the solver gives no count.
     """
     found = len(modes)
-    if modes.method == LAPACK:
+    if modes.exhaustive:
         return Completeness(found, found, True)
     if pencil.problem_class != "symmetric" or not found:
         return Completeness(found, None, False)

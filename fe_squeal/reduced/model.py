@@ -222,7 +222,7 @@ class ReducedModel:
         off = np.maximum(relative / np.maximum(condition / _ILL, 1.0) / _SAFETY, backward) / self.request.tolerance
         modes = replace(
             modes, re_uncertainty=modes.re_uncertainty + error, backward_error=np.fmax(modes.backward_error, backward),
-            method=f"reduced model of {len(self.basis)} vectors",
+            method=f"reduced model of {len(self.basis)} vectors", exhaustive=False,
         )  # fmt: skip
         return modes, off, relative
 
