@@ -25,7 +25,8 @@ app = typer.Typer(
     no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
 )  # fmt: skip
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene.", show_default=False)]
-# Typer carries click with it in some versions and imports it in others; its own exception leads to the base either way.
+# Some versions of Typer carry click inside them, others import it. Either way click's base of usage errors is among the
+# bases of Typer's own exception.
 _UsageError: Any = typer.BadParameter.__bases__[0]
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where the results go.", show_default=False)]
 

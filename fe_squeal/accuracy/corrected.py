@@ -1,4 +1,4 @@
-"""A small model of the same problem on the refined mesh, from the modes of the coarse one and their corrections."""
+"""A reduced model of the problem on the refined mesh, from the modes of the coarse one and their corrections."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from ..reduced.vectors import interior_nodes, range_of, real_columns, unit_colum
 from .two_level import TwoLevelSolver
 
 _CORRECTED = 2  # values of the parameter at which modes are corrected: the ends of the sweep
-_ROUNDS = 2  # of corrections, where the first ones are
-_LONG = 0.02  # of the energy of a mode: longer ones change it too much for one round
-_NODES = 5  # whose modes span the final basis
-_FINE = 1e-5  # of a vector: what is left out of it
+_ROUNDS = 2  # of corrections at most: corrected modes are corrected again where the first correction was long
+_LONG = 0.02  # energy of a correction over that of its mode beyond which it counts as long
+_NODES = 5  # values of the parameter whose modes span the final basis
+_FINE = 1e-5  # part of a vector outside the basis, relative to it, that is left out
 
 
 class CorrectedModel:
@@ -85,7 +85,7 @@ class CorrectedModel:
         self.small = basis.restricted(W).collected()
 
     def _correct(self, basis: ReducedBasis, solver: TwoLevelSolver, value: float, modes: Modes) -> bool:
-        """Add the corrections of modes at a value; return whether one is so long that it should itself be corrected."""
+        """Add the corrections of modes at a value; return whether one is so long that a second round is needed."""
         right, left = basis.residuals(value, modes)
         one_side = basis.pencil(value).problem_class == "symmetric"
         long = False

@@ -23,7 +23,7 @@ COLUMNS = (
     "error_growth", "error_onset", "algebraic_frequency", "algebraic_growth", "algebraic_onset", "seconds_estimate",
     "knob",
 )  # fmt: skip
-_GROWTH, _POWERS = 0.8, (0.2, 1.5)  # power of the unknowns with which times grow, until the study's own tell; limits
+_GROWTH, _POWERS = 0.8, (0.2, 1.5)  # power of the cost with which times grow, until the study's own tell; its limits
 _REFINING = 4.0  # times the seconds of a setting, where its mesh is refined too
 
 
@@ -178,7 +178,7 @@ def _cost(s: Setting) -> float:
 def _expected(setting: Setting, done: list[tuple[Setting, Measurement]]) -> float:
     """Return the seconds that a setting will take: from the dearest of the same order, by the growth up to there.
 
-    What starting a process takes is the same for all, and so the first few say little about how times grow.
+    To start a process takes the same time for all, so that the first few say little about how times grow.
     """
     like = sorted((_cost(s), m.total + m.seconds.get("estimate", 0.0)) for s, m in done if s.order == setting.order)
     if not like:

@@ -41,8 +41,10 @@ from .effect_stages import (
 from .matrices import matrix_problem
 from .warnings import warnings_of_coverage, warnings_of_scene
 
-_SHARED = 0.15  # of the entries of all element matrices: what elements that share nodes leave, or less
-_COPIES = 3  # of the stiffness: while two sums are added to a third
+# Of the entries of all element matrices, what is left when those of elements that share nodes are added, or less, since
+# memory is predicted from below.
+_SHARED = 0.15
+_COPIES = 3  # of the stiffness, while two sums are added to a third
 
 
 def assemble(
@@ -83,7 +85,7 @@ def assemble(
 
 
 class Assembly:
-    """A scene on its mesh, with what was made from it; at other numbers only what depends on them is made anew."""
+    """A scene on its mesh. What was made is kept: at other numbers only what depends on them is made anew."""
 
     def __init__(self, scene: Scene, loaded: LoadedMesh) -> None:
         self.scene = scene
@@ -112,7 +114,7 @@ class Assembly:
         Raises
         ------
         SceneError
-            If there is none, or it is one of those that the assembled problem does not depend on or cannot follow.
+            If there is none, or it is one of the mesh, the sweep, the solution or the output.
         """
         if path.split(".")[0] in NOT_PHYSICS:
             raise SceneError(f'given "{path}"; expected a number of the physics, or another scene to be assembled')

@@ -37,7 +37,7 @@ def terms_of_contact(context: Context, on: Mapping[str, Effect], contact: Contac
 
 
 def terms_of_whole(context: Context, on: Mapping[str, Effect]) -> list[Owned]:
-    """Return the terms of all effects that are neither of a contact nor of a body."""
+    """Return the terms of all effects that belong to neither a contact nor a body."""
     return [(name, term) for name, effect in on.items() for term in effect.terms(context)]
 
 
@@ -68,7 +68,7 @@ def warnings_of(
     context: Context, known: Sequence[type[Effect]], on: Mapping[str, Effect], terms: Sequence[Owned],
     parameters: Mapping[str, float],
 ) -> list[str]:  # fmt: skip
-    """Return a sentence for what looks doubtful in the effects that are on, or does nothing without one that is not."""
+    """Return a sentence for what looks doubtful in an effect that is on, or needs an effect that is not."""
     found: list[str] = []
     for kind in known:
         if kind.name in on:

@@ -21,8 +21,9 @@ from ..problem.problem import Problem
 from ..sweep.sweep import sweep
 from .cases import Case, minimal, nine_dof, two_mass, uncoupled_disc
 
-_DEFORMING = 10.0  # times the highest lumped frequency: deformations of the bodies lie far above, rotations below
-_SOFTER = (1e-2, 1e-1, 1.0)  # of a case's modulus: three steps for the fitted order
+# Times the highest lumped frequency: modes above it deform the bodies, those below that are no lumped ones rotate them.
+_DEFORMING = 10.0
+_SOFTER = (1e-2, 1e-1, 1.0)  # times a case's modulus: the three moduli to which the order in 1/E is fitted
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,8 @@ def lumped_modes(
     """Return the modes that move as the lumped masses do, without the rotations and deformations of the bodies.
 
     With P the mass projection on the rigid motions R, ψᴴMPφ/ψᴴMφ is the share of the lumped coordinates in a mode,
-    right and left together: friction drives a rotation by a translation, so that φ alone may be mostly rotation.
+    right and left together. By φ alone a mode of the lumped masses could pass for a rotation, because friction makes a
+    translation drive a rotation.
     """
     pencil = problem.pencil(mu=mu)
     modes = solve_modes(pencil, Request(count=problem.unknowns), linear_solver=linear_solver)

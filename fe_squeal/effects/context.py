@@ -122,7 +122,7 @@ class ContactPart:
         return np.maximum(self.state.pressure, 0.0)
 
     def pressure_powers(self, path: str) -> dict[str, int]:
-        """Return the parameters that a term of friction scales with which acts on `pressure`.
+        """Return the powers of parameters that scale a term which is made from `pressure`.
 
         Parameters
         ----------

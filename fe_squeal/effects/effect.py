@@ -69,7 +69,7 @@ class Effect(Section):
         return {}
 
     def static_state(self, context: Context) -> StaticState | None:
-        """Return the state about which vibrations are counted; `context` has the motions."""
+        """Return the static state about which the brake vibrates; `context` has the motions."""
         return None
 
     def state_parameters(self, context: Context) -> frozenset[str]:

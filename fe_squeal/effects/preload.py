@@ -1,4 +1,4 @@
-"""Preload: the static state under brake pressure from which vibrations are counted."""
+"""Preload: the static state under brake pressure, about which the brake vibrates."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .effect import Effect
 from .friction import Friction
 from .static_state import PressedContact, StaticState, follower_ratio, solve_preload
 
-_FOLLOWING = 1e-3  # of the friction stiffness: the size of the follower terms from which they are spoken of
+_FOLLOWING = 1e-3  # of the friction stiffness: follower terms larger than this are warned of
 
 
 class Preload(Effect):
@@ -54,7 +54,7 @@ class Preload(Effect):
             )
 
     def static_state(self, context: Context) -> StaticState:
-        """Return the static state, from that of nearly the same problem if there is one.
+        """Return the static state. The search starts from the one found before, at other values, if there is one.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Bodies that rotate: their motions, whether the scene is the same all around their axis, and what leaves them free."""
+"""Bodies that rotate: their motions, whether the scene is the same all around their axis, what nothing holds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from ..fem.spaces import DisplacementSpace
 from ..problem.terms import Term
 from .context import BodyPart, Context
 
-_HELD = 10.0  # times Ω²M: the stiffness against a rigid motion beside which that of the centrifugal stress is small
+# Against a rigid motion that is held by more than this times Ω²M, the stiffness of the centrifugal stress is small.
+_HELD = 10.0
 
 
 def motion_of_body(
@@ -111,10 +112,10 @@ def free_motions(
     space: DisplacementSpace, elements: np.ndarray, motion: SteadyMotion, terms: Sequence[Term],
     parameters: Mapping[str, float],
 ) -> list[str]:  # fmt: skip
-    """Return which rigid motions of a rotating body nothing holds but its own inertia: to turn or to tilt.
+    """Return which rigid motions of a rotating body, to turn or to tilt, are held by nothing but its own inertia.
 
-    The stiffness of the centrifugal stress is what such motions have against K_Ω: with it a turned body stays where it
-    is and a tilted one wobbles with 2Ω; without it the turned one has λ = ±iΩ.
+    Against the negative K_Ω they have the stiffness of the centrifugal stress alone: with it a body that is turned
+    stays where it is, and one that is tilted wobbles with 2Ω. Without it the turned one has λ = ±Ω.
 
     Parameters
     ----------

@@ -72,14 +72,14 @@ def contact_summary(operators: ContactOperators, state: ContactState) -> dict[st
 def pressed_numbers(
     contacts: Mapping[str, ContactOperators], state: StaticState | None
 ) -> dict[str, dict[str, float]]:
-    """Return what presses in each contact of the static state, in numbers; nothing without a static state."""
+    """Return the numbers of `contact_summary` for each pressed contact; nothing without a static state."""
     if state is None:
         return {}
     return {name: {"mu": state.mu, **contact_summary(contacts[name], c)} for name, c in state.contacts.items()}
 
 
 def follower_ratio(operators: ContactOperators, state: ContactState, stiffness: float) -> float:
-    """Return p0/(k_n ℓ), the size of the follower terms that are left out over the friction stiffness; ℓ = √area."""
+    """Return p0/(k_n ℓ), ℓ = √area: the size of the follower terms left out, relative to the friction stiffness."""
     return float(np.abs(state.pressure).max(initial=0.0) / (stiffness * np.sqrt(operators.area)))
 
 

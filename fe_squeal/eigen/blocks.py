@@ -1,4 +1,4 @@
-"""Products of blocks of tall vectors, by parts of their rows on all threads."""
+"""Products of blocks of tall vectors, a slice of their rows on each thread."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 from .threads import thread_count
 
-_TALL = 5000  # rows from which parts pay
+_TALL = 5000  # rows from which the work of slicing them pays
 _Part = TypeVar("_Part")
 
 

@@ -65,8 +65,8 @@ def contact_operators(
     """Return the operators that couple a pad's surface to a counterface; the meshes need not match.
 
     From each quadrature point of the pad's surface a line along the normal meets the counterface; the displacement
-    there
-    comes from the counterface's own shape functions. Points that meet nothing within the tolerance are not in contact.
+    there comes from the counterface's own shape functions. Points that meet nothing within the tolerance are not in
+    contact.
 
     Parameters
     ----------
@@ -212,8 +212,9 @@ def _meet(
 def _parts(mesh: skfem.Mesh, pad: np.ndarray, counter: np.ndarray) -> int:
     """Return how often to cut the edges of the pad's facets: not where the meshes match.
 
-    Elsewhere the counterface's shape functions have kinks inside a facet of the pad. A rule for smooth functions then
-    does not hand a uniform pressure on as one; cut into pieces of half the counterface's facet size, it nearly does.
+    Elsewhere the counterface's shape functions have kinks inside a facet of the pad. With a rule for smooth functions a
+    uniform pressure would not arrive as a uniform one on the other side. A rule on pieces of half the counterface's
+    facet size nearly does so.
     """
     centres = [mesh.p[:, mesh.facets[:, f]].mean(axis=1).T for f in (pad, counter)]
     sizes = [float(np.median(np.ptp(mesh.p[:, mesh.facets[:, f]], axis=1).max(axis=0))) for f in (pad, counter)]

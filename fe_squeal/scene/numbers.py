@@ -11,7 +11,7 @@ from .base import BaseScene
 from .faults import validated
 
 NOT_PHYSICS = ("mesh", "sweep", "solve", "output")  # tables whose numbers no problem moves with
-_LONG = {MU: "effects.friction.mu"}  # of names that are short for a path
+_LONG = {MU: "effects.friction.mu"}  # paths by the short names that stand for them
 _Scene = TypeVar("_Scene", bound=BaseScene)
 
 

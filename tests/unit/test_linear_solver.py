@@ -124,13 +124,13 @@ def no_other(monkeypatch):
 @pytest.mark.parametrize("method", ["direct", "reduced"])
 @pytest.mark.parametrize("effects", [(), ("damper", "slip damping"), ("loss",)], ids=["undamped", "damped", "complex"])
 def test_a_solver_handed_in_goes_through_a_whole_sweep(effects, method, no_other):
-    """Kernel, modes, count, small model and onsets; nothing is known of the motions of these matrices."""
+    """Kernel, modes, count, reduced model and onsets; nothing is known of the motions of these matrices."""
     expected = sweep(chain(*effects, n=N), VALUES, modes=MODES, method=method)
     toy, problem = Toy(), chain(*effects, n=N)
     no_other()
     found = sweep(problem, VALUES, modes=MODES, method=method, linear_solver=toy)
     assert toy.plain > 0
-    assert toy.definite == 1  # of the small model, which a direct sweep makes to count the modes
+    assert toy.definite == 1  # of the reduced model, which a direct sweep makes to count the modes
     if method == "direct":
         assert found.method == "shift-invert ARPACK, toy"
     for a, b in zip(found.points, expected.points, strict=True):
@@ -160,7 +160,7 @@ def test_a_solver_handed_in_estimates_the_error_of_the_mesh(no_other):
     found = with_discretisation(
         sweep(problem, [0.0, 0.3, 0.6], modes=4, method="reduced", linear_solver=toy), linear_solver=toy
     )
-    assert toy.definite >= 2  # the small model, and the coarse problem under the refined one
+    assert toy.definite >= 2  # the reduced model, and the coarse problem under the refined one
     assert all(np.isfinite(point.discretisation).all() for point in found.points)
 
 

@@ -71,7 +71,7 @@ def test_every_kind_of_problem_goes_on(
     kind: str, call: int, wholes: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    """Real and complex shapes, left ones, small models and static states come back from the files."""
+    """Real and complex shapes, left ones, reduced models and static states come back from the files."""
     monkeypatch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)  # pictures are tested elsewhere
     path, out, whole = write_scene(tmp_path, SCENES[kind]), tmp_path / "out", wholes(kind)
     interrupt(path, out, call, monkeypatch)
