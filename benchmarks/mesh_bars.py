@@ -164,7 +164,7 @@ def shapes_at(problem: Problem, case: Case, points: np.ndarray, modes: int) -> l
             reduced: Modes = model.modes(value)
             lam, right = reduced.lam, model.lift(reduced.right)
         else:
-            solved = solve_modes(problem.pencil(**{case.parameter: value}), request)
+            solved = solve_modes(problem.pencil({case.parameter: value}), request)
             lam, right = solved.lam, solved.right
         at = position[rows]
         shape = np.where((at >= 0)[:, None], right[np.maximum(at, 0)], 0.0)
@@ -300,8 +300,8 @@ def page(rows: list[str]) -> str:
         " coarse mesh; the true values are those of order 2 on meshes two levels finer, extrapolated. A mode is not"
         " paired where its shape on the coarse mesh is another one (MAC below one half), or where no bar is known. The"
         f" bars are {bars.BARS[1]:g} (order 1) and {bars.BARS[2]:g} (order 2) times the change on the mesh refined"
-        f" once, with a floor of {bars.SHARE:g} of this times |Δλ|; floor and factor of order 1 were fitted on other scenes"
-        " (`FITTED` there) than those measured here.\n\n"
+        f" once, with a floor of {bars.SHARE:g} of this times |Δλ|; floor and factor of order 1 were fitted on other"
+        " scenes (`FITTED` there) than those measured here.\n\n"
     )
     return text + "\n".join([head, "|---" * 10 + "|", *rows]) + "\n"
 

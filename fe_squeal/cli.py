@@ -25,7 +25,8 @@ app = typer.Typer(
     no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
 )  # fmt: skip
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene.", show_default=False)]
-# Typer carries click with it in some versions and imports it in others; its own exception leads to the base either way.
+# Some versions of Typer carry click inside them, others import it. Either way click's base of usage errors is among the
+# bases of Typer's own exception.
 _UsageError: Any = typer.BadParameter.__bases__[0]
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where the results go.", show_default=False)]
 
@@ -81,8 +82,8 @@ def check(
 ) -> int:
     """Validate scene and mesh without solving."""
     from .assembly.assembly import assemble
+    from .assembly.discretisation import discretisation_of
     from .assembly.forces import balance_warnings, force_balance
-    from .assembly.model import model_of
     from .report.terminal import print_table
     from .report.warnings import told_once
     from .run.check import describe
@@ -103,8 +104,8 @@ def check(
         return 0
     problem = assemble(loaded)
     print_table(describe(loaded, problem), console)
-    model = model_of(problem)
-    notes, warnings = ((), ()) if model is None else (model.notes, model.warnings)
+    found = discretisation_of(problem)
+    notes, warnings = ((), ()) if found is None else (found.notes, found.warnings)
     parts = force_balance(problem)
     balance = balance_table(parts)
     if balance is not None:

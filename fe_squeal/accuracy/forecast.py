@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,10 +18,10 @@ _START, _PER_UNKNOWN = 2.0, 3e-4  # s
 _METHODS = {"reduced": 1.0, "modal": 0.6, "direct": 4.0}  # times as long
 _ESTIMATE = 3.0  # times the rest: what refining the mesh once takes beside it
 _GROWTH, _POWERS = 0.8, (0.2, 1.5)  # power of the work with which times grow, until the study's own tell; limits
-# What a setting tells: the reference comes from order 2, rates from both; the rest compares methods on one mesh.
-_INFORMATION = {"size, order 2": 4.0, "size, order 1": 2.0, "direct": 1.0, "modes, modal projection": 0.5}
-_LEAST_INFORMATION = 0.25
-ESTIMATED = "size, order 2"  # the settings whose meshes are refined, too: from them comes the reference
+# What a setting tells: the reference comes from those whose mesh is refined, rates from meshes of both orders; the rest
+# compares methods, and tolerances looser than the scene's, on one mesh.
+_REFERENCE, _MESH, _LOOSER = 4.0, 2.0, 0.25
+_OTHER_METHODS = {"direct": 1.0, "modal": 0.5}
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Forecast:
 
     def work(self, setting: Setting) -> float:
         """Return about how long it takes, in seconds, from experience with other scenes."""
-        times = _METHODS[setting.method] * (1 + _ESTIMATE * (setting.knob == ESTIMATED)) * (setting.modes + 20) / 60
+        times = _METHODS[setting.method] * (1 + _ESTIMATE * setting.estimated) * (setting.modes + 20) / 60
         return _START + _PER_UNKNOWN * self.unknowns(setting) * times
 
     def seconds(self, setting: Setting, done: Sequence[tuple[Setting, float]]) -> float:
@@ -80,17 +81,21 @@ def forecast_of(scene: Scene) -> Forecast:
 
 
 def by_information(settings: Sequence[Setting], forecast: Forecast) -> list[Setting]:
-    """Return the settings in the order of what they tell for the second; the next of a knob tells less."""
+    """Return the settings in the order of what they tell for the second; the next of a kind tells less."""
+    tightest = min(s.tolerance for s in settings)
+
+    def kind(s: Setting) -> tuple[str, int, bool]:
+        return s.method, s.order if s.tolerance == tightest else 0, s.estimated
+
+    def information(s: Setting) -> float:
+        if s.method in _OTHER_METHODS:
+            return _OTHER_METHODS[s.method]
+        return _REFERENCE if s.estimated else _MESH if s.tolerance == tightest else _LOOSER
+
     found: list[Setting] = []
     left = list(settings)
     while left:
-        known = [s.knob for s in found]
-
-        def worth(s: Setting, known: list[str] = known) -> float:
-            return _INFORMATION.get(s.knob, _LEAST_INFORMATION) / (1 + known.count(s.knob)) / forecast.work(s)
-
-        best = max(left, key=worth)
-        found.append(best)
-        left.remove(best)
+        known = Counter(kind(s) for s in found)
+        worth = [information(s) / (1 + known[kind(s)]) / forecast.work(s) for s in left]
+        found.append(left.pop(int(np.argmax(worth))))
     return found
-

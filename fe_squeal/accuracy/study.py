@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import NotConvergedError, SquealError
 from ..scene import Scene
-from .forecast import ESTIMATED, Forecast, by_information, forecast_of
+from .forecast import Forecast, by_information, forecast_of
 from .measure import Measurement, measure_apart
 from .reference import Errors, Reference, as_reference, errors_of, reference_of, with_exact
 from .settings import Setting, plan
@@ -82,7 +82,8 @@ class Study:
         """Return the seconds of every stage, a row per setting: accuracy_stages.csv."""
         import pandas as pd
 
-        plain = [{k: v for k, v in asdict(s).items() if k not in ("refinement", "knob")} for s in self.settings]
+        left_out = ("refinement", "knob", "estimated")
+        plain = [{k: v for k, v in asdict(s).items() if k not in left_out} for s in self.settings]
         rows = zip(plain, self.measurements, strict=True)
         return pd.DataFrame([{**setting, **m.seconds} for setting, m in rows])
 
@@ -156,7 +157,7 @@ def run_study(
             unknowns = forecast.unknowns(setting)
             progress(len(done), len(every), f"{setting}: about {unknowns} unknowns, {expected:.0f} s")
             try:
-                found = measure_apart(scene, setting, probes, setting.knob == ESTIMATED, rest)
+                found = measure_apart(scene, setting, probes, setting.estimated, rest)
             except SquealError as error:
                 leave_out(setting, str(error))
                 continue

@@ -19,9 +19,9 @@ from scipy.spatial import cKDTree
 
 from ..effects.preload import Preload
 from ..effects.springs import Spring
-from ..effects.static_state import BaseState
+from ..effects.static_state import StaticState
 from ..fem.gyroscopics import centrifugal_load
-from ..fem.motion import Sliding
+from ..fem.motion import SteadyMotion
 from ..fem.rigid_motions import connected_parts
 from ..fem.spaces import Surface
 from ..mesh.groups import find_facets
@@ -29,7 +29,7 @@ from ..problem.problem import Problem
 from ..scene import Scene, with_numbers
 from ..scene.contacts import Contact
 from .assembly import Assembly
-from .model import Model, model_of
+from .discretisation import Discretisation, discretisation_of
 
 _ELSEWHERE = 0.05  # of the load on a part with a contact: what springs and supports may take without a word
 
@@ -81,11 +81,11 @@ class PartForces:
 
 def force_balance(problem: Problem) -> list[PartForces]:
     """Return the forces on each part of the model in the static state at the nominal values; none without preload."""
-    model, assembly = model_of(problem), problem.source
-    if model is None or model.base is None or not isinstance(assembly, Assembly):
+    model, assembly = discretisation_of(problem), problem.source
+    if model is None or model.static_state is None or not isinstance(assembly, Assembly):
         return []
     scene = with_numbers(assembly.scene, problem.changed) if problem.changed else assembly.scene
-    balance = _Balance(model, model.base, scene, assembly)
+    balance = _Balance(model, model.static_state, scene, assembly)
     balance.add_loads(assembly.motions(problem.changed))
     for i, spring in enumerate(scene.springs):
         balance.add_spring(spring, f"springs[{i}]")
@@ -97,7 +97,7 @@ def force_balance(problem: Problem) -> list[PartForces]:
 class _Balance:
     """The parts of a model, and what acts on them."""
 
-    def __init__(self, model: Model, base: BaseState, scene: Scene, assembly: Assembly) -> None:
+    def __init__(self, model: Discretisation, base: StaticState, scene: Scene, assembly: Assembly) -> None:
         self.model, self.base, self.scene, self.loaded = model, base, scene, assembly.loaded
         self.space = space = model.space
         self.part = connected_parts(space)
@@ -109,7 +109,7 @@ class _Balance:
             p.bodies = tuple(name for name, e in model.bodies.items() if (self.of_element[e] == i).any())
             p.held = space.fixed.reshape(-1, 3)[self.part == i].any(axis=0)
 
-    def add_loads(self, motions: Mapping[str, Sliding]) -> None:
+    def add_loads(self, motions: Mapping[str, SteadyMotion]) -> None:
         """Add pressures, and the centrifugal force of bodies that rotate."""
         preload = next(e for e in self.scene.effects.on.values() if isinstance(e, Preload))
         for name, pressure in preload.pressures.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg as la
 
-from ..assembly.model import Model, model_of
+from ..assembly.discretisation import Discretisation, discretisation_of
 from ..fem.rigid_motions import connected_parts
 from ..problem.problem import Problem
 
@@ -18,7 +18,7 @@ def free_motion_warnings(problem: Problem) -> list[str]:
 
     K has a zero eigenvalue for each such motion, and as many modes have the frequency 0.
     """
-    model = model_of(problem)
+    model = discretisation_of(problem)
     Z = problem.free_motions().motions
     if not Z.shape[1]:
         return []
@@ -30,7 +30,7 @@ def free_motion_warnings(problem: Problem) -> list[str]:
     return [text]
 
 
-def _moving_parts(model: Model, Z: np.ndarray) -> list[str]:
+def _moving_parts(model: Discretisation, Z: np.ndarray) -> list[str]:
     """Return words for each connected part of the mesh that moves; Z (n, k)."""
     space = model.space
     nodal = np.stack([space.expand(z) for z in Z.T], axis=2)  # (nodes, 3, k)

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ..assembly.discretisation import discretisation_of
 from ..assembly.forces import balance_record, balance_warnings, force_balance
-from ..assembly.model import model_of
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import peak_memory_mib
 from ..problem.problem import Problem
@@ -35,7 +35,7 @@ def write_record(
     solver : LinearSolver
         What factorised.
     """
-    model, parts = model_of(problem), force_balance(problem)
+    model, parts = discretisation_of(problem), force_balance(problem)
     record: dict[str, Any] = {
         "version": inputs["version"],
         "title": scene.title,

@@ -63,11 +63,11 @@ def test_supports_take_what_is_left_also_through_held_nodes():
     [part] = force_balance(problem)
     assert part.applied[2] == pytest.approx(-P * AREA, rel=1e-12)
     loose = block(GUIDES, (), mu=0.0)
-    u = problem.model.space.expand(problem.model.base.u).ravel()
-    fixed = problem.model.space.fixed
+    u = problem.discretisation.space.expand(problem.discretisation.static_state.u).ravel()
+    fixed = problem.discretisation.space.fixed
     internal = sum(t.matrix * t.coefficient(loose.parameters) for t in loose.terms if t.slot == "K") @ u
     pressure = np.zeros((len(u) // 3, 3))
-    surface = loose.model.space.surface(loose.model.space.mesh.boundaries["top"])
+    surface = loose.discretisation.space.surface(loose.discretisation.space.mesh.boundaries["top"])
     pressure[:, 2] = -P * (surface.values.T @ surface.weights)
     reaction = (internal - pressure.ravel())[fixed].sum()
     assert part.supports[2] == pytest.approx(reaction, rel=1e-6) and reaction > 0.01 * P * AREA

@@ -1,9 +1,9 @@
 """Numbers that cannot be in SI units are asked about before anything is solved."""
 
 import pytest
+from fe_squeal.assembly.discretisation import discretisation_of
 
 from fe_squeal.assembly.assembly import assemble
-from fe_squeal.assembly.model import model_of
 from fe_squeal.cli import main
 from fe_squeal.scene.file import load_scene
 from tests.meshes import box, make_problem
@@ -44,7 +44,7 @@ def test_a_body_of_eighty_metres_is_one_in_millimetres(tmp_path, capsys):
 def test_any_units_pass_and_nothing_is_said_about_magnitudes(tmp_path):
     text = SCENE.replace("density = 7800.0", "density = 7.8")
     scene = load_scene(write_scene(tmp_path, 'units = "any"\n' + text))
-    assert not any("SI" in w or "√(E/ρ)" in w for w in model_of(assemble(scene)).warnings)
+    assert not any("SI" in w or "√(E/ρ)" in w for w in discretisation_of(assemble(scene)).warnings)
 
 
 @pytest.mark.parametrize(("modulus", "density"), [(2e11, 7800.0), (3e7, 1100.0), (1.1e12, 3500.0), (7e10, 2700.0)])
@@ -57,4 +57,4 @@ def test_materials_of_brakes_pass(modulus, density, tmp_path):
 def test_a_scene_that_a_script_builds_is_warned_not_refused():
     soft = {"m": {"youngs_modulus": 50.0, "poisson_ratio": 0.3, "density": 1.0}}
     problem = make_problem(box("hex1", (1, 1, 1)), materials=soft, bodies={"block": {"material": "m"}})
-    assert any("√(E/ρ) = 7.07 m/s" in w for w in model_of(problem).warnings)
+    assert any("√(E/ρ) = 7.07 m/s" in w for w in discretisation_of(problem).warnings)
