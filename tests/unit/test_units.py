@@ -1,9 +1,9 @@
 """Numbers that cannot be in SI units are asked about before anything is solved."""
 
 import pytest
-from fe_squeal.assembly.discretisation import discretisation_of
 
 from fe_squeal.assembly.assembly import assemble
+from fe_squeal.assembly.discretisation import discretisation_of
 from fe_squeal.cli import main
 from fe_squeal.scene.file import load_scene
 from tests.meshes import box, make_problem
