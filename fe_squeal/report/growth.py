@@ -14,7 +14,8 @@ def growth_curves(branch: Branch) -> list[Floats]:
 
     From an onset on it is c√s/(1 + βs) where two modes meet there and cs/(1 + βs) elsewhere, s the distance from the
     onset and c its crossing speed; β follows from the next value. A window between two onsets is closed by both, as
-    c√(s(w − s)/w) or c s(w − s)/w with w its width. Elsewhere the points are joined by straight lines.
+    c√(s(w − s)/w) or c s(w − s)/w with w its width. From value to value (Re λ)² of a branch that has met another is
+    straight, as it is behind a root; elsewhere the points are joined by straight lines.
     """
     points = np.column_stack([branch.value, branch.re])
     curves = list(segments(points))
@@ -34,6 +35,9 @@ def growth_curves(branch: Branch) -> list[Floats]:
         elif branch.onset[i + 1] == -1 and branch.onset[i] == 0:
             s, r = _beginning(width, r0, branch.speed[i + 1], _is_rooted(branch, i + 1, width, r0))
             curves[i] = np.column_stack([p1 - s, r])[::-1]
+        elif branch.rooted.any() and r0 * r1 > 0:
+            square = r0**2 + (r1**2 - r0**2) * _DENSE
+            curves[i] = np.column_stack([p0 + width * _DENSE, np.sign(r0) * np.sqrt(square)])
     return curves
 
 
