@@ -2,9 +2,9 @@
 
 The true errors of some hundred modes stand beside what --estimate says of them, in docs/accuracy_and_cost.md. True
 values are those of order 2 on meshes two levels finer, extrapolated from the last two (Richardson) with the rate 2 of
-elements whose edges are singular; how far that may be off is shown as well. The constants of `fe_squeal.accuracy.bars`
-that are not derived, `SHARE` and the factor of order 1, were fitted on the scenes `FITTED` (with --fit), which are not
-among those measured. A mode whose shape the coarse mesh does not have, by a MAC below one half, has no error, and is
+elements whose edges are singular; how far that may be off is shown as well. What is not derived in
+`fe_squeal.accuracy.bars`, `SHARE` and the factor of order 1, was chosen and fitted on the scenes `FITTED` (with --fit),
+which are not among those measured. A mode whose shape the coarse mesh does not have, by a MAC below one half, has no error, and is
 counted apart.
 """
 
@@ -300,8 +300,8 @@ def page(rows: list[str]) -> str:
         " coarse mesh; the true values are those of order 2 on meshes two levels finer, extrapolated. A mode is not"
         " paired where its shape on the coarse mesh is another one (MAC below one half), or where no bar is known. The"
         f" bars are {bars.BARS[1]:g} (order 1) and {bars.BARS[2]:g} (order 2) times the change on the mesh refined"
-        f" once, with a floor of {bars.SHARE:g} of this times |Δλ|; floor and factor of order 1 were fitted on other"
-        " scenes (`FITTED` there) than those measured here.\n\n"
+        f" once, with a floor of {bars.SHARE:g} of this times |Δλ|; the factor of order 1 was fitted on other"
+        " scenes (`FITTED` there) than those measured here, the floor chosen.\n\n"
     )
     return text + "\n".join([head, "|---" * 10 + "|", *rows]) + "\n"
 
