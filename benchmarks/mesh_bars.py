@@ -4,8 +4,8 @@ The true errors of some hundred modes stand beside what --estimate says of them,
 values are those of order 2 on meshes two levels finer, extrapolated from the last two (Richardson) with the rate 2 of
 elements whose edges are singular; how far that may be off is shown as well. What is not derived in
 `fe_squeal.accuracy.bars`, `SHARE` and the factor of order 1, was chosen and fitted on the scenes `FITTED` (with --fit),
-which are not among those measured. A mode whose shape the coarse mesh does not have, by a MAC below one half, has no error, and is
-counted apart.
+which are not among those measured. A mode whose shape the coarse mesh does not have, by a MAC below one half, has no
+error, and is counted apart.
 """
 
 from __future__ import annotations

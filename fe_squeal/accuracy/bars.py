@@ -22,8 +22,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-# Times the change, by the order: the largest s. That of order 2 is derived. That of order 1 is the smallest of 2, 3 and 4
-# that holds 97 % of the errors, and of those of growing modes, on the scenes `FITTED` of benchmarks/mesh_bars.py.
+# Times the change, by the order: the largest s. That of order 2 is derived. That of order 1 is the smallest of 2, 3 and
+# 4 that holds 97 % of the errors, and of those of growing modes, on the scenes `FITTED` of benchmarks/mesh_bars.py.
 BARS = {1: 4.0, 2: 2.0}
 # Of BARS |Δλ|. Chosen: the scenes `FITTED` do with none, and one of a single layer of linear tetrahedra needed 0.18.
 SHARE = 0.25
