@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ..sweep.step import Onset
+from ..sweep.onset import Onset
 from .estimate import COMPARED, EXTRAPOLATED, SMALLEST, UNSURE, pair_onsets
 from .measure import Measurement
 
