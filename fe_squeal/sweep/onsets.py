@@ -11,9 +11,10 @@ from ..eigen.pencil import Modes
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
 from ..reduced import ReducedModel
-from .meetings import Change, Open, scan
+from .changes import Change
 from .onset import Onset
 from .refined import Refiner
+from .scan import Open, scan
 from .step import Step
 from .tracking import mirror_partners, modal_assurance
 

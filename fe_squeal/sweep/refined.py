@@ -12,7 +12,7 @@ from ..eigen.request import Request
 from ..eigen.solve import solve_modes
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
-from .meetings import FINEST, Change
+from .changes import FINEST, Change
 from .newton import Root, find_coalescence, find_crossing, find_zero
 from .onset import Onset
 from .step import Step, real_direction
