@@ -117,7 +117,7 @@ def measure(
         seconds["estimate"] = time.perf_counter() - clock
     return Measurement(
         unknowns=problem.unknowns, seconds=seconds, peak_memory_mib=np.nan if peak is None else peak,
-        values=np.array(grid), lam=_padded([p.modes.lam for p in result.points]),
+        values=np.array(grid), lam=_padded([p.modes.lam for p in result.points if not p.between]),
         first=np.stack([at @ first[i] for i in range(len(result.points[0].modes))], axis=1),
         last=np.stack([at @ result.points[-1].shapes[i] for i in range(len(result.points[-1].modes))], axis=1),
         onsets=np.array([

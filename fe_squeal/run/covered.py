@@ -36,20 +36,16 @@ def frequency_range(scene: Scene | MatrixScene, result: Sweep) -> tuple[float, f
     return 0.0, min(tops, default=0.0)
 
 
-def unstable_above(result: Sweep, end: float | None) -> Seen | None:
-    """Return the lowest mode above the range that is unstable at some value, as far as the small model has seen it.
+def unstable_above(result: Sweep) -> Seen | None:
+    """Return the lowest mode above the range that is unstable at some value, as far as the solves have seen one.
 
     A sweep follows some modes beyond those asked for. They are not counted, and others may be missing among them.
     """
-    if end is None or result.model is None:
-        return None
-    found: list[Seen] = []
-    for point in result.points:
-        modes = result.model.modes(point.value)
-        known = set(np.round(point.modes.lam, 6).tolist())
-        for i in np.flatnonzero((modes.stability == "unstable") & (modes.frequency_hz > end * (1 + 1e-9))):
-            if complex(np.round(modes.lam[i], 6)) not in known:
-                found.append(Seen(float(modes.frequency_hz[i]), float(modes.lam[i].real), point.value))
+    found = [
+        Seen(float(lam.imag / (2 * np.pi)), float(lam.real), point.value)
+        for point in result.points
+        for lam in point.above
+    ]
     if not found:
         return None
     lowest = min(seen.frequency_hz for seen in found)

@@ -54,7 +54,7 @@ def write_record(
         "onsets_complete": result.onsets_complete if result is not None else None,
         "frequency_range_hz": frequency_range(scene, result) if result is not None else None,
         "rigid_motions": int(np.count_nonzero(result.points[0].modes.lam == 0)) if result is not None else None,
-        "values": [p.value for p in result.points] if result is not None else [],
+        "values": list(result.values) if result is not None else [],
         "contacts": {
             name: {"area_m2": c.area, "coverage": c.coverage, "largest_gap_m": float(np.abs(c.separation).max())}
             for name, c in (model.contacts if model is not None else {}).items()

@@ -146,7 +146,7 @@ def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, 
         write_results(scene, result, out)
         seconds["output"] = time.perf_counter() - clock
     record(result, status)
-    done = len(result.points) if result is not None else 0
+    done = len(result.values) if result is not None else 0
     if failure is not None:
         raise NotConvergedError(f"{failure}; {done} values before it are in {out}", failure.partial)
     if result is not None:
@@ -258,7 +258,7 @@ def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: 
     peak = f", {memory:.0f} MiB" if memory is not None else ""
     shapes = ", shapes/" if scene.output.shapes != "none" and (out / SHAPES).is_dir() else ""
     console.print(f"results in {out}: stability.png, root_locus.png{shapes} ({seconds:.1f} s{peak})", markup=False)
-    above = unstable_above(result, covered[1])
+    above = unstable_above(result)
     if above is not None:
         console.print(f"note: {above_text(above, result.parameter)}", markup=False)
     for doubt in told_once(result.doubts):  # what a sweep doubts last, onsets that it did not find, is the gravest

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -147,6 +148,22 @@ def _tell_open(found: Found, group: Open, parameter: str, below: float) -> None:
                 f"a mode at {node.lam[s[0]].imag / (2 * np.pi):.5g} Hz is unstable at {parameter} = {node.value:g} and"
                 " is not known on the other side: its onset is not found; ask for more modes or a finer sweep"
             )
+
+
+def windows(onsets: Sequence[Onset], low: float, high: float) -> list[tuple[float, tuple[Onset, Onset]]]:
+    """Return the middles of windows of instability between two values of a sweep, and the onsets that bound them.
+
+    A window goes from an onset into instability to the next one out of it of the same branch.
+    """
+    found = []
+    ordered = sorted((o for o in onsets if low < o.value < high), key=lambda o: o.value)
+    for i, into in enumerate(ordered):
+        own = {into.branch_a, into.branch_b} - {None}
+        later = (o for o in ordered[i + 1 :] if own & {o.branch_a, o.branch_b})
+        out = next(later, None)
+        if into.direction == "into" and out is not None and out.direction == "out of":
+            found.append(((into.value + out.value) / 2, (into, out)))
+    return found
 
 
 def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes, a: int, b: int) -> float:

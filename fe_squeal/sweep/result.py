@@ -65,6 +65,10 @@ class SweepPoint:
         What presses in the static state under preload, see `contact_summary`.
     discretisation : (k,) complex or None
         Errors of Re λ and Im λ by the mesh, where they are estimated.
+    above : tuple of complex, rad/s
+        Unstable λ beyond the modes that were asked for, as far as the solve has seen any.
+    between : bool
+        Whether this is no value of the sweep but the middle of a window of instability between two of them.
     """
 
     value: float
@@ -74,6 +78,8 @@ class SweepPoint:
     sensitivities: Mapping[int, Mapping[str, tuple[float, complex]]] = field(default_factory=dict)
     pressed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     discretisation: np.ndarray | None = None
+    above: tuple[complex, ...] = ()
+    between: bool = False
 
 
 @dataclass(frozen=True)
@@ -118,6 +124,11 @@ class Sweep:
     def method(self) -> str:
         """How the modes were solved for."""
         return self.points[0].modes.method
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The values of the sweep that were solved, without those between."""
+        return tuple(p.value for p in self.points if not p.between)
 
     @property
     def onsets_complete(self) -> dict[str, object]:

@@ -22,10 +22,10 @@ from .counting import count_apart
 from .doubts import doubts_of_rounding, doubts_of_ties
 from .forecast import is_reduced
 from .onset import Onset
-from .onsets import Found, find_step_onsets, two_mode_value
+from .onsets import Found, find_step_onsets, two_mode_value, windows
 from .result import LiftedShapes, Sweep, SweepPoint
 from .state import Record, Store, SweepState, lifted
-from .tracking import match_modes
+from .tracking import match_modes, mirror_partners
 
 _REFINEMENTS = 4  # how often a step is halved while the continuation of a mode is in doubt
 
@@ -113,16 +113,25 @@ class RunningSweep:
     def advance(self, value: float, keep_all: bool) -> None:
         """Solve at the next value."""
         modes = self._solve(value)
+        known = len(self.onsets)
         if self._previous is None:
             self._begin(value, modes)
         else:
             self._follow(value, modes, _REFINEMENTS)
+        last = self.points[-1].value if self.points else value
+        for middle, pair in windows(self.onsets[known:], last, value):
+            self.points.append(self._window(middle, pair))
+        self.points.append(self._point(value, modes, self._branches, keep_all))
+
+    def _point(self, value: float, modes: Modes, branches: np.ndarray, keep_all: bool) -> SweepPoint:
         wanted = wanted_count(modes, self.request)
-        kept = range(wanted) if keep_all else np.flatnonzero(modes.stability[:wanted] == "unstable")
-        shapes: Mapping[int, np.ndarray] = {int(i): modes.right[:, i].copy() for i in kept}
+        growing = np.flatnonzero(modes.stability == "unstable")
+        above, growing = modes.lam[growing[growing >= wanted]], growing[growing < wanted]
+        shapes: Mapping[int, np.ndarray] = {
+            int(i): modes.right[:, i].copy() for i in (range(wanted) if keep_all else growing)
+        }
         here = self._tracked.at({self.parameter: value})
         moves = {}
-        growing = np.flatnonzero(modes.stability[:wanted] == "unstable")
         pencil = here.pencil() if len(growing) else None
         for i in growing:
             found = sensitivities(here, modes, int(i), pencil=pencil)
@@ -131,7 +140,28 @@ class RunningSweep:
         pressed = self.problem.at({self.parameter: value}).state
         if self._model is not None:
             shapes = LiftedShapes(shapes, self._model.basis.V)
-        self.points.append(SweepPoint(value, reported, self._branches[:wanted], shapes, moves, pressed))
+        return SweepPoint(
+            value, reported, branches[:wanted], shapes, moves, pressed, above=tuple(complex(lam) for lam in above)
+        )
+
+    def _window(self, middle: float, pair: tuple[Onset, Onset]) -> SweepPoint:
+        """Return what is in the middle of a window of instability that no value of the sweep lies in."""
+        assert self._previous is not None
+        modes = self._solve(middle)
+        origin = match_modes(self._previous, modes, self._M).origin
+        names = itertools.count(self._next_branch)
+        branches = np.array([self._branches[i] if i >= 0 else next(names) for i in origin], dtype=int)
+        self._next_branch = next(names)
+        growing = np.flatnonzero(modes.stability == "unstable")
+        if len(growing):
+            omega = np.pi * (pair[0].frequency_hz + pair[1].frequency_hz)
+            i = int(growing[np.argmin(np.abs(modes.lam[growing].imag - omega))])
+            positions = i, int(mirror_partners(modes)[i])
+            for position, name in zip(positions, (pair[0].branch_a, pair[0].branch_b), strict=True):
+                there = np.flatnonzero(branches == name)
+                if position >= 0 and len(there):
+                    branches[[position, there[0]]] = branches[[there[0], position]]
+        return replace(self._point(middle, modes, branches, keep_all=False), between=True)
 
     def _solve(self, value: float) -> Modes:
         clock = time.perf_counter()

@@ -104,8 +104,12 @@ def record_of_point(point: SweepPoint) -> Record:
     }
     pressed = {name: dict(numbers) for name, numbers in point.pressed.items()}
     return Record(
-        arrays, {"value": point.value, "method": point.modes.method, "sensitivities": moves, "pressed": pressed}
-    )
+        arrays,
+        {
+            "value": point.value, "method": point.modes.method, "sensitivities": moves, "pressed": pressed,
+            "above": [[lam.real, lam.imag] for lam in point.above], "between": point.between,
+        },
+    )  # fmt: skip
 
 
 def point_of_record(record: Record) -> SweepPoint:
@@ -120,7 +124,10 @@ def point_of_record(record: Record) -> SweepPoint:
         int(i): {path: (at, complex(re, im)) for path, (at, re, im) in found.items()}
         for i, found in data["sensitivities"].items()
     }
-    return SweepPoint(data["value"], modes, arrays["branches"], shapes, moves, data["pressed"])
+    above = tuple(complex(*lam) for lam in data["above"])
+    return SweepPoint(
+        data["value"], modes, arrays["branches"], shapes, moves, data["pressed"], above=above, between=data["between"]
+    )
 
 
 def record_of_modes(modes: Modes) -> Record:

@@ -87,9 +87,9 @@ def sweep(
     tracker.reduce(values, method, store, known)
     if known is not None:
         tracker.restore(known)
-        progress(len(known.points), len(values))
+        progress(sum(not p.between for p in known.points), len(values))
     for i, value in enumerate(values):
-        if i < len(tracker.points):
+        if i < sum(not p.between for p in tracker.points):
             continue
         try:
             with one_openblas_thread():

@@ -6,9 +6,10 @@ import itertools
 
 import numpy as np
 import pytest
-from families import FAMILIES, judge, large, make, window
+from families import FAMILIES, damped_window, judge, large, make, window
 
 from fe_squeal import sweep
+from fe_squeal.sweep.onsets import windows
 
 SEEDS = 25  # of every kind in the slow test; with those of the fast one 324 sweeps
 PROJECTED = 20  # modes asked for where a step works on a projection
@@ -78,3 +79,22 @@ def test_every_onset_is_between_the_ends(seed):
     for onset in solved(family).onsets:
         assert family.values[0] <= onset.value <= family.values[-1]
         assert onset.uncertainty > 0 and np.isfinite(onset.crossing_speed)
+
+
+@pytest.mark.parametrize("damped", [False, True])
+def test_a_window_between_two_values_has_its_modes(damped):
+    """Its middle is solved, where the branches of its onsets are unstable; the values of the sweep stay as they are."""
+    family = make(damped_window if damped else window, 50)
+    result = solved(family)
+    assert result.values == tuple(family.values)
+    middle = [p for p in result.points if p.between]
+    pairs = windows(result.onsets, -np.inf, np.inf)
+    pairs = [
+        (p, pair) for p, pair in pairs if not ((pair[0].value < family.values) & (family.values < pair[1].value)).any()
+    ]
+    assert len(middle) == len(pairs) > 0
+    for point, (value, (into, _)) in zip(middle, pairs, strict=True):
+        assert point.value == pytest.approx(value)
+        growing = np.flatnonzero(point.modes.stability == "unstable")
+        assert into.branch_a in point.branches[growing] or into.branch_b in point.branches[growing]
+        assert set(point.shapes) == set(growing.tolist())

@@ -79,7 +79,7 @@ def pair_above_others():
     return Problem(terms, {"mu": 0.0})
 
 
-@pytest.mark.parametrize("method", ["reduced"])
+@pytest.mark.parametrize("method", ["reduced", "direct"])
 def test_an_unstable_mode_above_the_range_is_mentioned(block, method):
     """Two modes asked for below the pair that flutters: the sweep follows four more and has seen it."""
     scene, _ = block
@@ -89,7 +89,7 @@ def test_an_unstable_mode_above_the_range_is_mentioned(block, method):
     assert result.onsets == ()
     end = frequency_range(few, result)[1]
     assert end == pytest.approx(200 / (2 * np.pi))
-    seen = unstable_above(result, end)
+    seen = unstable_above(result)
     lam = np.sqrt(-np.linalg.eigvals(problem.pencil(mu=0.8).K.toarray()).astype(complex))
     assert seen.value == 0.8 and seen.growth == pytest.approx(np.abs(lam.real).max(), rel=1e-6)
     assert seen.frequency_hz == pytest.approx(302 / (2 * np.pi), rel=0.02)
