@@ -263,9 +263,11 @@ def info() -> int:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; never shows a traceback for bad input."""
-    with lasting_streams() as (out, _):
+    with lasting_streams() as (out, err):
         with _stopped_by_signals():
             code = _main(arguments)
+        if code == INTERRUPTED and not err.used:  # Typer, too, takes up what no command does, and says nothing
+            print("interrupted", file=sys.stderr)
         out.flush()
         if out.failure is not None:
             why = one_line(str(out.failure.strerror or out.failure))
@@ -278,13 +280,12 @@ def _main(arguments: list[str] | None) -> int:
     try:
         import_matplotlib()
         code = app(arguments, standalone_mode=False, prog_name="fe-squeal")
+    except KeyboardInterrupt:
+        return INTERRUPTED
     except SquealError as error:
         text = f"error: {error}" if not isinstance(error, NotConvergedError) else f"not converged: {error}"
         print(one_line(text), file=sys.stderr)
         return error.exit_code
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
     except OSError as error:  # a name that the system refuses, a disk that is full
         name = f"{str(error.filename)[:200]}: " if error.filename is not None else ""
         print(one_line(f"error: {name}{error.strerror or error}"), file=sys.stderr)

@@ -49,12 +49,15 @@ class LastingStream:
     ----------
     failure : OSError or None
         Why something was lost; a reader that went on purpose (`| head -1`) is no failure.
+    used : bool
+        Whether anything was written.
     """
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
         self._lost = False
         self.failure: OSError | None = None
+        self.used = False
         with suppress(AttributeError, ValueError):
             stream.reconfigure(errors=_HANDLER)  # type: ignore[attr-defined]
 
@@ -63,6 +66,7 @@ class LastingStream:
 
     def write(self, text: str) -> int:
         """Write, or do nothing where that has failed before."""
+        self.used = True
         if not self._lost:
             try:
                 self._stream.write(text)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,15 +16,18 @@ from .readers.abaqus.read import read_abaqus
 from .readers.gmsh import read_gmsh
 from .readers.nastran.deck import read_nastran
 from .readers.others import read_with_meshio
+from .readers.sources import Sources
 
 UNITS = {"m": 1.0, "mm": 1e-3}
-_READERS: dict[str, Callable[[Path], RawMesh]] = {
-    ".inp": read_abaqus, ".msh": read_gmsh,
+_READERS: dict[str, Callable[[Sources], RawMesh]] = {
+    ".inp": read_abaqus, ".msh": lambda sources: read_gmsh(sources.path),
     ".bdf": read_nastran, ".nas": read_nastran, ".dat": read_nastran, ".fem": read_nastran, ".blk": read_nastran,
 }  # fmt: skip
 
 
-def load_mesh(path: str | Path, length_unit: str = "m") -> LoadedMesh:
+def load_mesh(
+    path: str | Path, length_unit: str = "m", folders: Sequence[str | Path] = (), allow_outside: bool = False
+) -> LoadedMesh:
     """Read a mesh file and check it.
 
     Parameters
@@ -34,6 +37,10 @@ def load_mesh(path: str | Path, length_unit: str = "m") -> LoadedMesh:
         else meshio reads.
     length_unit
         The unit of the file's coordinates, "m" or "mm".
+    folders
+        Where files that the mesh file includes may lie, besides its own folder; with folders inside.
+    allow_outside
+        Whether these files may lie anywhere.
 
     Raises
     ------
@@ -71,7 +78,8 @@ def load_mesh(path: str | Path, length_unit: str = "m") -> LoadedMesh:
         if path.stat().st_size == 0:
             raise MeshError(f"{path.name}: the file is empty; expected a mesh")
         with np.errstate(all="ignore"):  # numbers that are none are refused below, in words
-            raw = _READERS.get(path.suffix.lower(), read_with_meshio)(path)
+            sources = Sources(path, tuple(map(Path, folders)), allow_outside)
+            raw = _READERS.get(path.suffix.lower(), read_with_meshio)(sources)
     except OSError as error:
         raise MeshError(f"{path}: the file cannot be read ({error.strerror or error})") from error
     except MemoryError as error:

@@ -26,6 +26,7 @@ from ..sweep.state import Store, SweepState
 from ..sweep.sweep import MODES, sweep
 from .checkpoint import Checkpoint
 from .folder import SHAPES, hold_folder, is_kept, is_result, is_shape, remove_results
+from .forecast import Forecast
 from .inputs import input_files, run_inputs
 from .manifest import Manifest
 from .outputs import export_shapes, write_figures, write_modes, write_tables
@@ -165,10 +166,12 @@ def sweep_scene(
         "" if is_reduced(problem, parameter, len(values), solve.method) or len(values) == 1
         else ', or solve.method = "reduced"',
     )  # fmt: skip
+    forecast = Forecast(len(values), console, store is not None)
     if not console.is_terminal:
         marks = {max(1, round(len(values) * part / 4)) for part in range(1, 5)}
 
         def report(done: int, total: int) -> None:
+            forecast.tell(done)
             if done in marks:
                 console.print(f"{parameter} = {values[done - 1]:.4g}: {done} of {total} values solved", markup=False)
 
@@ -179,6 +182,7 @@ def sweep_scene(
         task = bar.add_task(f"sweep over {parameter}", total=len(values))
 
         def advance(done: int, total: int) -> None:
+            forecast.tell(done)
             bar.update(task, completed=done)
 
         with shortage:

@@ -22,6 +22,7 @@ _EXPECTED = {
 }
 _SIGNS = {"greater_than": ">", "greater_than_equal": "≥", "less_than": "<", "less_than_equal": "≤"}
 _KINDS: dict[Any, str] = {float: "a number", int: "a whole number", str: "a text in quotes", tuple: "a list of numbers"}
+_MOST_FAULTS = 200  # that are looked at for the first one's explanation
 _Keys = tuple[int | str, ...]
 _Table = TypeVar("_Table", bound=BaseModel)
 
@@ -37,8 +38,10 @@ def validated(kind: type[_Table], data: dict[str, Any], source: str) -> _Table:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        faults = _distinct([_locate(fault, data, kind) for fault in error.errors()])
-        tail = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
+        found = error.errors(include_url=False)
+        faults = _distinct([_locate(fault, data, kind) for fault in found[:_MOST_FAULTS]])
+        more = len(faults) - 1 + max(len(found) - _MOST_FAULTS, 0)
+        tail = f" (and {more} more)" if more else ""
         raise SceneError(f"{source}: {_describe(faults[0])}{tail}") from None
     except RecursionError as error:
         raise SceneError(f"{source}: not a scene: nested too deeply") from error

@@ -236,7 +236,8 @@ class RunningSweep:
                 self._model, self._precise, self._linear_solver,
             )  # fmt: skip
         except (NotConvergedError, ValueError) as error:
-            return [], [*doubts, f"an onset between {name} = {ends[0]:g} and {ends[1]:g} was not refined: {error}"]
+            why = error if isinstance(error, NotConvergedError) else "the small model of this step cannot be solved"
+            return [], [*doubts, f"an onset between {name} = {ends[0]:g} and {ends[1]:g} was not refined: {why}"]
         doubts += [
             f"branch {b} is unstable at {name} = {at:g} and was not known at {other:g}: its onset is not found; ask for"
             " more modes or a finer sweep"

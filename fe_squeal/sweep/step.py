@@ -95,6 +95,8 @@ class Step:
                 rest = self.V - Z @ (Z.T @ (M @ self.V))
                 size = np.sqrt(np.maximum(np.einsum("ij,ij->j", rest, M @ rest), 0.0))
                 self.V = np.hstack([Z, _orthonormal(rest[:, size > _SPANNED], M)])
+            if self.V.shape[1] == problem.unknowns:  # all modes were asked for: the small model is the problem itself
+                self.V = np.eye(problem.unknowns)
         self._inside = problem.interpolated(parameter, *values)
         self.small = self._inside.project(self.V)
         self._MV = M @ self.V
@@ -182,7 +184,10 @@ class Step:
                 # A doublet without friction couples as soon as it acts: no threshold inside the step.
                 return self._onset(ends[0], at_end.frequency_hz.mean(), "flutter", np.nan, 0.0)
         else:
-            rough = brentq(discriminant, *ends, xtol=_BRACKET * step, rtol=8.9e-16)
+            try:
+                rough = _root(discriminant, ends)
+            except NotConvergedError:
+                return self._bisect(ends, mode)
         two = pair(rough)
         theta = float((-(two.lam**2)).real.mean())
         left = two.left
@@ -248,7 +253,7 @@ class Step:
             best = int(np.argmax(likeness))
             return float((-(near.lam[best] ** 2)).real)
 
-        rough = brentq(theta, *ends, xtol=_BRACKET * abs(ends[1] - ends[0]), rtol=8.9e-16)
+        rough = _root(theta, ends)
         x = mode.right[:, 0].real
         width = 0.1 * abs(ends[1] - ends[0])
         root = self._refined(
@@ -274,7 +279,7 @@ class Step:
         """Re λ of a damped mode changes sign."""
         try:
             return self._find_crossing(ends, mode)
-        except (NotConvergedError, ValueError):  # so little damping that Re λ is lost in rounding on the stable side
+        except NotConvergedError:  # so little damping that Re λ is lost in rounding on the stable side
             return self._bisect(ends, mode)
 
     def _find_crossing(self, ends: tuple[float, float], mode: Modes) -> Onset:
@@ -285,7 +290,7 @@ class Step:
             likeness = modal_assurance(shape, near.right, M)[0] - np.abs(near.lam - target) / abs(target)
             return near.select(np.array([int(np.argmax(likeness))]))
 
-        rough = brentq(lambda p: float(follow(p).lam[0].real), *ends, xtol=_BRACKET * abs(ends[1] - ends[0]))
+        rough = _root(lambda p: float(follow(p).lam[0].real), ends)
         at = follow(rough)
         assert at.left is not None
         x, y = self.V @ at.right[:, 0], self.V @ at.left[:, 0]
@@ -321,6 +326,19 @@ class Step:
         return Onset(
             self.parameter, float(value), float(frequency_hz), kind, "", float(speed), 0, None, float(uncertainty)
         )
+
+
+def _root(f: Callable[[float], float], ends: tuple[float, float]) -> float:
+    """Return where a function of the parameter changes sign.
+
+    Raises
+    ------
+    NotConvergedError
+        It has one sign at both ends.
+    """
+    if f(ends[0]) * f(ends[1]) > 0:
+        raise NotConvergedError(f"the small model changes no sign between {ends[0]:g} and {ends[1]:g}")
+    return float(brentq(f, *ends, xtol=_BRACKET * abs(ends[1] - ends[0]), rtol=8.9e-16))
 
 
 def _real_direction(vectors: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from ...eigen.memory import available_memory, memory_text
 from ...errors import SceneError
 
 _MOST_ROWS = 20_000_000  # the row pointers alone are 160 MB; a damaged header can claim any number
@@ -57,6 +58,20 @@ def coordinates(table: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.n
     if not np.all((table[:, :2] == np.floor(table[:, :2])) & (table[:, :2] >= 1) & (table[:, :2] <= n)):
         raise ValueError(f"row or column numbers that are not whole numbers from 1 to {n}")
     return table[:, 0].astype(np.int64) - 1, table[:, 1].astype(np.int64) - 1, table[:, 2]
+
+
+def refuse_size(size: int, source: str) -> None:
+    """Refuse to unpack more bytes than there is memory for.
+
+    Raises
+    ------
+    SceneError
+    """
+    free = available_memory()
+    if size > free:
+        raise SceneError(
+            f"{source}: the matrix takes {memory_text(size)}, and {memory_text(free)} are free; is the file damaged?"
+        )
 
 
 def sizes_of(shape: tuple[int, ...]) -> str:

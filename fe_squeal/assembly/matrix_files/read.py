@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import warnings
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from scipy import sparse
 from ...errors import SceneError, suggest
 from .checks import checked, one_line
 from .matlab import read_matlab
-from .matrix_market import read_matrix_market
+from .matrix_market import read_matrix_market, unpacked
 from .numpy_files import read_array, read_scipy_sparse
 
 _KINDS = {
@@ -94,4 +93,4 @@ def _read(kind: str, data: bytes, variable: str | None, source: str) -> Any:
         return read_array(data, source, "iufc")
     if kind == ".mat":
         return read_matlab(data, variable, source)
-    return read_matrix_market(gzip.decompress(data) if kind == ".mtx.gz" else data, source)
+    return read_matrix_market(unpacked(data, source) if kind == ".mtx.gz" else data, source)
