@@ -55,6 +55,11 @@ test-lowest: .venv-lowest/installed
 clean:
 	rm -rf .venv .venv-lowest results build *.egg-info
 
+# The searches of docs/trust.md in full, half an hour and more: spoilt inputs, signals, commands at once; their figures.
+.PHONY: trust
+trust: .venv/installed-test
+	$(BIN)/python tests/trust.py --write
+
 # The pictures of README.md.
 .PHONY: docs
 docs: run
