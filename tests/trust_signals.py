@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
+import traceback
 from collections import Counter
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,15 +22,14 @@ import psutil
 from interrupted import assert_same_results, assert_valid, sweep_text
 from scene_texts import environment, write_scene
 
+from fe_squeal.cli import main
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
 _PAST = 0.75  # share of the signals that come when all is imported
+_IMPORTS = 1.5  # s that these take
 # Where the search runs in the background, the shell has SIGINT ignored, which the command respects.
-_HEARS = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); import sys, fe_squeal_start; "
-_PLAIN = f"{_HEARS}sys.exit(fe_squeal_start.main())"
-_IMPORTED = (
-    f"{_HEARS}import fe_squeal.cli, fe_squeal.run.run, fe_squeal.scene.file, fe_squeal.assembly.assembly;"
-    "print('imported', file=sys.__stdout__, flush=True); sys.exit(fe_squeal_start.main())"
-)
+_PLAIN = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); import sys, fe_squeal_start; "
+_PLAIN += "sys.exit(fe_squeal_start.main())"
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,62 @@ def tasks(place: Path) -> list[Task]:
     ]
 
 
+class Process:
+    """A command that runs: from its first line on, or forked from this process, in which all is imported."""
+
+    def __init__(self, arguments: list[str], place: Path, forked: bool) -> None:
+        self._said = place / "stderr"
+        (place / "tmp").mkdir(exist_ok=True)
+        if forked:
+            self.pid = os.fork()
+            if not self.pid:
+                self._run(arguments, place)
+        else:
+            with self._said.open("w") as said:
+                # Nobody waits for it but `poll`: the module need not know that it has ended.
+                self.pid = subprocess.Popen(
+                    [sys.executable, "-P", "-c", _PLAIN, *arguments], cwd=place, stdout=subprocess.DEVNULL, stderr=said,
+                    env=environment(TMPDIR=str(place / "tmp")),
+                ).pid  # fmt: skip
+        self.code: int | None = None
+
+    def _run(self, arguments: list[str], place: Path) -> None:
+        code = 1
+        try:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            os.dup2(os.open(self._said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 2)
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            sys.stderr, sys.stdout = open(2, "w", closefd=False), open(1, "w", closefd=False)  # noqa: SIM115
+            os.chdir(place)
+            os.environ["TMPDIR"] = tempfile.tempdir = str(place / "tmp")
+            code = main(arguments)
+            sys.stderr.flush()
+        except BaseException:
+            traceback.print_exc()
+            sys.stderr.flush()
+        finally:
+            os._exit(code)
+
+    def poll(self) -> int | None:
+        """Return the exit code, or None while it runs."""
+        if self.code is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            self.code = os.waitstatus_to_exitcode(status) if pid else None
+        return self.code
+
+    def wait(self, seconds: float) -> bool:
+        """Return whether it ends within so many seconds."""
+        end = time.monotonic() + seconds
+        while self.poll() is None and time.monotonic() < end:
+            time.sleep(0.005)
+        return self.code is not None
+
+    @property
+    def said(self) -> str:
+        """What it wrote on stderr."""
+        return self._said.read_text("utf-8", "replace")
+
+
 def search(
     place: Path, count: int, seed: int, tell: Callable[[str], None] = lambda text: None, only: str = ""
 ) -> dict[str, Outcome]:
@@ -120,8 +178,7 @@ def search(
         past = bool(rng.random() < _PAST)
         outcome.past += past
         outcome.signals[signal_.name] += 1
-        imports, work = seconds[task.name]
-        moment = rng.random() * (work if past else imports)
+        moment = rng.random() * (seconds[task.name] if past else _IMPORTS)
         fault = _interrupted(task, place, signal_, moment, past, outcome)
         if fault:
             outcome.faults.append(f"{signal_.name} {moment:.2f} s behind the {'imports' if past else 'start'}: {fault}")
@@ -129,28 +186,28 @@ def search(
     return outcomes
 
 
-def _start(task: Task, folder: Path, place: Path, past: bool, more: tuple[str, ...] = ()) -> subprocess.Popen[str]:
-    arguments = [a.format(folder) for a in (*task.arguments, *more)]
-    (place / "tmp").mkdir(exist_ok=True)
-    child = subprocess.Popen(
-        [sys.executable, "-P", "-c", _IMPORTED if past else _PLAIN, *arguments], cwd=place,
-        env=environment(TMPDIR=str(place / "tmp")), stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8",
-    )  # fmt: skip
-    if past:
-        assert child.stdout is not None and child.stdout.readline() == "imported\n"
-    return child
+def _arguments(task: Task, folder: Path, more: tuple[str, ...] = ()) -> list[str]:
+    return [a.format(folder) for a in (*task.arguments, *more)]
 
 
-def _unbroken(task: Task, place: Path) -> tuple[float, float]:
-    """Run a command to its end; return the seconds of its imports, and of its work behind them."""
-    folder = place / f"whole {task.name}"
+def _unbroken(task: Task, place: Path) -> float:
+    """Run a command to its end, here, so that all is imported, and forked; return the seconds of the latter."""
+    folder, again = place / f"whole {task.name}", place / "again"
     folder.mkdir()
+    again.mkdir()
+    before = os.getcwd()
+    os.chdir(place)
+    try:
+        with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
+            code = main(_arguments(task, folder))
+    finally:
+        os.chdir(before)
+    assert code == 0, task.name
     begun = time.perf_counter()
-    child = _start(task, folder, place, True)
-    imported = time.perf_counter()
-    _, said = child.communicate(timeout=600)
-    assert child.returncode == 0, said
-    return imported - begun, time.perf_counter() - imported
+    process = Process(_arguments(task, again), place, True)
+    assert process.wait(600) and process.code == 0, process.said
+    shutil.rmtree(again)
+    return time.perf_counter() - begun
 
 
 def _interrupted(
@@ -160,42 +217,38 @@ def _interrupted(
     folder, whole = place / "found", place / f"whole {task.name}"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
-    child = _start(task, folder, place, past)
+    process = Process(_arguments(task, folder), place, past)
     time.sleep(moment)
     family = []
-    if child.poll() is None:
+    if process.poll() is None:
         with suppress(psutil.NoSuchProcess):
-            family = psutil.Process(child.pid).children(recursive=True)
-        child.send_signal(number)
-    try:
-        _, said = child.communicate(timeout=120)
-    except subprocess.TimeoutExpired:
-        child.kill()
+            family = psutil.Process(process.pid).children(recursive=True)
+        os.kill(process.pid, number)
+    if not process.wait(120):
+        os.kill(process.pid, signal.SIGKILL)
         return "it went on for 120 s"
-    killed = number == signal.SIGKILL
-    expected = -number if killed else 130
-    if child.returncode == 0:
+    killed, code, said = number == signal.SIGKILL, process.code, process.said
+    if code == 0:
         outcome.ended += 1
-    elif not past and child.returncode == -number:
-        return ""  # Python itself was not yet there to hear it
-    elif child.returncode != expected:
-        return f"exit code {child.returncode}: {said[-300:]!r}"
+    elif not past and code == -number:
+        pass  # Python itself was not yet there to hear it
+    elif code != (-number if killed else 130):
+        return f"exit code {code}: {said[-300:]!r}"
     elif not killed and past and not (said.startswith("interrupted") and said.count("\n") == 1):
         return f"said {said[-300:]!r}"
-    if psutil.wait_procs(family, timeout=20)[1]:
+    if psutil.wait_procs(family, timeout=30)[1]:
         return "a child process went on"
     if not killed and (left := [p.name for p in folder.rglob("*") if ".partial" in p.name or p.name == ".lock"]):
         return f"left {left}"
-    if left := list((place / "tmp").iterdir()):
+    if found := list((place / "tmp").iterdir()):
         shutil.rmtree(place / "tmp")
-        return f"left {left} in TMPDIR"
+        return f"left {found} in TMPDIR"
     try:
         if task.again and (folder / "out").exists():
             assert_valid(folder / "out", whole / "out")
-        child = _start(task, folder, place, True, task.again)
-        _, said = child.communicate(timeout=600)
-        if child.returncode:
-            return f"the next command ended with {child.returncode}: {said[-300:]!r}"
+        process = Process(_arguments(task, folder, task.again), place, True)
+        if not process.wait(600) or process.code:
+            return f"the next command ended with {process.code}: {process.said[-300:]!r}"
         task.same(folder, whole)
     except AssertionError as error:
         return f"results differ: {' '.join(str(error).split())[:300]}"

@@ -227,6 +227,14 @@ def test_archives_that_do_not_fit_are_not_inflated(
         read_matrix(path)
 
 
+def test_numbers_that_cannot_be_squared_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Found by a spoilt file: NumPy's warnings of overflows came before "backward error nan"."""
+    for largest, code in ((1e90, 0), (2e206, 2)):
+        scipy.io.mmwrite(tmp_path / "K.mtx", sp.csr_array(np.diag([1.0, 2.0, largest])))
+        assert main(["check", str(matrix_scene(tmp_path, "K.mtx"))]) == code
+    assert "expected numbers up to 1e+100" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

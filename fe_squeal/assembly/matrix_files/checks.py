@@ -10,6 +10,7 @@ from scipy import sparse
 from ...eigen.memory import available_memory, memory_text
 from ...errors import SceneError
 
+_LARGEST = 1e100  # the solvers square what they multiply, and a double ends at 1.8e308
 _MOST_ROWS = 20_000_000  # the row pointers alone are 160 MB; a damaged header can claim any number
 
 
@@ -36,6 +37,12 @@ def checked(matrix: Any, source: str) -> sparse.csr_array:
         raise SceneError(
             f"{source}: {len(bad)} of {result.nnz} entries are not finite, the first, {result.data[bad[0]]}, "
             f"in row {row}, column {result.indices[bad[0]] + 1}; expected finite numbers"
+        )
+    large = np.flatnonzero(np.abs(result.data) > _LARGEST)
+    if len(large):
+        raise SceneError(
+            f"{source}: holds {result.data[large[0]]:g}; expected numbers up to {_LARGEST:g}, whatever the units;"
+            " is the file damaged?"
         )
     return result
 
