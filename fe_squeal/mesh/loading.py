@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fe_squeal.eigen.memory import available_memory, memory_text
 from fe_squeal.errors import MeshError, suggest
 
 from .building import build_mesh
@@ -77,6 +78,9 @@ def load_mesh(
             raise MeshError(f"{path}: no such mesh file" + (suggest(path.name, near) if near else ""))
         if path.stat().st_size == 0:
             raise MeshError(f"{path.name}: the file is empty; expected a mesh")
+        size, free = path.stat().st_size, available_memory()
+        if size > free:
+            raise MeshError(f"{path.name}: has {memory_text(size)}, and {memory_text(free)} are free; take a smaller mesh")
         with np.errstate(all="ignore"):  # numbers that are none are refused below, in words
             sources = Sources(path, tuple(map(Path, folders)), allow_outside)
             raw = _READERS.get(path.suffix.lower(), read_with_meshio)(sources)

@@ -23,8 +23,9 @@ import fe_squeal.assembly.matrix_files.checks as checks
 from fe_squeal.assembly.matrix_files import read_matrix
 from fe_squeal.cli import main
 from fe_squeal.eigen.memory import peak_memory_mib
-from fe_squeal.errors import MeshError, SceneError
+from fe_squeal.errors import MeshError, OutputError, SceneError
 from fe_squeal.mesh import load_mesh
+from fe_squeal.run.measurements import Measurements
 from fe_squeal.scene.file import load_scene
 
 NODES = "1, 0., 0., 0.\n2, 1., 0., 0.\n3, 0., 1., 0.\n4, 0., 0., 1.\n5, 1., 1., 1.\n"
@@ -225,6 +226,26 @@ def test_archives_that_do_not_fit_are_not_inflated(
     monkeypatch.setattr(checks, "available_memory", lambda: 100_000)
     with pytest.raises(SceneError, match="are free"):
         read_matrix(path)
+
+
+@pytest.mark.parametrize("name", ["K.mtx", "K.npy", "a.inp", "a.msh", "a.vtu"])
+def test_files_larger_than_the_memory_are_not_read(name: str, tmp_path: Path) -> None:
+    """A file of 10 TB that takes no room on the disc."""
+    (tmp_path / name).touch()
+    os.truncate(tmp_path / name, 10**13)
+    with pytest.raises((MeshError, SceneError), match="are free"):
+        (read_matrix if name.startswith("K") else load_mesh)(tmp_path / name)
+
+
+def test_damaged_measurements_are_told(tmp_path: Path) -> None:
+    store = Measurements(tmp_path)
+    for content in (b"", b"PK", b"\x93NUMPY"):
+        (tmp_path / "probes.npy").write_bytes(content)
+        (tmp_path / "a.npz").write_bytes(content)
+        with pytest.raises(OutputError, match="measurement is damaged"):
+            store.load("a")
+        with pytest.raises(OutputError, match="measurement is damaged"):
+            store.load_probes()
 
 
 def test_numbers_that_cannot_be_squared_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from ...errors import SceneError, suggest
-from .checks import checked, one_line
+from .checks import checked, one_line, refuse_size
 from .matlab import read_matlab
 from .matrix_market import read_matrix_market, unpacked
 from .numpy_files import read_array, read_scipy_sparse
@@ -67,6 +67,7 @@ def read_matrix(path: Path, variable: str | None = None) -> sparse.csr_array:
             )
         if variable is not None and kind != ".mat":
             raise SceneError(f'{source}: only a .mat file has variables; leave out variable "{variable}"')
+        refuse_size(path.stat().st_size, source)
         data = path.read_bytes()
     except (OSError, ValueError) as error:  # a ValueError: the path itself has a null character
         raise SceneError(f"{path}: the file cannot be read ({getattr(error, 'strerror', '') or error})") from error
