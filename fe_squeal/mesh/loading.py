@@ -80,7 +80,7 @@ def load_mesh(
             raise MeshError(f"{path.name}: the file is empty; expected a mesh")
         size, free = path.stat().st_size, available_memory()
         if size > free:
-            raise MeshError(f"{path.name}: has {memory_text(size)}, and {memory_text(free)} are free; take a smaller mesh")
+            raise MeshError(f"{path.name}: has {memory_text(size)}, and {memory_text(free)} are free")
         with np.errstate(all="ignore"):  # numbers that are none are refused below, in words
             sources = Sources(path, tuple(map(Path, folders)), allow_outside)
             raw = _READERS.get(path.suffix.lower(), read_with_meshio)(sources)
