@@ -3,7 +3,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test types fast test-all test-again test-lowest benchmarks clean
+.PHONY: run test types fast test-all test-again test-lowest clean
 
 run: .venv/installed
 	$(BIN)/fe-squeal run examples/disc_pad.toml -o results/disc_pad
@@ -55,27 +55,32 @@ test-lowest: .venv-lowest/installed
 clean:
 	rm -rf .venv .venv-lowest results build *.egg-info
 
-# The searches of docs/trust.md in full, half an hour and more: spoilt inputs, signals, commands at once; their figures.
-.PHONY: trust
-trust: .venv/installed-test
-	$(BIN)/python tests/trust.py --write
+# Every page of docs/ but architecture.md is made, or has its numbers made, by `make docs/PAGE.md`: by the file of benchmarks/
+# of that name, scene.md and lumped.md by the package. Their pictures come with them.
+PAGES := $(filter-out docs/architecture.md,$(wildcard docs/*.md))
+COSTS := accuracy_and_cost effects_cost near_incompressible performance sweep_cost
+.PHONY: docs benchmarks hard-cases trust $(PAGES)
 
-# The pictures of README.md.
-.PHONY: docs
-docs: run
+# What follows from the program alone: keys of the scene, lumped models, pictures of README.md.
+docs: docs/scene.md docs/lumped.md run
 	mkdir -p docs/images
 	cp results/disc_pad/stability.png docs/images/stability.png
 	cp results/disc_pad/shapes/branch_16_*.png docs/images/shape.png
-	$(BIN)/python -m fe_squeal.scene.reference > docs/scene.md
 
-# The pages of what effects and sweeps cost, with the times of this machine, and of nearly incompressible linings.
-benchmarks: .venv/installed
-	$(BIN)/python benchmarks/effects_cost.py --write
-	$(BIN)/python benchmarks/sweep_cost.py --write
-	$(BIN)/python benchmarks/accuracy_and_cost.py --write
-	$(BIN)/python benchmarks/near_incompressible.py --write
+docs/scene.md: .venv/installed
+	$(BIN)/python -m fe_squeal.scene.reference > $@
 
-# The page of the hard cases, from the tests' own results.
-.PHONY: hard-cases
-hard-cases: .venv/installed-test
-	$(BIN)/python benchmarks/hard_cases.py --write
+docs/lumped.md: .venv/installed
+	$(BIN)/python -m lumped.document docs
+
+# What accuracy, effects and sweeps cost, with the times of this machine, and nearly incompressible linings: hours.
+benchmarks: $(COSTS:%=docs/%.md)
+
+# The searches for broken promises in full, half an hour on two free cores: spoilt inputs, signals, commands at once.
+trust: docs/trust.md
+
+# The hard cases, from the tests' own results.
+hard-cases: docs/hard_cases.md
+
+$(filter-out docs/scene.md docs/lumped.md,$(PAGES)): docs/%.md: benchmarks/%.py .venv/installed-test
+	$(BIN)/python $< --write

@@ -27,7 +27,8 @@ from fe_squeal.effects import EFFECTS
 from fe_squeal.effects.effect import Effect
 from fe_squeal.eigen.linear import choice
 from fe_squeal.eigen.pencil import Pencil
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.eigen.threads import one_openblas_thread
 from fe_squeal.problem.problem import Problem
 from fe_squeal.scene import Scene

@@ -19,7 +19,8 @@ import numpy as np
 import skfem
 
 import fe_squeal
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 
 ROOT = Path(__file__).parents[1]
 RATIOS = (0.3, 0.45, 0.49, 0.499, 0.4999, 0.49999)

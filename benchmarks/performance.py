@@ -20,10 +20,10 @@ import numpy as np
 from sweep_cost import STOP, build
 
 PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
-STAGES = {"assembly": "assembly", "reduction": "small model", "onsets": "onsets", "completeness": "count"}
+STAGES = {"assembly": "assembly", "reduction": "reduced model", "onsets": "onsets", "completeness": "count"}
 NOTE = """The disc with two pads of `examples/disc_pad.toml` on finer and finer meshes, swept over the friction
-coefficient with right and left modes, tracking, onsets and the count of modes. The small model is made once; each value
-of the sweep then costs a small dense eigenproblem. The predicted memory is that of `fe-squeal check`.
+coefficient with right and left modes, tracking, onsets and the count of modes. The reduced model is made once; each
+value of the sweep then costs a small dense eigenproblem. The predicted memory is that of `fe-squeal check`.
 Made by `python benchmarks/performance.py --write`; """
 
 

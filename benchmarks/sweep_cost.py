@@ -60,7 +60,8 @@ def measure(way: str, size: float, modes: int, values: int) -> dict[str, float]:
     """Time one way in this process."""
     from fe_squeal import sweep
     from fe_squeal.eigen.memory import peak_memory_mib
-    from fe_squeal.eigen.solve import Request, solve_modes
+    from fe_squeal.eigen.request import Request
+    from fe_squeal.eigen.solve import solve_modes
 
     problem = build(size)
     grid = np.linspace(0.0, STOP, values)

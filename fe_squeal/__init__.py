@@ -1,6 +1,21 @@
 """Complex eigenvalue analysis of brake squeal on finite-element meshes.
 
-A block on a rigid belt, held by springs of which two are inclined: where does it turn unstable as friction grows?
+    load_scene(path)                a scene from its TOML file
+    parse_scene(tables)             the same from nested dictionaries
+    load_mesh(path), from_skfem(m)  a mesh to be used instead of the scene's own
+    assemble(scene)                 the Problem: mass, damping and stiffness as a sum of terms
+    problem.at({"mu": 0.4})         the same Problem at other numbers of the scene, by their paths
+    sweep(problem, values)          a Sweep: complex modes over a parameter (friction, unless another is named),
+                                    followed by their shapes, and the onsets of instability between the values
+    result.to_dataframe()           its modes as a table; onsets_dataframe(), contributions_dataframe() and
+                                    sensitivities_dataframe() are the others
+    find_onsets(problem, values)    the critical values alone, to full precision
+    export_shapes(result, folder)   shapes of the unstable modes for ParaView
+    SquealError                     what all of these raise: SceneError, MeshError and OutputError for what you can
+                                    mend, NotConvergedError, which carries what did converge
+
+A block on a rigid belt, held by springs of which two are inclined: where does it turn unstable as friction grows, and
+what do stiffer springs along the belt change?
 
 >>> import fe_squeal
 >>> springs = [
@@ -18,9 +33,13 @@ A block on a rigid belt, held by springs of which two are inclined: where does i
 ...                   "sliding": {"direction": [1.0, 0.0, 0.0], "speed": 1.0}}],
 ...     "effects": {"friction": {"mu": 0.3}},
 ... })
->>> result = fe_squeal.sweep(fe_squeal.assemble(scene), [0.0, 0.3, 0.6], modes=6)
+>>> problem = fe_squeal.assemble(scene)
+>>> result = fe_squeal.sweep(problem, [0.0, 0.3, 0.6, 0.9], modes=6)
 >>> [f"{o.kind} at mu = {o.value:.2f}, {o.frequency_hz:.0f} Hz" for o in result.onsets]
 ['flutter at mu = 0.40, 712 Hz']
+>>> stiffer = problem.at({"springs.along_1.stiffness, springs.along_2.stiffness": 5.0e6})
+>>> [f"mu = {o.value:.2f}" for o in fe_squeal.find_onsets(stiffer, [0.0, 0.3, 0.6, 0.9], modes=6)]
+['mu = 0.52']
 """
 
 from __future__ import annotations
@@ -28,31 +47,30 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from .errors import InputError, MeshError, NotConvergedError, OutputError, SceneError, SquealError
+from .errors import InputError as InputError
+from .errors import MeshError as MeshError
+from .errors import NotConvergedError as NotConvergedError
+from .errors import OutputError as OutputError
+from .errors import SceneError as SceneError
+from .errors import SquealError
 from .sweep.sweep import find_onsets, sweep
 
 if TYPE_CHECKING:
     from .assembly.assembly import assemble
-    from .mesh import LoadedMesh, from_skfem, load_mesh
+    from .mesh import LoadedMesh as LoadedMesh
+    from .mesh import from_skfem, load_mesh
     from .problem.problem import Problem
     from .run.outputs import export_shapes
-    from .scene import Scene
+    from .scene import Scene as Scene
     from .scene.file import load_scene, parse_scene
     from .sweep.result import Sweep
-    from .version import __version__
+    from .version import __version__ as __version__
 
+# What help(fe_squeal) shows and a star imports; the other names that stand here are public too.
 __all__ = [
-    "InputError",
-    "LoadedMesh",
-    "MeshError",
-    "NotConvergedError",
-    "OutputError",
     "Problem",
-    "Scene",
-    "SceneError",
     "SquealError",
     "Sweep",
-    "__version__",
     "assemble",
     "export_shapes",
     "find_onsets",
@@ -88,4 +106,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, *_PLACES})

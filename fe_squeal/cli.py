@@ -30,7 +30,8 @@ app = typer.Typer(
     no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
 )  # fmt: skip
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene.", show_default=False)]
-# Typer carries click with it in some versions and imports it in others; its own exception leads to the base either way.
+# Some versions of Typer carry click inside them, others import it. Either way click's base of usage errors is among the
+# bases of Typer's own exception.
 _UsageError: Any = typer.BadParameter.__bases__[0]
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where the results go.", show_default=False)]
 
@@ -85,7 +86,7 @@ def check(
     """Validate scene and mesh without solving."""
     from .assembly.assembly import assemble
     from .assembly.bodies import read_mesh
-    from .assembly.model import model_of
+    from .assembly.discretisation import discretisation_of
     from .run.check import describe, group_table
     from .scene import Scene
     from .scene.file import load_scene
@@ -100,9 +101,9 @@ def check(
     problem = assemble(loaded)
     console = _console()
     console.print(describe(loaded, problem))
-    model = model_of(problem)
-    if model is not None:
-        for text in (*model.notes, *(f"warning: {w}" for w in model.warnings)):
+    discretisation = discretisation_of(problem)
+    if discretisation is not None:
+        for text in (*discretisation.notes, *(f"warning: {w}" for w in discretisation.warnings)):
             console.print(text, markup=False)
     return 0
 

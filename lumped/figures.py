@@ -104,7 +104,7 @@ def _headline(panel: str, cases: list[Case]) -> str:
 
 
 def _limits(result: Sweep) -> dict[str, tuple[float, float]]:
-    """Limits that all panels share; a growth rate of zero is not blown up to show its rounding."""
+    """Return limits that all panels share; they are so wide that the rounding of zero growth rates does not show."""
     top = max(float(case.lam.imag.max()) for case in result.cases)
     re = np.concatenate([case.lam.real.ravel() for case in result.cases])
     low, high = min(float(re.min()), -0.02), max(float(re.max()), 0.02)

@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 from .spectrum import Complexes, mass_normalized, solve_eigenvalues, state_matrix
 from .springs import Floats
 
-_RELATIVE_DISTANCE = 1e-3  # of the two eigenvalues that the two-parameter problem puts beside each other
-_STEP = 1e-6  # relative to 1 + |μ|: how far from an onset its two sides are looked at
+_RELATIVE_DISTANCE = 1e-3  # ε in `double_eigenvalues`: of the two eigenvalues θ and (1 + ε)θ of its two vectors
+_STEP = 1e-6  # times 1 + |μ|: how far on both sides of an onset stability is tested
 _SCAN = 401
 
 

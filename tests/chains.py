@@ -3,6 +3,7 @@
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+from dense import all_eigenvalues
 
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
@@ -50,9 +51,7 @@ def dense(problem, mu):
         lam = 1j * np.sqrt(la.eigvals(K, M).astype(complex))
         lam = np.concatenate([lam, -lam]) if not np.iscomplexobj(K) else lam
     else:
-        n = len(M)
-        lower = np.hstack([-la.solve(M, K), -la.solve(M, pencil.C.toarray())])
-        lam = la.eigvals(np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), lower]))
+        lam = all_eigenvalues(M, pencil.C, K)
     return lam[lam.imag > 0]
 
 

@@ -9,6 +9,7 @@ from scipy.sparse.linalg import ArpackError, eigs
 
 from fe_squeal import assemble, load_scene
 from fe_squeal.eigen.pencil import Pencil
+from fe_squeal.problem.forms import collect_powers
 from fe_squeal.problem.problem import Problem
 from meshes import STEEL, box, join, make_problem
 
@@ -60,7 +61,7 @@ def judged(found: np.ndarray | str, exact: np.ndarray, size: float | None = None
 def through_files(problem: Problem, folder, parameter: str = "mu", name: str = "mu") -> Problem:
     """Return a problem over one parameter, named anew, as another program would hand it over: matrices and powers."""
     terms = []
-    for t in problem.condensed(parameter).terms:
+    for t in collect_powers(problem, parameter).terms:
         role = {"M": "mass", "C": "damping", "K": "stiffness"}[t.slot]
         lines = [f"powers = {{ {name} = {e} }}" for e in t.powers.values() if e]
         terms.append((role, t.matrix, *lines, *(["imaginary = true"] if t.imaginary else [])))

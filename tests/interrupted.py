@@ -1,13 +1,18 @@
-"""What the tests of interrupted runs share: scenes of some values, whole results, and how folders compare."""
+"""What the tests of interrupted runs share: scenes of some values, interruptions, and how folders compare."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
+import pytest
 from scene_texts import SCENE, replaced, write_scene
+
+from fe_squeal.cli import main
+from fe_squeal.sweep.running import RunningSweep
 
 TABLES = ("modes", "onsets", "contributions", "sensitivities")
 FIGURES = ("stability.png", "root_locus.png", "contributions.png")
@@ -23,6 +28,32 @@ def write_sweep(folder: Path, points: int, method: str = "direct") -> Path:
     """Write the scene of `sweep_text`, named after the method."""
     return write_scene(folder, sweep_text(points, method), f"{method}.toml")
 
+
+def stop_at(call: int, monkeypatch: pytest.MonkeyPatch, error: type[BaseException] = KeyboardInterrupt) -> None:
+    """Interrupt the sweep before its nth value."""
+    advance, calls = RunningSweep.advance, []
+
+    def stopping(*arguments: Any, **options: Any) -> Any:
+        calls.append(1)
+        if len(calls) == call:
+            raise error("the end")
+        return advance(*arguments, **options)
+
+    monkeypatch.setattr(RunningSweep, "advance", stopping)
+
+
+def interrupt(path: Path, out: Path, call: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patched:
+        stop_at(call, patched)
+        assert main(["run", str(path), "-o", str(out)]) == 130
+
+
+def refused(path: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    capsys.readouterr()
+    assert main(["run", str(path), "-o", str(out), "--resume"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: ") and said.count("\n") == 1
+    return said
 
 
 def assert_same_results(found: Path, whole: Path, tables: tuple[str, ...] = TABLES) -> None:

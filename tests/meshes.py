@@ -9,7 +9,8 @@ import skfem
 
 import fe_squeal
 from fe_squeal.eigen.pencil import Modes
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.problem.problem import Problem
 
 KINDS = ("hex1", "hex2", "tet1", "tet2")
@@ -185,7 +186,7 @@ def term(problem: Problem, name: str, slot: str = "K"):
 
 def rigid_motions(problem: Problem) -> np.ndarray:
     """Return (n, 6): translations along x, y, z and rotations e × x about the origin, on the unknowns."""
-    space = problem.model.space
+    space = problem.discretisation.space
     x = space.coordinates
     columns = [np.tile(e, (len(x), 1)) for e in np.eye(3)] + [np.cross(e, x) for e in np.eye(3)]
     return np.stack([space.gather(c) for c in columns], axis=1)

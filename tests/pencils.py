@@ -1,15 +1,25 @@
-"""Sparse pencils of every class with awkward spectra, and their eigenvalues by NumPy alone."""
+"""Sparse pencils of every class with awkward spectra, and their eigenvalues by LAPACK alone."""
 
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
+from dense import all_eigenvalues
 
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.pencil import Pencil
 
 N = DENSE_LIMIT + 100
+
+
+def sparse(A):
+    return sp.csr_array(np.asarray(A))
+
+
+def definite(rng, n):
+    """Draw a full symmetric positive definite matrix."""
+    A = rng.standard_normal((n, n))
+    return A @ A.T / n + 0.1 * np.eye(n)
 
 
 def chain(friction=0.0, damping=0.0, n=N, eta=0.0, seed=1):
@@ -29,11 +39,8 @@ def chain(friction=0.0, damping=0.0, n=N, eta=0.0, seed=1):
 
 
 def reference(pencil):
-    """λ with Im λ ≥ 0 of the linearisation, by NumPy alone."""
-    M, K = pencil.M.toarray(), pencil.K.toarray()
-    C = np.zeros_like(M) if pencil.C is None else pencil.C.toarray()
-    n = len(M)
-    lam = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K), -la.solve(M, C)]]))
+    """λ with Im λ ≥ 0 of the linearisation, by LAPACK alone."""
+    lam = all_eigenvalues(pencil.M, pencil.C, pencil.K)
     lam = lam[lam.imag >= 0]
     return lam[np.argsort(lam.imag)]
 

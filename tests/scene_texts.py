@@ -69,6 +69,10 @@ modes = 8
 shapes = "none"
 """
 SCENE = HEAD + SPRINGS + CONTACTS + TAIL
+TABLES_AND_FIGURES = {
+    "manifest.sha256", "modes.csv", "onsets.csv", "contributions.csv", "sensitivities.csv", "run.json",
+    "stability.png", "root_locus.png", "contributions.png",
+}  # fmt: skip
 
 
 def growth_of_rigid_block(mu: float) -> float:

@@ -20,10 +20,10 @@ from .estimate import BAR, COMPARED, EXTRAPOLATED, SMALLEST, with_discretisation
 from .settings import Setting, own_setting, scene_at
 
 _START = 2.0  # times the scene's size: where the search begins
-_RATES = (1.0, 4.0)  # with which errors fall, between singular and smooth
-_EXPECTED = {1: 1.5, 2: 2.5}  # by the order, until two runs tell
-_STEP = (0.4, 0.8)  # of the size: what the next mesh has
-_MARGIN = 0.8  # of the target: what is aimed at
+_RATES = (1.0, 4.0)  # powers of the size with which errors fall, from singular stresses to smooth ones
+_EXPECTED = {1: 1.5, 2: 2.5}  # the rate that each order is taken to have, until two runs tell
+_STEP = (0.4, 0.8)  # of the size of a mesh: between these lies that of the next one
+_MARGIN = 0.8  # of the target: the error that is aimed at
 _RUNS = 8
 
 
@@ -79,8 +79,8 @@ def choose(scene: Scene, target: float, tell: Callable[[str], None] = lambda tex
     """Find the coarsest mesh on which frequencies, growth rates and critical values meet a target.
 
     Both orders are tried on a coarse mesh; the one that would reach the target with less work goes on, with sizes that
-    follow from the errors estimated so far. The number of modes is the scene's: those asked for are certified, and more
-    of them would not change any. The method is the reduced one where the parameter allows it.
+    follow from the errors estimated so far. The number of modes is the scene's: the error of each is estimated by
+    itself, and to ask for more would not change it. The method is the reduced one where the parameter allows it.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def choose(scene: Scene, target: float, tell: Callable[[str], None] = lambda tex
         known = last.error if np.isfinite(last.error) else 1.0
         step = float(np.clip((_MARGIN * target / known) ** (1 / rate), *_STEP))
         nearest = min(trials, key=lambda trial: np.nan_to_num(trial.error, nan=np.inf))
-        results = {nearest: results[nearest]}  # the others take memory
+        results = {nearest: results[nearest]}  # of the other runs, to free their memory
         if len(trials) == _RUNS:
             raise _missed(target, trials, results, f"after {_RUNS} runs")
         before = last
@@ -156,8 +156,8 @@ def estimated_error(result: Sweep) -> float:
     """Return the largest estimated error of a sweep with bars, relative; NaN where one is not known.
 
     Of the frequencies at all values, up to 0.8 of the highest; of the growth rates relative to the largest one; of
-    critical values relative to themselves, to a tenth of the sweep where they are less. The likely error is meant, not
-    the bar that nearly always holds it.
+    critical values relative to themselves, or to a tenth of the sweep where they are smaller than that. It is the
+    likely error, not the error bar, which is wider so that it nearly always holds the error.
     """
     highest = max(float(p.modes.lam.imag.max(initial=0.0)) for p in result.points)
     fastest = max(float(p.modes.lam.real.max(initial=0.0)) for p in result.points)

@@ -1,4 +1,4 @@
-"""A small model of the same problem on the refined mesh, from the modes of the coarse one and their corrections."""
+"""A reduced model of the problem on the refined mesh, from the modes of the coarse one and their corrections."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from ..eigen.blocks import cross, times
 from ..eigen.linear.choice import factorize_definite
 from ..eigen.pencil import Modes
+from ..problem.forms import collect_powers
 from ..problem.problem import Problem
 from ..reduced import ReducedModel
 from ..reduced.basis import ReducedBasis
@@ -16,10 +17,10 @@ from ..reduced.vectors import interior_nodes, range_of, real_columns, unit_colum
 from .two_level import TwoLevelSolver
 
 _CORRECTED = 2  # values of the parameter at which modes are corrected: the ends of the sweep
-_ROUNDS = 2  # of corrections, where the first ones are
-_LONG = 0.02  # of the energy of a mode: longer ones change it too much for one round
-_NODES = 5  # whose modes span the final basis
-_FINE = 1e-5  # of a vector: what is left out of it
+_ROUNDS = 2  # of corrections at most: corrected modes are corrected again where the first correction was long
+_LONG = 0.02  # energy of a correction over that of its mode beyond which it counts as long
+_NODES = 5  # values of the parameter whose modes span the final basis
+_FINE = 1e-5  # part of a vector outside the basis, relative to it, that is left out
 
 
 class CorrectedModel:
@@ -54,15 +55,15 @@ class CorrectedModel:
         coarse, parameter = model.basis.problem, model.parameter
         metric = {t.name: c for t, c in zip(coarse.terms, model.basis.metric, strict=True)}
         start = coarse.value(parameter)
-        condensed = fine.condensed(parameter).at(**{parameter: start})
-        weights = [metric.get(t.name, 0.0) for t in condensed.terms]
+        collected = collect_powers(fine, parameter).at({parameter: start})
+        weights = [metric.get(t.name, 0.0) for t in collected.terms]
         factor = factorize_definite(weighted(coarse, model.basis.metric), model.linear_solver)
-        P = weighted(condensed, weights)
+        P = weighted(collected, weights)
         solver = TwoLevelSolver(P, E, factor.solve)
-        basis = ReducedBasis(condensed, parameter, weights, model.basis.sigma, None, model.linear_solver)
+        basis = ReducedBasis(collected, parameter, weights, model.basis.sigma, None, model.linear_solver)
         if model.basis.has_slow:
             basis.expect_slow_motions()
-        unheld = condensed.free_motions().motions
+        unheld = collected.free_motions().motions
         if unheld.shape[1]:
             basis.append(unheld)
         EV = times(E, model.basis.V)
@@ -81,10 +82,10 @@ class CorrectedModel:
             spanned.append(unit_columns(modes.right, modes.left))
         W = range_of(np.hstack(spanned), _FINE, basis.free_motions(start).motions)
         self._coordinates = W.T @ self._coordinates
-        self.small = basis.restricted(W).condensed()
+        self.small = basis.restricted(W).collected()
 
     def _correct(self, basis: ReducedBasis, solver: TwoLevelSolver, value: float, modes: Modes) -> bool:
-        """Add the corrections of modes at a value; return whether one is so long that it should itself be corrected."""
+        """Add the corrections of modes at a value; return whether one is so long that a second round is needed."""
         right, left = basis.residuals(value, modes)
         one_side = basis.pencil(value).problem_class == "symmetric"
         long = False

@@ -13,9 +13,10 @@ from ..eigen.dense import solve_dense
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import require_memory
 from ..eigen.pencil import Modes
-from ..eigen.solve import Request
+from ..eigen.request import Request
 from ..errors import SceneError
 from ..mesh.refining import refine
+from ..problem.forms import interpolate
 from ..problem.problem import Problem
 from ..reduced import ReducedModel
 from ..sweep.onsets import Onset
@@ -25,20 +26,22 @@ from ..sweep.tracking import match_modes
 from .corrected import CorrectedModel
 from .two_level import prolongation
 
-# Times the change from the mesh to the one refined once. Halving leaves 2^-q of an error: q = 4 for smooth modes of
-# order 2, 2 for those of order 1, and down to 1 where stresses are singular: at edges of contacts, clamped edges,
-# re-entrant corners. The error is then between 16/15 and 2 times the change: a bar that holds it, the likely error, and
-# how unsure that is.
+# All three are times the change from the mesh to the one refined once. Halving the size leaves 2^-q of an error: q = 4
+# for smooth modes of order 2, 2 for those of order 1, and down to 1 where stresses are singular: at edges of contacts,
+# clamped edges, re-entrant corners. The error is then between 16/15 and 2 times the change. BAR holds it, EXTRAPOLATED
+# is in the middle, and UNSURE is how far from the middle it may be.
 BAR, EXTRAPOLATED, UNSURE = 2.0, 1.4, 0.4
-COMPARED = 0.8  # of the highest frequency: modes beyond may leave the range on another mesh
-SMALLEST = 0.1  # of the sweep: what an onset's error is relative to where the onset itself is smaller
-_FAR = 0.2  # of the sweep, or of the frequency: what an onset moves that counts as much as another pair of branches
-_LOST = 2.0  # of this: where an onset is another one
+COMPARED = 0.8  # of the highest frequency: modes above may leave the range on another mesh, and are not compared
+SMALLEST = 0.1  # of the sweep: errors of onsets at smaller values are relative to this
+# Onsets on two meshes are paired by the least distance. A move by _FAR of the sweep, or of the frequency, counts one,
+# as much as another pair of branches does; from _LOST on they are different onsets.
+_FAR = 0.2
+_LOST = 2.0
 _VALUE = "value"
 _CHILDREN = 8  # elements into which one is cut, and about as many times the unknowns
 _COPIES = 4  # of the refined matrices: those of the terms, and their sums
-_VECTORS = 24  # of the refined mesh per mode, besides the coarse basis and a copy: corrections and what they come from
-_BASIS = 10  # vectors per mode of the coarse basis, where there is none yet
+_VECTORS = 24  # on the refined mesh for each mode, besides the coarse basis and a copy of it: those of the corrections
+_BASIS = 10  # vectors for each mode that a coarse basis is taken to have where there is none yet
 
 
 @dataclass(frozen=True)
@@ -107,13 +110,13 @@ def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -
     TooLargeError
         The refined mesh does not fit into memory.
     """
-    problem, parameter = result.problem, result.parameter
+    problem, parameter = result.problem.solved_with(linear_solver), result.parameter
     assembly = problem.source
     if not isinstance(assembly, Assembly):
         raise SceneError("the error of a mesh is asked for (--estimate), and the scene has matrices instead of a mesh")
     require_memory(_refined_memory(result), _CHILDREN * problem.unknowns, "modes on the refined mesh")
     values = np.array([p.value for p in result.points])
-    refined = Assembly(assembly.scene, refine(assembly.loaded))
+    refined = Assembly(assembly.scene, refine(assembly.loaded)).solved_with(linear_solver)
     E = prolongation(assembly.space, refined.space)
     fine = refined.problem(problem.changed).prepared(parameter, values)
     affine = [_affine(p, parameter, values) for p in (problem, fine)]
@@ -125,7 +128,7 @@ def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -
     corrected = CorrectedModel(model, affine[1], E, at)
     changes, first = [], None
     for point, value in zip(result.points, at.tolist(), strict=True):
-        before, refined_pencil = model.modes(value), corrected.small.pencil(**{axis: value})
+        before, refined_pencil = model.modes(value), corrected.small.pencil({axis: value})
         now = solve_dense(refined_pencil, 1.5 * model.highest, linear_solver)
         same = _same(corrected, before, now)
         first = same if first is None else first
@@ -155,10 +158,10 @@ def _refined_memory(result: Sweep) -> int:
 
 
 def _affine(problem: Problem, parameter: str, values: np.ndarray) -> Problem:
-    """Return the problem with a parameter that changes coefficients alone; at one value there is none to change."""
+    """Return the problem with a parameter that changes coefficients alone; at one value it changes nothing."""
     if len(values) > 1:
-        return problem.interpolated(parameter, float(values[0]), float(values[-1]))
-    here = problem.at(**{parameter: float(values[0])}) if problem.has(parameter) else problem
+        return interpolate(problem, parameter, float(values[0]), float(values[-1]))
+    here = problem.at({parameter: float(values[0])}) if problem.has(parameter) else problem
     return replace(here, parameters={**here.parameters, _VALUE: 0.0}, coupled=frozenset())
 
 
@@ -200,7 +203,7 @@ def pair_onsets(
             return np.inf
         paired = {same[x - 1] + 1 for x in branches(a) if x - 1 in same}
         moved = abs(a.value - b.value) / width + abs(a.frequency_hz - b.frequency_hz) / max(a.frequency_hz, 1e-300)
-        return moved / _FAR + (paired != branches(b))
+        return moved / _FAR + (0.0 if paired == branches(b) else 1.0)
 
     result: list[int | None] = [None] * len(onsets)
     every = sorted((unlike(a, b), i, j) for i, a in enumerate(onsets) for j, b in enumerate(found))

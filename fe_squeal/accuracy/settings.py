@@ -10,7 +10,7 @@ import numpy as np
 from ..assembly.assembly import assemble
 from ..assembly.bodies import read_mesh
 from ..eigen.inertia import count_below
-from ..eigen.solve import symmetric_part
+from ..eigen.shift import symmetric_part
 from ..mesh import LoadedMesh
 from ..mesh.refining import refine
 from ..scene import Scene
@@ -39,7 +39,9 @@ class Setting:
     refinement : int
         How often the mesh of a file is refined; 0 where the size is that of a parametric geometry.
     knob : str
-        What the study varies here.
+        What the study varies here, for its tables and figures.
+    estimated : bool
+        Whether its mesh is refined too, to see what that changes: from such settings comes the reference.
     """
 
     order: int
@@ -49,10 +51,11 @@ class Setting:
     tolerance: float
     refinement: int = 0
     knob: str = ""
+    estimated: bool = False
 
     def key(self, scene: Scene) -> str:
         """Return a name for the result, the same for the same scene, setting and version."""
-        plain = asdict(replace(self, knob=""))
+        plain = {name: value for name, value in asdict(self).items() if name != "estimated"} | {"knob": ""}
         text = f"{__version__} {scene.model_dump_json(exclude={'output', 'title', 'source'})} {sorted(plain.items())}"
         mesh = scene.mesh_path
         if mesh is not None and scene.mesh.geometry is None:
@@ -71,7 +74,7 @@ def plan(scene: Scene) -> list[Setting]:
     else:
         meshes = [(own.size / 2**level, level) for level in range(_LEVELS + 1)]
     settings = [
-        replace(own, order=order, size=size, refinement=level, knob=f"size, order {order}")
+        replace(own, order=order, size=size, refinement=level, knob=f"size, order {order}", estimated=order == 2)
         for order in (1, 2)
         for size, level in meshes
     ]

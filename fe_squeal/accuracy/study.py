@@ -23,8 +23,8 @@ COLUMNS = (
     "error_growth", "error_onset", "algebraic_frequency", "algebraic_growth", "algebraic_onset", "seconds_estimate",
     "knob",
 )  # fmt: skip
-_GROWTH, _POWERS = 0.8, (0.2, 1.5)  # power of the unknowns with which times grow, until the study's own tell; limits
-_ESTIMATED = "size, order 2"  # the settings whose meshes are refined, too: from them comes the reference
+_GROWTH, _POWERS = 0.8, (0.2, 1.5)  # power of the cost with which times grow, until the study's own tell; its limits
+_REFINING = 4.0  # times the seconds of a setting, where its mesh is refined too
 
 
 class Store(Protocol):
@@ -83,7 +83,8 @@ class Study:
         """Return the seconds of every stage, a row per setting: accuracy_stages.csv."""
         import pandas as pd
 
-        plain = [{k: v for k, v in asdict(s).items() if k not in ("refinement", "knob")} for s in self.settings]
+        left_out = ("refinement", "knob", "estimated")
+        plain = [{k: v for k, v in asdict(s).items() if k not in left_out} for s in self.settings]
         rows = zip(plain, self.measurements, strict=True)
         return pd.DataFrame([{**setting, **m.seconds} for setting, m in rows])
 
@@ -144,7 +145,7 @@ def run_study(
             left_out.append((setting, f"it would take about {expected:.0f} s" if rest > 0 else "the budget is spent"))
             continue
         try:
-            found = measure_apart(scene, setting, probes, setting.knob == _ESTIMATED, rest)
+            found = measure_apart(scene, setting, probes, setting.estimated, rest)
         except SquealError as error:
             left_out.append((setting, str(error)))
             continue
@@ -171,13 +172,13 @@ def run_study(
 def _cost(s: Setting) -> float:
     """Return what a setting costs relative to others, before anything is known."""
     share = {"reduced": 1.0, "modal": 0.6, "direct": 4.0}[s.method]
-    return share * (1 + 3 * (s.knob == _ESTIMATED)) * (s.order / s.size) ** 3 * (s.modes + 20)
+    return share * (_REFINING if s.estimated else 1.0) * (s.order / s.size) ** 3 * (s.modes + 20)
 
 
 def _expected(setting: Setting, done: list[tuple[Setting, Measurement]]) -> float:
     """Return the seconds that a setting will take: from the dearest of the same order, by the growth up to there.
 
-    What starting a process takes is the same for all, and so the first few say little about how times grow.
+    To start a process takes the same time for all, so that the first few say little about how times grow.
     """
     like = sorted((_cost(s), m.total + m.seconds.get("estimate", 0.0)) for s, m in done if s.order == setting.order)
     if not like:

@@ -16,9 +16,9 @@ from ..fem.spaces import DisplacementSpace
 _CHILDREN = 8
 _NEWTON = 30  # steps at most to find a point in its element
 _FOUND, _NEAR = 1e-12, 1e-6  # reference coordinates: exact enough, and at worst
-_ROUNDED = 32.0  # ulps
+_ROUNDED = 32.0  # roundings that the reference coordinates of a point may be off by
 _ITERATIONS, _FEWEST = 60, 3
-_SETTLED = 0.1  # of the energy found so far: what a step adds at the end
+_SETTLED = 0.1  # the iteration ends with a step that adds less than this part of the energy found so far
 _COLUMNS = 64  # right-hand sides at once
 
 
@@ -64,8 +64,9 @@ def _reference(space: DisplacementSpace, elements: np.ndarray, x: np.ndarray) ->
 class TwoLevelSolver:
     """P⁻¹ on the fine level by conjugate gradients, with the coarse problem's factors and the diagonal before them.
 
-    What the coarse level cannot hold is oscillating, and there the diagonal is as good as P up to a factor that does
-    not depend on the mesh (Bank, Dupont, Yserentant, Numer. Math. 52, 1988); the rest the factors do exactly.
+    The coarse problem's factors act exactly on what the coarse mesh can represent. What it cannot oscillates from node
+    to node, and on such vectors the diagonal of P is as good as P up to a factor that does not depend on the mesh
+    (Bank, Dupont, Yserentant, Numer. Math. 52, 1988).
 
     Parameters
     ----------

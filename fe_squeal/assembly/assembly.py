@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from copy import copy
 from dataclasses import replace
 from functools import partial
 
-from ..effects.cache import Cache
+from ..effects.cache import Cache, Same
 from ..effects.context import BodyPart, ContactPart, Context
 from ..effects.elasticity import elastic_terms
 from ..effects.springs import Spring, spring_terms
 from ..effects.static_state import pressed_numbers
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import refuse_shortage, require_memory
 from ..errors import MeshError, SceneError
 from ..fem.contact import ContactOperators
@@ -21,29 +23,33 @@ from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
 from ..problem.problem import Problem
 from ..problem.terms import Term
-from ..scene import MatrixScene, Scene, number_at, with_numbers
+from ..scene import NOT_PHYSICS, MatrixScene, Scene, number_at, with_numbers
 from .bodies import find_bodies, read_mesh
 from .contacts import make_contact, stiffness_terms
+from .discretisation import Discretisation
 from .effect_stages import (
     Owned,
     parameters_of,
     state_parameters,
     terms_of_body,
     terms_of_contact,
-    terms_of_model,
+    terms_of_whole,
     warnings_of,
     with_motions,
     with_static_state,
 )
 from .matrices import matrix_problem
-from .model import Model
 from .warnings import warnings_of_coverage, warnings_of_scene
 
-_SHARED = 0.15  # of the entries of all element matrices: what elements that share nodes leave, or less
-_COPIES = 3  # of the stiffness: while two sums are added to a third
+# Of the entries of all element matrices, what is left when those of elements that share nodes are added, or less, since
+# memory is predicted from below.
+_SHARED = 0.15
+_COPIES = 3  # of the stiffness, while two sums are added to a third
 
 
-def assemble(scene: Scene | MatrixScene, mesh: LoadedMesh | None = None) -> Problem:
+def assemble(
+    scene: Scene | MatrixScene, mesh: LoadedMesh | None = None, linear_solver: LinearSolver | str | None = None
+) -> Problem:
     """Assemble the terms of a scene.
 
     Parameters
@@ -51,6 +57,8 @@ def assemble(scene: Scene | MatrixScene, mesh: LoadedMesh | None = None) -> Prob
     scene : Scene or MatrixScene
     mesh : LoadedMesh, optional
         Used instead of the scene's own mesh.
+    linear_solver : "auto", "pardiso", "superlu" or LinearSolver, optional
+        For the static state under preload (default: the scene's).
 
     Returns
     -------
@@ -68,7 +76,8 @@ def assemble(scene: Scene | MatrixScene, mesh: LoadedMesh | None = None) -> Prob
         if isinstance(scene, MatrixScene):
             return matrix_problem(scene)
         with refuse_shortage("the assembly"):
-            return Assembly(scene, read_mesh(scene) if mesh is None else mesh).problem({})
+            assembly = Assembly(scene, read_mesh(scene) if mesh is None else mesh)
+            return (assembly if linear_solver is None else assembly.solved_with(linear_solver)).problem({})
     except SceneError as error:
         raise SceneError(f"{where}{error}") from error
     except MeshError as error:
@@ -76,7 +85,7 @@ def assemble(scene: Scene | MatrixScene, mesh: LoadedMesh | None = None) -> Prob
 
 
 class Assembly:
-    """A scene on its mesh, with what was made from it; at other numbers only what depends on them is made anew."""
+    """A scene on its mesh. What was made is kept: at other numbers only what depends on them is made anew."""
 
     def __init__(self, scene: Scene, loaded: LoadedMesh) -> None:
         self.scene = scene
@@ -92,6 +101,7 @@ class Assembly:
         self.space = make_space(mesh, scene.mesh.order, supports, mixed)
         require_memory(_least_memory(self.space), self.space.unknowns, "matrices", exponent=1)
         self.loaded, self._motions = loaded, rigid_motions(self.space)
+        self._linear_solver: LinearSolver | str = scene.solve.linear_solver
         self._cache = Cache()
         wanted = scene.solve.modes
         if wanted is not None and wanted > self.space.unknowns:
@@ -99,12 +109,28 @@ class Assembly:
             raise SceneError(f"solve.modes: given {wanted}; expected at most {n}, the number of unknowns")
 
     def number(self, path: str) -> float:
-        """Return a number as it stands in the scene."""
+        """Return a number as it stands in the scene.
+
+        Raises
+        ------
+        SceneError
+            If there is none, or it is one of the mesh, the sweep, the solution or the output.
+        """
+        if path.split(".")[0] in NOT_PHYSICS:
+            raise SceneError(f'given "{path}"; expected a number of the physics, or another scene to be assembled')
         return number_at(self.scene, path)
+
+    def solved_with(self, linear_solver: LinearSolver | str) -> Assembly:
+        """Return the same assembly, which finds static states with this linear solver; what was made is shared."""
+        other = copy(self)
+        other._linear_solver = linear_solver
+        return other
 
     def problem(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with other numbers, by their paths."""
-        return self._cache.get("problem", tuple(sorted(values.items())), lambda: self._build(values))
+        # The solver belongs to the key because a problem refers to the assembly that made it.
+        key = Same(self._linear_solver), tuple(sorted(values.items()))
+        return self._cache.get("problem", key, lambda: self._build(values))
 
     def _build(self, values: Mapping[str, float]) -> Problem:
         scene = with_numbers(self.scene, values) if values else self.scene
@@ -121,10 +147,10 @@ class Assembly:
         parameters = {p: number_at(scene, p) for p in sorted(paths)}
         operators = {name: part.operators for name, part in context.contacts.items()}
         doubtful = warnings_of(context, scene.effects.known, on, owned, parameters)
-        warnings = (*self._warnings(operators), *doubtful)
+        warnings, state = (*self._warnings(operators), *doubtful), context.static_state
         return Problem(
-            terms, parameters, Model(self.space, self.bodies, operators, self.notes, warnings, context.state), self,
-            state_parameters(context, on), dict(values), self._motions, state=pressed_numbers(operators, context.state),
+            terms, parameters, Discretisation(self.space, self.bodies, operators, self.notes, warnings, state), self,
+            state_parameters(context, on), dict(values), self._motions, state=pressed_numbers(operators, state),
         )  # fmt: skip
 
     def _interfaces_and_effects(self, scene: Scene, context: Context) -> Iterator[Owned]:
@@ -135,7 +161,7 @@ class Assembly:
                 yield "", term
             if part.kind != "tied":
                 yield from terms_of_contact(context, on, part)
-        yield from terms_of_model(context, on)
+        yield from terms_of_whole(context, on)
         for body in context.bodies.values():
             yield from terms_of_body(context, scene.effects.known, body)
 
@@ -149,7 +175,7 @@ class Assembly:
             self.space, self.loaded, {name: self._body(scene, name) for name in self.bodies},
             {name: self._contact(scene, name, i) for i, name in enumerate(scene.contact_names)},
             scene.materials, tuple(_holding(scene)), scene.effects.on, partial(number_at, scene), self._cache,
-            linear_solver=scene.solve.linear_solver,
+            linear_solver=self._linear_solver,
         )  # fmt: skip
 
     def _body(self, scene: Scene, name: str) -> BodyPart:

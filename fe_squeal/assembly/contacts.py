@@ -10,7 +10,7 @@ from ..effects.cache import Cache
 from ..effects.contact_stiffness import contact_terms
 from ..effects.context import ContactPart
 from ..fem.contact import ContactOperators, contact_operators
-from ..fem.motion import Sliding
+from ..fem.motion import SteadyMotion
 from ..fem.spaces import DisplacementSpace
 from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
@@ -21,7 +21,7 @@ from .bodies import contact_sides
 
 def make_contact(
     space: DisplacementSpace, bodies: Mapping[str, np.ndarray], loaded: LoadedMesh, contact: Contact,
-    motion: Sliding | None, key: str,
+    motion: SteadyMotion | None, key: str,
 ) -> tuple[ContactOperators, set[str]]:  # fmt: skip
     """Return the operators of a contact, and the bodies that carry its counterface.
 

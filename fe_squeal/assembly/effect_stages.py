@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ..effects.context import BodyPart, ContactPart, Context
 from ..effects.effect import Effect
-from ..fem.motion import Sliding
+from ..fem.motion import SteadyMotion
 from ..problem.terms import Term
 
 Owned = tuple[str, Term]  # the name of the effect that a term is of, "" where it is of none
@@ -15,7 +15,7 @@ Owned = tuple[str, Term]  # the name of the effect that a term is of, "" where i
 
 def with_motions(context: Context, on: Mapping[str, Effect]) -> Context:
     """Return the context with the motions of bodies that rotate."""
-    motions: dict[str, Sliding] = {}
+    motions: dict[str, SteadyMotion] = {}
     for effect in on.values():
         motions |= effect.motions(context)
     return replace(context, motions=motions)
@@ -27,7 +27,7 @@ def with_static_state(context: Context, on: Mapping[str, Effect]) -> Context:
         state = effect.static_state(context)
         if state is not None:
             contacts = {name: replace(c, state=state.contacts.get(name)) for name, c in context.contacts.items()}
-            return replace(context, state=state, contacts=contacts)
+            return replace(context, static_state=state, contacts=contacts)
     return context
 
 
@@ -36,8 +36,8 @@ def terms_of_contact(context: Context, on: Mapping[str, Effect], contact: Contac
     return [(name, term) for name, effect in on.items() for term in effect.contact_terms(context, contact)]
 
 
-def terms_of_model(context: Context, on: Mapping[str, Effect]) -> list[Owned]:
-    """Return the terms of all effects that are neither of a contact nor of a body."""
+def terms_of_whole(context: Context, on: Mapping[str, Effect]) -> list[Owned]:
+    """Return the terms of all effects that belong to neither a contact nor a body."""
     return [(name, term) for name, effect in on.items() for term in effect.terms(context)]
 
 
@@ -59,7 +59,7 @@ def parameters_of(on: Mapping[str, Effect]) -> set[str]:
 
 def state_parameters(context: Context, on: Mapping[str, Effect]) -> frozenset[str]:
     """Return the parameters that the static state depends on."""
-    if context.state is None:
+    if context.static_state is None:
         return frozenset()
     return frozenset(p for effect in on.values() for p in effect.state_parameters(context))
 
@@ -68,7 +68,7 @@ def warnings_of(
     context: Context, known: Sequence[type[Effect]], on: Mapping[str, Effect], terms: Sequence[Owned],
     parameters: Mapping[str, float],
 ) -> list[str]:  # fmt: skip
-    """Return a sentence for what looks doubtful in the effects that are on, or does nothing without one that is not."""
+    """Return a sentence for what looks doubtful in an effect that is on, or needs an effect that is not."""
     found: list[str] = []
     for kind in known:
         if kind.name in on:

@@ -16,7 +16,7 @@ from ..scene import MatrixScene
 from .matrix_files import measure_symmetry, read_matrix
 
 _SLOTS: dict[str, Slot] = {"mass": "M", "damping": "C", "stiffness": "K"}
-_MOST_CONSTRAINTS = 2000  # up to which their independence is checked, by a full matrix of so many rows
+_MOST_CONSTRAINTS = 2000  # up to so many are checked for independence, which takes a full matrix of as many rows
 
 
 def matrix_problem(scene: MatrixScene) -> Problem:

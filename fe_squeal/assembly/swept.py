@@ -8,7 +8,7 @@ from ..scene import MatrixScene, Scene
 
 
 def swept(scene: Scene | MatrixScene, problem: Problem) -> tuple[str, list[float]]:
-    """Return the parameter of a scene's sweep and its values; without one μ, as it is."""
+    """Return the parameter of a scene's sweep and its values; without a sweep μ and its one value."""
     if scene.sweep is None:
         return MU, [problem.parameters.get(MU, 0.0)]
     return scene.sweep.parameter, [float(v) for v in scene.sweep.grid]

@@ -14,8 +14,8 @@ from ..scene import Scene
 
 _DENSITY = (100.0, 30000.0)  # kg/m^3: from foams to osmium
 _MODULUS = (1e6, 1e13)  # Pa: from rubber to beyond diamond
-# Condition number of the map from the regular cell; with its square, 1e4, a backward error of 1e-8, the usual
-# tolerance, leaves four digits.
+# Condition number of the map from the regular cell. Its square, 1e4, is what a backward error is multiplied by: of the
+# usual tolerance of 1e-8 that leaves four digits.
 _DISTORTED = 100.0
 _NAMED = 5  # elements in one sentence
 _LARGE_GAP = 0.05  # of the model's size
@@ -25,7 +25,7 @@ _LOCKING = 0.48  # Poisson's ratio above which standard elements lose digits; se
 def warnings_of_scene(
     scene: Scene, loaded: LoadedMesh, space: DisplacementSpace, bodies: Mapping[str, np.ndarray]
 ) -> list[str]:
-    """Return a sentence for each value that is probably not meant; the groups have been looked up before."""
+    """Return a sentence for each value that is probably not meant. All groups that the scene names are there."""
     return [
         *_materials(scene), *_locking(scene), *_held(scene, loaded, space), *_gaps(scene, space),
         *_shapes(loaded, space, bodies),
@@ -66,7 +66,7 @@ def _held(scene: Scene, loaded: LoadedMesh, space: DisplacementSpace) -> Iterabl
         for name, contact in zip(scene.contact_names, scene.contacts, strict=True):
             pad = nodes(contact.surface)
             held = len(np.intersect1d(pad, nodes(support.surface)))
-            if 2 * held >= len(pad):  # an edge in common with a held side is nothing to speak of
+            if 2 * held >= len(pad):  # a pad that shares only an edge with a held side is usual
                 yield (
                     f'supports[{i}]: "{support.surface}" holds {held} of {len(pad)} nodes of "{contact.surface}", the'
                     f" surface of contact {name}"

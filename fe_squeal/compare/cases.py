@@ -16,7 +16,7 @@ import numpy as np
 import lumped
 
 from ..assembly.assembly import assemble
-from ..assembly.model import model_of
+from ..assembly.discretisation import discretisation_of
 from ..mesh import LoadedMesh
 from ..problem.problem import Problem
 from ..scene.file import parse_scene
@@ -56,9 +56,9 @@ class Case:
 
     def rigid_motions(self, problem: Problem) -> np.ndarray:
         """Return the (n, coordinates) displacements of the unknowns for a unit of each lumped coordinate."""
-        model = model_of(problem)
-        assert model is not None
-        space = model.space
+        discretisation = discretisation_of(problem)
+        assert discretisation is not None
+        space = discretisation.space
         columns = []
         for bodies, field in self.motions:
             u = np.zeros((space.nodes, 3))

@@ -11,17 +11,19 @@ import pandas as pd
 
 import lumped
 
-from ..assembly.model import model_of
+from ..assembly.discretisation import discretisation_of
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
-from ..eigen.solve import Request, solve_modes
+from ..eigen.request import Request
+from ..eigen.solve import solve_modes
 from ..errors import SceneError, suggest
 from ..problem.problem import Problem
 from ..sweep.sweep import sweep
 from .cases import Case, minimal, nine_dof, two_mass, uncoupled_disc
 
-_DEFORMING = 10.0  # times the highest lumped frequency: deformations of the bodies lie far above, rotations below
-_SOFTER = (1e-2, 1e-1, 1.0)  # of a case's modulus: three steps for the fitted order
+# Times the highest lumped frequency: modes above it deform the bodies, those below that are no lumped ones rotate them.
+_DEFORMING = 10.0
+_SOFTER = (1e-2, 1e-1, 1.0)  # times a case's modulus: the three moduli to which the order in 1/E is fitted
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,8 @@ def lumped_modes(
     """Return the modes that move as the lumped masses do, without the rotations and deformations of the bodies.
 
     With P the mass projection on the rigid motions R, ψᴴMPφ/ψᴴMφ is the share of the lumped coordinates in a mode,
-    right and left together: friction drives a rotation by a translation, so that φ alone may be mostly rotation.
+    right and left together. By φ alone a mode of the lumped masses could pass for a rotation, because friction makes a
+    translation drive a rotation.
     """
     pencil = problem.pencil(mu=mu)
     modes = solve_modes(pencil, Request(count=problem.unknowns), linear_solver=linear_solver)
@@ -124,9 +127,9 @@ def rotations(
     case: Case, problem: Problem, linear_solver: LinearSolver | str = "auto"
 ) -> list[tuple[str, float]]:
     """Return the body and the frequency at μ = 0 of each mode that is neither the lumped model's nor a deformation."""
-    model = model_of(problem)
-    assert model is not None
-    pencil, space = problem.pencil(mu=0.0), model.space
+    discretisation = discretisation_of(problem)
+    assert discretisation is not None
+    pencil, space = problem.pencil(mu=0.0), discretisation.space
     modes = solve_modes(pencil, Request(count=problem.unknowns), linear_solver=linear_solver)
     lumped_ones = lumped_modes(case, problem, 0.0, linear_solver).lam.imag
     highest = _DEFORMING * lumped_ones.max()
@@ -135,7 +138,7 @@ def rotations(
         if omega > highest or np.abs(lumped_ones - omega).min() <= 1e-9 * highest:
             continue
         motion = np.abs(space.expand(modes.right[:, i]))
-        size = {b: motion[space.dofs.element_dofs[:, e]].max() for b, e in model.bodies.items()}
+        size = {b: motion[space.dofs.element_dofs[:, e]].max() for b, e in discretisation.bodies.items()}
         found.append((max(size, key=lambda b: size[b]), float(omega)))
     return found
 

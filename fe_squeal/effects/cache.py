@@ -1,4 +1,4 @@
-"""What was made before, kept by what it was made from."""
+"""A cache: what was made before is found again by a key of everything that it was made from."""
 
 from __future__ import annotations
 

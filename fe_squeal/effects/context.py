@@ -12,14 +12,14 @@ import numpy as np
 from ..eigen.linear.factor import LinearSolver
 from ..fem.contact import ContactOperators
 from ..fem.materials import Elasticity, Material, elasticity, stiffness_tensor
-from ..fem.motion import Sliding
+from ..fem.motion import SteadyMotion
 from ..fem.spaces import DisplacementSpace, Surface
 from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
 from ..problem.terms import Term
 from ..schema.section import Section
 from .cache import Cache, Same
-from .static_state import BaseState, ContactState
+from .static_state import ContactState, StaticState
 
 _Table = TypeVar("_Table", bound=Section)
 
@@ -75,7 +75,7 @@ class ContactPart:
         On the whole surface.
     normal_stiffness : float, N/m per m^2
     friction_ratio : float
-    motion : Sliding or None
+    motion : SteadyMotion or None
         Of the counterface.
     carriers : frozenset of str
         Bodies that carry the counterface.
@@ -88,7 +88,7 @@ class ContactPart:
     operators: ContactOperators
     normal_stiffness: float
     friction_ratio: float
-    motion: Sliding | None
+    motion: SteadyMotion | None
     carriers: frozenset[str]
     state: ContactState | None = None
 
@@ -122,7 +122,7 @@ class ContactPart:
         return np.maximum(self.state.pressure, 0.0)
 
     def pressure_powers(self, path: str) -> dict[str, int]:
-        """Return the parameters that a term of friction scales with which acts on `pressure`.
+        """Return the powers of parameters that scale a term which is made from `pressure`.
 
         Parameters
         ----------
@@ -155,9 +155,9 @@ class Context:
         Keeps what was made, from one value of a sweep to the next.
     static : tuple of Term
         Stiffnesses of bodies, springs and tied contacts.
-    motions : mapping of body to Sliding
+    motions : mapping of body to SteadyMotion
         Of the bodies that rotate.
-    state : BaseState or None
+    static_state : StaticState or None
         The static state under preload.
     linear_solver : LinearSolver or str
         For static states.
@@ -173,8 +173,8 @@ class Context:
     number: Callable[[str], float]
     cache: Cache
     static: tuple[Term, ...] = ()
-    motions: Mapping[str, Sliding] = field(default_factory=dict)
-    state: BaseState | None = None
+    motions: Mapping[str, SteadyMotion] = field(default_factory=dict)
+    static_state: StaticState | None = None
     linear_solver: LinearSolver | str = "auto"
 
     def facets(self, group: str, path: str) -> np.ndarray:

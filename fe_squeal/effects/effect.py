@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ..fem.motion import Sliding
+from ..fem.motion import SteadyMotion
 from ..problem.terms import Term
 from ..schema.section import Section
 from .context import BodyPart, ContactPart, Context
-from .static_state import BaseState
+from .static_state import StaticState
 
 
 @dataclass(frozen=True)
@@ -64,12 +64,12 @@ class Effect(Section):
         """Return names of parameters that the problem has even where no term scales with them."""
         return ()
 
-    def motions(self, context: Context) -> Mapping[str, Sliding]:
+    def motions(self, context: Context) -> Mapping[str, SteadyMotion]:
         """Return the motions of bodies that rotate; `context` has neither motions nor a static state yet."""
         return {}
 
-    def static_state(self, context: Context) -> BaseState | None:
-        """Return the state about which vibrations are counted; `context` has the motions."""
+    def static_state(self, context: Context) -> StaticState | None:
+        """Return the static state about which the brake vibrates; `context` has the motions."""
         return None
 
     def state_parameters(self, context: Context) -> frozenset[str]:

@@ -1,4 +1,4 @@
-"""Preload: the static state under brake pressure from which vibrations are counted."""
+"""Preload: the static state under brake pressure, about which the brake vibrates."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from .cache import Same
 from .context import Context
 from .effect import Effect
 from .friction import Friction
-from .static_state import BaseState, PressedContact, follower_ratio, solve_preload
+from .static_state import PressedContact, StaticState, follower_ratio, solve_preload
 
-_FOLLOWING = 1e-3  # of the friction stiffness: the size of the follower terms from which they are spoken of
+_FOLLOWING = 1e-3  # of the friction stiffness: follower terms larger than this are warned of
 
 
 class Preload(Effect):
@@ -53,8 +53,8 @@ class Preload(Effect):
                 "given preload without a load; expected preload.pressures = { SURFACE = ... }, or [effects.rotation]"
             )
 
-    def static_state(self, context: Context) -> BaseState:
-        """Return the static state, from that of nearly the same problem if there is one.
+    def static_state(self, context: Context) -> StaticState:
+        """Return the static state. The search starts from the one found before, at other values, if there is one.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class Preload(Effect):
         size = float(np.ptp(context.space.mesh.p, axis=1).max())
         before = context.cache.latest("static state")
 
-        def solve() -> BaseState:
+        def solve() -> StaticState:
             K = sp.csr_array(sum(t.matrix * t.coefficient(numbers) for t in context.static))
             return solve_preload(
                 K, load, resultant, contacts, mu, self.lift_off, size, before, context.linear_solver

@@ -1,4 +1,4 @@
-"""Bodies that rotate: their motions, whether the scene is the same all around their axis, and what leaves them free."""
+"""Bodies that rotate: their motions, whether the scene is the same all around their axis, what nothing holds."""
 
 from __future__ import annotations
 
@@ -7,24 +7,25 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..errors import SceneError
-from ..fem.motion import Sliding
+from ..fem.motion import SteadyMotion
 from ..fem.revolution import check_revolution, check_ring, is_transversal
 from ..fem.spaces import DisplacementSpace
 from ..problem.terms import Term
 from .context import BodyPart, Context
 
-_HELD = 10.0  # times Ω²M: the stiffness against a rigid motion beside which that of the centrifugal stress is small
+# Against a rigid motion that is held by more than this times Ω²M, the stiffness of the centrifugal stress is small.
+_HELD = 10.0
 
 
 def motion_of_body(
-    body: str, contacts: Mapping[str, Sliding], axis: tuple[float, ...] | None, centre: tuple[float, ...] | None,
+    body: str, contacts: Mapping[str, SteadyMotion], axis: tuple[float, ...] | None, centre: tuple[float, ...] | None,
     speed: float | None,
-) -> Sliding:  # fmt: skip
+) -> SteadyMotion:  # fmt: skip
     """Return the motion of a rotating body: that of the contacts on it, or the one given, which has to agree.
 
     Parameters
     ----------
-    contacts : mapping of contact to Sliding
+    contacts : mapping of contact to SteadyMotion
         Those whose counterface lies on the body.
     axis : (3,) float or None
         Of any length; None with what follows where the scene does not say.
@@ -54,20 +55,20 @@ def motion_of_body(
         if axis is None or speed is None:
             missing = " and ".join(k for k in ("axis", "speed") if given[k] is None)
             raise SceneError(f"{key}: no contact slides on body {body}, which gives its motion; expected {missing}")
-        return Sliding(np.array(axis) / np.linalg.norm(axis) * speed, np.array(centre or (0.0, 0.0, 0.0)))
+        return SteadyMotion(np.array(axis) / np.linalg.norm(axis) * speed, np.array(centre or (0.0, 0.0, 0.0)))
     assert motion.centre is not None
     along = motion.velocity if axis is None else np.array(axis)
     if axis is None and speed is not None and speed < 0:
         along = -along
     size = np.linalg.norm(motion.velocity) if speed is None else speed
-    again = Sliding(along / np.linalg.norm(along) * size, motion.centre if centre is None else np.array(centre))
+    again = SteadyMotion(along / np.linalg.norm(along) * size, motion.centre if centre is None else np.array(centre))
     if not _same(motion, again):
         what = ", ".join(k for k, v in given.items() if v is not None)
         raise SceneError(f"{key}: given {what} other than those of contact {source}; expected the same, or none")
     return motion
 
 
-def _same(a: Sliding, b: Sliding) -> bool:
+def _same(a: SteadyMotion, b: SteadyMotion) -> bool:
     """Whether two rotations are one: a centre may lie anywhere on the axis."""
     assert a.centre is not None and b.centre is not None
     apart, size = b.centre - a.centre, np.linalg.norm(a.velocity)
@@ -76,7 +77,7 @@ def _same(a: Sliding, b: Sliding) -> bool:
     return bool(np.linalg.norm(a.velocity - b.velocity) <= 1e-9 * size and off <= 1e-9 * reach)
 
 
-def check_shape(context: Context, body: BodyPart, motion: Sliding) -> bool:
+def check_shape(context: Context, body: BodyPart, motion: SteadyMotion) -> bool:
     """Return True for a body that is the same all around the axis, with all that holds it.
 
     Raises
@@ -93,7 +94,7 @@ def check_shape(context: Context, body: BodyPart, motion: Sliding) -> bool:
     return True
 
 
-def check_material(body: BodyPart, motion: Sliding) -> None:
+def check_material(body: BodyPart, motion: SteadyMotion) -> None:
     """Raise where the material of a rotating body is not the same all around the axis.
 
     Raises
@@ -108,13 +109,13 @@ def check_material(body: BodyPart, motion: Sliding) -> None:
 
 
 def free_motions(
-    space: DisplacementSpace, elements: np.ndarray, motion: Sliding, terms: Sequence[Term],
+    space: DisplacementSpace, elements: np.ndarray, motion: SteadyMotion, terms: Sequence[Term],
     parameters: Mapping[str, float],
 ) -> list[str]:  # fmt: skip
-    """Return which rigid motions of a rotating body nothing holds but its own inertia: to turn or to tilt.
+    """Return which rigid motions of a rotating body, to turn or to tilt, are held by nothing but its own inertia.
 
-    The stiffness of the centrifugal stress is what such motions have against K_Ω: with it a turned body stays where it
-    is and a tilted one wobbles with 2Ω; without it the turned one has λ = ±iΩ.
+    Against the negative K_Ω they have the stiffness of the centrifugal stress alone: with it a body that is turned
+    stays where it is, and one that is tilted wobbles with 2Ω. Without it the turned one has λ = ±Ω.
 
     Parameters
     ----------

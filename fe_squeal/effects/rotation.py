@@ -11,7 +11,7 @@ from pydantic import Field
 
 from ..errors import suggest
 from ..fem.gyroscopics import circulatory_matrices, gyroscopic_matrices
-from ..fem.motion import Sliding
+from ..fem.motion import SteadyMotion
 from ..problem.terms import Term
 from ..schema.section import Direction, Speed, Vector
 from .cache import Same
@@ -64,7 +64,7 @@ class Rotation(Effect):
                     ' "standard" for a body that rotates'
                 )
 
-    def motions(self, context: Context) -> dict[str, Sliding]:
+    def motions(self, context: Context) -> dict[str, SteadyMotion]:
         """Return the motion of each rotating body, of which all is checked to be the same around the axis.
 
         Raises
@@ -120,19 +120,19 @@ class Rotation(Effect):
         return found
 
 
-def _check(context: Context, body: BodyPart, motion: Sliding) -> None:
+def _check(context: Context, body: BodyPart, motion: SteadyMotion) -> None:
     """Raise where a rotating body, what holds it or its material is not the same all around the axis."""
     context.cache.get(f"revolution.{body.name}", motion.way, lambda: check_shape(context, body, motion))
     check_material(body, motion)
 
 
-def unit_rotation(motion: Sliding) -> Sliding:
+def unit_rotation(motion: SteadyMotion) -> SteadyMotion:
     """Return a rotation about the same axis at 1 rad/s, whose matrices serve every speed."""
-    return Sliding(motion.velocity / float(np.linalg.norm(motion.velocity)), motion.centre)
+    return SteadyMotion(motion.velocity / float(np.linalg.norm(motion.velocity)), motion.centre)
 
 
 def rotation_terms(
-    body: str, path: str, motion: Sliding, inertia: tuple[sp.csr_array, sp.csr_array]
+    body: str, path: str, motion: SteadyMotion, inertia: tuple[sp.csr_array, sp.csr_array]
 ) -> list[Term]:
     """Return the gyroscopic and the convective term of one rotating body.
 
@@ -140,7 +140,7 @@ def rotation_terms(
     ----------
     path : str
         Of the material, for the parameters' names.
-    motion : Sliding
+    motion : SteadyMotion
         A rotation.
     inertia : pair of (n, n) sparse
         `gyroscopic_matrices` at unit density and `unit_rotation`.
@@ -154,7 +154,7 @@ def rotation_terms(
 
 
 def rotating_damping_terms(
-    body: str, path: str, motion: Sliding, elastic: Term, rayleigh: tuple[Rayleigh, str],
+    body: str, path: str, motion: SteadyMotion, elastic: Term, rayleigh: tuple[Rayleigh, str],
     circulatory: tuple[sp.csr_array, sp.csr_array],
 ) -> list[Term]:  # fmt: skip
     """Return the circulatory terms of a rotating body with damping, only those that are not zero.

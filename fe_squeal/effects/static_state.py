@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from ..eigen.linear.factor import LinearSolver
 from ..errors import NotConvergedError, SceneError
 from ..fem.contact import ContactOperators
-from ..fem.motion import Sliding
+from ..fem.motion import SteadyMotion
 from ..fem.static_contact import Equilibrium, NotHeldError, SlidingContact, solve_static_contact
 
 
@@ -39,7 +39,7 @@ class ContactState:
 
 
 @dataclass(frozen=True)
-class BaseState:
+class StaticState:
     """The static state.
 
     Attributes
@@ -70,16 +70,16 @@ def contact_summary(operators: ContactOperators, state: ContactState) -> dict[st
 
 
 def pressed_numbers(
-    contacts: Mapping[str, ContactOperators], base: BaseState | None
+    contacts: Mapping[str, ContactOperators], state: StaticState | None
 ) -> dict[str, dict[str, float]]:
-    """Return what presses in each contact of the static state, in numbers; nothing without a static state."""
-    if base is None:
+    """Return the numbers of `contact_summary` for each pressed contact; nothing without a static state."""
+    if state is None:
         return {}
-    return {name: {"mu": base.mu, **contact_summary(contacts[name], c)} for name, c in base.contacts.items()}
+    return {name: {"mu": state.mu, **contact_summary(contacts[name], c)} for name, c in state.contacts.items()}
 
 
 def follower_ratio(operators: ContactOperators, state: ContactState, stiffness: float) -> float:
-    """Return p0/(k_n ℓ), the size of the follower terms that are left out over the friction stiffness; ℓ = √area."""
+    """Return p0/(k_n ℓ), ℓ = √area: the size of the follower terms left out, relative to the friction stiffness."""
     return float(np.abs(state.pressure).max(initial=0.0) / (stiffness * np.sqrt(operators.area)))
 
 
@@ -90,13 +90,13 @@ class PressedContact:
     operators: ContactOperators
     stiffness: float
     friction_ratio: float
-    motion: Sliding | None
+    motion: SteadyMotion | None
 
 
 def solve_preload(
     K: sp.csr_array, load: np.ndarray, resultant: np.ndarray, contacts: Mapping[str, PressedContact], mu: float,
-    lift_off: bool, size: float, start: BaseState | None = None, linear_solver: LinearSolver | str = "auto",
-) -> BaseState:  # fmt: skip
+    lift_off: bool, size: float, start: StaticState | None = None, linear_solver: LinearSolver | str = "auto",
+) -> StaticState:  # fmt: skip
     """Return the static state.
 
     Parameters
@@ -110,7 +110,7 @@ def solve_preload(
         Those that can open: sliding and frictionless ones.
     size : float, m
         Of the model: larger displacements mean that nothing holds it.
-    start : BaseState, optional
+    start : StaticState, optional
         Of nearly the same problem.
     linear_solver : LinearSolver or str
 
@@ -153,7 +153,7 @@ def solve_preload(
         name: _state(c, m.mu, found.u, closed)
         for (name, c), m, closed in zip(contacts.items(), models, found.closed, strict=True)
     }
-    return BaseState(found.u, mu, states, resultant, found)
+    return StaticState(found.u, mu, states, resultant, found)
 
 
 def _state(contact: PressedContact, mu: float, u: np.ndarray, closed: np.ndarray) -> ContactState:

@@ -16,7 +16,7 @@ from ..problem.terms import Term
 from .cache import Same
 from .context import BodyPart, Context
 from .effect import Effect
-from .static_state import BaseState
+from .static_state import StaticState
 
 
 class StressStiffening(Effect):
@@ -32,13 +32,13 @@ class StressStiffening(Effect):
 
     def terms(self, context: Context) -> list[Term]:
         """Return the geometric stiffness of every body."""
-        state = context.state
+        state = context.static_state
         if state is None:
             return []
         return [_kept_term(context, body, state) for body in context.bodies.values()]
 
 
-def _kept_term(context: Context, body: BodyPart, state: BaseState) -> Term:
+def _kept_term(context: Context, body: BodyPart, state: StaticState) -> Term:
     return context.cache.get(
         f"stress_stiffening.{body.name}", Same(state),
         lambda: stiffening_term(context.space, body.name, body.elements, body.elasticity(), state.u),

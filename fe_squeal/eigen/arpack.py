@@ -17,7 +17,8 @@ def symmetric_modes(
 ) -> tuple[Modes, bool]:
     """Return the `count` modes of K φ = θ M φ nearest the shift, K symmetric, and whether these are all.
 
-    The free motions come besides, here and below: the operator must not have them.
+    The eigenpairs of motions that nothing holds are added to these, here and in the functions below; the operator is
+    expected to have them projected out.
 
     Parameters
     ----------
@@ -27,7 +28,8 @@ def symmetric_modes(
     theta, x, sigma = *operator.largest_symmetric(count, "LM"), operator.sigma
     every = len(theta) < count or count == operator.size
     if below:
-        # 1/(θ − σ) is negative for these alone, so that Lanczos finds them from their own end, near or far.
+        # 1/(θ − σ) is negative for these alone: they form one end of the operator's spectrum, where Lanczos finds them
+        # however far below the shift they lie.
         far, x_far = operator.largest_symmetric(below, "SA")
         far, x_far = operator.refined(far[far < sigma], x_far[:, far < sigma])
         theta, x = np.append(far, theta[theta > sigma]), np.hstack([x_far, x[:, theta > sigma]])

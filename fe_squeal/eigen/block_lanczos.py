@@ -11,8 +11,8 @@ from .blocks import combine, cross, times
 from .linear.factor import DefiniteFactor
 
 _SEED, _BLOCK, _MOST = 20251121, 24, 60
-_ROOM = 4  # times the modes: for how many vectors address space is set aside at first
-_RANK = 1e-12  # of a Gram matrix: what is linearly dependent
+_ROOM = 4  # vectors for each mode for which room is set aside at the start
+_RANK = 1e-12  # eigenvalue of a Gram matrix, relative to the largest, below which a direction is linearly dependent
 
 
 def lowest_modes(
@@ -20,9 +20,9 @@ def lowest_modes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return θ (count,), rising, and vectors of unit mass of K φ = θ M φ, all θ > σ.
 
-    A solve with one right-hand side waits for the memory that holds the factors; one with a block reads them once for
-    all. The iteration keeps its whole basis orthogonal. (Golub and Underwood, in: Mathematical Software III, 1977;
-    Grimes, Lewis and Simon, SIAM J. Matrix Anal. Appl. 15, 1994.)
+    The time of a solve is that of reading the factors from memory, which a block of right-hand sides does once for
+    all of them. The iteration keeps its whole basis orthogonal. (Golub and Underwood, in: Mathematical Software III,
+    1977; Grimes, Lewis and Simon, SIAM J. Matrix Anal. Appl. 15, 1994.)
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def lowest_modes(
         Of K − σM.
     M : (n, n) sparse, positive semidefinite
     count : int
-        Fewer come out where M has no higher rank.
+        Fewer are returned where the rank of M is smaller.
     tolerance : float
         Of the vectors; the error of θ is its square.
 

@@ -1,4 +1,4 @@
-"""Products of blocks of tall vectors, by parts of their rows on all threads."""
+"""Products of blocks of tall vectors, a slice of their rows on each thread."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 from .threads import thread_count
 
-_TALL = 5000  # rows from which parts pay
+_TALL = 5000  # rows from which the work of slicing them pays
 _Part = TypeVar("_Part")
 
 
@@ -30,7 +30,7 @@ def times(A: sp.csr_array, X: np.ndarray) -> np.ndarray:
         size = (rows.stop - rows.start, A.shape[1])
         out[rows] = sp.csr_array((A.data[first:last], A.indices[first:last], pointers), shape=size) @ X
 
-    _by_parts(part, A.shape[0])
+    _in_slices(part, A.shape[0])
     return out
 
 
@@ -38,7 +38,7 @@ def cross(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
     """Return XᵀY for X (n, k) and Y (n, l)."""
     if len(X) < _TALL:
         return np.asarray(X.T @ Y)
-    return np.asarray(sum(_by_parts(lambda rows: X[rows].T @ Y[rows], len(X))))
+    return np.asarray(sum(_in_slices(lambda rows: X[rows].T @ Y[rows], len(X))))
 
 
 def combine(V: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -50,11 +50,11 @@ def combine(V: np.ndarray, y: np.ndarray) -> np.ndarray:
     def part(rows: slice) -> None:
         np.matmul(V[rows], y, out=out[rows])
 
-    _by_parts(part, len(V))
+    _in_slices(part, len(V))
     return out
 
 
-def _by_parts(work: Callable[[slice], _Part], n: int) -> list[_Part]:
+def _in_slices(work: Callable[[slice], _Part], n: int) -> list[_Part]:
     count = thread_count()
     edges = [n * i // count for i in range(count + 1)]
     parts = [slice(a, b) for a, b in itertools.pairwise(edges)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy.linalg as la
@@ -15,12 +16,11 @@ from .polish import ACCURATE, pair_errors, refine
 from .quality import in_upper_half, modes_from_lambda, modes_from_theta
 
 DENSE_LIMIT = 400  # unknowns up to which all modes come from LAPACK: seconds, tens of them where QZ is needed
-LAPACK = "dense (LAPACK)"
 
 Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # eigenvalues (k,), right and left vectors (n, k)
-_FEW = 0.1  # share of inaccurate pairs that is left to refinement
-# In units of ω0: larger ones with no digit right are infinite eigenvalues, or those of equal penalties, which rounding
-# has split.
+_FEW = 0.1  # share of inaccurate pairs up to which they are refined one by one, instead of trying another method
+# Eigenvalues larger than _HUGE, in units of ω0, with a backward error above _WRONG are what rounding makes of infinite
+# ones, or of several equal penalties; they are dropped.
 _HUGE, _WRONG = 1e4, 1e-8
 
 
@@ -30,7 +30,7 @@ def solve_dense(pencil: Pencil, highest: float = np.inf, linear_solver: LinearSo
     Parameters
     ----------
     linear_solver : LinearSolver or str
-        Factorises what motions that nothing holds ask for.
+        Used where motions that nothing holds have to be looked for.
 
     Examples
     --------
@@ -53,8 +53,8 @@ def solve_dense(pencil: Pencil, highest: float = np.inf, linear_solver: LinearSo
     v, right, left = (omega0 if pencil.C is not None else omega0**2) * v, d[:, None] * right, d[:, None] * left
     if free is not None:
         v, right, left = free.beside(v, right, left)
-    modes = modes_from_theta if pencil.C is None else modes_from_lambda
-    return modes(pencil, v, right, left, LAPACK)
+    modes_from = modes_from_theta if pencil.C is None else modes_from_lambda
+    return replace(modes_from(pencil, v, right, left, "dense (LAPACK)"), exhaustive=True)
 
 
 def _undamped_pairs(pencil: Pencil, M: np.ndarray, K: np.ndarray, highest: float, free: FreeModes | None) -> Pairs:
@@ -99,12 +99,13 @@ def _damped_pairs(
         return np.zeros(0, complex), np.zeros((len(K), 0)), np.zeros((len(K), 0))
     lam, right, left, error = _best(A, _damped_methods(*A[::-1]), highest)
     keep = in_upper_half(pencil, omega0 * lam)
-    if free is not None:  # the nearest to zero are the zeros, whose number is known
+    if free is not None:  # how many eigenvalues are zero is known: they are the nearest to zero, and are added exactly
         keep[np.argsort(np.abs(lam), kind="stable")[: free.zeros]] = False
     lam, right, left = _finite(A, refine(A, lam[keep], right[:, keep], left[:, keep], error[keep]), _HUGE)
     if X is None or Z is None:
         return lam, right, left
-    # C Z = M Z D and XᵀMZ = 0: forces on Z by the others move it, and it moves nothing. Q(λ)(Xa + Zc) = 0 in Z's rows.
+    # With C Z = M Z D and XᵀMZ = 0 the motions Z exert no force on the others, which were solved for by themselves.
+    # These do move Z: by the c that makes the rows of Z in Q(λ)(Xa + Zc) = 0 hold.
     right, left = X @ right, X @ left
     inertia = lam[:, None, None] ** 2 * (Z.T @ M @ Z) + lam[:, None, None] * (Z.T @ C @ Z)
     forces = (Z.T @ C @ right) * lam + Z.T @ K @ right
@@ -115,7 +116,10 @@ def _damped_pairs(
 def _best(
     A: Sequence[np.ndarray], methods: Sequence[Callable[[], Pairs]], highest: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the pairs up to |v| = highest of the first method that gets nearly all right, or of the best; errors."""
+    """Return the pairs up to |v| = highest by the first method that gets nearly all right, and their errors.
+
+    Where no method does, those of the best one.
+    """
     tried: list[tuple[float, tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]] = []
     for method in methods:
         try:

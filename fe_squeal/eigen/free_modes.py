@@ -13,7 +13,7 @@ from .linear.factor import LinearSolver
 from .multiple import ROUNDING
 from .pencil import FreeMotions, Pencil
 
-_CANCELLED = 64 * ROUNDING  # of the size of what cancels: a sum that is zero but for rounding
+_CANCELLED = 64 * ROUNDING  # a sum this small beside the sizes of its parts is zero but for rounding
 _WITHOUT_MASS = 1e-12  # of the largest mass of a motion: a motion that has none
 _TOGETHER = 1e-9  # relative distance of eigenvalues that count as one
 _DEFECTIVE = 1e6  # condition of eigenvectors beyond which their matrix counts as defective
@@ -57,7 +57,10 @@ class FreeModes:
     def beside(
         self, values: np.ndarray, right: np.ndarray, left: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return other eigenpairs with these before them; without damping, where all these are zero, by θ as by λ."""
+        """Return other eigenpairs with those of the free motions before them.
+
+        The values may be λ or, without damping, θ: then those of the free motions are zero in either.
+        """
         own = self.lam if np.iscomplexobj(values) else self.lam.real
         return np.append(own, values), np.hstack([self.right, right]), np.hstack([self.left, left])
 

@@ -1,4 +1,4 @@
-"""The kernel of a stiffness matrix that nothing else is known of."""
+"""The kernel of a stiffness matrix, found from its entries alone."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from .linear.factor import Factor, LinearSolver
 from .multiple import ROUNDING
 from .pencil import Pencil
 
-_CANCELLED = 8 * ROUNDING  # of what cancels in Kz: a force that is zero but for rounding
-_LEAST = 1e-3  # of the largest entry of a motion: what the others count at least when the size of a sum is measured
+_CANCELLED = 8 * ROUNDING  # a force in Kz this small beside the parts of its sum is zero but for rounding
+_LEAST = 1e-3  # of the largest entry of a motion: every other entry counts as at least so large in the size of a sum
 _DENSE = 400  # unknowns up to which a singular value decomposition is cheapest
 _SHIFT = 1e-9  # of the largest ratio of stiffness to mass: nearer to zero than any elastic mode
 _SEED, _BLOCK, _STEPS, _MOST = 20251122, 8, 4, 200
@@ -32,7 +32,8 @@ def null_columns(B: np.ndarray, least: float) -> np.ndarray:
 def amplitudes(Z: np.ndarray, d: np.ndarray | None = None) -> np.ndarray:
     """Return the sizes of the entries of Z (n, k), at least a share of the largest of their column.
 
-    An entry that is zero by itself holds rounding of the larger ones, which is not what it cancels with.
+    An entry that should be zero holds rounding of the larger ones. Measured by that rounding, sums with it would look
+    as if nothing cancelled in them.
 
     Parameters
     ----------
@@ -70,7 +71,7 @@ def find_kernel(pencil: Pencil, linear_solver: LinearSolver | str = "auto") -> n
 
     A block of vectors in which the kernel lies roughly shows which unknowns to hold so that K is regular. With these
     moved one by one, the others follow statically; combinations of them that need no force are the kernel, to the last
-    digit, however soft other motions are. Where K cannot be factorised even beside zero, nothing is found.
+    digit, however soft other motions are. Nothing is found where K cannot be factorised even with a shift beside zero.
     """
     d, n, block = pencil.units[0], pencil.n, _BLOCK
     scaled = _scaled_parts(pencil)

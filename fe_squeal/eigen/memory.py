@@ -16,7 +16,7 @@ from ..errors import SquealError, TooLargeError
 
 _GROUP = Path("/sys/fs/cgroup")  # Linux: of the container that this process runs in
 _GROWTH = 3 / 4  # exponent of the unknowns of a solid over the memory of its factors
-_BUFFERS = 2**26  # bytes: more than OpenBLAS takes once
+_BUFFERS = 2**26  # bytes: more than OpenBLAS takes for its working memory, which it does once
 _SMALLER = "take a larger mesh size or order = 1"
 
 
@@ -55,9 +55,9 @@ def require_memory(needed: int, unknowns: int, what: str = "factors", exponent: 
     ----------
     needed : int, bytes
     what : str
-        What else it is that takes the memory.
+        What takes the memory, for the message.
     exponent : float
-        Of the unknowns over this memory.
+        The unknowns that fit grow with the memory to this power.
 
     Raises
     ------
@@ -135,7 +135,10 @@ def refuse_shortage(
 
 
 def _claim_buffers() -> None:
-    """Make NumPy's and SciPy's OpenBLAS take their working memory: where they get none later, they end the process."""
+    """Make NumPy's and SciPy's OpenBLAS take their working memory now.
+
+    Where there is none left when they first need it, they end the process instead of raising an exception.
+    """
     small = np.eye(64)
     la.lu_factor(small @ small)
 

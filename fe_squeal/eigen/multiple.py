@@ -11,11 +11,11 @@ from .pencil import Pencil
 # Entries of assembled matrices are sums of some tens of rounded products.
 ROUNDING = 8 * np.finfo(float).eps
 _EQUAL = 1e-9  # relative distance below which eigenvalues count as one multiple eigenvalue
-_ONE_SHAPE = 64 * ROUNDING  # of the squared sine between two modes: below it they are one shape
-_NEARLY_REAL = 1e-6  # Im λ over |λ| that may be two equal real eigenvalues
-_APART = 1e-6  # of the squares of vectors: what counts as a direction of its own
-_MARGIN = 64  # times what rounding leaves of a single sum
-_EXACT = 1e-11  # backward error of a mode that is one for itself
+_ONE_SHAPE = 64 * ROUNDING  # squared sine of the angle between two modes below which they are one shape
+_NEARLY_REAL = 1e-6  # Im λ over |λ| up to which a complex pair may be two equal real eigenvalues, split by rounding
+_APART = 1e-6  # share of the squared lengths of vectors above which a direction is one of its own
+_MARGIN = 64  # times the rounding of a single sum: what counts as rounding of several
+_EXACT = 1e-11  # backward error below which a single vector is a mode by itself
 
 
 def unit_mass(pencil: Pencil, right: np.ndarray) -> np.ndarray:
@@ -45,8 +45,8 @@ def separated(
     """Return the eigenpairs of a real damped pencil with equal real eigenvalues told apart.
 
     Rounding makes pairs a ± iδ of two equal real eigenvalues, of which the upper half plane holds one, and pairs ±δ or
-    ±iδ of the one zero of a free body. Real and imaginary parts of the vectors span the modes: so many directions as
-    they have, so many modes there are. Only a defective pair, whose parts are no modes, stays as it is.
+    ±iδ of the one zero of a free body. The modes are spanned by the real and imaginary parts of the vectors, and there
+    are as many as these have independent directions. Only a defective pair, whose parts are no modes, stays as it is.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def _are_modes(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndar
 
 
 def _real_span(pencil: Pencil, x: np.ndarray) -> np.ndarray:
-    """Return real vectors of unit mass, orthogonal by mass, that span complex ones, by falling share."""
+    """Return real vectors, orthonormal by mass, that span complex ones; those that carry most of them come first."""
     x = unit_mass(pencil, x)
     parts = np.hstack([x.real, x.imag])
     w, v = np.linalg.eigh(parts.T @ (pencil.M @ parts))

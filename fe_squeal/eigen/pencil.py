@@ -145,6 +145,10 @@ class Modes:
         How far Re λ may be from that of the exact problem through residual and rounding, see `quality`.
     condition : (k,)
         Relative change of λ per relative change of the entries of the matrices.
+    method : str
+        How they were found, in words.
+    exhaustive : bool
+        Whether the method leaves no mode out in its range, as LAPACK on the whole matrices.
     """
 
     lam: np.ndarray
@@ -154,6 +158,7 @@ class Modes:
     re_uncertainty: np.ndarray
     condition: np.ndarray
     method: str = ""
+    exhaustive: bool = False
 
     def __len__(self) -> int:
         return len(self.lam)
@@ -161,9 +166,9 @@ class Modes:
     def select(self, index: np.ndarray) -> Modes:
         """Return some of the modes."""
         left = None if self.left is None else self.left[:, index]
-        return Modes(
-            self.lam[index], self.right[:, index], left, self.backward_error[index], self.re_uncertainty[index],
-            self.condition[index], self.method,
+        return replace(
+            self, lam=self.lam[index], right=self.right[:, index], left=left, condition=self.condition[index],
+            backward_error=self.backward_error[index], re_uncertainty=self.re_uncertainty[index],
         )  # fmt: skip
 
     def without_shapes(self) -> Modes:

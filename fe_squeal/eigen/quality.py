@@ -76,7 +76,7 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     first_order, amplification = _perturbation(left, residual, magnitude, lam)
     dissipation = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.C @ right))
     least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
-    with np.errstate(over="ignore"):  # a mode at rest that nothing damps moves by its rounding however large
+    with np.errstate(over="ignore"):  # for λ = 0 without damping the derivative of λ is infinite
         least = least / np.maximum(2 * np.abs(lam) + dissipation, np.finfo(float).tiny)
     u = _near_coalescence(first_order, least, lam)
     slope = np.where(lam == 0, np.inf, 2 * np.abs(lam))
@@ -129,9 +129,9 @@ def _is_real(lam: np.ndarray, n: int) -> np.ndarray:
 def _outside_the_law(lam: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Return re_uncertainty of a complex K: at least |λ| where |Re λ| ≥ |Im λ|, so that such a mode is marginal.
 
-    K(1 + iη) holds for Im λ > 0 and its conjugate for Im λ < 0, so motion that does not oscillate has no law: for θ
-    near the negative real axis, Im θ of either sign and however small decides whether the root in the upper half plane
-    is a growing or a decaying one. That is a choice of the model and says nothing about stability.
+    K(1 + iη) holds for Im λ > 0 and its conjugate for Im λ < 0; of motion that does not oscillate it says nothing. For
+    θ near the negative real axis the sign of Im θ, however small, decides whether the root in the upper half plane
+    grows or decays: that follows from where the law is cut off, not from the brake.
     """
     return np.where(np.abs(lam.real) >= np.abs(lam.imag), np.maximum(u, np.abs(lam)), u)
 
@@ -139,7 +139,7 @@ def _outside_the_law(lam: np.ndarray, u: np.ndarray) -> np.ndarray:
 def _perturbation(
     left: np.ndarray, residual: np.ndarray, magnitude: np.ndarray, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the error of each eigenvalue by perturbation theory, and how much of it one rounding would be.
+    """Return the first-order error of each eigenvalue, and its amplification: the error per relative error of entries.
 
     With T_ij = |ψ_iᴴ r_j| + ε|ψ_i|ᵀ(magnitude)_j, eigenvalue i moves by T_ii and through its neighbours by
     T_ij T_ji / |θ_i − θ_j|, or √(T_ij T_ji) where that is smaller: the modes of a doublet are free to turn.
@@ -177,7 +177,7 @@ def _near_coalescence(first_order: np.ndarray, least: np.ndarray, values: np.nda
 def _backward_errors(pencil: Pencil, residual: np.ndarray, magnitude: np.ndarray) -> np.ndarray:
     d = pencil.units[0][:, None]
     left, size = _column_norms(d * residual), _column_norms(d * magnitude)
-    return np.divide(left, size, out=np.zeros(len(left)), where=left > 0)  # no force at all on an unknown of its own
+    return np.divide(left, size, out=np.zeros(len(left)), where=left > 0)  # 0/0 where nothing acts on an unknown
 
 
 def _over(a: np.ndarray, b: np.ndarray) -> np.ndarray:

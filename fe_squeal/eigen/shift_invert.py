@@ -20,13 +20,14 @@ from .pencil import Pencil
 from .threads import one_openblas_thread
 
 _SEED = 20240607
-# Relative accuracy asked of 1/(θ−σ): the residuals of the modes then lie at rounding level, and a little looser saves
-# little, because the last digits come with the last restart.
+# Relative accuracy asked of 1/(θ − σ): the residuals of the modes then lie at the level of rounding. A looser one would
+# save little, because the last restart gains several digits at once.
 _TOLERANCE = 1e-13
-_SMALL = 100  # unknowns up to which all eigenvalues of the operator cost less than Krylov steps, and are safer
+# All eigenvalues of the operator by LAPACK are safer than Krylov steps. They cost less up to _SMALL unknowns, or where
+# one in _SHARE of them is wanted anyway.
+_SMALL, _SHARE = 100, 4
 _ASIDE = 1e-5  # relative distance from an eigenvalue at which inverse iteration gains five digits a step
 _ALIKE = 1e3  # ratio of units of the unknowns up to which scaling is not worth a copy of the matrices
-_SHARE = 4  # one of so many eigenvalues wanted: the same holds
 
 Pairs = tuple[np.ndarray, np.ndarray]  # eigenvalues (k,), vectors (n, k)
 
@@ -49,7 +50,7 @@ class ShiftInverted:
         A shift of θ, rad²/s², with C one of λ, rad/s.
     free : FreeModes, optional
         What is known of motions that nothing holds. Their eigenvalues, multiple and with damping defective, are taken
-        out of the operator by the spectral projector: it has zero in their place, which stands for infinity.
+        out of the operator by the spectral projector. In their place it has zero, the image of an infinite eigenvalue.
     linear_solver : LinearSolver or str
         Factorises the shifted matrices.
 
@@ -151,7 +152,8 @@ class ShiftInverted:
             ),
             count,
         )  # fmt: skip
-        plain = self.size == n and self._d is None  # else the M-norm may hardly see some unknowns
+        # Where unknowns are left out or scaled, the M-norm may hardly see some: one more solve makes these right.
+        plain = self.size == n and self._d is None
         nu, index = _nonzero(1 / (theta - sigma), np.arange(len(theta))[None, :], self.size)
         theta, x = theta[index[0]], x[:, index[0]]
         return self._unit * theta, self._in_units(x if plain else respond(self._factor.solve(self._pad(M @ x))))

@@ -9,9 +9,9 @@ depends on the shape of the cells alone):
 - p constant in each cell: the flux of any displacement through each face is matched by its bubble
   (Bernardi and Raugel, Math. Comp. 44, 1985; Girault and Raviart, Finite Element Methods for Navier–Stokes Equations,
   1986, II.2);
-- p linear on tetrahedra: besides, a cell bubble along ∇p is a divergence that works on what is left of p (as above;
-  Boffi, Brezzi and Fortin, Mixed Finite Element Methods and Applications, 2013, chapter 8);
-- p linear on hexahedra, with displacements of order 2: these hold such functions already.
+- p linear on tetrahedra: a cell bubble along ∇p, too, whose divergence meets the part of p that varies in the cell (as
+  above; Boffi, Brezzi and Fortin, Mixed Finite Element Methods and Applications, 2013, chapter 8);
+- p linear on hexahedra, with displacements of order 2: their space has such functions without bubbles in the cells.
 
 Faces on the boundary of the mixed elements need no bubble: the condition for pressures of mean zero uses displacements
 that vanish there, and the mean of the pressure is met by the nodal ones. The same holds for faces inside that are held.

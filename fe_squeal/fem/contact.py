@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from ..errors import SceneError
 from .cells import geometry_map
-from .motion import Sliding
+from .motion import SteadyMotion
 from .spaces import ROUNDED, DisplacementSpace
 
 _NEWTON_STEPS = 25
@@ -58,21 +58,21 @@ def contact_operators(
     space: DisplacementSpace,
     pad_facets: np.ndarray,
     counter_facets: np.ndarray | None,
-    sliding: Sliding | None,
+    sliding: SteadyMotion | None,
     gap_tolerance: float | None = None,
     name: str = "contact",
 ) -> ContactOperators:
     """Return the operators that couple a pad's surface to a counterface; the meshes need not match.
 
     From each quadrature point of the pad's surface a line along the normal meets the counterface; the displacement
-    there
-    comes from the counterface's own shape functions. Points that meet nothing within the tolerance are not in contact.
+    there comes from the counterface's own shape functions. Points that meet nothing within the tolerance are not in
+    contact.
 
     Parameters
     ----------
     counter_facets : (f,) int or None
         None for a rigid counterface.
-    sliding : Sliding or None
+    sliding : SteadyMotion or None
         None for a contact that does not slide; slip and cross then lie along two arbitrary tangents.
     gap_tolerance : float, m, optional
         Default 2 % of the mean facet size of the pad.
@@ -212,8 +212,9 @@ def _meet(
 def _parts(mesh: skfem.Mesh, pad: np.ndarray, counter: np.ndarray) -> int:
     """Return how often to cut the edges of the pad's facets: not where the meshes match.
 
-    Elsewhere the counterface's shape functions have kinks inside a facet of the pad. A rule for smooth functions then
-    does not hand a uniform pressure on as one; cut into pieces of half the counterface's facet size, it nearly does.
+    Elsewhere the counterface's shape functions have kinks inside a facet of the pad. With a rule for smooth functions a
+    uniform pressure would not arrive as a uniform one on the other side. A rule on pieces of half the counterface's
+    facet size nearly does so.
     """
     centres = [mesh.p[:, mesh.facets[:, f]].mean(axis=1).T for f in (pad, counter)]
     sizes = [float(np.median(np.ptp(mesh.p[:, mesh.facets[:, f]], axis=1).max(axis=0))) for f in (pad, counter)]

@@ -14,9 +14,9 @@ from skfem.refdom import RefTri
 
 from ..errors import MeshError
 
-_CLOSEST = 1e-12  # at which scikit-fem stops Newton's method for reference coordinates, summed over points
-_ROUNDING = 4.0  # ulps of a coordinate, in units of the element, that remain at each point
-_LARGEST = 1e-6  # of an element: an error that would show in results
+_CLOSEST = 1e-12  # residual, summed over points, at which scikit-fem stops Newton's method for reference coordinates
+_ROUNDING = 4.0  # roundings of a coordinate, over the size of the element, that remain at each point
+_LARGEST = 1e-6  # of the size of an element: a larger error would show in results
 
 
 def facet_mapping(mesh: skfem.Mesh, facets: np.ndarray, points: int) -> Any:
@@ -41,7 +41,7 @@ def facet_mapping(mesh: skfem.Mesh, facets: np.ndarray, points: int) -> Any:
     corners = mesh.p[:, mesh.t[:, mesh.f2t[0, facets]]]
     pairs = combinations(range(corners.shape[1]), 2)
     lengths = np.array([np.linalg.norm(corners[:, i] - corners[:, j], axis=0) for i, j in pairs])
-    size = float(lengths[lengths > 0].min(initial=np.inf))  # edges of collapsed cells have none
+    size = float(lengths[lengths > 0].min(initial=np.inf))  # edges of collapsed cells have the length 0
     reach = float(np.abs(corners).max(initial=0.0))
     error = _ROUNDING * np.finfo(float).eps * reach / size
     inverse = mapping.invF

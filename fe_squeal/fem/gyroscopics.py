@@ -27,14 +27,14 @@ import scipy.sparse as sp
 import skfem
 
 from .element_matrices import element_shapes, scatter
-from .motion import Sliding
+from .motion import SteadyMotion
 from .spaces import DisplacementSpace
 
 _ELEMENTS_AT_ONCE = 5000
 
 
 def gyroscopic_matrices(
-    space: DisplacementSpace, elements: np.ndarray, density: float, rotation: Sliding
+    space: DisplacementSpace, elements: np.ndarray, density: float, rotation: SteadyMotion
 ) -> tuple[sp.csr_array, sp.csr_array]:
     """Return the gyroscopic matrix and the stiffness of the convected inertia, on the unknowns.
 
@@ -45,7 +45,7 @@ def gyroscopic_matrices(
     elements : (e,) int
         Of a body of revolution, see `fe_squeal.fem.revolution`.
     density : float, kg/m^3
-    rotation : Sliding
+    rotation : SteadyMotion
         Not a belt; the matrices are those at its angular speed.
 
     Returns
@@ -58,8 +58,9 @@ def gyroscopic_matrices(
 
 
 def circulatory_matrices(
-    space: DisplacementSpace, elements: np.ndarray, stiffness_matrix: sp.csr_array, density: float, rotation: Sliding
-) -> tuple[sp.csr_array, sp.csr_array]:
+    space: DisplacementSpace, elements: np.ndarray, stiffness_matrix: sp.csr_array, density: float,
+    rotation: SteadyMotion,
+) -> tuple[sp.csr_array, sp.csr_array]:  # fmt: skip
     """Return the circulatory stiffness per beta and per alpha of Rayleigh damping inside a turning body.
 
     B_K = skew part of K L_h, B_M = ∫ρ δu·((w·∇)u − Ω × u). L_h gives at each node the mean of the elements' (w·∇)u
@@ -72,7 +73,7 @@ def circulatory_matrices(
     stiffness_matrix : (n, n) sparse, N/m
         Elastic stiffness of these elements alone, on the unknowns; of a material for which `is_transversal` holds.
     density : float, kg/m^3
-    rotation : Sliding
+    rotation : SteadyMotion
         Not a belt; the matrices are those at its angular speed.
 
     Returns
@@ -88,14 +89,16 @@ def circulatory_matrices(
     return sp.csr_array((B_K - B_K.T) / 2), sp.csr_array((B_M - B_M.T) / 2)
 
 
-def centrifugal_load(space: DisplacementSpace, elements: np.ndarray, density: float, rotation: Sliding) -> np.ndarray:
+def centrifugal_load(
+    space: DisplacementSpace, elements: np.ndarray, density: float, rotation: SteadyMotion
+) -> np.ndarray:
     """Return the forces ∫ρ δu·Ω²r e_r of steady rotation on the unknowns, (n,) N.
 
     Parameters
     ----------
     elements : (e,) int
     density : float, kg/m^3
-    rotation : Sliding
+    rotation : SteadyMotion
         Not a belt.
     """
     force = np.zeros((space.nodes, 3))
@@ -106,7 +109,7 @@ def centrifugal_load(space: DisplacementSpace, elements: np.ndarray, density: fl
 
 
 def _inertia(
-    space: DisplacementSpace, elements: np.ndarray, density: float, rotation: Sliding
+    space: DisplacementSpace, elements: np.ndarray, density: float, rotation: SteadyMotion
 ) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
     """Return ∫ρ N_I N_J, ∫ρ N_I (w·∇)N_J and ∫ρ (w·∇)N_I (w·∇)N_J, (functions, functions)."""
     plain = once = twice = sp.csr_array((space.functions, space.functions))
@@ -121,7 +124,7 @@ def _inertia(
     return plain, once, twice
 
 
-def _nodal_convection(space: DisplacementSpace, elements: np.ndarray, rotation: Sliding) -> sp.csr_array:
+def _nodal_convection(space: DisplacementSpace, elements: np.ndarray, rotation: SteadyMotion) -> sp.csr_array:
     """Return the operator of the mean of (w·∇)u in the elements around a node, by volumes; a row per function."""
     X = np.asarray(space.element.doflocs).T
     sums = sp.csr_array((space.functions, space.functions))

@@ -1,4 +1,4 @@
-"""How a counterface moves."""
+"""The steady motion of a counterface or of a body that turns."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class Sliding:
-    """Motion of the counterface: rotation about an axis, or a straight belt.
+class SteadyMotion:
+    """Steady motion of a counterface, or of a body: rotation about an axis, or a straight belt.
 
     Attributes
     ----------

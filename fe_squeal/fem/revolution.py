@@ -6,18 +6,18 @@ import numpy as np
 import skfem
 
 from ..errors import SceneError
-from .motion import Sliding
+from .motion import SteadyMotion
 
-_SLOPE = 0.02  # of a facet out of the surface of revolution: an axis off by 2 % of the radius
-_STEEPEST = 0.5  # slope allowed where the meridian is curved; the wall of a hole or of a slot has 1
-_SHARP = 0.8  # change of the unit normal, about 47°, beyond which an edge is one of the body, not of the mesh
+_SLOPE = 0.02  # of a facet out of the surface of revolution, as where the axis is off by 2 % of the radius
+_STEEPEST = 0.5  # largest slope allowed where the meridian is curved; the wall of a hole or of a slot has 1
+_SHARP = 0.8  # change of the unit normal, about 47°, beyond which an edge belongs to the body, not to its mesh
 _ON_AXIS = 1e-6  # of the facet's distance from the axis
-_REVOLUTION = 1e-9  # relative change of a stiffness tensor by turning that is rounding
+_REVOLUTION = 1e-9  # relative change of a stiffness tensor under a turn that still counts as rounding
 _ORDERS = 16  # of the harmonics around the axis by which a ring is told from a part of one
-_EVEN = 0.05  # of the area: the largest harmonic of a ring; a coarse mesh of a ring has none
+_EVEN = 0.05  # of the area: the largest harmonic that a ring may have; on a coarse mesh, too, that of a ring is zero
 
 
-def check_revolution(mesh: skfem.Mesh, elements: np.ndarray, rotation: Sliding, name: str) -> None:
+def check_revolution(mesh: skfem.Mesh, elements: np.ndarray, rotation: SteadyMotion, name: str) -> None:
     """Refuse a body that is not one of revolution about the axis of rotation.
 
     Coordinates (r, θ, z) of the corners turn a surface of revolution into one that is straight along θ, and a facet on
@@ -28,7 +28,7 @@ def check_revolution(mesh: skfem.Mesh, elements: np.ndarray, rotation: Sliding, 
     ----------
     elements : (e,) int
         The body.
-    rotation : Sliding
+    rotation : SteadyMotion
         Not a belt.
     name : str
         Of the body, for the message.
@@ -68,8 +68,8 @@ def check_revolution(mesh: skfem.Mesh, elements: np.ndarray, rotation: Sliding, 
         )
 
 
-def check_ring(mesh: skfem.Mesh, facets: np.ndarray, rotation: Sliding, key: str, name: str) -> None:
-    """Refuse a surface that does not go evenly around the axis, on which what holds a turning body would turn along.
+def check_ring(mesh: skfem.Mesh, facets: np.ndarray, rotation: SteadyMotion, key: str, name: str) -> None:
+    """Refuse a surface that does not go evenly around the axis: what holds a turning body there would have to turn too.
 
     The harmonics ∫ e^{imθ} dA of a ring vanish; those of bolts or of a sector do not.
 
@@ -77,7 +77,7 @@ def check_ring(mesh: skfem.Mesh, facets: np.ndarray, rotation: Sliding, key: str
     ----------
     facets : (f,) int
         Of the rotating body's surface.
-    rotation : Sliding
+    rotation : SteadyMotion
         Not a belt.
     key, name : str
         Where the surface is named, and the body, for the message.
@@ -105,7 +105,7 @@ def check_ring(mesh: skfem.Mesh, facets: np.ndarray, rotation: Sliding, key: str
         )
 
 
-def is_transversal(stiffness: np.ndarray, rotation: Sliding) -> bool:
+def is_transversal(stiffness: np.ndarray, rotation: SteadyMotion) -> bool:
     """Return whether turning about the axis leaves a stiffness tensor (3, 3, 3, 3) as it is."""
     axis = _axis(rotation)
     # No turn of a crystal into itself is one by 1 rad.
@@ -115,7 +115,7 @@ def is_transversal(stiffness: np.ndarray, rotation: Sliding) -> bool:
     return bool(np.abs(turned - stiffness).max() <= _REVOLUTION * np.abs(stiffness).max())
 
 
-def _axis(rotation: Sliding) -> np.ndarray:
+def _axis(rotation: SteadyMotion) -> np.ndarray:
     return np.asarray(rotation.velocity / np.linalg.norm(rotation.velocity))
 
 

@@ -9,13 +9,13 @@ from scipy.sparse.csgraph import connected_components
 
 from .spaces import DisplacementSpace
 
-_HELD = 1e-9  # of a motion of order one: a displacement at supports that is rounding
+_HELD = 1e-9  # displacement at supports, of a motion of order one, that still counts as rounding
 
 
 def rigid_motions(space: DisplacementSpace) -> np.ndarray:
     """Return the rigid motions (n, k) of every connected part of the mesh that its supports allow.
 
-    A part turns about its centre, by as much as moves its nodes by a unit in the mean. Elastic stiffness leaves all
+    A part turns about its centre, by an angle that moves its nodes by one in the mean. Elastic stiffness leaves all
     these motions free; springs and contacts may hold them.
     """
     part = _parts(space)

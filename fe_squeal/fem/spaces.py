@@ -186,7 +186,7 @@ class DisplacementSpace:
         d = np.where(np.abs(d) < ROUNDED, 0.0, d)
         components = [sp.diags_array(d[:, c]) @ values for c in range(3)]
         nodal = sp.csr_array(self._interleave(components)[:, self.free])
-        # Bubbles vanish on the boundary; on faces inside it is the nodal interpolant that counts.
+        # Bubbles vanish on the boundary. On faces inside, what is asked for is the displacement of the nodes.
         return sp.csr_array((nodal.data, nodal.indices, nodal.indptr), shape=(nodal.shape[0], self.unknowns))
 
     def expand(self, u: np.ndarray) -> np.ndarray:
@@ -247,7 +247,7 @@ def make_space(
 def straightened(mesh: skfem.Mesh) -> skfem.Mesh:
     """Return the mesh with straight edges between its corners, groups kept; a straight mesh itself.
 
-    Displacements of order 1 hold no rotation of a curved element: they would stiffen it against rigid motions.
+    Displacements of order 1 cannot represent the rotation of a curved element, which would resist rigid motions.
     """
     kinds = {skfem.MeshTet2: skfem.MeshTet1, skfem.MeshHex2: skfem.MeshHex1}
     kind = next((k for quadratic, k in kinds.items() if isinstance(mesh, quadratic)), None)

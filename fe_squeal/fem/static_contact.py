@@ -15,7 +15,7 @@ from ..errors import NotConvergedError
 _ITERATIONS = 60
 _EQUILIBRIUM = 1e-8  # residual forces over those that cancel in them
 _HALVINGS = 12
-_FLOATING = 1e11  # internal forces over the load beyond which they are rounding of rigid motions: nothing holds them
+_FLOATING = 1e11  # internal forces over the load beyond which they are rounding of huge rigid motions: nothing holds
 
 
 @dataclass(frozen=True)

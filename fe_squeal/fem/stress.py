@@ -21,7 +21,7 @@ def element_stress(
     ----------
     elements : (e,) int
     law : Elasticity
-        With its own pressure in the mixed formulation: λ div u itself is anything in the limit ν = ½.
+        With its own pressure in the mixed formulation, where λ div u means nothing in the limit ν = ½.
     u : (n,) float, m
     """
     amplitudes = space.amplitudes(u)

@@ -56,8 +56,9 @@ class Geometry(BaseModel):
     def elements_along(self, length: float) -> int:
         """Return the number of elements along an edge of `length`, before refinement.
 
-        The nudge keeps 0.015 / 0.01 = 1.4999... from counting otherwise than 15 / 10 does in millimetres. The cap keeps
-        absurd sizes finite; far fewer elements than that are refused at the meshing.
+        0.015 / 0.01 is 1.4999... in metres, and 15 / 10 is 1.5 in millimetres: a tiny amount is added before rounding,
+        so that both give the same number. It is capped, so that absurd sizes stay finite; meshing refuses far fewer
+        elements.
         """
         return max(1, math.floor(min(length / self.size, 1e9) * (1.0 + 1e-9) + 0.5))
 

@@ -50,7 +50,7 @@ def mesh_tetrahedra(geometry: DiscPad | Block) -> RawMesh:
             for kind, numbers, nodes in zip(*model.mesh.getElements(d, tag), strict=True) if groups else ():
                 width = len(nodes) // len(numbers)
                 cells.append(Cells(int(kind), numbers.astype(int), nodes.astype(int).reshape(-1, width), groups))
-    # Lines that bodies were revolved from have nodes, too, which no file would hold.
+    # The lines that bodies were revolved from have nodes too. A file does not hold them, so they are left out here.
     used = np.isin(labels, np.concatenate([some.nodes.ravel() for some in cells]))
     return raw_mesh("the geometry", labels[used].astype(int), points.reshape(-1, 3)[used], cells, names)
 

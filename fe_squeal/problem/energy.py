@@ -25,7 +25,7 @@ class Share:
     energy: float
 
 
-def energy_balance(problem: Problem, lam: complex, u: np.ndarray, **values: float) -> dict[str, Share]:
+def energy_balance(problem: Problem, lam: complex, u: np.ndarray) -> dict[str, Share]:
     """Return the share of each term in Re λ, which add up to it, and in the energy of the mode.
 
     Multiplying Q(λ)u = 0 by λ* uᴴ and taking real parts gives
@@ -36,16 +36,16 @@ def energy_balance(problem: Problem, lam: complex, u: np.ndarray, **values: floa
 
     Parameters
     ----------
+    problem : Problem
+        At the values of its parameters that the mode belongs to.
     lam : complex, rad/s
     u : (n,)
-    values : parameters other than the problem's
 
     Returns
     -------
     dict of term name to Share
         Terms of one name in several slots count together.
     """
-    problem = problem.at(**values)
     real = lam.imag == 0
     inertia = stiffness = 0.0
     work: dict[str, float] = {}

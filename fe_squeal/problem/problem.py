@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Protocol
@@ -10,17 +10,14 @@ from typing import Any, Protocol
 import numpy as np
 import scipy.sparse as sp
 
-from ..eigen.blocks import cross, times
-from ..eigen.kernel import find_kernel, kernel_within, null_columns, unforced
+from ..eigen.kernel import find_kernel
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Pencil, ProblemClass
 from ..errors import SceneError, SquealError, suggest
-from .parameters import paths_of
-from .terms import Slot, Term
+from .parameters import MU, paths_of, values_by_path
+from .terms import Slot, Term, sum_terms
+from .unheld import find_free_motions
 
-# Of the forces that cancel when a body moves as a whole: what rounding of its coordinates leaves, also far from the
-# origin; each term counts for itself, so that a soft spring is not taken for the rounding of a stiff body.
-_FREE = 1e-9
 _DIFFERENCE = 1e-4  # relative step of the differences that stand for derivatives where terms are made anew
 
 
@@ -32,6 +29,9 @@ class Source(Protocol):
 
     def number(self, path: str) -> float:
         """Return a number as it stands in the scene."""
+
+    def solved_with(self, linear_solver: LinearSolver | str) -> Source:
+        """Return the same source, which finds static states with this linear solver."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Problem:
     terms : tuple of Term
     parameters : mapping of name to value
         Values of those that are powers in coefficients, e.g. {"mu": 0.3}.
-    model : object or None
+    discretisation : object or None
         Where the terms come from, for whoever made them: a problem carries it along and does not look into it.
     source : Source or None
     coupled : frozenset of str
@@ -60,14 +60,14 @@ class Problem:
     free : function of the parameters' values, or None
         Returns the motions that nothing holds, of a problem made from another one, which knows.
     kernel : function of a Pencil
-        Looks for the kernel of K where motions are not known; see `searched_by`.
+        Looks for the kernel of K where motions are not known; see `solved_with`.
     state : mapping of place to {quantity: number}
         What the state is like about which the terms are linearised; a sweep keeps it beside the modes.
     """
 
     terms: tuple[Term, ...]
     parameters: Mapping[str, float]
-    model: object | None = None
+    discretisation: object | None = None
     source: Source | None = None
     coupled: frozenset[str] = frozenset()
     changed: Mapping[str, float] = field(default_factory=dict)
@@ -130,30 +130,67 @@ class Problem:
         """Whether a parameter changes the coefficients of the terms alone."""
         return all(p in self.parameters and p not in self.coupled for p in paths_of(parameter))
 
-    def at(self, **values: float) -> Problem:
+    def at(self, values: Mapping[str, float] | None = None, /, **named: float) -> Problem:
         """Return the problem at other values of parameters; terms are made anew where that is needed.
+
+        Parameters
+        ----------
+        values : mapping of parameter to float
+            A parameter is a path of the scene, or several, "a, b", that get the same value.
+        named : float
+            More of them, of parameters whose names have no dots.
 
         Raises
         ------
         SceneError
-            If there is no such parameter, or the scene does not allow its value.
+            If there is no such parameter, its value is no finite number, or terms are made anew and the scene does not
+            allow it there.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> one = sp.csr_array(np.eye(2))
+        >>> terms = (Term("m", "M", one, True), Term("piston", "K", one, True, {"springs.piston.stiffness": 1}))
+        >>> problem = Problem(terms, {"springs.piston.stiffness": 1e7})
+        >>> problem.at({"springs.piston.stiffness": 2e7}).value("springs.piston.stiffness")
+        20000000.0
+        >>> problem.at({"springs.piston.stifness": 2e7})
+        Traceback (most recent call last):
+        fe_squeal.errors.SceneError: the problem has no parameter "springs.piston.stifness"; \
+did you mean "springs.piston.stiffness"?
         """
-        wanted = {path: value for name, value in values.items() for path in paths_of(name)}
+        wanted = self._by_path(values, named)
         moved = {p: v for p, v in wanted.items() if self.value(p) != v}
         if not moved:
             return self
         changed = {**self.changed, **moved}
         if all(self.is_affine(p) for p in moved):
+            self._refuse_poles(moved)
             return replace(self, parameters={**self.parameters, **moved}, changed=changed)
         if self.source is None:
             raise SceneError(f"a problem without a scene cannot be made anew at {moved}")
         return self.source.problem(changed)
 
-    def searched_by(self, linear_solver: LinearSolver | str) -> Problem:
-        """Return the same problem; where motions that nothing holds are looked for, it is with this linear solver."""
+    def _by_path(self, values: object, named: Mapping[str, float]) -> dict[str, float]:
+        """Return the values that a caller gave, by the path of each parameter."""
+        given = {**values, **named} if isinstance(values, Mapping) else named if values is None else values
+        return values_by_path(given, example=MU if MU in self.parameters else min(self.parameters, default=MU))
+
+    def _refuse_poles(self, moved: Mapping[str, float]) -> None:
+        """Refuse the value 0 of a parameter of which a term has a negative power."""
+        for path, value in moved.items():
+            if value == 0 and any(t.powers.get(path, 0) < 0 for t in self.terms):
+                raise SceneError(f"{path}: given 0; expected another number: a term counts with a negative power of it")
+
+    def solved_with(self, linear_solver: LinearSolver | str) -> Problem:
+        """Return the same problem, for which a linear solver does what the terms themselves need solving for.
+
+        That is a static state where terms are made anew, and the search for motions that nothing holds.
+        """
+        problem = self if self.source is None else replace(self, source=self.source.solved_with(linear_solver))
         if self.motions is not None or self.free is not None:
-            return self
-        return replace(self, kernel=partial(find_kernel, linear_solver=linear_solver))
+            return problem
+        return replace(problem, kernel=partial(find_kernel, linear_solver=linear_solver))
 
     def prepared(self, parameter: str, values: np.ndarray) -> Problem:
         """Return the same problem with every term that occurs at one of the values of a parameter.
@@ -163,13 +200,15 @@ class Problem:
         if self.is_affine(parameter) or self.source is None:
             return self
         try:
-            other = self.at(**{parameter: float(values[np.argmax(np.abs(values))])})
+            other = self.at({parameter: float(values[np.argmax(np.abs(values))])})
         except SquealError:  # a sweep that reaches this value says so then, and keeps what it has
             return self
         return other if other.is_affine(parameter) else self
 
-    def pencil(self, **values: float) -> Pencil:
+    def pencil(self, values: Mapping[str, float] | None = None, /, **named: float) -> Pencil:
         """Return the matrices at given values of parameters; a term whose coefficient is zero costs nothing.
+
+        Parameters and errors are those of `at`.
 
         Examples
         --------
@@ -178,11 +217,11 @@ class Problem:
         >>> skew = sp.csr_array(np.array([[0.0, 1.0], [0.0, 0.0]]))
         >>> terms = (Term("m", "M", one, True), Term("k", "K", one, True), Term("f", "K", skew, False, {"mu": 1}))
         >>> problem = Problem(terms, {"mu": 0.3})
-        >>> problem.pencil().problem_class, problem.pencil(mu=0.0).problem_class
+        >>> problem.pencil().problem_class, problem.pencil({"mu": 0.0}).problem_class
         ('nonsymmetric', 'symmetric')
         """
-        moving = {path for name in values for path in paths_of(name)}
-        problem = self.at(**values)
+        moving = self._by_path(values, named)
+        problem = self.at(moving)
         symmetric = all(t.symmetric for t in problem.terms if t.slot == "K" and t.coefficient(problem.parameters))
         M, C, K = (problem._slot(slot, moving) for slot in ("M", "C", "K"))
         zero = sp.csr_array((self.unknowns, self.unknowns))
@@ -199,159 +238,44 @@ class Problem:
         """
         if self.free is not None:
             return self.free(self.parameters)
-        acting = [(i, c) for i, t in enumerate(self.terms) if (c := t.coefficient(self.parameters))]
-        stiff = tuple(i for i, _ in acting if self.terms[i].slot == "K")
-        if stiff not in self._unheld:
-            self._unheld[stiff] = self._find_unheld(stiff, pencil)
-        Z = self._unheld[stiff]
-        if self.motions is None and Z.shape[1]:  # an eigenvalue may have been zero by chance where Z was found
-            Z = kernel_within(self.pencil() if pencil is None else pencil, Z)
-        dampers = [(i, c) for i, c in acting if self.terms[i].slot == "C"]
-        if not dampers or not Z.shape[1]:
-            return FreeMotions(Z, np.zeros_like(Z) if dampers else None)
-        return FreeMotions(Z, np.asarray(sum(c * self._damping(i, Z) for i, c in dampers)))
-
-    def _damping(self, i: int, Z: np.ndarray) -> np.ndarray:
-        """Return the forces (n, k) of a term along some motions, zero where they are rounding."""
-        known = self._unheld.get(("damping", i))
-        if known is None or known[0] is not Z:
-            A = self.terms[i].matrix
-            N = unforced(A, Z, _FREE)
-            self._unheld["damping", i] = known = Z, A @ (Z - Z @ N @ N.T)
-        return known[1]
-
-    def _find_unheld(self, stiff: tuple[int, ...], pencil: Pencil | None) -> np.ndarray:
-        """Return the motions that some of the terms leave free."""
-        if self.motions is None:
-            return self.kernel(self.pencil() if pencil is None else pencil)
-        Z = self.motions
-        for i in sorted(stiff, key=lambda i: self.terms[i].matrix.nnz):  # small springs and contacts hold most of them
-            Z = Z @ unforced(self.terms[i].matrix, Z, _FREE)
-        return Z
+        return find_free_motions(
+            self.terms, [t.coefficient(self.parameters) for t in self.terms], self.motions,
+            lambda: self.pencil() if pencil is None else pencil, self.kernel, self._unheld,
+        )  # fmt: skip
 
     @property
     def mass(self) -> sp.csr_array:
         """M (n, n) at the present values of the parameters, without the sums of the other slots."""
-        M = self._slot("M", set())
+        M = self._slot("M", ())
         return sp.csr_array((self.unknowns, self.unknowns)) if M is None else M
 
-    def _slot(self, slot: str, moving: set[str]) -> sp.csr_array | None:
+    def _slot(self, slot: str, moving: Collection[str]) -> sp.csr_array | None:
         """Return the sum of one slot; that of the terms which do not depend on `moving` is kept for the next time."""
-        terms = [t for t in self.terms if t.slot == slot]
+        terms = [(t, t.coefficient(self.parameters)) for t in self.terms if t.slot == slot]
         if not moving:
-            return _sum([(t, t.coefficient(self.parameters)) for t in terms])
+            return sum_terms(terms)
         fixed = tuple(sorted((p, v) for p, v in self.parameters.items() if p not in moving))
+        moves = [any(p in t.powers for p in moving) for t, _ in terms]
         if (slot, fixed) not in self._sums:
-            still = [t for t in terms if not moving & set(t.powers)]
-            self._sums[slot, fixed] = _sum([(t, t.coefficient(self.parameters)) for t in still])
-        rest = _sum([(t, t.coefficient(self.parameters)) for t in terms if moving & set(t.powers)])
+            self._sums[slot, fixed] = sum_terms(part for part, m in zip(terms, moves, strict=True) if not m)
+        rest = sum_terms(part for part, m in zip(terms, moves, strict=True) if m)
         constant = self._sums[slot, fixed]
         return rest if constant is None else constant if rest is None else sp.csr_array(constant + rest)
 
-    def condensed(self, parameter: str) -> Problem:
-        """Return the same problem over one parameter as few terms: one for each slot, power of it and symmetry.
-
-        Raises
-        ------
-        SceneError
-            If the parameter does more than change coefficients.
-        """
-        paths = paths_of(parameter)
-        if not self.is_affine(parameter):
-            raise SceneError(f"{parameter} changes matrices, not coefficients alone")
-        groups: dict[tuple[Slot, int, bool, bool], list[tuple[Term, float]]] = {}
-        for t in self.terms:
-            others = replace(t, powers={p: e for p, e in t.powers.items() if p not in paths})
-            c = others.coefficient(self.parameters)
-            if c:
-                key = (t.slot, sum(t.powers.get(p, 0) for p in paths), t.symmetric, t.imaginary)
-                groups.setdefault(key, []).append((replace(t, imaginary=False), c))
-        terms = []
-        for (slot, power, symmetric, imaginary), parts in groups.items():
-            matrix = _sum(parts)
-            assert matrix is not None
-            skew = all(t.skew for t, _ in parts)
-            name = f"{slot}{power}" + ("" if symmetric else "n") + ("i" if imaginary else "")
-            terms.append(Term(name, slot, matrix, symmetric, {paths[0]: power}, skew, imaginary))
-        own = self.parameters
-
-        def free(values: Mapping[str, float]) -> FreeMotions:
-            return replace(self, parameters={**own, **{p: values[p] for p in paths}}).free_motions()
-
-        return Problem(tuple(terms), dict.fromkeys(paths, self.value(parameter)), free=free)
-
-    def project(self, V: np.ndarray) -> Problem:
-        """Return the Galerkin projection of every term on the columns of a real V (n, r): terms VᵀAV of size r.
-
-        What is free among the combinations of V is for the caller to say: entries of the projected matrices are too
-        small to tell it from rounding.
-        """
-        none = FreeMotions.none(V.shape[1])
-        terms = []
-        for t in self.terms:
-            rows = np.flatnonzero(np.diff(t.matrix.indptr))  # springs and contacts have few
-            terms.append(replace(t, matrix=sp.csr_array(cross(V[rows], times(sp.csr_array(t.matrix[rows]), V)))))
-        return Problem(tuple(terms), self.parameters, free=lambda _: none)
-
-    def derivative(self, parameter: str, slot: Slot, **values: float) -> sp.csr_array | None:
+    def derivative(
+        self, parameter: str, slot: Slot, values: Mapping[str, float] | None = None, /, **named: float
+    ) -> sp.csr_array | None:
         """Return ∂M, ∂C or ∂K by a parameter; None where it does not depend on it.
 
         Exact where the parameter is a power in coefficients, a central difference of the matrices elsewhere.
         """
-        here = self.at(**values)
+        here = self.at(values, **named)
         paths = paths_of(parameter)
         if here.is_affine(parameter):
-            slopes = [(t, sum(t.slope(p, here.parameters) for p in paths)) for t in here.terms if t.slot == slot]
-            return _sum(slopes)
+            return sum_terms((t, sum(t.slope(p, here.parameters) for p in paths)) for t in here.terms if t.slot == slot)
         p = here.value(parameter)
         step = _DIFFERENCE * (abs(p) or abs(self.value(parameter)) or 1.0)
-        above, below = (here.at(**{parameter: p + sign * step}) for sign in (1, -1))
+        above, below = (here.at({parameter: p + sign * step}) for sign in (1, -1))
         parts = [(t, sign * t.coefficient(q.parameters)) for q, sign in ((above, 1), (below, -1)) for t in q.terms]
-        change = _sum([(t, c / (2 * step)) for t, c in parts if t.slot == slot])
+        change = sum_terms((t, c / (2 * step)) for t, c in parts if t.slot == slot)
         return change if change is not None and abs(change).max() > 0 else None
-
-    def interpolated(self, parameter: str, low: float, high: float) -> Problem:
-        """Return a problem whose matrices are quadratic in a parameter and agree at both ends and the middle.
-
-        Itself where the parameter changes coefficients alone. It knows no other parameter.
-        """
-        if self.is_affine(parameter):
-            return self
-        nodes = np.array([low, (low + high) / 2, high])
-        basis = np.linalg.inv(np.vander(nodes, 3, increasing=True))  # power, node
-        pencils = [self.pencil(**{parameter: float(p)}) for p in nodes]
-        symmetric = all(p.symmetric for p in pencils)
-        terms = []
-        for slot in ("M", "C", "K"):
-            given = [getattr(p, slot) for p in pencils]
-            if all(A is None for A in given):
-                continue
-            parts = [sp.csr_array(pencils[0].M.shape) if A is None else A for A in given]
-            for power in range(3):
-                A = sp.csr_array(sum(w * part for w, part in zip(basis[power], parts, strict=True)))
-                for matrix, imaginary in ((A.real, False), (A.imag, True)):
-                    if imaginary <= np.iscomplexobj(A):
-                        powers = {paths_of(parameter)[0]: power}
-                        term = Term(f"{slot}{power}", slot, sp.csr_array(matrix), slot == "M" or symmetric, powers)
-                        terms.append(replace(term, imaginary=imaginary))
-        always = _common([p.free for p in pencils if p.free is not None])
-        return Problem(tuple(terms), dict.fromkeys(paths_of(parameter), low), free=lambda _: always)
-
-
-def _common(found: list[FreeMotions]) -> FreeMotions:
-    """Return the motions that are free in all of several cases."""
-    Z = found[0].motions
-    for other in found[1:]:
-        Q = np.linalg.qr(other.motions)[0]
-        Z = Z @ null_columns(Z - Q @ (Q.T @ Z), _FREE * float(np.linalg.norm(Z)))
-    return FreeMotions(Z)
-
-
-def _sum(parts: list[tuple[Term, float]]) -> sp.csr_array | None:
-    """Return Σ coefficient · matrix, complex where a term is imaginary; None where nothing is left."""
-    total = None
-    for term, coefficient in parts:
-        if coefficient:
-            matrix = term.matrix * (coefficient * term.unit())
-            total = matrix if total is None else total + matrix
-    return None if total is None else sp.csr_array(total)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from math import prod
 from typing import Any, Literal
@@ -82,3 +82,13 @@ class Term:
             return 0.0
         others = prod((parameters[p] ** k for p, k in self.powers.items() if p != parameter), start=1.0)
         return float(e * parameters[parameter] ** (e - 1) * others)
+
+
+def sum_terms(parts: Iterable[tuple[Term, float]]) -> sp.csr_array | None:
+    """Return Σ coefficient · matrix, complex where a term is imaginary; None where every coefficient is zero."""
+    total = None
+    for term, coefficient in parts:
+        if coefficient:
+            matrix = term.matrix * (coefficient * term.unit())
+            total = matrix if total is None else total + matrix
+    return None if total is None else sp.csr_array(total)

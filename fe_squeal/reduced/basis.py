@@ -198,7 +198,7 @@ class ReducedBasis(Projection):
 
     def _magnitude(self, value: float, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return the sampled rows of (|λ|²|M| + |λ||C| + |K|)|u|, see `Pencil.magnitude`."""
-        at = self.problem.at(**{self.parameter: value})
+        at = self.problem.at({self.parameter: value})
         total = np.zeros((len(self._lines), len(lam)))
         for term in at.terms:
             root = np.sqrt(np.abs(term.matrix.diagonal()))
@@ -247,9 +247,9 @@ class ReducedBasis(Projection):
         lams, phi, psi = np.array([lam]), right[:, None], left[:, None]
         rho, eta = self._sampled(value, lams, phi, psi)
         both = float(self._product(rho, eta, np.array([abs(lam)]), highest)[0])
-        small, change = self.condensed(), 0j
+        small, change = self.collected(), 0j
         for slot, power in POWER.items():
-            d = small.derivative(self.parameter, slot, **{self.parameter: value})
+            d = small.derivative(self.parameter, slot, {self.parameter: value})
             if d is not None:
                 change += lam**power * complex(np.vdot(left, d @ right))
         x, y = lift(self.V, phi), lift(self.V[self._lines], psi)
@@ -261,7 +261,7 @@ class ReducedBasis(Projection):
         self, value: float, lam: np.ndarray, phi: np.ndarray, psi: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the samples of Q(λ)φ and of Q(λ)ᴴψ."""
-        at = self.problem.at(**{self.parameter: value})
+        at = self.problem.at({self.parameter: value})
         rho = np.zeros((2 * _SAMPLES, len(lam)), complex)
         eta = np.zeros_like(rho)
         for term, right, left in zip(at.terms, self._right, self._left, strict=True):

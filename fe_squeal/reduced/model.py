@@ -17,8 +17,9 @@ from ..eigen.linear.choice import choose, factorize
 from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
 from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
-from ..eigen.solve import Request, select_wanted
+from ..eigen.request import Request, select_wanted
 from ..errors import NotConvergedError
+from ..problem.forms import collect_powers
 from ..problem.problem import Problem
 from .basis import ReducedBasis
 from .undamped import factorize_undamped
@@ -82,17 +83,17 @@ class ReducedModel:
             If the tolerance is not met, or the problem without damping and friction is not positive semidefinite.
         """
         self.linear_solver = choose(linear_solver)
-        self.problem = problem = problem.searched_by(self.linear_solver)
+        self.problem = problem = problem.solved_with(self.linear_solver)
         self.parameter, self.request = parameter, request
         self.factorizations = self.solves = 0
         self._known: dict[float, _Estimate] = {}
         self._known_with: np.ndarray | None = None  # the basis that these belong to
         self._values = values = np.asarray(values, float)
         start = float(values[np.argmin(np.abs(values))])
-        condensed = problem.condensed(parameter).at(**{parameter: start})
+        collected = collect_powers(problem, parameter).at({parameter: start})
         limit = request.max_frequency_hz
         band = None if limit is None else 2 * np.pi * limit
-        base, self._sigma, metric, definite = factorize_undamped(condensed, band, self.linear_solver)
+        base, self._sigma, metric, definite = factorize_undamped(collected, band, self.linear_solver)
         count = request.count or 0
         if band is not None:
             below = count_below(base, band, self.linear_solver)
@@ -106,11 +107,11 @@ class ReducedModel:
         self.factorizations += 1
         self.highest = float(np.sqrt(theta.max(initial=0.0)))
         self.basis = ReducedBasis(
-            condensed, parameter, metric, self._sigma, definite.half_solve, self.linear_solver
+            collected, parameter, metric, self._sigma, definite.half_solve, self.linear_solver
         )
         if (theta < -_SLOW * self._sigma).any():
             self.basis.expect_slow_motions()
-        unheld = condensed.free_motions().motions
+        unheld = collected.free_motions().motions
         if unheld.shape[1]:
             self.basis.append(unheld)  # first, so that the basis has them exactly
         self.basis.append(vectors)
@@ -140,14 +141,14 @@ class ReducedModel:
         """Return the model that gave `stored`, of the same problem and request."""
         model = cls.__new__(cls)
         model.linear_solver = choose(linear_solver)
-        model.problem = problem = problem.searched_by(model.linear_solver)
+        model.problem = problem = problem.solved_with(model.linear_solver)
         model.parameter, model.request = parameter, request
         model.factorizations, model.solves = numbers["factorizations"], numbers["solves"]
         model._known, model._known_with = {}, None
         model._values = np.asarray(values, float)
         model._sigma, model.highest, model._without = numbers["sigma"], numbers["highest"], arrays["without"]
-        condensed = problem.condensed(parameter).at(**{parameter: numbers["start"]})
-        model.basis = ReducedBasis.restored(condensed, parameter, arrays, numbers["basis"], model.linear_solver)
+        collected = collect_powers(problem, parameter).at({parameter: numbers["start"]})
+        model.basis = ReducedBasis.restored(collected, parameter, arrays, numbers["basis"], model.linear_solver)
         return model
 
     def stored(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -195,9 +196,9 @@ class ReducedModel:
         return self.basis.project(self.problem)
 
     @cached_property
-    def condensed(self) -> Problem:
+    def collected(self) -> Problem:
         """The small problem over the parameter alone."""
-        return self.basis.condensed()
+        return self.basis.collected()
 
     def root_error(self, value: float, theta: float, right: np.ndarray, left: np.ndarray) -> tuple[float, float]:
         """Return how far a critical value of the small problem may be from that of the problem itself, and rounding."""
@@ -221,7 +222,7 @@ class ReducedModel:
         off = np.maximum(relative / np.maximum(condition / _ILL, 1.0) / _SAFETY, backward) / self.request.tolerance
         modes = replace(
             modes, re_uncertainty=modes.re_uncertainty + error, backward_error=np.fmax(modes.backward_error, backward),
-            method=f"reduced model of {len(self.basis)} vectors",
+            method=f"reduced model of {len(self.basis)} vectors", exhaustive=False,
         )  # fmt: skip
         return modes, off, relative
 
@@ -258,7 +259,7 @@ class ReducedModel:
 
     def _factorize(self, value: float) -> Factor:
         """Factorise what is closer to Q(λ) than P where that is too far: K − σM, with damping at half the band."""
-        pencil = self.basis.problem.pencil(**{self.parameter: value})
+        pencil = self.basis.problem.pencil({self.parameter: value})
         shifted = pencil.K - self._sigma * pencil.M
         if pencil.C is not None:
             shifted = shifted + 0.5j * self.highest * pencil.C

@@ -15,6 +15,7 @@ from ..eigen.dense import solve_dense
 from ..eigen.kernel import null_columns
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes, Pencil
+from ..problem.forms import project
 from ..problem.problem import Problem
 from ..problem.terms import Slot, Term
 from .undamped import weighted
@@ -32,7 +33,7 @@ class Projection:
     Parameters
     ----------
     problem : Problem
-        Affine in the parameter and condensed: few terms.
+        Affine in the parameter, its terms collected by powers: few of them.
     parameter : str
     metric : (terms,) float
         The coefficients of the terms in P, see `factorize_undamped`.
@@ -63,11 +64,11 @@ class Projection:
         def free(values: Mapping[str, float]) -> FreeMotions:
             return self._coordinates(replace(problem, parameters=values).free_motions())
 
-        return replace(problem.project(self.V), free=free)
+        return replace(project(problem, self.V), free=free)
 
     def pencil(self, value: float) -> Pencil:
         """Return the small matrices at a value of the parameter."""
-        at = self.problem.at(**{self.parameter: value})
+        at = self.problem.at({self.parameter: value})
         sums: dict[Slot, np.ndarray | None] = {"M": None, "C": None, "K": None}
         symmetric = True
         for term, A in zip(at.terms, self._small, strict=True):
@@ -85,7 +86,7 @@ class Projection:
 
     def free_motions(self, value: float) -> FreeMotions:
         """Return the motions that nothing holds at a value of the parameter, in the coordinates of the basis."""
-        return self._coordinates(self.problem.at(**{self.parameter: value}).free_motions())
+        return self._coordinates(self.problem.at({self.parameter: value}).free_motions())
 
     def _coordinates(self, known: FreeMotions) -> FreeMotions:
         """Return those motions of the problem that lie in the span of the basis, in its coordinates."""
@@ -138,7 +139,7 @@ class Projection:
         nu = la.eigvalsh(self._small_mass())[::-1]
         return np.asarray(sigma + 1 / nu[nu > len(nu) * np.finfo(float).eps * nu[0]])
 
-    def condensed(self) -> Problem:
+    def collected(self) -> Problem:
         """Return the small terms as a problem."""
         terms = tuple(
             replace(t, matrix=sp.csr_array(A)) for t, A in zip(self.problem.terms, self._small, strict=True)
@@ -162,7 +163,7 @@ class Projection:
             Real parts, and imaginary ones behind them where there are any.
         """
         assert modes.left is not None
-        at = self.problem.at(**{self.parameter: value})
+        at = self.problem.at({self.parameter: value})
         factors = [t.factor(modes.lam, at.parameters) for t in at.terms]
         real = not any(x.imag.any() for x in (modes.right, modes.left, *factors))
         found = []

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from ..eigen.linear.choice import factorize_definite
 from ..eigen.linear.factor import DefiniteFactor, LinearSolver
 from ..eigen.pencil import Pencil
-from ..eigen.solve import shift_below
+from ..eigen.shift import shift_below
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
 

@@ -7,7 +7,7 @@ import skfem
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from ..assembly.model import model_of
+from ..assembly.discretisation import discretisation_of
 from ..fem.materials import Material
 from ..mesh.measures import area_of, volume_of
 from ..problem.parameters import MU
@@ -21,7 +21,7 @@ from .solver import solver_of
 def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
     """Return a table of bodies, groups, effects, problem class and size."""
     solver = solver_of(scene)
-    problem = problem.searched_by(solver)
+    problem = problem.solved_with(solver)
     table = Table(show_header=False, box=None, pad_edge=False)
     if isinstance(scene, Scene):
         _mesh_rows(table, scene, problem)
@@ -32,7 +32,7 @@ def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
         table.add_row("parameters", ", ".join(f"{k} = {v:g}" for k, v in scene.parameters.items()) or "none")
     table.add_row("effects on", ", ".join(scene.effect_names) or "none")
     table.add_row("problem class", problem.problem_class)
-    model = model_of(problem)
+    model = discretisation_of(problem)
     order = f" (order {model.space.order})" if model is not None else ""
     table.add_row("unknowns", f"{problem.unknowns}{order}")
     table.add_row("matrix entries", f"{problem.pencil().K.nnz}")
@@ -45,7 +45,7 @@ def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
 
 
 def _mesh_rows(table: Table, scene: Scene, problem: Problem) -> None:
-    model = model_of(problem)
+    model = discretisation_of(problem)
     assert model is not None
     mesh = model.space.mesh
     for name, elements in model.bodies.items():
@@ -66,13 +66,13 @@ def _mesh_rows(table: Table, scene: Scene, problem: Problem) -> None:
         table.add_row(f"spring {spring.name}", f"{spring.surface}{f' to {spring.to}' if spring.to else ''}")
     for name, c in model.contacts.items():
         table.add_row(f"contact {name}", f"{c.area:.4g} m2 closed, {100 * c.coverage:.4g} % of the surface")
-    if model.base is not None:
-        for name, state in model.base.contacts.items():
+    if model.static_state is not None:
+        for name, state in model.static_state.contacts.items():
             closed = model.contacts[name].weights[state.closed].sum() / model.contacts[name].area
             table.add_row(
                 f"preload {name}",
                 f"{100 * closed:.4g} % of it presses with {state.normal_force:.4g} N, at most"
-                f" {state.pressure.max(initial=0.0):.4g} Pa (mu = {model.base.mu:g})",
+                f" {state.pressure.max(initial=0.0):.4g} Pa (mu = {model.static_state.mu:g})",
             )
     # Sizes and places by --groups.
     table.add_row("volume groups", ", ".join(mesh.subdomains or {}))

@@ -1,9 +1,10 @@
 """What is kept of a running sweep in the folder of its results, so that it can go on after any interruption.
 
-The folder `checkpoint` holds `inputs.json`, written first: what the run depends on. Then come `model.npz`, the small
-model where there is one; `first.npz`, the modes at the first value; `point_00000.npz` and so on, what is reported of
-each value; and `state.npz`, written last, which says how many of these count. Every file is complete or absent, so that
-the folder is whole at any moment. Files hold plain arrays and JSON; nothing is pickled.
+The folder `checkpoint` holds `inputs.json`, written first: what the run depends on, and the layout of the other files.
+Then come `model.npz`, the reduced model where there is one; `first.npz`, the modes at the first value;
+`point_00000.npz` and so on, what is reported of each value; and `state.npz`, written last, which says how many of these
+count. Every file is complete or absent, so that the folder is whole at any moment. Files hold plain arrays and JSON;
+nothing is pickled.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ from .manifest import Manifest
 
 _SHARE = 0.03  # of the time: what may go into keeping values; those that take long are kept one by one
 _JSON = "json"  # name of the array that holds the rest
+# Of what the files hold. Raise it when a name, a unit or a meaning there changes, so that runs of before do not go on.
+LAYOUT = 2
 
 
 class Checkpoint:
@@ -71,20 +74,32 @@ class Checkpoint:
 
     @property
     def inputs(self) -> Any:
-        """What the run depends on that left this checkpoint; None if that cannot be read."""
-        return read_json(self._inputs)
+        """What the run depends on that left this checkpoint; None if that cannot be read.
+
+        Raises
+        ------
+        OutputError
+            If a version of the program left it whose files hold other things.
+        """
+        found = read_json(self._inputs)
+        if isinstance(found, dict) and found.pop("layout", 1) != LAYOUT:
+            raise _foreign(self.folder, "what it kept is laid out in another way")
+        return found
 
     def progress(self) -> tuple[int, float]:
         """Return how many values are finished, and the seconds that went into them."""
         if not self._state.exists():
             return 0, 0.0
         data = _read(self._state, _JSON).data
-        return data["points"], sum(data["seconds"].values())
+        try:
+            return int(data["points"]), float(sum(data["seconds"].values()))
+        except (AttributeError, TypeError, ValueError) as error:
+            raise _damaged(self._state, error) from error
 
     def begin(self, inputs: Mapping[str, Any]) -> None:
         """Start anew."""
         self.remove()
-        write_json(inputs, self._inputs)
+        write_json({**inputs, "layout": LAYOUT}, self._inputs)
 
     def remove(self) -> None:
         """Remove what runs wrote of it, what makes it one first.
@@ -102,7 +117,7 @@ class Checkpoint:
         Raises
         ------
         OutputError
-            If a file is damaged.
+            If a file is damaged, or another version of the program wrote it.
         """
         if not self._state.exists():
             return None
@@ -160,6 +175,17 @@ def read_json(path: Path) -> Any:
         return None
 
 
+class _Kept(dict[str, Any]):
+    """What a file holds by name; a name that it does not have is one that another version of the program kept."""
+
+    def __init__(self, path: Path, found: Mapping[str, Any]) -> None:
+        super().__init__(found)
+        self._path = path
+
+    def __missing__(self, name: str) -> Any:
+        raise _foreign(self._path, f'it has no "{name}"')
+
+
 def _write(path: Path, record: Record) -> None:
     text = json.dumps(record.data)  # NaN stays NaN here, and every float comes back as it was
     with replace_atomically(path) as temporary:
@@ -171,7 +197,8 @@ def _read(path: Path, *names: str) -> Record:
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in names or file.files}
-        return Record(arrays, json.loads(str(arrays.pop(_JSON))))
+        data = json.loads(str(arrays.pop(_JSON)), object_hook=lambda found: _Kept(path, found))
+        return Record(_Kept(path, arrays), data)
     except Exception as error:  # the reader stops at damaged files with almost any exception
         raise _damaged(path, error) from error
 
@@ -179,4 +206,10 @@ def _read(path: Path, *names: str) -> Record:
 def _damaged(path: Path, why: object) -> OutputError:
     return OutputError(
         f"{path}: the checkpoint is damaged ({why}); remove {path.parent} and run without --resume to start anew"
+    )
+
+
+def _foreign(path: Path, why: str) -> OutputError:
+    return OutputError(
+        f"{path}: another version of the program left this checkpoint ({why}); run without --resume to start anew"
     )

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..assembly.model import model_of
+from ..assembly.discretisation import discretisation_of
 from ..report.files import replace_atomically, write_csv
 from ..report.shape_names import shape_name
 from ..sweep.result import Sweep, SweepPoint
@@ -42,7 +42,7 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
     """
     from ..report.export import export_shapes as export  # Matplotlib, which nothing else here loads
 
-    model = model_of(result.problem)
+    model = discretisation_of(result.problem)
     chosen = fastest_growing(result)
     if which == "all":
         last = result.points[-1]
@@ -91,7 +91,7 @@ def write_figures(result: Sweep, out: Path, title: str) -> list[Path]:
 
 
 def _shape(result: Sweep, point: SweepPoint, i: int) -> tuple[str, np.ndarray, dict[str, Any]]:
-    model = model_of(result.problem)
+    model = discretisation_of(result.problem)
     assert model is not None
     info = mode_info(result, point, i)
     return shape_name(info), model.space.expand(point.shapes[i]), info

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import skfem
 
-from ..assembly.model import Model, model_of
+from ..assembly.discretisation import Discretisation, discretisation_of
 from ..effects.static_state import contact_summary, follower_ratio
 from ..fem.stress import von_mises
 from ..problem.problem import Problem
@@ -22,10 +22,10 @@ from ..sweep.result import Sweep
 
 def write_preload(scene: Scene, problem: Problem, out: Path) -> list[Path]:
     """Write preload.vtu, preload_contacts.vtu and preload.png of the state at the nominal values, if there is one."""
-    model = model_of(problem)
-    if model is None or model.base is None:
+    model = discretisation_of(problem)
+    if model is None or model.static_state is None:
         return []
-    base, space = model.base, model.space
+    base, space = model.static_state, model.space
     stress = np.zeros(space.mesh.nelements)
     for name, elements in model.bodies.items():
         stress[elements] = von_mises(space, elements, scene.elasticity(name), base.u)
@@ -44,10 +44,10 @@ def write_preload(scene: Scene, problem: Problem, out: Path) -> list[Path]:
 
 def preload_record(scene: Scene | MatrixScene, problem: Problem) -> dict[str, Any] | None:
     """Return what presses at the nominal values."""
-    model = model_of(problem)
-    if model is None or model.base is None or not isinstance(scene, Scene):
+    model = discretisation_of(problem)
+    if model is None or model.static_state is None or not isinstance(scene, Scene):
         return None
-    base = model.base
+    base = model.static_state
     stiffness = dict(zip(scene.contact_names, (c.normal_stiffness for c in scene.contacts), strict=True))
     return {
         "mu": base.mu,
@@ -75,7 +75,7 @@ def preload_dataframe(result: Sweep) -> pd.DataFrame | None:
     return pd.DataFrame(rows) if rows else None
 
 
-def model_grid(model: Model) -> ShapeGrid:
+def model_grid(model: Discretisation) -> ShapeGrid:
     """Return the mesh of a model as shapes and fields are written on it."""
     space, bodies = model.space, model.bodies
     basis = skfem.CellBasis(space.mesh, space.element, intorder=1, dofs=space.dofs)

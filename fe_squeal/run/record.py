@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..assembly.model import model_of
+from ..assembly.discretisation import discretisation_of
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import peak_memory_mib
 from ..problem.problem import Problem
@@ -33,7 +33,7 @@ def write_record(
     solver : LinearSolver
         What factorised.
     """
-    model = model_of(problem)
+    model = discretisation_of(problem)
     record: dict[str, Any] = {
         "version": inputs["version"],
         "title": scene.title,

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from ..assembly.assembly import assemble
 from ..assembly.bodies import scene_mesh
-from ..assembly.model import model_of
+from ..assembly.discretisation import discretisation_of
 from ..assembly.swept import swept
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import peak_memory_mib, refuse_shortage
@@ -84,7 +84,7 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
         spent = 0.0
         remove_results(held)
         checkpoint.begin(inputs)
-    model = model_of(problem)
+    model = discretisation_of(problem)
     if model is not None:
         for text in model.notes:
             console.print(f"note: {text}", markup=False)

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from pydantic import model_validator
 
-from ..fem.motion import Sliding
+from ..fem.motion import SteadyMotion
 from ..schema.section import Direction, NonNegative, Positive, Section, Speed, Vector
 
 
@@ -47,11 +47,11 @@ class SlidingSection(Section):
             )
         return self
 
-    def motion(self) -> Sliding:
+    def motion(self) -> SteadyMotion:
         """Return the motion as arrays in SI units."""
         vector = np.array(self.axis or self.direction, float)
         velocity = vector / np.linalg.norm(vector) * self.speed
-        return Sliding(velocity, np.array(self.centre) if self.axis is not None else None)
+        return SteadyMotion(velocity, np.array(self.centre) if self.axis is not None else None)
 
 
 class Contact(Section):

@@ -89,7 +89,7 @@ class Solve(Section):
     max_frequency : float, Hz
         All modes up to it, instead of `modes`.
     method : "auto", "direct", "reduced" or "modal"
-        How the modes are computed: "direct" solves at every value; "reduced" makes a small model that holds over the
+        How the modes are computed: "direct" solves at every value; "reduced" makes a reduced model that holds over the
         sweep within the tolerance; "modal" projects on the modes without friction and damping and tells the error that
         this makes; "auto" takes "reduced" for a large problem, where the parameter allows it.
     tolerance : float

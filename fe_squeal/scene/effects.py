@@ -59,7 +59,7 @@ def effects_table(known: Sequence[type[Effect]], module: str) -> type[EffectsTab
 
 
 def with_own_tables(base: type[_Table], known: Sequence[type[Effect]], module: str) -> type[_Table]:
-    """Return the table of a body with a key for each effect that a body may have a table of its own of."""
+    """Return the table of a body, with a key for each effect whose table a body may have of its own."""
     own = {kind.name: (kind, kind.own_of_body) for kind in known if kind.own_of_body}
     return _with_tables("Body", base, own, module)
 

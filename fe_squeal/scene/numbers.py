@@ -10,7 +10,8 @@ from ..problem.parameters import MU
 from .base import BaseScene
 from .faults import validated
 
-_LONG = {MU: "effects.friction.mu"}  # of names that are short for a path
+NOT_PHYSICS = ("mesh", "sweep", "solve", "output")  # tables whose numbers no problem moves with
+_LONG = {MU: "effects.friction.mu"}  # paths by the short names that stand for them
 _Scene = TypeVar("_Scene", bound=BaseScene)
 
 
@@ -51,14 +52,14 @@ def with_numbers(scene: _Scene, numbers: Mapping[str, float]) -> _Scene:
 
 
 def numbers(scene: BaseScene) -> list[str]:
-    """Return the paths of all numbers of a scene."""
+    """Return the paths of all numbers of a scene's physics."""
     return list(_numbers(scene, scene.model_dump(by_alias=True, exclude_none=True), ""))
 
 
 def _numbers(scene: BaseScene, data: Any, prefix: str) -> Iterator[str]:
     if isinstance(data, Mapping):
         for key, value in data.items():
-            if not (prefix == "" and key in ("sweep", "solve", "output")):
+            if prefix or key not in NOT_PHYSICS:
                 yield from _numbers(scene, value, f"{prefix}.{key}".removeprefix("."))
     elif isinstance(data, list | tuple):
         for name, value in zip(_names(scene, prefix, data), data, strict=True):

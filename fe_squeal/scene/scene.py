@@ -21,7 +21,7 @@ from .contacts import Contact
 from .control import Output, Solve, SweepSection
 from .effects import effects_table, with_own_tables
 from .mesh import MeshSection
-from .numbers import number_at, plain, with_numbers
+from .numbers import NOT_PHYSICS, number_at, plain, with_numbers
 
 if TYPE_CHECKING:
     from .bodies import BodyTable as Body
@@ -149,7 +149,7 @@ class Scene(BaseScene):
         for path in paths_of(self.sweep.parameter):
             if path == MU and MU not in {p for effect in self.effects.on.values() for p in effect.parameters()}:
                 raise ValueError('sweep.parameter: given "mu", but no friction; expected [effects.friction] with mu')
-            if path.split(".")[0] in ("mesh", "sweep", "solve", "output"):
+            if path.split(".")[0] in NOT_PHYSICS:
                 raise ValueError(
                     f'sweep.parameter: given "{path}"; expected a number of the physics: modes are followed by their'
                     " shapes, on one mesh"

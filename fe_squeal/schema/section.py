@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
 
+from ..errors import SceneError
+
 _TINY, _HUGE = 1e-50, 1e50
 Text = Annotated[str, Field(min_length=1)]
 Positive = Annotated[float, Field(gt=0)]
@@ -35,6 +37,15 @@ class Section(BaseModel):
     """An immutable table of a scene: unknown keys, wrong types, NaN and infinity are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse to change a table: what was made from it would not follow."""
+        if not name.startswith("_"):
+            raise SceneError(
+                f"{name}: a scene does not change once it is made; for another number of the physics take"
+                f' problem.at({{"effects.friction.mu": 0.3}}), for another scene fe_squeal.parse_scene'
+            )
+        super().__setattr__(name, value)
 
     @field_validator("*")
     @classmethod

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
-from ..eigen.solve import Request, is_beside
+from ..eigen.request import Request, is_beside
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
 from ..reduced import ReducedModel

@@ -8,12 +8,13 @@ import numpy as np
 import psutil
 import scipy.sparse as sp
 
+from ..eigen.dense import DENSE_LIMIT
 from ..eigen.linear.choice import factor_memory
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.linear.superlu import superlu_memory
 from ..eigen.memory import available_memory, memory_text
 from ..eigen.pencil import Pencil
-from ..eigen.solve import DENSE_LIMIT, shift_below, symmetric_part
+from ..eigen.shift import shift_below, symmetric_part
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
 
@@ -80,7 +81,7 @@ def predict_memory(
     reduced = is_reduced(problem, parameter, values, method)
     if problem.unknowns <= DENSE_LIMIT:
         return MemoryPrediction(loaded, 0, available_memory(), reduced)
-    pencil = problem.searched_by(linear_solver).pencil()
+    pencil = problem.solved_with(linear_solver).pencil()
     entries = sum(A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)
     number = 16 if pencil.is_complex else 8
     definite = symmetric_part(pencil)

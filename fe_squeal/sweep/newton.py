@@ -134,7 +134,7 @@ def find_crossing(
     """
     p, last = value, np.inf
     for _ in range(_STEPS):
-        pencil, lam = problem.pencil(**{parameter: p}), 1j * omega
+        pencil, lam = problem.pencil({parameter: p}), 1j * omega
         C = sp.csr_array(pencil.M.shape) if pencil.C is None else pencil.C
         A = sp.csr_array(lam**2 * pencil.M + lam * C + pencil.K)
         size = abs(A).max()
@@ -148,7 +148,7 @@ def find_crossing(
         x, y, g = z[:-1], w[:-1], complex(z[-1])
         change = np.zeros(pencil.n, complex)
         for slot, factor in (("M", lam**2), ("C", lam), ("K", 1.0)):
-            d = problem.derivative(parameter, slot, **{parameter: p})  # type: ignore[arg-type]
+            d = problem.derivative(parameter, slot, {parameter: p})  # type: ignore[arg-type]
             if d is not None:
                 change += factor * (d @ x)
         g_lam = -complex(np.vdot(y, pencil.derivative(np.array([lam]), x[:, None])[:, 0])) / size
@@ -174,11 +174,11 @@ class _Bordered:
         self, problem: Problem, parameter: str, p: float, theta: float, x: np.ndarray, y: np.ndarray,
         linear_solver: LinearSolver | str, rigid: np.ndarray | None = None,
     ) -> None:  # fmt: skip
-        pencil = problem.pencil(**{parameter: p})
+        pencil = problem.pencil({parameter: p})
         M, A = pencil.M, sp.csr_array(pencil.K - theta * pencil.M)
         n = pencil.n
         zero = sp.csr_array((n, n))
-        dK, dM = (problem.derivative(parameter, slot, **{parameter: p}) for slot in ("K", "M"))
+        dK, dM = (problem.derivative(parameter, slot, {parameter: p}) for slot in ("K", "M"))
         dM = zero if dM is None else dM
         dA = sp.csr_array((zero if dK is None else dK) - theta * dM)
         # Borders along M y and M x are far from the range of A and its transpose; their size is that of A.

@@ -80,9 +80,9 @@ def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes,
     With F_ij = ψ_iᵀ K' φ_j the reduced pencil is diag(θ) + δF, and the discriminant (Δθ + δΔF)² + 4δ²F_12F_21 is a
     quadratic in the parameter's change δ; its smallest positive root counts.
     """
-    dK = problem.derivative(parameter, "K", **{parameter: start})
+    dK = problem.derivative(parameter, "K", {parameter: start})
     left, right = modes.left, modes.right
-    moves_mass = problem.derivative(parameter, "M", **{parameter: start}) is not None
+    moves_mass = problem.derivative(parameter, "M", {parameter: start}) is not None
     if dK is None or moves_mass or left is None or right[:, [a, b]].imag.any():
         return np.nan
     F = left[:, [a, b]].real.T @ (dK @ right[:, [a, b]].real)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..eigen.pencil import Modes
-from ..eigen.solve import Completeness
+from ..eigen.request import Completeness
 from ..problem.energy import Share, energy_balance
 from ..problem.problem import Problem
 from ..reduced import ReducedModel, lift
@@ -148,7 +148,7 @@ class Sweep:
         problem, shapes = self.problem, point.shapes
         if self.model is not None and isinstance(shapes, LiftedShapes):
             problem, shapes = self.model.small, shapes.coordinates
-        return energy_balance(problem, complex(point.modes.lam[i]), shapes[i], **{self.parameter: point.value})
+        return energy_balance(problem.at({self.parameter: point.value}), complex(point.modes.lam[i]), shapes[i])
 
     def contributions_dataframe(self) -> pd.DataFrame:
         """Return the shares of Re λ and of the energy by term, of every unstable mode (contributions.csv)."""

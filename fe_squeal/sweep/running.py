@@ -11,7 +11,8 @@ import numpy as np
 
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
-from ..eigen.solve import Completeness, Request, prove_completeness, solve_modes, wanted_count
+from ..eigen.request import Completeness, Request, wanted_count
+from ..eigen.solve import prove_completeness, solve_modes
 from ..eigen.threads import one_openblas_thread
 from ..errors import NotConvergedError, TooLargeError
 from ..problem.problem import Problem
@@ -116,7 +117,7 @@ class RunningSweep:
         wanted = wanted_count(modes, self.request)
         kept = range(wanted) if keep_all else np.flatnonzero(modes.stability[:wanted] == "unstable")
         shapes: Mapping[int, np.ndarray] = {int(i): modes.right[:, i].copy() for i in kept}
-        here = self._tracked.at(**{self.parameter: value})
+        here = self._tracked.at({self.parameter: value})
         moves = {}
         growing = np.flatnonzero(modes.stability[:wanted] == "unstable")
         pencil = here.pencil() if len(growing) else None
@@ -124,7 +125,7 @@ class RunningSweep:
             found = sensitivities(here, modes, int(i), pencil=pencil)
             moves[int(i)] = {path: (here.value(path), d) for path, d in found.items()}
         reported = modes.select(np.arange(wanted)).without_shapes()
-        pressed = self.problem.at(**{self.parameter: value}).state
+        pressed = self.problem.at({self.parameter: value}).state
         if self._model is not None:
             shapes = LiftedShapes(shapes, self._model.basis.V)
         self.points.append(SweepPoint(value, reported, self._branches[:wanted], shapes, moves, pressed))
@@ -136,7 +137,7 @@ class RunningSweep:
         else:
             band = None if self._previous is None else float(self._previous.lam.imag.max(initial=0.0)) or None
             try:
-                pencil = self.problem.pencil(**{self.parameter: value})
+                pencil = self.problem.pencil({self.parameter: value})
                 modes = solve_modes(pencil, self._guarded, band, self._linear_solver)
             except TooLargeError as error:
                 if not self._steps or not self.problem.is_affine(self.parameter):
@@ -147,10 +148,10 @@ class RunningSweep:
 
     def _begin(self, value: float, modes: Modes) -> None:
         clock = time.perf_counter()
-        pencil = self.problem.pencil(**{self.parameter: value})
+        pencil = self.problem.pencil({self.parameter: value})
         c = prove_completeness(pencil, modes, self._linear_solver)
         if c.expected is None and self._model is None:
-            here = self.problem.at(**{self.parameter: value})
+            here = self.problem.at({self.parameter: value})
             c = replace(c, expected=count_apart(here, modes, self._guarded, self._linear_solver))
         elif c.expected is None and self._model is not None:
             counted = self._model.counted()
@@ -163,7 +164,7 @@ class RunningSweep:
         wanted = modes.select(np.arange(wanted_count(modes, self.request)))
         self.doubts += doubts_of_rounding(wanted)
         if any(t.penalty for t in self._tracked.terms):
-            self.doubts += doubts_of_ties(self._tracked.at(**{self.parameter: value}), wanted)
+            self.doubts += doubts_of_ties(self._tracked.at({self.parameter: value}), wanted)
         self.completeness, self._start, self._first = c, value, modes
         self._branches = self._first_branches = np.arange(1, len(modes) + 1)
         self._next_branch = len(modes) + 1

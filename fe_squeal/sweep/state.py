@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from ..eigen.pencil import Modes
-from ..eigen.solve import Completeness
+from ..eigen.request import Completeness
 from ..problem.problem import Problem
 from .onsets import Onset
 from .result import LiftedShapes, Sweep, SweepPoint

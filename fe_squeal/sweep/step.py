@@ -12,8 +12,10 @@ from scipy.optimize import brentq
 from ..eigen.dense import solve_dense
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes
-from ..eigen.solve import Request, solve_modes
+from ..eigen.request import Request
+from ..eigen.solve import solve_modes
 from ..errors import NotConvergedError
+from ..problem.forms import interpolate, project
 from ..problem.problem import Problem
 from ..reduced import ReducedModel, SlowMotions
 from .newton import Root, find_coalescence, find_crossing, find_zero
@@ -81,8 +83,8 @@ class Step:
         self.full, self.parameter, self.model = problem, parameter, model
         self._linear_solver = linear_solver
         self._precise = precise or problem.unknowns <= _CHEAP
-        self.problem = problem = problem if model is None else model.condensed
-        M = problem.pencil(**{parameter: values[0]}).M
+        self.problem = problem = problem if model is None else model.collected
+        M = problem.pencil({parameter: values[0]}).M
         rigid = np.hstack([m.right[:, m.lam == 0].real for m in modes])
         self._ends, self.rigid = values, _orthonormal(rigid, M) if rigid.any() else None
         if problem.unknowns <= _SMALL:
@@ -97,12 +99,12 @@ class Step:
                 self.V = np.hstack([Z, _orthonormal(rest[:, size > _SPANNED], M)])
             if self.V.shape[1] == problem.unknowns:  # all modes were asked for: the small model is the problem itself
                 self.V = np.eye(problem.unknowns)
-        self._inside = problem.interpolated(parameter, *values)
-        self.small = self._inside.project(self.V)
+        self._inside = interpolate(problem, parameter, *values)
+        self.small = project(self._inside, self.V)
         self._MV = M @ self.V
         slow = None
         if self.rigid is not None and model is None:
-            slow = SlowMotions.of(problem.pencil(**{parameter: values[0]}).K, self.rigid, self.rigid.T @ self._MV)
+            slow = SlowMotions.of(problem.pencil({parameter: values[0]}).K, self.rigid, self.rigid.T @ self._MV)
         elif self.rigid is not None and model is not None and model.basis.slow is not None:
             slow = model.basis.slow.on(self.V)
         self._cancelled = None if slow is None else slow.cancelled
@@ -145,11 +147,11 @@ class Step:
 
     def modes(self, p: float) -> Modes:
         """Return all modes of the small model."""
-        known = self._inside.at(**{self.parameter: p}).free_motions()
+        known = self._inside.at({self.parameter: p}).free_motions()
         if len(self.V) > self.V.shape[1]:
             damping = None if known.damping is None else self.V.T @ known.damping
             known = FreeMotions(self._MV.T @ known.motions, damping)
-        pencil = replace(self.small.pencil(**{self.parameter: p}), cancelled=self._cancelled, free=known)
+        pencil = replace(self.small.pencil({self.parameter: p}), cancelled=self._cancelled, free=known)
         return solve_dense(pencil, linear_solver=self._linear_solver)
 
     def flutter(self, ends: tuple[float, float], mode: Modes) -> Onset:
@@ -213,7 +215,7 @@ class Step:
         request = Request(max_frequency_hz=1.02 * max(omega, abs(growth)) / (2 * np.pi))
 
         def unstable(p: float) -> np.ndarray:
-            pencil = self.problem.pencil(**{self.parameter: p})
+            pencil = self.problem.pencil({self.parameter: p})
             modes = solve_modes(pencil, request, linear_solver=self._linear_solver)
             near = np.abs(modes.lam.imag - omega) <= max(0.01 * omega, 2 * abs(growth))
             return np.asarray(modes.lam[(modes.stability == "unstable") & near])
@@ -270,7 +272,7 @@ class Step:
             return None
         Z = self.rigid if self.model is None else self.model.lift(self.rigid)
         for p in self._ends:
-            K = self.full.pencil(**{self.parameter: p}).K
+            K = self.full.pencil({self.parameter: p}).K
             if np.linalg.norm(K @ Z) > _BALANCED * np.linalg.norm(abs(K) @ np.abs(Z)):
                 return None
         return self.rigid if problem is self.problem else Z

@@ -60,7 +60,7 @@ def sweep(
         Where every finished value is kept, and from which the sweep goes on if it holds some.
     linear_solver : "auto", "pardiso", "superlu" or LinearSolver
         What factorises sparse matrices, see `fe_squeal.eigen.linear`; "auto" is PARDISO where it can be loaded, else
-        SuperLU. A static state under preload that depends on the parameter is solved with the solver of the scene.
+        SuperLU. Static states under preload that the sweep solves anew take it too.
 
     Raises
     ------
@@ -73,14 +73,14 @@ def sweep(
         With the sweep so far as its argument.
     """
     from ..eigen.linear.choice import choose
-    from ..eigen.solve import Request
+    from ..eigen.request import Request
     from ..eigen.threads import one_openblas_thread
     from .running import RunningSweep
 
     values, solver = _checked(problem, parameter, values), choose(linear_solver)
     if len(values) == 1 and not problem.has(parameter):  # a scene without friction has no mu, and needs none
         problem = replace(problem, parameters={**problem.parameters, parameter: float(values[0])})
-    problem = problem.prepared(parameter, values).searched_by(solver)
+    problem = problem.solved_with(solver).prepared(parameter, values)
     request = Request(None if max_frequency else modes or MODES, max_frequency, tolerance)
     tracker = RunningSweep(problem, parameter, request, len(values) - 1, precise, solver)
     known = None if store is None else store.load()

@@ -74,13 +74,13 @@ def name_modes(problem, modes, layer):
 
     Diameters: the strongest Fourier order in θ; circles: sign changes of that order's amplitude over the radius.
     """
-    x = problem.model.space.coordinates
+    x = problem.discretisation.space.coordinates
     r, theta = np.hypot(x[:, 0], x[:, 1]), np.arctan2(x[:, 1], x[:, 0])
     names = []
     middle = np.abs(x[:, 2] - layer) < 1e-9
     radii = np.unique(np.round(r[middle], 9))
     for column in modes.right.T.real:
-        u = problem.model.space.expand(column)
+        u = problem.discretisation.space.expand(column)
         share = (u[middle, 2] ** 2).sum() / (u[middle] ** 2).sum()
         orders = np.zeros((len(radii), 10), complex)
         for i, radius in enumerate(radii):

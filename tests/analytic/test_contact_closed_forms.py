@@ -115,8 +115,8 @@ def test_forces_and_moments_balance(case, name):
     size = np.repeat([forces, forces * 0.2], 3)[:, None]  # moments over arms of up to 0.2 m
     assert (np.abs(R.T @ matrix) <= 1e-12 * size).all()
     # It is not that there is no force: those on the pad alone do not cancel.
-    nodes = problem.model.space.dofs.element_dofs[:, problem.model.bodies["pad"]]
-    on_pad = R * np.repeat(np.isin(np.arange(problem.model.space.nodes), nodes), 3)[:, None]
+    nodes = problem.discretisation.space.dofs.element_dofs[:, problem.discretisation.bodies["pad"]]
+    on_pad = R * np.repeat(np.isin(np.arange(problem.discretisation.space.nodes), nodes), 3)[:, None]
     assert np.abs(on_pad.T @ matrix).max() > 1e-3 * forces
 
 
@@ -124,12 +124,12 @@ def test_forces_and_moments_balance(case, name):
 def test_non_matching_interface_carries_constant_gaps_exactly(case):
     """A rigid lift of the pad gives k_n A on both sides; the whole pad is in contact."""
     problem = pair_problem(case)
-    (operators,) = problem.model.contacts.values()
+    (operators,) = problem.discretisation.contacts.values()
     assert operators.coverage == pytest.approx(1.0)
     assert operators.area == pytest.approx(0.05 * 0.04, rel=1e-12)
-    owner = np.zeros(problem.model.space.nodes)
-    pad = problem.model.bodies["pad"]
-    owner[np.unique(problem.model.space.dofs.element_dofs[:, pad])] = 1.0
+    owner = np.zeros(problem.discretisation.space.nodes)
+    pad = problem.discretisation.bodies["pad"]
+    owner[np.unique(problem.discretisation.space.dofs.element_dofs[:, pad])] = 1.0
     lift = np.kron(owner, [0.0, 0.0, 1.0])
     force = (term(problem, "contact") @ lift).reshape(-1, 3)
     assert force[owner == 1, 2].sum() == pytest.approx(STIFFNESS * 0.002, rel=1e-12)
@@ -140,7 +140,7 @@ def test_non_matching_interface_carries_constant_gaps_exactly(case):
 def test_rank_of_friction():
     """At most one per contact point: 9 in the quadrature of each facet, and no more than the face has nodes."""
     problem = block_problem("hex1", (2, 1, 1))
-    (operators,) = problem.model.contacts.values()
+    (operators,) = problem.discretisation.contacts.values()
     rank = np.linalg.matrix_rank(term(problem, "friction").toarray())
     assert rank <= min(len(operators.weights), 5 * 3)
     assert rank == 15

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from meshes import BELT, STEEL, annulus, box, join, make_problem, modes_of, rigid_motions, term
 
 P0, SPEED, MU = 3.0, 2.0, 0.4
@@ -48,9 +49,9 @@ def test_slip_damping_on_rigid_motions():
     # It counts with mu, and with one over the speed.
     C = motions.T @ (problem.pencil(mu=0.8).C @ motions)
     assert C[1, 1] == pytest.approx(0.8 * P0 / SPEED)
-    faster = problem.at(**{"contacts.belt.sliding.speed": 5.0})
+    faster = problem.at({"contacts.belt.sliding.speed": 5.0})
     assert (motions.T @ (faster.pencil().C @ motions))[1, 1] == pytest.approx(MU * P0 / 5.0)
-    back = problem.at(**{"contacts.belt.sliding.speed": -5.0})
+    back = problem.at({"contacts.belt.sliding.speed": -5.0})
     assert (motions.T @ (back.pencil().C @ motions))[1, 1] == pytest.approx(MU * P0 / 5.0), "stabilises either way"
 
 
@@ -136,8 +137,8 @@ def test_a_bodys_own_rayleigh_damping_replaces_that_of_the_model():
     modes = modes_of(bar({"rayleigh": {"alpha": 30.0, "beta": 4e-6}}, bodies=bodies), 6)
     split = modes_of(bar({}), 6)
     problem = bar({})
-    of_b = problem.model.space.coordinates[:, 1] > 0.5
-    shapes = [np.abs(problem.model.space.expand(split.right[:, i]))[of_b].max() > 1e-6 for i in range(6)]
+    of_b = problem.discretisation.space.coordinates[:, 1] > 0.5
+    shapes = [np.abs(problem.discretisation.space.expand(split.right[:, i]))[of_b].max() > 1e-6 for i in range(6)]
     assert 0 < sum(shapes) < 6
     for lam, omega, b in zip(modes.lam, split.lam.imag, shapes, strict=True):
         c = 9e-6 * omega**2 if b else 30.0 + 4e-6 * omega**2
@@ -151,7 +152,7 @@ def test_structural_damping_acts_at_each_modes_own_frequency():
     problem = bar({"structural_damping": {}}, eta)
     modes = modes_of(problem, 6)
     assert problem.problem_class == "complex"
-    space = problem.model.space
+    space = problem.discretisation.space
     of_b = space.coordinates[:, 1] > 0.5
     for i, omega in enumerate(plain.lam.imag):
         loss = eta[int(np.abs(space.expand(plain.right[:, i]))[of_b].max() > 1e-6)]

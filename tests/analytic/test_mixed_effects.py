@@ -45,13 +45,13 @@ def test_preload_of_an_incompressible_block(kind, order):
         supports=[{"surface": "left", "fixed": "x"}, {"surface": "front", "fixed": "y"}],
         effects={"preload": {"pressures": {"top": p}}},
     )  # fmt: skip
-    model = problem.model
-    np.testing.assert_allclose(model.base.contacts["belt"].pressure, p, rtol=1e-8)
-    u = model.space.expand(model.base.u)
-    top = model.space.coordinates[:, 2] > 0.5 - 1e-9
+    space, state = problem.discretisation.space, problem.discretisation.static_state
+    np.testing.assert_allclose(state.contacts["belt"].pressure, p, rtol=1e-8)
+    u = space.expand(state.u)
+    top = space.coordinates[:, 2] > 0.5 - 1e-9
     np.testing.assert_allclose(u[top, 2], -(p / stiffness + 0.5 * p), rtol=1e-8)
     law = problem.source.scene.elasticity("block")
-    np.testing.assert_allclose(von_mises(model.space, model.bodies["block"], law, model.base.u), p, rtol=1e-7)
+    np.testing.assert_allclose(von_mises(space, problem.discretisation.bodies["block"], law, state.u), p, rtol=1e-7)
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -93,7 +93,7 @@ def test_damping_and_sweeps_act_on_the_elastic_stiffness():
     for key, value in (("youngs_modulus", 3.0), ("poisson_ratio", 0.4999)):
         changed = {"lining": {**tables["materials"]["lining"], key: value}}
         fresh = make_problem(mesh, order=2, **{**tables, "materials": changed}).pencil().K
-        assert abs(plain.at(**{path + key: value}).pencil().K - fresh).max() < 1e-13 * abs(fresh).max()
+        assert abs(plain.at({path + key: value}).pencil().K - fresh).max() < 1e-13 * abs(fresh).max()
     # Every mode has the loss factor of its only material: λ² = −ω²(1 + iη).
     loss = make_problem(mesh, order=2, effects={"structural_damping": {}}, **tables)
     still = modes_of(plain, 4).lam.imag[:4]
@@ -127,9 +127,9 @@ def test_contact_does_virtual_work_on_nodes_alone(kind, order):
     for name in ("contact.pad", "friction.pad", "spring.hold_z"):
         A, B = term(mixed, name), term(standard, name)
         assert abs(A[:n][:, :n] - B).max() == 0 and A.nnz == B.nnz
-    c = mixed.model.contacts["pad"]
-    fresh = contact_operators(standard.model.space, *(
-        standard.model.space.mesh.boundaries[g] for g in ("bottom_pad", "top_belt")
+    c = mixed.discretisation.contacts["pad"]
+    fresh = contact_operators(standard.discretisation.space, *(
+        standard.discretisation.space.mesh.boundaries[g] for g in ("bottom_pad", "top_belt")
     ), standard.source.scene.contacts[0].sliding.motion())  # fmt: skip
     assert abs(c.gap[:, :n] - fresh.gap).max() == 0 and c.gap.shape[1] == mixed.unknowns
 
@@ -157,9 +157,9 @@ def test_mixed_bodies_beside_a_disc_that_rotates():
                    "sliding": {"axis": [0.0, 0.0, 1.0], "speed": 0.1}}],
         effects={"friction": {"mu": 0.3}, "rotation": {"bodies": ["disc"]}, "rayleigh": {"beta": 0.01}},
     )  # fmt: skip
-    of_disc = np.zeros((problem.model.space.nodes, 3))
-    of_disc[np.unique(problem.model.space.dofs.element_dofs[:, problem.model.bodies["disc"]])] = 1.0
-    others = np.flatnonzero(problem.model.space.gather(of_disc) == 0)
+    of_disc = np.zeros((problem.discretisation.space.nodes, 3))
+    of_disc[np.unique(problem.discretisation.space.dofs.element_dofs[:, problem.discretisation.bodies["disc"]])] = 1.0
+    others = np.flatnonzero(problem.discretisation.space.gather(of_disc) == 0)
     for name, slot in (("gyroscopic.disc", "C"), ("convection.disc", "K"), ("rotating_damping.disc", "K")):
         A = term(problem, name, slot)
         assert A.nnz > 0 and abs(A[others]).sum() == 0

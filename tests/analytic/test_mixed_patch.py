@@ -76,7 +76,7 @@ def test_total_mass(kind, order):
     """A translation weighs ρV in its direction alone; bubbles, at rest in it, do not enter."""
     problem = make_problem(MESHES[kind], order=order, materials={"lining": lining(0.4)}, bodies=formulated("block"))
     T = rigid_motions(problem)[:, :3]
-    volume, _ = volume_and_law(problem.model.space)
+    volume, _ = volume_and_law(problem.discretisation.space)
     np.testing.assert_allclose(T.T @ (problem.mass @ T), volume * np.eye(3), atol=1e-12)
 
 

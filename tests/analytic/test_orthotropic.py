@@ -34,7 +34,7 @@ def ply_problem(kind, axes, supports):
 
 def traction(problem, surface, direction):
     """Return the nodal forces of a unit traction on a face."""
-    space = problem.model.space
+    space = problem.discretisation.space
     face = space.surface(space.mesh.boundaries[surface])
     return space.along(face.values, direction).T @ face.weights
 
@@ -52,7 +52,7 @@ def test_uniaxial_tension(kind, axes, turned, along):
     problem = ply_problem(kind, axes, SLIDING)
     K = problem.pencil().K
     u = spla.spsolve(K.tocsc(), traction(problem, PULLED[along], np.eye(3)[along]))
-    strain = problem.model.space.expand(u).max(axis=0) + problem.model.space.expand(u).min(axis=0)
+    strain = problem.discretisation.space.expand(u).max(axis=0) + problem.discretisation.space.expand(u).min(axis=0)
     S = np.zeros((3, 3))
     S[np.ix_(turned, turned)] = COMPLIANCE
     np.testing.assert_allclose(strain / SIZE, S[:, along], rtol=1e-9)
@@ -62,7 +62,7 @@ def test_uniaxial_tension(kind, axes, turned, along):
 def test_shear_moduli(plane, modulus):
     """The energy of a simple shear u_i = γ x_j is V G_ij γ²/2."""
     problem = ply_problem("hex1", None, [])
-    x = problem.model.space.coordinates
+    x = problem.discretisation.space.coordinates
     u = np.zeros_like(x)
     u[:, plane[0]] = x[:, plane[1]]
     assert u.ravel() @ (term(problem, "elastic") @ u.ravel()) == pytest.approx(SIZE.prod() * modulus, rel=1e-12)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.errors import SceneError
 from meshes import BELT, annulus, box, make_problem, modes_of, rigid_motions
 
@@ -24,13 +25,13 @@ def test_uniform_pressure_goes_through_a_block():
         supports=[{"surface": "left", "fixed": "x"}, {"surface": "front", "fixed": "y"}],
         effects={"preload": {"pressures": {"top": P}}},
     )  # fmt: skip
-    base = problem.model.base
-    np.testing.assert_allclose(base.contacts["belt"].pressure, P, rtol=1e-10)
-    top = problem.model.space.coordinates[:, 2] > 0.5 - 1e-9
-    u = problem.model.space.expand(base.u)
+    state = problem.discretisation.static_state
+    np.testing.assert_allclose(state.contacts["belt"].pressure, P, rtol=1e-10)
+    top = problem.discretisation.space.coordinates[:, 2] > 0.5 - 1e-9
+    u = problem.discretisation.space.expand(state.u)
     np.testing.assert_allclose(u[top, 2], -(P / 10.0 + P * 0.5 / 50.0), rtol=1e-10)
-    assert base.contacts["belt"].normal_force == pytest.approx(P)
-    np.testing.assert_allclose(base.contacts["belt"].force, [0, 0, P], atol=1e-12)
+    assert state.contacts["belt"].normal_force == pytest.approx(P)
+    np.testing.assert_allclose(state.contacts["belt"].force, [0, 0, P], atol=1e-12)
 
 
 @pytest.mark.parametrize("speed", [3.0, -3.0])
@@ -47,7 +48,7 @@ def test_braking_torque_of_a_ring_pad(speed):
         supports=[{"surface": "top", "fixed": "xy"}],
         effects={"friction": {"mu": mu}, "preload": {"pressures": {"top": P}}},
     )  # fmt: skip
-    state = problem.model.base.contacts["disc"]
+    state = problem.discretisation.static_state.contacts["disc"]
     area = np.pi * (r2**2 - r1**2)
     assert state.normal_force == pytest.approx(P * area, rel=2e-5)  # the mesh follows the circle to 1e-5
     # The torque that the contact puts on the pad about the axis along its rotation.
@@ -78,7 +79,7 @@ def tipping(mu=0.0, load=(0.0, 0.2), height=0.0, cells=40):
 
 def contact_length(problem):
     """Return the length of the closed part along x and the largest pressure."""
-    state, points = problem.model.base.contacts["belt"], problem.model.contacts["belt"]
+    state, points = problem.discretisation.static_state.contacts["belt"], problem.discretisation.contacts["belt"]
     return points.weights[state.closed].sum() / 0.2, state.pressure.max(), points.points[state.closed, 0]
 
 
@@ -89,7 +90,8 @@ def test_a_block_under_an_eccentric_load_lifts_off():
     force, e = P * 0.2 * 0.2, 0.4
     assert length == pytest.approx(3 * (0.5 - e), abs=1 / 40)  # to one cell
     assert peak == pytest.approx(2 * force / (3 * (0.5 - e) * 0.2), rel=0.05)
-    assert x.max() < 0.3 + 1 / 40 and problem.model.base.contacts["belt"].normal_force == pytest.approx(force, rel=1e-6)
+    assert x.max() < 0.3 + 1 / 40
+    assert problem.discretisation.static_state.contacts["belt"].normal_force == pytest.approx(force, rel=1e-6)
 
 
 def test_friction_tips_a_block_on_its_stop():
@@ -103,7 +105,7 @@ def test_friction_tips_a_block_on_its_stop():
     # The force of the stop acts at the centroid of its facets, at height 0.35.
     assert length == pytest.approx(3 * (0.5 - mu * height), abs=1.5 / 40)
     assert x.min() < 0.02 and x.max() < 0.5
-    state = problem.model.base.contacts["belt"]
+    state = problem.discretisation.static_state.contacts["belt"]
     np.testing.assert_allclose(state.force, [mu * P * 0.2, 0, P * 0.2], rtol=1e-6, atol=1e-9)
 
 
@@ -119,14 +121,15 @@ def test_friction_and_contact_stiffness_live_on_the_closed_part():
     assert float(x @ (friction.matrix @ z)) == pytest.approx(closed, rel=1e-9)
 
 
-def test_the_base_state_follows_mu_unless_it_is_fixed():
+def test_the_static_state_follows_mu_unless_it_is_fixed():
     """More friction tips the block more; with a stated mu the state, and so the stiffness, stays."""
     swept = tipping(0.2, load=(0.0, 1.0), height=0.35)
     lengths = [contact_length(swept.at(mu=mu))[0] for mu in (0.2, 0.8, 1.0)]
     assert lengths[0] == pytest.approx(1.0) and lengths[1] > lengths[2]
     assert not swept.is_affine("mu")
     again = swept.at(mu=1.0).at(mu=0.2)
-    np.testing.assert_allclose(again.model.base.u, swept.model.base.u, rtol=1e-9, atol=1e-12)
+    found, first = (p.discretisation.static_state.u for p in (again, swept))
+    np.testing.assert_allclose(found, first, rtol=1e-9, atol=1e-12)
 
 
 def test_a_long_beam_on_a_foundation_that_does_not_pull():
@@ -148,7 +151,7 @@ def test_a_long_beam_on_a_foundation_that_does_not_pull():
         supports=[{"surface": "left", "fixed": "x"}, {"surface": "front", "fixed": "y"}],
         effects={"preload": {"pressures": {"patch": 1.0}}},
     )  # fmt: skip
-    state, c = problem.model.base.contacts["belt"], problem.model.contacts["belt"]
+    state, c = problem.discretisation.static_state.contacts["belt"], problem.discretisation.contacts["belt"]
     assert length > 2 * np.pi / (2 * beta)  # the beam goes on, and stands off
     touching = c.weights[state.closed].sum() / width
     assert touching == pytest.approx(np.pi / (2 * beta), rel=0.02)
@@ -165,10 +168,10 @@ def test_contact_that_may_pull_stays_closed():
     problem = tipping()
     scene = problem.source.scene
     linear = make_linear(scene, problem)
-    state, points = linear.model.base.contacts["belt"], linear.model.contacts["belt"].points
+    state, points = linear.discretisation.static_state.contacts["belt"], linear.discretisation.contacts["belt"].points
     x = points[:, 0] - 0.5
     np.testing.assert_allclose(state.pressure, 0.2 * P * (1 - 12 * 0.4 * x), atol=1e-3 * P)
-    assert state.closed.all() and any("pulls" in w for w in linear.model.warnings)
+    assert state.closed.all() and any("pulls" in w for w in linear.discretisation.warnings)
 
 
 def make_linear(scene, problem):

@@ -12,11 +12,12 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
 from fe_squeal.eigen.pencil import Pencil
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.fem import gyroscopics
 from fe_squeal.fem.element_matrices import assemble_elasticity
 from fe_squeal.fem.materials import Material, stiffness_tensor
-from fe_squeal.fem.motion import Sliding
+from fe_squeal.fem.motion import SteadyMotion
 from fe_squeal.fem.spaces import make_space
 from meshes import KINDS, STEEL, annulus, mapped, rotation
 
@@ -54,7 +55,7 @@ def ring():
 
 
 def about_z(speed, centre=(0.0, 0.0, 0.0)):
-    return Sliding(np.array([0.0, 0.0, speed]), np.array(centre))
+    return SteadyMotion(np.array([0.0, 0.0, speed]), np.array(centre))
 
 
 def radial(x):
@@ -82,7 +83,7 @@ def solve(body, count, K=None, C=None):
 def test_gyroscopic_matrix_is_skew_and_convected_stiffness_symmetric(kind):
     turning = rotation()
     mesh = mapped(annulus(kind, (1, 8, 1), INNER, OUTER, THICKNESS), lambda x: turning @ x + 0.3)
-    motion = Sliding(40.0 * turning[:, 2], np.full(3, 0.3))
+    motion = SteadyMotion(40.0 * turning[:, 2], np.full(3, 0.3))
     it = Body(mesh, int(kind[-1]))
     G, K = it.gyroscopic(motion)
     B_K, B_M = it.circulatory(motion)

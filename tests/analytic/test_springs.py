@@ -90,7 +90,7 @@ def test_inclined_spring_between_two_blocks():
     d = np.array([1, 2, 3]) / np.sqrt(14)
     T = rigid_motions(problem)[:, :3]
     assert np.abs(K @ T).max() < 1e-12 * STIFFNESS
-    only_upper = T * np.repeat(problem.model.space.coordinates[:, 2] > 0.01, 3)[:, None]
+    only_upper = T * np.repeat(problem.discretisation.space.coordinates[:, 2] > 0.01, 3)[:, None]
     np.testing.assert_allclose(only_upper.T @ K @ only_upper, STIFFNESS * np.outer(d, d), atol=1e-12 * STIFFNESS)
     assert np.linalg.matrix_rank(K) == 1
 

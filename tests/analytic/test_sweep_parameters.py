@@ -72,7 +72,7 @@ def test_problem_at_a_value_is_the_one_assembled_there(path, low, high):
     """Recombined or made anew, the matrices are those of a scene that was written with the value."""
     problem = assembled()
     for value in (low, high):
-        moved = problem.pencil(**{path: value})
+        moved = problem.pencil({path: value})
         written = Assembly(problem.source.scene, mesh()).problem(dict.fromkeys(path.split(", "), value)).pencil()
         for name in ("M", "C", "K"):
             a, b = getattr(moved, name), getattr(written, name)
@@ -99,11 +99,11 @@ def test_sensitivity_is_the_slope_of_the_eigenvalue(path, low, high):
 def test_only_what_depends_on_a_number_is_made_anew():
     """At another Poisson's ratio mass and elastic stiffness are new; springs and contact are the same objects."""
     problem = assembled.__wrapped__()  # with nothing of other numbers that would be kept instead
-    other = problem.at(**{"materials.lining.poisson_ratio": 0.3})
+    other = problem.at({"materials.lining.poisson_ratio": 0.3})
     same = {t.name: t.matrix is o.matrix for t, o in zip(problem.terms, other.terms, strict=True)}
     assert same["spring.guide"] and same["contact.belt"] and same["friction.belt"]
     assert not same["elastic.block"]
-    faster = problem.at(**{"contacts.belt.sliding.speed": 3.0})
+    faster = problem.at({"contacts.belt.sliding.speed": 3.0})
     same = {t.name: t.matrix is o.matrix for t, o in zip(problem.terms, faster.terms, strict=True)}
     assert not same.pop("friction_damping.belt") and all(same.values())
 
@@ -111,8 +111,8 @@ def test_only_what_depends_on_a_number_is_made_anew():
 def test_changes_add_up():
     """A number made anew stays when another one is recombined afterwards, and the other way round."""
     problem = assembled()
-    a = problem.at(**{"materials.lining.poisson_ratio": 0.3}).at(mu=0.1)
-    b = problem.at(mu=0.1).at(**{"materials.lining.poisson_ratio": 0.3})
+    a = problem.at({"materials.lining.poisson_ratio": 0.3}).at(mu=0.1)
+    b = problem.at(mu=0.1).at({"materials.lining.poisson_ratio": 0.3})
     assert abs(a.pencil().K - b.pencil().K).max() <= 1e-14 * abs(a.pencil().K).max()
     assert a.value("mu") == b.value("mu") == 0.1
 

@@ -59,13 +59,13 @@ def press(pad_cells, belt_cells):
     faces = {"surface": "bottom_pad", "counterface": "top_belt"}
     contact = {**faces, "normal_stiffness": STIFFNESS, "kind": "frictionless"}
     problem = make_problem(join(pad, belt), supports=supports, contacts=[contact])
-    space, pressure = problem.model.space, 1e6
+    space, pressure = problem.discretisation.space, 1e6
     top = space.surface(space.mesh.boundaries["top_pad"])
     f = space.along(top.values, [0.0, 0.0, -1.0]).T @ top.weights * pressure
     u = space.expand(factorize(problem.pencil().K, symmetric=True).solve(f))
     E, nu = STEEL["youngs_modulus"], STEEL["poisson_ratio"]
     x, closing = space.coordinates, pressure / STIFFNESS
-    above = np.isin(np.arange(space.nodes), space.dofs.element_dofs[:, problem.model.bodies["pad"]])
+    above = np.isin(np.arange(space.nodes), space.dofs.element_dofs[:, problem.discretisation.bodies["pad"]])
     expected = np.stack([nu * x[:, 0], nu * x[:, 1], -(x[:, 2] + 0.03)], axis=1) * pressure / E
     expected[above, 2] -= closing
     return np.abs(u - expected).max() / closing
@@ -128,7 +128,7 @@ def test_curved_disc_face():
                 supports=[{"surface": "hub", "fixed": "xyz"}, {"surface": "rim_pad", "fixed": "xy"}],
             )  # fmt: skip
             spectra.append(frequencies(problem, 8, mu=0.0))
-            missing.append(1 - problem.model.contacts["contact_1"].area / (np.pi * (0.12**2 - 0.08**2)))
+            missing.append(1 - problem.discretisation.contacts["contact_1"].area / (np.pi * (0.12**2 - 0.08**2)))
         differences.append(np.abs(spectra[1] / spectra[0] - 1).max())
     assert differences[1] < 0.5 * differences[0]
     assert differences[1] < 2e-3

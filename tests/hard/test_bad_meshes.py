@@ -15,7 +15,8 @@ import skfem
 from hard_cases import digits, judged, plain_eigs
 
 import fe_squeal
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from meshes import STEEL, box, make_problem, modes_of
 
 LENGTH, WIDTH = 1.0, 0.1
@@ -24,7 +25,7 @@ CLAMPED = [{"surface": "left", "fixed": "xyz"}]
 
 
 def shapes_doubted(problem) -> list[str]:
-    return [w for w in problem.model.warnings if "regular shape" in w]
+    return [w for w in problem.discretisation.warnings if "regular shape" in w]
 
 
 @pytest.mark.parametrize("aspect", [1, 10, 100, 1000])

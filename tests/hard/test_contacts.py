@@ -52,15 +52,15 @@ def test_corner_alone_touches(record, overlap):
         assert overlap < 0.05 and "do not touch" in str(error)
         record(15, "a strip thinner than the quadrature sees is refused")
         return
-    (operators,) = problem.model.contacts.values()
+    (operators,) = problem.discretisation.contacts.values()
     x = operators.points[:, 0]
     assert (x >= 0.06 - width - 1e-9).all() and (x <= 0.06 + 1e-9).all()
     assert operators.area == pytest.approx(width * 0.06, rel=0.5)  # by points 4 mm apart
-    assert any("lies on its counterface" in w for w in problem.model.warnings) == (operators.coverage < 0.5)
+    assert any("lies on its counterface" in w for w in problem.discretisation.warnings) == (operators.coverage < 0.5)
     R = rigid_motions(problem)
     # The belt is held; the motions of the whole lift the pad alone, and rigid motions of both leave no gap there.
     up = R[:, 2].copy()
-    on_pad = problem.model.space.coordinates[problem.model.space.free // 3, 2] > 1e-9
+    on_pad = problem.discretisation.space.coordinates[problem.discretisation.space.free // 3, 2] > 1e-9
     up[~on_pad] = 0.0
     assert np.isfinite(problem.pencil(mu=0.3).K.data).all() and on_pad.any()
     modes = modes_of(problem, 6, mu=0.3)
@@ -80,7 +80,7 @@ def test_gap_closed_within_its_tolerance(record, lift):
     pad, belt = blocks(lift=lift)
     reference = touching()
     problem = pair(pad, belt)
-    (operators,) = problem.model.contacts.values()
+    (operators,) = problem.discretisation.contacts.values()
     assert operators.coverage == pytest.approx(1.0)
     np.testing.assert_allclose(operators.separation, lift, atol=1e-15)
     for name in ("contact", "friction"):
@@ -95,7 +95,7 @@ def test_gap_beyond_its_tolerance_is_refused():
     """2 % of the facet and more: no guess, but the gap and the key that closes it."""
     with pytest.raises(SceneError, match="gap_tolerance"):
         pair(*blocks(lift=2e-3))
-    assert pair(*blocks(lift=2e-3), gap_tolerance=3e-3).model.contacts["face"].coverage == pytest.approx(1.0)
+    assert pair(*blocks(lift=2e-3), gap_tolerance=3e-3).discretisation.contacts["face"].coverage == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(("pad_cells", "belt_cells"), [(1, 10), (10, 1)])
@@ -109,7 +109,7 @@ def test_interface_meshes_ten_to_one(record, pad_cells, belt_cells):
         join(pad, belt), **MATERIALS, **TWO, effects={"friction": {"mu": 0.3}},
         contacts=[{"surface": "bottom_pad", "counterface": "top_belt", "normal_stiffness": K_N, "sliding": BELT}],
     )  # fmt: skip
-    (operators,) = problem.model.contacts.values()
+    (operators,) = problem.discretisation.contacts.values()
     R = rigid_motions(problem)
     assert operators.area == pytest.approx(0.06**2, rel=1e-12)
     assert np.abs(operators.gap @ R).max() <= 1e-12 and np.abs(operators.slip @ R).max() <= 1e-12
@@ -130,7 +130,7 @@ def test_axis_of_the_disc_under_the_pad(record):
     contact = {"surface": "bottom_pad", "counterface": "rigid", "normal_stiffness": K_N,
                "sliding": {"axis": [0, 0, 1], "centre": [0, 0, 0], "speed": 10.0}}  # fmt: skip
     problem = make_problem(pad, materials={"lining": LINING}, contacts=[contact], effects={"friction": {"mu": 0.5}})
-    (operators,) = problem.model.contacts.values()
+    (operators,) = problem.discretisation.contacts.values()
     t = operators.directions
     assert np.isfinite(t).all() and np.isfinite(problem.pencil(mu=0.5).K.data).all()
     resultant = operators.weights @ t
@@ -141,7 +141,7 @@ def test_axis_of_the_disc_under_the_pad(record):
     assert torque == pytest.approx(exact, rel=1e-3)
     odd = box("hex2", (3, 3, 1), (0.04, 0.04, 0.01), (-0.02, -0.02, 0.0), name="pad")  # a quadrature point on the axis
     other = make_problem(odd, materials={"lining": LINING}, contacts=[contact], effects={"friction": {"mu": 0.5}})
-    (at_axis,) = other.model.contacts.values()
+    (at_axis,) = other.discretisation.contacts.values()
     assert np.linalg.norm(at_axis.points[:, :2], axis=1).min() < 1e-12
     assert np.isfinite(other.pencil(mu=0.5).K.data).all()
     modes = modes_of(other, 8, mu=0.5)
@@ -163,7 +163,7 @@ def test_pad_overhangs_the_edge_of_the_disc(record, kind):
         springs=[{"name": n, "surface": "top_pad", "direction": list(e), "stiffness": 1e8}
                  for n, e in zip("xyz", np.eye(3), strict=True)],
     )  # fmt: skip
-    (operators,) = problem.model.contacts.values()
+    (operators,) = problem.discretisation.contacts.values()
     r = np.linalg.norm(operators.points[:, :2], axis=1)
     assert r.max() <= 0.15 + 1e-6 and np.abs(operators.points[:, 2] - 0.02).max() < 1e-12
     # The square's part inside the circle: ∫ (√(R² − y²) − 0.11) dy.

@@ -18,7 +18,8 @@ from hard_cases import SMALL, brake, digits
 
 import fe_squeal
 from fe_squeal.eigen import shift_invert
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from meshes import renumbered
 
 ROOT = Path(__file__).parents[2]
@@ -60,7 +61,8 @@ SCRIPT = """
 import json, sys
 sys.path.insert(0, {tests!r})
 from hard_cases import brake
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 modes = solve_modes(brake().pencil(mu={mu}), Request(count=12))
 print(json.dumps([modes.lam.real.tolist(), modes.lam.imag.tolist(), modes.re_uncertainty.tolist(),
                   modes.stability.tolist()]))

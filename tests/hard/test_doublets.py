@@ -10,7 +10,8 @@ import scipy.linalg as la
 from hard_cases import digits, judged, plain_eigs, through_files
 
 import fe_squeal
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from meshes import annulus, join, make_problem
 
 HELD = [{"surface": "hub", "fixed": "xyz"}]
@@ -62,12 +63,12 @@ def test_slightly_split_doublets(tmp_path, record, through, split):
     values = unit * np.linspace(0.0, 1.0, 6)
     result = fe_squeal.sweep(problem, values, at, modes=8, keep_shapes=True)
     assert not result.doubts and not result.onsets
-    pencil = problem.pencil(**{at: values[-1]})
+    pencil = problem.pencil({at: values[-1]})
     theta = la.eigh(pencil.K.toarray(), pencil.M.toarray(), eigvals_only=True, subset_by_index=[0, 9])
     last = result.points[-1]
     exact = 1j * np.sqrt(theta[: len(last.modes)])
     np.testing.assert_allclose(last.modes.lam, exact, rtol=1e-9)
-    first = solve_modes(problem.pencil(**{at: 0.0}), Request(count=8))
+    first = solve_modes(problem.pencil({at: 0.0}), Request(count=8))
     # The plane of a pair at the end is that of the same two branches at the start, and nothing of the others.
     for i in np.flatnonzero(np.diff(first.lam.imag) < 1e-8 * first.lam.imag[1:]):
         branches = result.points[0].branches[[i, i + 1]]

@@ -17,7 +17,8 @@ from matrix_scenes import PULL, SITE, B
 import fe_squeal
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.pencil import Modes, Pencil
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from lumped import Minimal
 
 EPS = np.finfo(float).eps

@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
+from dense import all_eigenvalues, companion
 from selection import crossed
 
 from fe_squeal.eigen import kernel, shift_invert
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.free_modes import split_off
 from fe_squeal.eigen.pencil import FreeMotions, Pencil
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 
 ALPHA, BETA, ETA = 0.02, 0.01, 0.05
 CHAINS = 3
@@ -69,11 +71,9 @@ def pencil_of(kind, stiffness, n):
 
 def all_of(pencil):
     """Return all eigenvalues of the linearisation; those that are zero are lost in the root of rounding."""
-    n = pencil.n
-    L = np.sqrt(pencil.M.diagonal())
-    C = np.zeros((n, n)) if pencil.C is None else pencil.C.toarray()
-    K, C = (A / L[:, None] / L for A in (pencil.K.toarray(), C))
-    return la.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]]))
+    L = sp.diags_array(1 / np.sqrt(pencil.M.diagonal()))
+    K, C = (None if A is None else L @ A @ L for A in (pencil.K, pencil.C))
+    return all_eigenvalues(np.eye(pencil.n), C, K)
 
 
 @pytest.mark.parametrize(
@@ -113,12 +113,11 @@ def test_zeros_are_as_many_as_free_motions(monkeypatch, n, kind, stiffness):
 def test_split_off_states_are_invariant_and_complete(kind, stiffness):
     """A maps the states that are split off into themselves, from either side; what is left is regular at zero."""
     pencil = pencil_of(kind, stiffness, 12)
-    n = pencil.n
     K, C, M = (A.toarray() for A in (pencil.K, pencil.C, pencil.M))
     free = split_off(pencil)
     size = la.norm(K, 2)
     for (u, v), (k, c) in ((free.states, (K, C)), (free.adjoint_states, (K.conj().T, C.T))):
-        A = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, k), -la.solve(M, c)]])
+        A = companion(M, c, k)
         S = la.qr(np.vstack([u, v]), mode="economic")[0]
         AS = A @ S
         assert la.norm(AS - S @ (S.conj().T @ AS)) <= 1e-12 * size

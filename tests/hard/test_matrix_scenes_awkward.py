@@ -10,8 +10,10 @@ from matrix_scenes import CROWD, KINDS, assert_near, check, run, sites, terms_of
 from selection import crossed, some
 
 from fe_squeal.eigen.dense import DENSE_LIMIT
+from fe_squeal.eigen.inertia import count_below
 from fe_squeal.eigen.pencil import Pencil
-from fe_squeal.eigen.solve import Request, count_below, prove_completeness, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import prove_completeness, solve_modes
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+from dense import all_eigenvalues
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import fe_squeal
 from fe_squeal.eigen.pencil import Pencil
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.errors import NotConvergedError, SquealError
 from meshes import box, join, make_problem
 
@@ -50,12 +52,9 @@ def pencils(draw):
 
 
 def all_of(M, C, K):
-    """Return all λ by LAPACK's QZ-free linearisation, in units of √(k/m)."""
-    M, K = M.toarray(), K.toarray()
-    n, unit = len(M), np.sqrt(np.abs(K).max() / np.abs(M).max())
-    C = np.zeros_like(M) if C is None else C.toarray()
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K) / unit**2, -la.solve(M, C) / unit]])
-    return unit, unit * la.eigvals(A)
+    """Return the unit √(k/m) and all λ."""
+    unit = np.sqrt(abs(K).max() / abs(M).max())
+    return unit, all_eigenvalues(M, C, K, unit)
 
 
 @SETTINGS
@@ -147,21 +146,19 @@ def scenes(draw):
     }  # fmt: skip
 
 
-@FEW
-@given(scenes())
-def test_random_scenes(tables):
-    """From the scene to the table of modes, over three values of μ: either an answer whose errors and shares are right
-    or one of the program's own errors, never another."""
+def solved(tables):
+    """Solve a scene over two values of μ: either an answer whose errors and shares are right, or one of the program's
+    own errors, never another; return whether there is an answer."""
     tables = dict(tables)
     try:
         problem = make_problem(tables.pop("mesh"), **tables)
         result = fe_squeal.sweep(problem, [0.0, 0.6], modes=5)
     except NotConvergedError as error:
         assert str(error)
-        return
+        return False
     except SquealError as error:
         assert "preload" in str(error)  # nothing else of these scenes is bad input
-        return
+        return False
     damped = problem.is_damped
     for point in result.points:
         modes = point.modes
@@ -175,3 +172,18 @@ def test_random_scenes(tables):
             assert abs(sum(shares) - modes.lam[i].real) <= 1e-6 * np.abs(modes.lam[i]) + modes.re_uncertainty[i]
     frame = result.to_dataframe()
     assert len(frame) == sum(len(p.modes) for p in result.points) and not frame["re"].isna().any()
+    return True
+
+
+def test_random_scenes():
+    """From the scene to the table of modes. Of 150 drawn by chance all were solved: more than one in ten without an
+    answer is a mistake."""
+    answers = []
+
+    @FEW
+    @given(scenes())
+    def each(tables):
+        answers.append(solved(tables))
+
+    each()
+    assert len(answers) >= 10 and np.mean(answers) >= 0.9

@@ -15,7 +15,9 @@ from selection import crossed
 import fe_squeal
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.pencil import Pencil
-from fe_squeal.eigen.solve import _BELOW, Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.shift import BELOW
+from fe_squeal.eigen.solve import solve_modes
 from meshes import BELT, box, join, make_problem, modes_of, rigid_motions
 
 SIDES = (0.08, 0.04, 0.02)
@@ -170,7 +172,7 @@ def test_shift_on_an_eigenvalue(record, kind, away):
     the place where the program itself puts its shift, and nearly there."""
     band, n = 16.0, DENSE_LIMIT + 50
     theta = np.arange(1.0, n + 1)
-    sigma = -((_BELOW * band) ** 2) if kind != "dashpots" else -((band / 2) ** 2)
+    sigma = -((BELOW * band) ** 2) if kind != "dashpots" else -((band / 2) ** 2)
     theta[0] = sigma * (1 + away)
     C = None
     if kind == "dashpots":  # λ = band/2 of λ² + cλ + θ₀, and the others swing

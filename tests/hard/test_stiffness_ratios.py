@@ -18,7 +18,8 @@ from hard_cases import LINING, brake, digits, judged, matrices, plain_eigs
 import fe_squeal
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.pencil import Pencil
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from meshes import STEEL, box, join, make_problem, modes_of
 
 N, M_ = (3, 3, 1), (3, 3, 2)
@@ -199,7 +200,7 @@ def test_whole_scene_in_other_units(record, units):
                      "rayleigh": {"alpha": 20.0 * time, "beta": 1e-8 / time}},
         )  # fmt: skip
         modes = modes_of(problem, 8)
-        return modes.lam / time, problem.model.base, modes.stability.tolist()
+        return modes.lam / time, problem.discretisation.static_state, modes.stability.tolist()
 
     (lam, base, verdicts), (plain, reference, expected) = spectrum(*UNITS[units]), spectrum(1.0, 1.0, 1.0)
     assert verdicts == expected

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-TRUST = Path(__file__).parents[1] / "trust.py"
+TRUST = Path(__file__).parents[2] / "benchmarks" / "trust.py"
 
 
 @pytest.mark.slow

@@ -19,13 +19,13 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 def waves_around(result, point, mode):
     """Return the number of waves of a shape's motion along z around the rim of the disc (its upper edge)."""
-    model = result.problem.model
-    u = model.space.expand(point.shapes[mode])
-    disc = np.unique(model.space.dofs.element_dofs[:, model.bodies["disc"]])
-    x = model.space.coordinates[disc]
+    discretisation = result.problem.discretisation
+    u = discretisation.space.expand(point.shapes[mode])
+    disc = np.unique(discretisation.space.dofs.element_dofs[:, discretisation.bodies["disc"]])
+    x = discretisation.space.coordinates[disc]
     radius = np.hypot(x[:, 0], x[:, 1])
     rim = disc[(radius > 0.130 - 1e-6) & (x[:, 2] > 0.006 - 1e-9)]
-    order = np.argsort(np.arctan2(*model.space.coordinates[rim, :2].T[::-1]))
+    order = np.argsort(np.arctan2(*discretisation.space.coordinates[rim, :2].T[::-1]))
     spectrum = np.abs(np.fft.fft(u[rim[order], 2]))
     return int(np.argmax(spectrum[: len(rim) // 2] + spectrum[-np.arange(len(rim) // 2)]))
 

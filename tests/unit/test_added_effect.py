@@ -166,7 +166,7 @@ def test_virtual_work_of_a_rigid_motion(tmp_path: Path) -> None:
     free = BAR.partition("[[supports]]")[0]
     text = free + MASS + '[effects.grounded_dampers]\nsurface = "right"\ndamping = 5.0\n'
     problem = assemble(load_scene(write_scene(tmp_path, text)))
-    u = problem.model.space.gather(np.tile([1.0, 2.0, 3.0], (problem.model.space.nodes, 1)))
+    u = problem.discretisation.space.gather(np.tile([1.0, 2.0, 3.0], (problem.discretisation.space.nodes, 1)))
     size = {t.name: float(u @ t.matrix @ u) * t.coefficient(problem.parameters) for t in problem.terms}
     assert size["added_mass"] == pytest.approx(624.0 * AREA * 14, rel=1e-12)
     assert size["grounded_dampers"] == pytest.approx(5.0 * AREA * 14, rel=1e-12)
@@ -181,7 +181,7 @@ def test_scene_keeps_its_effects_after_they_are_taken_away(tmp_path: Path) -> No
     assert again == scene and again.source == path
     for kept in (scene, again):
         problem = assemble(kept)
-        assert problem.model.warnings == ("effects.added_mass has no effect: mass_per_area is 0",)
+        assert problem.discretisation.warnings == ("effects.added_mass has no effect: mass_per_area is 0",)
         modes = sweep(problem, [312.0], parameter="effects.added_mass.mass_per_area", modes=1).points[0].modes
         assert modes.frequency_hz[0] == pytest.approx(bar_frequency(312.0), rel=1e-4)
     with pytest.raises(SceneError, match=r"effects\.added_mass: unknown key"):

@@ -17,8 +17,9 @@ from fe_squeal.assembly.assembly import assemble
 
 # The largest errors of the coarsest meshes, by the exact frequencies: a mistake in a benchmark moves them.
 COARSEST = {
-    ("block", "hex", 1): 0.105, ("block", "hex", 2): 0.016, ("block", "tet", 1): 0.15, ("block", "tet", 2): 0.018,
-    ("plate", "hex", 1): 0.295, ("plate", "hex", 2): 0.049, ("plate", "tet", 1): 0.85, ("plate", "tet", 2): 0.074,
+    ("block", "hex", 1): 0.10506, ("block", "hex", 2): 0.016021, ("block", "tet", 1): 0.1536,
+    ("block", "tet", 2): 0.01842, ("plate", "hex", 1): 0.29533, ("plate", "hex", 2): 0.048809,
+    ("plate", "tet", 1): 0.8526, ("plate", "tet", 2): 0.07443,
 }  # fmt: skip
 
 
@@ -29,7 +30,8 @@ COARSEST = {
 )  # fmt: skip
 def test_smallest_rung(ladder):
     rung = solve(*ladder, page.LADDERS[ladder][0])
-    assert rung.errors.max() == pytest.approx(COARSEST[ladder], rel=0.25)
+    # Hexahedra are structured, so that digits count; another version of gmsh may place tetrahedra otherwise.
+    assert rung.errors.max() == pytest.approx(COARSEST[ladder], rel=1e-3 if ladder[1] == "hex" else 0.05)
     assert rung.inside >= 7 / 8 and 1.0 <= rung.wide <= 5.0
 
 

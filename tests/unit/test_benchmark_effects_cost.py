@@ -5,7 +5,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from pictures import longest_bar
 
 ROOT = Path(__file__).parents[2]
 sys.path.append(str(ROOT / "benchmarks"))
@@ -85,7 +87,15 @@ def test_page_can_be_read(rows, plain, tmp_path):
     assert page.count("Target: one solve of the quadratic class") == 1
     assert str(ROOT) not in page
     effects_cost.chart(rows, tmp_path / "chart.png")
-    assert (tmp_path / "chart.png").stat().st_size > 10_000
+    # The bar of each class is as long as the seconds of its longest solve.
+    seconds, colours = {}, effects_cost.COLOURS
+    for r in rows:
+        seconds[r.problem_class] = max(float(np.median(r.solve)), seconds.get(r.problem_class, 0.0))
+    lengths = {c: longest_bar(tmp_path / "chart.png", colours[c]) for c in seconds}
+    slowest = max(seconds, key=seconds.__getitem__)
+    assert lengths[slowest] > 50
+    for c in seconds:
+        assert lengths[c] / lengths[slowest] == pytest.approx(seconds[c] / seconds[slowest], abs=0.1), c
 
 
 def test_committed_page_has_every_effect():

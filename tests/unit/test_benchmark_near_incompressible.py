@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pictures import of_colour
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import near_incompressible as benchmark
@@ -41,7 +42,13 @@ def test_table_chart_and_page(rows, tmp_path):
     assert len(lines) == 2 + 8 and {line.count("|") for line in lines} == {8}
     assert lines[2].startswith("| hexahedra | 1 | standard | ") and lines[2].rstrip(" |").rpartition(" × ")[1]
     benchmark.chart({"walls": rows}, RATIOS, tmp_path / "chart.png")
-    assert (tmp_path / "chart.png").stat().st_size > 10_000
+    # Errors fall along the vertical axis: the lines of linear elements lie above those of quadratic ones.
+    heights = {}
+    for colour in ("#e08a1e", "#b3341f", "#5aa4d6", "#1f4e8c"):
+        drawn = of_colour(tmp_path / "chart.png", colour)[: int(0.8 * 550)]  # without the legend
+        assert np.count_nonzero(drawn) > 100, colour
+        heights[colour] = np.flatnonzero(drawn.any(axis=1)).max()
+    assert heights["#e08a1e"] < heights["#b3341f"] and heights["#5aa4d6"] < heights["#1f4e8c"]
     text = benchmark.page(rows, rows, RATIOS, {1: (4, 4, 4), 2: (2, 2, 2)}, 1e-3)
     assert 'formulation = "mixed"' in text and text.count("| tetrahedra | 2 | mixed |") == 2
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from pictures import longest_bar
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import performance
@@ -42,7 +44,10 @@ def test_table_and_chart(monkeypatch, tmp_path, own):
     assert {len(line.strip("|").split("|")) for line in lines} == {8}
     assert f"| {own['unknowns']} | 9 | ARPACK + PARDISO | 9.0 |" in lines[4]
     sweep_cost.draw(rows, tmp_path / "chart.png")
-    assert (tmp_path / "chart.png").stat().st_size > 5000
+    ways = {"#1b6ca8": own["seconds"], "#b5b5b5": 9.0}  # the longest bar of each, on a logarithmic axis from 1 s
+    lengths = {colour: longest_bar(tmp_path / "chart.png", colour) for colour in ways}
+    found, expected = lengths["#1b6ca8"] / lengths["#b5b5b5"], np.log(own["seconds"]) / np.log(9.0)
+    assert lengths["#b5b5b5"] > 50 and found == pytest.approx(expected, abs=0.05)
 
 
 @pytest.mark.slow

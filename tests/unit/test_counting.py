@@ -7,7 +7,8 @@ from selection import some
 
 from fe_squeal import sweep
 from fe_squeal.eigen.dense import DENSE_LIMIT
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.errors import NotConvergedError
 from fe_squeal.sweep import running
 from fe_squeal.sweep.counting import count_apart

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import re
+import shutil
+import subprocess
 from pathlib import Path
 
+import pytest
+
+import fe_squeal.report.export
 from fe_squeal.scene.reference import reference
 
 ROOT = Path(__file__).parents[2]
@@ -16,3 +22,44 @@ def test_scene_reference_is_the_one_the_command_makes() -> None:
 def test_readme_shows_the_example() -> None:
     shown = (ROOT / "README.md").read_text(encoding="utf-8").partition("```toml\n")[2].partition("```\n")[0]
     assert shown == (ROOT / "examples/pad_on_belt.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_python_of_the_readme_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The onset of the example, that of the stiffer one, and the files; pictures are left out."""
+    monkeypatch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)
+    for folder in ("examples", "meshes"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    monkeypatch.chdir(tmp_path)
+    section = (ROOT / "README.md").read_text(encoding="utf-8").partition("## The same in Python\n")[2]
+    exec(section.partition("```python\n")[2].partition("```")[0], {})
+    said = capsys.readouterr().out
+    first, second = re.findall(r"at mu = ([\d.]+)|\bvalue=([\d.]+)", said)
+    assert float(first[0]) == pytest.approx(0.27107574, rel=1e-6)
+    assert float(second[1]) > 1.01 * float(first[0])
+    assert list((tmp_path / "pad_on_belt_results/shapes").glob("*.vtu"))
+
+
+MADE = sorted(p.stem for p in (ROOT / "docs").glob("*.md") if p.stem != "architecture")
+
+
+@pytest.mark.parametrize("page", MADE)
+def test_every_page_is_made_by_a_target(page: str) -> None:
+    """`make docs/PAGE.md`, and what it runs is there and writes that page."""
+    done = subprocess.run(
+        ["make", "-n", f"docs/{page}.md"], cwd=ROOT, capture_output=True, encoding="utf-8", check=True
+    )
+    found = re.search(r"python (?:-m )?(\S+)", done.stdout.splitlines()[-1])
+    assert found is not None, done.stdout
+    script = ROOT / (found[1] if found[1].endswith(".py") else found[1].replace(".", "/") + ".py")
+    assert page in script.stem or f"{page}.md" in script.read_text(encoding="utf-8") + done.stdout
+
+
+def test_every_picture_is_shown() -> None:
+    """Nothing is left over of pages that were."""
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    text = "".join(page.read_text(encoding="utf-8") for page in pages)
+    pictures = list((ROOT / "docs").rglob("*.png"))
+    assert pictures and all(f"{p.parent.name}/{p.name}" in text for p in pictures)

@@ -7,10 +7,12 @@ import scipy.sparse as sp
 from pencils import N, chain, distance, reference
 
 from fe_squeal.eigen.dense import solve_dense
+from fe_squeal.eigen.inertia import count_below
 from fe_squeal.eigen.linear import choice
 from fe_squeal.eigen.linear.choice import factorize, factorize_complex
 from fe_squeal.eigen.pencil import Pencil
-from fe_squeal.eigen.solve import Request, count_below, prove_completeness, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import prove_completeness, solve_modes
 from fe_squeal.errors import NotConvergedError
 
 

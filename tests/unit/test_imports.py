@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import pydoc
 import subprocess
 import sys
 from importlib.resources import files
 
 import pytest
+
+import fe_squeal
 
 PLOTTING, TABLES, MESHING = ("matplotlib", "pyvista", "vtk"), ("pandas",), ("gmsh", "meshio", "h5py", "skfem")
 SOLVING = ("scipy", "pypardiso", "psutil", "pydantic")
@@ -43,11 +46,23 @@ def test_names_are_there_and_sweep_is_the_function():
     """Also where rooms were imported before: one of them is called like the function."""
     import fe_squeal.sweep.result
 
-    assert all(getattr(fe_squeal, name) is not None for name in fe_squeal.__all__)
-    assert callable(fe_squeal.sweep) and set(fe_squeal.__all__) <= set(dir(fe_squeal))
+    errors = ("InputError", "MeshError", "NotConvergedError", "OutputError", "SceneError")
+    names = {*fe_squeal.__all__, *errors, "LoadedMesh", "Scene", "__version__"}
+    assert all(getattr(fe_squeal, name) is not None for name in names)
+    assert callable(fe_squeal.sweep) and names <= set(dir(fe_squeal))
     with pytest.raises(AttributeError, match="has no attribute 'swep'"):
         fe_squeal.swep  # noqa: B018
 
 
 def test_types_are_published():
     assert files("fe_squeal").joinpath("py.typed").is_file() and files("lumped").joinpath("py.typed").is_file()
+
+
+def test_help_begins_with_what_a_user_needs():
+    """Every name that it documents stands on its first page, in a sentence or in the example, which doctest runs."""
+    shown = pydoc.plain(pydoc.render_doc(fe_squeal))
+    first, _, rest = shown.partition("PACKAGE CONTENTS")
+    assert len(first.splitlines()) < 60 and len(fe_squeal.__all__) <= 12
+    for name in fe_squeal.__all__:
+        assert name in first and (f"class {name}(" in rest or f"    {name}(" in rest), name
+    assert ">>> result = fe_squeal.sweep(" in first and "flutter at mu" in first

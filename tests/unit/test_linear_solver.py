@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.linalg as la
 import scipy.sparse as sp
 from chains import chain
 from scene_texts import SCENE, replaced, write_scene
-from scipy.sparse.linalg import splu
+from toy_solver import Toy
 
 from fe_squeal import assemble, parse_scene, sweep
 from fe_squeal.accuracy import with_discretisation
@@ -21,89 +20,22 @@ from fe_squeal.compare.table import compare_case
 from fe_squeal.eigen.linear import choice
 from fe_squeal.eigen.linear.choice import choose, factorize
 from fe_squeal.eigen.linear.dense import DenseFactor
-from fe_squeal.eigen.linear.factor import SingularError
 from fe_squeal.eigen.linear.pardiso import PardisoFactor
 from fe_squeal.eigen.linear.superlu import SuperLUCholesky, SuperLUFactor
-from fe_squeal.errors import NotConvergedError, SceneError
+from fe_squeal.errors import SceneError
 from fe_squeal.scene.file import load_scene
 from fe_squeal.sweep.forecast import predict_memory
 
 VALUES = np.linspace(0.0, 0.9, 7)
 MODES, N = 8, 450  # more unknowns than go to LAPACK as a whole
-# 405 unknowns, solved directly, and 2295, which "auto" reduces.
-SMALL = replaced("size = 0.02", "size = 0.01", replaced('file = "block.msh"\n', ""))
+# 90 unknowns, all modes by LAPACK; 405, solved directly, and 2295, which "auto" reduces.
+COARSE = replaced('file = "block.msh"\n', "")
+SMALL = replaced("size = 0.02", "size = 0.01", COARSE)
 FINE = replaced("order = 1", "order = 2", SMALL)
 
 
 def asking_for(word: str, text: str = SCENE) -> str:
     return replaced("modes = 8", f'modes = 8\nlinear_solver = "{word}"', text)
-
-
-class ToyFactor:
-    """LU factors of SciPy, which know no inertia."""
-
-    negative_pivots = None
-
-    def __init__(self, A):
-        self._real = not np.iscomplexobj(A)
-        try:
-            self._lu = splu(sp.csc_array(A))
-        except RuntimeError as error:
-            raise SingularError(str(error)) from error
-
-    def solve(self, b):
-        return self._apply(b, "N")
-
-    def solve_transposed(self, b):
-        return self._apply(b, "T")
-
-    def solve_adjoint(self, b):
-        return self._apply(b, "H")
-
-    def _apply(self, b, which):
-        if not self._real:
-            return self._lu.solve(np.asarray(b, complex), which)
-        if np.iscomplexobj(b):
-            return self._lu.solve(b.real, which) + 1j * self._lu.solve(b.imag, which)
-        return self._lu.solve(b, which)
-
-
-class ToyCholesky:
-    """Cholesky factors of LAPACK."""
-
-    def __init__(self, A):
-        try:
-            self._L = la.cholesky(A.toarray(), lower=True)
-        except la.LinAlgError as error:
-            raise NotConvergedError(str(error)) from error
-
-    def solve(self, b):
-        return la.cho_solve((self._L, True), b)
-
-    solve_adjoint = solve
-
-    def half_solve(self, b):
-        return la.solve_triangular(self._L, b, lower=True, trans="T")
-
-
-class Toy:
-    """A third solver, which counts what it factorises."""
-
-    name = "toy"
-
-    def __init__(self):
-        self.plain, self.definite = 0, 0
-
-    def factorize(self, A, symmetric):
-        self.plain += 1
-        return ToyFactor(A)
-
-    def factorize_definite(self, A):
-        self.definite += 1
-        return ToyCholesky(A)
-
-    def memory(self, A, symmetric, definite=False):
-        return 1000 * A.nnz
 
 
 @pytest.fixture
@@ -123,13 +55,13 @@ def no_other(monkeypatch):
 @pytest.mark.parametrize("method", ["direct", "reduced"])
 @pytest.mark.parametrize("effects", [(), ("damper", "slip damping"), ("loss",)], ids=["undamped", "damped", "complex"])
 def test_a_solver_handed_in_goes_through_a_whole_sweep(effects, method, no_other):
-    """Kernel, modes, count, small model and onsets; nothing is known of the motions of these matrices."""
+    """Kernel, modes, count, reduced model and onsets; nothing is known of the motions of these matrices."""
     expected = sweep(chain(*effects, n=N), VALUES, modes=MODES, method=method)
     toy, problem = Toy(), chain(*effects, n=N)
     no_other()
     found = sweep(problem, VALUES, modes=MODES, method=method, linear_solver=toy)
     assert toy.plain > 0
-    assert toy.definite == 1  # of the small model, which a direct sweep makes to count the modes
+    assert toy.definite == 1  # of the reduced model, which a direct sweep makes to count the modes
     if method == "direct":
         assert found.method == "shift-invert ARPACK, toy"
     for a, b in zip(found.points, expected.points, strict=True):
@@ -159,7 +91,7 @@ def test_a_solver_handed_in_estimates_the_error_of_the_mesh(no_other):
     found = with_discretisation(
         sweep(problem, [0.0, 0.3, 0.6], modes=4, method="reduced", linear_solver=toy), linear_solver=toy
     )
-    assert toy.definite >= 2  # the small model, and the coarse problem under the refined one
+    assert toy.definite >= 2  # the reduced model, and the coarse problem under the refined one
     assert all(np.isfinite(point.discretisation).all() for point in found.points)
 
 
@@ -179,7 +111,7 @@ def test_forecast_is_that_of_the_solver_handed_in(no_other):
     problem = chain(n=N)
     no_other()
     told = predict_memory(problem, "mu", 7, MODES, "direct", Toy())
-    A = problem.searched_by(Toy()).pencil()
+    A = problem.solved_with(Toy()).pencil()
     assert told.factors == 1000 * sp.csr_array(A.K + A.M).nnz
 
 
@@ -241,6 +173,40 @@ def test_the_static_state_takes_the_solver_of_the_scene(tmp_path, monkeypatch):
     monkeypatch.setattr(PardisoFactor, "__init__", None)  # fails where it is called
     problem = assemble(load_scene(write_scene(tmp_path, asking_for("superlu", text))))
     assert asked and set(asked) == {problem.unknowns}
+
+
+def preloaded(tmp_path):
+    text = replaced("[effects.friction]", "[effects.preload]\npressures = { top = 1e5 }\n[effects.friction]", COARSE)
+    return load_scene(write_scene(tmp_path, text))
+
+
+def test_a_solver_handed_in_finds_static_states(tmp_path, no_other):
+    """That of the assembly, that at another value, and those of a sweep, which its own solver finds."""
+    scene = preloaded(tmp_path)
+    expected = sweep(assemble(scene), [0.1, 0.3], modes=4)
+    no_other()
+    first, later, last = Toy(), Toy(), Toy()
+    problem = assemble(scene, linear_solver=first)
+    assert first.plain >= 1
+    solved = first.plain
+    moved = problem.solved_with(later).at(mu=0.5)
+    assert later.plain >= 1 and moved.discretisation.static_state.mu == 0.5
+    found = sweep(problem, [0.1, 0.3], modes=4, linear_solver=last)
+    assert first.plain == solved and last.plain > 0
+    for a, b in zip(found.points, expected.points, strict=True):
+        np.testing.assert_allclose(a.modes.lam, b.modes.lam, rtol=1e-7)
+        assert a.pressed == {name: pytest.approx(state, rel=1e-9, nan_ok=True) for name, state in b.pressed.items()}
+        assert a.pressed and all(state["mu"] == a.value for state in a.pressed.values())
+
+
+@pytest.mark.slow
+def test_a_solver_handed_in_finds_static_states_on_the_refined_mesh(tmp_path, no_other):
+    problem, toy = assemble(preloaded(tmp_path)), Toy()
+    expected = with_discretisation(sweep(problem, [0.1, 0.3], modes=4))
+    no_other()
+    found = with_discretisation(sweep(problem, [0.1, 0.3], modes=4, linear_solver=toy), linear_solver=toy)
+    for a, b in zip(found.points, expected.points, strict=True):
+        np.testing.assert_allclose(a.discretisation, b.discretisation, rtol=1e-4, atol=1e-7 * np.abs(b.modes.lam).max())
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from fe_squeal import sweep
 from fe_squeal.eigen import blocks
 from fe_squeal.eigen.block_lanczos import lowest_modes
 from fe_squeal.eigen.blocks import _TALL
-from fe_squeal.eigen.solve import Request
+from fe_squeal.eigen.request import Request
 from fe_squeal.errors import NotConvergedError, SceneError
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term

@@ -53,7 +53,7 @@ def test_a_coarse_field_is_a_fine_one(kind, order):
     supports = [{"surface": "left", "fixed": "xyz"}, {"surface": "top", "fixed": "y"}]
     mesh = from_skfem(box(kind, (2, 2, 1), (1.0, 0.8, 0.5)))
     coarse, fine = (make_problem(m.mesh, order, supports=supports) for m in (mesh, refine(mesh)))
-    E = prolongation(coarse.model.space, fine.model.space)
+    E = prolongation(coarse.discretisation.space, fine.discretisation.space)
     assert E.shape == (fine.unknowns, coarse.unknowns)
     u = np.random.default_rng(3).standard_normal((coarse.unknowns, 4))
     for name in "MK":
@@ -67,9 +67,9 @@ def test_prolongation_on_curved_elements(kind):
     """Positions are fields, too: of coarse nodes prolonged they are those of the fine ones, on curved elements."""
     mesh = from_skfem(bent(kind))
     coarse, fine = (make_problem(m.mesh, 2 if kind.endswith("2") else 1) for m in (mesh, refine(mesh)))
-    E = prolongation(coarse.model.space, fine.model.space)
+    E = prolongation(coarse.discretisation.space, fine.discretisation.space)
     np.testing.assert_allclose(
-        E @ coarse.model.space.coordinates.ravel(), fine.model.space.coordinates.ravel(), atol=1e-12
+        E @ coarse.discretisation.space.coordinates.ravel(), fine.discretisation.space.coordinates.ravel(), atol=1e-12
     )
 
 

@@ -270,7 +270,7 @@ def test_shape_without_nodal_lines(tmp_path, recwarn):
     tilted[:, 2] = 1.0 + grid.points[:, 0]
     draw_shape(grid, tilted, tmp_path / "mode.png", "branch 7")
     assert not [w for w in recwarn if "ValueError" in str(w.message)]
-    assert (tmp_path / "mode.png").stat().st_size > 10_000
+    assert nodal_changes(image.imread(tmp_path / "mode.png")[..., :3]) == 0
 
 
 def test_child_that_hangs_is_ended(tmp_path, monkeypatch):
@@ -279,7 +279,7 @@ def test_child_that_hangs_is_ended(tmp_path, monkeypatch):
     job = pictures.PictureJob(file, tmp_path / "mode.png", "title")
     with pytest.warns(RuntimeWarning, match="not done after"):
         assert pictures.draw_shapes(grid, [bending(grid, 2)], [job], seconds=0.01) == ["matplotlib"]
-    assert job.picture.stat().st_size > 10_000
+    assert nodal_changes(image.imread(job.picture)[..., :3]) == 4
     assert pictures.draw_shapes(grid, [], []) == []
 
 

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import functools
-import io
 import json
-import shutil
 import subprocess
 import sys
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
-from interrupted import assert_same_results, assert_valid, sweep_text, write_sweep
+from interrupted import assert_same_results, assert_valid, interrupt, refused, stop_at, sweep_text, write_sweep
 from matrix_scenes import sites, terms_of
 from matrix_scenes import sweep_text as sweep_of
 from matrix_scenes import write_scene as write_matrix_scene
@@ -40,33 +35,6 @@ LOSS = "density = 7800.0\nloss_factor = 0.01"
 def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """They take most of the time of such small runs; tests/hard/test_interruptions.py has them."""
     monkeypatch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
-
-
-def stop_at(call: int, monkeypatch: pytest.MonkeyPatch, error: type[BaseException] = KeyboardInterrupt) -> None:
-    """Interrupt the sweep before its nth value."""
-    advance, calls = RunningSweep.advance, []
-
-    def stopping(*arguments: Any, **options: Any) -> Any:
-        calls.append(1)
-        if len(calls) == call:
-            raise error("the end")
-        return advance(*arguments, **options)
-
-    monkeypatch.setattr(RunningSweep, "advance", stopping)
-
-
-def interrupt(path: Path, out: Path, call: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    with monkeypatch.context() as patched:
-        stop_at(call, patched)
-        assert main(["run", str(path), "-o", str(out)]) == 130
-
-
-def refused(path: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> str:
-    capsys.readouterr()
-    assert main(["run", str(path), "-o", str(out), "--resume"]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("error: ") and said.count("\n") == 1
-    return said
 
 
 SCENES = {
@@ -103,7 +71,7 @@ def test_every_kind_of_problem_goes_on(
     kind: str, call: int, wholes: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    """Real and complex shapes, left ones, small models and static states come back from the files."""
+    """Real and complex shapes, left ones, reduced models and static states come back from the files."""
     monkeypatch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)  # pictures are tested elsewhere
     path, out, whole = write_scene(tmp_path, SCENES[kind]), tmp_path / "out", wholes(kind)
     interrupt(path, out, call, monkeypatch)
@@ -206,81 +174,6 @@ def test_scene_that_fails_leaves_an_older_checkpoint(
     assert main(["run", str(bad), "-o", str(out)]) == 2
     assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
     assert "resuming: 2 of 5 values" in capsys.readouterr().out
-
-
-class _Payload:
-    """Unpickled, it makes a file."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def __reduce__(self) -> Any:
-        return Path.touch, (self.path,)
-
-
-def truncated(content: bytes) -> bytes:
-    return content[: len(content) // 2]
-
-
-def flipped(content: bytes) -> bytes:
-    at = len(content) // 3
-    return content[:at] + bytes([content[at] ^ 0xFF]) + content[at + 1 :]
-
-
-def without_json(content: bytes) -> bytes:
-    found = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(content)) as before, zipfile.ZipFile(found, "w") as after:
-        for name in before.namelist():
-            if name != "json.npy":
-                after.writestr(name, before.read(name))
-    return found.getvalue()
-
-
-@pytest.fixture(scope="module")
-def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a scene and the results of its run, interrupted at the third value."""
-    folder = tmp_path_factory.mktemp("begun")
-    with pytest.MonkeyPatch.context() as patch:
-        interrupt(write_sweep(folder, 3), folder / "out", 3, patch)
-    return folder
-
-
-@pytest.mark.parametrize("spoil", [truncated, flipped, without_json, lambda content: b"", lambda content: b"[]"])
-@pytest.mark.parametrize("name", ["state.npz", "first.npz", "point_00000.npz"])
-def test_damaged_checkpoint_is_refused(
-    name: str, spoil: Any, begun: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    shutil.copytree(begun, tmp_path, dirs_exist_ok=True)
-    path, out = write_sweep(tmp_path, 3), tmp_path / "out"
-    file = out / "checkpoint" / name
-    file.write_bytes(spoil(file.read_bytes()))
-    assert f"{name}: the checkpoint is damaged" in refused(path, out, capsys)
-    file.unlink()
-    if name != "state.npz":
-        assert f"{name}: the checkpoint is damaged" in refused(path, out, capsys)
-
-
-def test_checkpoint_is_never_unpickled(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path, out = write_sweep(tmp_path, 3), tmp_path / "out"
-    interrupt(path, out, 3, monkeypatch)
-    mark = tmp_path / "executed"
-    np.savez(out / "checkpoint" / "state.npz", json=np.array([_Payload(mark)], dtype=object))
-    assert "state.npz: the checkpoint is damaged" in refused(path, out, capsys)
-    assert not mark.exists()
-    np.load(out / "checkpoint" / "state.npz", allow_pickle=True)["json"]
-    assert mark.exists()  # else the test would be one of nothing
-
-
-def test_damaged_record_of_inputs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path, out = write_sweep(tmp_path, 3), tmp_path / "out"
-    interrupt(path, out, 3, monkeypatch)
-    for text in ("", "{", "[1]", "{}", '{"version": 1, "scene": 2, "content": 3}', "\xff"):
-        (out / "checkpoint" / "inputs.json").write_text(text, encoding="latin-1")
-        assert "run without --resume" in refused(path, out, capsys)
 
 
 def test_differences_are_counted() -> None:

@@ -8,7 +8,7 @@ import pytest
 from fe_squeal.errors import SceneError
 from fe_squeal.fem import revolution
 from fe_squeal.fem.materials import Material, material_axes, stiffness_tensor
-from fe_squeal.fem.motion import Sliding
+from fe_squeal.fem.motion import SteadyMotion
 from meshes import KINDS, STEEL, annulus, box, make_problem, mapped, rotation
 
 INNER, OUTER = 0.1, 0.2
@@ -17,7 +17,7 @@ ROTATION = {"rotation": {"bodies": ["disc"], "axis": [0, 0, 1.0], "speed": 50.0}
 
 
 def about_z(speed, centre=(0.0, 0.0, 0.0)):
-    return Sliding(np.array([0.0, 0.0, speed]), np.array(centre))
+    return SteadyMotion(np.array([0.0, 0.0, speed]), np.array(centre))
 
 
 def rounded(section):
@@ -42,7 +42,7 @@ def test_bodies_of_revolution_are_accepted(kind, around):
     mesh = annulus(kind, (2, around, 1), INNER, OUTER, 0.02)
     cones = mapped(mesh, lambda x: np.vstack([x[:2] * (1 + 3 * x[2]), x[2] + 0.3 * np.linalg.norm(x[:2], axis=0)]))
     for shape in (mesh, cones):
-        check(mapped(shape, lambda x: turning @ x + 0.3), Sliding(5.0 * turning[:, 2], np.full(3, 0.3)))
+        check(mapped(shape, lambda x: turning @ x + 0.3), SteadyMotion(5.0 * turning[:, 2], np.full(3, 0.3)))
 
 
 def torus(around, across):
@@ -81,7 +81,7 @@ OTHER = {
     "5 % off": (annulus("hex1", (2, 12, 1), 0.5, 1.0, 0.1), about_z(1.0, (0.05, 0.0, 0.0))),
     "solid, 5 % off": (solid_disc(), about_z(1.0, (0.0, 0.05, 0.0))),
     "torus, off": (torus(24, 6), about_z(1.0, (0.3, 0.0, 0.0))),
-    "tilted": (annulus("tet2", (2, 24, 1), 0.5, 1.0, 0.1), Sliding(np.array([0.05, 0.0, 1.0]), np.zeros(3))),
+    "tilted": (annulus("tet2", (2, 24, 1), 0.5, 1.0, 0.1), SteadyMotion(np.array([0.05, 0.0, 1.0]), np.zeros(3))),
     "sector": (sector(), about_z(1.0)),
 }
 
@@ -96,7 +96,7 @@ def test_material_may_have_the_axis_of_the_body_only():
     moduli = {"youngs_modulus": [9e9, 9e9, 3e9], "poisson_ratio": [0.2, 0.2, 0.3], "density": 2e3}
     across = Material(**moduli, shear_modulus=[2e9, 2e9, 9e9 / 2.6])
     square, axis = Material(**moduli, shear_modulus=[2e9, 2e9, 9e9]), about_z(7.0)
-    assert revolution.is_transversal(ELASTICITY, Sliding(np.array([1.0, 2.0, 3.0]), np.zeros(3)))
+    assert revolution.is_transversal(ELASTICITY, SteadyMotion(np.array([1.0, 2.0, 3.0]), np.zeros(3)))
     assert revolution.is_transversal(stiffness_tensor(across), axis)
     assert not revolution.is_transversal(stiffness_tensor(square), axis)
     assert not revolution.is_transversal(stiffness_tensor(across, material_axes((0, 1, 0), (0, 0, 1))), axis)
@@ -145,7 +145,7 @@ def test_a_body_free_to_turn_is_spoken_of(tables, said):
     if "stress_stiffening" in tables.get("effects", {}):
         tables = {**tables, "supports": [{"surface": "hub", "fixed": "xyz"}]}
     problem = make_problem(annulus("hex1", (1, 24, 1), INNER, OUTER, 0.02), order=1, **{"effects": ROTATION, **tables})
-    found = [w for w in problem.model.warnings if "stress_stiffening" in w]
+    found = [w for w in problem.discretisation.warnings if "stress_stiffening" in w]
     assert len(found) == bool(said)
     for word in ("turn", "tilt"):
         assert not said or (word in found[0]) == any(word in w for w in said)

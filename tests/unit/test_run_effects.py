@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 import pyvista
+from pictures import longest_bar
 from scene_texts import CONTACT, COUPLING, K0, SCENE, read_rows, replaced, write_scene
 
 import fe_squeal.fem.static_contact as static_contact
 from fe_squeal.cli import main
+from fe_squeal.report.contributions import _colours
 
 AREA, PRESSURE = 0.08 * 0.04, 1.0e5
 PRELOAD = "[effects.preload]\npressures = { top = 1.0e5 }\n"
@@ -68,7 +70,7 @@ def test_preload_is_written(out: Path) -> None:
     assert (out / "preload.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_attribution_is_the_same_in_all_files(out: Path) -> None:
+def test_shares_are_the_same_in_all_files(out: Path) -> None:
     """contributions.csv, run.json and modes.csv tell the same of friction and dampers, and shares add up to re."""
     rows, modes = read_rows(out / "contributions.csv"), read_rows(out / "modes.csv")
     unstable = record_of(out)["unstable"]
@@ -87,7 +89,13 @@ def test_attribution_is_the_same_in_all_files(out: Path) -> None:
         assert {"mass.block", "elastic.block", "contact.belt"} <= set(told["energy_shares"])
         assert sum(told["energy_shares"].values()) == pytest.approx(2.0)  # one of each kind
         assert told["sensitivities"]["effects.rayleigh.beta"]["dre"] < 0  # damping of the material calms it
-    assert (out / "contributions.png").stat().st_size > 10_000
+    # The bars in the picture have the lengths of the shares.
+    largest = {t: max(abs(u["re_shares"].get(t, 0.0)) for u in unstable) for t in shares}
+    colours = _colours(dict.fromkeys(r["term"] for r in rows if r["term"] != "sum"))
+    bars = {t: longest_bar(out / "contributions.png", colours[t]) for t in shares}
+    assert bars["friction.belt"] > 100
+    for t in shares:
+        assert bars[t] / bars["friction.belt"] == pytest.approx(largest[t] / largest["friction.belt"], abs=0.05), t
 
 
 @pytest.mark.slow

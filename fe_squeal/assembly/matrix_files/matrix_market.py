@@ -77,7 +77,7 @@ def _header(stream: io.BytesIO, source: str) -> tuple[str, str, int, tuple[int, 
             raise SceneError(f'{source}: the Matrix Market header has "{given}"; expected one of {", ".join(known)}')
     line = next((line for line in stream if line.strip() and not line.lstrip().startswith(b"%")), b"")
     sizes = line.split()
-    if len(sizes) != 2 + (layout == "coordinate") or not all(size.isdigit() for size in sizes):
+    if len(sizes) != (3 if layout == "coordinate" else 2) or not all(size.isdigit() for size in sizes):
         raise SceneError(f'{source}: "{one_line(line[:80].decode("latin-1"))}" is not the line of the sizes')
     n, columns, *entries = (int(size) for size in sizes)
     check_shape((n, columns), source)

@@ -46,5 +46,5 @@ class DenseFactor:
 
 
 def _unit_of(size: np.ndarray) -> np.ndarray:
-    """Return powers of two, which add no rounding, that make sizes one."""
+    """Return factors that bring sizes to about one: powers of two, which add no rounding."""
     return np.asarray(2.0 ** -np.round(np.log2(np.where(size > 0, size, 1.0))))

@@ -84,7 +84,7 @@ class LinearSolver(Protocol):
         """Return about how many bytes the factors of a matrix will take, without computing them."""
 
 
-def by_parts(solve: Solve, b: np.ndarray) -> np.ndarray:
+def solve_real_parts(solve: Solve, b: np.ndarray) -> np.ndarray:
     """Solve for real and imaginary parts as columns of one real right-hand side."""
     if not np.iscomplexobj(b):
         return np.asarray(solve(b))

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from ...errors import NotConvergedError
 from ..memory import require_memory
-from .factor import DefiniteFactor, Factor, SingularError, by_parts
+from .factor import DefiniteFactor, Factor, SingularError, solve_real_parts
 
 # PARDISO's numbers of the matrix types, by (symmetric, complex).
 _TYPES = {(True, False): -2, (False, False): 11, (True, True): 6, (False, True): 13}
@@ -111,7 +111,7 @@ class PardisoFactor:
     def _apply(self, which: int, b: np.ndarray) -> np.ndarray:
         self._iparm[11] = which
         solve = functools.partial(self._call, 33)
-        return solve(b) if self._dtype is np.complex128 else by_parts(solve, b)
+        return solve(b) if self._dtype is np.complex128 else solve_real_parts(solve, b)
 
     def _call(self, phase: int, b: np.ndarray) -> np.ndarray:
         b = np.asfortranarray(b, dtype=self._dtype)

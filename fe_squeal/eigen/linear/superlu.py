@@ -8,7 +8,7 @@ from scipy.sparse.linalg import splu, spsolve_triangular
 
 from ...errors import NotConvergedError
 from ..memory import require_memory
-from .factor import DefiniteFactor, Factor, SingularError, by_parts
+from .factor import DefiniteFactor, Factor, SingularError, solve_real_parts
 
 # Entries of SuperLU's factors of solids over n to the 4/3, by whether the matrix is symmetric.
 _FILL = {True: 13.0, False: 45.0}
@@ -43,7 +43,7 @@ class SuperLUFactor:
     def _apply(self, trans: str, b: np.ndarray) -> np.ndarray:
         if self._complex:
             return np.asarray(self._lu.solve(np.asarray(b, dtype=complex), trans=trans))
-        return by_parts(lambda x: self._lu.solve(x, trans=trans), b)
+        return solve_real_parts(lambda x: self._lu.solve(x, trans=trans), b)
 
 
 class SuperLUCholesky:

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..effects.static_state import BaseState
+from ..effects.static_state import StaticState
 from ..fem.contact import ContactOperators
 from ..fem.spaces import DisplacementSpace
 from ..problem.problem import Problem
 
 
 @dataclass(frozen=True)
-class Model:
+class Discretisation:
     """Where the terms of a problem come from: the discretisation, for shapes and reports.
 
     Attributes
@@ -23,7 +23,7 @@ class Model:
     bodies : mapping of body to (e,) int elements
     contacts : mapping of contact to its operators
     notes, warnings : what was converted or looks doubtful, a sentence each
-    base : BaseState or None
+    static_state : StaticState or None
         The static state under preload.
     """
 
@@ -32,9 +32,9 @@ class Model:
     contacts: Mapping[str, ContactOperators]
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-    base: BaseState | None = None
+    static_state: StaticState | None = None
 
 
-def model_of(problem: Problem) -> Model | None:
+def discretisation_of(problem: Problem) -> Discretisation | None:
     """Return the discretisation of a problem; None of one of matrices."""
-    return problem.model if isinstance(problem.model, Model) else None
+    return problem.discretisation if isinstance(problem.discretisation, Discretisation) else None

@@ -1,4 +1,4 @@
-"""Search for broken promises of docs/trust.md: python tests/trust.py [--inputs 2000] [--signals 200] [--write]
+"""Search for broken promises of docs/trust.md: python benchmarks/trust.py [--inputs 2000] [--signals 200] [--write]
 
 Spoilt inputs of every format, signals at random moments to every command, and every pair of commands at once in one
 folder. Exit code 1 if a promise was broken; --write puts the figures into docs/trust.md.
@@ -16,13 +16,14 @@ from pathlib import Path
 
 for _key in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_key, "1")  # before NumPy is imported: the problems are small, and processes part
-sys.path.append(str(Path(__file__).parent / "fuzz"))
+TESTS = Path(__file__).parents[1] / "tests"
+sys.path[:0] = [str(TESTS), str(TESTS / "fuzz")]
 
 import trust_inputs  # noqa: E402
 import trust_signals  # noqa: E402
 
 PAGE = Path(__file__).parents[1] / "docs" / "trust.md"
-BEGIN, END = "<!-- figures: python tests/trust.py --write -->\n", "<!-- end of figures -->\n"
+BEGIN, END = "<!-- figures: python benchmarks/trust.py --write -->\n", "<!-- end of figures -->\n"
 
 
 def inputs_table(outcomes: dict[str, trust_inputs.Outcome]) -> str:

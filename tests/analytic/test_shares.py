@@ -8,7 +8,8 @@ import scipy.sparse as sp
 
 from fe_squeal import sweep
 from fe_squeal.compare.cases import minimal
-from fe_squeal.eigen.solve import Request, solve_modes
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.problem.energy import energy_balance
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term

@@ -1,0 +1,116 @@
+"""Where the shift of a sparse solve lies, and how far around it all modes are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from .kernel import kernel_within
+from .pencil import FreeMotions, Modes, Pencil
+from .request import is_beside
+
+# Of the largest ratio of diagonal stiffness to mass, which is about the highest θ: far below any elastic mode, and far
+# above what rounding makes of a zero.
+_RIGID_SHIFT = 1e-9
+_PENALTY = 1e6  # a ratio so many times the median is that of a penalty, which stands for an infinite stiffness
+# Damping ratio up to which every mode below the wanted frequency is found. Of more heavily damped modes those alone are
+# found that happen to lie near the shift: to reach for all of them would take many more modes than are asked for.
+_LIGHT = 0.2
+BELOW = 0.05  # how far below zero the shift lies, as a frequency, in parts of the frequency where the wanted modes end
+
+
+def shift_below(pencil: Pencil, band: float | None) -> float:
+    """Return a shift σ of θ = −λ² just below zero.
+
+    From there the nearest eigenvalues are all those of |θ| up to a limit: flutter, and divergence (θ < 0) too.
+
+    Parameters
+    ----------
+    band : float or None, rad/s
+        About where the wanted modes end, if that is known.
+    """
+    return -((BELOW * band) ** 2) if band is not None else -_RIGID_SHIFT * _largest_ratio(pencil)
+
+
+def distance_to_nearest(pencil: Pencil, modes: Modes, sigma: float) -> float:
+    """Return the distance of the shift from the nearest eigenvalue: θ without C, λ with it."""
+    values = modes.lam if pencil.C is not None else -(modes.lam**2)
+    return float(np.abs(values - sigma).min(initial=np.inf))
+
+
+def known_radius(pencil: Pencil, modes: Modes, sigma: float) -> float:
+    """Return the frequency, rad/s, up to which all modes are among those that were found nearest the shift.
+
+    Without damping it bounds |λ|. With damping it bounds Im λ, and holds for the modes above the ray
+    Re λ = −tilt · Im λ in the left half plane: the circle around the shift that the found eigenvalues fill cuts this
+    ray at the frequency that is returned. The tilt is that of the most damped mode where K is complex, since structural
+    damping reaches every mode. With C alone it is that of the lightly damped modes. A mode that grows counts with
+    |Re λ|, because its decaying partner −λ* lies as far on the other side of the imaginary axis.
+
+    Parameters
+    ----------
+    modes : Modes
+        Those found nearest the shift.
+    sigma : float
+        The shift, of λ with C (rad/s), of θ without it (rad²/s²).
+    """
+    if not len(modes):
+        return 0.0
+    tilt = _tilt(pencil, modes) if pencil.is_complex else _light(modes) if pencil.C is not None else 0.0
+    if pencil.C is not None:
+        # On the ray |λ − σ|² = (1 + tilt²) (Im λ)² + 2 tilt σ Im λ + σ², which is the radius squared of the circle.
+        a, b, c = 1 + tilt**2, tilt * sigma, np.abs(modes.lam - sigma).max() ** 2 - sigma**2
+        return float((np.sqrt(b**2 + a * max(c, 0.0)) - b) / a)
+    # All divergent modes of a symmetric pencil are known, however far they are.
+    near = modes.lam[modes.lam.real == 0] if pencil.problem_class == "symmetric" else modes.lam
+    reach = np.abs(near**2 + sigma).max(initial=0.0)
+    return float(np.sqrt(max(reach - abs(sigma), 0.0) / (1 + tilt**2)))
+
+
+def _tilt(pencil: Pencil, modes: Modes) -> float:
+    """Return the largest −Re λ / Im λ of the modes found, or what the largest loss angle of the stiffness allows.
+
+    An undamped mass on a stiffness of loss angle δ has −λ² of argument δ, and so −Re λ / Im λ = tan(δ/2). The angle is
+    taken as at most π/2, beyond which the real part of the stiffness would be negative.
+    """
+    damped = modes.select(np.flatnonzero(~is_beside(modes) & (modes.lam.imag > 0))).lam
+    by_loss = np.tan(np.clip(np.angle(pencil.K.diagonal()), 0.0, np.pi / 2) / 2)
+    return float(np.max(np.append(-damped.real / damped.imag, by_loss)))
+
+
+def _light(modes: Modes) -> float:
+    """Return the largest |Re λ| / Im λ of the modes that grow or are lightly damped."""
+    oscillating = modes.lam[modes.lam.imag > 0]
+    ratio = oscillating.real / oscillating.imag
+    return float(np.abs(ratio[ratio > -_LIGHT]).max(initial=0.0))
+
+
+def symmetric_part(pencil: Pencil) -> Pencil:
+    """Return the pencil without damping, and with the symmetric part of K.
+
+    The row of an unknown without mass may be multiplied by −1 without changing the problem. Programs write constraints
+    with Lagrange multipliers as [[K, Bᵀ], [B, 0]] or as [[K, −Bᵀ], [B, 0]]; of the second form the symmetric part would
+    have lost B, so such rows are turned first.
+    """
+    if pencil.problem_class == "symmetric":
+        return pencil
+    K = pencil.K.real
+    turned = (pencil.M.diagonal() == 0) & (np.asarray(K.multiply(K.T).sum(axis=1)) < 0)
+    if turned.any():
+        K = sp.csr_array(sp.diags_array(np.where(turned, -1.0, 1.0)) @ K)
+    symmetric = Pencil(pencil.M, sp.csr_array((K + K.T) / 2), symmetric=True)
+    if pencil.free is None:
+        return symmetric
+    return replace(symmetric, free=FreeMotions(kernel_within(symmetric, pencil.free.motions)))
+
+
+def _largest_ratio(pencil: Pencil) -> float:
+    """Return the largest ratio of diagonal stiffness to mass that does not come from a penalty, rad²/s²."""
+    mass, stiffness = pencil.M.diagonal(), np.abs(pencil.K.real.diagonal())
+    both = (mass > 0) & (stiffness > 0)
+    if not both.any():
+        return 1.0
+    ratios = stiffness[both] / mass[both]
+    return float(ratios[ratios <= _PENALTY * np.median(ratios)].max())

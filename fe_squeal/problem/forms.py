@@ -1,0 +1,110 @@
+"""The same problem in other forms: over the powers of one parameter, projected on a subspace, interpolated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..eigen.blocks import cross, times
+from ..eigen.kernel import null_columns
+from ..eigen.pencil import FreeMotions
+from ..errors import SceneError
+from .parameters import paths_of
+from .problem import Problem
+from .terms import Slot, Term, sum_terms
+from .unheld import ROUNDING_OF_FORCES
+
+
+def collect_powers(problem: Problem, parameter: str) -> Problem:
+    """Return the same problem over one parameter as few terms: one for each slot, power of it and symmetry.
+
+    Raises
+    ------
+    SceneError
+        If the parameter does more than change coefficients.
+
+    Examples
+    --------
+    >>> one = sp.csr_array(np.eye(2))
+    >>> terms = (Term("m", "M", one, True), Term("k", "K", one, True), Term("spring", "K", one, True, {"s": 1}))
+    >>> problem = Problem((*terms, Term("other", "K", one, True, {"s": 1})), {"s": 3.0})
+    >>> [(t.name, float(t.matrix[0, 0])) for t in collect_powers(problem, "s").terms]
+    [('M0', 1.0), ('K0', 1.0), ('K1', 2.0)]
+    """
+    paths = paths_of(parameter)
+    if not problem.is_affine(parameter):
+        raise SceneError(f"{parameter} changes matrices, not coefficients alone")
+    groups: dict[tuple[Slot, int, bool, bool], list[tuple[Term, float]]] = {}
+    for t in problem.terms:
+        others = replace(t, powers={p: e for p, e in t.powers.items() if p not in paths})
+        c = others.coefficient(problem.parameters)
+        if c:
+            key = (t.slot, sum(t.powers.get(p, 0) for p in paths), t.symmetric, t.imaginary)
+            groups.setdefault(key, []).append((replace(t, imaginary=False), c))
+    terms = []
+    for (slot, power, symmetric, imaginary), parts in groups.items():
+        matrix = sum_terms(parts)
+        assert matrix is not None
+        skew = all(t.skew for t, _ in parts)
+        name = f"{slot}{power}" + ("" if symmetric else "n") + ("i" if imaginary else "")
+        terms.append(Term(name, slot, matrix, symmetric, {paths[0]: power}, skew, imaginary))
+    own = problem.parameters
+
+    def free(values: Mapping[str, float]) -> FreeMotions:
+        return replace(problem, parameters={**own, **{p: values[p] for p in paths}}).free_motions()
+
+    return Problem(tuple(terms), dict.fromkeys(paths, problem.value(parameter)), free=free)
+
+
+def project(problem: Problem, V: np.ndarray) -> Problem:
+    """Return the Galerkin projection of every term on the columns of a real V (n, r): terms VᵀAV of size r.
+
+    It takes every motion as held. The caller replaces `free` where combinations of V are free: entries of the projected
+    matrices are too small to tell that from rounding.
+    """
+    none = FreeMotions.none(V.shape[1])
+    terms = []
+    for t in problem.terms:
+        rows = np.flatnonzero(np.diff(t.matrix.indptr))  # springs and contacts have few
+        terms.append(replace(t, matrix=sp.csr_array(cross(V[rows], times(sp.csr_array(t.matrix[rows]), V)))))
+    return Problem(tuple(terms), problem.parameters, free=lambda _: none)
+
+
+def interpolate(problem: Problem, parameter: str, low: float, high: float) -> Problem:
+    """Return a problem whose matrices are quadratic in a parameter and agree at both ends and the middle.
+
+    Itself where the parameter changes coefficients alone. It knows no other parameter.
+    """
+    if problem.is_affine(parameter):
+        return problem
+    nodes = np.array([low, (low + high) / 2, high])
+    basis = np.linalg.inv(np.vander(nodes, 3, increasing=True))  # power, node
+    pencils = [problem.pencil({parameter: float(p)}) for p in nodes]
+    symmetric = all(p.symmetric for p in pencils)
+    terms = []
+    for slot in ("M", "C", "K"):
+        given = [getattr(p, slot) for p in pencils]
+        if all(A is None for A in given):
+            continue
+        parts = [sp.csr_array(pencils[0].M.shape) if A is None else A for A in given]
+        for power in range(3):
+            A = sp.csr_array(sum(w * part for w, part in zip(basis[power], parts, strict=True)))
+            powers = {paths_of(parameter)[0]: power}
+            real = Term(f"{slot}{power}", slot, sp.csr_array(A.real), slot == "M" or symmetric, powers)
+            terms.append(real)
+            if np.iscomplexobj(A):
+                terms.append(replace(real, matrix=sp.csr_array(A.imag), imaginary=True))
+    always = _common([p.free for p in pencils if p.free is not None])
+    return Problem(tuple(terms), dict.fromkeys(paths_of(parameter), low), free=lambda _: always)
+
+
+def _common(found: list[FreeMotions]) -> FreeMotions:
+    """Return the motions that are free in all of several cases."""
+    Z = found[0].motions
+    for other in found[1:]:
+        Q = np.linalg.qr(other.motions)[0]
+        Z = Z @ null_columns(Z - Q @ (Q.T @ Z), ROUNDING_OF_FORCES * float(np.linalg.norm(Z)))
+    return FreeMotions(Z)

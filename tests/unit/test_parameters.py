@@ -1,0 +1,91 @@
+"""Numbers of a problem from Python: how they are given, and the one sentence that says so where they are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from fe_squeal import Problem, SceneError
+from fe_squeal.problem.parameters import values_by_path
+from fe_squeal.problem.terms import Term
+from meshes import BELT, box, make_problem
+
+PISTON = "springs.piston.stiffness"
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    """One hexahedron with a spring on a belt."""
+    contact = {"surface": "bottom", "counterface": "rigid", "normal_stiffness": 1e12, "sliding": BELT}
+    spring = {"name": "piston", "surface": "top", "direction": [0.0, 0.0, 1.0], "stiffness": 1e7}
+    return make_problem(
+        box("hex1", (1, 1, 1)), order=1, contacts=[contact], springs=[spring], effects={"friction": {"mu": 0.3}}
+    )
+
+
+def test_a_mapping_and_keywords_say_the_same(problem: Problem) -> None:
+    together = problem.at({PISTON: 2e7, "mu": 0.4})
+    assert (together.value(PISTON), together.value("mu")) == (2e7, 0.4)
+    for other in (problem.at({PISTON: 2e7}, mu=0.4), problem.at(mu=0.4).at({PISTON: np.float64(2e7)})):
+        assert abs(other.pencil().K - together.pencil().K).max() == 0
+    assert abs(problem.pencil({PISTON: 2e7}, mu=0.4).K - together.pencil().K).max() == 0
+    assert abs(together.pencil().K - problem.pencil().K).max() > 0
+
+
+def test_a_derivative_is_taken_at_the_values_given(problem: Problem) -> None:
+    """∂K/∂k of a contact with friction is K_c/k + μK_f/k: it moves with μ."""
+    path = "contacts.contact_1.normal_stiffness"
+    at_rest, sliding = (problem.derivative(path, "K", {"mu": mu}) for mu in (0.0, 0.7))
+    friction = problem.derivative("mu", "K") / problem.value(path)
+    assert abs(sliding - at_rest - 0.7 * friction).max() <= 1e-14 * abs(sliding).max()
+
+
+@pytest.mark.parametrize(("given", "said"), [
+    (0.3, 'given 0.3; expected parameters with their values, as in problem.at({"mu": 0.3})'),
+    ("mu", "given 'mu'; expected parameters with their values, as in problem.at({\"mu\": 0.3})"),
+    ({"mu": "0.3"}, "mu: given '0.3'; expected a finite number, as in problem.at({\"mu\": 0.3})"),
+    ({"mu": True}, 'mu: given True; expected a finite number, as in problem.at({"mu": 0.3})'),
+    ({"mu": float("nan")}, 'mu: given nan; expected a finite number, as in problem.at({"mu": 0.3})'),
+    ({0.3: "mu"}, 'given 0.3 as the name of a parameter; expected a text, as in problem.at({"mu": 0.3})'),
+    ({"springs.piston.stifness": 1.0},
+     f'given "springs.piston.stifness"; expected the path of a number of the scene; did you mean "{PISTON}"?'),
+    ({"title": 1.0}, 'given "title", which is no number'),
+    ({"mesh.order": 2}, 'given "mesh.order"; expected a number of the physics, or another scene to be assembled'),
+    ({"materials.steel.poisson_ratio": 0.6}, "materials.steel.poisson_ratio: given 0.6; expected a number with"
+     " -1 < nu < 0.5, outside which the stiffness is not positive"),
+])  # fmt: skip
+@pytest.mark.parametrize("method", ["at", "pencil"])
+def test_what_is_given_wrongly_ends_in_one_sentence(problem: Problem, given: object, said: str, method: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        getattr(problem, method)(given)
+    assert str(caught.value).endswith(said) and "\n" not in str(caught.value)
+
+
+def test_without_a_scene_the_message_has_a_parameter_of_the_problem() -> None:
+    one = sp.csr_array(np.eye(2))
+    problem = Problem((Term("m", "M", one, True), Term("k", "K", one, True, {"omega": -1})), {"omega": 2.0})
+    with pytest.raises(SceneError, match=r'as in problem\.at\(\{"omega": 0\.3\}\)$'):
+        problem.at(5.0)  # type: ignore[arg-type]
+    with pytest.raises(SceneError, match=r"^omega: given 0; expected another number"):
+        problem.at(omega=0)
+    assert problem.pencil({"omega": 4.0}).K[0, 0] == 0.25
+
+
+def test_several_paths_get_one_value() -> None:
+    assert values_by_path({"a.b, c": 2}) == {"a.b": 2.0, "c": 2.0}
+
+
+@pytest.mark.parametrize("table", ["scene", "effect", "material"])
+def test_a_scene_is_not_changed_in_place(problem: Problem, table: str) -> None:
+    """The sentence says what to do instead; what cannot be set keeps its value."""
+    scene = problem.source.scene  # type: ignore[union-attr]
+    where, name, value = {
+        "scene": (scene, "title", "other"),
+        "effect": (scene.effects.friction, "mu", 0.7),
+        "material": (scene.materials["steel"], "youngs_modulu", 1e9),
+    }[table]
+    before = scene.model_dump()
+    with pytest.raises(SceneError, match=rf"^{name}: a scene does not change.*problem\.at\(\{{.*parse_scene$"):
+        setattr(where, name, value)
+    assert scene.model_dump() == before
