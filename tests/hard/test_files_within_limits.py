@@ -198,6 +198,7 @@ def bomb(path: Path, size: int, promised: int) -> None:
         path.write_bytes(data[:128] + struct.pack("<2I", 15, len(packed)) + packed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["K.mtx.gz", "K.npz", "K.mat"])
 def test_archives_inflate_to_what_they_promise(name: str, tmp_path: Path) -> None:
     """A file of some hundred kB that inflates to 100 MB: refused by its header, and never in memory."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -60,10 +61,24 @@ def test_streams_take_every_character(encoding: str, tmp_path: Path, monkeypatch
 
 
 @POSIX
-@pytest.mark.parametrize("where", [
-    "full", "reader gone",
-    *(pytest.param(name, marks=pytest.mark.slow) for name in ("closed", "all closed", "error full", "reading end")),
-])  # fmt: skip
+def test_a_loss_is_told_and_a_reader_that_went_is_none(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with open("/dev/full", "w") as stream, monkeypatch.context() as patched:
+        patched.setattr(sys, "stdout", stream)
+        assert main(["info"]) == 2
+    assert "error: standard output: No space left on device" in capsys.readouterr().err
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as stream, monkeypatch.context() as patched:
+        patched.setattr(sys, "stdout", stream)
+        assert main(["info"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+@POSIX
+@pytest.mark.slow
+@pytest.mark.parametrize("where", ["full", "reader gone", "closed", "all closed", "error full", "reading end"])
 def test_run_outlives_its_output(where: str, scene: Path) -> None:
     """A full device, closed streams, a reader that went: the results are those of any run."""
     out = scene.parent / "out"
@@ -112,6 +127,7 @@ def test_zero_rows_of_matrices(tmp_path: Path, recwarn: pytest.WarningsRecorder)
     assert modes["im"].abs().round(9).tolist() in ([0.0, 2.0, 3.0], [0.0, 0.0, 2.0, 3.0]) and not len(recwarn)
 
 
+@pytest.mark.slow
 def test_all_modes_and_their_onset(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The small model of a step is then the problem itself: the same onset as of eight modes, and no words of SciPy."""
     onsets = []
