@@ -70,7 +70,7 @@ FOREIGN = (
 
 
 @pytest.mark.parametrize(
-    "name", some(FOREIGN, lambda name: name in ("run.json", "notes.txt", "checkpoint/mine.txt", ".lock", "accuracy.csv"))
+    "name", some(FOREIGN, lambda name: name in ("run.json", "notes.txt", "checkpoint/mine.txt", ".lock"))
 )
 def test_folder_of_somebody_else(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Not empty, and no manifest: exit code 2, and not a byte or a time is another, for every command that writes."""
