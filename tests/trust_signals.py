@@ -254,7 +254,8 @@ def _interrupted(
             return f"the next command ended with {process.code}: {process.said[-300:]!r}"
         task.same(folder, whole)
     except AssertionError as error:
-        return f"results differ: {' '.join(str(error).split())[:300]}"
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        return f"results differ: {where.line} {' '.join(str(error).split())[:300]}"
     return ""
 
 
