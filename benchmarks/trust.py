@@ -12,7 +12,9 @@ import platform
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 for _key in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_key, "1")  # before NumPy is imported: the problems are small, and processes part
@@ -23,7 +25,7 @@ import trust_inputs  # noqa: E402
 import trust_signals  # noqa: E402
 
 PAGE = Path(__file__).parents[1] / "docs" / "trust.md"
-BEGIN, END = "<!-- figures: python benchmarks/trust.py --write -->\n", "<!-- end of figures -->\n"
+BEGIN, END = "<!-- {}: python benchmarks/trust.py --write -->\n", "<!-- end of {} -->\n"
 
 
 def inputs_table(outcomes: dict[str, trust_inputs.Outcome]) -> str:
@@ -69,38 +71,48 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--write", action="store_true")
     given = parser.parse_args()
-    begun = time.perf_counter()
     folder = Path(tempfile.mkdtemp(prefix="fe_squeal_trust_"))  # kept: it has what broke a promise
 
     def tell(text: str) -> None:
         print(text, flush=True)
 
-    parts, faults = [], []
-    for name in ("inputs", "signals", "pairs"):
-        (folder / name).mkdir()
+    searches: dict[str, Callable[[Path], tuple[str, dict[str, list[str]]]]] = {}
     if given.inputs:
-        inputs = trust_inputs.search(folder / "inputs", given.inputs, given.seed, tell)
-        parts.append(inputs_table(inputs))
-        faults += [f"{name}: {fault}" for name, o in inputs.items() for fault in o.faults]
+        searches["inputs"] = lambda place: _with_faults(
+            trust_inputs.search(place, given.inputs, given.seed, tell), inputs_table
+        )
     if given.signals:
-        signals = trust_signals.search(folder / "signals", given.signals, given.seed, tell)
-        parts.append(signals_table(signals))
-        faults += [f"{name}: {fault}" for name, o in signals.items() for fault in o.faults]
+        searches["signals"] = lambda place: _with_faults(
+            trust_signals.search(place, given.signals, given.seed, tell), signals_table
+        )
     if not given.no_pairs:
-        pairs = trust_signals.both_at_once(folder / "pairs")
-        parts.append(pairs_text(pairs))
-        faults += [f"{name}: {fault}" for name, fault in pairs.items() if fault]
-    minutes = (time.perf_counter() - begun) / 60
-    where = f"{platform.system()}, Python {platform.python_version()}"
-    parts.append(f"Seed {given.seed}; {minutes:.0f} minutes on {where}.\n")
-    text = "\n".join(parts)
-    print(text)
-    print("\n".join(faults) or f"no promise was broken ({folder})")
-    if given.write:
-        page = PAGE.read_text("utf-8")
-        head, tail = page[: page.index(BEGIN) + len(BEGIN)], page[page.index(END) :]
-        PAGE.write_text(f"{head}\n{text}\n{tail}", encoding="utf-8")
-    return 1 if faults else 0
+        searches["pairs"] = lambda place: _of_pairs(trust_signals.both_at_once(place))
+    failed = False
+    for name, search in searches.items():
+        (folder / name).mkdir()
+        begun = time.perf_counter()
+        text, faults = search(folder / name)
+        minutes = (time.perf_counter() - begun) / 60
+        where = f"{platform.system()}, Python {platform.python_version()}"
+        text += f"\nSeed {given.seed}; {minutes:.0f} minutes on {where}.\n"
+        print(text)
+        broken = [f"{key}: {fault}" for key, found in faults.items() for fault in found]
+        print("\n".join(broken) or f"no promise was broken ({folder / name})", flush=True)
+        failed |= bool(broken)
+        if given.write:
+            page = PAGE.read_text("utf-8")
+            begin, end = BEGIN.format(name), END.format(name)
+            head, tail = page[: page.index(begin) + len(begin)], page[page.index(end) :]
+            PAGE.write_text(f"{head}\n{text}\n{tail}", encoding="utf-8")
+    return int(failed)
+
+
+def _with_faults(outcomes: dict[str, Any], table: Callable[[dict[str, Any]], str]) -> tuple[str, dict[str, list[str]]]:
+    return table(outcomes), {name: o.faults for name, o in outcomes.items()}
+
+
+def _of_pairs(pairs: dict[str, str]) -> tuple[str, dict[str, list[str]]]:
+    return pairs_text(pairs), {name: [fault] for name, fault in pairs.items() if fault}
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import scipy.io
@@ -122,9 +123,15 @@ def packed(base: bytes, rng: np.random.Generator) -> bytes:
 
 def search(folder: Path, count: int, seed: int, tell: Callable[[str], None] = lambda text: None) -> dict[str, Outcome]:
     """Run the command on so many spoilt inputs in all, and hold each to its promises."""
-    fe_squeal.run.run.write_figures = lambda *_: []  # they take most of the time; tests of the figures have them
-    fe_squeal.run.run.write_preload = lambda *_: []
-    fe_squeal.report.export.draw_shapes = lambda *_: []
+    # Figures take most of the time; tests of the figures have them.
+    with (
+        mock.patch.object(fe_squeal.run.run, "write_figures"), mock.patch.object(fe_squeal.run.run, "write_preload"),
+        mock.patch.object(fe_squeal.report.export, "draw_shapes"),
+    ):  # fmt: skip
+        return _search(folder, count, seed, tell)
+
+
+def _search(folder: Path, count: int, seed: int, tell: Callable[[str], None]) -> dict[str, Outcome]:
     found = kinds(folder)
     for scene in {kind.scene for kind in found}:  # what the program imports for it is there before the processes part
         with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
