@@ -75,6 +75,7 @@ docs/lumped.md: .venv/installed
 
 # What accuracy, effects and sweeps cost, with the times of this machine, and nearly incompressible linings: hours.
 benchmarks: $(COSTS:%=docs/%.md)
+	$(BIN)/python benchmarks/mesh_bars.py --write  # a section of docs/accuracy_and_cost.md
 
 # The searches for broken promises in full, half an hour on two free cores: spoilt inputs, signals, commands at once.
 trust: docs/trust.md

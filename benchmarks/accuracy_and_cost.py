@@ -25,7 +25,6 @@ import numpy as np
 from accuracy_cases import SOLIDS, Rung, belt_scene, brake_scene, extrapolated, solve
 
 from fe_squeal.accuracy.choose import choose
-from fe_squeal.accuracy.estimate import BAR
 from fe_squeal.accuracy.measure import measure_apart
 from fe_squeal.accuracy.reference import errors_of, reference_of
 from fe_squeal.accuracy.settings import Setting, plan
@@ -57,9 +56,9 @@ ONE_PAD: dict[str, Any] = {"pads": 1, "pad_angle_deg": 70.0}
 def rate(rung: Rung) -> float:
     """Return the power of the size with which errors fall where every element is cut into eight, of the median mode.
 
-    Unlike two meshes of other sizes, these two differ in nothing else. The bar is `BAR` times what the cut changes.
+    Unlike two meshes of other sizes, these two differ in nothing else. The bar is so many times what the cut changes.
     """
-    return float(-np.log2(max(1 - rung.wide / BAR, 1e-3)))
+    return float(-np.log2(max(1 - rung.wide / rung.bar, 1e-3)))
 
 
 def time_for(rungs: Sequence[Rung], error: float) -> float:

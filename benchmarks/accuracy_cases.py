@@ -11,7 +11,8 @@ import numpy as np
 from closed_forms import sliding_block, sliding_plate, wave_speeds
 
 from fe_squeal import load_scene, parse_scene, sweep
-from fe_squeal.accuracy.estimate import BAR, refined_changes
+from fe_squeal.accuracy.bars import BARS
+from fe_squeal.accuracy.estimate import refined_changes
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.assembly.bodies import read_mesh
 from fe_squeal.scene import Scene
@@ -37,6 +38,8 @@ class Rung:
         Share of the modes whose bar holds the true error.
     wide : float
         Median of the bars over the errors.
+    bar : float
+        Times what a cut of the elements changes.
     """
 
     unknowns: int
@@ -45,6 +48,7 @@ class Rung:
     errors: np.ndarray
     inside: float
     wide: float
+    bar: float = 2.0
 
 
 def block_scene(size: tuple[float, float, float], fixed: dict[str, str], element: str, order: int, h: float) -> Scene:
@@ -107,9 +111,9 @@ def solve(case: str, element: str, order: int, h: float, exact: np.ndarray | Non
     if exact is None:
         return Rung(problem.unknowns, seconds, bars, np.full(COMPARED, np.nan), np.nan, np.nan)
     rank = np.argsort(found + changes / (1 - 0.25**order))[: len(exact)]  # which mode is which
-    error, bar = np.abs(found[rank] - exact), BAR * np.abs(changes[rank])
+    error, bar = np.abs(found[rank] - exact), BARS[order] * np.abs(changes[rank])
     ratio = float(np.median(bar / error))
-    return Rung(problem.unknowns, seconds, bars, error / exact, float(np.mean(error <= bar)), ratio)
+    return Rung(problem.unknowns, seconds, bars, error / exact, float(np.mean(error <= bar)), ratio, BARS[order])
 
 
 def extrapolated(case: str, element: str, h: float) -> np.ndarray:

@@ -80,31 +80,44 @@ def run(
 
 @app.command()
 def check(
-    scene: SceneFile,
-    groups: Annotated[bool, typer.Option("--groups", help="List the mesh's groups, with size and place.")] = False,
+    scene: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene, or a mesh.", show_default=False)],
+    groups: Annotated[
+        bool, typer.Option("--groups", help="List the groups of its mesh, or of a mesh file, with size and place.")
+    ] = False,
 ) -> int:
     """Validate scene and mesh without solving."""
     from .assembly.assembly import assemble
-    from .assembly.bodies import read_mesh
     from .assembly.discretisation import discretisation_of
-    from .run.check import describe, group_table
+    from .assembly.forces import balance_warnings, force_balance
+    from .report.terminal import print_table
+    from .report.warnings import told_once
+    from .run.check import describe
+    from .run.forces import balance_table
+    from .run.free import free_motion_warnings
+    from .run.groups import groups_of_file, groups_of_scene
     from .scene import Scene
     from .scene.file import load_scene
 
-    loaded = load_scene(scene)
-    if groups and isinstance(loaded, Scene):
-        try:
-            found = read_mesh(loaded)
-        except MeshError as error:
-            raise MeshError(f"{scene}: {error}") from error
-        _console().print(group_table(found.mesh))
+    console, bare = _console(), groups and scene.suffix.lower() != ".toml"
+    loaded = None if bare else load_scene(scene)
+    if groups and (loaded is None or isinstance(loaded, Scene)):
+        table, fault = groups_of_file(scene) if loaded is None else groups_of_scene(loaded)
+        print_table(table, console)
+        if fault is not None:
+            raise fault
+    if loaded is None:
+        return 0
     problem = assemble(loaded)
-    console = _console()
-    console.print(describe(loaded, problem))
-    discretisation = discretisation_of(problem)
-    if discretisation is not None:
-        for text in (*discretisation.notes, *(f"warning: {w}" for w in discretisation.warnings)):
-            console.print(text, markup=False)
+    print_table(describe(loaded, problem), console)
+    found = discretisation_of(problem)
+    notes, warnings = ((), ()) if found is None else (found.notes, found.warnings)
+    parts = force_balance(problem)
+    balance = balance_table(parts)
+    if balance is not None:
+        print_table(balance, console)
+    warnings = (*warnings, *balance_warnings(parts), *free_motion_warnings(problem))
+    for text in (*notes, *(f"warning: {w}" for w in told_once(warnings))):
+        console.print(text, markup=False)
     return 0
 
 
@@ -138,6 +151,8 @@ def onset(scene: SceneFile) -> int:
     """Print the critical values of the sweep parameter alone, to full precision."""
     from .assembly.assembly import assemble
     from .report.tables import print_onsets
+    from .report.warnings import told_once
+    from .run.covered import covered_text, frequency_range
     from .run.run import sweep_scene
     from .scene.file import load_scene
 
@@ -146,10 +161,10 @@ def onset(scene: SceneFile) -> int:
         raise SceneError(f"{scene}: sweep: is missing; expected a table, written [sweep]: the interval to look in")
     console = _console()
     result = sweep_scene(loaded, assemble(loaded), console, precise=True)
-    print_onsets(result.onsets_dataframe(), console)
+    print_onsets(result.onsets_dataframe(), console, covered_text(frequency_range(loaded, result)))
     for o in result.onsets:
         console.print(f"{o.parameter} = {o.value!r} ± {o.uncertainty:.1g}, {o.frequency_hz!r} Hz", markup=False)
-    for doubt in result.doubts:
+    for doubt in told_once(result.doubts):
         console.print(f"warning: {doubt}", markup=False)
     return 0
 
@@ -163,6 +178,7 @@ def compare(
     from rich.table import Table
 
     from .compare import compare as compare_cases
+    from .report.terminal import print_table
 
     frame = compare_cases(case)
     table = Table(box=SIMPLE_HEAD)
@@ -174,7 +190,7 @@ def compare(
         table.add_row(name if name != previous else "", quantity, *("none" if n == "nan" else n for n in numbers))
         previous = name
     console = _console()
-    console.print(table, soft_wrap=True)
+    print_table(table, console)
     console.print("Of each spectrum the eigenvalue that differs most is shown; differences fall with 1/E.")
     console.print("The block sprung at its top is no mass point: its rotation takes part, and it does not flutter.")
     return 0
@@ -244,6 +260,7 @@ def info() -> int:
     from rich.table import Table
 
     from .eigen.linear.choice import solver_name
+    from .report.terminal import print_table
     from .version import __version__
 
     table = Table(show_header=False, box=None, pad_edge=False)
@@ -258,7 +275,7 @@ def info() -> int:
     table.add_row("cores", str(os.cpu_count()))
     for key in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         table.add_row(key, os.environ.get(key, "not set"))
-    _console().print(table)
+    print_table(table, _console())
     return 0
 
 

@@ -16,7 +16,8 @@ from ..mesh import LoadedMesh
 from ..scene import Scene
 from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
-from .estimate import BAR, COMPARED, EXTRAPOLATED, SMALLEST, with_discretisation
+from .bars import BARS
+from .estimate import COMPARED, EXTRAPOLATED, SMALLEST, with_discretisation
 from .settings import Setting, own_setting, scene_at
 
 _START = 2.0  # times the scene's size: where the search begins
@@ -95,6 +96,8 @@ def choose(scene: Scene, target: float, tell: Callable[[str], None] = lambda tex
         The mesh is a file without a geometry.
     NotConvergedError
         The target is not met by the finest mesh that fits; `partial` is the choice nearest to it.
+    KeyboardInterrupt
+        With the choice nearest to the target so far as its argument, if there is one.
     """
     if not 0 < target < 1:
         raise SceneError(f"--accuracy: given {target:g}; expected a relative error between 0 and 1")
@@ -123,6 +126,20 @@ def choose(scene: Scene, target: float, tell: Callable[[str], None] = lambda tex
         tell(str(trial))
         return trial
 
+    try:
+        return _search(run, own, target, trials, results, tell)
+    except KeyboardInterrupt as stop:
+        if not trials:
+            raise
+        nearest = min(results, key=lambda trial: np.nan_to_num(trial.error, nan=np.inf))
+        raise KeyboardInterrupt(_picked(nearest, trials, results)) from stop
+
+
+def _search(
+    run: Callable[[Setting], Trial], own: Setting, target: float, trials: list[Trial], results: _Results,
+    tell: Callable[[str], None],
+) -> Choice:  # fmt: skip
+    """Return the choice; `run` adds to trials and results."""
     first: list[Trial] = []
     for order in (1, 2):
         setting = replace(own, order=order, size=_START * own.size / (3 - order))
@@ -141,7 +158,8 @@ def choose(scene: Scene, target: float, tell: Callable[[str], None] = lambda tex
         known = last.error if np.isfinite(last.error) else 1.0
         step = float(np.clip((_MARGIN * target / known) ** (1 / rate), *_STEP))
         nearest = min(trials, key=lambda trial: np.nan_to_num(trial.error, nan=np.inf))
-        results = {nearest: results[nearest]}  # of the other runs, to free their memory
+        for other in [t for t in results if t is not nearest]:  # to free their memory
+            del results[other]
         if len(trials) == _RUNS:
             raise _missed(target, trials, results, f"after {_RUNS} runs")
         before = last
@@ -175,7 +193,9 @@ def estimated_error(result: Sweep) -> float:
         for o in result.onsets
         if 2 * np.pi * o.frequency_hz <= COMPARED * highest
     ]
-    return float(np.max(found) * EXTRAPOLATED / BAR) if found else 0.0
+    source = result.problem.source
+    assert isinstance(source, Assembly)
+    return float(np.max(found) * EXTRAPOLATED / BARS[source.space.order]) if found else 0.0
 
 
 def _work(trial: Trial, target: float) -> float:

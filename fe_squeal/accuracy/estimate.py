@@ -23,14 +23,13 @@ from ..sweep.onsets import Onset
 from ..sweep.result import Sweep, SweepPoint
 from ..sweep.sweep import sweep
 from ..sweep.tracking import match_modes
+from .bars import BARS, bar_of, bent_change, enveloped
 from .corrected import CorrectedModel
 from .two_level import prolongation
 
-# All three are times the change from the mesh to the one refined once. Halving the size leaves 2^-q of an error: q = 4
-# for smooth modes of order 2, 2 for those of order 1, and down to 1 where stresses are singular: at edges of contacts,
-# clamped edges, re-entrant corners. The error is then between 16/15 and 2 times the change. BAR holds it, EXTRAPOLATED
-# is in the middle, and UNSURE is how far from the middle it may be.
-BAR, EXTRAPOLATED, UNSURE = 2.0, 1.4, 0.4
+# Times the change from the mesh to the one refined once, see `bars`: EXTRAPOLATED is in the middle of where the error
+# lies, and UNSURE is how far from the middle it may be.
+EXTRAPOLATED, UNSURE = 1.4, 0.4
 COMPARED = 0.8  # of the highest frequency: modes above may leave the range on another mesh, and are not compared
 SMALLEST = 0.1  # of the sweep: errors of onsets at smaller values are relative to this
 # Onsets on two meshes are paired by the least distance. A move by _FAR of the sweep, or of the frequency, counts one,
@@ -54,14 +53,22 @@ class Changes:
         Of λ, rad/s, of every mode at every value; NaN where it is not found again.
     onsets : tuple of float
         Of the value of every onset; NaN where it is not found again.
+    spectra : tuple of (lam (m,), refined (m,), modes (k,) int)
+        All modes that are known on both meshes, rad/s, and which of them the modes are; see `bent_change`.
+    appeared : tuple of Onset
+        Onsets in the range that the refined mesh alone has, with branch 0, since it has none on this mesh.
     """
 
     modes: tuple[np.ndarray, ...]
     onsets: tuple[float, ...]
+    spectra: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...] = ()
+    appeared: tuple[Onset, ...] = ()
 
 
 def with_discretisation(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Sweep:
-    """Return a sweep with the error of the mesh on all modes and onsets: `BAR` times what `refined_changes` gives.
+    """Return a sweep with the error of the mesh on all modes and onsets, by the rules of `bars`.
+
+    An onset that the refined mesh does not have, and one that it alone has, are listed with an infinite error.
 
     Parameters
     ----------
@@ -75,19 +82,59 @@ def with_discretisation(result: Sweep, linear_solver: LinearSolver | str = "auto
     NotConvergedError
         The corrections are not found.
     """
-    changes = refined_changes(result, linear_solver)
-    points = [
-        replace(point, discretisation=BAR * (np.abs(c.real) + 1j * np.abs(c.imag)))
-        for point, c in zip(result.points, changes.modes, strict=True)
-    ]
+    return with_changes(result, refined_changes(result, linear_solver))
+
+
+def with_changes(result: Sweep, changes: Changes) -> Sweep:
+    """Return the same from changes that are known already."""
+    order = result.problem.source.space.order if isinstance(result.problem.source, Assembly) else 2
+    bars = []
+    for point, change, (lam, refined, modes) in zip(result.points, changes.modes, changes.spectra, strict=True):
+        bent = bent_change(lam, refined, order)[modes]
+        still = np.abs(point.modes.lam.real) <= point.modes.re_uncertainty
+        moved = np.abs(np.nan_to_num(change).real) > point.modes.re_uncertainty
+        bars.append(bar_of(change, bent, still & ~moved & (not result.problem.is_damped), order))
+    bars = enveloped(bars, [point.branches for point in result.points])
     onsets = [
-        replace(onset, discretisation=BAR * abs(c)) for onset, c in zip(result.onsets, changes.onsets, strict=True)
+        replace(onset, discretisation=np.inf if np.isnan(c) else BARS[order] * abs(c))
+        for onset, c in zip(result.onsets, changes.onsets, strict=True)
     ]
-    unknown = sum(int(np.isnan(c).sum()) for c in (*changes.modes, np.array(changes.onsets)))
-    doubts = result.doubts
+    points = [
+        replace(point, discretisation=near_onsets(point, bar, onsets))
+        for point, bar in zip(result.points, bars, strict=True)
+    ]
+    doubts, name = list(result.doubts), result.parameter
+    unknown = sum(int(np.isnan(c).sum()) for c in changes.modes)
     if unknown:
-        doubts += (f"the error of the mesh is not known for {unknown} modes and onsets: refined, they are others",)
-    return replace(result, points=tuple(points), onsets=tuple(onsets), doubts=doubts)
+        doubts.append(f"the error of the mesh is not known for {unknown} modes: refined, they are others")
+    for onset in onsets:
+        if np.isinf(onset.discretisation):
+            doubts.append(f"the onset at {_told(onset, name)}, vanishes on the refined mesh")
+    doubts += [f"an onset at {_told(onset, name)}, appears on the refined mesh alone" for onset in changes.appeared]
+    listed = sorted([*onsets, *changes.appeared], key=lambda o: o.value)
+    return replace(result, points=tuple(points), onsets=tuple(listed), doubts=tuple(doubts))
+
+
+def _told(onset: Onset, name: str) -> str:
+    return f"{name} = {onset.value:.6g}, {onset.frequency_hz:.5g} Hz, {onset.direction} instability"
+
+
+def near_onsets(point: SweepPoint, bar: np.ndarray, onsets: Sequence[Onset]) -> np.ndarray:
+    """Return bars (k,) complex that know of onsets which may lie on the other side of a point, for all their error.
+
+    Within its error of an onset a mode may grow, or not, by c √(distance + error); by c (distance + error) where one
+    mode crosses alone. c is the crossing speed.
+    """
+    wide = bar.copy()
+    for onset in onsets:
+        error, speed = onset.discretisation, abs(onset.crossing_speed)
+        apart = abs(point.value - onset.value)
+        if not (np.isfinite(error) and np.isfinite(speed) and apart <= error):
+            continue
+        reach = speed * (np.sqrt(apart + error) if onset.branch_b is not None else apart + error)
+        own = np.isin(point.branches, [b for b in (onset.branch_a, onset.branch_b) if b])
+        wide.real = np.where(own, np.maximum(wide.real, reach), wide.real)
+    return wide
 
 
 def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Changes:
@@ -126,15 +173,17 @@ def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -
         request = Request(count=max(len(p.modes) for p in result.points) + 2)
         model = ReducedModel(affine[0], axis, at, request, linear_solver=linear_solver)
     corrected = CorrectedModel(model, affine[1], E, at)
-    changes, first = [], None
+    first: dict[int, int] | None = None
+    pairs = []
     for point, value in zip(result.points, at.tolist(), strict=True):
         before, refined_pencil = model.modes(value), corrected.small.pencil({axis: value})
         now = solve_dense(refined_pencil, 1.5 * model.highest, linear_solver)
         same = _same(corrected, before, now)
         first = same if first is None else first
-        changes.append(_changes(point, before, now, same))
+        pairs.append(_changes(point, before, now, same))
     onsets: list[float] = []
-    if result.onsets:
+    appeared: list[Onset] = []
+    if len(values) > 1:
         modes = len(model.modes(float(at[0])))
         found = sweep(
             corrected.small, at, axis, modes=modes, method="direct", linear_solver=linear_solver
@@ -144,7 +193,13 @@ def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -
             found[j].value - onset.value if j is not None else np.nan
             for onset, j in zip(result.onsets, paired, strict=True)
         ]
-    return Changes(tuple(changes), tuple(onsets))
+        # Beyond, modes may leave the range on another mesh.
+        top = min(float(p.modes.frequency_hz.max(initial=0.0)) for p in result.points)
+        appeared = [
+            replace(o, parameter=parameter, branch_a=0, branch_b=None, two_mode_value=np.nan, discretisation=np.inf)
+            for j, o in enumerate(found) if j not in paired and o.frequency_hz < COMPARED * top
+        ]  # fmt: skip
+    return Changes(tuple(c for c, _ in pairs), tuple(onsets), tuple(b for _, b in pairs), tuple(appeared))
 
 
 def _refined_memory(result: Sweep) -> int:
@@ -172,14 +227,17 @@ def _same(corrected: CorrectedModel, before: Modes, now: Modes) -> dict[int, int
     return {int(i): j for j, i in enumerate(origin) if i >= 0}
 
 
-def _changes(point: SweepPoint, before: Modes, now: Modes, same: dict[int, int]) -> np.ndarray:
-    """Return the changes (k,) of the modes of a point, each of which is the nearest of `before`."""
-    changes = np.full(len(point.modes), np.nan * (1 + 1j))
+def _changes(
+    point: SweepPoint, before: Modes, now: Modes, same: dict[int, int]
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return the changes (k,) of the modes of a point, each of which is the nearest of `before`, and the spectra."""
+    refined = np.full(len(before), np.nan * (1 + 1j))
+    for i, j in same.items():
+        refined[i] = now.lam[j]
     rows, columns = linear_sum_assignment(np.abs(point.modes.lam[:, None] - before.lam[None, :]))
-    for i, near in zip(rows.tolist(), columns.tolist(), strict=True):
-        if near in same:
-            changes[i] = now.lam[same[near]] - before.lam[near]
-    return changes
+    changes, near = np.full(len(point.modes), np.nan * (1 + 1j)), np.zeros(len(point.modes), dtype=int)
+    changes[rows], near[rows] = (refined - before.lam)[columns], columns
+    return changes, (before.lam, refined, near)
 
 
 def pair_onsets(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import threading
 import time
 from contextlib import suppress
@@ -164,6 +165,7 @@ def measure_apart(
 def _child(
     pipe: Connection, scene: Scene, setting: Setting, probes: np.ndarray | None, estimate: bool
 ) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to both; the parent ends this process
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         found, chosen = measure(scene, setting, probes, estimate)

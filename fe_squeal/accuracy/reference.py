@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ..sweep.step import Onset
+from ..sweep.onset import Onset
 from .estimate import COMPARED, EXTRAPOLATED, SMALLEST, UNSURE, pair_onsets
 from .measure import Measurement
 
@@ -71,7 +71,7 @@ def as_reference(m: Measurement) -> Reference:
 def reference_of(m: Measurement) -> Reference:
     """Return the extrapolation of a result by what refining its mesh once changes, with its uncertainty.
 
-    The change is between half and 15/16 of the error, see `estimate.BAR`; the middle is taken.
+    The change is between half and 15/16 of the error, see `bars`; the middle is taken.
     """
     if not len(m.changes):
         return as_reference(m)

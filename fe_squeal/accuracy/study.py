@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import NotConvergedError, SquealError
 from ..scene import Scene
+from .forecast import Forecast, by_information, forecast_of
 from .measure import Measurement, measure_apart
 from .reference import Errors, Reference, as_reference, errors_of, reference_of, with_exact
 from .settings import Setting, plan
@@ -23,8 +24,6 @@ COLUMNS = (
     "error_growth", "error_onset", "algebraic_frequency", "algebraic_growth", "algebraic_onset", "seconds_estimate",
     "knob",
 )  # fmt: skip
-_GROWTH, _POWERS = 0.8, (0.2, 1.5)  # power of the cost with which times grow, until the study's own tell; its limits
-_REFINING = 4.0  # times the seconds of a setting, where its mesh is refined too
 
 
 class Store(Protocol):
@@ -108,7 +107,7 @@ def run_study(
     progress: Callable[[int, int, str], None] = lambda done, total, text: None,
     exact: np.ndarray | None = None,
 ) -> Study:
-    """Run the settings of a study, cheap ones first; what was measured before is taken from the store.
+    """Run the settings of a study, those first that tell most for their time; what was measured is in the store.
 
     Parameters
     ----------
@@ -118,7 +117,8 @@ def run_study(
         At most so long; what does not fit is left out, and said.
     settings : list of Setting, optional
         Instead of `plan(scene)`.
-    progress : callable of (done, in all, what is running)
+    progress : callable of (measured so far, in all, what is said)
+        First of all a forecast of unknowns and seconds, then what runs next and what is left out.
     exact : (k,) float, Hz, optional
         The lowest frequencies where they are known: errors are then relative to these.
 
@@ -126,37 +126,55 @@ def run_study(
     ------
     NotConvergedError
         Nothing could be measured within the budget.
+    KeyboardInterrupt
+        With the study so far as its argument, if anything was measured.
     """
     start = time.perf_counter()
-    every = sorted(settings or plan(scene), key=_cost)
+    forecast = forecast_of(scene)
+    every = by_information(settings or plan(scene), forecast)
     done: list[tuple[Setting, Measurement]] = []
     left_out: list[tuple[Setting, str]] = []
     probes = store.load_probes()
-    for i, setting in enumerate(every):
-        progress(i, len(every), str(setting))
-        key = setting.key(scene)
-        kept = store.load(key) if probes is not None else None
-        if kept is not None:
-            done.append((setting, kept))
-            continue
-        rest = None if budget is None else budget - (time.perf_counter() - start)
-        expected = _expected(setting, done)
-        if rest is not None and (rest <= 0 or expected > rest):
-            left_out.append((setting, f"it would take about {expected:.0f} s" if rest > 0 else "the budget is spent"))
-            continue
-        try:
-            found = measure_apart(scene, setting, probes, setting.estimated, rest)
-        except SquealError as error:
-            left_out.append((setting, str(error)))
-            continue
-        if found is None:
-            left_out.append((setting, "the budget ran out"))
-            continue
-        measured, probes = found
-        store.save_probes(probes)
-        store.save(key, measured)
-        done.append((setting, measured))
-    progress(len(every), len(every), "")
+    progress(0, len(every), _announced(every, forecast, budget))
+
+    def leave_out(setting: Setting, why: str) -> None:
+        left_out.append((setting, why))
+        progress(len(done), len(every), f"left out: {setting}: {why}")
+
+    stopped = False
+    try:
+        for setting in every:
+            key = setting.key(scene)
+            kept = store.load(key) if probes is not None else None
+            if kept is not None:
+                done.append((setting, kept))
+                continue
+            rest = None if budget is None else budget - (time.perf_counter() - start)
+            expected = forecast.seconds(setting, [(s, _spent(m)) for s, m in done])
+            if rest is not None and (rest <= 0 or expected > rest):
+                leave_out(setting, f"it would take about {expected:.0f} s" if rest > 0 else "the budget is spent")
+                continue
+            unknowns = forecast.unknowns(setting)
+            progress(len(done), len(every), f"{setting}: about {unknowns} unknowns, {expected:.0f} s")
+            try:
+                found = measure_apart(scene, setting, probes, setting.estimated, rest)
+            except SquealError as error:
+                leave_out(setting, str(error))
+                continue
+            if found is None:
+                leave_out(setting, "the budget ran out")
+                continue
+            measured, probes = found
+            store.save_probes(probes)
+            store.save(key, measured)
+            done.append((setting, measured))
+    except KeyboardInterrupt as stop:
+        stopped = True
+        known = [s for s, _ in (*done, *left_out)]
+        left_out += [(s, "interrupted") for s in every if s not in known]
+        if not done:
+            raise KeyboardInterrupt(None) from stop
+    progress(len(done), len(every), f"{len(done)} of {len(every)} measured")
     fine = [(s, m) for s, m in done if len(m.changes)] or [(s, m) for s, m in done if s.method != "modal"]
     if not fine:
         reasons = "; ".join(f"{s}: {why}" for s, why in left_out[:3])
@@ -166,25 +184,19 @@ def run_study(
     if exact is not None:
         reference = with_exact(reference, exact)
     solved, measurements = zip(*done, strict=True)
-    return Study(solved, measurements, reference, finest, tuple(left_out), exact is not None)
+    study = Study(solved, measurements, reference, finest, tuple(left_out), exact is not None)
+    if stopped:
+        raise KeyboardInterrupt(study)
+    return study
 
 
-def _cost(s: Setting) -> float:
-    """Return what a setting costs relative to others, before anything is known."""
-    share = {"reduced": 1.0, "modal": 0.6, "direct": 4.0}[s.method]
-    return share * (_REFINING if s.estimated else 1.0) * (s.order / s.size) ** 3 * (s.modes + 20)
+def _spent(measured: Measurement) -> float:
+    return measured.total + measured.seconds.get("estimate", 0.0)
 
 
-def _expected(setting: Setting, done: list[tuple[Setting, Measurement]]) -> float:
-    """Return the seconds that a setting will take: from the dearest of the same order, by the growth up to there.
-
-    To start a process takes the same time for all, so that the first few say little about how times grow.
-    """
-    like = sorted((_cost(s), m.total + m.seconds.get("estimate", 0.0)) for s, m in done if s.order == setting.order)
-    if not like:
-        return 0.0
-    cost, seconds = like[-1]
-    power = _GROWTH
-    if cost > 2 * like[0][0]:
-        power = float(np.clip(np.log(seconds / like[0][1]) / np.log(cost / like[0][0]), *_POWERS))
-    return float(seconds * max(_cost(setting) / cost, 1e-3) ** power)
+def _announced(settings: list[Setting], forecast: Forecast, budget: float | None) -> str:
+    """Return what a study will take in all, for its first line."""
+    largest = max(forecast.unknowns(s) for s in settings)
+    whole = sum(forecast.seconds(s, []) for s in settings)
+    bounded = "" if budget is None else f", of which {budget:g} s may be spent (--budget)"
+    return f"{len(settings)} settings, up to about {largest} unknowns: some {whole:.0f} s in all{bounded}"

@@ -17,6 +17,7 @@ from ..eigen.memory import refuse_shortage, require_memory
 from ..errors import MeshError, SceneError
 from ..fem.contact import ContactOperators
 from ..fem.materials import material_axes
+from ..fem.motion import SteadyMotion
 from ..fem.rigid_motions import rigid_motions
 from ..fem.spaces import DisplacementSpace, Surface, make_space, straightened
 from ..mesh import LoadedMesh
@@ -39,6 +40,8 @@ from .effect_stages import (
     with_static_state,
 )
 from .matrices import matrix_problem
+from .names import check_names
+from .units import require_si
 from .warnings import warnings_of_coverage, warnings_of_scene
 
 # Of the entries of all element matrices, what is left when those of elements that share nodes are added, or less, since
@@ -89,7 +92,9 @@ class Assembly:
 
     def __init__(self, scene: Scene, loaded: LoadedMesh) -> None:
         self.scene = scene
+        check_names(scene, loaded)
         self.bodies = find_bodies(scene, loaded)
+        require_si(scene, loaded.mesh, self.bodies)
         supports = [
             (find_facets(loaded, s.surface, f"supports[{i}].surface"), s.fixed) for i, s in enumerate(scene.supports)
         ]
@@ -119,6 +124,11 @@ class Assembly:
         if path.split(".")[0] in NOT_PHYSICS:
             raise SceneError(f'given "{path}"; expected a number of the physics, or another scene to be assembled')
         return number_at(self.scene, path)
+
+    def motions(self, values: Mapping[str, float]) -> Mapping[str, SteadyMotion]:
+        """Return the motions of the bodies that rotate, with other numbers."""
+        scene = with_numbers(self.scene, values) if values else self.scene
+        return with_motions(self._context(scene), scene.effects.on).motions
 
     def solved_with(self, linear_solver: LinearSolver | str) -> Assembly:
         """Return the same assembly, which finds static states with this linear solver; what was made is shared."""

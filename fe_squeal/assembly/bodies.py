@@ -66,6 +66,7 @@ def find_bodies(scene: Scene, loaded: LoadedMesh) -> dict[str, np.ndarray]:
     Raises
     ------
     SceneError, MeshError
+        Also of materials and groups that are not there; `check_names` tells all of these.
     """
     owner = np.full(loaded.mesh.nelements, -1)
     bodies: dict[str, np.ndarray] = {}

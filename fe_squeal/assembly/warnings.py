@@ -11,6 +11,7 @@ from ..fem.spaces import DisplacementSpace
 from ..mesh import LoadedMesh, surface_group
 from ..mesh.distortion import shape_condition
 from ..scene import Scene
+from .units import suspect_units
 
 _DENSITY = (100.0, 30000.0)  # kg/m^3: from foams to osmium
 _MODULUS = (1e6, 1e13)  # Pa: from rubber to beyond diamond
@@ -27,12 +28,14 @@ def warnings_of_scene(
 ) -> list[str]:
     """Return a sentence for each value that is probably not meant. All groups that the scene names are there."""
     return [
-        *_materials(scene), *_locking(scene), *_held(scene, loaded, space), *_gaps(scene, space),
-        *_shapes(loaded, space, bodies),
+        *suspect_units(scene, space.mesh, bodies), *_materials(scene), *_locking(scene),
+        *_held(scene, loaded, space), *_gaps(scene, space), *_shapes(loaded, space, bodies),
     ]  # fmt: skip
 
 
 def _materials(scene: Scene) -> Iterable[str]:
+    if scene.units == "any":
+        return
     for name, material in scene.materials.items():
         if not _DENSITY[0] <= material.density <= _DENSITY[1]:
             yield f"materials.{name}.density = {material.density:g}: is this in SI units, kg/m^3?"

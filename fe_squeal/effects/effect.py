@@ -64,6 +64,10 @@ class Effect(Section):
         """Return names of parameters that the problem has even where no term scales with them."""
         return ()
 
+    def surfaces(self) -> Mapping[str, str]:
+        """Return the surface groups that it names, by the paths of their keys."""
+        return {}
+
     def motions(self, context: Context) -> Mapping[str, SteadyMotion]:
         """Return the motions of bodies that rotate; `context` has neither motions nor a static state yet."""
         return {}

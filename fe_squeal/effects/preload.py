@@ -53,6 +53,10 @@ class Preload(Effect):
                 "given preload without a load; expected preload.pressures = { SURFACE = ... }, or [effects.rotation]"
             )
 
+    def surfaces(self) -> dict[str, str]:
+        """Return the surfaces that are pressed."""
+        return {f"effects.preload.pressures.{group}": group for group in self.pressures}
+
     def static_state(self, context: Context) -> StaticState:
         """Return the static state. The search starts from the one found before, at other values, if there is one.
 

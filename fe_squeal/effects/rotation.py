@@ -104,7 +104,12 @@ class Rotation(Effect):
         return terms
 
     def warnings(self, context: Context, others: Sequence[Term], parameters: Mapping[str, float]) -> list[str]:
-        """Return a sentence for each rotating body that can turn or tilt against no more than its own inertia."""
+        """Return a sentence for each rotating body that can turn or tilt against no more than its own inertia.
+
+        A rigid rotation u = e × x has (w·∇)u = Ω × u, so that K_Ω takes at most Ω²M away, and about the axis just that:
+        M ü = Ω²M u grows with Re λ = Ω. The centrifugal stress σ balances ρΩ²r; the virtual work of that equation makes
+        its stiffness ∫σ_ij ∂_iu·∂_ju = +Ω²M for the same u, and nothing grows.
+        """
         if context.table(StressStiffening) is not None:
             return []
         found = []
@@ -115,7 +120,8 @@ class Rotation(Effect):
                 found.append(
                     f"effects.rotation: body {name} is free to {' and to '.join(free)}; without"
                     f" [effects.stress_stiffening] its slow motions, up to some {2 * speed / (2 * np.pi):.3g} Hz, are"
-                    " not right"
+                    f" not right, and growth of up to Re λ = Ω = {speed:.4g} 1/s appears that does not exist: write"
+                    " [effects.preload] and [effects.stress_stiffening], or hold the body"
                 )
         return found
 

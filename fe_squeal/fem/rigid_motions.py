@@ -18,7 +18,7 @@ def rigid_motions(space: DisplacementSpace) -> np.ndarray:
     A part turns about its centre, by an angle that moves its nodes by one in the mean. Elastic stiffness leaves all
     these motions free; springs and contacts may hold them.
     """
-    part = _parts(space)
+    part = connected_parts(space)
     columns = []
     for i in range(part.max() + 1):
         nodes = np.flatnonzero(part == i)
@@ -40,7 +40,7 @@ def rigid_motions(space: DisplacementSpace) -> np.ndarray:
     return np.stack(columns, axis=1) if columns else np.zeros((space.unknowns, 0))
 
 
-def _parts(space: DisplacementSpace) -> np.ndarray:
+def connected_parts(space: DisplacementSpace) -> np.ndarray:
     """Return the number of the connected part of the mesh that each node belongs to, (nodes,) int."""
     nodes = space.dofs.element_dofs  # (local nodes, elements)
     elements = np.broadcast_to(np.arange(nodes.shape[1]), nodes.shape)

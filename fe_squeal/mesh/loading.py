@@ -70,6 +70,17 @@ def load_mesh(
     path = Path(path)
     if length_unit not in UNITS:
         raise MeshError(f'{path.name}: length_unit "{length_unit}" is not known{suggest(length_unit, UNITS)}')
+    return build_mesh(read_raw(path, folders, allow_outside), path.name, UNITS[length_unit])
+
+
+def read_raw(path: Path, folders: Sequence[str | Path] = (), allow_outside: bool = False) -> RawMesh:
+    """Return what stands in a mesh file, before elements are checked: its groups also where elements are bad.
+
+    Raises
+    ------
+    MeshError
+        The file cannot be read as a mesh.
+    """
     try:
         if path.is_dir():
             raise MeshError(f"{path}: this is a folder; expected a mesh file")
@@ -83,11 +94,10 @@ def load_mesh(
             raise MeshError(f"{path.name}: has {memory_text(size)}, and {memory_text(free)} are free")
         with np.errstate(all="ignore"):  # numbers that are none are refused below, in words
             sources = Sources(path, tuple(map(Path, folders)), allow_outside)
-            raw = _READERS.get(path.suffix.lower(), read_with_meshio)(sources)
+            return _READERS.get(path.suffix.lower(), read_with_meshio)(sources)
     except OSError as error:
         raise MeshError(f"{path}: the file cannot be read ({error.strerror or error})") from error
     except MemoryError as error:
         raise MeshError(
             f"{path.name}: the file asks for more memory than there is; it is damaged or too large"
         ) from error
-    return build_mesh(raw, path.name, UNITS[length_unit])

@@ -99,7 +99,7 @@ def accuracy_page(
         for order in (1, 2):
             fit = fitted(frame, order, quantity)
             if fit is not None:
-                lines.append(f"| {words} | {order} | {fit.rate:.2f} |")
+                lines.append(f"| {words} | {order} | {fit:.2f} |")
     lines += ["", "Smooth modes give 2 for order 1 and 4 for order 2; edges of contacts, clamped edges and re-entrant"
               " corners, where stresses are singular, take order 2 down to between 1 and 3.", ""]  # fmt: skip
     lines += ["## Measured", "", _table(frame), ""]

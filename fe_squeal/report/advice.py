@@ -2,68 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
-from scipy.optimize import nnls
 
 QUANTITIES = {"error_frequency": "frequencies", "error_growth": "growth rates", "error_onset": "critical values"}
 TARGETS = (0.05, 0.02, 0.01)
 _FITTED = 3  # finest sizes that a rate is fitted to
-# Times of small problems are those of what is done once; with the size they grow like unknowns^1.17 in the end.
-_GROWTH = 3.5
-_BEYOND = 4.0  # times the range of sizes: how far a fit is trusted
 
 
-@dataclass(frozen=True)
-class Fit:
-    """error = a · size^rate and seconds = fixed + work · size^−3.5, of one order.
-
-    Attributes
-    ----------
-    rate : float
-    error : float
-        At the size 1 m.
-    fixed, work : float, s
-    low, high : float, m
-        Sizes that were measured.
-    """
-
-    order: int
-    rate: float
-    error: float
-    fixed: float
-    work: float
-    low: float
-    high: float
-
-    def size_for(self, target: float) -> float:
-        """Return the size at which the error is a target; NaN where it does not fall, or far beyond what is known."""
-        if not self.rate > 0.2:
-            return np.nan
-        size = float((target / self.error) ** (1 / self.rate))
-        return size if size >= self.low / _BEYOND else np.nan
-
-    def seconds_for(self, size: float) -> float:
-        """Return the time at a size."""
-        return float(self.fixed + self.work * min(size, self.high) ** -_GROWTH)
-
-
-def fitted(frame: pd.DataFrame, order: int, quantity: str) -> Fit | None:
-    """Return the fit of errors and times of one order to its finest sizes; None where fewer than two tell anything."""
+def fitted(frame: pd.DataFrame, order: int, quantity: str) -> float | None:
+    """Return r of error = a · size^r, fitted to the finest sizes of one order; None where fewer than two tell it."""
     rows = frame[frame["knob"].astype(str).eq(f"size, order {order}")].sort_values("size")
-    growth = rows["size"].to_numpy(float) ** -_GROWTH
-    times = rows["seconds"].to_numpy(float)
     rows = rows[np.isfinite(rows[quantity]) & (rows[quantity] > 0) & (rows[quantity] < 1)]  # 1: what is not found
     fine = rows.iloc[:_FITTED]
     if len(fine) < 2:
         return None
-    size = np.log(fine["size"].to_numpy(float))
-    rate, error = np.polyfit(size, np.log(fine[quantity].to_numpy(float)), 1)
-    (fixed, work), _ = nnls(np.column_stack([1 / times, growth / growth.max() / times]), np.ones(len(times)))
-    low, high = float(rows["size"].min()), float(rows["size"].max())
-    return Fit(order, float(rate), float(np.exp(error)), float(fixed), float(work / growth.max()), low, high)
+    rate, _ = np.polyfit(np.log(fine["size"].to_numpy(float)), np.log(fine[quantity].to_numpy(float)), 1)
+    return float(rate)
 
 
 def pareto(frame: pd.DataFrame, quantity: str) -> np.ndarray:
@@ -75,31 +30,33 @@ def pareto(frame: pd.DataFrame, quantity: str) -> np.ndarray:
 
 
 def advice(frame: pd.DataFrame, quantity: str) -> list[str]:
-    """Return a sentence per target: the cheapest order and size, and what the other order would take."""
-    fits = [f for f in (fitted(frame, order, quantity) for order in (1, 2)) if f is not None]
-    sentences = []
-    for target in TARGETS:
-        options = []
-        for fit in fits:
-            size = fit.size_for(target)
-            if np.isfinite(size):
-                options.append((fit.seconds_for(size), min(size, fit.high), fit, size < fit.low))
-        if not options:
-            sentences.append(f"{100 * target:g} % on {QUANTITIES[quantity]}: nothing that was measured leads there.")
-            continue
-        options.sort(key=lambda o: o[0])
-        parts = [
-            f"order {fit.order}, {_millimetres(size)}, {'about ' if beyond else ''}{_seconds(seconds)}"
-            + (" (extrapolated)" if beyond else "")
-            for seconds, size, fit, beyond in options
-        ]
-        other = f"; {parts[1].replace(',', ' would need', 1)}" if len(parts) > 1 else ""
-        missing = [f.order for f in fits if not np.isfinite(f.size_for(target))]
-        other += "".join(f"; order {order} shows no rate that leads there" for order in missing)
-        rough = [order for order in (1, 2) if order in set(frame["order"]) and order not in [f.order for f in fits]]
-        other += "".join(f"; order {order} is too far off on all these meshes" for order in rough)
-        sentences.append(f"{100 * target:g} % on {QUANTITIES[quantity]}: {parts[0]}{other}.")
-    return sentences
+    """Return a sentence per target: the cheapest order and size that was measured to meet it, and the other order's.
+
+    Nothing is extrapolated: where no row of the table meets a target, the nearest one is named.
+    """
+    rows = frame[frame["knob"].astype(str).str.startswith("size, ") & np.isfinite(frame[quantity])]
+    return [_advised(rows, target, quantity) for target in TARGETS]
+
+
+def _advised(rows: pd.DataFrame, target: float, quantity: str) -> str:
+    what = f"{100 * target:g} % on {QUANTITIES[quantity]}"
+    if not len(rows):
+        return f"{what}: no mesh was measured."
+    found = {order: own[own[quantity] <= target] for order, own in rows.groupby("order")}
+    cheapest = [own.sort_values("seconds").iloc[0] for own in found.values() if len(own)]
+    met = sorted(cheapest, key=lambda row: float(row["seconds"]))
+    missed = [str(order) for order, own in found.items() if not len(own)]
+    if not met:
+        nearest = rows.sort_values([quantity, "seconds"]).iloc[0]
+        return f"{what}: no mesh that was measured has it; nearest is {_told(nearest, quantity)}."
+    parts = [_told(met[0], quantity), *(f"{_told(row, quantity)} has it as well" for row in met[1:])]
+    parts += [f"order {order} does not have it on any mesh that was measured" for order in missed]
+    return f"{what}: {'; '.join(parts)}."
+
+
+def _told(row: pd.Series, quantity: str) -> str:
+    error = f"{100 * float(row[quantity]):.2g} %"
+    return f"order {int(row['order'])}, {_millimetres(float(row['size']))}, {_seconds(float(row['seconds']))} ({error})"
 
 
 def _millimetres(size: float) -> str:

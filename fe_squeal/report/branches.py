@@ -39,6 +39,12 @@ class Branch:
         1 where the point is an onset into instability, −1 out of it, 0 at a sweep value.
     joined : (k − 1,) bool
         Whether point i and i + 1 lie next to each other in the sweep (a branch may have holes).
+    speed : (k,) float
+        Of an onset: how steeply growth begins there, the column `crossing_speed`; NaN elsewhere.
+    rooted : (k,) bool
+        Whether it begins with the square root of the distance to the onset, where two modes meet; else with a line.
+    leads : (k,) bool
+        Of an onset: whether the branch is its `branch_a`, to which a window between two onsets is counted.
     """
 
     number: int
@@ -49,24 +55,35 @@ class Branch:
     unstable: Bools
     onset: NDArray[np.int64]
     joined: Bools
+    speed: Floats
+    rooted: Bools
+    leads: Bools
+
+    @property
+    def windows(self) -> Bools:
+        """(k − 1,) bool: which stretches are windows of instability between two onsets, without a value inside."""
+        opens = (self.onset[:-1] == 1) & self.leads[:-1]
+        return self.joined & opens & (self.onset[1:] == -1) & self.leads[1:]
 
     @property
     def grows(self) -> bool:
-        """Whether the mode is unstable anywhere in the sweep."""
-        return bool(self.unstable.any())
+        """Whether the mode is unstable anywhere in the sweep, at its values or between them."""
+        return bool(self.unstable.any() or self.windows.any())
 
     @property
     def peak(self) -> int:
-        """Index of the largest growth rate among the unstable points, or of all points where none is unstable."""
-        candidates = np.where(self.unstable, self.re, -np.inf) if self.grows else self.re
+        """Index of the largest growth rate among the unstable points; of a window's start, or of all points, where
+        there are none."""
+        if not self.unstable.any() and self.windows.any():
+            return int(np.argmax(self.windows))
+        candidates = np.where(self.unstable, self.re, -np.inf) if self.unstable.any() else self.re
         return int(np.argmax(np.where(np.isnan(candidates), -np.inf, candidates)))
 
     def unstable_segments(self) -> Bools:
         """(k − 1,) bool: which stretches between neighbouring points are unstable throughout."""
         marked = self.unstable | (self.onset != 0)
         inside = self.unstable[:-1] | self.unstable[1:]
-        tongue = (self.onset[:-1] == 1) & (self.onset[1:] == -1)
-        return self.joined & marked[:-1] & marked[1:] & (inside | tongue)
+        return np.asarray((self.joined & marked[:-1] & marked[1:] & inside) | self.windows)
 
 
 def parameter_name(modes: pd.DataFrame) -> str:
@@ -99,6 +116,24 @@ def parameter_symbol(name: str) -> str:
 def value_text(value: float) -> str:
     """Return a sweep value for a label: two decimals where they are enough (0.6 as 0.60), else up to six digits."""
     return f"{value:.2f}" if 0 <= value < 100 and round(value, 2) == value else f"{value:.6g}"
+
+
+def distinct_texts(values: Floats, form: str) -> list[str]:
+    """Return numbers with three decimals ("f") or four digits ("g"), and with as many more as tell them apart.
+
+    Examples
+    --------
+    >>> distinct_texts(np.array([0.30121, 0.30149, 0.5]), "f"), distinct_texts(np.array([0.3, 0.5]), "f")
+    (['0.3012', '0.3015', '0.500'], ['0.300', '0.500'])
+    """
+    first, most = (3, 9) if form == "f" else (4, 12)
+    texts = [f"{v:.{first}{form}}" for v in values]
+    for digits in range(first + 1, most + 1):
+        meant: dict[str, set[float]] = {}
+        for text, value in zip(texts, values.tolist(), strict=True):
+            meant.setdefault(text, set()).add(value)
+        texts = [f"{v:.{digits}{form}}" if len(meant[t]) > 1 else t for t, v in zip(texts, values, strict=True)]
+    return texts
 
 
 def frequency_text(frequency_hz: float) -> str:
@@ -144,6 +179,7 @@ def collect_branches(modes: pd.DataFrame, onsets: pd.DataFrame) -> list[Branch]:
     crossings = np.column_stack([numbers(onsets, "value"), numbers(onsets, "frequency_hz")])
     sign = np.where(_text(onsets, "direction") == "out of", -1, 1)
     partners = np.column_stack([numbers(onsets, "branch_a"), numbers(onsets, "branch_b")])
+    speed, paired = np.abs(numbers(onsets, "crossing_speed")), np.isfinite(partners[:, 1])
 
     result = []
     for number in np.unique(branch[np.isfinite(branch)]):
@@ -153,11 +189,14 @@ def collect_branches(modes: pd.DataFrame, onsets: pd.DataFrame) -> list[Branch]:
         ]).T
         kind = np.concatenate([np.zeros(rows.sum(), dtype=np.int64), sign[mine]])
         grows = np.concatenate([unstable[rows], np.zeros(mine.sum(), dtype=bool)])
+        at, own = np.full(rows.sum(), np.nan), np.zeros(rows.sum(), dtype=bool)
+        speeds, rooted = np.append(at, speed[mine]), np.append(own, paired[mine])
+        leads = np.append(own, partners[mine, 0] == number)
         order = np.argsort(value, kind="stable")
         # an onset sits at a broken place between two sweep values, so neighbours differ by at most one
         place = np.interp(value[order], sweep, np.arange(len(sweep)))
         result.append(Branch(int(number), value[order], frequency[order], re[order], uncertainty[order], grows[order],
-                             kind[order], np.diff(place) < 1 + 1e-9))
+                             kind[order], np.diff(place) < 1 + 1e-9, speeds[order], rooted[order], leads[order]))
     return result
 
 

@@ -10,12 +10,25 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
 from fe_squeal.report.branches import Branch, Floats, find_mirror
+from fe_squeal.report.growth import growth_curves, segments
+
+_DEPTH = 1.5  # times the largest growth: how much of what decays is shown below zero
 
 
-def draw_stretches(axes: Axes, branch: Branch, y: Floats, style: dict[str, Any] | None) -> None:
-    """Draw one branch: thin grey where stable, in its style where unstable, markers where a point stands alone."""
-    pairs = segments(np.column_stack([branch.value, y]))
-    axes.add_collection(LineCollection(list(pairs[branch.joined]), colors="0.6", linewidths=0.7, zorder=2))
+def draw_stretches(
+    axes: Axes, branch: Branch, y: Floats, style: dict[str, Any] | None, curves: list[Floats] | None = None
+) -> None:
+    """Draw one branch: thin grey where stable, in its style where unstable, markers where a point stands alone.
+
+    Parameters
+    ----------
+    y : (k,) float
+    curves : list of (m, 2) float, optional
+        What is drawn from point i to i + 1; straight lines by default.
+    """
+    curves = list(segments(np.column_stack([branch.value, y]))) if curves is None else curves
+    shown = [curve for curve, joined in zip(curves, branch.joined, strict=True) if joined]
+    axes.add_collection(LineCollection(shown, colors="0.6", linewidths=0.7, zorder=2))
     alone = ~(np.append(branch.joined, False) | np.append(False, branch.joined))
     stable = alone & ~branch.unstable & (branch.onset == 0)
     axes.plot(branch.value[stable], y[stable], "_", color="0.5", ms=12, mew=0.9, zorder=2)
@@ -25,8 +38,8 @@ def draw_stretches(axes: Axes, branch: Branch, y: Floats, style: dict[str, Any] 
     # one polyline for each run of neighbouring segments, so that a dash pattern is not restarted at each point
     for run in np.split(np.flatnonzero(inside), np.flatnonzero(np.diff(np.flatnonzero(inside)) > 1) + 1):
         if len(run):
-            rows = np.append(run, run[-1] + 1)
-            axes.plot(branch.value[rows], y[rows], lw=2.4, solid_capstyle="butt", zorder=4, **style)
+            line = np.concatenate([curves[run[0]][:1], *(curves[i][1:] for i in run)])
+            axes.plot(*line.T, lw=2.4, solid_capstyle="butt", zorder=4, **style)
     lone = branch.unstable & ~(np.append(inside, False) | np.append(False, inside))
     axes.plot(branch.value[lone], y[lone], "D", color=style["color"], ms=5, zorder=5)
 
@@ -44,16 +57,19 @@ def draw_growth(
         mirror = find_mirror(branch, branches, onsets)
         if mirror is not None:
             curves.append((mirror, styles[branch.number], False))
-    heights = np.concatenate([branch.re[np.isfinite(branch.re)] for branch, _, _ in curves])
-    low, high = padded(heights)
-    for branch, style, grows in curves:
-        pairs = segments(np.column_stack([branch.value, branch.re]))[branch.joined]
-        axes.add_collection(LineCollection(list(pairs), colors=style["color"], linewidths=0.8, alpha=0.7, zorder=3))
+    shapes = [growth_curves(branch) for branch, _, _ in curves]
+    heights = np.concatenate([curve[:, 1] for shape in shapes for curve in shape] + [b.re for b, _, _ in curves])
+    # What grows is what is looked for: a mode that falling friction once damped by 12 000 would flatten it to a line.
+    top = float(np.nanmax(heights))
+    low, high = padded(np.maximum(heights, -_DEPTH * top) if top > 0 else heights)
+    for (branch, style, grows), shape in zip(curves, shapes, strict=True):
+        pairs = [curve for curve, joined in zip(shape, branch.joined, strict=True) if joined]
+        axes.add_collection(LineCollection(pairs, colors=style["color"], linewidths=0.8, alpha=0.7, zorder=3))
         if len(branch.value) == 1 and not grows:
             axes.plot(branch.value, branch.re, "_", color=style["color"], ms=12, zorder=3)
         if not grows:
             continue
-        draw_stretches(axes, branch, branch.re, style)
+        draw_stretches(axes, branch, branch.re, style, shape)
         if branch.re_uncertainty.max(initial=0.0) > 0.004 * (high - low):
             lower, upper = branch.re - branch.re_uncertainty, branch.re + branch.re_uncertainty
             if len(branch.value) > 1:
@@ -63,7 +79,8 @@ def draw_growth(
                                   color=style["color"], alpha=0.2, lw=0, zorder=2)
             else:
                 axes.errorbar(branch.value, branch.re, branch.re_uncertainty, color=style["color"], capsize=4, zorder=3)
-            low, high = min(low, np.nanmin(lower)), max(high, np.nanmax(upper))
+            high = max(high, float(np.nanmax(upper)))
+            low = max(min(low, float(np.nanmin(lower))), min(low, -_DEPTH * high))
     axes.set_ylim(low, high)
     axes.axhspan(0.0, high, color="tab:red", alpha=0.05, lw=0, zorder=0)
 
@@ -87,11 +104,6 @@ def _draw_least_stable(axes: Axes, branches: list[Branch]) -> None:
     if len(sweep):
         axes.annotate("least stable mode", (sweep[len(sweep) // 2], largest[len(sweep) // 2]), xytext=(0, -8),
                       textcoords="offset points", ha="center", va="top", fontsize=9, color="0.35")
-
-
-def segments(points: Floats) -> Floats:
-    """Return (k − 1, 2, 2): the segments between neighbouring points, (k, 2)."""
-    return np.stack([points[:-1], points[1:]], axis=1)
 
 
 def padded(values: Floats, floor: float | None = None) -> tuple[float, float]:

@@ -21,10 +21,11 @@ from fe_squeal.report.pictures import (
     NORMAL_COLOURS,
     axis_frame,
     compose_figure,
+    moving_triangles,
     normal_limit,
     widest_body,
 )
-from fe_squeal.report.vtk_files import VISIBLE
+from fe_squeal.report.vtk_files import VISIBLE, names_in
 
 PIXELS = (1100, 860)
 SUBDIVISION = 2  # each face of a quadratic cell becomes 4² triangles, so that curved shapes look curved
@@ -43,7 +44,7 @@ def draw_file(shape: Path, picture: Path, title: str, axis: list[float]) -> None
     main = widest_body(np.asarray(grid.points), nodes, body)
     limit = normal_limit(real[np.unique(nodes[body == main]), 2])
 
-    figure, left, right = compose_figure(title, str(grid.field_data["body_names"][main]), limit, axis)
+    figure, left, right = compose_figure(title, names_in(grid, "body")[main], limit, axis)
     left.imshow(_oblique_view(grid, real * VISIBLE * size), interpolation="antialiased")
     right.imshow(_axial_view(grid, body, main, limit), interpolation="antialiased")
     figure.savefig(picture)  # under the name of an unfinished file: the run puts it in its place
@@ -68,7 +69,13 @@ def _axial_view(grid: Any, body: NDArray[np.int64], main: int, limit: float) -> 
     lift = np.array([0.0, 0.0, 0.02 * grid.length])  # lines in front of the surface that they lie on
     u_n = surface.point_data["u_n"]
     if u_n.min() < 0 < u_n.max() and np.ptp(u_n) > 1e-3:  # a body that moves to one side has no nodal lines
-        plotter.add_mesh(surface.contour([0.0], scalars="u_n").translate(lift), color="black", line_width=2.5)
+        triangles = surface.triangulate().faces.reshape(-1, 4)[:, 1:]
+        moving = moving_triangles(np.asarray(surface.points), triangles, u_n, surface.point_data["amplitude"])
+        crossed = pyvista.PolyData.from_regular_faces(surface.points, triangles[moving])
+        crossed.point_data["u_n"] = u_n
+        lines = crossed.contour([0.0], scalars="u_n")
+        if lines.n_points:
+            plotter.add_mesh(lines.translate(lift), color="black", line_width=2.5)
     for other in np.setdiff1d(body, [main]):
         part = grid.extract_cells(np.flatnonzero(body == other))
         plotter.add_mesh(_edges(part).translate(2 * lift), color="black", line_width=1.2)

@@ -21,14 +21,16 @@ from fe_squeal.report.branches import (
     Branch,
     Floats,
     collect_branches,
+    distinct_texts,
     figure_text,
     frequency_text,
     numbers,
     parameter_name,
     parameter_symbol,
 )
-from fe_squeal.report.curves import draw_growth, draw_stretches, padded, segments
+from fe_squeal.report.curves import draw_growth, draw_stretches, padded
 from fe_squeal.report.files import save_figure
+from fe_squeal.report.growth import segments
 from fe_squeal.report.labels import place_labels
 
 MAX_LABELLED_ONSETS = 12
@@ -39,7 +41,10 @@ _MARKERS = {("flutter", "into"): ("o", "black"), ("flutter", "out of"): ("o", "w
             ("divergence", "into"): ("s", "black"), ("divergence", "out of"): ("s", "white")}
 
 
-def plot_stability(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.PathLike[str], title: str = "") -> Path:
+def plot_stability(
+    modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.PathLike[str], title: str = "",
+    covered_hz: float | None = None,
+) -> Path:  # fmt: skip
     """Draw the frequencies (top) and growth rates (bottom) of all branches over the sweep parameter.
 
     Stable stretches are thin and grey, unstable ones thick and coloured, each branch with its own entry in the
@@ -53,6 +58,8 @@ def plot_stability(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pat
         As in `modes.csv` and `onsets.csv`; `onsets` may be empty.
     path : path
         Where to write; the suffix chooses the format (png, pdf, svg).
+    covered_hz : float, optional
+        The frequency below which all modes are known; a line is drawn there.
 
     Returns
     -------
@@ -79,6 +86,7 @@ def plot_stability(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pat
     bottom.set_xlabel(_parameter_label(parameter_name(modes)))
     _set_parameter_axis(bottom, numbers(modes, "value"))
     top.set_ylim(*padded(numbers(modes, "frequency_hz") / per_unit, floor=0.0))
+    _mark_range(top, covered_hz, per_unit)
     for axes in (top, bottom):
         axes.grid(True, color="0.92", lw=0.6)
         axes.set_axisbelow(True)
@@ -92,7 +100,10 @@ def plot_stability(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pat
     return save_figure(figure, path)
 
 
-def plot_root_locus(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.PathLike[str], title: str = "") -> Path:
+def plot_root_locus(
+    modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.PathLike[str], title: str = "",
+    covered_hz: float | None = None,
+) -> Path:  # fmt: skip
     """Draw the eigenvalues in the λ plane, Re λ in 1/s against Im λ/2π, coloured by the sweep parameter.
 
     The unstable half plane is shaded, onsets are marked. Real eigenvalues far outside of the oscillating ones are
@@ -104,6 +115,8 @@ def plot_root_locus(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pa
         As in `modes.csv` and `onsets.csv`; `onsets` may be empty.
     path : path
         Where to write; the suffix chooses the format.
+    covered_hz : float, optional
+        As of `plot_stability`.
     """
     unit, per_unit = _frequency_unit(modes)
     value, re, frequency = numbers(modes, "value"), numbers(modes, "re"), numbers(modes, "frequency_hz")
@@ -125,6 +138,7 @@ def plot_root_locus(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pa
 
     axes.set_xlim(*limits)
     axes.set_ylim(*padded(frequency / per_unit, floor=0.0))
+    _mark_range(axes, covered_hz, per_unit)
     axes.axvspan(0.0, max(limits[1], 0.0), color="tab:red", alpha=0.06, lw=0, zorder=0)
     axes.axvline(0.0, color="0.3", lw=0.9, zorder=2)
     axes.text(0.99, 0.99, "unstable", transform=axes.transAxes, ha="right", va="top", color="tab:red", fontsize=9)
@@ -137,6 +151,17 @@ def plot_root_locus(modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.Pa
     if markers:
         axes.legend(handles=markers, loc="upper left", fontsize=8, framealpha=0.9)
     return save_figure(figure, path)
+
+
+def _mark_range(axes: Axes, covered_hz: float | None, per_unit: float) -> None:
+    """Draw up to which frequency all modes are known: what is above it was not looked for."""
+    if covered_hz is None:
+        return
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, max(high, 1.03 * covered_hz / per_unit))
+    axes.axhline(covered_hz / per_unit, color="0.45", lw=0.8, ls=(0, (6, 3)), zorder=1)
+    axes.text(0.995, covered_hz / per_unit, f"all modes below {frequency_text(covered_hz)} ",
+              transform=axes.get_yaxis_transform(), ha="right", va="bottom", fontsize=7, color="0.35")
 
 
 def _mark_onsets(axes: Axes, onsets: pd.DataFrame, x: Floats, y: Floats, size: float = 6.0) -> list[Line2D]:
@@ -157,10 +182,11 @@ def _label_onsets(
 ) -> None:
     symbol = figure_text(parameter_symbol(name))
     points, texts = [], []
-    for value, frequency in zip(numbers(onsets, "value"), numbers(onsets, "frequency_hz"), strict=True):
+    values = numbers(onsets, "value")
+    told = distinct_texts(values, "f" if symbol == "μ" else "g")
+    for value, number, frequency in zip(values, told, numbers(onsets, "frequency_hz"), strict=True):
         if np.isfinite(value) and np.isfinite(frequency):
             points.append((value, frequency / per_unit))
-            number = f"{value:.3f}" if symbol == "μ" else f"{value:.4g}"
             texts.append(f"{symbol} = {number}, {frequency_text(frequency)}")
     samples = [np.empty((0, 2))]
     for branch in branches:

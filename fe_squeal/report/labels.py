@@ -11,7 +11,9 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
-_DISTANCES = (10, 20, 34, 52, 75)  # pt, from the point to the nearest corner or edge of the label
+_DISTANCES = (10, 20, 34, 52, 75, 105)  # pt, from the point to the nearest corner or edge of the label
+_CLOSE = 75.0  # pt: points nearer to each other could be taken for each other's
+_BESIDE_ANOTHER = 40.0  # what it costs a label to be nearer to another point than to its own
 _DIRECTIONS = (45, 135, 315, 225, 90, 270, 20, 160, 340, 200)  # degrees
 
 
@@ -24,9 +26,11 @@ def place_labels(
 ) -> list[Annotation]:
     """Write each text beside its point and return those that found room.
 
-    Greedy: each label takes the cheapest of fifty places that lie inside the axes, clear of all points and of the
-    labels before it; a place costs its distance and something for each sample of `avoid` that it covers. A text
-    without any room is left out rather than drawn over another. The layout of the figure must be final (drawn
+    Greedy: each label takes the cheapest of sixty places that lie inside the axes, clear of all points and of the
+    labels before it; a place costs its distance and something for each sample of `avoid` that it covers. Labels of
+    points close together stand in the order of their points, and no line to a label crosses that of another or runs
+    over another's point, so that none can be taken for the other. A text without any room is left out rather than
+    drawn over another. The layout of the figure must be final (drawn
     once, layout engine off), since the places are found in pixels.
 
     Parameters
@@ -40,8 +44,10 @@ def place_labels(
     pixels = axes.transData.transform(np.asarray(points, dtype=float).reshape(-1, 2))
     curves = axes.transData.transform(avoid)
     taken = [Bbox.from_bounds(x - 4 * scale, y - 4 * scale, 8 * scale, 8 * scale) for x, y in pixels]
-    placed = []
-    for point, pixel, text in zip(points, pixels, texts, strict=True):
+    placed: list[Annotation] = []
+    leaders: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []  # point and middle of the label, of each placed
+    for i, (point, pixel, text) in enumerate(zip(points, pixels, texts, strict=True)):
+        others = np.delete(pixels, i, axis=0)
         label = axes.annotate(
             text, point, xytext=(0, 0), textcoords="offset points", fontsize=8, ha="left", va="bottom", zorder=9,
             bbox={"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none"},
@@ -55,16 +61,55 @@ def place_labels(
             box = Bbox.from_bounds(*(pixel + corner), *size)
             if not _inside(box, frame) or any(box.overlaps(other) for other in taken):
                 continue
+            middle = pixel + corner + size / 2
+            if _misleads(pixel, middle, leaders, others, scale):
+                continue
             hits = ((curves > box.min) & (curves < box.max)).all(axis=1).sum()
-            if distance + 3.0 * hits < best[0]:
-                best = (distance + 3.0 * hits, corner)
+            nearer = len(others) and _distance(box, others).min() < _distance(box, pixel[None])[0]
+            cost = distance + 3.0 * hits + _BESIDE_ANOTHER * bool(nearer)
+            if cost < best[0]:
+                best = (cost, corner)
         if not np.isfinite(best[0]):
             label.remove()
             continue
         label.set_position(tuple(best[1] / scale))
         taken.append(Bbox.from_bounds(*(pixel + best[1]), *size).padded(3 * scale))
         placed.append(label)
+        leaders.append((pixel, pixel + best[1] + size / 2))
     return placed
+
+
+def _distance(box: Bbox, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far points (n, 2) are from a box, (n,) pixels."""
+    return np.asarray(np.hypot(*np.maximum(np.maximum(box.min - points, points - box.max), 0.0).T))
+
+
+def _misleads(
+    pixel: NDArray[np.float64], middle: NDArray[np.float64],
+    leaders: list[tuple[NDArray[np.float64], NDArray[np.float64]]], others: NDArray[np.float64], scale: float,
+) -> bool:  # fmt: skip
+    """Whether a label with its middle there could be taken for that of another point."""
+    for point, label in leaders:
+        apart = pixel - point
+        if np.hypot(*apart) < _CLOSE * scale and (middle - label) @ apart < 0:
+            return True
+        if _cross(pixel, middle, point, label):
+            return True
+    along = middle - pixel
+    if not len(others):
+        return False
+    t = np.clip((others - pixel) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
+    distance = np.hypot(*(others - pixel - t[:, None] * along).T)
+    return bool(((distance < 3 * scale) & (np.hypot(*(others - pixel).T) > 3 * scale)).any())
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64], d: NDArray[np.float64]) -> bool:
+    """Whether the segments from a to b and from c to d cross."""
+
+    def side(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64]) -> float:
+        return float((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]))
+
+    return side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0
 
 
 def _places(size: NDArray[np.float64], scale: float) -> Iterator[tuple[float, NDArray[np.float64]]]:

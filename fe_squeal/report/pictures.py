@@ -44,6 +44,8 @@ from fe_squeal.report.vtk_files import VISIBLE, displacement_at, write_shape
 
 AMPLITUDE_COLOURS, NORMAL_COLOURS = "viridis", "RdBu_r"
 Z_AXIS = (0.0, 0.0, 1.0)
+_LEVEL = 0.2  # of the largest displacement over the body's width: a slope below which a shape counts as level
+_STILL = 1e-3  # of the largest amplitude: what is held, or hardly moves
 
 
 @dataclass(frozen=True)
@@ -178,6 +180,31 @@ def normal_limit(u_n: Floats) -> float:
     return max(float(np.abs(u_n).max(initial=0.0)), 1e-3)
 
 
+def moving_triangles(points: Floats, triangles: Any, u_n: Floats, amplitude: Floats) -> Any:
+    """Return which triangles (t,) bool may hold a nodal line: where the displacement along the axis really changes
+    sign, not where a support holds the body and it is zero all around.
+
+    Parameters
+    ----------
+    points : (p, 3) float, m
+        The axis along z.
+    triangles : (t, 3) int
+    u_n, amplitude : (p,) float
+        Displacement along the axis, and the largest one over a period of the body.
+    """
+    corner = points[triangles]  # (t, 3, 3)
+    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    du, dv = (u_n[triangles[:, i]] - u_n[triangles[:, 0]] for i in (1, 2))
+    # The gradient g in the triangle's plane: g·a = du, g·b = dv.
+    aa, ab, bb = (np.einsum("ij,ij->i", x, y) for x, y in ((a, a), (a, b), (b, b)))
+    det = np.maximum(aa * bb - ab**2, np.finfo(float).tiny)
+    square = (bb * du**2 - 2 * ab * du * dv + aa * dv**2) / det
+    across = float(np.ptp(points[:, :2], axis=0).max())
+    typical = normal_limit(u_n) / max(across, np.finfo(float).tiny)
+    still = (amplitude[triangles] < _STILL * float(amplitude.max(initial=0.0))).any(axis=1)
+    return (np.sqrt(np.maximum(square, 0.0)) > _LEVEL * typical) & ~still
+
+
 def direction_text(axis: Sequence[float]) -> str:
     """Return `z` for a coordinate axis, else the direction as `(x, y, z)`.
 
@@ -251,8 +278,10 @@ def _draw_with_matplotlib(grid: ShapeGrid, u: Complexes, job: PictureJob) -> Non
     right.add_collection(PolyCollection(flat, facecolors=shades, edgecolors=shades, linewidths=0.2))
     upper = triangles[points[triangles, 2].min(axis=1) > points[triangles, 2].mean()]
     if len(upper) and np.ptp(u_n[upper]) > 1e-3:
-        face = Triangulation(points[:, 0], points[:, 1], upper)
-        right.tricontour(face, u_n, levels=[0.0], colors="black", linewidths=1.5)
+        moving = moving_triangles(points, upper, u_n, semi_major_amplitude(shape))
+        if moving.any():
+            face = Triangulation(points[:, 0], points[:, 1], upper, mask=~moving)
+            right.tricontour(face, u_n, levels=[0.0], colors="black", linewidths=1.5)
     for part in np.unique(grid.body):
         edges = sharp_edges(points, boundary_triangles(grid, int(part))[0])
         right.add_collection(LineCollection(list(points[edges, :2]), colors="0.2", linewidths=0.7))

@@ -10,7 +10,7 @@ import numpy as np
 
 from fe_squeal.report.contact_face import ContactFace
 from fe_squeal.report.shapes import Floats, ShapeGrid
-from fe_squeal.report.vtk_files import add_field, unstructured_grid, write_grid
+from fe_squeal.report.vtk_files import add_names, unstructured_grid, write_grid
 
 
 def export_preload(
@@ -27,8 +27,9 @@ def export_preload(
     """Write `preload.vtu` and, where there are contacts, `preload_contacts.vtu` and `preload.png`.
 
     `preload.vtu` has the point array `displacement` in m, the cell arrays `body` and `von_mises` in Pa, and the field
-    data `body_names`, `mu`, `contact_names`, and per contact `normal_force` in N and `torque` in N m.
-    `preload_contacts.vtu` has every quadrature point as a vertex, with `contact` (index into `contact_names`),
+    data `body: NAME` with the number of each body, `contact: NAME` likewise, `mu`, and per contact `normal_force` in N
+    and `torque` in N m.
+    `preload_contacts.vtu` has every quadrature point as a vertex, with `contact` (the number of `contact: NAME`),
     `contact_pressure` in Pa, `closed` (0 or 1), `normal`, `sliding_direction` and `weight` in m².
 
     Parameters
@@ -67,10 +68,10 @@ def export_preload(
         if np.shape(von_mises) != (len(grid.cells),):
             raise ValueError(f"von_mises of shape {np.shape(von_mises)}; expected {(len(grid.cells),)}")
         data.cell_data["von_mises"] = np.asarray(von_mises, dtype=float)
-    add_field(data, "body_names", list(grid.body_names))
+    add_names(data, "body", grid.body_names)
     data.field_data["mu"] = [mu]
     if contacts:
-        add_field(data, "contact_names", list(contacts))
+        add_names(data, "contact", list(contacts))
         data.field_data["normal_force"] = [face.normal_force for face in contacts.values()]
         data.field_data["torque"] = [face.torque for face in contacts.values()]
     files = [write_grid(data, folder / "preload.vtu")]
@@ -98,5 +99,5 @@ def write_contact_points(contacts: Mapping[str, ContactFace], path: str | os.Pat
     data.point_data["normal"] = np.concatenate([face.normals for face in faces])
     data.point_data["sliding_direction"] = np.concatenate([face.directions for face in faces])
     data.point_data["weight"] = np.concatenate([face.weights for face in faces])
-    add_field(data, "contact_names", list(contacts))
+    add_names(data, "contact", list(contacts))
     return write_grid(data, Path(path))

@@ -12,26 +12,40 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fe_squeal.report.branches import numbers, parameter_name, parameter_symbol, total_uncertainty
+from fe_squeal.report.branches import (
+    collect_branches,
+    distinct_texts,
+    numbers,
+    parameter_name,
+    parameter_symbol,
+    total_uncertainty,
+)
+from fe_squeal.report.growth import growth_curves
+from fe_squeal.report.terminal import print_table
 
 MAX_ROWS = 20
 
 
-def print_unstable(modes: pd.DataFrame, console: Console) -> None:
+def print_unstable(modes: pd.DataFrame, console: Console, onsets: pd.DataFrame | None = None) -> None:
     """Print the unstable modes, the fastest growing first.
 
     With one sweep value: a row per mode. With several: a row per unstable interval of a branch, with the sweep
-    values it spans, its range of frequencies, and its largest growth rate with the damping ratio there.
+    values it spans, its range of frequencies, and its largest growth rate with the damping ratio there. A window of
+    instability between two values has a row, too; its growth follows from the crossing speeds at both of its ends.
 
     Parameters
     ----------
     modes : DataFrame
         As in `modes.csv`.
+    onsets : DataFrame, optional
+        As in `onsets.csv`.
     console : rich.console.Console
     """
     symbol = parameter_symbol(parameter_name(modes))
     single = modes["value"].nunique() == 1
     rows = unstable_intervals(modes)
+    if onsets is not None and not single:
+        rows = sorted([*rows, *window_intervals(modes, onsets)], key=lambda row: -row.growth)
     if not rows:
         values = numbers(modes, "value")
         where = "" if not len(values) else f" at {symbol} = {_span(values.min(), values.max(), '.4g')}"
@@ -46,19 +60,21 @@ def print_unstable(modes: pd.DataFrame, console: Console) -> None:
         table.add_column(text, justify="right")
     table.add_column("noise")
     for row in rows[:MAX_ROWS]:
-        cells = [_span(row.lowest_hz, row.highest_hz, ".0f" if row.highest_hz >= 1000 else ".4g"),
-                 _with_uncertainty(row.growth, row.uncertainty)]
+        growth = _with_uncertainty(row.growth, row.uncertainty) if row.mode else f"about {row.growth:.2g}"
+        cells = [_span(row.lowest_hz, row.highest_hz, ".0f" if row.highest_hz >= 1000 else ".4g"), growth]
         if single:
             cells.insert(0, str(row.mode))
         else:
-            cells = [_name(row.branch), _span(row.first, row.last, ".4g"), *cells, f"{row.peak_value:.4g}"]
+            first, last = distinct_texts(np.array([row.first, row.last]), "g")
+            span = first if first == last else f"{first} … {last}"
+            cells = [_name(row.branch), span, *cells, f"{row.peak_value:.4g}"]
         table.add_row(*cells, f"{100 * row.damping_ratio:.3g}", row.noise)
-    console.print(table)
+    print_table(table, console)
     if len(rows) > MAX_ROWS:
         console.print(Text(f"... {len(rows) - MAX_ROWS} more in modes.csv"))
 
 
-def print_onsets(onsets: pd.DataFrame, console: Console) -> None:
+def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "") -> None:
     """Print where modes turn unstable or stable again, in the order of the parameter.
 
     Beside each value stands what the pair's own two modes at the start of the sweep predict in closed form: where the
@@ -71,13 +87,13 @@ def print_onsets(onsets: pd.DataFrame, console: Console) -> None:
     console : rich.console.Console
     """
     if not len(onsets):
-        console.print(Text("No onset of instability in this sweep."))
+        console.print(Text(f"No onset of instability {covered}{' ' * bool(covered)}in this sweep."))
         return
     symbol = parameter_symbol(parameter_name(onsets))
     ordered = onsets.sort_values("value", kind="stable")
-    table = _table("Onsets")
+    table = _table(f"Onsets {covered}".rstrip())
     mesh = numbers(ordered, "discretisation") if "discretisation" in ordered else np.full(len(ordered), np.nan)
-    estimated = bool(np.isfinite(mesh).any())
+    estimated = bool((~np.isnan(mesh)).any())
     beside = "mesh" if estimated else "two modes"
     for head in (f"{symbol} at onset", "uncertainty", beside, "frequency, Hz", "kind", "direction", "branches"):
         table.add_column(head, justify="left" if head in ("kind", "direction") else "right")
@@ -86,21 +102,23 @@ def print_onsets(onsets: pd.DataFrame, console: Console) -> None:
     partners = np.column_stack([numbers(ordered, "branch_a"), numbers(ordered, "branch_b")])
     for i in range(min(len(ordered), MAX_ROWS)):
         row = ordered.iloc[i]
-        pair = " + ".join(_name(b) for b in partners[i] if not np.isnan(b))
+        pair = " + ".join(_name(b) for b in partners[i] if b > 0) or "–"
         known = "" if np.isnan(uncertainty[i]) else f"{uncertainty[i]:.1e}"
         guess = "" if np.isnan(two_modes[i]) else f"{two_modes[i]:.4g}"
         if estimated:
-            guess = "?" if np.isnan(mesh[i]) else f"± {mesh[i]:.2g}"
+            other = "refined only" if partners[i][0] == 0 else "vanishes"
+            guess = "?" if np.isnan(mesh[i]) else other if np.isinf(mesh[i]) else f"± {mesh[i]:.2g}"
         words = (str(row["kind"]), str(row["direction"]))
         table.add_row(f"{value[i]:.8g}", known, guess, f"{frequency[i]:.6g}", *words, pair)
-    console.print(table)
+    print_table(table, console)
     if len(ordered) > MAX_ROWS:
         console.print(Text(f"... {len(ordered) - MAX_ROWS} more in onsets.csv"))
 
 
 class UnstableInterval(NamedTuple):
     """One run of neighbouring sweep values at which a branch is unstable; `growth` is its largest Re λ in 1/s, and
-    `uncertainty` (1/s), `damping_ratio`, `mode` and `noise` belong to that value, `peak_value`."""
+    `uncertainty` (1/s), `damping_ratio`, `mode` and `noise` belong to that value, `peak_value`. The mode 0 stands for a
+    window between two values, at which no mode is in the table."""
 
     branch: float
     first: float
@@ -134,6 +152,22 @@ def unstable_intervals(modes: pd.DataFrame) -> list[UnstableInterval]:
             branch[top], sweep[place[rows[0]]], sweep[place[rows[-1]]], frequency[rows].min(), frequency[rows].max(),
             re[top], uncertainty[top], sweep[place[top]], ratio[top], int(mode[top]), str(modes["noise"].iloc[top])))
     return sorted(result, key=lambda row: -row.growth)
+
+
+def window_intervals(modes: pd.DataFrame, onsets: pd.DataFrame) -> list[UnstableInterval]:
+    """Return the windows of instability that open and close between two neighbouring sweep values."""
+    result = []
+    for branch in collect_branches(modes, onsets):
+        curves = growth_curves(branch)
+        for i in np.flatnonzero(branch.windows).tolist():
+            top = int(np.argmax(curves[i][:, 1]))
+            value, growth = curves[i][top].tolist()
+            hz = branch.frequency_hz[i : i + 2]
+            size = np.hypot(growth, 2 * np.pi * hz.mean()) or 1.0
+            ends = branch.value[i : i + 2]
+            result.append(UnstableInterval(
+                branch.number, ends[0], ends[1], hz.min(), hz.max(), growth, np.nan, value, -growth / size, 0, ""))
+    return result
 
 
 def _table(title: str) -> Table:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
+from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from fe_squeal.report.shapes import Complexes, Floats, ShapeGrid, normalise_shap
 if TYPE_CHECKING:
     import pyvista
 
+_QUOTE = {'"': "&quot;"}
 VISIBLE = 0.05  # largest drawn displacement over the size of the model
 
 
@@ -24,12 +26,13 @@ def write_shape(
     grid: ShapeGrid,
     u: Complexes,
     path: str | os.PathLike[str],
-    metadata: Mapping[str, float | int | str | tuple[str, ...]] | None = None,
+    metadata: Mapping[str, float | int | str] | None = None,
 ) -> Path:
     """Write a complex shape, normalised by `normalise_shape`, as a compressed binary .vtu file.
 
     Point arrays: `u_re`, `u_im` (n, 3) and `amplitude` (n,), the largest displacement over a period, at most 1.
-    Cell array: `body`. Field data: `body_names` and everything in `metadata`.
+    Cell array: `body`. Field data: `body: NAME` with the number of each body, and everything in `metadata`; a text
+    there stands in the name, `parameter: mu`, since not all readers of .vtu know texts as values.
 
     Parameters
     ----------
@@ -45,9 +48,9 @@ def write_shape(
     data.point_data["u_re"] = np.ascontiguousarray(shape.real)
     data.point_data["u_im"] = np.ascontiguousarray(shape.imag)
     data.point_data["amplitude"] = semi_major_amplitude(shape)
-    add_field(data, "body_names", list(grid.body_names))
+    add_names(data, "body", grid.body_names)
     for name, value in (metadata or {}).items():
-        add_field(data, name, [value] if np.isscalar(value) else list(value))  # type: ignore[arg-type]
+        add_field(data, name, value)
     return write_grid(data, Path(path))
 
 
@@ -101,18 +104,34 @@ def unstructured_grid(grid: ShapeGrid, points: Any) -> pyvista.UnstructuredGrid:
     return data
 
 
-def add_field(data: pyvista.DataSet, name: str, values: Sequence[Any]) -> None:
-    """Add numbers or texts that belong to the whole grid; pyvista itself takes no letters beyond ASCII."""
-    if not all(isinstance(value, str) for value in values):
-        data.field_data[name] = values
-        return
-    from vtkmodules.vtkCommonCore import vtkStringArray
+def add_field(data: pyvista.DataSet, name: str, value: float | int | str) -> None:
+    """Add a number, or a text as part of the name, that belongs to the whole grid."""
+    if isinstance(value, str):
+        add_names(data, name, [value])
+    else:
+        data.field_data[name] = [value]
 
-    array = vtkStringArray()
-    array.SetName(name)
-    for value in values:
-        array.InsertNextValue(one_line(value))
-    data.GetFieldData().AddArray(array)
+
+def add_names(data: pyvista.DataSet, kind: str, names: Sequence[str]) -> None:
+    """Add numbered names as arrays `KIND: NAME` of one number each, from 0: meshio refuses arrays of texts."""
+    from vtkmodules.vtkCommonCore import vtkIntArray
+
+    for number, name in enumerate(names):
+        array = vtkIntArray()  # pyvista itself takes no names beyond ASCII
+        array.SetName(escape(f"{kind}: {one_line(name)}", _QUOTE))  # VTK writes < and & as they are
+        array.InsertNextValue(number)
+        data.GetFieldData().AddArray(array)
+
+
+def names_in(data: pyvista.DataSet, kind: str) -> list[str]:
+    """Return the names that `add_names` wrote, in their order."""
+    found = {}
+    for i in range(data.GetFieldData().GetNumberOfArrays()):
+        array = data.GetFieldData().GetArray(i)
+        key = array.GetName() if array is not None else ""
+        if key.startswith(f"{kind}: "):
+            found[int(array.GetValue(0))] = key.removeprefix(f"{kind}: ")
+    return [found[number] for number in sorted(found)]
 
 
 def write_grid(data: pyvista.UnstructuredGrid, path: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 
@@ -13,10 +14,13 @@ from rich.table import Table
 
 from ..accuracy.choose import Choice, choose
 from ..accuracy.study import Study, run_study
-from ..errors import NotConvergedError, SceneError
+from ..assembly.bodies import find_bodies, scene_mesh
+from ..assembly.units import require_si
+from ..errors import INTERRUPTED, NotConvergedError, SceneError
 from ..report.accuracy import accuracy_page, plot_accuracy
 from ..report.advice import QUANTITIES, advice
 from ..report.files import replace_atomically, write_csv
+from ..report.terminal import print_table
 from ..scene import MatrixScene, Scene
 from .folder import (
     ACCURACY_FIGURE,
@@ -46,6 +50,7 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
     """
     whole = _with_mesh(scene, "accuracy")
     solver_of(whole)  # raises where it is not there, before anything is measured
+    check_units(whole)
     if budget is not None and not budget > 0:
         raise SceneError(f"--budget: given {budget:g}; expected a number of seconds above 0")
     with hold_folder(out, input_files(whole)) as held:
@@ -55,12 +60,21 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
             task = bar.add_task("measuring", total=None)
 
             def report(done: int, total: int, text: str) -> None:
-                bar.update(task, completed=done, total=total, description=text or "done")
-                if not console.is_terminal and text:
-                    console.print(f"{done + 1} of {total}: {text}", markup=False)
+                bar.update(task, completed=done, total=total, description=text)
+                if not console.is_terminal or text.startswith("left out") or not done:
+                    console.print(f"{done} of {total} measured; {text}" if done else text, markup=False)
 
-            study = run_study(whole, Measurements(out / MEASUREMENTS), budget, progress=report)
+            stopped = False
+            try:
+                study = run_study(whole, Measurements(out / MEASUREMENTS), budget, progress=report)
+            except KeyboardInterrupt as stop:
+                if not stop.args or stop.args[0] is None:
+                    raise
+                study, stopped = stop.args[0], True
         write_study(study, out, whole.title)
+    if stopped:
+        print(f"interrupted: {len(study.settings)} settings were measured and are in {out}", file=sys.stderr)
+        return INTERRUPTED
     frame = study.to_dataframe()
     for quantity in QUANTITIES:
         if frame[quantity].notna().any():
@@ -103,6 +117,7 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
     """
     whole = _with_mesh(scene, "--accuracy")
     solver = solver_of(whole)
+    check_units(whole)
     start = time.perf_counter()
 
     def tell(text: str) -> None:
@@ -111,23 +126,30 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
     with hold_folder(out, input_files(whole)) as held:
         held.check(is_result)
         held.check(is_kept)
-        failure = None
+        failure, stopped = None, False
         try:
             choice = choose(whole, target, tell)
         except NotConvergedError as error:
             if not isinstance(error.partial, Choice):
                 raise
             choice, failure = error.partial, error
+        except KeyboardInterrupt as stop:
+            if not stop.args or not isinstance(stop.args[0], Choice):
+                raise
+            choice, stopped = stop.args[0], True
         remove_results(held)
         held.remove(is_kept)
         write_results(choice.scene, choice.result, held)
         seconds = {f"trial {i}": trial.seconds for i, trial in enumerate(choice.trials, 1)}
         seconds |= {**choice.result.seconds, "total": time.perf_counter() - start}
-        status = "complete" if failure is None else "not converged"
+        status = "interrupted" if stopped else "complete" if failure is None else "not converged"
         inputs = run_inputs(choice.scene, choice.mesh)
         write_record(choice.scene, choice.result.problem, choice.result, seconds, status, inputs, solver, out)
         report_sweep(choice.scene, choice.result, out, console, seconds["total"])
         _print_trials(choice, target, console)
+    if stopped:
+        print(f"interrupted: what came nearest to the target until then is in {out}", file=sys.stderr)
+        return INTERRUPTED
     if failure is not None:
         raise NotConvergedError(f"{failure}; what comes nearest is in {out}")
     return 0
@@ -141,7 +163,18 @@ def _print_trials(choice: Choice, target: float, console: Console) -> None:
         error = f"{100 * t.error:.2g}" if np.isfinite(t.error) else "not known"
         row = (str(t.setting.order), f"{1e3 * t.setting.size:.3g}", str(t.unknowns), error)
         table.add_row(*row, f"{t.seconds:.1f}")
-    console.print(table)
+    print_table(table, console)
+
+
+def check_units(scene: Scene) -> None:
+    """Raise SceneError where the numbers of a scene cannot be meant in its units, before anything is measured."""
+    mesh = scene_mesh(scene)
+    assert mesh is not None
+    where = f"{scene.source}: " if scene.source is not None else ""
+    try:
+        require_si(scene, mesh.mesh, find_bodies(scene, mesh))
+    except SceneError as error:
+        raise SceneError(f"{where}{error}") from error
 
 
 def _with_mesh(scene: Scene | MatrixScene, what: str) -> Scene:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import skfem
-from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from ..assembly.discretisation import discretisation_of
 from ..fem.materials import Material
-from ..mesh.measures import area_of, volume_of
+from ..mesh.measures import volume_of
 from ..problem.parameters import MU
 from ..problem.problem import Problem
 from ..scene import MatrixScene, Scene
@@ -35,7 +33,10 @@ def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
     model = discretisation_of(problem)
     order = f" (order {model.space.order})" if model is not None else ""
     table.add_row("unknowns", f"{problem.unknowns}{order}")
-    table.add_row("matrix entries", f"{problem.pencil().K.nnz}")
+    pencil = problem.pencil()
+    table.add_row("matrix entries", f"{pencil.K.nnz}")
+    free = 0 if pencil.free is None else pencil.free.motions.shape[1]
+    table.add_row("free motions", f"{free} that nothing holds" if free else "none: everything is held")
     sweep, solve = scene.sweep, scene.solve
     parameter, values = (MU, 1) if sweep is None else (sweep.parameter, len(sweep.grid))
     modes = solve.modes or MODES  # of a range of frequencies nobody knows the number yet
@@ -92,20 +93,3 @@ def _values(material: Material) -> str:
         elif value is not None:
             parts.append(f"{labels[0].rstrip('0123456789')} = {value:g}")
     return ", ".join([*parts, f"rho = {material.density:g}"]) + " (Pa, kg/m3)"
-
-
-def group_table(mesh: skfem.Mesh) -> Table:
-    table = Table(box=SIMPLE_HEAD)
-    for column in ("group", "kind", "count", "m3 or m2", "centre (m)", "mean normal"):
-        table.add_column(column, no_wrap=True)
-
-    def point(x: np.ndarray) -> str:
-        return ", ".join(f"{v + 0.0:.4g}" for v in np.where(np.abs(x) < 1e-9, 0.0, x))
-
-    for name, elements in (mesh.subdomains or {}).items():
-        size, centre = volume_of(mesh, np.asarray(elements))
-        table.add_row(name, "volume", str(len(elements)), f"{size:.4g}", point(centre), "")
-    for name, facets in (mesh.boundaries or {}).items():
-        size, centre, normal = area_of(mesh, np.asarray(facets))
-        table.add_row(name, "surface", str(len(facets)), f"{size:.4g}", point(centre), point(normal))
-    return table

@@ -77,15 +77,15 @@ def write_modes(result: Sweep, out: Path) -> None:
     write_csv(result.onsets_dataframe(), out / ONSETS_TABLE)
 
 
-def write_figures(result: Sweep, out: Path, title: str) -> list[Path]:
-    """Draw stability.png, root_locus.png and contributions.png."""
+def write_figures(result: Sweep, out: Path, title: str, covered_hz: float | None = None) -> list[Path]:
+    """Draw stability.png, root_locus.png and contributions.png; `covered_hz` is up to where all modes are known."""
     from ..report.contributions import plot_contributions
     from ..report.figures import plot_root_locus, plot_stability
 
     modes, onsets = result.to_dataframe(), result.onsets_dataframe()
     return [
-        plot_stability(modes, onsets, out / STABILITY_FIGURE, title),
-        plot_root_locus(modes, onsets, out / ROOT_LOCUS_FIGURE, title),
+        plot_stability(modes, onsets, out / STABILITY_FIGURE, title, covered_hz),
+        plot_root_locus(modes, onsets, out / ROOT_LOCUS_FIGURE, title, covered_hz),
         plot_contributions(result.contributions_dataframe(), modes, out / CONTRIBUTIONS_FIGURE, title),
     ]
 

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from ..assembly.discretisation import discretisation_of
+from ..assembly.forces import balance_record, balance_warnings, force_balance
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import peak_memory_mib
 from ..problem.problem import Problem
 from ..report.files import write_json
 from ..scene import MatrixScene, Scene
 from ..sweep.result import Sweep, SweepPoint
+from .covered import frequency_range
 from .folder import RECORD
 from .preload import preload_record
 
@@ -33,7 +35,7 @@ def write_record(
     solver : LinearSolver
         What factorised.
     """
-    model = discretisation_of(problem)
+    model, parts = discretisation_of(problem), force_balance(problem)
     record: dict[str, Any] = {
         "version": inputs["version"],
         "title": scene.title,
@@ -49,6 +51,8 @@ def write_record(
         "peak_memory_mib": peak_memory_mib(),
         "completeness": result.completeness if result is not None else None,
         "completeness_at": result.points[0].value if result is not None else None,
+        "onsets_complete": result.onsets_complete if result is not None else None,
+        "frequency_range_hz": frequency_range(scene, result) if result is not None else None,
         "rigid_motions": int(np.count_nonzero(result.points[0].modes.lam == 0)) if result is not None else None,
         "values": [p.value for p in result.points] if result is not None else [],
         "contacts": {
@@ -56,9 +60,13 @@ def write_record(
             for name, c in (model.contacts if model is not None else {}).items()
         },
         "preload": preload_record(scene, problem),
+        "forces": balance_record(parts) if parts else None,
         "unstable": _attribution(result) if result is not None and status != "running" else [],
         "notes": list(model.notes) if model is not None else [],
-        "warnings": (list(model.warnings) if model is not None else []) + (list(result.doubts) if result else []),
+        "warnings": [
+            *(model.warnings if model is not None else ()), *balance_warnings(parts),
+            *(result.doubts if result is not None else ()),
+        ],
         "inputs": inputs,
     }
     write_json(record, out / RECORD)

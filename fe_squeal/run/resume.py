@@ -12,6 +12,7 @@ from rich.console import Console
 from ..errors import OutputError, SceneError
 from ..report.tables import print_onsets, print_unstable
 from .checkpoint import Checkpoint, read_json
+from .covered import covered_text
 from .folder import MODES_TABLE, ONSETS_TABLE, RECORD
 from .inputs import differences, listed
 
@@ -58,8 +59,9 @@ def show_finished(out: Path, console: Console) -> int:
     """
     try:
         onsets, modes = (pd.read_csv(out / name) for name in (ONSETS_TABLE, MODES_TABLE))
-        print_onsets(onsets, console)
-        print_unstable(modes, console)
+        covered = (read_json(out / RECORD) or {}).get("frequency_range_hz")
+        print_onsets(onsets, console, covered_text(tuple(covered)) if covered else "")
+        print_unstable(modes, console, onsets)
     except (OSError, ValueError, KeyError) as error:
         raise OutputError(
             f"{out}: the results are complete by run.json, but a table cannot be read ({error}); run without --resume"

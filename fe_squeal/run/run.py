@@ -13,19 +13,24 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from ..assembly.assembly import assemble
 from ..assembly.bodies import scene_mesh
 from ..assembly.discretisation import discretisation_of
+from ..assembly.forces import balance_warnings, force_balance
 from ..assembly.swept import swept
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import peak_memory_mib, refuse_shortage
 from ..errors import INTERRUPTED, InputError, NotConvergedError, SceneError
 from ..problem.problem import Problem
 from ..report.tables import print_onsets, print_unstable
+from ..report.terminal import print_table
+from ..report.warnings import told_once
 from ..scene import MatrixScene, Scene
 from ..sweep.forecast import is_reduced, predict_memory
 from ..sweep.result import Sweep
 from ..sweep.state import Store, SweepState
 from ..sweep.sweep import MODES, sweep
 from .checkpoint import Checkpoint
+from .covered import above_text, covered_text, frequency_range, unstable_above
 from .folder import SHAPES, hold_folder, is_kept, is_result, is_shape, remove_results
+from .forces import balance_table
 from .forecast import Forecast
 from .inputs import input_files, run_inputs
 from .manifest import Manifest
@@ -88,7 +93,11 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
     if model is not None:
         for text in model.notes:
             console.print(f"note: {text}", markup=False)
-        for text in model.warnings:
+        parts = force_balance(problem)
+        balance = balance_table(parts)
+        if balance is not None:
+            print_table(balance, console)
+        for text in told_once((*model.warnings, *balance_warnings(parts))):
             console.print(f"warning: {text}", markup=False)
     console.print(
         f"{problem.unknowns} unknowns, {problem.problem_class} problem; effects on: "
@@ -124,7 +133,10 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
         status, result = "interrupted", stop.args[0] if stop.args else None
     if result is not None:
         if estimate and status == "complete":
-            result = _estimated(result, solver, console)
+            try:
+                result = _estimated(result, solver, console)
+            except KeyboardInterrupt:
+                status = "interrupted"  # the sweep is whole; --resume goes on with the estimate
         seconds |= dict(result.seconds)
         clock = time.perf_counter()
         write_results(scene, result, held)
@@ -194,7 +206,7 @@ def write_results(scene: Scene | MatrixScene, result: Sweep, held: Manifest) -> 
     out = held.folder
     held.remove(is_shape)  # an interrupted run has written those that grew fastest until then
     write_tables(result, out)
-    write_figures(result, out, scene.title)
+    write_figures(result, out, scene.title, frequency_range(scene, result)[1])
     if isinstance(scene, Scene):
         write_preload(scene, result.problem, out)
     if scene.output.shapes != "none":
@@ -230,8 +242,9 @@ def _partial(error: NotConvergedError) -> Sweep | None:
 
 def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: Console, seconds: float) -> None:
     """Print what a run has found."""
-    print_onsets(result.onsets_dataframe(), console)
-    print_unstable(result.to_dataframe(), console)
+    covered = frequency_range(scene, result)
+    print_onsets(result.onsets_dataframe(), console, covered_text(covered))
+    print_unstable(result.to_dataframe(), console, result.onsets_dataframe())
     c = result.completeness
     how = "LAPACK finds all modes" if result.method.startswith("dense") else "by the inertia of K − σM"
     counted = "counted without damping and friction, and followed from there by a small model"
@@ -241,9 +254,12 @@ def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: 
         f"{result.points[0].value:g} ({proof})",
         markup=False,
     )
-    for doubt in result.doubts:
-        console.print(f"warning: {doubt}", markup=False)
     memory = peak_memory_mib()
     peak = f", {memory:.0f} MiB" if memory is not None else ""
     shapes = ", shapes/" if scene.output.shapes != "none" and (out / SHAPES).is_dir() else ""
     console.print(f"results in {out}: stability.png, root_locus.png{shapes} ({seconds:.1f} s{peak})", markup=False)
+    above = unstable_above(result, covered[1])
+    if above is not None:
+        console.print(f"note: {above_text(above, result.parameter)}", markup=False)
+    for doubt in told_once(result.doubts):  # what a sweep doubts last, onsets that it did not find, is the gravest
+        console.print(f"warning: {doubt}", markup=False)

@@ -1,4 +1,4 @@
-"""Saying in one line what is wrong with a scene."""
+"""Saying in one line all that is wrong with a scene."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ _EXPECTED = {
 }
 _SIGNS = {"greater_than": ">", "greater_than_equal": "≥", "less_than": "<", "less_than_equal": "≤"}
 _KINDS: dict[Any, str] = {float: "a number", int: "a whole number", str: "a text in quotes", tuple: "a list of numbers"}
-_MOST_FAULTS = 200  # that are looked at for the first one's explanation
+_MOST_FAULTS = 200  # that are looked at
+_MOST = 50  # faults in one message
 _Keys = tuple[int | str, ...]
 _Table = TypeVar("_Table", bound=BaseModel)
 
@@ -33,16 +34,17 @@ def validated(kind: type[_Table], data: dict[str, Any], source: str) -> _Table:
     Raises
     ------
     SceneError
-        With the source, the key, what was given and what is expected.
+        With the source, and of every fault the key, what was given and what is expected, with " | " between them.
     """
     try:
         return kind.model_validate(data)
     except ValidationError as error:
         found = error.errors(include_url=False)
         faults = _distinct([_locate(fault, data, kind) for fault in found[:_MOST_FAULTS]])
-        more = len(faults) - 1 + max(len(found) - _MOST_FAULTS, 0)
-        tail = f" (and {more} more)" if more else ""
-        raise SceneError(f"{source}: {_describe(faults[0])}{tail}") from None
+        shown = [_describe(fault) for fault in faults[:_MOST]]
+        more = max(len(faults) - _MOST, 0) + max(len(found) - _MOST_FAULTS, 0)
+        tail = f" | and {more} more" if more else ""
+        raise SceneError(f"{source}: {' | '.join(shown)}{tail}") from None
     except RecursionError as error:
         raise SceneError(f"{source}: not a scene: nested too deeply") from error
 

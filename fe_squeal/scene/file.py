@@ -81,9 +81,9 @@ def parse_scene(data: dict[str, Any], source: str = "scene") -> Scene | MatrixSc
 
     Examples
     --------
-    >>> parse_scene({"mesh": {"flie": "a.msh"}}, "brake.toml")
+    >>> parse_scene({"mesh": {"flie": "a.msh"}}, "brake.toml")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    fe_squeal.errors.SceneError: brake.toml: mesh.flie: unknown key; did you mean "file"? (and 2 more)
+    fe_squeal.errors.SceneError: brake.toml: mesh.flie: unknown key; did you mean "file"? | materials: is missing; ...
     """
     if "terms" in data or ("parameters" in data and "mesh" not in data):
         return validated(MatrixScene, data, source)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, create_model, model_validator
 
@@ -38,6 +38,9 @@ class Scene(BaseScene):
     ----------
     title : str
         For figures and run.json.
+    units : "SI" or "any"
+        "SI": a material whose sound is slower than 100 m/s or faster than 20 000 m/s, or a body of more than 5 m, is
+        refused before anything is solved. "any": no check of magnitudes, for another consistent set of units.
     mesh : table
         The mesh.
     materials : table of tables
@@ -61,6 +64,7 @@ class Scene(BaseScene):
     """
 
     title: str = ""
+    units: Literal["SI", "any"] = "SI"
     mesh: MeshSection
     materials: Annotated[dict[str, Material], Field(min_length=1)]
     bodies: Annotated[dict[str, Body], Field(min_length=1)]

@@ -12,8 +12,10 @@ from ..eigen.linear.factor import LinearSolver
 from ..eigen.quality import ROUNDING
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
+from ..problem.terms import Slot
 
 _STEPS = 12
+_SLOTS: tuple[Slot, ...] = "M", "C", "K"
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,8 @@ class Root:
         Of `value`: last Newton step and rounding.
     right, left : (n,)
         Vectors of Q(λ) there.
+    coefficient_sign : int
+        1 where the pair becomes complex for a rising parameter, −1 where it parts.
     """
 
     value: float
@@ -39,21 +43,25 @@ class Root:
     uncertainty: float
     right: np.ndarray = field(repr=False)
     left: np.ndarray = field(repr=False)
+    coefficient_sign: int = 0
 
 
 def find_coalescence(
-    problem: Problem, parameter: str, value: float, theta: float, x: np.ndarray, y: np.ndarray,
-    linear_solver: LinearSolver | str = "auto",
+    problem: Problem, parameter: str, value: float, v: float, x: np.ndarray, y: np.ndarray,
+    linear_solver: LinearSolver | str = "auto", damped: bool = False,
 ) -> Root:  # fmt: skip
-    """Return where an undamped pair meets: a double root of g(θ, p) in θ.
+    """Return where an undamped pair meets, or a pair on the real axis with dampers: a double root of g(v, p) in v.
 
     With borders b, c the system [[K − θM, b], [cᵀ, 0]] [x; g] = [0; 1] is regular at a defective eigenvalue, and g = 0
     exactly where K − θM is singular. The pair meets where g = ∂g/∂θ = 0, solved by Newton in (θ, p): a regular root
-    although the eigenvalues themselves move with √|p − p_c|. (Govaerts, Numerical Methods for Bifurcations of Dynamical
-    Equilibria, SIAM 2000, ch. 3 and 4: bordered matrices and singular points.)
+    although the eigenvalues themselves move with √|p − p_c|. With dampers the same with the real Q(λ) and real λ.
+    (Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM 2000, ch. 3 and 4: bordered matrices and
+    singular points.)
 
     Parameters
     ----------
+    v : float
+        About θ, or about λ with dampers.
     x, y : (n,) real
         Approximate right and left mode near the meeting, for the borders.
 
@@ -61,21 +69,24 @@ def find_coalescence(
     ------
     NotConvergedError
     """
-    p, scale, last = value, abs(theta), np.inf
+    p, scale, last = value, abs(v), np.inf
     for _ in range(_STEPS):
-        b = _Bordered(problem, parameter, p, theta, x, y, linear_solver)
-        gradient = np.array([[b.g_theta, b.g_p], [b.g_theta_theta, b.g_theta_p]])
+        b = _Bordered(problem, parameter, p, v, x, y, linear_solver, damped=damped)
+        gradient = np.array([[b.g_v, b.g_p], [b.g_v_v, b.g_v_p]])
         try:
-            step = np.linalg.solve(gradient * [scale, 1.0], -np.array([b.g, b.g_theta])) * [scale, 1.0]
+            step = np.linalg.solve(gradient * [scale, 1.0], -np.array([b.g, b.g_v])) * [scale, 1.0]
         except np.linalg.LinAlgError as error:
             raise NotConvergedError("coalescence: the pair does not merge transversally") from error
-        theta, p = theta + step[0], p + step[1]
+        v, p = v + step[0], p + step[1]
         x, y = b.x, b.w
         size = abs(step[1])
         # Quadratic convergence ends at rounding level: stop where a step no longer shrinks.
         if size <= b.p_rounding or (size < 1e-6 * max(abs(p), 1e-3) and size >= 0.25 * last):
-            coefficient = np.sqrt(2 * abs(b.g_p / b.g_theta_theta)) / (2 * np.sqrt(abs(theta)))
-            return Root(float(p), float(theta), float(coefficient), float(size + b.p_rounding), x, y)
+            coefficient = np.sqrt(2 * abs(b.g_p / b.g_v_v)) / (1.0 if damped else 2 * np.sqrt(abs(v)))
+            # g = g_p dp + g_vv dv²/2 = 0: dv² < 0 for dp > 0 where both have one sign.
+            sign = int(np.sign(b.g_p / b.g_v_v))
+            theta = -(v**2) if damped else v
+            return Root(float(p), float(theta), float(coefficient), float(size + b.p_rounding), x, y, sign)
         if not np.isfinite(step).all() or size > 10 * (abs(value) + 1):
             break
         last = size
@@ -106,7 +117,7 @@ def find_zero(
         if abs(p - value) > width or b.p_rounding > 0.1 * width:
             break
         if abs(step) <= b.p_rounding or (abs(step) < 1e-6 * max(abs(p), 1e-3) and abs(step) >= 0.25 * last):
-            coefficient = float(np.sqrt(abs(b.g_p / b.g_theta)))
+            coefficient = float(np.sqrt(abs(b.g_p / b.g_v)))
             return Root(float(p), 0.0, coefficient, float(abs(step) + b.p_rounding), x, y)
         last = abs(step)
     raise NotConvergedError(f"divergence near {parameter} = {value:.6g}: Newton's method did not converge")
@@ -168,19 +179,26 @@ def find_crossing(
 
 
 class _Bordered:
-    """g of the bordered matrix and its derivatives at one (θ, p), from one factorisation."""
+    """g of the bordered matrix and its derivatives at one (v, p), from one factorisation.
+
+    The matrix is K − θM with v = θ, or with dampers Q(λ) = λ²M + λC + K with v = λ, real.
+    """
 
     def __init__(
-        self, problem: Problem, parameter: str, p: float, theta: float, x: np.ndarray, y: np.ndarray,
-        linear_solver: LinearSolver | str, rigid: np.ndarray | None = None,
+        self, problem: Problem, parameter: str, p: float, v: float, x: np.ndarray, y: np.ndarray,
+        linear_solver: LinearSolver | str, rigid: np.ndarray | None = None, damped: bool = False,
     ) -> None:  # fmt: skip
         pencil = problem.pencil({parameter: p})
-        M, A = pencil.M, sp.csr_array(pencil.K - theta * pencil.M)
-        n = pencil.n
+        M, n = pencil.M, pencil.n
         zero = sp.csr_array((n, n))
-        dK, dM = (problem.derivative(parameter, slot, {parameter: p}) for slot in ("K", "M"))
-        dM = zero if dM is None else dM
-        dA = sp.csr_array((zero if dK is None else dK) - theta * dM)
+        C = zero if pencil.C is None else pencil.C
+        # Q, and its derivatives by v: once, twice.
+        A = sp.csr_array(v**2 * M + v * C + pencil.K if damped else pencil.K - v * M)
+        A_v, A_vv = (sp.csr_array(2 * v * M + C), 2 * M) if damped else (-M, zero)
+        changes = (problem.derivative(parameter, slot, {parameter: p}) for slot in _SLOTS)
+        dM, dC, dK = (zero if change is None else change for change in changes)
+        A_p = sp.csr_array(v**2 * dM + v * dC + dK if damped else dK - v * dM)
+        A_v_p = sp.csr_array(2 * v * dM + dC if damped else -dM)
         # Borders along M y and M x are far from the range of A and its transpose; their size is that of A.
         size = abs(A).max()
         b, c = (M @ y), (M @ x)
@@ -200,16 +218,16 @@ class _Bordered:
         z, zt = factor.solve(e), factor.solve_transposed(e)
         self.x, self.g = z[:n], float(z[-1])
         self.w = zt[:n]
-        Mx, Mw, dAx, dAw = M @ self.x, M @ self.w, dA @ self.x, dA.T @ self.w
-        # With Bz = e: ∂z = −B⁻¹ ∂B z, and g = zᵗ-weighted; ∂A/∂θ = −M. Rows scaled by `size` like e.
-        derivatives = factor.solve(np.pad(np.column_stack([Mx, -dAx]), ((0, more), (0, 0))))
-        transposed = factor.solve_transposed(np.pad(np.column_stack([Mw, -dAw]), ((0, more), (0, 0))))
-        x_theta, x_p = derivatives[:n].T
-        w_p = transposed[:n, 1]
-        self.g_theta = float(self.w @ Mx) / size
-        self.g_p = -float(self.w @ dAx) / size
-        self.g_theta_theta = 2 * float(self.w @ (M @ x_theta)) / size
-        self.g_theta_p = float(w_p @ Mx + self.w @ (M @ x_p) + self.w @ (dM @ self.x)) / size
-        lam = np.array([1j * np.sqrt(abs(theta))])
+        Ax, Aw = A_v @ self.x, A_v.T @ self.w
+        Px, Pw = A_p @ self.x, A_p.T @ self.w
+        # With Bz = e: ∂z = −B⁻¹ ∂B z, and g is weighted by zᵗ. Rows are scaled by `size` like e.
+        x_v = -factor.solve(np.pad(Ax, (0, more)))[:n]
+        self.g_v = -float(self.w @ Ax) / size
+        self.g_p = -float(self.w @ Px) / size
+        self.g_v_v = -float(2 * (Aw @ x_v) + self.w @ (A_vv @ self.x)) / size
+        # ∂²g/∂v∂p = −(w_p A_v x + w A_v x_p + w A_vp x), w_p A_v x = w A_p x_v.
+        x_p = -factor.solve(np.pad(Px, (0, more)))[:n]
+        self.g_v_p = -float(Pw @ x_v + Aw @ x_p + self.w @ (A_v_p @ self.x)) / size
+        lam = np.array([v + 0j]) if damped else np.array([1j * np.sqrt(abs(v))])
         magnitude = float(np.abs(self.w) @ pencil.magnitude(lam, self.x[:, None])[:, 0])
         self.p_rounding = ROUNDING * magnitude / size / abs(self.g_p) if self.g_p else np.inf

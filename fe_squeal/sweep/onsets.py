@@ -1,27 +1,52 @@
-"""Where modes turn unstable: brackets from a tracked sweep, refined on the full problem."""
+"""Where modes turn unstable: changes of stability on the small model of each step, refined on the problem."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
+from ..errors import NotConvergedError
 from ..problem.problem import Problem
 from ..reduced import ReducedModel
-from .step import Onset, Step
-from .tracking import mirror_partners
+from .changes import Change
+from .onset import Onset
+from .refined import Refiner
+from .scan import Open, scan
+from .step import Step
+from .tracking import mirror_partners, modal_assurance
 
-_INNER = 4  # values inside a step at which the small model is asked for hidden instabilities
-_OVERALL = 80  # of these values in a sweep: with more steps than that there is one in each
+_RIM = 0.9  # of the highest |λ| known: a mode beyond may leave the range by itself
+
+
+@dataclass(frozen=True)
+class Found:
+    """What one step of a sweep holds.
+
+    Attributes
+    ----------
+    onsets : list of Onset
+    doubts : list of str
+        What stays open.
+    missing : list of str
+        Modes that have vanished inside the range, where none can end.
+    width : float
+        Windows of instability wider than this were seen, in the parameter.
+    """
+
+    onsets: list[Onset] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
+    width: float = 0.0
 
 
 def find_step_onsets(
     problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
-    branches: tuple[np.ndarray, np.ndarray], below: float, steps: int, model: ReducedModel | None = None,
+    branches: tuple[np.ndarray, np.ndarray], below: float, model: ReducedModel | None = None,
     precise: bool = False, linear_solver: LinearSolver | str = "auto",
-) -> tuple[list[Onset], list[tuple[int, float, float]], float | None]:  # fmt: skip
+) -> Found:  # fmt: skip
     """Return the onsets between two neighbouring values of a sweep, and what they leave unexplained.
 
     Parameters
@@ -31,47 +56,97 @@ def find_step_onsets(
     branches : (k,) int each, the branch of every mode
     below : float, rad/s
         Frequency up to which modes matter.
-    steps : int
-        Of the whole sweep.
     model : ReducedModel, optional
         Of which the modes are.
     precise : bool
         Refine the onsets of this model on the problem itself, whatever it costs.
     linear_solver : LinearSolver or str
-
-    Returns
-    -------
-    onsets : list of Onset
-    unknown : list of (branch, value where it is unstable, value where it is not known)
-    hidden : float or None
-        A value inside the step where the number of unstable modes is not what these onsets make it.
     """
-    onsets: list[Onset] = []
-    unknown: list[tuple[int, float, float]] = []
     if not len(modes[0]) or not len(modes[1]):
-        return onsets, unknown, None
-    step = Step(problem, parameter, values, modes, model, precise, linear_solver)
-    for inner, outer, direction in ((0, 1, "into"), (1, 0, "out of")):
-        stable_end, unstable_end = values[inner], values[outer]
-        unstable = {int(b) for b, s in zip(branches[inner], modes[inner].stability, strict=True) if s == "unstable"}
-        known = {int(b) for b in branches[inner]}
-        partners = mirror_partners(modes[outer])
-        for j in np.flatnonzero(modes[outer].stability == "unstable"):
-            branch = int(branches[outer][j])
-            partner = int(branches[outer][partners[j]]) if partners[j] >= 0 else None
-            if unstable & {branch, partner}:
-                continue
-            if not known & {branch, partner}:
-                unknown.append((branch, unstable_end, stable_end))
-                continue
-            mode, ends = modes[outer].select(np.array([j])), (stable_end, unstable_end)
-            if problem.is_damped:
-                found = step.crossing(ends, mode)
-            else:
-                found = step.flutter(ends, mode) if mode.lam[0].imag else step.divergence(ends, mode)
-            pair = sorted({branch, partner}) if partner is not None and found.kind == "flutter" else [branch]
-            onsets.append(replace(found, direction=direction, branch_a=pair[0], branch_b=pair[1] if pair[1:] else None))
-    return onsets, unknown, step.hidden(values, modes[0], onsets, below, min(_INNER, -(-_OVERALL // steps)))
+        return Found()
+    step = Step(problem, parameter, values, modes, model, linear_solver)
+    seen = scan(step.end(0), step.end(1), step.between)
+    if seen.open and problem.is_damped:  # two real eigenvalues for a pair: of these the decaying one may not be listed
+        seen = scan(step.between(values[0]), step.between(values[1]), step.between)
+    found = Found(width=seen.width)
+    refiner = Refiner(step, precise)
+    for change in seen.changes:
+        if _frequency(step, change) > 1.05 * below:
+            continue
+        try:
+            onset = refiner.onset(change)
+        except (NotConvergedError, ValueError, np.linalg.LinAlgError) as error:
+            found.doubts.append(
+                f"an onset between {parameter} = {change.low:.8g} and {change.high:.8g} was not refined: {error}"
+            )
+            continue
+        first, second = _names(step, change, branches)
+        found.onsets.append(replace(onset, branch_a=first, branch_b=second))
+    for a, b, omega in seen.unsettled:
+        if omega <= 1.02 * below:
+            found.doubts.append(
+                f"between {parameter} = {a:.8g} and {b:.8g} modes near {omega / (2 * np.pi):.5g} Hz change too much for"
+                " their stability to be followed"
+            )
+    for group in seen.open:
+        _tell_open(found, group, parameter, below)
+    return found
+
+
+def _frequency(step: Step, change: Change) -> float:
+    """Return |λ| of what changes, rad/s."""
+    plain = not any(t.slot == "C" for t in step.small.terms)
+    return float(np.sqrt(abs(change.v)) if plain else abs(change.v))
+
+
+def _names(step: Step, change: Change, branches: tuple[np.ndarray, np.ndarray]) -> tuple[int, int | None]:
+    """Return the branches that take part: by shape, at the end where they are unstable if there is one."""
+    pair = change.kind == "meeting"
+    plane = np.column_stack([change.right.real, change.right.imag]) if pair else change.right[:, None]
+    best: tuple[float, list[int]] = (-1.0, [0])
+    for end in (1, 0) if change.gains > 0 else (0, 1):
+        modes = step.modes_at_ends[end]
+        shapes, _ = step.shapes(modes)
+        likeness = modal_assurance(plane, shapes, step.small.mass).max(axis=0)
+        likeness[modes.lam == 0] = 0.0
+        growing = modes.stability == "unstable"
+        partner = mirror_partners(modes)
+        if pair and growing.any():
+            i = int(np.argmax(np.where(growing, likeness, -1.0)))
+            if partner[i] >= 0 and likeness[i] > 0.5:
+                return _named([int(branches[end][i]), int(branches[end][partner[i]])])
+        order = np.argsort(-likeness)[: 2 if pair else 1]
+        score = float(likeness[order].sum())
+        if score > best[0] + (0.2 if best[0] >= 0 else 0.0):
+            best = score, [int(branches[end][i]) for i in order]
+    return _named(best[1])
+
+
+def _named(branches: list[int]) -> tuple[int, int | None]:
+    first, *rest = sorted(branches)
+    return first, rest[0] if rest else None
+
+
+def _tell_open(found: Found, group: Open, parameter: str, below: float) -> None:
+    """Say what is wrong where modes of one value have no counterpart at the other, inside the range."""
+    (a, b), (s0, s1) = group.nodes, group.members
+    more, own = (a, s0) if len(s0) > len(s1) else (b, s1)
+    rim = _RIM * min(float(np.abs(n.lam).max(initial=0.0)) for n in group.nodes)
+    lam = more.lam[own]
+    inside = (lam.imag > 0) & (-lam.real < lam.imag) & (np.abs(lam) < rim) & (lam.imag <= below)
+    if inside.sum() >= abs(len(s0) - len(s1)):
+        at = f"{lam[inside].imag.mean() / (2 * np.pi):.5g} Hz"
+        found.missing.append(
+            f"{abs(len(s0) - len(s1))} modes are missing between {parameter} = {a.value:g} and {b.value:g} near {at}:"
+            f" they are there at {more.value:g} alone"
+        )
+    growing = [(n, s[n.unstable[s]]) for n, s in zip(group.nodes, group.members, strict=True)]
+    for node, s in growing:
+        if len(s) and (node.lam[s].imag <= below).any() and len(growing[0][1]) != len(growing[1][1]):
+            found.doubts.append(
+                f"a mode at {node.lam[s[0]].imag / (2 * np.pi):.5g} Hz is unstable at {parameter} = {node.value:g} and"
+                " is not known on the other side: its onset is not found; ask for more modes or a finer sweep"
+            )
 
 
 def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes, a: int, b: int) -> float:

@@ -14,7 +14,7 @@ from ..problem.energy import Share, energy_balance
 from ..problem.problem import Problem
 from ..reduced import ReducedModel, lift
 from .noise import classify_noise
-from .onsets import Onset
+from .onset import Onset
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -92,6 +92,10 @@ class Sweep:
     doubts : sentences about what could not be made sure
     model : ReducedModel or None
         In whose coordinates the modes were found.
+    window : float
+        Windows of instability wider than this were seen, in the parameter.
+    unsettled : sentences
+        Those of the doubts that are about onsets.
     """
 
     problem: Problem
@@ -102,6 +106,8 @@ class Sweep:
     seconds: Mapping[str, float] = field(default_factory=dict)
     doubts: tuple[str, ...] = ()
     model: ReducedModel | None = field(default=None, repr=False)
+    window: float = 0.0
+    unsettled: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         ends = f"{self.points[0].value:g} to {self.points[-1].value:g}"
@@ -112,6 +118,21 @@ class Sweep:
     def method(self) -> str:
         """How the modes were solved for."""
         return self.points[0].modes.method
+
+    @property
+    def onsets_complete(self) -> dict[str, object]:
+        """What is sure of the list of onsets: between the first and the last value, for the modes that were asked for.
+
+        "sure" is False where an onset was left unrefined or unexplained, see `unsettled`; "width" is that of the
+        narrowest window of instability, in the parameter, that would have been seen.
+        """
+        return {
+            "sure": not self.unsettled,
+            "what": f"onsets for {self.parameter} from {self.points[0].value:g} to {self.points[-1].value:g}",
+            "how": "eigenvalues that may meet, as one smooth matrix between values, with values added where in doubt",
+            "width": self.window,
+            "open": list(self.unsettled),
+        }
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return one row per mode and value, the columns of modes.csv."""

@@ -21,12 +21,12 @@ from ..reduced import ReducedModel
 from .counting import count_apart
 from .doubts import doubts_of_rounding, doubts_of_ties
 from .forecast import is_reduced
-from .onsets import Onset, find_step_onsets, two_mode_value
+from .onset import Onset
+from .onsets import Found, find_step_onsets, two_mode_value
 from .result import LiftedShapes, Sweep, SweepPoint
 from .state import Record, Store, SweepState, lifted
 from .tracking import match_modes
 
-_RIM = 0.9  # of the highest |λ| known: a mode beyond may leave the range by itself
 _REFINEMENTS = 4  # how often a step is halved while the continuation of a mode is in doubt
 
 
@@ -44,6 +44,8 @@ class RunningSweep:
         self.onsets: list[Onset] = []
         self.seconds = {"reduction": 0.0, "eigenvalues": 0.0, "tracking": 0.0, "onsets": 0.0, "completeness": 0.0}
         self.doubts: list[str] = []
+        self.window = 0.0  # windows of instability wider than this were seen
+        self.unsettled: list[str] = []  # those of the doubts that are about onsets
         self.completeness = Completeness(0, None, False)
         self._first: Modes | None = None
         self._previous: Modes | None = None
@@ -94,7 +96,7 @@ class RunningSweep:
         return SweepState(
             tuple(self.points), tuple(self.onsets), tuple(self.doubts), self.completeness, dict(self.seconds),
             self._first, self._previous, self._first_branches, self._branches, self._next_branch, self._start,
-            self._value, self._model is not None,
+            self._value, self._model is not None, self.window, tuple(self.unsettled),
         )  # fmt: skip
 
     def restore(self, state: SweepState) -> None:
@@ -106,6 +108,7 @@ class RunningSweep:
         self._first, self._previous = state.first, state.previous
         self._first_branches, self._branches = state.first_branches, state.branches
         self._next_branch, self._start, self._value = state.next_branch, state.start, state.value
+        self.window, self.unsettled = state.window, list(state.unsettled)
 
     def advance(self, value: float, keep_all: bool) -> None:
         """Solve at the next value."""
@@ -181,12 +184,15 @@ class RunningSweep:
         if not (doubtful and refinements):
             names = itertools.count(self._next_branch)
             branches = np.array([self._branches[i] if i >= 0 else next(names) for i in match.origin], dtype=int)
-            found, doubts = self._find_onsets(value, modes, branches)
+            found = self._find_onsets(value, modes, branches)
             clock = self._spend("onsets", clock)
-            if not (doubts and refinements):
-                self._require_all(value, modes, branches)
-                self.onsets += found
-                self.doubts += doubts
+            if not ((found.doubts or found.missing) and refinements):
+                if found.missing:
+                    raise NotConvergedError(found.missing[0])
+                self.onsets += found.onsets
+                self.doubts += found.doubts
+                self.unsettled += found.doubts
+                self.window = max(self.window, found.width)
                 self._next_branch = next(names)
                 self._value, self._previous, self._branches = value, modes, branches
                 return
@@ -194,61 +200,27 @@ class RunningSweep:
         self._follow(middle, self._solve(middle), refinements - 1)
         self._follow(value, modes, refinements - 1)
 
-    def _lost(self, modes: Modes, branches: np.ndarray) -> np.ndarray:
-        """Return the branches, well inside the range and oscillating, that have no mode among the next ones."""
-        assert self._previous is not None
-        known = wanted_count(self._previous, self.request)
-        lam, names = self._previous.lam[:known], self._branches[:known]
-        inside = (np.abs(lam) < _RIM * np.abs(modes.lam).max(initial=0.0)) & (lam.imag > 0)
-        return np.asarray(names[inside & ~np.isin(names, branches)])
-
-    def _require_all(self, value: float, modes: Modes, branches: np.ndarray) -> None:
-        """Raise if modes have vanished inside the range, where none can end: those were missed by the solver."""
-        lost = self._lost(modes, branches)
-        inside = np.abs(modes.lam) < np.abs(modes.lam).max(initial=0.0)
-        new = np.count_nonzero(inside & (branches >= self._next_branch))
-        if len(lost) > new:
-            raise NotConvergedError(
-                f"{len(lost) - new} modes are missing between {self.parameter} = {self._value:g} and {value:g}: branch"
-                f" {', '.join(str(b) for b in lost)} is not found again"
-            )
-
     def result(self) -> Sweep:
         """Return what was solved so far."""
         return Sweep(
             self.problem, self.parameter, tuple(self.points), tuple(sorted(self.onsets, key=lambda o: o.value)),
-            self.completeness, dict(self.seconds), tuple(self.doubts), self._model,
+            self.completeness, dict(self.seconds), tuple(self.doubts), self._model, self.window,
+            tuple(self.unsettled),
         )  # fmt: skip
 
-    def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray) -> tuple[list[Onset], list[str]]:
-        """Return the onsets between the last value and this one, and what stays open between them."""
+    def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray) -> Found:
+        """Return the onsets of the reported branches between the last value and this one, and what stays open."""
         assert self._previous is not None and self._first is not None
-        ends, name = (self._value, value), self.parameter
-        known = wanted_count(self._previous, self.request)
-        reported = {*self._branches[:known], *branches[: wanted_count(modes, self.request)]}
-        doubts = [
-            f"branch {b} is not found again between {name} = {ends[0]:g} and {ends[1]:g}"
-            for b in self._lost(modes, branches)
-        ]
-        try:
-            below = float(modes.lam[: wanted_count(modes, self.request)].imag.max(initial=0.0))
-            found, unknown, hidden = find_step_onsets(
-                self.problem, name, ends, (self._previous, modes), (self._branches, branches), below, self._steps,
-                self._model, self._precise, self._linear_solver,
-            )  # fmt: skip
-        except (NotConvergedError, ValueError) as error:
-            why = error if isinstance(error, NotConvergedError) else "the small model of this step cannot be solved"
-            return [], [*doubts, f"an onset between {name} = {ends[0]:g} and {ends[1]:g} was not refined: {why}"]
-        doubts += [
-            f"branch {b} is unstable at {name} = {at:g} and was not known at {other:g}: its onset is not found; ask for"
-            " more modes or a finer sweep"
-            for b, at, other in unknown
-            if b in reported
-        ]
-        if hidden is not None:
-            doubts.append(f"near {name} = {hidden:g} other modes are unstable than the onsets found explain")
+        name = self.parameter
+        known, wanted = wanted_count(self._previous, self.request), wanted_count(modes, self.request)
+        reported = {*self._branches[:known], *branches[:wanted]}
+        below = max(self._previous.lam[:known].imag.max(initial=0.0), modes.lam[:wanted].imag.max(initial=0.0))
+        found = find_step_onsets(
+            self.problem, name, (self._value, value), (self._previous, modes), (self._branches, branches), float(below),
+            self._model, self._precise, self._linear_solver,
+        )  # fmt: skip
         onsets = []
-        for onset in found:
+        for onset in found.onsets:
             if not reported & {onset.branch_a, onset.branch_b}:
                 continue
             at = [np.flatnonzero(self._first_branches == b) for b in (onset.branch_a, onset.branch_b)]
@@ -256,7 +228,7 @@ class RunningSweep:
                 predicted = two_mode_value(self._tracked, name, self._start, self._first, int(at[0][0]), int(at[1][0]))
                 onset = replace(onset, two_mode_value=predicted)
             onsets.append(onset)
-        return onsets, doubts
+        return replace(found, onsets=onsets)
 
     def _spend(self, stage: str, since: float) -> float:
         now = time.perf_counter()

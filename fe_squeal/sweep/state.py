@@ -11,7 +11,7 @@ import numpy as np
 from ..eigen.pencil import Modes
 from ..eigen.request import Completeness
 from ..problem.problem import Problem
-from .onsets import Onset
+from .onset import Onset
 from .result import LiftedShapes, Sweep, SweepPoint
 
 _VECTORS = ("right", "left")
@@ -65,6 +65,10 @@ class SweepState:
         The first and the last value.
     reduced : bool
         Whether the modes are those of a small model.
+    window : float
+        Windows of instability wider than this were seen so far, in the parameter.
+    unsettled : tuple of str
+        Those of the doubts that are about onsets.
     """
 
     points: tuple[SweepPoint, ...]
@@ -80,6 +84,8 @@ class SweepState:
     start: float
     value: float
     reduced: bool
+    window: float
+    unsettled: tuple[str, ...]
 
     def sweep(self, problem: Problem, parameter: str) -> Sweep:
         """Return the result so far, for its tables of modes and onsets."""
@@ -139,6 +145,7 @@ def record_of_state(state: SweepState) -> Record:
         "points": len(state.points), "onsets": [asdict(o) for o in state.onsets], "doubts": list(state.doubts),
         "completeness": asdict(state.completeness), "seconds": dict(state.seconds), "next_branch": state.next_branch,
         "start": state.start, "value": state.value, "reduced": state.reduced,
+        "window": state.window, "unsettled": list(state.unsettled),
     }  # fmt: skip
     branches = {"branches": state.branches, "first_branches": state.first_branches}
     return Record(modes.arrays | branches, modes.data | data)
@@ -150,7 +157,8 @@ def state_of_record(record: Record, first: Modes, points: tuple[SweepPoint, ...]
     return SweepState(
         points, tuple(Onset(**o) for o in data["onsets"]), tuple(data["doubts"]), Completeness(**data["completeness"]),
         data["seconds"], first, modes_of_record(record), a["first_branches"], a["branches"], data["next_branch"],
-        data["start"], data["value"], data["reduced"],
+        data["start"], data["value"], data["reduced"], data["window"],
+        tuple(data["unsettled"]),
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from ..errors import NotConvergedError, SceneError, TooLargeError
 if TYPE_CHECKING:
     from ..eigen.linear.factor import LinearSolver
     from ..problem.problem import Problem
-    from .onsets import Onset
+    from .onset import Onset
     from .result import Sweep
     from .state import Store
 

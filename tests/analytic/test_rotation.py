@@ -19,7 +19,7 @@ from fe_squeal.fem.element_matrices import assemble_elasticity
 from fe_squeal.fem.materials import Material, stiffness_tensor
 from fe_squeal.fem.motion import SteadyMotion
 from fe_squeal.fem.spaces import make_space
-from meshes import KINDS, STEEL, annulus, mapped, rotation
+from meshes import KINDS, STEEL, annulus, make_problem, mapped, modes_of, rotation
 
 OUTER, INNER, THICKNESS = 0.2, 0.1, 0.004
 RING_INNER, RING_RADIUS, RING_OUTER, RING_WIDTH = 0.198, 0.2, 0.202, 0.004
@@ -167,3 +167,23 @@ def test_centrifugal_load_on_a_ring():
     u = it.space.expand(spsolve(bordered, np.append(f, np.zeros(6)))[: len(f)])
     middle = np.abs(np.linalg.norm(x[:, :2], axis=1) - RING_RADIUS) < 1e-6
     np.testing.assert_allclose((u * radial(x)).sum(axis=1)[middle], RHO * speed**2 * RING_RADIUS**3 / E, rtol=2e-3)
+
+
+@pytest.mark.parametrize("speed", [30.0, 300.0])
+def test_growth_of_a_freely_spinning_disc_does_not_exist_and_is_said(speed):
+    """K_Ω alone gives the turning about the axis Re λ = Ω; the stiffness of the centrifugal stress cancels it.
+
+    A warning says so with that number and with what to write; with what it says to write, nothing grows.
+    """
+    ring = annulus("hex2", (1, 12, 1), 0.10, 0.15, 0.02)
+    rotation = {"rotation": {"bodies": ["disc"], "axis": [0, 0, 1], "speed": speed}}
+    held = [{"surface": "bottom", "fixed": "z"}]
+    bare = make_problem(ring, supports=held, effects=rotation)
+    lam = modes_of(bare, 6).lam
+    assert lam.real.max() == pytest.approx(speed, rel=1e-3)  # 12 elements around
+    [text] = bare.discretisation.warnings
+    assert f"growth of up to Re λ = Ω = {speed:g} 1/s appears that does not exist" in text
+    assert "write [effects.preload] and [effects.stress_stiffening]" in text
+    whole = make_problem(ring, supports=held, effects={**rotation, "preload": {}, "stress_stiffening": {}})
+    assert whole.discretisation.warnings == ()
+    assert np.abs(modes_of(whole, 6).lam.real).max() < 1e-3 * speed

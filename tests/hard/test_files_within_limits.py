@@ -262,7 +262,7 @@ def test_numbers_that_cannot_be_squared_are_refused(tmp_path: Path, capsys: pyte
     [
         ("a." * 100_000 + "b = 1\n", "a key of more than 100 parts"),
         ('"a" . ' * 200 + "b = 1\n", "a key of more than 100 parts"),
-        ("".join(f"[a{i}]\n" for i in range(60_000)), r"a0: unknown key.* \(and 6000"),
+        ("".join(f"[a{i}]\n" for i in range(60_000)), r"a0: unknown key.* and [56]\d{4} more"),
         ("# " + "x" * 2_000_000, "more than 2 MB"),
     ],
 )

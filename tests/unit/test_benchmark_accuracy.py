@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from accuracy_cases import Rung, belt_scene, brake_scene, extrapolated, solve
 
-from fe_squeal.accuracy.estimate import BAR
+from fe_squeal.accuracy.bars import BARS
 from fe_squeal.accuracy.measure import measure
 from fe_squeal.accuracy.settings import own_setting, scene_at
 from fe_squeal.assembly.assembly import assemble
@@ -51,7 +51,7 @@ def test_ladders_are_complete_and_fall():
 def test_rate_and_time_of_a_known_law():
     """A cut that takes 15/16 of the error: rate 4; times of unknowns: the time where the error is 1 %."""
     rungs = [Rung(n, n / 1e3, 0.0, np.array([n ** (-4 / 3) * 1e3]), 1.0, 2.0) for n in (10**3, 10**4, 10**5)]
-    assert page.rate(replace(rungs[-1], wide=BAR * 15 / 16)) == pytest.approx(4.0)
+    assert page.rate(replace(rungs[-1], wide=BARS[2] * 15 / 16, bar=BARS[2])) == pytest.approx(4.0)
     assert page.time_for(rungs, 0.01) == pytest.approx((1e5) ** (3 / 4) / 1e3)
 
 

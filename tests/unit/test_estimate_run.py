@@ -53,3 +53,17 @@ def test_refined_mesh_that_does_not_fit(tmp_path, capsys, monkeypatch):
     assert columns(out)[0].isna().all(axis=None)
     found, _ = measure(load_scene(scene), Setting(1, 0.02, 8, "reduced", 1e-8), None, True)
     assert np.isfinite(found.lam).any() and not len(found.changes) and "estimate" in found.seconds
+
+
+def test_an_interrupted_estimate_keeps_the_sweep_and_is_resumed(tmp_path, capsys, monkeypatch):
+    """Ctrl-C while the refined mesh is looked at: tables are there, the record says so, and --resume goes on."""
+    scene, out = write_scene(tmp_path, SCENE), tmp_path / "out"
+    run = ["run", str(scene), "-o", str(out), "--estimate"]
+    with monkeypatch.context() as patched:
+        patched.setattr(estimate, "CorrectedModel", lambda *args: (_ for _ in ()).throw(KeyboardInterrupt))
+        assert main(run) == 130
+    assert json.loads((out / "run.json").read_text("utf-8"))["status"] == "interrupted"
+    assert len(pd.read_csv(out / "modes.csv")) and columns(out)[0].isna().all(axis=None)
+    assert main([*run, "--resume"]) == 0
+    assert json.loads((out / "run.json").read_text("utf-8"))["status"] == "complete"
+    assert columns(out)[0].notna().all(axis=1).mean() > 0.8

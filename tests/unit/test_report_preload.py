@@ -16,6 +16,7 @@ from fe_squeal.report.pictures import axis_frame
 from fe_squeal.report.preload import export_preload
 from fe_squeal.report.pressure import OPEN_COLOUR, PULLING_COLOUR, face_frame, pressure_figure
 from fe_squeal.report.shapes import shape_grid
+from fe_squeal.report.vtk_files import names_in
 
 GREY, RED = to_rgb(OPEN_COLOUR), to_rgb(PULLING_COLOUR)
 
@@ -73,8 +74,8 @@ def test_files_read_back(grid, tmp_path):
     np.testing.assert_array_equal(data.point_data["displacement"], u)
     np.testing.assert_array_equal(data.cell_data["von_mises"], stress)
     np.testing.assert_array_equal(data.cell_data["body"], [0, 1])
-    assert list(data.field_data["body_names"]) == ["disc", "pad"]
-    assert list(data.field_data["contact_names"]) == ["outer", "belt"]
+    assert names_in(data, "body") == ["disc", "pad"]
+    assert names_in(data, "contact") == ["outer", "belt"]
     assert data.field_data["mu"][0] == 0.45
     np.testing.assert_array_equal(data.field_data["normal_force"], [f.normal_force for f in contacts.values()])
     np.testing.assert_array_equal(data.field_data["torque"], [12.5, np.nan])

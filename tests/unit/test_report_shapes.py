@@ -26,7 +26,7 @@ from fe_squeal.report.shapes import (
     shape_grid,
     sharp_edges,
 )
-from fe_squeal.report.vtk_files import write_animation, write_shape
+from fe_squeal.report.vtk_files import names_in, write_animation, write_shape
 
 TET, HEX = skfem.MeshTet, skfem.MeshHex
 VTK_CELLS = {10: vtk.vtkTetra, 24: vtk.vtkQuadraticTetra, 12: vtk.vtkHexahedron, 29: vtk.vtkTriQuadraticHexahedron}
@@ -167,8 +167,9 @@ def test_shape_file_reads_back(tmp_path):
     np.testing.assert_array_equal(data["body"], grid.body)
     np.testing.assert_array_equal(data.points, grid.points)
     np.testing.assert_array_equal(data.cells_dict[24], grid.cells)
+    assert names_in(data, "parameter") == [info.pop("parameter")]
     assert {key: data.field_data[key][0] for key in info} == info
-    assert list(data.field_data["body_names"]) == ["disc", "pad"]
+    assert names_in(data, "body") == ["disc", "pad"]
     assert b'compressor="vtkZLibDataCompressor"' in (tmp_path / "shape.vtu").read_bytes()[:500]
 
 

@@ -120,3 +120,17 @@ def test_unwritable_place_is_an_output_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"file.*a\.csv: cannot be written"):
         write_csv(pd.DataFrame({"a": [1]}), tmp_path / "file" / "a.csv")
+
+
+@pytest.mark.parametrize("width", [20, 60, 80])
+def test_no_name_and_no_number_of_a_table_is_cut(width):
+    """Whatever the width of the terminal: every noise, kind, direction and digit stands in the output whole."""
+    modes, onsets = coupled_tables([(2413.0, 60.0, 0.312), (700.0, 5.0, 0.2)], SWEEP, uncertainty=0.25)
+    modes["noise"] = "divergence"
+    onsets["kind"] = "divergence"
+    text = printed(print_unstable, modes, width) + printed(print_onsets, onsets, width)
+    assert "…" not in text.replace(" … ", "")
+    rows = [line for line in text.splitlines() if "divergence" in line]
+    assert len(rows) == 4 and sum("into" in row for row in rows) == 2
+    for value in onsets["value"]:
+        assert any(f"{value:.8g}" in row for row in rows)

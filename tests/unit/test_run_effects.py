@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import pyvista
 from pictures import longest_bar
@@ -60,6 +61,12 @@ def test_preload_is_written(out: Path) -> None:
     belt = told["contacts"]["belt"]
     assert belt["force_on_pad_n"][0] == pytest.approx(0.3 * belt["normal_force_n"])
     assert belt["force_on_pad_n"][2] == pytest.approx(belt["normal_force_n"])
+    # Of 320 N on the top most goes into the springs, which is said, and all is balanced.
+    balance = record_of(out)["forces"]["block"]
+    total = np.sum([balance["applied_n"], *balance["contacts_n"].values(), *balance["springs_n"].values()], axis=0)
+    assert np.abs(total).max() < 1e-6 * PRESSURE * AREA and balance["supports_n"] == [0, 0, 0]
+    assert balance["contacts_n"]["belt"] == pytest.approx(belt["force_on_pad_n"])
+    assert any(w.startswith("preload: of 320 N on body block,") for w in record_of(out)["warnings"])
     faces = pyvista.read(out / "preload_contacts.vtu")
     assert faces.point_data["contact_pressure"].max() == pytest.approx(belt["largest_pressure_pa"])
     pressed = faces.point_data["contact_pressure"] * faces.point_data["weight"]
@@ -110,6 +117,7 @@ def test_any_number_may_be_swept(tmp_path: Path) -> None:
     text = SCENE.replace('parameter = "mu"', 'parameter = "contacts.belt.normal_stiffness"')
     text = text.replace("mu = 0.3", "mu = 0.6").replace("youngs_modulus = 2.0e11", "youngs_modulus = 2.0e13")
     text = text.replace("from = 0.0\nto = 0.8", f"from = {1e5 / AREA}\nto = {1e6 / AREA}")
+    text = 'units = "any"\n' + text  # no material is as stiff
     assert main(["run", str(write_scene(tmp_path, text)), "-o", str(tmp_path / "out")]) == 0
     [onset] = read_rows(tmp_path / "out" / "onsets.csv")
     assert (onset["parameter"], onset["direction"]) == ("contacts.belt.normal_stiffness", "into")

@@ -201,8 +201,11 @@ def test_disc_in_the_wrong_unit(tmp_path: Path, capsys: pytest.CaptureFixture[st
     bodies = f'[bodies.brake]\nmaterial = "steel"\ngroups = {json.dumps(groups)}\n'
     text = HEAD[: HEAD.index("[mesh.block]")] + HEAD[HEAD.index("[materials") : HEAD.index("[bodies")] + bodies
     text += '[[supports]]\nsurface = "hub"\nfixed = "xyz"\n[solve]\nmodes = 2\n[output]\nshapes = "none"\n'
-    path = write_scene(tmp_path, text)
+    code, _, err = check(capsys, write_scene(tmp_path, text))
+    assert code == 2
+    assert "bodies.brake: 260 m long" in err and 'if the mesh is in mm, write length_unit = "mm"' in err
     warning = "block.msh: the model is 260 m across; is length_unit right?"
+    path = write_scene(tmp_path, 'units = "any"\n' + text)
     code, out, _ = check(capsys, path)
     assert code == 0
     assert f"warning: {warning}\n" in out
@@ -212,7 +215,7 @@ def test_disc_in_the_wrong_unit(tmp_path: Path, capsys: pytest.CaptureFixture[st
     # In the right unit nothing is said.
     code, out, _ = check(capsys, write_scene(tmp_path, replaced("order = 1", 'order = 1\nlength_unit = "mm"', text)))
     assert code == 0
-    assert "warning" not in out
+    assert "across" not in out
 
 
 @pytest.mark.parametrize(

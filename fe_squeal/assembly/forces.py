@@ -1,0 +1,221 @@
+"""The balance of forces of the static state: where what is applied to each part of the model goes.
+
+A part is a connected piece of the mesh. In a rigid translation t of one part its elastic stresses do no work, and so
+the principle of virtual work leaves, for each of t = e_x, e_y, e_z,
+
+    F_applied + Σ F_contact + Σ F_spring + F_supports = 0,
+
+the resultants of what acts on it from outside. The first three follow from tractions at quadrature points, also at
+nodes that supports hold; what supports take is what is left, and zero in a direction that none of them holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..effects.preload import Preload
+from ..effects.springs import Spring
+from ..effects.static_state import StaticState
+from ..fem.gyroscopics import centrifugal_load
+from ..fem.motion import SteadyMotion
+from ..fem.rigid_motions import connected_parts
+from ..fem.spaces import Surface
+from ..mesh.groups import find_facets
+from ..problem.problem import Problem
+from ..scene import Scene, with_numbers
+from ..scene.contacts import Contact
+from .assembly import Assembly
+from .discretisation import Discretisation, discretisation_of
+
+_ELSEWHERE = 0.05  # of the load on a part with a contact: what springs and supports may take without a word
+
+
+@dataclass
+class PartForces:
+    """Forces (3,) N on one connected part of the mesh.
+
+    Attributes
+    ----------
+    bodies : tuple of str
+        That the part is made of.
+    applied : (3,) float, N
+        By pressures and, of a body that rotates, centrifugal.
+    contacts, springs : mapping of name to (3,) float, N
+    held : (3,) bool
+        Directions in which a support holds a node of the part.
+    pressed : tuple of str
+        Surface groups with a pressure on this part.
+    on_pressed : tuple of str
+        Springs that act on one of these surfaces.
+    """
+
+    bodies: tuple[str, ...]
+    applied: np.ndarray
+    contacts: dict[str, np.ndarray] = field(default_factory=dict)
+    springs: dict[str, np.ndarray] = field(default_factory=dict)
+    held: np.ndarray = field(default_factory=lambda: np.zeros(3, bool))
+    pressed: tuple[str, ...] = ()
+    on_pressed: tuple[str, ...] = ()
+
+    @property
+    def rest(self) -> np.ndarray:
+        """(3,) N: minus the sum of all but the supports."""
+        return -np.sum([self.applied, *self.contacts.values(), *self.springs.values()], axis=0)
+
+    @property
+    def supports(self) -> np.ndarray:
+        """(3,) N: what supports put on the part."""
+        return np.where(self.held, self.rest, 0.0)
+
+    @property
+    def residual(self) -> float:
+        """What is not balanced, over the largest force: rounding of the static solve."""
+        forces = [self.applied, *self.contacts.values(), *self.springs.values(), self.rest]
+        largest = max(float(np.linalg.norm(f)) for f in forces)
+        return float(np.linalg.norm(self.rest - self.supports)) / largest if largest else 0.0
+
+
+def force_balance(problem: Problem) -> list[PartForces]:
+    """Return the forces on each part of the model in the static state at the nominal values; none without preload."""
+    model, assembly = discretisation_of(problem), problem.source
+    if model is None or model.static_state is None or not isinstance(assembly, Assembly):
+        return []
+    scene = with_numbers(assembly.scene, problem.changed) if problem.changed else assembly.scene
+    balance = _Balance(model, model.static_state, scene, assembly)
+    balance.add_loads(assembly.motions(problem.changed))
+    for i, spring in enumerate(scene.springs):
+        balance.add_spring(spring, f"springs[{i}]")
+    for i, (name, contact) in enumerate(zip(scene.contact_names, scene.contacts, strict=True)):
+        balance.add_contact(name, contact, f"contacts[{i}]")
+    return balance.parts
+
+
+class _Balance:
+    """The parts of a model, and what acts on them."""
+
+    def __init__(self, model: Discretisation, base: StaticState, scene: Scene, assembly: Assembly) -> None:
+        self.model, self.base, self.scene, self.loaded = model, base, scene, assembly.loaded
+        self.space = space = model.space
+        self.part = connected_parts(space)
+        self.u = space.expand(base.u)
+        first = space.dofs.element_dofs[0]
+        self.of_element = self.part[first]
+        self.parts = [PartForces((), np.zeros(3)) for _ in range(self.part.max() + 1)]
+        for i, p in enumerate(self.parts):
+            p.bodies = tuple(name for name, e in model.bodies.items() if (self.of_element[e] == i).any())
+            p.held = space.fixed.reshape(-1, 3)[self.part == i].any(axis=0)
+
+    def add_loads(self, motions: Mapping[str, SteadyMotion]) -> None:
+        """Add pressures, and the centrifugal force of bodies that rotate."""
+        preload = next(e for e in self.scene.effects.on.values() if isinstance(e, Preload))
+        for name, pressure in preload.pressures.items():
+            surface = self._surface(name, f"effects.preload.pressures.{name}")
+            for p, force in zip(self.parts, self._resultants(surface, -pressure * surface.normals), strict=True):
+                p.applied = p.applied + force
+                if force.any():
+                    p.pressed += (name,)
+        free = replace(self.space, fixed=np.zeros_like(self.space.fixed))  # held nodes have their share of the load
+        for name, motion in motions.items():
+            density = self.scene.materials[self.scene.bodies[name].material].density
+            load = free.expand(centrifugal_load(free, self.model.bodies[name], density, motion))
+            for i, p in enumerate(self.parts):
+                p.applied = p.applied + load[self.part == i].sum(axis=0)
+
+    def add_spring(self, spring: Spring, path: str) -> None:
+        """Add the force of a spring."""
+        d = np.array(spring.direction) / np.linalg.norm(spring.direction)
+        surface = self._surface(spring.surface, f"{path}.surface")
+        along = surface.values @ (self.u @ d)
+        if spring.to is None:
+            forces = self._resultants(surface, -spring.stiffness / surface.area * along[:, None] * d)
+        else:
+            other = self._surface(spring.to, f"{path}.to")
+            r = surface.weights @ along / surface.area - other.mean() @ (self.u @ d)
+            pull, push = (
+                self._resultants(s, np.tile(sign * spring.stiffness * r / s.area * d, (len(s.weights), 1)))
+                for s, sign in ((surface, -1.0), (other, 1.0))
+            )
+            forces = pull + push
+        for p, force in zip(self.parts, forces, strict=True):
+            if force.any():
+                p.springs[spring.name] = force
+                if spring.surface in p.pressed or spring.to in p.pressed:
+                    p.on_pressed += (spring.name,)
+
+    def add_contact(self, name: str, contact: Contact, path: str) -> None:
+        """Add the forces of a contact on both its sides."""
+        c = self.model.contacts[name]
+        if name in self.base.contacts:
+            mu = self.base.mu * (contact.friction_ratio if contact.kind == "sliding" else 0.0)
+            traction = self.base.contacts[name].pressure[:, None] * (c.normals + mu * c.directions)
+        else:  # tied: all three components of the jump
+            axes = ((c.gap, c.normals), (c.slip, c.directions), (c.cross, np.cross(c.normals, c.directions)))
+            traction = -contact.normal_stiffness * sum((G @ self.base.u)[:, None] * axis for G, axis in axes)
+        forces = traction * c.weights[:, None]
+        sides = [(contact.surface, "surface", 1.0)]
+        if not contact.is_rigid:
+            sides.append((contact.counterface, "counterface", -1.0))
+        for group, key, sign in sides:
+            owner = self._part_beside(group, f"{path}.{key}", c.points)
+            for i in np.unique(owner).tolist():
+                known = self.parts[i].contacts.get(name, np.zeros(3))
+                self.parts[i].contacts[name] = known + sign * forces[owner == i].sum(axis=0)
+
+    def _surface(self, group: str, path: str) -> Surface:
+        return self.space.surface(find_facets(self.loaded, group, path))
+
+    def _resultants(self, surface: Surface, traction: np.ndarray) -> np.ndarray:
+        """Return the resultant (parts, 3) N of tractions (q, 3) Pa on a surface."""
+        forces = surface.values.T @ (traction * surface.weights[:, None])
+        columns = [np.bincount(self.part, forces[:, c], len(self.parts)) for c in range(3)]
+        return np.stack(columns, axis=1)
+
+    def _part_beside(self, group: str, path: str, points: np.ndarray) -> np.ndarray:
+        """Return the part (q,) int of the nearest facet of a surface group to each point."""
+        surface = self._surface(group, path)
+        near = cKDTree(surface.points).query(points)[1] // (len(surface.points) // len(surface.facets))
+        return np.asarray(self.of_element[self.space.mesh.f2t[0, surface.facets[near]]])
+
+
+def balance_warnings(parts: list[PartForces]) -> list[str]:
+    """Return a sentence for each part of whose load springs or supports take more than 5 %, instead of its contacts."""
+    found = []
+    for p in parts:
+        size = float(np.linalg.norm(p.applied))
+        if not p.pressed or not p.contacts or not size:
+            continue
+        along = -p.applied / size
+        taken = {f"spring {name}": float(f @ along) / size for name, f in p.springs.items()}
+        taken["supports"] = float(p.supports @ along) / size
+        shares = {name: share for name, share in taken.items() if share > _ELSEWHERE}
+        if shares:
+            pressed = sum(float(f @ along) for f in p.contacts.values())
+            where = ", ".join(
+                f"{100 * share:.3g} % into {name}"
+                + (f" on the pressed surface {' and '.join(p.pressed)}" if name[7:] in p.on_pressed else "")
+                for name, share in shares.items()
+            )
+            found.append(
+                f"preload: of {size:.4g} N on {_label(p)}, {pressed:.4g} N reach its contacts: {where}; if the"
+                " contact is meant to carry the load, springs and supports should act across it alone"
+            )
+    return found
+
+
+def balance_record(parts: list[PartForces]) -> dict[str, Mapping[str, object]]:
+    """Return the balance for run.json, by part."""
+    return {
+        _label(p).removeprefix("body ").removeprefix("bodies "): {
+            "applied_n": p.applied, "contacts_n": p.contacts, "springs_n": p.springs, "supports_n": p.supports,
+            "residual": p.residual,
+        }
+        for p in parts
+    }  # fmt: skip
+
+
+def _label(p: PartForces) -> str:
+    return f"{'body' if len(p.bodies) == 1 else 'bodies'} {' + '.join(p.bodies)}"

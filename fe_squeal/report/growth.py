@@ -1,0 +1,64 @@
+"""How growth begins at an onset: what is drawn and told between the values of a sweep."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fe_squeal.report.branches import Branch, Floats
+
+_DENSE = np.linspace(0.0, 1.0, 33)  # of a step: where a curve is drawn from an onset on
+
+
+def growth_curves(branch: Branch) -> list[Floats]:
+    """Return what the growth rate does from each point of a branch to the next, (m, 2): parameter and Re λ in 1/s.
+
+    From an onset on it is c√s/(1 + βs) where two modes meet there and cs/(1 + βs) elsewhere, s the distance from the
+    onset and c its crossing speed; β follows from the next value. A window between two onsets is closed by both, as
+    c√(s(w − s)/w) or c s(w − s)/w with w its width. From value to value (Re λ)² of a branch that has met another is
+    straight, as it is behind a root; elsewhere the points are joined by straight lines.
+    """
+    points = np.column_stack([branch.value, branch.re])
+    curves = list(segments(points))
+    for i in np.flatnonzero(branch.joined).tolist():
+        (p0, r0), (p1, r1) = points[i : i + 2]
+        width = p1 - p0
+        if branch.windows[i]:
+            s = width * _DENSE
+            c0, c1 = branch.speed[i : i + 2]
+            c0, c1 = (c if np.isfinite(c) else other for c, other in ((c0, c1), (c1, c0)))
+            bump = s * (width - s) / width
+            bump = np.sqrt(bump) if branch.rooted[i] else bump
+            curves[i] = np.column_stack([p0 + s, bump * np.nan_to_num(c0 + (c1 - c0) * _DENSE)])
+        elif branch.onset[i] == 1 and branch.onset[i + 1] == 0:
+            s, r = _beginning(width, r1, branch.speed[i], _is_rooted(branch, i, width, r1))
+            curves[i] = np.column_stack([p0 + s, r])
+        elif branch.onset[i + 1] == -1 and branch.onset[i] == 0:
+            s, r = _beginning(width, r0, branch.speed[i + 1], _is_rooted(branch, i + 1, width, r0))
+            curves[i] = np.column_stack([p1 - s, r])[::-1]
+        elif branch.rooted.any() and r0 * r1 > 0:
+            square = r0**2 + (r1**2 - r0**2) * _DENSE
+            curves[i] = np.column_stack([p0 + width * _DENSE, np.sign(r0) * np.sqrt(square)])
+    return curves
+
+
+def _is_rooted(branch: Branch, i: int, width: float, last: float) -> bool:
+    """Whether growth begins with a root at onset i; of a divergence, a root without damping, what comes nearer."""
+    if branch.frequency_hz[i] or not (branch.speed[i] > 0 and last):
+        return bool(branch.rooted[i])
+    root, line = (abs(np.log(branch.speed[i] * width**power / abs(last))) for power in (0.5, 1.0))
+    return bool(root <= line)
+
+
+def _beginning(width: float, last: float, speed: float, rooted: bool) -> tuple[Floats, Floats]:
+    """Return distances from an onset up to a width and the growth there, which ends at the last one."""
+    s = width * _DENSE**2  # closer together where a root is steep
+    first = np.sqrt(s) if rooted else s
+    if not (np.isfinite(speed) and speed > 0 and width > 0 and last):
+        return s[[0, -1]], np.array([0.0, last])
+    ratio = speed * first[-1] / abs(last)  # 1 + β width
+    return s, np.sign(last) * speed * first / (1 + (ratio - 1) * s / width)
+
+
+def segments(points: Floats) -> Floats:
+    """Return (k − 1, 2, 2): the segments between neighbouring points, (k, 2)."""
+    return np.stack([points[:-1], points[1:]], axis=1)

@@ -1,0 +1,31 @@
+"""How the balance of forces of a preload is shown."""
+
+from __future__ import annotations
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from ..assembly.forces import PartForces
+
+_ROUNDED = 1e-9  # of the largest force: what is shown as zero
+
+
+def balance_table(parts: list[PartForces]) -> Table | None:
+    """Return a table of the forces on each part, and their sum; None without preload."""
+    if not parts:
+        return None
+    table = Table(title="Balance of forces under preload, N", title_justify="left", box=SIMPLE_HEAD)
+    for head in ("on", "by", "x", "y", "z"):
+        table.add_column(head, justify="left" if head in ("on", "by") else "right", no_wrap=True)
+    for p in parts:
+        rows = [("applied", p.applied)]
+        rows += [(f"contact {name}", f) for name, f in p.contacts.items()]
+        rows += [(f"spring {name}", f) for name, f in p.springs.items()]
+        if p.held.any():
+            rows.append(("supports", p.supports))
+        largest = max(float(np.abs(f).max()) for _, f in rows)
+        for i, (what, force) in enumerate(rows):
+            shown = np.where(np.abs(force) > _ROUNDED * largest, force, 0.0)
+            table.add_row(" + ".join(p.bodies) if not i else "", what, *(f"{c + 0.0:.5g}" for c in shown))
+    return table

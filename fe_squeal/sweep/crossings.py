@@ -1,0 +1,129 @@
+"""Changes of stability with dampers or complex stiffness: branches that cross the imaginary axis."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from .changes import Asked, Change
+from .samples import Samples
+
+
+def _growth(samples: Samples, v: np.ndarray) -> np.ndarray:
+    return v.real if not samples.theta else np.sqrt(-v + 0j).real * np.where(np.sqrt(-v + 0j).imag < 0, -1.0, 1.0)
+
+
+def find_crossings(samples: Samples) -> tuple[list[Change], float]:
+    """Return what changes, and up to which share of the interval a window may have been hidden.
+
+    Raises
+    ------
+    Asked
+    """
+    _follow(samples)
+    t, growth, error = samples.t, _growth(samples, samples.v), samples.cluster.error(samples.t)
+    if samples.theta:
+        rate = 2 * np.sqrt(np.abs(samples.v).mean())
+        blur, error = samples.blur / rate, error / rate
+    else:
+        blur = samples.blur
+    partings = [] if samples.theta else _partings(samples, growth, blur)
+    i, j = np.triu_indices(samples.cluster.m, 1)
+    apart = np.abs(samples.v[:, i] - samples.v[:, j]).min(axis=1, initial=np.inf)
+    # An eigenvalue moves by the error of H times its condition, and next to a meeting by its square root.
+    amplified = error * (1 + samples.departure / np.maximum(apart, error + np.finfo(float).tiny))
+    worst = np.sqrt(error * (error + samples.departure)) + error
+    unsure = np.minimum(amplified, worst) if samples.cluster.m > 1 else error
+    found: list[tuple[int, int, Change]] = []
+    for b in range(samples.cluster.m):
+        g = growth[:, b]
+        up = g > blur
+        for end, at in ((0, 0), (1, -1)):
+            node, s = samples.cluster.ends[end], samples.cluster.members[end]
+            up[at] = node.unstable[s[np.argmin(np.abs(node.v[s] - samples.v[at, b]))]]
+        jumps = np.flatnonzero(np.diff(up))
+        borders = [0, *(int(k) + 1 for k in jumps), len(t)]
+        for begin, end in itertools.pairwise(borders):
+            inside = slice(begin, end)
+            at_end = begin == 0 or end == len(t)  # where the modes themselves are known
+            sure = at_end or bool((np.abs(g[inside]) > unsure[inside]).any())
+            close = ~up[inside] & (g[inside] > -unsure[inside]) & (unsure[inside] > blur)
+            close[[0, -1]] = False
+            if not sure or (close[1:-1].any() and not _towards_a_change(close)):
+                best = begin + int(np.argmax(g[inside]))
+                if 0 < best < len(t) - 1:
+                    raise Asked(float(t[best]))
+        for n, k in enumerate(jumps):
+            limits = (t[jumps[n - 1] + 1] if n else 0.0, t[jumps[n + 1]] if n + 1 < len(jumps) else 1.0)
+            gains = 1 if up[k + 1] else -1
+            there = int(k + 1 if up[k + 1] else k)
+            if samples.v[there, b].imag < -1e-6 * abs(samples.v[there, b]) - samples.blur and not samples.theta:
+                continue  # the mirror image of one above the real axis
+            found.append((int(k), b, samples.made("crossing", gains, int(k), there, b, limits)))
+    return [*(c for _, _, c in found), *partings], samples.finest
+
+
+def _partings(samples: Samples, growth: np.ndarray, blur: float) -> list[Change]:
+    """Return where growing pairs λ, λ* become two real eigenvalues, each of which counts, or the reverse."""
+    real = np.abs(samples.v.imag) <= 1e-9 * np.abs(samples.v) + blur
+    single = (real & (growth > blur)).sum(axis=1)
+    pairs = (~real & (growth > blur) & (samples.v.imag > 0)).sum(axis=1)
+    found = []
+    jumps = np.flatnonzero((np.diff(pairs) != 0) & (np.diff(single) == -2 * np.diff(pairs)))
+    for k in (int(jump) for jump in jumps):
+        gains = -int(pairs[k + 1] - pairs[k])
+        there = k + 1 if gains < 0 else k  # where they are a pair
+        upper = np.flatnonzero(~real[there] & (growth[there] > blur) & (samples.v[there].imag > 0))
+        for i in upper[np.argsort(samples.v[there, upper].imag)][: abs(gains)]:
+            limits = (float(samples.t[max(k - 1, 0)]), float(samples.t[min(k + 2, len(samples.t) - 1)]))
+            found.append(samples.made("parting", int(np.sign(gains)), k, there, int(i), limits))
+    return found
+
+
+def _follow(samples: Samples) -> None:
+    """Put the eigenvalues of every sample in the order of the sample before; add samples where one could turn."""
+    for _ in range(12):
+        for k in range(1, len(samples.t)):
+            h = samples.t[k] - samples.t[k - 1]
+            ahead = samples.v[k - 1] + h * samples.slope[k - 1] / 2
+            back = samples.v[k] - h * samples.slope[k] / 2
+            _, order = linear_sum_assignment(np.abs(ahead[:, None] - back[None, :]))
+            samples.v[k], samples.slope[k], samples.W[k] = (
+                samples.v[k][order],
+                samples.slope[k][order],
+                samples.W[k][:, order],
+            )
+        more = _turning_points(samples)
+        if not len(more):
+            return
+        v, slope, _, W, departure = samples.at(more)
+        order = np.argsort(np.concatenate([samples.t, more]), kind="stable")
+        samples.t = np.concatenate([samples.t, more])[order]
+        samples.v, samples.slope = np.concatenate([samples.v, v])[order], np.concatenate([samples.slope, slope])[order]
+        samples.W = np.concatenate([samples.W, W])[order]
+        samples.departure = np.concatenate([samples.departure, departure])[order]
+
+
+def _turning_points(samples: Samples) -> np.ndarray:
+    """Return where a cubic through two samples of one branch reaches growth between two stable ones, or ends it."""
+    growth = _growth(samples, samples.v)
+    rate = samples.slope.real if not samples.theta else -samples.slope.imag / (2 * np.sqrt(np.abs(samples.v)))
+    h = np.diff(samples.t)[:, None]
+    g0, g1, d0, d1 = growth[:-1], growth[1:], rate[:-1] * h, rate[1:] * h
+    s = np.linspace(0, 1, 17)[1:-1, None, None]
+    between = g0 * (1 + 2 * s) * (1 - s) ** 2 + d0 * s * (1 - s) ** 2 + g1 * s**2 * (3 - 2 * s) + d1 * s**2 * (s - 1)
+    high, low = between.max(axis=0), between.min(axis=0)
+    missed = ((g0 < 0) & (g1 < 0) & (high > 0)) | ((g0 > 0) & (g1 > 0) & (low < 0))
+    missed &= h > samples.finest
+    at = np.where((g0 < 0), between.argmax(axis=0), between.argmin(axis=0))
+    k, b = np.nonzero(missed)
+    return np.unique(samples.t[k] + np.diff(samples.t)[k] * (at[k, b] + 1) / 16)
+
+
+def _towards_a_change(close: np.ndarray) -> bool:
+    """Whether what is close to zero in a run of stable samples reaches an end of it: it leads to the change there."""
+    k = np.flatnonzero(close)
+    runs = np.split(k, np.flatnonzero(np.diff(k) > 1) + 1)
+    return all(int(run[0]) <= 1 or int(run[-1]) >= len(close) - 2 for run in runs)

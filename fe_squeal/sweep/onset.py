@@ -1,0 +1,42 @@
+"""A critical value of the sweep parameter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Onset:
+    """A critical value of the sweep parameter.
+
+    Attributes
+    ----------
+    parameter, value : str, float
+    frequency_hz : float
+    kind : "flutter" or "divergence"
+    direction : "into" or "out of" instability, for a rising parameter
+    crossing_speed : float
+        dRe λ/dp; at a meeting of two eigenvalues the coefficient of √|p − p_c|. NaN for a doublet that is coupled
+        from the start of the interval on, without a threshold.
+    branch_a, branch_b : int or None
+    uncertainty : float
+        Of `value`.
+    two_mode_value : float
+        What the two branches' modes at the start of the sweep alone would predict; NaN if they never meet.
+    discretisation : float
+        Error of `value` by the mesh; NaN where it is not estimated.
+    """
+
+    parameter: str
+    value: float
+    frequency_hz: float
+    kind: str
+    direction: str
+    crossing_speed: float
+    branch_a: int
+    branch_b: int | None
+    uncertainty: float
+    two_mode_value: float = np.nan
+    discretisation: float = np.nan

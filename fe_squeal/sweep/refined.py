@@ -1,0 +1,230 @@
+"""From a change of stability on the small model of a step to a critical value of the problem itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..eigen.pencil import Modes
+from ..eigen.request import Request
+from ..eigen.solve import solve_modes
+from ..errors import NotConvergedError
+from ..problem.problem import Problem
+from .changes import FINEST, Change
+from .newton import Root, find_coalescence, find_crossing, find_zero
+from .onset import Onset
+from .step import Step, real_direction
+from .tracking import modal_assurance
+
+_BISECTED = 1e-7  # of the sweep step: the bracket where only stability itself can be told
+_CHEAP = 20_000  # unknowns up to which an onset of a reduced model is refined on the problem itself in any case
+_SURE = 1e-7  # relative uncertainty of such an onset that is good enough
+_MOVED = 0.1  # of the step: how far the small model may misplace a root
+_ONE_SHAPE = 0.999  # MAC of two modes of equal frequency: they have met already, and are no doublet
+_WITHIN = 0.5  # share of a mode that a group of shapes spans: it belongs to the group
+_ASIDE = 1e-3  # of the step: how far from a bracketed onset its growth is looked at
+
+_Newton = Callable[[Problem, float, np.ndarray, np.ndarray], Root]
+
+
+@dataclass
+class Refiner:
+    """Refines the changes of stability of one step.
+
+    Attributes
+    ----------
+    step : Step
+    precise : bool
+        Refine roots of a reduced model on the problem itself, whatever it costs.
+    """
+
+    step: Step
+    precise: bool
+
+    def onset(self, change: Change) -> Onset:
+        """Return the critical value that a change on the small model leads to.
+
+        Raises
+        ------
+        NotConvergedError
+            If there is none between the limits of the change.
+        """
+        if change.at_start and change.kind == "meeting" and self._theta and self._is_doublet(change):
+            lam = np.sqrt(-change.v + 0j)
+            width = abs(change.high - change.low) + FINEST * self._width
+            return self._made(change, change.low, abs(lam.imag) or abs(lam), np.nan, width)
+        try:
+            root = self._root(change)
+        except (NotConvergedError, ValueError, np.linalg.LinAlgError):
+            # Several equal pairs meet at once, or so little damping that Re λ is lost in rounding on the stable side:
+            # only stability itself can be told.
+            return self._bisected(change)
+        omega = float(np.sqrt(max(root.theta, 0.0)))
+        slow = change.kind in ("zero", "parting") or omega <= 1e-6 * self._speed(change)
+        return self._made(change, root.value, 0.0 if slow else omega, root.coefficient, root.uncertainty)
+
+    @property
+    def _width(self) -> float:
+        return abs(self.step.ends[1] - self.step.ends[0])
+
+    def _speed(self, change: Change) -> float:
+        """Return |λ| of what changes, or of the first mode that moves where that is zero."""
+        size = abs(change.v) if self.step.small.is_damped and not self._theta else np.sqrt(abs(change.v))
+        return float(size) or float(np.abs(self.step.modes_at_ends[0].lam).max(initial=1.0))
+
+    @property
+    def _theta(self) -> bool:
+        return not any(t.slot == "C" for t in self.step.small.terms)
+
+    def _made(self, change: Change, value: float, omega: float, speed: float, uncertainty: float) -> Onset:
+        kind = "flutter" if omega else "divergence"
+        direction = "into" if change.gains >= 0 else "out of"
+        return Onset(
+            self.step.parameter, float(value), float(omega / (2 * np.pi)), kind, direction, float(speed), 0, None,
+            float(uncertainty),
+        )  # fmt: skip
+
+    def _is_doublet(self, change: Change) -> bool:
+        """Whether two modes of one frequency and different shapes couple as soon as the parameter acts."""
+        start = self.step.end(0)
+        near = np.argsort(np.abs(start.v - change.v))[:2]
+        if len(near) < 2 or change.gains < 0:
+            return False
+        apart = abs(start.v[near[0]] - start.v[near[1]])
+        if apart > 4 * start.blur[near].max() + 1e-9 * abs(change.v):
+            return False
+        u = start.right[:, near]
+        return bool(modal_assurance(u[:, :1], u[:, 1:], start.M)[0, 0] <= _ONE_SHAPE)
+
+    # Newton's method, on the small model first.
+
+    def _root(self, change: Change) -> Root:
+        if change.kind == "meeting" and not self._theta:
+            raise NotConvergedError("two λ that meet on the imaginary axis are bracketed")
+        near = 0.5 * (change.low + change.high)
+        newton = self._newton(change)
+        step, slack = self.step, FINEST * self._width
+        root = self._between(change, newton(step.small, near, change.right, change.left), slack)
+        x, y = (step.V @ v for v in (root.right, root.left))
+        if step.problem.unknowns == step.small.unknowns and step.model is None:
+            return root
+        better = self._on_problem(newton, root, x, y)
+        shift = abs(better.value - root.value)
+        if shift > _MOVED * self._width:
+            raise NotConvergedError("Newton's method left the step")
+        return self._between(change, better, slack + 2 * shift)
+
+    def _newton(self, change: Change) -> _Newton:
+        name, solver, width = self.step.parameter, self.step.linear_solver, _MOVED * self._width
+        theta = float(change.v.real) if self._theta else abs(change.v) ** 2
+
+        def meeting(problem: Problem, p: float, x: np.ndarray, y: np.ndarray) -> Root:
+            nonlocal theta
+            x, y = (v if np.isrealobj(v) else real_direction(v[:, None]) for v in (x, y))
+            root = find_coalescence(problem, name, p, theta, x, y, solver)
+            theta = root.theta
+            if (root.coefficient_sign > 0) != (change.gains > 0) and root.theta > 0:
+                raise NotConvergedError("Newton's method found the other end of a window")
+            return root
+
+        def zero(problem: Problem, p: float, x: np.ndarray, y: np.ndarray) -> Root:
+            x, y = (v if np.isrealobj(v) else real_direction(v[:, None]) for v in (x, y))
+            return find_zero(problem, name, p, x, y, width, self.step.free(problem), solver)
+
+        def crossing(problem: Problem, p: float, x: np.ndarray, y: np.ndarray) -> Root:
+            nonlocal theta
+            lam = change.v if not self._theta else 1j * np.sqrt(change.v)
+            omega = abs(lam.imag) if p == 0.5 * (change.low + change.high) else float(np.sqrt(theta))
+            root = find_crossing(problem, name, p, omega, x, y, width, solver)
+            theta = root.theta
+            if (root.coefficient > 0) != (change.gains > 0):
+                raise NotConvergedError("Newton's method found another crossing")
+            return root
+
+        def parting(problem: Problem, p: float, x: np.ndarray, y: np.ndarray) -> Root:
+            nonlocal theta
+            x, y = (v if np.isrealobj(v) else real_direction(v[:, None]) for v in (x, y))
+            lam = float(change.v.real) if theta > 0 else float(np.sqrt(-theta))
+            root = find_coalescence(problem, name, p, lam, x, y, solver, damped=True)
+            theta = root.theta
+            if (root.coefficient_sign > 0) == (change.gains > 0):
+                raise NotConvergedError("Newton's method found another double eigenvalue")
+            return root
+
+        return {"parting": parting, "meeting": meeting, "zero": zero, "crossing": crossing}[change.kind]
+
+    def _between(self, change: Change, root: Root, slack: float) -> Root:
+        """Accept a root between the values where something else changes alone."""
+        slack += root.uncertainty
+        low, high = sorted(change.limits)
+        if not low - slack <= root.value <= high + slack:
+            raise NotConvergedError("Newton's method left the interval of the change")
+        return root
+
+    def _on_problem(self, newton: _Newton, root: Root, x: np.ndarray, y: np.ndarray) -> Root:
+        """Return a root of the problem from one of the small model.
+
+        With a reduced model the root is that of the reduced problem. The residuals of its vectors on the problem itself
+        tell how far it may be off; where that is more than rounding and too far, or a few factorisations cost little,
+        Newton's method goes on there.
+        """
+        step, model = self.step, self.step.model
+        root = newton(step.problem, root.value, x, y)
+        if model is None:
+            return root
+        error, rounding = model.root_error(root.value, root.theta, root.right, root.left)
+        cheap = self.precise or step.full.unknowns <= _CHEAP
+        if error <= max(rounding, _SURE * abs(root.value)) and not cheap:
+            return replace(root, uncertainty=root.uncertainty + error + rounding)
+        x, y = (model.lift(v) for v in (root.right, root.left))
+        return newton(step.full, root.value, x, y)
+
+    # Bisection, where only stability itself can be told.
+
+    def _bisected(self, change: Change) -> Onset:
+        """Bracket a change in the number of unstable modes of the group, on the problem itself."""
+        step = self.step
+        request = Request(max_frequency_hz=1.1 * self._highest(change) / (2 * np.pi))
+
+        def unstable(p: float) -> Modes:
+            modes = solve_modes(step.problem.pencil({step.parameter: p}), request, linear_solver=step.linear_solver)
+            growing = modes.select(np.flatnonzero(modes.stability == "unstable"))
+            u, _ = step.shapes(growing)
+            return growing.select(np.flatnonzero(_share_within(change.group, u, step.small.mass) > _WITHIN))
+
+        low, high = change.limits
+        before, behind = unstable(low), unstable(high)
+        if len(behind) - len(before) != change.gains:
+            raise NotConvergedError(
+                f"{len(before)} modes are unstable at {low:.8g} and {len(behind)} at {high:.8g} of those that take part"
+            )
+        while abs(high - low) > _BISECTED * self._width:
+            middle = (low + high) / 2
+            found = unstable(middle)
+            if (len(found) - len(before)) * np.sign(change.gains) > 0:
+                high, behind = middle, found
+            else:
+                low, before = middle, found
+        more, at = (behind, high) if change.gains > 0 else (before, low)
+        # The mode that has just become unstable is the one that hardly grows.
+        lam = complex(more.lam[np.argmin(more.lam.real)])
+        value = (low + high) / 2
+        aside = abs(at - value) + 0.25 * _BISECTED * self._width
+        speed = lam.real / (np.sqrt(aside) if change.kind == "meeting" else aside) * np.sign(change.gains)
+        return self._made(change, value, lam.imag, float(speed), abs(high - low))
+
+    def _highest(self, change: Change) -> float:
+        lam = change.v if not self._theta else np.sqrt(-change.v + 0j)
+        return max(abs(lam.imag), abs(lam.real)) or self._speed(change)
+
+
+def _share_within(group: np.ndarray, u: np.ndarray, M: np.ndarray) -> np.ndarray:
+    """Return the share (k,) of the kinetic energy of each column of u (r, k) within the span of a group (r, m)."""
+    if not u.shape[1]:
+        return np.zeros(0)
+    gram = group.conj().T @ (M @ group)
+    cross = group.conj().T @ (M @ u)
+    inside = np.einsum("ij,ij->j", cross.conj(), np.linalg.pinv(gram, hermitian=True) @ cross).real
+    return np.asarray(inside / np.einsum("ij,ij->j", u.conj(), M @ u).real)

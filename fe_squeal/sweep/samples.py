@@ -1,0 +1,112 @@
+"""The eigenvalues of a group over an interval of the parameter, sampled ever more closely where two of them meet."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .changes import FINEST, SETTLED, Change
+from .clusters import Cluster
+
+_FIRST = 9  # samples to begin with
+_NEAR = 0.5  # times the distance to the next meeting: how far apart samples may lie
+_MOST = 4000  # samples of a group
+_ROUNDING = 1e-14  # of the size of a group's matrix
+
+
+class Samples:
+    """Eigenvalues of a group at values that are as close as its meetings ask for.
+
+    For a pair of eigenvalues the square of half their difference, D, is smooth where they meet, so that |D/D'| tells
+    how far away that may be. Samples lie closer than that, down to `FINEST` of a step of the sweep.
+
+    Attributes
+    ----------
+    cluster : Cluster
+    finest, settled : float
+        `FINEST` and `SETTLED` as shares of the interval.
+    theta : bool
+        Whether eigenvalues are θ = −λ².
+    turned : bool
+        Whether they are −iλ of a gyroscopic system, which come as conjugate pairs as θ do.
+    blur : float
+        How far eigenvalues may be off by rounding.
+    t : (s,) float
+        Samples, 0 … 1.
+    v, slope : (s, m) complex
+        Eigenvalues and dv/dt.
+    W : (s, m, m) complex
+        Eigenvectors of H.
+    departure : (s,)
+        From normality, as the root of ‖H‖² − Σ|v|² about the mean.
+    """
+
+    def __init__(self, cluster: Cluster, scale: float, at_start: bool) -> None:
+        self.cluster, self.finest, self.settled = cluster, FINEST / scale, SETTLED / scale
+        self.starts = at_start
+        self.theta = cluster.ends[0].C is None
+        # −iλ of a gyroscopic system is real or stands beside its conjugate, as θ does without dampers.
+        self.turned = cluster.ends[0].conservative
+        blur = [n.blur[s] for n, s in zip(cluster.ends, cluster.members, strict=True)]
+        size = max(float(np.abs(n.v[s]).max()) for n, s in zip(cluster.ends, cluster.members, strict=True))
+        # Next to a double eigenvalue the blur of each end is that of a square root, which the group does not have.
+        self.blur = max(float(min(b.min() for b in blur)), _ROUNDING * size)
+        self._evaluate()
+
+    def _evaluate(self) -> None:
+        t = np.linspace(0.0, 1.0, _FIRST if self.cluster.m > 1 else 5)
+        samples = self.at(t)
+        while len(t) < _MOST:
+            gap = np.diff(t)
+            near = np.maximum(samples[2][:-1], samples[2][1:])  # the farther end of two decides
+            wide = (gap > _NEAR * near) & (gap > self.finest)
+            if not wide.any():
+                break
+            more = (t[:-1] + gap / 2)[wide]
+            added = self.at(more)
+            order = np.argsort(np.concatenate([t, more]), kind="stable")
+            t = np.concatenate([t, more])[order]
+            samples = tuple(np.concatenate([s, a])[order] for s, a in zip(samples, added, strict=True))
+        self.t = t
+        self.v, self.slope, _, self.W, self.departure = samples
+
+    def at(self, t: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return eigenvalues, slopes, how far the next meeting may be, eigenvectors, departure from normality."""
+        H, dH = self.cluster.matrix(t)
+        if self.turned:
+            H, dH = -1j * H, -1j * dH
+        v, W = np.linalg.eig(H)
+        m = v.shape[1]
+        if m == 1:
+            return v, dH[:, :, 0], np.full(len(t), np.inf), W, np.zeros(len(t))
+        with np.errstate(all="ignore"):
+            try:
+                inverse = np.linalg.inv(W)
+            except np.linalg.LinAlgError:
+                inverse = np.linalg.pinv(W)
+            slope = np.einsum("tij,tjk,tki->ti", inverse, dH, W)
+            i, j = np.triu_indices(m, 1)
+            apart, drift = np.abs(v[:, i] - v[:, j]), np.abs(slope[:, i] - slope[:, j])
+            reach = np.where(drift > 0, apart / (2 * drift), np.inf)
+        reach = np.nan_to_num(reach.min(axis=1), nan=0.0, posinf=np.inf)
+        centred = H - np.trace(H, axis1=1, axis2=2)[:, None, None] / m * np.eye(m)
+        energy = (np.abs(centred) ** 2).sum(axis=(1, 2)) - (np.abs(v - v.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
+        return v, slope, reach, W, np.sqrt(np.maximum(energy, 0.0))
+
+    def made(self, kind: str, gains: int, k: int, there: int, i: int, limits: tuple[float, float]) -> Change:
+        """Return a change of eigenvalue i between samples k and k + 1, with its vectors at sample `there`."""
+        c, t = self.cluster, self.t
+        W = self.W[there]
+        with np.errstate(all="ignore"):
+            inverse = np.linalg.pinv(W)
+        right, left = c.vectors(t[there], W[:, i], inverse[i].conj())
+        start = bool(k == 0 and self.starts)
+        return Change(
+            kind, gains, c.value(t[k]), c.value(t[k + 1]), (c.value(limits[0]), c.value(limits[1])),
+            complex(self.v[there, i]) * (1j if self.turned else 1), right, left, c.shapes, start,
+        )  # fmt: skip
+
+    @property
+    def rounding(self) -> np.ndarray:
+        """√|D| (s,) that rounding makes of a double eigenvalue: D moves by that of H times the departure."""
+        size = np.abs(self.v).max(axis=1)
+        return np.asarray(np.sqrt(self.blur**2 + _ROUNDING * size * (self.departure + self.blur)))

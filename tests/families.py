@@ -1,0 +1,305 @@
+"""Random sweeps that differ in kind, and an independent judge of their onsets.
+
+The judge knows matrices alone: it counts unstable eigenvalues by LAPACK at as many values as it likes and bisects where
+the count changes. It shares no code with the sweep.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
+
+_SCAN = 1201  # values of a dense scan
+
+
+@dataclass(frozen=True)
+class Family:
+    """A problem over one parameter "p", as matrices that the judge understands.
+
+    Attributes
+    ----------
+    name : str
+    parts : tuple of (slot, matrix, power of p, imaginary)
+    values : (m,) of the sweep
+    planted : values of p next to which something narrow lies
+    """
+
+    name: str
+    parts: tuple[tuple[str, np.ndarray, int, bool], ...]
+    values: np.ndarray
+    planted: tuple[float, ...] = ()
+
+    def matrices(self, p: float) -> dict[str, np.ndarray]:
+        """M, C and K at p."""
+        found: dict[str, np.ndarray] = {}
+        for slot, A, power, imaginary in self.parts:
+            found[slot] = found.get(slot, 0.0) + A * p**power * (1j if imaginary else 1.0)
+        return found
+
+    def problem(self) -> Problem:
+        """The same for the sweep."""
+        terms = []
+        for i, (slot, A, power, imaginary) in enumerate(self.parts):
+            symmetric, skew = (bool(np.allclose(A, s * A.T, rtol=0, atol=1e-13 * abs(A).max())) for s in (1, -1))
+            powers = {"p": power} if power else {}
+            terms.append(Term(f"{slot}{i}", slot, sp.csr_array(A), symmetric, powers, skew, imaginary))
+        return Problem(tuple(terms), {"p": float(self.values[0])})
+
+    @property
+    def undamped(self) -> bool:
+        """Whether eigenvalues are those of K φ = θ M φ with real matrices."""
+        return not any(slot == "C" or imaginary for slot, _, _, imaginary in self.parts)
+
+    def unstable(self, p: float) -> int:
+        """Number of unstable eigenvalues with Im λ ≥ 0, beyond rounding."""
+        m = self.matrices(p)
+        M, K = m["M"], m["K"]
+        if "C" not in m:
+            theta = la.eigvals(K, M)
+            lam = np.sqrt(-theta + 0j)
+            if np.iscomplexobj(K):
+                lam = np.where(lam.imag < 0, -lam, lam)
+                return int(np.count_nonzero(lam.real > 1e-12 * np.abs(lam).max()))
+            size = np.abs(theta).max()
+            pairs = np.count_nonzero(theta.imag > 1e-9 * size)
+            return int(pairs + np.count_nonzero((theta.real < -1e-9 * size) & (np.abs(theta.imag) <= 1e-9 * size)))
+        n, C = len(M), m["C"]
+        A = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K), -la.solve(M, C)]])
+        lam = la.eigvals(A)
+        lam = lam[lam.imag > -1e-9 * np.abs(lam).max()]
+        gyroscopic = all(np.allclose(X, -X.T) for s, X, _, _ in self.parts if s == "C")
+        return int(np.count_nonzero(lam.real > (3e-7 if gyroscopic else 1e-12) * np.abs(lam).max()))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is wrong with a list of onsets: those not found and those that are none."""
+
+    missed: list[float]
+    invented: list[float]
+
+    def __bool__(self) -> bool:
+        return bool(self.missed or self.invented)
+
+
+def judge(family: Family, onsets: list[tuple[float, str, float]]) -> Verdict:
+    """Compare onsets (value, direction, uncertainty) with a dense scan.
+
+    A window narrower than the scan's own cells that the sweep finds is checked by counting inside it.
+    """
+    low, high = float(family.values[0]), float(family.values[-1])
+    logarithmic = low > 0 and high / low > 100
+    grid = np.geomspace(low, high, _SCAN) if logarithmic else np.linspace(low, high, _SCAN)
+    found = sorted(o[0] for o in onsets)
+    inside = [(a + b) / 2 for a, b in itertools.pairwise(found)]
+    points = np.unique(np.clip(np.concatenate([grid, family.planted, inside, family.values]), low, high))
+    counts = [family.unstable(float(p)) for p in points]
+    resolution = 5e-6 * (high - low) / (len(family.values) - 1)
+    true: list[tuple[float, int]] = []
+    for a, b, i, j in zip(points[:-1], points[1:], counts[:-1], counts[1:], strict=True):
+        if i != j:
+            true += _bisect(family.unstable, float(a), i, float(b), j, 1e-11 * (b if logarithmic else high - low))
+    true = _merged(true, 0.4 * resolution)
+    missed, left = [], [(v, 1 if d == "into" else -1, u) for v, d, u in onsets]
+    for value, gain in true:
+        reach = _slack(family, value, resolution)
+        near = [o for o in left if o[1] == np.sign(gain) and abs(o[0] - value) <= o[2] + reach]
+        if len(near) < abs(gain):
+            missed.append(value)
+        for o in sorted(near, key=lambda o: abs(o[0] - value))[: abs(gain)]:
+            left.remove(o)
+    return Verdict(missed, [o[0] for o in left])
+
+
+def _merged(changes: list[tuple[float, int]], width: float) -> list[tuple[float, int]]:
+    """Return changes with those nearer to each other than a width as one: a count flickers by rounding there."""
+    merged: list[tuple[float, int]] = []
+    for value, gain in sorted(changes):
+        if merged and value - merged[-1][0] < width:
+            merged[-1] = value, merged[-1][1] + gain
+        else:
+            merged.append((value, gain))
+    return [m for m in merged if m[1]]
+
+
+def _slack(family: Family, value: float, resolution: float) -> float:
+    # Doublets that couple from the start are seen by the judge once their growth is above its rounding.
+    start = abs(value - family.values[0]) < 1e-5 * abs(family.values[-1] - family.values[0])
+    return max(resolution, 1e-6 * abs(value), 1e-5 * abs(family.values[-1] - family.values[0]) if start else 0.0)
+
+
+def _bisect(
+    count: Callable[[float], int], a: float, i: int, b: float, j: int, width: float
+) -> list[tuple[float, int]]:  # fmt: skip
+    if i == j:
+        return []
+    if b - a <= width:
+        return [((a + b) / 2, j - i)]
+    middle = (a + b) / 2
+    k = count(middle)
+    return _bisect(count, a, i, middle, k, width) + _bisect(count, middle, k, b, j, width)
+
+
+# Kinds of problems. θ lies between 1 and 30 in all, and the basis is a random one.
+
+
+def _turned(rng: np.random.Generator, n: int, *matrices: np.ndarray) -> list[np.ndarray]:
+    Q = la.qr(rng.standard_normal((n, n)))[0] * rng.uniform(0.7, 1.4, n)
+    return [Q.T @ A @ Q for A in (np.eye(n), *matrices)]
+
+
+def _values(rng: np.random.Generator, high: float = 1.0) -> np.ndarray:
+    return np.linspace(0, high, int(rng.integers(7, 42)))
+
+
+def undamped(rng: np.random.Generator) -> Family:
+    """K + pF with F full and random."""
+    n = int(rng.integers(6, 16))
+    theta, F = np.sort(rng.uniform(1, 30, n)), rng.standard_normal((n, n)) * rng.uniform(0.5, 6)
+    M, K, F = _turned(rng, n, np.diag(theta), F)
+    return Family("undamped", (("M", M, 0, False), ("K", K, 0, False), ("K", F, 1, False)), _values(rng))
+
+
+def damped(rng: np.random.Generator) -> Family:
+    """The same with light damping."""
+    n = int(rng.integers(6, 16))
+    theta, F = np.sort(rng.uniform(1, 30, n)), rng.standard_normal((n, n)) * rng.uniform(0.5, 6)
+    C = rng.standard_normal((n, n)) * 10 ** rng.uniform(-3, -1)
+    C = C @ C.T / np.abs(C).max()
+    M, K, F, C = _turned(rng, n, np.diag(theta), F, C)
+    parts = (("M", M, 0, False), ("C", C, 0, False), ("K", K, 0, False), ("K", F, 1, False))
+    return Family("damped", parts, _values(rng))
+
+
+def gyroscopic(rng: np.random.Generator) -> Family:
+    """The same with gyroscopic terms, damped or not."""
+    n = int(rng.integers(6, 13))
+    theta, F = np.sort(rng.uniform(1, 30, n)), rng.standard_normal((n, n)) * rng.uniform(0.5, 4)
+    G = rng.standard_normal((n, n)) * rng.uniform(0.05, 0.5)
+    D = rng.standard_normal((n, n)) * 0.03
+    M, K, F, G, D = _turned(rng, n, np.diag(theta), F, G - G.T, D @ D.T)
+    parts = [("M", M, 0, False), ("C", G, 0, False), ("K", K, 0, False), ("K", F, 1, False), ("C", D, 0, False)]
+    return Family("gyroscopic", tuple(parts), _values(rng))
+
+
+def complex_stiffness(rng: np.random.Generator) -> Family:
+    """Loss factors that differ from place to place."""
+    n = int(rng.integers(6, 16))
+    theta, F = np.sort(rng.uniform(4, 30, n)), rng.standard_normal((n, n)) * rng.uniform(0.3, 2)
+    eta = np.diag(theta * rng.uniform(0.001, 0.02, n))
+    M, K, F, E = _turned(rng, n, np.diag(theta), F, eta)
+    parts = (("M", M, 0, False), ("K", K, 0, False), ("K", E, 0, True), ("K", F, 1, False))
+    return Family("complex", parts, _values(rng))
+
+
+def rigid(rng: np.random.Generator) -> Family:
+    """Two free motions that friction does not move."""
+    n = int(rng.integers(7, 15))
+    theta = np.concatenate([[0, 0], np.sort(rng.uniform(1, 30, n - 2))])
+    F = rng.standard_normal((n, n)) * rng.uniform(0.5, 6)
+    F[:, :2] = 0
+    M, K, F = _turned(rng, n, np.diag(theta), F)
+    return Family("rigid", (("M", M, 0, False), ("K", K, 0, False), ("K", F, 1, False)), _values(rng))
+
+
+def doublets(rng: np.random.Generator) -> Family:
+    """Pairs of equal eigenvalues, coupled from the start or kept apart by the symmetry of F."""
+    n = 2 * int(rng.integers(3, 7))
+    theta = np.repeat(np.sort(rng.uniform(1, 30, n // 2)), 2)
+    F = rng.standard_normal((n, n)) * rng.uniform(0.5, 4)
+    M, K, F = _turned(rng, n, np.diag(theta), F)
+    return Family("doublets", (("M", M, 0, False), ("K", K, 0, False), ("K", F, 1, False)), _values(rng))
+
+
+def window(rng: np.random.Generator) -> Family:
+    """Two branches that cross with coupling of opposite signs: unstable over 1e-1 … 1e-5 of a step."""
+    n = int(rng.integers(6, 16))
+    values = _values(rng)
+    step, at = values[1] - values[0], float(rng.uniform(0.1, 0.9))
+    width = step * 10 ** rng.uniform(-5, -1)
+    slope = rng.uniform(0.5, 4)
+    theta = rng.uniform(12, 30, n)
+    F = rng.standard_normal((n, n)) * rng.uniform(0.5, 2)
+    F[:2], F[:, :2] = 0, 0
+    theta[:2] = 6 + slope * at, 6 - slope * at
+    F[0, 0], F[1, 1] = -slope, slope
+    F[0, 1] = slope * width / 2 / at  # |K01| = p |F01|
+    F[1, 0] = -F[0, 1]
+    M, K, F = _turned(rng, n, np.diag(theta), F)
+    planted = (at - width / 4, at, at + width / 4)
+    parts = (("M", M, 0, False), ("K", K, 0, False), ("K", F, 1, False))
+    return Family(f"window {width / step:.1e}", parts, values, planted)
+
+
+def damped_window(rng: np.random.Generator) -> Family:
+    """The same with so little damping that the window stays open."""
+    base = window(rng)
+    growth = _window_growth(base)
+    M = base.parts[0][1]
+    C = M * growth * rng.uniform(0.05, 1.0)
+    return Family("damped " + base.name, (*base.parts, ("C", C, 0, False)), base.values, base.planted)
+
+
+def _window_growth(family: Family) -> float:
+    m = family.matrices(family.planted[1])
+    return float(np.sqrt(-la.eigvals(m["K"], m["M"]) + 0j).real.max())
+
+
+def triple(rng: np.random.Generator) -> Family:
+    """Three modes that meet within one step or two."""
+    n = int(rng.integers(6, 12))
+    values = np.linspace(0, 1, int(rng.integers(5, 15)))
+    near = rng.uniform(0, 1) / (len(values) - 1)
+    theta = np.concatenate([10 + near * rng.uniform(-2, 2, 3), rng.uniform(16, 30, n - 3)])
+    F = rng.standard_normal((n, n)) * rng.uniform(0.5, 3)
+    M, K, F = _turned(rng, n, np.diag(theta), F)
+    return Family("triple", (("M", M, 0, False), ("K", K, 0, False), ("K", F, 1, False)), values)
+
+
+def decades(rng: np.random.Generator) -> Family:
+    """A stiffness over six decades that couples and pushes modes, with friction in proportion."""
+    n = int(rng.integers(6, 12))
+    theta = np.sort(rng.uniform(1, 30, n))
+    g, s = rng.standard_normal((2, n, 2))
+    mu = rng.uniform(0.2, 0.9)
+    M, K, Kc = _turned(rng, n, np.diag(theta), (g + mu * s) @ g.T)
+    values = np.geomspace(1e-3, 1e3, int(rng.integers(13, 40)))
+    return Family("decades", (("M", M, 0, False), ("K", K, 0, False), ("K", Kc, 1, False)), values)
+
+
+def large(rng: np.random.Generator) -> Family:
+    """So many unknowns that each step works on a projection; coupling is local in frequency."""
+    n = int(rng.integers(80, 140))
+    theta = np.sort(rng.uniform(1, 900, n))
+    F = rng.standard_normal((n, 6)) @ rng.standard_normal((6, n)) * rng.uniform(0.5, 4)
+    M, K, F = _turned(rng, n, np.diag(theta), F)
+    return Family("large", (("M", M, 0, False), ("K", K, 0, False), ("K", F, 1, False)), _values(rng))
+
+
+def damping_swept(rng: np.random.Generator) -> Family:
+    """A damper whose number is swept, beside friction."""
+    n = int(rng.integers(6, 13))
+    theta, F = np.sort(rng.uniform(1, 30, n)), rng.standard_normal((n, n)) * rng.uniform(2, 6)
+    C, D = np.outer(c := rng.standard_normal(n), c), np.diag(rng.uniform(0.001, 0.01, n))
+    M, K, C, D = _turned(rng, n, np.diag(theta) + F, C, D)
+    parts = (("M", M, 0, False), ("K", K, 0, False), ("C", D, 0, False), ("C", C, 1, False))
+    return Family("damping", parts, _values(rng, float(rng.uniform(0.2, 2))))
+
+
+FAMILIES = (
+    undamped, damped, gyroscopic, complex_stiffness, rigid, doublets, window, damped_window, triple, decades, large,
+    damping_swept,
+)  # fmt: skip
+
+
+def make(kind: Callable[[np.random.Generator], Family], seed: int) -> Family:
+    """The same family for the same seed."""
+    return kind(np.random.default_rng([seed, FAMILIES.index(kind)]))

@@ -1,0 +1,174 @@
+"""What figures show between the values of a sweep: how growth begins, windows, labels of onsets close together."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_report_figures import ONSET_COLUMNS, SWEEP, coupled_tables, no_onsets, texts, thick_lines
+from test_report_tables import printed
+
+from fe_squeal.report import figures
+from fe_squeal.report.branches import collect_branches
+from fe_squeal.report.figures import plot_stability
+from fe_squeal.report.growth import growth_curves
+from fe_squeal.report.pictures import moving_triangles
+from fe_squeal.report.tables import print_unstable
+
+EXACT = 0.312
+COARSE = np.linspace(0.0, 0.7, 8)
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    kept = []
+    save = figures.save_figure
+    monkeypatch.setattr(figures, "save_figure", lambda figure, path: (kept.append(figure), save(figure, path))[1])
+    return kept
+
+
+def root_speed(frequency, split, critical):
+    """Return the coefficient of √(μ − μ_c) of Re λ for −λ² = a ± d√(1 − μ/μ_c): d/(2ω√μ_c)."""
+    return 2 * (2 * np.pi) ** 2 * frequency * split / (2 * 2 * np.pi * frequency * np.sqrt(critical))
+
+
+def growth_of(frequency, split, critical, mu):
+    d = 2 * (2 * np.pi) ** 2 * frequency * split
+    return np.sqrt((2 * np.pi * frequency) ** 2 + d * np.sqrt(1 - mu / critical + 0j) + 0j).imag.__abs__()
+
+
+def test_growth_begins_with_the_root_of_its_onset():
+    """Against the closed form between the onset and the next value of a coarse sweep: a chord is off by a fifth of
+    the growth there, the curve by less than a thousandth."""
+    modes, onsets = coupled_tables([(2413.0, 60.0, EXACT)], COARSE)
+    onsets["crossing_speed"] = root_speed(2413.0, 60.0, EXACT)
+    branch = collect_branches(modes, onsets)[0]
+    [i] = np.flatnonzero(branch.onset == 1)
+    curve = growth_curves(branch)[i]
+    assert curve[0].tolist() == [EXACT, 0.0] and curve[-1, 1] == pytest.approx(branch.re[i + 1])
+    exact = growth_of(2413.0, 60.0, EXACT, curve[:, 0])
+    assert np.abs(curve[:, 1] - exact).max() < 1e-3 * exact.max()
+    chord = exact.max() * (curve[:, 0] - EXACT) / np.ptp(curve[:, 0])
+    assert np.abs(chord - exact).max() > 0.2 * exact.max()
+
+
+def test_growth_begins_with_a_line_where_one_mode_crosses():
+    """Re λ = 300 s (1 − s/0.4) from μ = 0.15 on, of a damped scene."""
+    mu = np.array([0.0, 0.1, 0.2, 0.3])
+    re = 300 * (mu - 0.15) * (1 - (mu - 0.15) / 0.4)
+    modes = pd.DataFrame({"parameter": "mu", "value": mu, "branch": 1, "re": re, "im": 6e3, "frequency_hz": 955.0,
+                          "stability": np.where(re > 0, "unstable", "stable"), "re_uncertainty": 0.0})
+    onsets = pd.DataFrame([("mu", 0.15, 955.0, "flutter", "into", 300.0, 1, np.nan, 1e-9, np.nan, None)],
+                          columns=ONSET_COLUMNS)
+    [branch] = collect_branches(modes, onsets)
+    curve = growth_curves(branch)[2]
+    s = curve[:, 0] - 0.15
+    assert curve[1, 1] == pytest.approx(300 * s[1], rel=1e-2)
+    assert np.abs(curve[:, 1] - 300 * s * (1 - s / 0.4)).max() < 0.01 * re.max()
+
+
+def test_the_drawn_curve_is_the_root(tmp_path, drawn):
+    modes, onsets = coupled_tables([(2413.0, 60.0, EXACT)], COARSE)
+    onsets["crossing_speed"] = root_speed(2413.0, 60.0, EXACT)
+    plot_stability(modes, onsets, tmp_path / "stability.png")
+    [rate] = thick_lines(drawn[0].axes[1])
+    near = rate[(rate[:, 0] > EXACT) & (rate[:, 0] < 0.4)]
+    assert len(near) > 10
+    np.testing.assert_allclose(near[:, 1], growth_of(2413.0, 60.0, EXACT, near[:, 0]), rtol=2e-3)
+
+
+def window():
+    """A pair of branches that flutters from 0.103 to 0.105, between the values 0.1 and 0.12."""
+    modes, _ = coupled_tables([(2413.0, 60.0, 0.9)], SWEEP)
+    rows = [("mu", v, 2400.0, "flutter", d, 50.0, 1, 2, 1e-9, np.nan, None)
+            for v, d in ((0.103, "into"), (0.105, "out of"))]
+    return modes, pd.DataFrame(rows, columns=ONSET_COLUMNS)
+
+
+def test_a_window_between_two_values_has_bar_legend_growth_and_row(tmp_path, drawn):
+    modes, onsets = window()
+    plot_stability(modes, onsets, tmp_path / "stability.png")
+    top, bottom = drawn[0].axes
+    [bar] = thick_lines(top)
+    np.testing.assert_allclose(bar[[0, -1], 0], [0.103, 0.105])
+    assert "branch 1, 2.40 kHz" in [text.get_text() for text in top.get_legend().get_texts()]
+    assert "no unstable mode in this sweep" not in texts(bottom)
+    [rate] = thick_lines(bottom)
+    # c√(s(w − s)/w) has its top √w/2 c in the middle.
+    assert rate[:, 1].max() == pytest.approx(50.0 * np.sqrt(0.002) / 2, rel=1e-3)
+    text = printed(lambda frame, console: print_unstable(frame, console, onsets), modes)
+    [row] = [line for line in text.splitlines() if "0.103" in line]
+    assert "0.103 … 0.105" in row and "about 1.1" in row and "0.104" in row
+
+
+def test_the_panel_is_scaled_by_what_grows(tmp_path, drawn):
+    """Falling friction damps one branch by 12 000 before it grows with 90."""
+    modes, onsets = coupled_tables([(2413.0, 60.0, EXACT)], SWEEP)
+    modes.loc[(modes.branch == 1) & (modes.value < 0.2), "re"] = -12_000.0
+    plot_stability(modes, onsets, tmp_path / "stability.png")
+    low, high = drawn[0].axes[1].get_ylim()
+    assert modes.re.max() < high < 1.5 * modes.re.max() and -2 * high < low < 0
+
+
+def box_centre(label, renderer):
+    box = label.get_bbox_patch().get_window_extent(renderer)
+    return np.array([(box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_labels_of_onsets_close_together_are_not_exchanged(tmp_path, drawn, seed):
+    """Each label is as its point lies to the others, and no line to a label crosses another."""
+    rng = np.random.default_rng(seed)
+    pairs = [(2413.0 + rng.uniform(-60, 60), 20.0, 0.3 + rng.uniform(-0.02, 0.02)) for _ in range(3)]
+    modes, onsets = coupled_tables(pairs, SWEEP, uncoupled=[6000.0])
+    plot_stability(modes, onsets, tmp_path / "stability.png")
+    top = drawn[0].axes[0]
+    renderer = drawn[0].canvas.get_renderer()
+    points = top.transData.transform(np.column_stack([onsets.value, onsets.frequency_hz / 1e3]))
+    labels = {t.get_text(): t for t in top.texts}
+    assert len(labels) >= 2
+    values = onsets.value.to_numpy()
+    owner = {text: np.argmin(np.abs(values - float(text.split(",")[0].removeprefix("μ = ")))) for text in labels}
+    assert len(set(owner.values())) == len(labels)
+    found = [(points[owner[text]], box_centre(label, renderer)) for text, label in labels.items()]
+    for i, (p, m) in enumerate(found):
+        for q, n in found[:i]:
+            assert (p - q) @ (m - n) >= 0
+
+
+def test_onsets_of_one_pair_are_told_apart_by_their_digits(tmp_path, drawn):
+    modes, onsets = window()
+    onsets["value"] = [0.10312, 0.10344]
+    plot_stability(modes, onsets, tmp_path / "stability.png")
+    assert sorted(t.split(",")[0] for t in texts(drawn[0].axes[0])) == ["μ = 0.1031", "μ = 0.1034"]
+
+
+def test_nothing_unstable_is_still_said(tmp_path, drawn):
+    modes, _ = window()
+    plot_stability(modes, no_onsets(), tmp_path / "stability.png")
+    assert "no unstable mode in this sweep" in texts(drawn[0].axes[1])
+
+
+def bent_ring(power):
+    """A ring clamped at its hub that bends with two nodal diameters, (r − r_i)^power cos 2θ, as triangles."""
+    n_r, n_t = 24, 96
+    r, t = np.meshgrid(np.linspace(0.05, 0.15, n_r + 1), 2 * np.pi * np.arange(n_t) / n_t, indexing="ij")
+    points = np.column_stack([(r * np.cos(t)).ravel(), (r * np.sin(t)).ravel(), np.zeros(r.size)])
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(n_r), np.arange(n_t), indexing="ij"))
+    a, b = i * n_t + j, i * n_t + (j + 1) % n_t
+    triangles = np.concatenate([np.column_stack([a, b, a + n_t]), np.column_stack([b, b + n_t, a + n_t])])
+    height = ((r - 0.05) / 0.1) ** power
+    u_n = (height * np.cos(2 * t)).ravel()
+    return points, triangles, u_n, np.hypot(u_n, 0.1 * height.ravel())
+
+
+def test_nodal_lines_stay_off_the_clamped_hub():
+    """Where the hub is held the displacement is zero, which is no nodal line; along the diameters it changes sign."""
+    points, triangles, u_n, amplitude = bent_ring(2.0)
+    moving = moving_triangles(points, triangles, u_n, amplitude)
+    radius = np.hypot(*points[:, :2].T)[triangles]
+    assert not moving[radius.min(axis=1) < 0.05 + 1e-9].any()
+    crosses = (u_n[triangles].min(axis=1) < 0) & (u_n[triangles].max(axis=1) > 0)
+    assert moving[crosses & (radius.min(axis=1) > 0.07)].all()
+    # A body that tilts as a whole has its nodal line.
+    tilt = points[:, 0]
+    crosses = (tilt[triangles].min(axis=1) < 0) & (tilt[triangles].max(axis=1) > 0)
+    assert moving_triangles(points, triangles, tilt, np.abs(tilt) + 0.02)[crosses].all()
