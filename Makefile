@@ -59,7 +59,7 @@ clean:
 # of that name, scene.md and lumped.md by the package. Their pictures come with them.
 PAGES := $(filter-out docs/architecture.md,$(wildcard docs/*.md))
 COSTS := accuracy_and_cost effects_cost near_incompressible performance sweep_cost
-.PHONY: docs benchmarks hard-cases $(PAGES)
+.PHONY: docs benchmarks hard-cases trust $(PAGES)
 
 # What follows from the program alone: keys of the scene, lumped models, pictures of README.md.
 docs: docs/scene.md docs/lumped.md run
@@ -76,6 +76,9 @@ docs/lumped.md: .venv/installed
 # What accuracy, effects and sweeps cost, with the times of this machine, and nearly incompressible linings: hours.
 benchmarks: $(COSTS:%=docs/%.md)
 	$(BIN)/python benchmarks/mesh_bars.py --write  # a section of docs/accuracy_and_cost.md
+
+# The searches for broken promises in full, half an hour on two free cores: spoilt inputs, signals, commands at once.
+trust: docs/trust.md
 
 # The hard cases, from the tests' own results.
 hard-cases: docs/hard_cases.md

@@ -9,13 +9,18 @@ from __future__ import annotations
 import json
 import os
 import platform
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from .errors import INTERRUPTED, InputError, MeshError, NotConvergedError, SceneError, SquealError, one_line
+from .isolation import import_matplotlib
+from .streams import lasting_streams
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -227,7 +232,9 @@ def lumped_models(
         if study is not None:
             if given or as_json:
                 raise SceneError("lumped: --study has its own parameters; expected neither --set nor --json beside it")
-            paths = models.run_study(model, study, out or Path(f"lumped_{model}"))
+            from .run.lumped import study_model
+
+            paths = study_model(model, study, out or Path(f"lumped_{model}"))
             _console().print("\n".join(f"wrote {p}" for p in paths), markup=False)
             return 0
         result = models.evaluate(model, models.parse_settings(given))
@@ -274,15 +281,29 @@ def info() -> int:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; never shows a traceback for bad input."""
+    with lasting_streams() as (out, err):
+        with _stopped_by_signals():
+            code = _main(arguments)
+        if code == INTERRUPTED and not err.used:  # Typer, too, takes up what no command does, and says nothing
+            print("interrupted", file=sys.stderr)
+        out.flush()
+        if out.failure is not None:
+            why = one_line(str(out.failure.strerror or out.failure))
+            print(f"error: standard output: {why}; what belongs into files is written", file=sys.stderr)
+            return code or InputError.exit_code
+    return code
+
+
+def _main(arguments: list[str] | None) -> int:
     try:
+        import_matplotlib()
         code = app(arguments, standalone_mode=False, prog_name="fe-squeal")
+    except KeyboardInterrupt:
+        return INTERRUPTED
     except SquealError as error:
         text = f"error: {error}" if not isinstance(error, NotConvergedError) else f"not converged: {error}"
         print(one_line(text), file=sys.stderr)
         return error.exit_code
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
     except OSError as error:  # a name that the system refuses, a disk that is full
         name = f"{str(error.filename)[:200]}: " if error.filename is not None else ""
         print(one_line(f"error: {name}{error.strerror or error}"), file=sys.stderr)
@@ -299,6 +320,23 @@ def main(arguments: list[str] | None = None) -> int:
             error.show()
         return error.exit_code
     return int(code or 0)
+
+
+@contextmanager
+def _stopped_by_signals() -> Iterator[None]:
+    """Let every signal that asks for the end do what Ctrl-C does: what is finished is kept, children are ended."""
+    before = {}
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)  # Windows knows no SIGHUP
+        if number is None or signal.getsignal(number) in (signal.SIG_IGN, None):
+            continue
+        with suppress(ValueError):  # not in the main thread
+            before[number] = signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _console() -> Console:

@@ -70,8 +70,8 @@ shapes = "none"
 """
 SCENE = HEAD + SPRINGS + CONTACTS + TAIL
 TABLES_AND_FIGURES = {
-    "modes.csv", "onsets.csv", "contributions.csv", "sensitivities.csv", "run.json", "stability.png", "root_locus.png",
-    "contributions.png",
+    "manifest.sha256", "modes.csv", "onsets.csv", "contributions.csv", "sensitivities.csv", "run.json",
+    "stability.png", "root_locus.png", "contributions.png",
 }  # fmt: skip
 
 

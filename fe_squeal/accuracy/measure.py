@@ -19,6 +19,7 @@ from ..assembly.assembly import Assembly
 from ..assembly.swept import swept
 from ..eigen.memory import peak_memory_mib
 from ..errors import NotConvergedError, SquealError, TooLargeError
+from ..isolation import isolated_children
 from ..scene import Scene
 from ..sweep.sweep import sweep
 from .estimate import Changes, refined_changes
@@ -141,7 +142,8 @@ def measure_apart(
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe(duplex=False)
     process = context.Process(target=_child, args=(there, scene, setting, probes, estimate), daemon=True)
-    process.start()
+    with isolated_children():
+        process.start()
     there.close()
     try:
         if not here.poll(seconds):

@@ -31,7 +31,7 @@ def read_mesh(scene: Scene) -> LoadedMesh:
             source = scene.source or "SCENE.toml"
             raise MeshError(f"mesh.file: {path}: no such file; make it with: fe-squeal mesh {source} -o {path}")
         try:
-            return load_mesh(path, scene.mesh.length_unit)
+            return load_mesh(path, scene.mesh.length_unit, [scene.folder], scene.mesh.allow_outside)
         except MeshError as error:
             raise MeshError(f"mesh.file: {error}") from error
     assert scene.mesh.geometry is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import secrets
 from pathlib import Path
 
 from fe_squeal.errors import MeshError, OutputError
@@ -76,9 +77,10 @@ def write_mesh(geometry: DiscPad | Block, path: str | os.PathLike[str], keep_oth
     if keep_others and path.exists() and not _may_replace(path):
         raise OutputError(f"{path}: there is a file that fe-squeal mesh did not write; give another (-o) or --force")
     _check_number_of_elements(geometry)
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.msh")  # gmsh chooses the format by the ending
+    # Hard to guess, since nothing may lie there; gmsh chooses the format by the ending.
+    partial = path.with_name(f".{path.stem}.{secrets.token_hex(8)}.partial.msh")
     try:
-        partial.touch()  # a folder that cannot be written is found before the meshing, not after it
+        partial.touch(exist_ok=False)  # a folder that cannot be written is found before the meshing, not after it
         if geometry.element == "tet":
             write_tetrahedra(geometry, partial)
             mark_as_ours(partial)

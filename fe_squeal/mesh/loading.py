@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from fe_squeal.eigen.memory import available_memory, memory_text
 from fe_squeal.errors import MeshError, suggest
 
 from .building import build_mesh
@@ -16,15 +17,18 @@ from .readers.abaqus.read import read_abaqus
 from .readers.gmsh import read_gmsh
 from .readers.nastran.deck import read_nastran
 from .readers.others import read_with_meshio
+from .readers.sources import Sources
 
 UNITS = {"m": 1.0, "mm": 1e-3}
-_READERS: dict[str, Callable[[Path], RawMesh]] = {
-    ".inp": read_abaqus, ".msh": read_gmsh,
+_READERS: dict[str, Callable[[Sources], RawMesh]] = {
+    ".inp": read_abaqus, ".msh": lambda sources: read_gmsh(sources.path),
     ".bdf": read_nastran, ".nas": read_nastran, ".dat": read_nastran, ".fem": read_nastran, ".blk": read_nastran,
 }  # fmt: skip
 
 
-def load_mesh(path: str | Path, length_unit: str = "m") -> LoadedMesh:
+def load_mesh(
+    path: str | Path, length_unit: str = "m", folders: Sequence[str | Path] = (), allow_outside: bool = False
+) -> LoadedMesh:
     """Read a mesh file and check it.
 
     Parameters
@@ -34,6 +38,10 @@ def load_mesh(path: str | Path, length_unit: str = "m") -> LoadedMesh:
         else meshio reads.
     length_unit
         The unit of the file's coordinates, "m" or "mm".
+    folders
+        Where files that the mesh file includes may lie, besides its own folder; with folders inside.
+    allow_outside
+        Whether these files may lie anywhere.
 
     Raises
     ------
@@ -62,10 +70,10 @@ def load_mesh(path: str | Path, length_unit: str = "m") -> LoadedMesh:
     path = Path(path)
     if length_unit not in UNITS:
         raise MeshError(f'{path.name}: length_unit "{length_unit}" is not known{suggest(length_unit, UNITS)}')
-    return build_mesh(read_raw(path), path.name, UNITS[length_unit])
+    return build_mesh(read_raw(path, folders, allow_outside), path.name, UNITS[length_unit])
 
 
-def read_raw(path: Path) -> RawMesh:
+def read_raw(path: Path, folders: Sequence[str | Path] = (), allow_outside: bool = False) -> RawMesh:
     """Return what stands in a mesh file, before elements are checked: its groups also where elements are bad.
 
     Raises
@@ -81,8 +89,12 @@ def read_raw(path: Path) -> RawMesh:
             raise MeshError(f"{path}: no such mesh file" + (suggest(path.name, near) if near else ""))
         if path.stat().st_size == 0:
             raise MeshError(f"{path.name}: the file is empty; expected a mesh")
+        size, free = path.stat().st_size, available_memory()
+        if size > free:
+            raise MeshError(f"{path.name}: has {memory_text(size)}, and {memory_text(free)} are free")
         with np.errstate(all="ignore"):  # numbers that are none are refused below, in words
-            return _READERS.get(path.suffix.lower(), read_with_meshio)(path)
+            sources = Sources(path, tuple(map(Path, folders)), allow_outside)
+            return _READERS.get(path.suffix.lower(), read_with_meshio)(sources)
     except OSError as error:
         raise MeshError(f"{path}: the file cannot be read ({error.strerror or error})") from error
     except MemoryError as error:

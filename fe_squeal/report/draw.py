@@ -16,7 +16,6 @@ import numpy as np
 import pyvista
 from numpy.typing import NDArray
 
-from fe_squeal.report.files import save_figure
 from fe_squeal.report.pictures import (
     AMPLITUDE_COLOURS,
     NORMAL_COLOURS,
@@ -48,7 +47,7 @@ def draw_file(shape: Path, picture: Path, title: str, axis: list[float]) -> None
     figure, left, right = compose_figure(title, names_in(grid, "body")[main], limit, axis)
     left.imshow(_oblique_view(grid, real * VISIBLE * size), interpolation="antialiased")
     right.imshow(_axial_view(grid, body, main, limit), interpolation="antialiased")
-    save_figure(figure, picture)
+    figure.savefig(picture)  # under the name of an unfinished file: the run puts it in its place
 
 
 def _oblique_view(grid: Any, displacement: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -6,18 +6,57 @@ import dataclasses
 import json
 import math
 import os
+import secrets
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import pandas as pd
 
-from fe_squeal.errors import OutputError
+from fe_squeal.errors import OutputError, one_line
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+class Owner(Protocol):
+    """Who answers for a folder: which of its files may be replaced."""
+
+    folder: Path
+    token: str
+
+    def prepare(self, path: Path) -> None:
+        """Make the folder of a file that is about to be written."""
+
+    def admit(self, path: Path, temporary: Path) -> None:
+        """Allow that a temporary file takes the place of `path`, or raise OutputError."""
+
+
+_owners: list[Owner] = []  # the innermost last
+
+
+@contextmanager
+def owned_by(owner: Owner) -> Iterator[None]:
+    """Ask an owner about every file that is written into its folder inside the block."""
+    _owners.append(owner)
+    try:
+        yield
+    finally:
+        _owners.remove(owner)
+
+
+def _owner_of(path: Path) -> Owner | None:
+    place = Path(os.path.abspath(path))
+    return next((o for o in reversed(_owners) if place.is_relative_to(os.path.abspath(o.folder))), None)
+
+
+def temporary_path(path: Path) -> Path:
+    """Return the name under which a file is written until it is whole: beside it, with its suffix and hard to guess."""
+    owner = _owner_of(path)
+    token = owner.token if owner is not None else secrets.token_hex(8)
+    return path.with_name(f".{path.stem}.{token}.partial{path.suffix}")
 
 
 @contextmanager
@@ -30,7 +69,7 @@ def replace_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        The folder cannot be made or written to, or the disk is full.
+        The folder cannot be made or written to, the disk is full, or the owner of the folder does not allow it.
 
     Examples
     --------
@@ -42,10 +81,15 @@ def replace_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
     ['a.txt']
     """
     path = Path(path)
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    owner, temporary = _owner_of(path), temporary_path(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        if owner is not None:
+            owner.prepare(path)
+        else:
+            path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
+        if owner is not None:
+            owner.admit(path, temporary)
         os.replace(temporary, path)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
@@ -54,23 +98,10 @@ def replace_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
-def remove_partial(folder: str | os.PathLike[str]) -> None:
-    """Remove the temporary files that killed runs have left in a folder of results; nobody may be writing there.
-
-    Raises
-    ------
-    OutputError
-    """
-    try:
-        for place in ("", "checkpoint/", "shapes/", "shapes/*_frames/"):
-            for path in Path(folder).glob(f"{place}.*.partial.*"):
-                path.unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(f"{error.filename}: cannot be removed ({error.strerror or error})") from error
-
-
 def write_csv(frame: pd.DataFrame, path: str | os.PathLike[str]) -> Path:
     """Write a table as UTF-8 CSV without an index; floats keep every digit, missing values are empty.
+
+    Control characters in names are spelled out, so that a terminal that shows the file does what it always does.
 
     Examples
     --------
@@ -81,10 +112,16 @@ def write_csv(frame: pd.DataFrame, path: str | os.PathLike[str]) -> Path:
     ['mu', '0.30000000000000004', '""']
     """
     path = Path(path)
+    words = [name for name in frame.columns if frame[name].dtype.kind not in "fiubc"]
+    frame = frame.assign(**{name: frame[name].map(_printable) for name in words}).rename(columns=_printable)
     with replace_atomically(path) as temporary:
         # pandas writes the shortest decimal that reads back as the same float; it quotes a line that is all empty
         frame.to_csv(temporary, index=False, encoding="utf-8", lineterminator="\n")
     return path
+
+
+def _printable(value: Any) -> Any:
+    return one_line(value) if isinstance(value, str) else value
 
 
 def write_json(data: Any, path: str | os.PathLike[str]) -> Path:

@@ -28,8 +28,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
+from fe_squeal.isolation import isolated_environment
 from fe_squeal.report.branches import figure_text
-from fe_squeal.report.files import save_figure
+from fe_squeal.report.files import replace_atomically, save_figure, temporary_path
 from fe_squeal.report.shapes import (
     Complexes,
     Floats,
@@ -116,17 +117,29 @@ def _draw_in_child(jobs: Sequence[PictureJob], seconds: float) -> tuple[set[int]
     """Return the indices of the jobs that the child drew, and why it did not draw the others."""
     if not sys.executable:
         return set(), "no Python interpreter to start"
-    home = str(Path(__file__).resolve().parents[2])
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH")]))}
-    orders = json.dumps([{"shape": str(job.shape.resolve()), "picture": str(job.picture.resolve()), "title": job.title,
-                          "axis": list(job.axis)} for job in jobs])
+    unfinished = [temporary_path(job.picture.absolute()) for job in jobs]
+    try:
+        drawn, reason = _drawn_by_child(jobs, unfinished, seconds)
+        for i in drawn:
+            with replace_atomically(jobs[i].picture) as temporary:
+                os.replace(unfinished[i], temporary)
+    finally:
+        for path in unfinished:
+            path.unlink(missing_ok=True)
+    return drawn, reason
+
+
+def _drawn_by_child(jobs: Sequence[PictureJob], unfinished: Sequence[Path], seconds: float) -> tuple[set[int], str]:
+    orders = json.dumps([{"shape": str(job.shape.absolute()), "picture": str(picture), "title": job.title,
+                          "axis": list(job.axis)} for job, picture in zip(jobs, unfinished, strict=True)])
     try:
         # a file, since writing to a pipe whose reader died can end this process, too
         with tempfile.TemporaryFile("w+", encoding="utf-8") as file:
             file.write(orders)
             file.seek(0)
             child = subprocess.run([sys.executable, "-m", "fe_squeal.report.draw"], stdin=file, capture_output=True,
-                                   env=environment, timeout=seconds, encoding="utf-8", errors="replace", check=False)
+                                   env=isolated_environment(), timeout=seconds, encoding="utf-8", errors="replace",
+                                   cwd=Path(__file__).parent, check=False)
         output, errors = child.stdout, child.stderr.strip().splitlines()
         reason = f"VTK's process ended with code {child.returncode}" + (f": {errors[-1]}" if errors else "")
     except subprocess.TimeoutExpired as late:
@@ -135,8 +148,8 @@ def _draw_in_child(jobs: Sequence[PictureJob], seconds: float) -> tuple[set[int]
     except OSError as error:
         return set(), f"no process could be started ({error})"
     # the child prints the number of each picture once it is complete; VTK may print other things
-    numbers = {int(line.split()[1]) for line in output.splitlines() if line.startswith("drawn ")}
-    return {i for i in numbers if jobs[i].picture.exists()}, reason
+    drawn = {int(line.split()[1]) for line in output.splitlines() if line.startswith("drawn ")}
+    return {i for i in drawn if unfinished[i].exists()}, reason
 
 
 def axis_frame(axis: Sequence[float]) -> Floats:

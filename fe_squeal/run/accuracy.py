@@ -22,9 +22,19 @@ from ..report.advice import QUANTITIES, advice
 from ..report.files import replace_atomically, write_csv
 from ..report.terminal import print_table
 from ..scene import MatrixScene, Scene
-from .folder import ACCURACY_FIGURE, ACCURACY_PAGE, ACCURACY_TABLE, MEASUREMENTS, STAGES_TABLE, remove_results
-from .inputs import run_inputs
-from .lock import hold_folder
+from .folder import (
+    ACCURACY_FIGURE,
+    ACCURACY_PAGE,
+    ACCURACY_TABLE,
+    MEASUREMENTS,
+    STAGES_TABLE,
+    STUDY_FILES,
+    hold_folder,
+    is_kept,
+    is_result,
+    remove_results,
+)
+from .inputs import input_files, run_inputs
 from .measurements import Measurements
 from .record import write_record
 from .run import report_sweep, write_results
@@ -43,7 +53,8 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
     check_units(whole)
     if budget is not None and not budget > 0:
         raise SceneError(f"--budget: given {budget:g}; expected a number of seconds above 0")
-    with hold_folder(out):
+    with hold_folder(out, input_files(whole)) as held:
+        held.check(lambda name: name in STUDY_FILES)
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
         with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
             task = bar.add_task("measuring", total=None)
@@ -112,7 +123,9 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
     def tell(text: str) -> None:
         console.print(text, markup=False)
 
-    with hold_folder(out):
+    with hold_folder(out, input_files(whole)) as held:
+        held.check(is_result)
+        held.check(is_kept)
         failure, stopped = None, False
         try:
             choice = choose(whole, target, tell)
@@ -124,8 +137,9 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
             if not stop.args or not isinstance(stop.args[0], Choice):
                 raise
             choice, stopped = stop.args[0], True
-        remove_results(out)
-        write_results(choice.scene, choice.result, out)
+        remove_results(held)
+        held.remove(is_kept)
+        write_results(choice.scene, choice.result, held)
         seconds = {f"trial {i}": trial.seconds for i, trial in enumerate(choice.trials, 1)}
         seconds |= {**choice.result.seconds, "total": time.perf_counter() - start}
         status = "interrupted" if stopped else "complete" if failure is None else "not converged"

@@ -10,7 +10,6 @@ nothing is pickled.
 from __future__ import annotations
 
 import json
-import shutil
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -30,6 +29,8 @@ from ..sweep.state import (
     record_of_state,
     state_of_record,
 )
+from .folder import CHECKPOINT, CHECKPOINT_INPUTS, is_kept
+from .manifest import Manifest
 
 _SHARE = 0.03  # of the time: what may go into keeping values; those that take long are kept one by one
 _JSON = "json"  # name of the array that holds the rest
@@ -42,8 +43,8 @@ class Checkpoint:
 
     Parameters
     ----------
-    folder : Path
-        Made by `begin`.
+    results : Manifest
+        Of the folder of results. The folder inside is made by `begin`.
 
     Attributes
     ----------
@@ -51,8 +52,9 @@ class Checkpoint:
         Called after a state was written, within the same share of the time.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, results: Manifest) -> None:
+        self.results = results
+        self.folder = folder = results.folder / CHECKPOINT
         self.report: Callable[[SweepState], None] = lambda state: None
         self._inputs = folder / "inputs.json"
         self._model, self._first, self._state = (folder / f"{name}.npz" for name in ("model", "first", "state"))
@@ -100,18 +102,13 @@ class Checkpoint:
         write_json({**inputs, "layout": LAYOUT}, self._inputs)
 
     def remove(self) -> None:
-        """Remove all of it, what makes it one first.
+        """Remove what runs wrote of it, what makes it one first.
 
         Raises
         ------
         OutputError
         """
-        try:
-            self._inputs.unlink(missing_ok=True)
-            if self.folder.is_dir():
-                shutil.rmtree(self.folder)
-        except OSError as error:
-            raise OutputError(f"{self.folder}: cannot be removed ({error.strerror or error})") from error
+        self.results.remove(is_kept, first=CHECKPOINT_INPUTS)
         self._written, self._pending = 0, None
 
     def load(self) -> SweepState | None:
@@ -207,7 +204,9 @@ def _read(path: Path, *names: str) -> Record:
 
 
 def _damaged(path: Path, why: object) -> OutputError:
-    return OutputError(f"{path}: the checkpoint is damaged ({why}); run without --resume to start anew")
+    return OutputError(
+        f"{path}: the checkpoint is damaged ({why}); remove {path.parent} and run without --resume to start anew"
+    )
 
 
 def _foreign(path: Path, why: str) -> OutputError:

@@ -1,20 +1,22 @@
-"""What stands in a folder of results: that of an earlier run, removed in time, or of the same one, shown again."""
+"""The folder of results: its names, who may write into it, and what is removed from it.
+
+A command takes a folder that is new, empty, or has the manifest of an earlier command; everything else is refused and
+stays as it is. Inside, only listed files are replaced or removed (see `manifest`).
+"""
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Mapping
+import json
+import os
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
-import pandas as pd
-from rich.console import Console
-
-from ..errors import OutputError, SceneError
-from ..report.tables import print_onsets, print_unstable
-from .checkpoint import Checkpoint, read_json
-from .covered import covered_text
-from .inputs import differences, listed
+from ..errors import OutputError
+from ..report.files import owned_by
+from .lock import LOCK, is_lock, locked
+from .manifest import MANIFEST, MISSING, UNFINISHED, Manifest
 
 # Every file and folder that a run or a study of accuracy writes.
 RECORD = "run.json"
@@ -29,63 +31,71 @@ SHAPES, CHECKPOINT = "shapes", "checkpoint"
 ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, MEASUREMENTS = (
     "accuracy.csv", "accuracy_stages.csv", "accuracy.png", "accuracy.md", "measurements",
 )  # fmt: skip
+RUN_FILES = (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES)
+STUDY_FILES = (ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE)
+FOLDERS = (SHAPES, CHECKPOINT, MEASUREMENTS)
+CHECKPOINT_INPUTS = f"{CHECKPOINT}/inputs.json"
+_CHECKPOINT_FILES = (CHECKPOINT_INPUTS, *(f"{CHECKPOINT}/{name}.npz" for name in ("model", "first", "state")))
+_LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}  # of the systems' file browsers
+_UNFINISHED = re.compile(re.escape(UNFINISHED).replace(re.escape("{}"), "[0-9a-f]{32}"))
+_NAMED = 3  # files in one message
+# What the version that wrote no manifest gave its files: a folder of these alone is one of its results.
+_EARLIER = re.compile(
+    "|".join(map(re.escape, (*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES)))
+    + rf"|{CHECKPOINT}/point_\d+\.npz|{MEASUREMENTS}/[\w.+-]+\.np[yz]"
+    rf"|{SHAPES}/(branch|mode)_\d+\w*[\w.+-]*Hz(\.(vtu|pvd|png|npz)|_frames/[\w.+-]+\.vtu)"
+)
+_STUDY_MARKS = ((ACCURACY_TABLE, b"order,size,modes,method,"), (f"{MEASUREMENTS}/probes.npy", b"\x93NUMPY"))
+_EARLIER_PARTIAL = re.compile(r"(.*/)?\.[^/]*\.\d+\.partial\.\w+")  # which a kill left
+_RECORD_KEYS = {"version", "title", "status", "unknowns", "problem_class", "effects", "inputs"}
 
 
-def is_finished(out: Path, checkpoint: Checkpoint, inputs: Mapping[str, Any]) -> bool:
-    """Return whether the folder holds all results of a run; False where there is something to go on from, or nothing.
+@contextmanager
+def hold_folder(folder: Path, inputs: Iterable[Path] = ()) -> Iterator[Manifest]:
+    """Make a folder if it is missing, and keep other commands out of it inside the block.
 
-    Raises
-    ------
-    SceneError
-        If what is there belongs to another run.
-    """
-    record = read_json(out / RECORD)
-    finished = isinstance(record, dict) and record.get("status") == "complete"
-    if finished:
-        found, what = differences(record.get("inputs"), inputs), "the finished results are of"
-    elif checkpoint.exists:
-        found, what = differences(checkpoint.inputs, inputs), "the interrupted run was"
-    else:
-        return False
-    if found:
-        raise SceneError(
-            f"{out}: {what} another one: {listed(found)}; run without --resume to start anew, or give another folder"
-            " by -o"
-        )
-    if finished:
-        checkpoint.remove()
-    return finished
+    Folders that were made for it and stay empty are removed again.
 
-
-def is_estimated(out: Path) -> bool:
-    """Return whether the finished results have the errors of the mesh."""
-    record = read_json(out / RECORD)
-    return isinstance(record, dict) and "estimate" in (record.get("seconds") or {})
-
-
-def show_finished(out: Path, console: Console) -> int:
-    """Print the tables of a finished run once more; return the exit code.
+    Parameters
+    ----------
+    inputs : paths
+        What the command reads: none of them may be replaced by it.
 
     Raises
     ------
     OutputError
-        If a table is missing or cannot be read.
+        Another command holds the folder, it has files that this program did not write, an input is among those that
+        would be replaced, or nothing can be written there.
     """
+    _refuse_foreign(folder)
+    made: list[Path] = []
     try:
-        onsets, modes = (pd.read_csv(out / name) for name in (ONSETS_TABLE, MODES_TABLE))
-        covered = (read_json(out / RECORD) or {}).get("frequency_range_hz")
-        print_onsets(onsets, console, covered_text(tuple(covered)) if covered else "")
-        print_unstable(modes, console, onsets)
-    except (OSError, ValueError, KeyError) as error:
-        raise OutputError(
-            f"{out}: the results are complete by run.json, but a table cannot be read ({error}); run without --resume"
-            " to make them anew"
-        ) from error
-    console.print(f"results in {out} are complete: nothing is left to resume", markup=False)
-    return 0
+        with _explained(folder):
+            missing = [p for p in (folder, *folder.parents) if not os.path.lexists(p)]
+            for place in reversed(missing):
+                with suppress(FileExistsError):  # another command has just made it
+                    place.mkdir()
+                    made.append(place)
+        with _explained(folder, inside := _Inside()), locked(folder):
+            _refuse_foreign(folder)
+            manifest = Manifest(folder, () if Manifest.marks(folder) else tuple(_earlier(folder)))
+            _refuse_names(manifest)
+            _refuse_inputs(manifest, inputs)
+            manifest.remove_partial(FOLDERS)
+            manifest.remove(lambda name: _EARLIER_PARTIAL.fullmatch(name) is not None)
+            inside.begun = True
+            with owned_by(manifest):
+                try:
+                    yield manifest
+                finally:
+                    manifest.close()
+    finally:
+        for place in reversed(made):
+            with suppress(OSError):  # there is something in it
+                place.rmdir()
 
 
-def remove_results(out: Path) -> None:
+def remove_results(manifest: Manifest) -> None:
     """Remove what an earlier run wrote into the folder, so that results of two runs are never mixed.
 
     The record goes first: without it nothing passes for complete.
@@ -94,28 +104,130 @@ def remove_results(out: Path) -> None:
     ------
     OutputError
     """
+    manifest.remove(is_result, first=RECORD)
+
+
+def is_result(name: str) -> bool:
+    """Return whether a file of the folder is one of a run's results."""
+    return name in RUN_FILES or name.startswith(f"{SHAPES}/")
+
+
+def is_shape(name: str) -> bool:
+    """Return whether a file of the folder belongs to a shape."""
+    return name.startswith(f"{SHAPES}/")
+
+
+def is_kept(name: str) -> bool:
+    """Return whether a file of the folder belongs to the checkpoint."""
+    return name.startswith(f"{CHECKPOINT}/")
+
+
+class _Inside:
+    """Whether the block has begun, whose errors are its own."""
+
+    begun = False
+
+
+@contextmanager
+def _explained(folder: Path, inside: _Inside | None = None) -> Iterator[None]:
     try:
-        for name in (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES):
-            (out / name).unlink(missing_ok=True)
+        yield
     except OSError as error:
-        raise OutputError(f"{error.filename}: cannot be removed ({error.strerror or error})") from error
-    remove_shapes(out)
+        if inside is not None and inside.begun:
+            raise
+        raise OutputError(
+            f"{folder}: cannot write results here: {error.strerror or error}; expected a folder that can be written,"
+            " given by -o"
+        ) from error
 
 
-def remove_shapes(out: Path) -> None:
-    """Remove the shapes that a run wrote into the folder.
+def _refuse_foreign(folder: Path) -> None:
+    """Refuse a folder that is neither empty nor of this program."""
+    try:
+        names = sorted(set(os.listdir(folder)) - _LITTER)
+    except OSError:  # it is missing, or no folder: making it says so
+        return
+    own = {LOCK} if is_lock(folder / LOCK) else set()
+    others = [name for name in names if name not in own and not _UNFINISHED.fullmatch(name)]
+    if not others or Manifest.marks(folder) or _earlier(folder):
+        return
+    rest = len(others) - _NAMED
+    listed = ", ".join(others[:_NAMED]) + (f" and {rest} more" if rest > 0 else "")
+    raise OutputError(
+        f"{folder}: holds what fe-squeal did not write ({listed}) and no {MANIFEST}; expected a new or empty folder, or"
+        " one of earlier results, given by -o"
+    )
 
-    Raises
-    ------
-    OutputError
+
+def _refuse_names(manifest: Manifest) -> None:
+    """Refuse to begin where files of somebody else have names that will be written."""
+    listed = set(manifest.names(lambda name: True))
+    for name in {*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES} - listed:
+        if manifest.state(name) != MISSING:
+            raise OutputError(
+                f"{manifest.folder / name}: is no file that fe-squeal wrote; move it, or give another folder by -o"
+            )
+    for name in FOLDERS:
+        path = manifest.folder / name
+        if os.path.lexists(path) and (path.is_symlink() or not path.is_dir()):
+            raise OutputError(
+                f"{path}: is no folder but a link or a file; nothing is written through links: move it, or give another"
+                " folder by -o"
+            )
+
+
+def _refuse_inputs(manifest: Manifest, inputs: Iterable[Path]) -> None:
+    written = {_identity(manifest.folder / name): name for name in manifest.names(lambda name: True)}
+    for path in inputs:
+        identity = _identity(path)
+        if identity is not None and identity in written:
+            raise OutputError(
+                f"{manifest.folder}: {written[identity]} is an input of this command ({path}) and would be replaced;"
+                " give another folder by -o"
+            )
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """Return what two names of one file have in common; None where there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
+
+
+def _earlier(folder: Path) -> list[str]:
+    """Return the files of a folder that a version without manifests has written; none where there is any other.
+
+    Its record of the run, or of what a killed one was made from, has to be there; of a study of accuracy its table or
+    its measurements.
     """
-    folder = out / SHAPES
+    names: list[str] = []
+    for root, folders, files in os.walk(folder):
+        if any(Path(root, name).is_symlink() for name in (*folders, *files)) or len(names) > 1_000_000:
+            return []
+        names += [Path(root, name).relative_to(folder).as_posix() for name in files]
+    names = [name for name in names if name not in _LITTER and name != LOCK and "/.DS_Store" not in f"/{name}"]
+    if not names or not all(_EARLIER.fullmatch(name) or _EARLIER_PARTIAL.fullmatch(name) for name in names):
+        return []
+    record, begun = (_json_keys(folder / name) for name in (RECORD, CHECKPOINT_INPUTS))
+    study = any(_begins(folder / name, start) for name, start in _STUDY_MARKS)
+    if record >= _RECORD_KEYS or {"version", "scene", "content"} <= begun or study:
+        return names
+    return []
+
+
+def _begins(path: Path, start: bytes) -> bool:
     try:
-        for path in [p for kind in ("vtu", "pvd", "png", "npz") for p in folder.glob(f"*_*Hz.{kind}")]:
-            path.unlink(missing_ok=True)
-        for frames in folder.glob("*_*Hz_frames"):
-            shutil.rmtree(frames)
-        if folder.is_dir() and not any(folder.iterdir()):
-            folder.rmdir()
-    except OSError as error:
-        raise OutputError(f"{error.filename}: cannot be removed ({error.strerror or error})") from error
+        with path.open("rb") as file:
+            return file.read(len(start)) == start
+    except OSError:
+        return False
+
+
+def _json_keys(path: Path) -> set[str]:
+    try:
+        found = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return set()
+    return set(found) if isinstance(found, dict) else set()

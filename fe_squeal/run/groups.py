@@ -75,7 +75,8 @@ def groups_of_scene(scene: Scene) -> tuple[Table, MeshError | None]:
         if path is None or not path.is_file():
             raise MeshError(f"{where}{error}") from error
         try:
-            return raw_group_table(read_raw(path)), MeshError(f"{where}{error}")
+            raw = read_raw(path, [scene.folder], scene.mesh.allow_outside)
+            return raw_group_table(raw), MeshError(f"{where}{error}")
         except MeshError:
             raise MeshError(f"{where}{error}") from error
 

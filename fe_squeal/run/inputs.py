@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,14 @@ def run_inputs(scene: Scene | MatrixScene, mesh: LoadedMesh | None) -> dict[str,
         "scene": scene.model_dump(mode="json", by_alias=True, exclude_none=True),
         "content": content,
     }
+
+
+def input_files(scene: Scene | MatrixScene) -> list[Path]:
+    """Return the files that a scene names, and its own: what a command reads and never writes."""
+    files = [scene.source, scene.mesh_path] if isinstance(scene, Scene) else [scene.source]
+    if isinstance(scene, MatrixScene):
+        files += [scene.folder / term.file for term in scene.terms]
+    return [Path(file) for file in files if file is not None]
 
 
 def differences(known: Any, given: Mapping[str, Any]) -> list[str]:

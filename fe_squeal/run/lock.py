@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
+import re
+import stat
 import sys
 import time
 import warnings
@@ -13,51 +15,57 @@ from pathlib import Path
 
 from ..errors import OutputError
 
-_NAME = ".lock"
+LOCK = ".lock"
+_TEXT = re.compile(rb"(process \d+ since [-\d]+ [:\d]+\n?)?")  # empty before it is written
 _TAKEN = {errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK, errno.EDEADLK}
 
 
 @contextmanager
-def hold_folder(folder: Path) -> Iterator[None]:
-    """Make a folder if it is missing, and keep other runs out of it inside the block.
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other commands out of a folder inside the block.
 
     The lock is one of the system's, on the file `.lock` in the folder: it ends with the process, however that ends.
 
     Raises
     ------
     OutputError
-        If another run holds the folder, or nothing can be written there.
+        If another command holds the folder.
+    OSError
+        Nothing can be written there.
     """
-    path = folder / _NAME
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        handle = _locked(path)
-        if handle is None:
-            raise OutputError(
-                f"{folder}: is held by another run{_holder(path)}; expected a folder of its own for every run at a"
-                " time, given by -o"
-            )
-        try:
-            os.ftruncate(handle, 0)
-            os.write(handle, f"process {os.getpid()} since {time.strftime('%Y-%m-%d %H:%M:%S')}\n".encode())
-        except OSError:
-            _release(handle, path)
-            raise
-    except OSError as error:
+    path = folder / LOCK
+    handle = _locked(path)
+    if handle is None:
         raise OutputError(
-            f"{folder}: cannot write results here: {error.strerror or error}; expected a folder that can be written,"
-            " given by -o"
-        ) from error
+            f"{folder}: is held by another run{_holder(path)}; expected a folder of its own for every run at a"
+            " time, given by -o"
+        )
     try:
+        os.ftruncate(handle, 0)
+        os.write(handle, f"process {os.getpid()} since {time.strftime('%Y-%m-%d %H:%M:%S')}\n".encode())
         yield
     finally:
         _release(handle, path)
 
 
+def is_lock(path: Path) -> bool:
+    """Return whether a file is the lock of a command that runs, or was killed."""
+    try:
+        if not stat.S_ISREG(path.lstat().st_mode) or path.stat().st_size > 200:
+            return False
+        return _TEXT.fullmatch(path.read_bytes()) is not None
+    except OSError:
+        return False
+
+
 def _locked(path: Path) -> int | None:
     """Return the handle of the file, locked, or None if it is locked by another process."""
     while True:
-        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        if os.path.lexists(path) and not is_lock(path):
+            raise OutputError(
+                f"{path}: is no file that fe-squeal wrote; move it, or give another folder by -o"
+            )
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
         try:
             _lock(handle)
         except OSError as error:

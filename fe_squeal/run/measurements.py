@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..accuracy.measure import Measurement
+from ..errors import OutputError
 from ..report.files import replace_atomically
 
 
@@ -19,15 +20,24 @@ class Measurements:
         self._probes = folder / "probes.npy"
 
     def load(self, key: str) -> Measurement | None:
-        """Return what was kept; None where there is nothing."""
+        """Return what was kept; None where there is nothing.
+
+        Raises
+        ------
+        OutputError
+            The file is damaged.
+        """
         path = self._path(key)
         if not path.exists():
             return None
-        with np.load(path, allow_pickle=False) as file:
-            found = {f.name: file[f.name] for f in fields(Measurement)}
-            seconds = dict(zip(file["stages"].tolist(), file["seconds"].tolist(), strict=True))
-        found |= {"unknowns": int(found["unknowns"]), "peak_memory_mib": float(found["peak_memory_mib"])}
-        return Measurement(**{**found, "seconds": seconds})
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                found = {f.name: file[f.name] for f in fields(Measurement)}
+                seconds = dict(zip(file["stages"].tolist(), file["seconds"].tolist(), strict=True))
+            found |= {"unknowns": int(found["unknowns"]), "peak_memory_mib": float(found["peak_memory_mib"])}
+            return Measurement(**{**found, "seconds": seconds})
+        except Exception as error:  # the reader stops at damaged files with almost any exception
+            raise _damaged(path, error) from error
 
     def save(self, key: str, measured: Measurement) -> None:
         """Keep a measurement."""
@@ -38,7 +48,12 @@ class Measurements:
 
     def load_probes(self) -> np.ndarray | None:
         """Return the points at which all shapes were compared; None where there are none yet."""
-        return np.load(self._probes, allow_pickle=False) if self._probes.exists() else None
+        if not self._probes.exists():
+            return None
+        try:
+            return np.asarray(np.load(self._probes, allow_pickle=False), float).reshape(-1, 4)
+        except Exception as error:
+            raise _damaged(self._probes, error) from error
 
     def save_probes(self, probes: np.ndarray) -> None:
         """Keep these points."""
@@ -47,3 +62,7 @@ class Measurements:
 
     def _path(self, key: str) -> Path:
         return self.folder / f"{key}.npz"
+
+
+def _damaged(path: Path, why: object) -> OutputError:
+    return OutputError(f"{path}: the measurement is damaged ({why}); remove it, and it is made again")

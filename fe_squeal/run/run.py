@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +19,6 @@ from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import peak_memory_mib, refuse_shortage
 from ..errors import INTERRUPTED, InputError, NotConvergedError, SceneError
 from ..problem.problem import Problem
-from ..report.files import remove_partial
 from ..report.tables import print_onsets, print_unstable
 from ..report.terminal import print_table
 from ..report.warnings import told_once
@@ -31,13 +29,15 @@ from ..sweep.state import Store, SweepState
 from ..sweep.sweep import MODES, sweep
 from .checkpoint import Checkpoint
 from .covered import above_text, covered_text, frequency_range, unstable_above
-from .folder import CHECKPOINT, SHAPES, is_estimated, is_finished, remove_results, remove_shapes, show_finished
+from .folder import SHAPES, hold_folder, is_kept, is_result, is_shape, remove_results
 from .forces import balance_table
-from .inputs import run_inputs
-from .lock import hold_folder
+from .forecast import Forecast
+from .inputs import input_files, run_inputs
+from .manifest import Manifest
 from .outputs import export_shapes, write_figures, write_modes, write_tables
 from .preload import write_preload
 from .record import write_record
+from .resume import is_estimated, is_finished, show_finished
 from .solver import solver_of
 
 
@@ -63,24 +63,20 @@ def run_scene(
     InputError, NotConvergedError
         After a failure of the solver, what did converge is in the folder, and run.json says so.
     """
-    existed = out.exists()
-    try:
-        with hold_folder(out):
-            remove_partial(out)
-            return _run(scene, out, console, resume, estimate)
-    finally:
-        if not existed:
-            with suppress(OSError):  # there is something in it, or it was never made
-                out.rmdir()
+    with hold_folder(out, input_files(scene)) as held:
+        return _run(scene, held, console, resume, estimate)
 
 
-def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, estimate: bool) -> int:
-    start, solver = time.perf_counter(), solver_of(scene)
+def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: bool, estimate: bool) -> int:
+    start, solver, out = time.perf_counter(), solver_of(scene), held.folder
     mesh = scene_mesh(scene)
     inputs = run_inputs(scene, mesh)
-    checkpoint = Checkpoint(out / CHECKPOINT)
+    checkpoint = Checkpoint(held)
     if resume and is_finished(out, checkpoint, inputs) and not (estimate and not is_estimated(out)):
         return show_finished(out, console)
+    held.check(is_result)
+    if not resume:
+        held.check(is_kept)
     problem = assemble(scene, mesh)
     parameter, values = swept(scene, problem)
     seconds = {"assembly": time.perf_counter() - start}
@@ -91,7 +87,7 @@ def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, 
         if resume:
             console.print(f"nothing to resume in {out}: the run starts anew", markup=False)
         spent = 0.0
-        remove_results(out)
+        remove_results(held)
         checkpoint.begin(inputs)
     model = discretisation_of(problem)
     if model is not None:
@@ -128,7 +124,7 @@ def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, 
         status, failure, result = "not converged", error, _partial(error)
     except InputError as error:
         if checkpoint.is_empty:  # nothing of this run is worth keeping
-            remove_results(out)
+            remove_results(held)
             checkpoint.remove()
         if isinstance(error, SceneError) and scene.source is not None:
             raise SceneError(f"{scene.source}: {error}") from error
@@ -143,7 +139,7 @@ def _run(scene: Scene | MatrixScene, out: Path, console: Console, resume: bool, 
                 status = "interrupted"  # the sweep is whole; --resume goes on with the estimate
         seconds |= dict(result.seconds)
         clock = time.perf_counter()
-        write_results(scene, result, out)
+        write_results(scene, result, held)
         seconds["output"] = time.perf_counter() - clock
     record(result, status)
     done = len(result.values) if result is not None else 0
@@ -182,10 +178,12 @@ def sweep_scene(
         "" if is_reduced(problem, parameter, len(values), solve.method) or len(values) == 1
         else ', or solve.method = "reduced"',
     )  # fmt: skip
+    forecast = Forecast(len(values), console, store is not None)
     if not console.is_terminal:
         marks = {max(1, round(len(values) * part / 4)) for part in range(1, 5)}
 
         def report(done: int, total: int) -> None:
+            forecast.tell(done)
             if done in marks:
                 console.print(f"{parameter} = {values[done - 1]:.4g}: {done} of {total} values solved", markup=False)
 
@@ -196,15 +194,17 @@ def sweep_scene(
         task = bar.add_task(f"sweep over {parameter}", total=len(values))
 
         def advance(done: int, total: int) -> None:
+            forecast.tell(done)
             bar.update(task, completed=done)
 
         with shortage:
             return _explained(sweep(problem, values, parameter, progress=advance, **options), scene)  # type: ignore[arg-type]
 
 
-def write_results(scene: Scene | MatrixScene, result: Sweep, out: Path) -> None:
+def write_results(scene: Scene | MatrixScene, result: Sweep, held: Manifest) -> None:
     """Write tables, figures and shapes."""
-    remove_shapes(out)  # an interrupted run has written those that grew fastest until then
+    out = held.folder
+    held.remove(is_shape)  # an interrupted run has written those that grew fastest until then
     write_tables(result, out)
     write_figures(result, out, scene.title, frequency_range(scene, result)[1])
     if isinstance(scene, Scene):

@@ -22,6 +22,7 @@ _EXPECTED = {
 }
 _SIGNS = {"greater_than": ">", "greater_than_equal": "≥", "less_than": "<", "less_than_equal": "≤"}
 _KINDS: dict[Any, str] = {float: "a number", int: "a whole number", str: "a text in quotes", tuple: "a list of numbers"}
+_MOST_FAULTS = 200  # that are looked at
 _MOST = 50  # faults in one message
 _Keys = tuple[int | str, ...]
 _Table = TypeVar("_Table", bound=BaseModel)
@@ -38,9 +39,11 @@ def validated(kind: type[_Table], data: dict[str, Any], source: str) -> _Table:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        faults = _distinct([_locate(fault, data, kind) for fault in error.errors()])
+        found = error.errors(include_url=False)
+        faults = _distinct([_locate(fault, data, kind) for fault in found[:_MOST_FAULTS]])
         shown = [_describe(fault) for fault in faults[:_MOST]]
-        tail = f" | and {len(faults) - _MOST} more" if len(faults) > _MOST else ""
+        more = max(len(faults) - _MOST, 0) + max(len(found) - _MOST_FAULTS, 0)
+        tail = f" | and {more} more" if more else ""
         raise SceneError(f"{source}: {' | '.join(shown)}{tail}") from None
     except RecursionError as error:
         raise SceneError(f"{source}: not a scene: nested too deeply") from error

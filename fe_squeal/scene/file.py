@@ -13,6 +13,13 @@ from .faults import shortened, validated
 from .matrices import MatrixScene
 from .scene import Scene, scene_with
 
+_MOST_BYTES, _MOST_PARTS = 2_000_000, 100  # a scene of 10 000 values has 0.2 MB, a key of a scene four parts
+# Strings and bare names are parts of keys, and so are numbers; comments, blanks between the parts, and all else.
+_TOKEN = re.compile(
+    r"""(?P<part>\"{3}.*?\"{3}|'{3}.*?'{3}|"(?:[^"\\\n]|\\.)*"|'[^'\n]*'|[\w+-]+|[ \t]+)|(?P<dot>\.)|\#[^\n]*|.""",
+    re.DOTALL,
+)
+
 
 def load_scene(path: str | Path) -> Scene | MatrixScene:
     """Read and validate a scene file: a scene on a mesh, or one of matrices where it has `[[terms]]`.
@@ -28,6 +35,8 @@ def load_scene(path: str | Path) -> Scene | MatrixScene:
             raise SceneError(f"{path}: no such file; expected a scene in TOML")
         if not path.is_file():
             raise SceneError(f"{path}: not a file; expected a scene in TOML")
+        if path.stat().st_size > _MOST_BYTES:
+            raise SceneError(f"{path}: has more than {_MOST_BYTES // 10**6} MB; expected a scene in TOML")
         content = path.read_bytes()
     except OSError as error:
         raise SceneError(f"{path}: cannot be read: {error.strerror or error}; expected a scene in TOML") from error
@@ -39,6 +48,7 @@ def load_scene(path: str | Path) -> Scene | MatrixScene:
             f"{path}: not TOML: line {line} holds the byte 0x{content[error.start]:02x}, which is not UTF-8;"
             " expected a text file saved as UTF-8"
         ) from error
+    _refuse_long_keys(text, path)
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -50,6 +60,16 @@ def load_scene(path: str | Path) -> Scene | MatrixScene:
     scene = parse_scene(data, str(path))
     scene._source = path
     return scene
+
+
+def _refuse_long_keys(text: str, path: Path) -> None:
+    """Refuse keys of very many parts, which cost the reader of TOML the square of their number."""
+    parts = 0
+    for found in _TOKEN.finditer(text):
+        parts = parts + 1 if found["dot"] else parts if found["part"] else 0
+        if parts > _MOST_PARTS:
+            line = text.count("\n", 0, found.start()) + 1
+            raise SceneError(f"{path}: line {line}: a key of more than {_MOST_PARTS} parts; expected keys of a scene")
 
 
 def parse_scene(data: dict[str, Any], source: str = "scene") -> Scene | MatrixScene:

@@ -20,6 +20,9 @@ class MeshSection(Section):
         it from the geometry.
     length_unit : "m" or "mm"
         Unit of the file's coordinates, and of the lengths in `[mesh.disc_pad]` and `[mesh.block]`; of nothing else.
+    allow_outside : bool
+        Whether files that the mesh file includes (*INCLUDE, INPUT=, the arrays of an XDMF file) may lie outside of its
+        own folder and that of the scene.
     order : 1 or 2
         Polynomial order of the displacements.
     disc_pad : table
@@ -30,6 +33,7 @@ class MeshSection(Section):
 
     file: Text | None = None
     length_unit: Literal["m", "mm"] = "m"
+    allow_outside: bool = False
     order: int = 2
     disc_pad: DiscPad | None = None
     block: Block | None = None

@@ -61,6 +61,8 @@ class Step:
                 rest = self.V - Z @ (Z.T @ (M @ self.V))
                 size = np.sqrt(np.maximum(np.einsum("ij,ij->j", rest, M @ rest), 0.0))
                 self.V = np.hstack([Z, _orthonormal(rest[:, size > _SPANNED], M)])
+            if self.V.shape[1] == problem.unknowns:  # all modes were asked for: the small model is the problem itself
+                self.V = np.eye(problem.unknowns)
         self._inside = interpolate(problem, parameter, *values)
         self.small = project(self._inside, self.V)
         self.MV = M @ self.V

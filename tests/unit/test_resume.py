@@ -23,8 +23,8 @@ import fe_squeal.run.run
 from fe_squeal.cli import main
 from fe_squeal.errors import NotConvergedError, OutputError
 from fe_squeal.geometry import Block, write_mesh
+from fe_squeal.run.folder import hold_folder
 from fe_squeal.run.inputs import differences
-from fe_squeal.run.lock import hold_folder
 from fe_squeal.sweep.running import RunningSweep
 
 PRELOAD = "[effects.preload]\npressures = { top = 1.0e5 }\n[effects.friction]"
@@ -188,7 +188,7 @@ def test_second_run_into_a_folder_is_refused(tmp_path: Path, capsys: pytest.Capt
     """While the first one has it, and not after it was killed."""
     path, out = write_sweep(tmp_path, 3), tmp_path / "out"
     program = (
-        "import sys, time; from pathlib import Path; from fe_squeal.run.lock import hold_folder\n"
+        "import sys, time; from pathlib import Path; from fe_squeal.run.folder import hold_folder\n"
         "with hold_folder(Path(sys.argv[1])): print('held', flush=True); time.sleep(60)"
     )
     child = subprocess.Popen(
@@ -219,9 +219,11 @@ def test_folder_is_free_behind_the_block(tmp_path: Path) -> None:
 
 def test_temporary_files_of_killed_runs_are_removed(tmp_path: Path) -> None:
     path, out = write_sweep(tmp_path, 3), tmp_path / "out"
+    assert main(["run", str(path), "-o", str(out)]) == 0
+    token = (out / "manifest.sha256").read_text().split()[3].rstrip(":")
     (out / "checkpoint").mkdir(parents=True)
-    left = [out / ".modes.123.partial.csv", out / "checkpoint" / ".state.123.partial.npz"]
-    mine = out / ".hidden"
+    left = [out / f".modes.{token}.partial.csv", out / "checkpoint" / f".state.{token}.partial.npz"]
+    mine = out / ".x.1.partial.csv"
     for file in (*left, mine):
         file.write_text("half")
     assert main(["run", str(path), "-o", str(out)]) == 0

@@ -69,7 +69,7 @@ def test_interrupted_before_anything_is_finished(
     assert main(["run", str(write_scene(tmp_path)), "-o", str(tmp_path / "out")]) == 130
     assert capsys.readouterr().err == f"interrupted: 0 of 5 values were finished and are in {tmp_path / 'out'}\n"
     assert kept(tmp_path / "out") == ("interrupted", [], [])
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {"run.json", "checkpoint"}
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"run.json", "checkpoint", "manifest.sha256"}
 
 
 @pytest.mark.parametrize(("call", "done"), [(3, [0.0, 0.2]), (1, [])])

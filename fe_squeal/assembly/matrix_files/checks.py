@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from ...eigen.memory import available_memory, memory_text
 from ...errors import SceneError
 
+_LARGEST = 1e100  # the solvers square what they multiply, and a double ends at 1.8e308
 _MOST_ROWS = 20_000_000  # the row pointers alone are 160 MB; a damaged header can claim any number
 
 
@@ -36,6 +38,12 @@ def checked(matrix: Any, source: str) -> sparse.csr_array:
             f"{source}: {len(bad)} of {result.nnz} entries are not finite, the first, {result.data[bad[0]]}, "
             f"in row {row}, column {result.indices[bad[0]] + 1}; expected finite numbers"
         )
+    large = np.flatnonzero(np.abs(result.data) > _LARGEST)
+    if len(large):
+        raise SceneError(
+            f"{source}: holds {result.data[large[0]]:g}; expected numbers up to {_LARGEST:g}, whatever the units;"
+            " is the file damaged?"
+        )
     return result
 
 
@@ -57,6 +65,20 @@ def coordinates(table: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.n
     if not np.all((table[:, :2] == np.floor(table[:, :2])) & (table[:, :2] >= 1) & (table[:, :2] <= n)):
         raise ValueError(f"row or column numbers that are not whole numbers from 1 to {n}")
     return table[:, 0].astype(np.int64) - 1, table[:, 1].astype(np.int64) - 1, table[:, 2]
+
+
+def refuse_size(size: int, source: str) -> None:
+    """Refuse to unpack more bytes than there is memory for.
+
+    Raises
+    ------
+    SceneError
+    """
+    free = available_memory()
+    if size > free:
+        raise SceneError(
+            f"{source}: the matrix takes {memory_text(size)}, and {memory_text(free)} are free; is the file damaged?"
+        )
 
 
 def sizes_of(shape: tuple[int, ...]) -> str:

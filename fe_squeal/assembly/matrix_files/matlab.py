@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from collections.abc import Callable
@@ -12,7 +13,7 @@ import numpy as np
 from scipy import sparse
 
 from ...errors import SceneError, suggest
-from .checks import check_shape, coordinates, no_complex, one_line, sizes_of
+from .checks import check_shape, coordinates, no_complex, one_line, refuse_size, sizes_of
 
 _CLASSES = (
     "unknown", "cell", "struct", "object", "char", "sparse", "double", "single", "int8", "uint8", "int16", "uint16",
@@ -22,6 +23,7 @@ _NUMERIC = _CLASSES[5:16]
 _LEVEL5_TYPES = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
 }  # fmt: skip
+_TAGS = 8192  # bytes around the numbers: tags, sizes, the name
 _LEVEL4_TYPES = ("f8", "f4", "i4", "i2", "u2", "u1")
 
 
@@ -41,7 +43,7 @@ def read_matlab(data: bytes, variable: str | None, source: str) -> Any:
     """Read a .mat file; not with scipy.io.loadmat, which crashes Python at unknown type codes of damaged files."""
     if b"\x89HDF\r\n" in (data[:6], data[512:518]):  # at 0 as Octave writes it
         raise SceneError(f"{source}: a MATLAB 7.3 file (HDF5) is not read; save it with -v7")
-    contents = _level4(data) if 0 in data[:4] else _level5(data)
+    contents = _level4(data) if 0 in data[:4] else _level5(data, source)
     matrices = [name for name, found in contents.items() if found.kind in _NUMERIC and len(found.shape) == 2]
     if variable is None:
         if len(matrices) != 1:
@@ -61,7 +63,7 @@ def read_matlab(data: bytes, variable: str | None, source: str) -> Any:
     return chosen.load()
 
 
-def _level5(data: bytes) -> dict[str, _Variable]:
+def _level5(data: bytes, source: str) -> dict[str, _Variable]:
     """List the variables of a file saved with -v6 or -v7 by their headers."""
     order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
     if order is None or struct.unpack_from(f"{order}H", data, 124)[0] >> 8 != 1:
@@ -79,7 +81,7 @@ def _level5(data: bytes) -> dict[str, _Variable]:
         if code != 14:
             raise ValueError("a variable that is no array")
         _, flags, next_part = _element(start, 0, order)
-        bits = struct.unpack_from(f"{order}I", flags)[0]
+        bits, room = struct.unpack_from(f"{order}2I", flags)
         kind = "logical" if bits & 0x200 else _CLASSES[bits & 0xFF] if bits & 0xFF < len(_CLASSES) else "unknown"
         shape: tuple[int, ...] = ()
         if kind != "opaque":
@@ -87,7 +89,7 @@ def _level5(data: bytes) -> dict[str, _Variable]:
             shape = tuple(int(n) for n in _numbers(code, sizes, order, "iu"))
         _, name, next_part = _element(start, next_part, order)
         if name:  # MATLAB keeps what objects and function handles need in a nameless array
-            load = partial(_level5_matrix, block, packed, next_part, order, shape, kind)
+            load = partial(_level5_matrix, source, block, packed, next_part, order, shape, kind, room)
             contents[bytes(name).decode("latin-1")] = _Variable(shape, kind, bool(bits & 0x800), load)
     return contents
 
@@ -112,9 +114,18 @@ def _numbers(code: int, content: memoryview, order: str, kinds: str = "iuf") -> 
 
 
 def _level5_matrix(
-    block: memoryview, packed: bool, at: int, order: str, shape: tuple[int, ...], kind: str
+    source: str, block: memoryview, packed: bool, at: int, order: str, shape: tuple[int, ...], kind: str, room: int
 ) -> np.ndarray | sparse.csc_array:
-    content = memoryview(zlib.decompress(block))[8:] if packed else block
+    if packed:
+        # Indices take 4 bytes, numbers 8; there may be room for more of them than there are.
+        size = 12 * room + 4 * (shape[1] + 1) if kind == "sparse" else 8 * math.prod(shape)
+        refuse_size(3 * size, source)
+        unpacked = zlib.decompressobj()
+        content = memoryview(unpacked.decompress(block, size + _TAGS))[8:]
+        if unpacked.unconsumed_tail:
+            raise ValueError(f"more than the {size} bytes that its header promises")
+    else:
+        content = block
     parts = []
     for kinds in ("iu", "iu", "iuf") if kind == "sparse" else ("iuf",):
         code, part, at = _element(content, at, order)

@@ -12,8 +12,9 @@ from numpy.lib import format as npy
 from scipy import sparse
 
 from ...errors import SceneError
-from .checks import check_shape, one_line
+from .checks import check_shape, one_line, refuse_size
 
+_HEADER, _LARGEST = 65_536, 64  # bytes that hold every header, and every number or the name of a format
 _INDICES = {
     "csr": ("indices", "indptr"), "csc": ("indices", "indptr"), "bsr": ("indices", "indptr"),
     "coo": ("row", "col"), "dia": ("offsets",),
@@ -37,6 +38,15 @@ def read_array(data: bytes, source: str, kinds: str) -> np.ndarray:
     return np.frombuffer(data, dtype, count, at).reshape(shape, order="F" if fortran else "C")
 
 
+def _promised(head: bytes) -> tuple[int, int]:
+    """Return how many numbers the header of an .npy file promises, and their size in bytes."""
+    stream = io.BytesIO(head)
+    version = npy.read_magic(stream)
+    read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, _, dtype = read_header(stream)
+    return math.prod(shape), dtype.itemsize
+
+
 def read_scipy_sparse(data: bytes, source: str) -> Any:
     """Read what scipy.sparse.save_npz wrote, with the arrays checked before SciPy sees them."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -47,15 +57,26 @@ def read_scipy_sparse(data: bytes, source: str) -> Any:
                 "expected a sparse matrix saved with scipy.sparse.save_npz"
             )
 
-        def member(name: str, kinds: str = "iu") -> np.ndarray:
-            return read_array(archive.read(f"{name}.npy"), source, kinds)
+        def member(name: str, kinds: str = "iu", most: int = 64) -> np.ndarray:
+            """Return an array of at most so many numbers, looked for in its header before the rest is unpacked."""
+            entry = archive.getinfo(f"{name}.npy")
+            with archive.open(entry) as file:
+                head = file.read(_HEADER)
+                count, size = _promised(head)
+                if count > most or size > _LARGEST:
+                    raise ValueError(f"{name} promises {count} numbers of {size} bytes, where the shape allows {most}")
+                refuse_size(2 * count * size, source)
+                rest = file.read(count * size + 1)
+            return read_array(head + rest, source, kinds)
 
         layout = member("format", "SU").astype(str).item()
         shape = tuple(int(n) for n in member("shape").ravel())
         check_shape(shape, source)
-        values = member("data", "iufc")
+        n = shape[0]
+        values = member("data", "iufc", 4 * n**2 + 64)  # diagonals and blocks are filled up, entries may be double
         values = values.astype(np.complex128 if values.dtype.kind == "c" else np.float64)
-        index = {name: member(name).astype(np.int64) for name in names if name in _INDICES.get(layout, ())}
+        known = [name for name in names if name in _INDICES.get(layout, ())]
+        index = {name: member(name, "iu", max(n + 1, len(values))).astype(np.int64) for name in known}
     if layout not in _INDICES or len(index) != len(_INDICES[layout]):
         raise ValueError(f'format "{layout}" with the arrays {", ".join(names)}')
     if layout == "coo":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import warnings
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,9 @@ import numpy as np
 from scipy import sparse
 
 from ...errors import SceneError, suggest
-from .checks import checked, one_line
+from .checks import checked, one_line, refuse_size
 from .matlab import read_matlab
-from .matrix_market import read_matrix_market
+from .matrix_market import read_matrix_market, unpacked
 from .numpy_files import read_array, read_scipy_sparse
 
 _KINDS = {
@@ -68,6 +67,7 @@ def read_matrix(path: Path, variable: str | None = None) -> sparse.csr_array:
             )
         if variable is not None and kind != ".mat":
             raise SceneError(f'{source}: only a .mat file has variables; leave out variable "{variable}"')
+        refuse_size(path.stat().st_size, source)
         data = path.read_bytes()
     except (OSError, ValueError) as error:  # a ValueError: the path itself has a null character
         raise SceneError(f"{path}: the file cannot be read ({getattr(error, 'strerror', '') or error})") from error
@@ -94,4 +94,4 @@ def _read(kind: str, data: bytes, variable: str | None, source: str) -> Any:
         return read_array(data, source, "iufc")
     if kind == ".mat":
         return read_matlab(data, variable, source)
-    return read_matrix_market(gzip.decompress(data) if kind == ".mtx.gz" else data, source)
+    return read_matrix_market(unpacked(data, source) if kind == ".mtx.gz" else data, source)

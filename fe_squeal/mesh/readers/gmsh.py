@@ -16,6 +16,7 @@ from fe_squeal.errors import MeshError
 from ..gmsh_cells import NODES, Cells, raw_mesh
 from ..raw import Ints, RawMesh
 from .others import read_with_meshio
+from .sources import Sources
 
 
 class _Cursor:
@@ -60,12 +61,12 @@ def read_gmsh(path: Path) -> RawMesh:
     """
     data = path.read_bytes()
     if not data.lstrip().startswith(b"$"):
-        return read_with_meshio(path)  # Ansys writes .msh files too
+        return read_with_meshio(Sources(path))  # Ansys writes .msh files too
     try:
         sections = _sections(data)
         version, size, text, order = _header(sections)
         if version.startswith("4.0"):
-            return read_with_meshio(path)
+            return read_with_meshio(Sources(path))
         if not version.startswith(("2", "4")):
             raise MeshError(f"{path.name}: Gmsh format version {version} is not read; save it as 4.1 or 2.2 in Gmsh")
         if "PartitionedEntities" in sections:

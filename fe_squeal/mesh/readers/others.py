@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import warnings
-from pathlib import Path
 
 import numpy as np
 
@@ -13,7 +12,9 @@ from fe_squeal.errors import MeshError
 
 from ..elements import SHAPE
 from ..raw import CellBlock, Ints, RawMesh
+from .hdf5 import check_references
 from .meshio_patches import patched_meshio, with_sized_integers
+from .sources import Sources
 
 _CORNERS = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}
 _REFUSED = ("VTK_LAGRANGE", "VTK_BEZIER", "polyhedron", "tetra", "hexahedron", "wedge", "pyramid")
@@ -21,7 +22,7 @@ _REFUSED = ("VTK_LAGRANGE", "VTK_BEZIER", "polyhedron", "tetra", "hexahedron", "
 MOST_VALUES = 500
 
 
-def read_with_meshio(path: Path) -> RawMesh:
+def read_with_meshio(sources: Sources) -> RawMesh:
     """Read any format that meshio knows.
 
     An integer cell array "name" makes a group "name:v" of each value v, and plain "v" if it is the only such array;
@@ -35,6 +36,7 @@ def read_with_meshio(path: Path) -> RawMesh:
     """
     import meshio
 
+    path = sources.path
     printed = io.StringIO()
     try:
         # meshio prints and calls sys.exit on files it cannot read.
@@ -46,6 +48,7 @@ def read_with_meshio(path: Path) -> RawMesh:
             patched_meshio(path),
         ):
             warnings.simplefilter("ignore")
+            check_references(sources)
             return _raw(with_sized_integers(path) or meshio.read(path), path.name)
     except MeshError:
         raise

@@ -7,13 +7,13 @@ of the file (materials, steps, boundary conditions) is passed over.
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 
-from fe_squeal.errors import MeshError
+from fe_squeal.errors import MeshError, suggest
 
 from ...raw import Floats, Ints
+from ..sources import Sources
 from .model import Cells, Instance, Members, Model, Scope
 from .text import Block, entries, is_label, label_of, numbers, read_blocks
 
@@ -26,19 +26,25 @@ _COUNT = {"tetra": 4, "tetra10": 10, "pyramid": 5, "wedge": 6, "wedge15": 15, "h
 # Abaqus puts the 27-node brick's centre first and the face centres in the order of its faces S1 ... S6.
 _HEX27 = [*range(20), 26, 24, 23, 25, 21, 22, 20]
 _SKIN = re.compile(r"(?:STRI|CPS|CPE|SFM3D|M3D|R3D|DS|S)(65|[34689])")
+_FILLED = {"NODE", "ELEMENT", "NSET", "ELSET"}  # blocks without a data line have lost them
 _REFUSED = {"NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "NMAP", "SYSTEM"}
 
 
-def parse_model(path: Path) -> Model:
+def parse_model(sources: Sources) -> Model:
     """Return the file's parts, instances and assembly as they are written."""
-    source = path.name
+    source = sources.path.name
     model = Model()
     scope = model.assembly
     ignored: dict[str, int] = {}
+    promised: dict[str, Block] = {}  # by element sets that have to be there
     seen = False
-    for block in read_blocks(path, source):
+    for block in read_blocks(sources):
         seen = True
         word = block.keyword
+        if word in _FILLED and not block.lines:
+            raise MeshError(
+                f"{source}: {block.where}: *{word} has no data lines; expected what it promises, or to be left out"
+            )
         if word == "PART":
             scope = Scope(block.value("NAME"))
             model.parts[scope.name.upper()] = scope
@@ -73,9 +79,19 @@ def parse_model(path: Path) -> Model:
             if not name:
                 raise MeshError(f"{source}: {block.where}: *SURFACE without a name; expected NAME=name")
             scope.surfaces.setdefault(scope.remember("SURFACE", name), []).append(block)
+        elif word == "SOLID SECTION":
+            promised[block.value("ELSET").upper()] = block
         elif word in _REFUSED and (block.lines or word != "SYSTEM"):
             raise MeshError(
                 f"{source}: {block.where}: *{word} is not read; write out all nodes and elements in global coordinates"
+            )
+    scopes = (model.assembly, *model.parts.values(), *(item.scope for item in model.instances.values()))
+    known = {key: text for each in scopes for (kind, key), text in each.spelled.items() if kind == "ELSET"}
+    for name, block in promised.items():
+        if name and name.rpartition(".")[2] not in known:
+            raise MeshError(
+                f'{source}: {block.where}: *SOLID SECTION is of element set "{block.value("ELSET")}", which has no'
+                f" elements in this deck{suggest(name, known.values())}"
             )
     if not seen:
         raise MeshError(f"{source}: no Abaqus keywords (lines that begin with *); expected an Abaqus input file")
@@ -86,7 +102,7 @@ def parse_model(path: Path) -> Model:
 
 
 def _placement(block: Block, source: str) -> tuple[tuple[float, ...], ...]:
-    rows = [tuple(numbers([line], block.where, source)[0].tolist()) for line in block.lines]
+    rows = [tuple(numbers(block, source, [line])[0].tolist()) for line in block.lines]
     if (
         len(rows) > 2
         or any(len(row) > n for row, n in zip(rows, (3, 7), strict=False))
@@ -100,11 +116,11 @@ def _placement(block: Block, source: str) -> tuple[tuple[float, ...], ...]:
 
 
 def _read_nodes(block: Block, scope: Scope, source: str) -> None:
-    values, ends = numbers(block.lines, block.where, source)
+    values, ends = numbers(block, source)
     width = np.diff(ends, prepend=0)
     if (width < 2).any() and len(width):
         row = int(np.flatnonzero(width < 2)[0])
-        raise MeshError(f'{source}: {block.where}: the node line "{block.lines[row][:60]}" has no coordinates')
+        raise MeshError(f'{source}: {block.where}: the node line "{block.shown(block.lines[row])}" has no coordinates')
     starts = ends - width
     labels = _whole(values[starts], "node numbers", block, source)
     points = np.zeros((len(starts), 3))
@@ -133,7 +149,7 @@ def _read_elements(block: Block, scope: Scope, source: str) -> tuple[str, int]:
         _read_skin(given, block, scope)
         _name_members("ELSET", block, scope, np.array(whole, dtype=np.int64))
         return given or "(none)", len(whole)
-    values, ends = numbers(block.lines, block.where, source)
+    values, ends = numbers(block, source)
     count = _COUNT[kind]
     if kind == "hexahedron27" and not _fits(values, ends, 28) and _fits(values, ends, 22):
         kind, count = "hexahedron20", 21
@@ -174,9 +190,8 @@ def _misfit(block: Block, ends: Ints, width: int) -> str:
     whole = np.arange(width, ends[-1] + width, width) if len(ends) else np.empty(0, np.int64)
     wrong = whole[~np.isin(whole, ends)]
     row = int(np.searchsorted(ends, wrong[0])) if len(wrong) else len(ends) - 1
-    return (
-        f'see the data line "{block.lines[min(row, len(block.lines) - 1)][:60]}"' if block.lines else "there are none"
-    )
+    shown = block.shown(block.lines[min(row, len(block.lines) - 1)])
+    return f'see the data line "{shown}"'
 
 
 def _name_members(word: str, block: Block, scope: Scope, labels: Ints) -> None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from ...raw import RawMesh
+from ..sources import Sources
 from .assembly import place_model
 from .deck import parse_model
 
 
-def read_abaqus(path: Path) -> RawMesh:
+def read_abaqus(sources: Sources) -> RawMesh:
     """Read an Abaqus input file.
 
     An assembly's set or surface keeps its name. A part's has its plain name (the union, if the part has several
@@ -20,4 +19,4 @@ def read_abaqus(path: Path) -> RawMesh:
     MeshError
         Bad numbers, sets, references, or a keyword that generates nodes or elements.
     """
-    return place_model(parse_model(path), path.name)
+    return place_model(parse_model(sources), sources.path.name)

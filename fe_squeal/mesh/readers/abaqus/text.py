@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from fe_squeal.errors import MeshError, suggest
+from fe_squeal.errors import MeshError
 
 from ...raw import Floats, Ints
+from ..sources import Sources
 
-_DEPTH = 20
 LARGEST = 2**62  # no label is as large
 _LABEL = re.compile(r"-?[0-9]+")
 _FIELD = re.compile(r'"[^"]*"|[^,]+|(?<=,)(?=,)')
@@ -21,70 +21,83 @@ _FIELD = re.compile(r'"[^"]*"|[^,]+|(?<=,)(?=,)')
 
 @dataclass(frozen=True)
 class Block:
-    """One keyword with its parameters (names in capitals, values as spelled) and data lines."""
+    """One keyword with its parameters (names in capitals, values as spelled) and data lines.
+
+    Attributes
+    ----------
+    foreign : bool
+        Whether data lines come from another file, which need not be a mesh: messages show no more of these than the
+        keyword is long.
+    """
 
     keyword: str
     parameters: dict[str, str]
     lines: list[str]
     where: str
+    foreign: bool = False
 
     def value(self, name: str) -> str:
         """Return a parameter's value, "" if it is absent."""
         return self.parameters.get(name, "")
 
+    def shown(self, text: str) -> str:
+        """Return as much of a data line, or of a part of one, as a message may show."""
+        return text[: len(self.keyword) if self.foreign else 60]
 
-def read_blocks(path: Path, source: str, depth: int = 0) -> Iterator[Block]:
-    """Yield the keyword blocks of the file and of the files that it includes.
+
+def read_blocks(sources: Sources) -> Iterator[Block]:
+    """Yield the keyword blocks of the file; the lines of an included file stand where its *INCLUDE stands.
 
     Raises
     ------
     MeshError
         The file is not text, or an included file is missing.
     """
-    if depth > _DEPTH:
-        raise MeshError(f"{source}: *INCLUDE is nested more than {_DEPTH} deep; does {path.name} include itself?")
-    data = path.read_bytes()
-    if b"\0" in data:
-        raise MeshError(f"{source}: {path.name} is not a text file; expected an Abaqus input file")
-    lines = data.decode("utf-8", "replace").splitlines()
-    at, current = 0, None
+    current, home = None, sources.path
+    for line, path, number in _logical_lines(sources, sources.path, 0):
+        if not line.startswith("*"):
+            if current is not None:
+                current.lines.append(line)
+                if path != home and not current.foreign:
+                    current = replace(current, foreign=True)
+            continue
+        if current is not None:
+            yield _with_input(current, sources, home)
+        current, home = _keyword(line, f"{path.name} line {number}"), path
+    if current is not None:
+        yield _with_input(current, sources, home)
+
+
+def _logical_lines(sources: Sources, path: Path, depth: int) -> Iterator[tuple[str, Path, int]]:
+    """Yield (line, file, number) without comments; a keyword line with what continues it."""
+    lines = sources.lines(path, depth, "an Abaqus input file")
+    at = 0
     while at < len(lines):
         line = lines[at].strip()
         at += 1
         if not line or line.startswith("**"):
             continue
-        if not line.startswith("*"):
-            if current is not None:
-                current.lines.append(line)
-            continue
         number = at
-        while line.endswith(",") and at < len(lines):
+        while line.startswith("*") and line.endswith(",") and at < len(lines):
             line += lines[at].strip()
             at += 1
-        if current is not None:
-            yield from _finished(current, path, source, depth)
-        current = _keyword(line, f"{path.name} line {number}")
-    if current is not None:
-        yield from _finished(current, path, source, depth)
+        block = _keyword(line, f"{path.name} line {number}") if line[:8].upper() == "*INCLUDE" else None
+        if block is not None and block.keyword == "INCLUDE" and block.value("INPUT"):
+            target = sources.find(block.value("INPUT"), path, block.where)
+            yield from _logical_lines(sources, target, depth + 1)
+        else:
+            yield line, path, number
 
 
-def _finished(block: Block, path: Path, source: str, depth: int) -> Iterator[Block]:
+def _with_input(block: Block, sources: Sources, path: Path) -> Block:
+    """Return the block with the data lines of the file that its parameter INPUT names."""
     name = block.value("INPUT")
     if not name:
-        yield block
-        return
-    target = path.parent / name.replace("\\", "/")
-    if not target.is_file():
-        near = [p.name for p in target.parent.iterdir()] if target.parent.is_dir() else []
-        raise MeshError(
-            f'{source}: {block.where}: the included file "{name}" does not exist{suggest(target.name, near)}'
-        )
-    if block.keyword == "INCLUDE":
-        yield from read_blocks(target, source, depth + 1)
-        return
-    extra = target.read_bytes().decode("utf-8", "replace").splitlines()
+        return block
+    target = sources.find(name, path, block.where)
+    extra = sources.lines(target, 1, f"data lines of *{block.keyword}")
     lines = [line.strip() for line in extra if line.strip() and not line.lstrip().startswith("*")]
-    yield Block(block.keyword, block.parameters, block.lines + lines, block.where)
+    return replace(block, lines=block.lines + lines, foreign=True)
 
 
 def _keyword(line: str, where: str) -> Block:
@@ -126,14 +139,15 @@ def label_of(text: str) -> int:
     return number if abs(number) < LARGEST else LARGEST
 
 
-def numbers(lines: list[str], where: str, source: str) -> tuple[Floats, Ints]:
-    """Return all numbers of the data lines, and how many stand up to the end of each line.
+def numbers(block: Block, source: str, lines: list[str] | None = None) -> tuple[Floats, Ints]:
+    """Return all numbers of a block's data lines, or of some, and how many stand up to the end of each line.
 
     Raises
     ------
     MeshError
         Something is not a number.
     """
+    lines = block.lines if lines is None else lines
     fields = [line.rstrip(", \t").split(",") for line in lines]
     ends = np.cumsum([len(f) for f in fields], dtype=np.int64)
     flat = [text for f in fields for text in f]
@@ -153,6 +167,7 @@ def numbers(lines: list[str], where: str, source: str) -> tuple[Floats, Ints]:
         except ValueError:
             row = int(np.searchsorted(ends, i, side="right"))
             raise MeshError(
-                f'{source}: {where}: "{text.strip()}" in the data line "{lines[row][:60]}" is not a number'
+                f'{source}: {block.where}: "{block.shown(text.strip())}" in the data line'
+                f' "{block.shown(lines[row])}" is not a number'
             ) from None
     return values, ends

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -17,6 +16,7 @@ from fe_squeal.errors import MeshError
 
 from ...checking import connect
 from ...raw import CellBlock, Ints, RawMesh, check_unique_nodes
+from ..sources import Sources
 from .coordinates import SYSTEMS, System, read_system, to_global
 from .text import Card, read_cards, read_lines, real
 
@@ -40,7 +40,7 @@ _PATRAN = re.compile(r"^\$ Elements and Element Properties for region : (.+)$", 
 _PROPERTY = re.compile(r"^(?:PSOLID|PSHELL|PLSOLID)\*?[ ,]\s*(\d+)", re.IGNORECASE)
 
 
-def read_nastran(path: Path) -> RawMesh:
+def read_nastran(sources: Sources) -> RawMesh:
     """Read a Nastran file: solids of property 3 are volume group "3", shells of property 4 surface group "4".
 
     Names that HyperMesh, Ansa and Patran leave in comments name the groups as well.
@@ -50,8 +50,8 @@ def read_nastran(path: Path) -> RawMesh:
     MeshError
         Bad numbers, missing nodes, coordinate systems of a kind that is not read.
     """
-    source = path.name
-    lines = list(read_lines(path, source))
+    source = sources.path.name
+    lines = list(read_lines(sources))
     grids: list[Card] = []
     cells: dict[str, list[Card]] = {}
     systems: dict[int, System] = {}

@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from fe_squeal.errors import MeshError, suggest
+from ..sources import Sources
 
-_DEPTH = 20
 _SHORT_EXPONENT = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+))([+-]\d+)$")
 
 
@@ -26,7 +25,7 @@ class Card:
         return self.fields[i] if i < len(self.fields) else ""
 
 
-def read_lines(path: Path, source: str, depth: int = 0) -> Iterator[tuple[str, str]]:
+def read_lines(sources: Sources, path: Path | None = None, depth: int = 0) -> Iterator[tuple[str, str]]:
     """Yield (line, where it stands), includes followed.
 
     Raises
@@ -34,23 +33,12 @@ def read_lines(path: Path, source: str, depth: int = 0) -> Iterator[tuple[str, s
     MeshError
         The file is not text, or an included file is missing.
     """
-    if depth > _DEPTH:
-        raise MeshError(f"{source}: INCLUDE is nested more than {_DEPTH} deep; does {path.name} include itself?")
-    data = path.read_bytes()
-    if b"\0" in data:
-        raise MeshError(f"{source}: {path.name} is not a text file; expected Nastran bulk data")
-    lines = data.decode("utf-8", "replace").splitlines()
-    for number, line in enumerate(lines, 1):
+    path = path or sources.path
+    for number, line in enumerate(sources.lines(path, depth, "Nastran bulk data"), 1):
         if line[:7].upper() == "INCLUDE" and line[7:8] in (" ", "'", '"'):
             name = line[7:].split("$")[0].strip().strip("'\"").strip()
-            target = path.parent / name.replace("\\", "/")
-            if not target.is_file():
-                near = [p.name for p in target.parent.iterdir()] if target.parent.is_dir() else []
-                raise MeshError(
-                    f'{source}: {path.name} line {number}: the included file "{name}" does not exist'
-                    + suggest(target.name, near)
-                )
-            yield from read_lines(target, source, depth + 1)
+            target = sources.find(name, path, f"{path.name} line {number}")
+            yield from read_lines(sources, target, depth + 1)
         else:
             yield line, f"{path.name} line {number}"
 

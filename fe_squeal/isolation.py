@@ -1,0 +1,57 @@
+"""Processes of Python that run nothing of the folder in which they are started."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+_KEYS = ("PYTHONSAFEPATH", "PYTHONPATH")
+
+
+def isolated_environment() -> dict[str, str]:
+    """Return the environment for a child of this process whose modules come from no working folder.
+
+    `python -m` and `python -c` look for modules in the working folder first, where a file `json.py` of a stranger may
+    lie; PYTHONSAFEPATH forbids that (Python 3.11). What PYTHONPATH names stays, behind the folder of this package, but
+    for empty and relative entries, which mean the working folder again.
+    """
+    named = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    home = str(Path(__file__).resolve().parents[1])
+    return {
+        **os.environ,
+        "PYTHONSAFEPATH": "1",
+        "PYTHONPATH": os.pathsep.join([home, *(entry for entry in named if os.path.isabs(entry))]),
+    }
+
+
+def import_matplotlib() -> None:
+    """Import Matplotlib without the settings of the working folder.
+
+    A file `matplotlibrc` there comes before all others; it could have LaTeX run, or pictures fail. The settings of the
+    user's home, or where MATPLOTLIBRC says, count.
+    """
+    if not os.path.lexists("matplotlibrc"):
+        return
+    before = os.getcwd()
+    os.chdir(Path(__file__).parent)
+    try:
+        import matplotlib  # noqa: F401
+    finally:
+        os.chdir(before)
+
+
+@contextmanager
+def isolated_children() -> Iterator[None]:
+    """Give the processes that multiprocessing starts inside the block that environment."""
+    before = {key: os.environ.get(key) for key in _KEYS}
+    os.environ.update({key: value for key, value in isolated_environment().items() if key in _KEYS})
+    try:
+        yield
+    finally:
+        for key, value in before.items():
+            if value is None:
+                del os.environ[key]
+            else:
+                os.environ[key] = value

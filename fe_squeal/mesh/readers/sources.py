@@ -1,0 +1,85 @@
+"""The files that a mesh file stands for: itself, and those that it includes, within limits."""
+
+from __future__ import annotations
+
+import stat
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fe_squeal.errors import MeshError, suggest
+
+_DEPTH, _MOST_FILES, _MOST_BYTES = 20, 1000, 8_000_000_000
+
+
+@dataclass
+class Sources:
+    """Reads a file and what it includes.
+
+    Attributes
+    ----------
+    path : Path
+        The mesh file; its folder, and those inside, may be read.
+    folders : tuple of Path
+        Further ones: that of the scene.
+    allow_outside : bool
+        Whether included files may lie anywhere.
+    """
+
+    path: Path
+    folders: tuple[Path, ...] = ()
+    allow_outside: bool = False
+    _files: int = field(default=0, init=False)
+    _bytes: int = field(default=0, init=False)
+
+    def find(self, name: str, includer: Path, where: str) -> Path:
+        """Return the path of a file that another one names.
+
+        Raises
+        ------
+        MeshError
+            It does not exist, is no regular file, or lies outside.
+        """
+        source = self.path.name
+        target = includer.parent / name.replace("\\", "/")
+        try:
+            real = target.resolve()
+        except (OSError, ValueError, RuntimeError) as error:
+            raise MeshError(f'{source}: {where}: the included file "{name}" has no place ({error})') from None
+        inside = (self.path.parent, *self.folders)
+        if not self.allow_outside and not any(real.is_relative_to(folder.resolve()) for folder in inside):
+            raise MeshError(
+                f'{source}: {where}: the included file "{name}" lies outside of the folders of the mesh and of the'
+                " scene; copy it there, or set allow_outside = true in [mesh]"
+            )
+        if not target.exists():
+            near = [p.name for p in target.parent.iterdir()] if target.parent.is_dir() else []
+            raise MeshError(f'{source}: {where}: the included file "{name}" does not exist{suggest(target.name, near)}')
+        if not target.is_file():
+            raise MeshError(f'{source}: {where}: the included file "{name}" is no regular file')
+        return target
+
+    def lines(self, path: Path, depth: int, kind: str) -> list[str]:
+        """Return the lines of a text file.
+
+        Raises
+        ------
+        MeshError
+            It is no text, or too much is included.
+        """
+        source = self.path.name
+        if depth > _DEPTH:
+            raise MeshError(f"{source}: INCLUDE is nested more than {_DEPTH} deep; does {path.name} include itself?")
+        self._files += 1
+        status = path.stat()
+        self._bytes += status.st_size
+        if self._files > _MOST_FILES or self._bytes > _MOST_BYTES:
+            raise MeshError(
+                f"{source}: includes more than {_MOST_FILES} files or {_MOST_BYTES // 10**9} GB; does a file include"
+                " itself, or another one again and again?"
+            )
+        if not stat.S_ISREG(status.st_mode):
+            raise MeshError(f"{source}: {path.name} is no regular file; expected {kind}")
+        data = path.read_bytes()
+        if b"\0" in data:
+            raise MeshError(f"{source}: {path.name} is not a text file; expected {kind}")
+        return data.decode("utf-8", "replace").splitlines()

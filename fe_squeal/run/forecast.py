@@ -1,0 +1,59 @@
+"""How long a sweep will take, told once at its beginning."""
+
+from __future__ import annotations
+
+import time
+
+from rich.console import Console
+
+_SAMPLE = 5  # values after the first one; that one has what is done once for all
+_LONG = 30.0  # s from which it is told
+
+
+class Forecast:
+    """Tells the seconds of a sweep from those of its first values.
+
+    Parameters
+    ----------
+    values : int
+        Of the sweep.
+    kept : bool
+        Whether an interrupted sweep goes on from what is finished.
+    """
+
+    def __init__(self, values: int, console: Console, kept: bool) -> None:
+        self._values, self._console, self._kept = values, console, kept
+        self._first: tuple[int, float] | None = None  # values done, and when
+        self._told = False
+
+    def tell(self, done: int) -> None:
+        """Print the forecast once so many values are done that it is known."""
+        now = time.perf_counter()
+        if self._first is None:
+            self._first = done, now
+        count = done - self._first[0]
+        if self._told or count < _SAMPLE:
+            return
+        self._told = True
+        each = (now - self._first[1]) / count
+        rest = each * (self._values - done)
+        if rest >= _LONG:
+            self._console.print(
+                f"forecast: {self._values} values take about {duration(rest)} ({each:.2g} s each)"
+                + ("; what is finished is kept, and --resume goes on from it" if self._kept else ""),
+                markup=False,
+            )
+
+
+def duration(seconds: float) -> str:
+    """Return a time in words, in two digits.
+
+    Examples
+    --------
+    >>> duration(41.0), duration(400.0), duration(20_000.0), duration(3e6)
+    ('41 s', '6.7 minutes', '5.6 hours', '35 days')
+    """
+    for unit, size in (("days", 86_400.0), ("hours", 3600.0), ("minutes", 60.0)):
+        if seconds >= 1.5 * size:
+            return f"{seconds / size:.2g} {unit}"
+    return f"{seconds:.2g} s"

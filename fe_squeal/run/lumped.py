@@ -1,0 +1,33 @@
+"""What `fe-squeal lumped --study` writes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import lumped
+
+from ..report.files import replace_atomically
+from .folder import hold_folder
+
+
+def study_model(model: str, study: str, out: Path) -> list[Path]:
+    """Compute a study of a lumped model, or all of them; return the files written, as `lumped.run_study` names them.
+
+    Raises
+    ------
+    ValueError
+        The model or the study is unknown.
+    OutputError
+    """
+    with hold_folder(out) as held:
+        scratch = held.scratch()
+        try:
+            written = lumped.run_study(model, study, scratch)
+            for path in written:
+                with replace_atomically(out / path.name) as temporary:
+                    os.replace(path, temporary)
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
+    return [out / path.name for path in written]

@@ -1,0 +1,231 @@
+"""What is printed and where to, and signals: neither decides over what is computed, and nothing is left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import psutil
+import pytest
+from interrupted import assert_same_results, sweep_text, write_sweep
+from scene_texts import environment, replaced, write_scene
+from test_safety import matrix_scene
+
+import fe_squeal.run.run
+from fe_squeal.cli import main
+from fe_squeal.streams import lasting_streams
+from fe_squeal.sweep.running import RunningSweep
+
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="devices and signals of POSIX")
+COMMAND = [sys.executable, "-P", "-m", "fe_squeal"]
+# Where the tests run in the background, the shell has SIGINT ignored, which the command respects.
+HEARING = [
+    sys.executable, "-c",
+    "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); from fe_squeal_start import main;"
+    "sys.exit(main())",
+]  # fmt: skip
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    return write_sweep(tmp_path, 3)
+
+
+def whole(scene: Path) -> Path:
+    out = scene.parent / "whole"
+    if not out.exists():
+        assert main(["run", str(scene), "-o", str(out)]) == 0
+    return out
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252", "latin-1"])
+def test_streams_take_every_character(encoding: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """μ, boxes and names of bodies, into a file as Windows redirects to it."""
+    name = "Bremsträger 摩擦 μ ±"
+    text = replaced('name = "across"', f'name = "{name}"').replace("block on a belt", name)
+    path = write_scene(tmp_path, text)
+    monkeypatch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
+    with (tmp_path / "out.txt").open("w", encoding=encoding) as stream, monkeypatch.context() as patched:
+        patched.setattr(sys, "stdout", stream)
+        assert main(["run", str(path), "-o", str(tmp_path / "out")]) == 0
+        assert main(["check", str(path)]) == 0
+    printed = (tmp_path / "out.txt").read_text(encoding)
+    assert "modes found at mu = 0" in printed and "0.40088671" in printed
+    assert "Bremstrager" in printed if encoding == "ascii" else "Bremsträger" in printed
+    assert "mu +-" in printed if encoding == "ascii" else "±" in printed
+
+
+@POSIX
+def test_a_loss_is_told_and_a_reader_that_went_is_none(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with open("/dev/full", "w") as stream, monkeypatch.context() as patched:
+        patched.setattr(sys, "stdout", stream)
+        assert main(["info"]) == 2
+    assert "error: standard output: No space left on device" in capsys.readouterr().err
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as stream, monkeypatch.context() as patched:
+        patched.setattr(sys, "stdout", stream)
+        assert main(["info"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+@POSIX
+@pytest.mark.slow
+@pytest.mark.parametrize("where", ["full", "reader gone", "closed", "all closed", "error full", "reading end"])
+def test_run_outlives_its_output(where: str, scene: Path) -> None:
+    """A full device, closed streams, a reader that went: the results are those of any run."""
+    out = scene.parent / "out"
+    redirected = {
+        "full": ">/dev/full", "closed": ">&-", "all closed": "<&- >&- 2>&-", "error full": ">/dev/full 2>/dev/full",
+        "reader gone": "| true", "reading end": "| head -n 1",
+    }[where]  # fmt: skip
+    script = f'"$@" {redirected}; echo ${{PIPESTATUS[0]}} > code'
+    command = [*COMMAND, "run", str(scene), "-o", str(out)]
+    done = subprocess.run(
+        ["bash", "-c", script, "bash", *command], cwd=scene.parent, env=environment(), capture_output=True,
+        encoding="utf-8", timeout=100,
+    )  # fmt: skip
+    assert (scene.parent / "code").read_text() == ("2\n" if "full" in where else "0\n")
+    lost = "error: standard output: No space left on device; what belongs into files is written\n"
+    assert done.stderr == (lost if where == "full" else "")
+    assert_same_results(out, whole(scene))
+
+
+def test_streams_are_put_back(capsys: pytest.CaptureFixture[str]) -> None:
+    before = sys.stdout, sys.stderr
+    with lasting_streams() as (out, _):
+        print("λ")
+        assert sys.stdout is out and not out.isatty()
+    assert (sys.stdout, sys.stderr) == before and capsys.readouterr().out == "λ\n"
+
+
+def test_no_control_character_reaches_a_table(tmp_path: Path) -> None:
+    """An escape sequence in the name of a parameter would colour, move or rename the terminal that shows the table."""
+    name = "\\u001b[2Jmu\\u0007"
+    path = matrix_scene(tmp_path, "M.mtx")
+    text = f'[parameters]\n"{name}" = 1.0\n{path.read_text()}powers = {{ "{name}" = 1 }}\n'
+    path.write_text(f'{text}[sweep]\nparameter = "{name}"\nvalues = [1.0, 2.0]\n')
+    assert main(["run", str(path), "-o", str(tmp_path / "out")]) == 0
+    for table in (tmp_path / "out").glob("*.csv"):
+        assert all(c.isprintable() or c == "\n" for c in table.read_text("utf-8"))
+    assert set(pd.read_csv(tmp_path / "out" / "modes.csv")["parameter"]) == {r"\x1b[2Jmu\x07"}
+
+
+def test_zero_rows_of_matrices(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    """M = I and K = diag(0, 4, 9), written with a row of which nothing is stored: ω = 0, 2 and 3, and no warning."""
+    path = matrix_scene(tmp_path, "K.mtx")
+    (tmp_path / "K.mtx").write_text("%%MatrixMarket matrix coordinate real general\n3 3 2\n2 2 4.0\n3 3 9.0\n")
+    assert main(["run", str(path), "-o", str(tmp_path / "out")]) == 0
+    modes = pd.read_csv(tmp_path / "out" / "modes.csv")
+    assert modes["im"].abs().round(9).tolist() in ([0.0, 2.0, 3.0], [0.0, 0.0, 2.0, 3.0]) and not len(recwarn)
+
+
+@pytest.mark.slow
+def test_all_modes_and_their_onset(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The small model of a step is then the problem itself: the same onset as of eight modes, and no words of SciPy."""
+    onsets = []
+    for modes in (8, 90):
+        path = write_scene(tmp_path, replaced("modes = 8", f"modes = {modes}").replace("points = 5", "points = 3"))
+        assert main(["run", str(path), "-o", str(tmp_path / f"out_{modes}")]) == 0
+        found = pd.read_csv(tmp_path / f"out_{modes}" / "onsets.csv")
+        onsets.append(found[found["frequency_hz"] < 1000])
+    assert len(onsets[0]) == len(onsets[1]) == 1
+    assert onsets[1]["value"].item() == pytest.approx(onsets[0]["value"].item(), rel=1e-7)
+    assert "must have different signs" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("points", "told"), [(10_000, True), (12, False)])
+def test_long_sweeps_are_forecast(
+    points: int, told: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Behind the first values; what takes no time is not."""
+    advance, calls = RunningSweep.advance, []
+
+    def stopping(*arguments: object, **options: object) -> object:
+        calls.append(1)
+        if len(calls) == 9:
+            raise KeyboardInterrupt
+        return advance(*arguments, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(RunningSweep, "advance", stopping)
+    monkeypatch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
+    path = write_scene(tmp_path, sweep_text(points))
+    assert main(["run", str(path), "-o", str(tmp_path / "out")]) == 130
+    said = capsys.readouterr().out
+    assert (f"forecast: {points} values take about " in said) == told
+
+
+@POSIX
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signal_while_importing(number: signal.Signals, scene: Path) -> None:
+    """At moments from the first line of the program on: one word, and the exit code of an interruption."""
+    hears = "signal.signal(signal.SIGINT, signal.default_int_handler)"
+    program = HEARING[2].replace("sys.exit(main())", "print('begun', flush=True); sys.exit(main())")
+    for delay in (0.02, 0.1, 0.3, 0.6):  # it prints just before it takes the signals, and imports after that
+        child = subprocess.Popen(
+            [sys.executable, "-c", program, "run", str(scene), "-o", str(scene.parent / "out")],
+            env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8",
+        )  # fmt: skip
+        assert child.stdout is not None and child.stdout.readline() == "begun\n" and hears in program
+        time.sleep(delay)
+        child.send_signal(number)
+        _, said = child.communicate(timeout=60)
+        assert child.returncode == 130 and said.startswith("interrupted") and said.count("\n") == 1
+    assert main(["run", str(scene), "-o", str(scene.parent / "out"), "--resume"]) == 0
+
+
+@POSIX
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signal_while_drawing(number: signal.Signals, tmp_path: Path) -> None:
+    """The process that draws ends with its parent, nothing half drawn stays, and --resume finishes."""
+    text = sweep_text(3).replace('shapes = "none"', 'shapes = "unstable"')
+    path, out = write_scene(tmp_path, text), tmp_path / "out"
+    (tmp_path / "tmp").mkdir()
+    child = subprocess.Popen(
+        [*HEARING, "run", str(path), "-o", str(out)], env=environment(TMPDIR=str(tmp_path / "tmp")),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8",
+    )  # fmt: skip
+    process = psutil.Process(child.pid)
+    while not (drawing := process.children()):
+        assert child.poll() is None
+        time.sleep(0.01)
+    time.sleep(0.3)
+    child.send_signal(number)
+    _, said = child.communicate(timeout=60)
+    assert (child.returncode, said) == (130, "interrupted\n")
+    assert not psutil.wait_procs(drawing, timeout=10)[1]
+    assert not list((tmp_path / "tmp").iterdir()) and not list(out.rglob(".*"))
+    assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
+    assert main(["run", str(path), "-o", str(tmp_path / "whole")]) == 0
+    assert_same_results(out, tmp_path / "whole")
+
+
+@POSIX
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_killed_study_leaves_nothing(number: signal.Signals, scene: Path, tmp_path: Path) -> None:
+    """Its children end, and the folder for temporary files is empty."""
+    (tmp_path / "tmp").mkdir()
+    child = subprocess.Popen(
+        [*COMMAND, "accuracy", str(scene), "-o", str(tmp_path / "out")], stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL, env=environment(TMPDIR=str(tmp_path / "tmp"), HOME=str(tmp_path / "no")),
+    )  # fmt: skip
+    process = psutil.Process(child.pid)
+    while len(process.children(recursive=True)) < 2:
+        assert child.poll() is None
+        time.sleep(0.01)
+    children = process.children(recursive=True)
+    time.sleep(1.0)
+    child.send_signal(number)
+    child.wait(30)
+    assert not psutil.wait_procs(children, timeout=20)[1]
+    assert not list((tmp_path / "tmp").iterdir())

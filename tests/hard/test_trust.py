@@ -1,0 +1,29 @@
+"""The searches of docs/trust.md at a tenth of their size; in full by `make trust`."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+TRUST = Path(__file__).parents[2] / "benchmarks" / "trust.py"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="looks for the memory of processes in /proc")
+@pytest.mark.parametrize("options", [
+    ("--inputs", "200", "--signals", "0", "--no-pairs"), ("--inputs", "0", "--signals", "20", "--no-pairs"),
+    ("--inputs", "0", "--signals", "0"),
+])  # fmt: skip
+def test_no_promise_is_broken(options: tuple[str, ...], other_seed: int) -> None:
+    """In a process of its own, whose copies are under limits of memory and time."""
+    command = [sys.executable, str(TRUST), *options, "--seed", str(other_seed)]
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", timeout=3600)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    if "200" in options:  # else everything may have been refused at once, or nothing
+        lines = [line for line in done.stdout.splitlines() if line.startswith("| ") and "broken" not in line]
+        rows = [line.split("|")[2:5] for line in lines]
+        total, good, refused = (sum(int(row[i]) for row in rows) for i in range(3))
+        assert total == 200 and good > 10 and refused > 100

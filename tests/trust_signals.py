@@ -1,0 +1,302 @@
+"""Signals at random moments to every command, and what is there afterwards."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from contextlib import redirect_stdout, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import psutil
+from interrupted import assert_same_results, assert_valid, sweep_text
+from scene_texts import environment, write_scene
+
+from fe_squeal.cli import main
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
+_PAST = 0.75  # share of the signals that come when all is imported
+_IMPORTS = 1.5  # s that these take
+# Where the search runs in the background, signals may be ignored, which the command respects.
+_PLAIN = (
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
+    "signal.signal(signal.SIGHUP, signal.SIG_DFL); import sys, fe_squeal_start; sys.exit(fe_squeal_start.main())"
+)
+
+
+@dataclass(frozen=True)
+class Task:
+    """A command, what it writes, and how that is held against an unbroken one's."""
+
+    name: str
+    arguments: tuple[str, ...]
+    same: Callable[[Path, Path], None]  # of two folders
+    again: tuple[str, ...] = ()  # options that finish what a signal has ended
+    share: int = 1  # of all signals
+    ends: tuple[int, ...] = (0,)  # exit codes of one that comes to its end: a budget may be too short on a busy machine
+
+
+@dataclass
+class Outcome:
+    """What happened to a command.
+
+    Attributes
+    ----------
+    past : int
+        Signals that came when all was imported.
+    ended : int
+        Commands that had ended before.
+    """
+
+    signals: Counter[str] = field(default_factory=Counter)
+    past: int = 0
+    ended: int = 0
+    faults: list[str] = field(default_factory=list)
+
+
+def same_run(found: Path, whole: Path) -> None:
+    assert_same_results(found / "out", whole / "out")
+
+
+def same_files(found: Path, whole: Path) -> None:
+    names = [{p.relative_to(f).as_posix() for p in f.rglob("*")} for f in (found, whole)]
+    assert names[0] == names[1], names
+    for path in (whole / "out").rglob("*.csv"):
+        assert (found / path.relative_to(whole)).read_bytes() == path.read_bytes(), path.name
+
+
+def same_mesh(found: Path, whole: Path) -> None:
+    assert (found / "out.msh").read_bytes() == (whole / "out.msh").read_bytes()
+
+
+def same_study(found: Path, whole: Path) -> None:
+    """Settings that both have measured have the same unknowns; how many there are depends on the time."""
+    settings = ["order", "size", "modes", "method", "tolerance", "knob"]
+    a, b = (pd.read_csv(folder / "out" / "accuracy.csv").set_index(settings) for folder in (found, whole))
+    common = a.index.intersection(b.index)
+    assert len(common) and (a.loc[common, "unknowns"] == b.loc[common, "unknowns"]).all()
+
+
+def nothing_to_compare(found: Path, whole: Path) -> None:
+    assert not list(found.iterdir())
+
+
+def tasks(place: Path) -> list[Task]:
+    """Return all commands, with their scenes written."""
+    for method in ("direct", "reduced"):
+        write_scene(place, sweep_text(12, method), f"{method}.toml")
+    shown = sweep_text(6).replace('shapes = "none"', 'shapes = "unstable"')
+    write_scene(place, shown, "shapes.toml")
+    return [
+        Task("run, direct", ("run", "direct.toml", "-o", "{}/out"), same_run, ("--resume",), 5),
+        Task("run, reduced", ("run", "reduced.toml", "-o", "{}/out"), same_run, ("--resume",), 5),
+        Task("run, shapes", ("run", "shapes.toml", "-o", "{}/out"), same_run, ("--resume",), 4),
+        Task("check", ("check", "direct.toml"), nothing_to_compare),
+        Task("onset", ("onset", "direct.toml"), nothing_to_compare, (), 2),
+        Task("mesh", ("mesh", "direct.toml", "-o", "{}/out.msh"), same_mesh),
+        Task("compare", ("compare",), nothing_to_compare),
+        Task("lumped", ("lumped", "oscillator", "--study", "all", "-o", "{}/out"), same_files, (), 2),
+        Task("accuracy", ("accuracy", "shapes.toml", "-o", "{}/out", "--budget", "20"), same_study, (), 1, (0, 3)),
+    ]
+
+
+class Process:
+    """A command that runs: from its first line on, or forked from this process, in which all is imported."""
+
+    def __init__(self, arguments: list[str], place: Path, forked: bool) -> None:
+        self._said = place / "stderr"
+        (place / "tmp").mkdir(exist_ok=True)
+        if forked:
+            self.pid = os.fork()
+            if not self.pid:
+                self._run(arguments, place)
+        else:
+            with self._said.open("w") as said:
+                # Nobody waits for it but `poll`: the module need not know that it has ended.
+                self.pid = subprocess.Popen(
+                    [sys.executable, "-P", "-c", _PLAIN, *arguments], cwd=place, stdout=subprocess.DEVNULL, stderr=said,
+                    env=environment(TMPDIR=str(place / "tmp")),
+                ).pid  # fmt: skip
+        self.code: int | None = None
+
+    def _run(self, arguments: list[str], place: Path) -> None:
+        code = 1
+        try:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            signal.signal(signal.SIGHUP, signal.SIG_DFL)
+            os.dup2(os.open(self._said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 2)
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            sys.stderr, sys.stdout = open(2, "w", closefd=False), open(1, "w", closefd=False)  # noqa: SIM115
+            os.chdir(place)
+            os.environ["TMPDIR"] = tempfile.tempdir = str(place / "tmp")
+            code = main(arguments)
+            sys.stderr.flush()
+        except BaseException:
+            traceback.print_exc()
+            sys.stderr.flush()
+        finally:
+            os._exit(code)
+
+    def poll(self) -> int | None:
+        """Return the exit code, or None while it runs."""
+        if self.code is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            self.code = os.waitstatus_to_exitcode(status) if pid else None
+        return self.code
+
+    def wait(self, seconds: float) -> bool:
+        """Return whether it ends within so many seconds."""
+        end = time.monotonic() + seconds
+        while self.poll() is None and time.monotonic() < end:
+            time.sleep(0.005)
+        return self.code is not None
+
+    @property
+    def said(self) -> str:
+        """What it wrote on stderr."""
+        return self._said.read_text("utf-8", "replace")
+
+
+def search(
+    place: Path, count: int, seed: int, tell: Callable[[str], None] = lambda text: None, only: str = ""
+) -> dict[str, Outcome]:
+    """Send so many signals in all, and hold what is left to the promises."""
+    rng = np.random.default_rng(seed)
+    chosen = [task for task in tasks(place) if only in task.name]
+    seconds = {task.name: _unbroken(task, place) for task in chosen}
+    outcomes = {task.name: Outcome() for task in chosen}
+    order = [task for task in chosen for _ in range(task.share)]
+    for number in range(count):
+        task, signal_ = order[number % len(order)], SIGNALS[(number // len(order) + number) % len(SIGNALS)]
+        outcome = outcomes[task.name]
+        past = bool(rng.random() < _PAST)
+        outcome.past += past
+        outcome.signals[signal_.name] += 1
+        moment = rng.random() * (seconds[task.name] if past else _IMPORTS)
+        fault = _interrupted(task, place, signal_, moment, past, outcome)
+        if fault:
+            outcome.faults.append(f"{signal_.name} {moment:.2f} s behind the {'imports' if past else 'start'}: {fault}")
+        tell(f"{number + 1}: {task.name}, {signal_.name}: {fault or 'as promised'}")
+    return outcomes
+
+
+def _arguments(task: Task, folder: Path, more: tuple[str, ...] = ()) -> list[str]:
+    return [a.format(folder) for a in (*task.arguments, *more)]
+
+
+def _unbroken(task: Task, place: Path) -> float:
+    """Run a command to its end, here, so that all is imported, and forked; return the seconds of the latter."""
+    folder, again = place / f"whole {task.name}", place / "again"
+    folder.mkdir()
+    again.mkdir()
+    before = os.getcwd()
+    os.chdir(place)
+    try:
+        with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
+            code = main(_arguments(task, folder))
+    finally:
+        os.chdir(before)
+    assert code == 0, task.name
+    begun = time.perf_counter()
+    process = Process(_arguments(task, again), place, True)
+    assert process.wait(600) and process.code == 0, process.said
+    shutil.rmtree(again)
+    return time.perf_counter() - begun
+
+
+def _interrupted(
+    task: Task, place: Path, number: signal.Signals, moment: float, past: bool, outcome: Outcome
+) -> str:
+    """Send a signal and return which promise it broke, if any."""
+    folder, whole = place / "found", place / f"whole {task.name}"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    process = Process(_arguments(task, folder), place, past)
+    time.sleep(moment)
+    family = []
+    if process.poll() is None:
+        with suppress(psutil.NoSuchProcess):
+            family = psutil.Process(process.pid).children(recursive=True)
+        os.kill(process.pid, number)
+    if not process.wait(120):
+        os.kill(process.pid, signal.SIGKILL)
+        return "it went on for 120 s"
+    killed, code, said = number == signal.SIGKILL, process.code, process.said
+    if code in task.ends:
+        outcome.ended += 1
+    elif not past and code == -number:
+        pass  # Python itself was not yet there to hear it
+    elif code != (-number if killed else 130):
+        return f"exit code {code}: {said[-300:]!r}"
+    elif not killed and past and not (said.startswith("interrupted") and said.count("\n") == 1):
+        return f"said {said[-300:]!r}"
+    if psutil.wait_procs(family, timeout=30)[1]:
+        return "a child process went on"
+    if not killed and (left := [p.name for p in folder.rglob("*") if ".partial" in p.name or p.name == ".lock"]):
+        return f"left {left}"
+    if found := list((place / "tmp").iterdir()):
+        shutil.rmtree(place / "tmp")
+        return f"left {found} in TMPDIR"
+    try:
+        if task.again and (folder / "out").exists():
+            assert_valid(folder / "out", whole / "out")
+        process = Process(_arguments(task, folder, task.again), place, True)
+        if process.wait(600) and process.code in task.ends[1:]:
+            return ""
+        if process.code:
+            return f"the next command ended with {process.code}: {process.said[-300:]!r}"
+        task.same(folder, whole)
+    except AssertionError as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        return f"results differ: {where.line} {' '.join(str(error).split())[:300]}"
+    return ""
+
+
+def both_at_once(place: Path) -> dict[str, str]:
+    """Start every pair of commands that write into one folder at the same time; return what went wrong.
+
+    One of them has the folder, the other one is refused, or comes later and finds the results of the first.
+    """
+    write_scene(place, sweep_text(6, "direct"), "direct.toml")
+    write_scene(place, sweep_text(6, "reduced"), "reduced.toml")
+    commands = {
+        "run": ("run", "direct.toml"), "run of another scene": ("run", "reduced.toml"),
+        "run --resume": ("run", "direct.toml", "--resume"), "lumped": ("lumped", "oscillator", "--study", "noise-map"),
+        "accuracy": ("accuracy", "direct.toml", "--budget", "5"),
+    }  # fmt: skip
+    found = {}
+    names = list(commands)
+    for i, a in enumerate(names):
+        for b in names[i:]:
+            out = place / f"{a} and {b}"
+            children = [
+                subprocess.Popen(
+                    [sys.executable, "-P", "-m", "fe_squeal", *commands[name], "-o", str(out)], cwd=place,
+                    env=environment(), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, encoding="utf-8",
+                )
+                for name in (a, b)
+            ]  # fmt: skip
+            said = [child.communicate(timeout=300)[1] for child in children]
+            codes = [child.returncode for child in children]
+            one = any(code in (0, 3) for code in codes)  # 3: a study whose budget was too short on a busy machine
+            refusals = all(
+                code == 0 or (code == 2 and text.count("\n") == 1 and text.startswith(f"error: {out}"))
+                or (code == 3 and "not converged" in text)
+                for code, text in zip(codes, said, strict=True)
+            )  # fmt: skip
+            left = [p.name for p in out.rglob(".*")]
+            right = not one or not refusals or bool(left)
+            found[f"{a} and {b}"] = f"{codes} {said} {left}" if right else ""
+    return found
+
+
