@@ -1,4 +1,4 @@
-"""Sweeps on a small model of the problem."""
+"""Sweeps on a reduced model of the problem."""
 
 from .model import ReducedModel
 from .vectors import SlowMotions, lift

@@ -1,4 +1,7 @@
-"""A small model that stands for a problem over an interval of a parameter, within a tolerance."""
+"""A reduced model that stands for a problem over an interval of a parameter, within a tolerance.
+
+In one file, since building, growing and thinning the basis share what is known of its errors.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..eigen.block_lanczos import lowest_modes
-from ..eigen.blocks import times
 from ..eigen.inertia import count_below
 from ..eigen.linear.choice import choose, factorize
 from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
@@ -22,6 +24,7 @@ from ..errors import NotConvergedError
 from ..problem.forms import collect_powers
 from ..problem.problem import Problem
 from .basis import ReducedBasis
+from .missing import SEARCH_SOLVES, missing_modes
 from .undamped import factorize_undamped
 from .vectors import interior_nodes, lift, range_of, real_columns, unit_columns
 
@@ -39,8 +42,6 @@ _FINE = 1e-5  # of a vector: what is left out of the final basis
 _SHORT = 1e-4  # of √tolerance: corrections shorter than this, against the length of the mode, are left out
 _SUPPLEMENTS = 6  # values that are added to these at most, and how often the basis is grown after that
 _ILL = 10.0  # relative condition from which a mode is near a double eigenvalue
-_SEED, _BLOCK, _STEPS = 20251107, 8, 5  # of the search for modes that are missing
-_FOUND = 0.99  # of the highest mode asked for: what comes nearer is missing
 _WORTH = 0.8  # of the vectors: what a smaller basis has at most
 
 _Estimate = tuple[Modes, np.ndarray, np.ndarray]
@@ -118,7 +119,7 @@ class ReducedModel:
         del base, vectors
         first = self._estimated(start)[0]
         if not len(first):
-            raise NotConvergedError("the small model has no modes in the range that was asked for")
+            raise NotConvergedError("the reduced model has no modes in the range that was asked for")
         self.basis.calibrate(start, first)
         if modal:
             self._without = self.basis.undamped_values(self._sigma)
@@ -187,7 +188,7 @@ class ReducedModel:
         return None if counted is None else counted == below
 
     def lift(self, vectors: np.ndarray) -> np.ndarray:
-        """Return vectors of the small model as ones of the problem."""
+        """Return vectors of the reduced model as ones of the problem."""
         return lift(self.basis.V, vectors)
 
     @cached_property
@@ -243,7 +244,7 @@ class ReducedModel:
             found = {float(p): float(self._estimated(float(p))[1].max(initial=0.0)) for p in tried}
             todo = [p for p, off in found.items() if off > 1]
             if not todo and round_:
-                if not self._missing(candidates[[0, -1]], definite):
+                if not self._add_missing(candidates[[0, -1]], definite):
                     return
                 todo = candidates.tolist()
                 continue
@@ -266,41 +267,10 @@ class ReducedModel:
         self.factorizations += 1
         return factorize(sp.csr_array(shifted), pencil.symmetric and pencil.C is None, self.linear_solver)
 
-    def _missing(self, values: np.ndarray, definite: DefiniteFactor) -> bool:
-        """Look for modes that the basis does not hold, of which its residuals know nothing; add what is found.
-
-        A few steps of block Krylov iteration with P⁻¹M from random vectors, outside the basis, find what comes lowest
-        there and extend the small model. A mode in the range that was asked for which it has only then was missing.
-        """
-
-        def inside(modes: Modes, limit: float) -> np.ndarray:
-            """Creeping modes apart, which have no end."""
-            lam = modes.lam
-            return np.flatnonzero((np.abs(lam) < limit) & (lam.real >= -lam.imag))
-
-        trial = self.basis.copy()
-        block = np.random.default_rng(_SEED).standard_normal((self.problem.unknowns, _BLOCK))
-        M = self.basis.problem.mass
-        for _ in range(_STEPS):
-            block = definite.solve(times(M, block))
-            size = len(trial)
-            if not trial.append(block):
-                break
-            block = trial.V[:, size:]
-        found = []
-        for p in values:
-            known = self.basis.modes(float(p), self.highest)
-            every = trial.modes(float(p), self.highest)
-            wanted = select_wanted(every, self.request, np.inf)
-            assert wanted is not None
-            limit = _FOUND * np.abs(wanted.lam).max(initial=0.0)
-            now, before = inside(every, limit), inside(known, limit)
-            if len(now) > len(before):
-                # Those farthest from any mode that was known.
-                far = np.abs(every.lam[now, None] - known.lam[before]).min(axis=1, initial=np.inf)
-                new = now[np.argsort(far)[len(before) - len(now) :]]
-                found.append(real_columns(lift(trial.V, every.right[:, new])))
-        self.solves += _STEPS * _BLOCK
+    def _add_missing(self, values: np.ndarray, definite: DefiniteFactor) -> bool:
+        """Add modes that the basis does not hold, if there are any, and return whether there were."""
+        found = missing_modes(self.basis, values, self.request, self.highest, definite)
+        self.solves += SEARCH_SOLVES
         return bool(found) and self.basis.append(np.hstack(found)) > 0
 
     def _correct(self, value: float, modes: Modes, factor: Factor | DefiniteFactor, real: bool) -> int:

@@ -133,11 +133,11 @@ class Checkpoint:
         return state
 
     def load_model(self) -> Record | None:
-        """Return the small model that was kept, if there is one."""
+        """Return the reduced model that was kept, if there is one."""
         return _read(self._model) if self._model.exists() else None
 
     def save_model(self, model: Record) -> None:
-        """Keep the small model."""
+        """Keep the reduced model."""
         _write(self._model, model)
 
     def save(self, state: SweepState) -> None:

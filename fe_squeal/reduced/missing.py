@@ -1,0 +1,64 @@
+"""A search for modes that a basis does not hold, of which its residuals know nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..eigen.blocks import times
+from ..eigen.linear.factor import DefiniteFactor
+from ..eigen.pencil import Modes
+from ..eigen.request import Request, select_wanted
+from .basis import ReducedBasis
+from .vectors import lift, real_columns
+
+_SEED, _BLOCK, _STEPS = 20251107, 8, 5
+_FOUND = 0.99  # of the highest mode asked for: what comes nearer is missing
+SEARCH_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
+
+
+def missing_modes(
+    basis: ReducedBasis, values: np.ndarray, request: Request, highest: float, definite: DefiniteFactor
+) -> list[np.ndarray]:
+    """Return vectors (n, ·) of modes in the range that was asked for, which the basis lacks.
+
+    A few steps of block Krylov iteration with P⁻¹M from random vectors, outside the basis, find what comes lowest there
+    and extend the reduced model. A mode in the range that it has only then was missing.
+
+    Parameters
+    ----------
+    values : (m,) float
+        Of the parameter, at which modes are compared.
+    request : Request
+    highest : float, rad/s
+        Up to where modes of the undamped problem are held.
+    definite : DefiniteFactor
+        Of P.
+    """
+    trial = basis.copy()
+    block = np.random.default_rng(_SEED).standard_normal((basis.problem.unknowns, _BLOCK))
+    M = basis.problem.mass
+    for _ in range(_STEPS):
+        block = definite.solve(times(M, block))
+        size = len(trial)
+        if not trial.append(block):
+            break
+        block = trial.V[:, size:]
+    found = []
+    for p in values:
+        known, every = (b.modes(float(p), highest) for b in (basis, trial))
+        wanted = select_wanted(every, request, np.inf)
+        assert wanted is not None
+        limit = _FOUND * np.abs(wanted.lam).max(initial=0.0)
+        now, before = _inside(every, limit), _inside(known, limit)
+        if len(now) > len(before):
+            # Those farthest from any mode that was known.
+            far = np.abs(every.lam[now, None] - known.lam[before]).min(axis=1, initial=np.inf)
+            new = now[np.argsort(far)[len(before) - len(now) :]]
+            found.append(real_columns(lift(trial.V, every.right[:, new])))
+    return found
+
+
+def _inside(modes: Modes, limit: float) -> np.ndarray:
+    """Return the positions of modes below a limit, without those that creep, of which there is no end."""
+    lam = modes.lam
+    return np.flatnonzero((np.abs(lam) < limit) & (lam.real >= -lam.imag))
