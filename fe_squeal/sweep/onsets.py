@@ -19,6 +19,7 @@ from .scan import Open, scan
 from .step import Step
 from .tracking import mirror_partners, modal_assurance
 
+_APART = 0.02  # of a frequency: what changes less in a step does not pass it
 _RIM = 0.9  # of the highest |λ| known: a mode beyond may leave the range by itself
 
 
@@ -148,6 +149,25 @@ def _tell_open(found: Found, group: Open, parameter: str, below: float) -> None:
                 f"a mode at {node.lam[s[0]].imag / (2 * np.pi):.5g} Hz is unstable at {parameter} = {node.value:g} and"
                 " is not known on the other side: its onset is not found; ask for more modes or a finer sweep"
             )
+
+
+def unbalanced(before: Modes, now: Modes, onsets: Sequence[Onset], limit: float) -> str:
+    """Return what is wrong with the books of a step, or nothing: unstable before + into − out = unstable now.
+
+    Counted below a frequency, rad/s, from which unstable modes and onsets of the step keep a distance; without such a
+    frequency nothing is said.
+    """
+    lam = [m.lam.imag[m.stability == "unstable"] for m in (before, now)]
+    known = np.concatenate([*lam, [2 * np.pi * o.frequency_hz for o in onsets]])
+    while np.any(near := np.abs(known - limit) < _APART * limit):
+        limit = float(known[near].min()) * (1 - 2 * _APART)
+        if limit <= 0:
+            return ""
+    counts = [int(np.count_nonzero(part < limit)) for part in lam]
+    gained = sum(1 if o.direction == "into" else -1 for o in onsets if 2 * np.pi * o.frequency_hz < limit)
+    if counts[0] + gained == counts[1]:
+        return ""
+    return f"{counts[0]} modes become {counts[1]} unstable ones, of which the onsets found explain {gained:+d}"
 
 
 def windows(onsets: Sequence[Onset], low: float, high: float) -> list[tuple[float, tuple[Onset, Onset]]]:

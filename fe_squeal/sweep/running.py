@@ -22,11 +22,12 @@ from .counting import count_apart
 from .doubts import doubts_of_rounding, doubts_of_ties
 from .forecast import is_reduced
 from .onset import Onset
-from .onsets import Found, find_step_onsets, two_mode_value, windows
+from .onsets import Found, find_step_onsets, two_mode_value, unbalanced, windows
 from .result import LiftedShapes, Sweep, SweepPoint
 from .state import Record, Store, SweepState, lifted
 from .tracking import match_modes, mirror_partners
 
+_INSIDE = 0.95  # of the highest frequency reported: what lies below belongs to the range beyond doubt
 _REFINEMENTS = 4  # how often a step is halved while the continuation of a mode is in doubt
 
 
@@ -249,15 +250,20 @@ class RunningSweep:
             self.problem, name, (self._value, value), (self._previous, modes), (self._branches, branches), float(below),
             self._model, self._precise, self._linear_solver,
         )  # fmt: skip
+        # Names are found by shape; whatever lies well inside the range belongs to it, whatever it is called.
+        inside = _INSIDE * min(m.lam[:k].imag.max(initial=0.0) for m, k in ((self._previous, known), (modes, wanted)))
         onsets = []
         for onset in found.onsets:
-            if not reported & {onset.branch_a, onset.branch_b}:
+            if not reported & {onset.branch_a, onset.branch_b} and 2 * np.pi * onset.frequency_hz > inside:
                 continue
             at = [np.flatnonzero(self._first_branches == b) for b in (onset.branch_a, onset.branch_b)]
             if all(len(i) for i in at) and not self.problem.is_damped:
                 predicted = two_mode_value(self._tracked, name, self._start, self._first, int(at[0][0]), int(at[1][0]))
                 onset = replace(onset, two_mode_value=predicted)
             onsets.append(onset)
+        books = unbalanced(self._previous, modes, onsets, float(inside))
+        if books and not found.doubts:
+            found.doubts.append(f"between {name} = {self._value:.8g} and {value:.8g} {books}")
         return replace(found, onsets=onsets)
 
     def _spend(self, stage: str, since: float) -> float:
