@@ -5,7 +5,7 @@ values are those of order 2 on meshes two levels finer, extrapolated from the la
 elements whose edges are singular; how far that may be off is shown as well. What is not derived in
 `fe_squeal.accuracy.bars`, `SHARE` and the factor of order 1, was chosen and fitted on the scenes `FITTED` (with --fit),
 which are not among those measured. A mode whose shape the coarse mesh does not have, by a MAC below one half, has no
-error, and is counted apart.
+error, and is counted apart. In one file, so that what is measured, fitted and written is seen together.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Random sweeps that differ in kind, and an independent judge of their onsets.
 
 The judge knows matrices alone: it counts unstable eigenvalues by LAPACK at as many values as it likes and bisects where
-the count changes. It shares no code with the sweep.
+the count changes. It shares no code with the sweep. All kinds stand in one file, to be read against each other.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Signals at random moments to every command, and what is there afterwards."""
+"""Signals at random moments to every command, and what is there afterwards.
+
+In one file, since every command needs its own idea of what it promised, beside those of the others.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The study of accuracy and the choice of a mesh: on tables with known rates, and on the smallest scenes there are."""
+"""The study of accuracy and the choice of a mesh: on tables with known rates, and on the smallest scenes there are.
+
+In one file, since all share one small scene and what was measured of it once.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What load_scene refuses: file, key, what was given and what is expected, in one line; exit code 2, no traceback."""
+"""What load_scene refuses: file, key, what was given and what is expected, in one line; exit code 2, no traceback.
+
+In one file, since it is a list of mistakes and of what is said to each.
+"""
 
 from __future__ import annotations
 
