@@ -25,7 +25,7 @@ def write_record(
     scene: Scene | MatrixScene, problem: Problem, result: Sweep | None, seconds: dict[str, float], status: str,
     inputs: Mapping[str, Any], solver: LinearSolver, out: Path,
 ) -> None:  # fmt: skip
-    """Write run.json; whence the growth comes is left out of that of a run that goes on.
+    """Write run.json; while a run goes on, without the shares of its terms in the growth, which take time.
 
     Parameters
     ----------
