@@ -95,9 +95,8 @@ class Solve(Section):
     tolerance : float
         Relative backward error at which an eigenvalue is taken as converged.
     linear_solver : "auto", "pardiso", "superlu" or "mumps"
-        What factorises sparse matrices: "pardiso" is MKL's, "superlu" is SciPy's, which is always there, slower and
-        cannot count the modes; "auto" takes "pardiso" where it can be loaded, else "superlu". "mumps" is not available
-        in this version.
+        What factorises sparse matrices: "pardiso" is MKL's, "superlu" is SciPy's, which is always there, but
+        slower; "auto" takes "pardiso" where it can be loaded, else "superlu". "mumps" is not available in this version.
     """
 
     modes: Annotated[int, Field(ge=1)] | None = None  # 20, or as many as there are, where max_frequency is not given

@@ -163,6 +163,7 @@ def test_spoilt_scenes(
     place: Path, seed: int, count: int, other_seed: int, capsys: pytest.CaptureFixture[str],
     recwarn: pytest.WarningsRecorder,
 ) -> None:  # fmt: skip
+    """A good scene behind them all still runs: none leaves anything behind, and not all are refused for nothing."""
     rng = np.random.default_rng([seed, other_seed] if other_seed else seed)
     path, out = place / "scene.toml", place / "out"
     before = peak_memory_mib()
@@ -178,7 +179,13 @@ def test_spoilt_scenes(
             print(f"seed {seed}, number {number}: {place}/failed_{seed}_{number}.toml")
             raise
         shutil.rmtree(out, ignore_errors=True)
-    assert codes.count(0) > count // 20 and codes.count(2) > count // 2
+    path.write_text(BASES[seed % len(BASES)], encoding="utf-8")
+    assert outcome(["run", str(path), "-o", str(out)], out, capsys)[0] == 0
+    shutil.rmtree(out)
+    # One spoilt scene in seven is still good (measured on 320 of them). By chance 10 or fewer of 250 are in one round
+    # out of a million, but 2 or fewer of 40 in one out of 15: a short round says nothing about that share.
+    assert count < 250 or codes.count(0) > count // 25
+    assert codes.count(2) > count // 2  # fails by chance once in ten million rounds of 40
     assert growth_of_memory(peak_memory_mib, before) < MOST_MIB
 
 

@@ -89,7 +89,7 @@ def test_superlu_law_is_right_to_a_factor_of_three(symmetric):
     for m in (16, 22):
         A = solid(m)
         factors = superlu.SuperLUFactor(A, symmetric)._lu
-        real = 12 * (factors.L.nnz + factors.U.nnz)
+        real = 12 * (factors.L.nnz + factors.U.nnz) * (2 if symmetric else 1)  # with the copy whose pivots are counted
         assert 1 / 3 < superlu.superlu_memory(A, symmetric) / real < 3
 
 

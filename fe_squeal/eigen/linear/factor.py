@@ -20,8 +20,9 @@ class SingularError(NotConvergedError):
 class Factor(Protocol):
     """A factorised real or complex matrix A."""
 
-    negative_pivots: int | None
-    """Number of negative eigenvalues of a real symmetric A (Sylvester's law of inertia); None where not known."""
+    @property
+    def negative_pivots(self) -> int | None:
+        """Number of negative eigenvalues of a real symmetric A (Sylvester's law of inertia); None where not known."""
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻¹ b for b (n,) or (n, k), real or complex."""
