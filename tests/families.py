@@ -120,7 +120,7 @@ def judge(family: Family, onsets: list[tuple[float, str, float]]) -> Verdict:
 
 
 def _merged(changes: list[tuple[float, int]], width: float) -> list[tuple[float, int]]:
-    """Return changes with those nearer to each other than a width as one: rounding makes a count flicker at a change."""
+    """Return changes with those nearer to each other than a width as one: at a change rounding makes counts flicker."""
     merged: list[tuple[float, int]] = []
     for value, gain in sorted(changes):
         if merged and value - merged[-1][0] < width:

@@ -53,8 +53,7 @@ class Refiner:
         """
         if change.at_start and change.kind == "meeting" and self._theta and self._is_doublet(change):
             lam = np.sqrt(-change.v + 0j)
-            width = abs(change.high - change.low) + FINEST * self._width
-            return self._made(change, change.low, abs(lam.imag) or abs(lam), np.nan, width)
+            return self._made(change, change.low, abs(lam.imag) or abs(lam), np.nan, self._doublet_width(change))
         try:
             root = self._root(change)
         except (NotConvergedError, ValueError, np.linalg.LinAlgError):
@@ -97,6 +96,16 @@ class Refiner:
             return False
         u = start.right[:, near]
         return bool(modal_assurance(u[:, :1], u[:, 1:], start.M)[0, 0] <= _ONE_SHAPE)
+
+    def _doublet_width(self, change: Change) -> float:
+        """Return up to where the coupling of a doublet may be weaker than what rounding leaves between its modes.
+
+        The coupling grows in proportion to the parameter, up to |Im θ| at the upper end of the change.
+        """
+        start, width = self.step.end(0), abs(change.high - change.low)
+        near = np.argsort(np.abs(start.v - change.v))[:2]
+        apart = abs(start.v[near[0]] - start.v[near[1]]) / 2 + start.blur[near].max()
+        return float(min(apart / abs(change.v.imag), 1.0) * width + FINEST * self._width)
 
     # Newton's method, on the small model first.
 
