@@ -99,7 +99,7 @@ def page(rows: list[dict]) -> str:
         seconds = sum(r["seconds"] for r in own) / max(len(own), 1)
         lines.append(f"| {name.replace('_', ' ')} | {len(own)} | {' | '.join(map(str, counts))} | {seconds:.2f} |")
     told = [r for r in rows if is_wrong(r) or r["error"] or r.get("warnings")]
-    lines += ["", f"{len(told)} of these sweeps were wrong, warned or ended with an error:", ""] if told else []
+    lines += ["", f"Sweeps that were wrong, warned or ended with an error ({len(told)}):", ""] if told else []
     for r in told:
         what = [f"missed {v:.8g}" for v in r.get("missed", [])] + [f"invented {v:.8g}" for v in r.get("invented", [])]
         what += [f"warned: {w}" for w in r.get("warnings", [])] + ([f"no result: {r['error']}"] if r["error"] else [])

@@ -216,13 +216,19 @@ class Refiner:
                 high, behind = middle, found
             else:
                 low, before = middle, found
-        more, at = (behind, high) if change.gains > 0 else (before, low)
-        # The mode that has just become unstable is the one that hardly grows.
+        more = behind if change.gains > 0 else before
+        # The mode that has just become unstable is the one that hardly grows; its growth is looked at farther on.
         lam = complex(more.lam[np.argmin(more.lam.real)])
-        value = (low + high) / 2
-        aside = abs(at - value) + 0.25 * _BISECTED * self._width
-        speed = lam.real / (np.sqrt(aside) if change.kind == "meeting" else aside) * np.sign(change.gains)
-        return self._made(change, value, lam.imag, float(speed), abs(high - low))
+        value, into = (low + high) / 2, np.sign(change.gains) * np.sign(high - low)
+        aside = min(_ASIDE * self._width, abs((change.limits[1] if change.gains > 0 else change.limits[0]) - value))
+        growing = unstable(value + into * aside)
+        i = int(np.argmin(np.abs(growing.lam - lam)))
+        power = 0.5 if change.kind == "meeting" else 1.0
+        speed = growing.lam[i].real / aside**power
+        # What is called unstable grows by more than its own uncertainty: the change lies before it by that much, and
+        # twice as much is allowed because growth is no straight line.
+        unseen = float(2 * growing.re_uncertainty[i] / speed) ** (1 / power)
+        return self._made(change, value, lam.imag, float(speed * np.sign(change.gains)), abs(high - low) + unseen)
 
     def _highest(self, change: Change) -> float:
         lam = change.v if not self._theta else np.sqrt(-change.v + 0j)
