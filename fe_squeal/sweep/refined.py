@@ -53,8 +53,7 @@ class Refiner:
         """
         if change.at_start and change.kind == "meeting" and self._theta and self._is_doublet(change):
             lam = np.sqrt(-change.v + 0j)
-            width = abs(change.high - change.low) + FINEST * self._width
-            return self._made(change, change.low, abs(lam.imag) or abs(lam), np.nan, width)
+            return self._made(change, change.low, abs(lam.imag) or abs(lam), np.nan, self._doublet_width(change))
         try:
             root = self._root(change)
         except (NotConvergedError, ValueError, np.linalg.LinAlgError):
@@ -97,6 +96,16 @@ class Refiner:
             return False
         u = start.right[:, near]
         return bool(modal_assurance(u[:, :1], u[:, 1:], start.M)[0, 0] <= _ONE_SHAPE)
+
+    def _doublet_width(self, change: Change) -> float:
+        """Return up to where the coupling of a doublet may be weaker than what rounding leaves between its modes.
+
+        The coupling grows in proportion to the parameter, up to |Im θ| at the upper end of the change.
+        """
+        start, width = self.step.end(0), abs(change.high - change.low)
+        near = np.argsort(np.abs(start.v - change.v))[:2]
+        apart = abs(start.v[near[0]] - start.v[near[1]]) / 2 + start.blur[near].max()
+        return float(min(apart / abs(change.v.imag), 1.0) * width + FINEST * self._width)
 
     # Newton's method, on the small model first.
 
@@ -207,13 +216,19 @@ class Refiner:
                 high, behind = middle, found
             else:
                 low, before = middle, found
-        more, at = (behind, high) if change.gains > 0 else (before, low)
-        # The mode that has just become unstable is the one that hardly grows.
+        more = behind if change.gains > 0 else before
+        # The mode that has just become unstable is the one that hardly grows; its growth is looked at farther on.
         lam = complex(more.lam[np.argmin(more.lam.real)])
-        value = (low + high) / 2
-        aside = abs(at - value) + 0.25 * _BISECTED * self._width
-        speed = lam.real / (np.sqrt(aside) if change.kind == "meeting" else aside) * np.sign(change.gains)
-        return self._made(change, value, lam.imag, float(speed), abs(high - low))
+        value, into = (low + high) / 2, np.sign(change.gains) * np.sign(high - low)
+        aside = min(_ASIDE * self._width, abs((change.limits[1] if change.gains > 0 else change.limits[0]) - value))
+        growing = unstable(value + into * aside)
+        i = int(np.argmin(np.abs(growing.lam - lam)))
+        power = 0.5 if change.kind == "meeting" else 1.0
+        speed = growing.lam[i].real / aside**power
+        # What is called unstable grows by more than its own uncertainty: the change lies before it by that much, and
+        # twice as much is allowed because growth is no straight line.
+        unseen = float(2 * growing.re_uncertainty[i] / speed) ** (1 / power)
+        return self._made(change, value, lam.imag, float(speed * np.sign(change.gains)), abs(high - low) + unseen)
 
     def _highest(self, change: Change) -> float:
         lam = change.v if not self._theta else np.sqrt(-change.v + 0j)

@@ -1,0 +1,209 @@
+"""Sweeps whose list of onsets is wrong where pairs of branches alone are watched, against closed forms and LAPACK."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from families import Family, judge, make, rigid
+
+import fe_squeal
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
+from fe_squeal.problem.forms import collect_powers
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
+from meshes import STEEL, annulus, join, make_problem
+
+STIFFNESS = "contacts.belt.normal_stiffness"
+
+
+def unstable(problem, parameter, value, count):
+    """Count the unstable modes among the lowest ones."""
+    pencil = problem.pencil({parameter: float(value)})
+    return int((solve_modes(pencil, Request(count=count)).stability == "unstable").sum())
+
+
+def check_sides(problem, result, count, least=1e-7):
+    """Check that the problem itself has one unstable mode more or less behind every onset, close to it."""
+    for o in result.onsets:
+        assert o.uncertainty > 0 and np.isfinite(o.crossing_speed)
+        aside = max(10 * o.uncertainty, least * o.value)
+        before, behind = (unstable(problem, o.parameter, o.value + s * aside, count) for s in (-1, 1))
+        assert behind - before == (1 if o.direction == "into" else -1), o
+
+
+def family_of(problem, parameter, values):
+    """Return a problem of finite elements as the judge wants it: full matrices."""
+    terms = collect_powers(problem, parameter).terms
+    parts = [(t.slot, t.matrix.toarray(), sum(t.powers.values()), t.imaginary) for t in terms]
+    return Family("finite elements", tuple(parts), values)
+
+
+@pytest.mark.parametrize("seed", [15, 18])
+def test_a_mode_changes_its_partner_inside_a_step(seed):
+    """A pair parts, and one of the two meets a third mode before the step ends: the count of unstable modes is the same
+    at both ends, and the second meeting belongs to no pair of neighbours at either."""
+    family = make(rigid, seed)
+    result = fe_squeal.sweep(family.problem(), family.values, "p", modes=len(family.parts[0][1]))
+    assert not judge(family, [(o.value, o.direction, o.uncertainty) for o in result.onsets])
+    changed = []
+    for a, b in itertools.pairwise(family.values):
+        inside = [o for o in result.onsets if a < o.value <= b]
+        pairs = [{o.branch_a, o.branch_b} for o in inside]
+        changed += [(p, q) for p, q in itertools.pairwise(pairs) if len(p & q) == 1]
+        if changed and changed[-1][0] in pairs:
+            assert [o.direction for o in inside] == ["out of", "into"]
+    assert len(changed) == 1
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-3])
+@pytest.mark.parametrize("unknowns", [12, 480])
+def test_window_narrower_than_a_fifth_of_a_step(unknowns, damping):
+    """Two branches θ = 100 ± s(p − a) cross with couplings ±κp: D = s²(p − a)² − κ²p², and with damping c of all modes
+    alike Re λ > 0 where −D > 100 c². Sampled at the steps, or where the branches cross by their slopes at the
+    ends, nothing is to be seen."""
+    at, slope, width = 0.55, 25.8, 0.0186
+    kappa = slope * width / 2 / at
+    theta = 120 + 7.0 * np.arange(unknowns)
+    theta[:2] = 100 + slope * at, 100 - slope * at
+    F = sp.lil_array((unknowns, unknowns))
+    F[0, 0], F[1, 1], F[0, 1], F[1, 0] = -slope, slope, kappa, -kappa
+    terms = [Term("mass", "M", sp.eye_array(unknowns, format="csr"), True)]
+    terms += [Term("stiffness", "K", sp.csr_array(sp.diags_array(theta)), True)]
+    terms += [Term("friction", "K", sp.csr_array(F), False, {"p": 1})]
+    if damping:
+        terms += [Term("dashpots", "C", damping * sp.eye_array(unknowns, format="csr"), True)]
+    problem = Problem(tuple(terms), {"p": 0.0})
+    result = fe_squeal.sweep(problem, np.linspace(0.0, 1.0, 11), "p", modes=8)
+    ends = at + np.roots([slope**2 - kappa**2, -2 * kappa**2 * at, 100 * damping**2 - (kappa * at) ** 2])
+    assert [o.direction for o in result.onsets] == ["into", "out of"]
+    for o, end in zip(result.onsets, np.sort(ends), strict=True):
+        assert abs(o.value - end) <= o.uncertainty + 1e-12
+        assert o.uncertainty <= 1e-7  # 1e-6 of a step
+    assert not result.unsettled
+
+
+def belt(youngs_modulus, abutment, guide, mu, loss_factor=0.0):
+    """Return a pad on an elastic belt, 54 unknowns."""
+    lining = {"youngs_modulus": youngs_modulus, "poisson_ratio": 0.25, "density": 2600.0, "loss_factor": loss_factor}
+    on = {"caliper": ("top", [0, 0, 1], 2e7), "abutment": ("right", [1, 0, 0], abutment)}
+    on["guide"] = ("right", [0, 1, 0], guide)
+    geometry = {"length": 0.08, "width": 0.04, "height": 0.015, "size": 0.04, "belt_thickness": 0.012}
+    scene = {
+        "mesh": {"order": 1, "block": geometry}, "materials": {"lining": lining, "steel": STEEL},
+        "bodies": {"block": {"material": "lining"}, "belt": {"material": "steel"}},
+        "supports": [{"surface": "belt_bottom", "fixed": "xyz"}],
+        "springs": [{"name": n, "surface": s, "direction": d, "stiffness": k} for n, (s, d, k) in on.items()],
+        "contacts": [{"name": "belt", "surface": "bottom", "counterface": "belt_top", "normal_stiffness": 1e10,
+                      "sliding": {"direction": [1, 0, 0], "speed": 1.0}}],
+        "effects": {"friction": {"mu": mu}} | ({"structural_damping": {}} if loss_factor else {}),
+    }  # fmt: skip
+    return fe_squeal.assemble(fe_squeal.parse_scene(scene))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", [1e7, 2e7])
+def test_contact_stiffness_over_six_decades(start):
+    """Steps that change everything are halved again and again. A pair that is unstable already where such a part of a
+    step begins is no doublet that couples there."""
+    problem = belt(2.58687e9, 2.07246e6, 6.04594e8, 0.866197)
+    result = fe_squeal.sweep(problem, np.geomspace(start, 1e6 * start, 13), STIFFNESS, modes=10)
+    assert len(result.onsets) == 7
+    check_sides(problem, result, 14)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [6, 10, 11])
+def test_structural_damping_over_two_decades(count):
+    """Re λ of single modes changes its sign. Modes that are counted within a window of frequency are more or fewer as
+    another unstable mode passes its edge; here the list must be the same whatever the steps."""
+    problem = belt(3.99279e8, 1.57043e8, 1.21646e6, 0.852936, loss_factor=3.4e-4)
+    result = fe_squeal.sweep(problem, np.geomspace(1e9, 1e11, count), STIFFNESS, modes=12)
+    values = [4.23125e9, 6.2382922e9, 7.0572335e9, 9.974271e9, 3.7209383e10, 4.9538109e10]
+    np.testing.assert_allclose([o.value for o in result.onsets], values, rtol=1e-6)
+    assert [o.direction for o in result.onsets] == ["into", "out of", "into", "into", "into", "out of"]
+    check_sides(problem, result, 14)
+
+
+def ring_pad(spot):
+    """Return a ring pad on a disc, with a spring on a part of the rim that makes doublets two."""
+    disc, pad = (
+        annulus("hex2", (1, 16, 1), *sizes) for sizes in ((0.1, 0.2, 0.02), (0.12, 0.18, 0.015, 0.02, "pad"))
+    )
+    mesh = join(disc, pad)
+    x = mesh.p[:, mesh.facets[:, mesh.boundaries["rim"]]].mean(axis=1)
+    mesh = mesh.with_boundaries(
+        {**mesh.boundaries, "spot": mesh.boundaries["rim"][np.abs(np.arctan2(x[1], x[0]) - 0.3) < 0.3]}
+    )
+    springs = [("x", "top_pad", [1, 0, 0], 1e8), ("y", "top_pad", [0, 1, 0], 1e8), ("z", "top_pad", [0, 0, 1], 1e8)]
+    springs += [("spot", "spot", [0, 0, 1], spot)]
+    contact = {
+        "surface": "bottom_pad", "counterface": "top", "normal_stiffness": 1e11,
+        "sliding": {"axis": [0, 0, 1], "speed": 5.0},
+    }  # fmt: skip
+    return make_problem(
+        mesh, order=1, supports=[{"surface": "hub", "fixed": "xyz"}], contacts=[contact],
+        springs=[dict(zip(("name", "surface", "direction", "stiffness"), s, strict=True)) for s in springs],
+        effects={"friction": {"mu": 0.0}},
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_onset_of_split_doublets_is_not_the_mirror_root():
+    """Doublets that are split by δ couple at μ = ±δ/2b, both within 1e-4 of a step from the start: D is even in μ, so
+    that Newton's method may end at the root outside the sweep."""
+    problem = ring_pad(1e3)
+    values = np.linspace(0.0, 0.6, 7)
+    result = fe_squeal.sweep(problem, values, modes=10)
+    assert all(values[0] <= o.value <= values[-1] for o in result.onsets)
+    split = [o for o in result.onsets if o.value > 0]
+    np.testing.assert_allclose([o.value for o in split[:2]], [1.801e-6, 4.697e-6], rtol=1e-3)
+    for o in split[:2]:
+        growth = [
+            max(m.lam.real[np.abs(m.frequency_hz - o.frequency_hz) < 1])
+            for m in (solve_modes(problem.pencil({"mu": s * o.value}), Request(count=14)) for s in (0.99, 1.01))
+        ]
+        assert growth[0] <= 1e-6 < growth[1]
+        assert growth[1] == pytest.approx(o.crossing_speed * np.sqrt(0.01 * o.value), rel=0.05)
+
+
+FIVE_SPRINGS = {
+    "a quartet after zero": (1.277, "s1", 5, [
+        ("left", [0.395, 2.553, -0.091], 330137.0), ("right", [1.267, -0.134, -0.821], 15265136.0),
+        ("front", [0.162, 1.11, 0.272], 1132424.0), ("back", [-0.379, 0.561, -2.136], 604818.0),
+        ("top", [0.028, -1.37, 2.176], 165185.0)]),
+    "a quartet parts beside zero": (2.75, "s4", 4, [
+        ("left", [-0.668, 0.138, -1.416], 2872261.0), ("right", [0.51, -0.303, -0.453], 238630.0),
+        ("front", [-0.585, -0.686, -0.46], 2267556.0), ("back", [0.06, -1.195, -0.303], 4646271.0),
+        ("top", [1.871, -1.142, 0.339], 116515.0)]),
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", FIVE_SPRINGS)
+def test_divergence_and_quartet_in_one_step(case):
+    """A real pair ±s swings again, and with an oscillating pair forms or leaves a quartet, within one step of a
+    spring's stiffness: branches that are followed by |λ| or shape alone are lost there."""
+    mu, swept, count, springs = FIVE_SPRINGS[case]
+    scene = {
+        "mesh": {"order": 1, "block": {"length": 0.08, "width": 0.04, "height": 0.04, "size": 0.08}},
+        "materials": {"lining": {"youngs_modulus": 1e10, "poisson_ratio": 0.25, "density": 2600.0}},
+        "bodies": {"block": {"material": "lining"}},
+        "springs": [
+            {"name": f"s{i}", "surface": s, "direction": d, "stiffness": k} for i, (s, d, k) in enumerate(springs)
+        ],
+        "contacts": [{"surface": "bottom", "counterface": "rigid", "normal_stiffness": 1e9,
+                      "sliding": {"direction": [1, 0, 0], "speed": 1.0}}],
+        "effects": {"friction": {"mu": mu}},
+    }  # fmt: skip
+    problem = fe_squeal.assemble(fe_squeal.parse_scene(scene))
+    values, parameter = np.linspace(0.0, 5e7, count), f"springs.{swept}.stiffness"
+    result = fe_squeal.sweep(problem, values, parameter, modes=8)
+    assert {o.kind for o in result.onsets} == {"flutter", "divergence"}
+    assert not judge(
+        family_of(problem, parameter, values), [(o.value, o.direction, o.uncertainty) for o in result.onsets]
+    )
+    check_sides(problem, result, 12)
