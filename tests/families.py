@@ -116,7 +116,8 @@ def judge(family: Family, onsets: list[tuple[float, str, float]]) -> Verdict:
             missed.append(value)
         for o in sorted(near, key=lambda o: abs(o[0] - value))[: abs(gain)]:
             left.remove(o)
-    return Verdict(missed, [o[0] for o in left])
+    # A window too narrow for the judge is neither right nor wrong.
+    return Verdict(missed, [value for value, _ in _merged([o[:2] for o in left], resolution)])
 
 
 def _merged(changes: list[tuple[float, int]], width: float) -> list[tuple[float, int]]:

@@ -29,7 +29,6 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
         blur, error = samples.blur / rate, error / rate
     else:
         blur = samples.blur
-    partings = [] if samples.theta else _partings(samples, growth, blur)
     i, j = np.triu_indices(samples.cluster.m, 1)
     apart = np.abs(samples.v[:, i] - samples.v[:, j]).min(axis=1, initial=np.inf)
     # An eigenvalue moves by the error of H times its condition, and next to a meeting by its square root.
@@ -62,19 +61,29 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
             if samples.v[there, b].imag < -1e-6 * abs(samples.v[there, b]) - samples.blur and not samples.theta:
                 continue  # the mirror image of one above the real axis
             found.append((int(k), b, samples.made("crossing", gains, int(k), there, b, limits)))
+    crossed = np.zeros(len(t) - 1, int)
+    for at_sample, _, change in found:
+        crossed[at_sample] += change.gains
+    partings = [] if samples.theta else _partings(samples, growth, blur, crossed)
     return [*(c for _, _, c in found), *partings], samples.finest
 
 
-def _partings(samples: Samples, growth: np.ndarray, blur: float) -> list[Change]:
-    """Return where growing pairs λ, λ* become two real eigenvalues, each of which counts, or the reverse."""
+def _partings(samples: Samples, growth: np.ndarray, blur: float, crossed: np.ndarray) -> list[Change]:
+    """Return where growing pairs λ, λ* become two real eigenvalues, each of which counts, or the reverse.
+
+    Parameters
+    ----------
+    crossed : (s − 1,) int
+        By how many the unstable modes become more between two samples through the imaginary axis.
+    """
     real = np.abs(samples.v.imag) <= 1e-9 * np.abs(samples.v) + blur
     single = (real & (growth > blur)).sum(axis=1)
     pairs = (~real & (growth > blur) & (samples.v.imag > 0)).sum(axis=1)
     found = []
-    jumps = np.flatnonzero((np.diff(pairs) != 0) & (np.diff(single) == -2 * np.diff(pairs)))
-    for k in (int(jump) for jump in jumps):
-        gains = -int(pairs[k + 1] - pairs[k])
-        there = k + 1 if gains < 0 else k  # where they are a pair
+    rest = np.diff(pairs + single) - crossed
+    for k in (int(jump) for jump in np.flatnonzero((np.diff(pairs) != 0) & (rest != 0))):
+        gains = int(rest[k])
+        there = k + 1 if pairs[k + 1] > pairs[k] else k  # where they are a pair
         upper = np.flatnonzero(~real[there] & (growth[there] > blur) & (samples.v[there].imag > 0))
         for i in upper[np.argsort(samples.v[there, upper].imag)][: abs(gains)]:
             limits = (float(samples.t[max(k - 1, 0)]), float(samples.t[min(k + 2, len(samples.t) - 1)]))
