@@ -222,6 +222,8 @@ class Refiner:
         value, into = (low + high) / 2, np.sign(change.gains) * np.sign(high - low)
         aside = min(_ASIDE * self._width, abs((change.limits[1] if change.gains > 0 else change.limits[0]) - value))
         growing = unstable(value + into * aside)
+        if not len(growing):
+            growing, aside = more, abs(high - low)
         i = int(np.argmin(np.abs(growing.lam - lam)))
         power = 0.5 if change.kind == "meeting" else 1.0
         speed = growing.lam[i].real / aside**power

