@@ -244,7 +244,9 @@ class RunningSweep:
         assert self._previous is not None and self._first is not None
         name = self.parameter
         known, wanted = wanted_count(self._previous, self.request), wanted_count(modes, self.request)
-        reported = {*self._branches[:known], *branches[:wanted]}
+        # What is told to turn unstable is followed to where it is stable again, also where it has left the range.
+        told = {name for o in self.onsets for name in (o.branch_a, o.branch_b)} - {None}
+        reported = {*self._branches[:known], *branches[:wanted], *told}
         below = max(self._previous.lam[:known].imag.max(initial=0.0), modes.lam[:wanted].imag.max(initial=0.0))
         found = find_step_onsets(
             self.problem, name, (self._value, value), (self._previous, modes), (self._branches, branches), float(below),
