@@ -66,7 +66,15 @@ def _lengths(node: Node, side: str) -> np.ndarray:
 def _likeness(a: Node, b: Node, side: str) -> np.ndarray:
     u, w = (n.right if side == "right" else n.left for n in (a, b))
     size = np.outer(_lengths(a, side), _lengths(b, side))
-    return np.asarray(np.abs(u.conj().T @ a.M @ w) / size) ** 2
+    alike = np.asarray(np.abs(u.conj().T @ a.M @ w) / size) ** 2
+    if a.C is None:
+        return alike
+    # States (φ, λφ) tell the two eigenvalues of an overdamped mode, or a mode and its mirror image, from each other.
+    v, x = np.abs(a.v)[:, None], np.abs(b.v)[None, :]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        turn = np.conj(a.v / np.abs(a.v))[:, None] * (b.v / np.abs(b.v))[None, :]
+        same = np.abs(1 + turn) ** 2 / (2 + v / x + x / v)
+    return np.where((v > 0) & (x > 0), alike * same, alike)
 
 
 def _may_meet(node: Node, width: float) -> np.ndarray:

@@ -34,10 +34,11 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
     # An eigenvalue moves by the error of H times its condition, and next to a meeting by its square root.
     amplified = error * (1 + samples.departure / np.maximum(apart, error + np.finfo(float).tiny))
     worst = np.sqrt(error * (error + samples.departure)) + error
-    unsure = np.minimum(amplified, worst) if samples.cluster.m > 1 else error
+    group = np.minimum(amplified, worst) if samples.cluster.m > 1 else error
     found: list[tuple[int, int, Change]] = []
     for b in range(samples.cluster.m):
         g = growth[:, b]
+        unsure = np.fmin(group, error * samples.condition[:, b])
         up = g > blur
         for end, at in ((0, 0), (1, -1)):
             node, s = samples.cluster.ends[end], samples.cluster.members[end]
@@ -99,20 +100,17 @@ def _follow(samples: Samples) -> None:
             ahead = samples.v[k - 1] + h * samples.slope[k - 1] / 2
             back = samples.v[k] - h * samples.slope[k] / 2
             _, order = linear_sum_assignment(np.abs(ahead[:, None] - back[None, :]))
-            samples.v[k], samples.slope[k], samples.W[k] = (
-                samples.v[k][order],
-                samples.slope[k][order],
-                samples.W[k][:, order],
-            )
+            samples.v[k], samples.slope[k] = samples.v[k][order], samples.slope[k][order]
+            samples.W[k], samples.condition[k] = samples.W[k][:, order], samples.condition[k][order]
         more = _turning_points(samples)
         if not len(more):
             return
-        v, slope, _, W, departure = samples.at(more)
+        v, slope, _, W, departure, condition = samples.at(more)
         order = np.argsort(np.concatenate([samples.t, more]), kind="stable")
         samples.t = np.concatenate([samples.t, more])[order]
-        samples.v, samples.slope = np.concatenate([samples.v, v])[order], np.concatenate([samples.slope, slope])[order]
-        samples.W = np.concatenate([samples.W, W])[order]
-        samples.departure = np.concatenate([samples.departure, departure])[order]
+        added = {"v": v, "slope": slope, "W": W, "departure": departure, "condition": condition}
+        for name, more_of_it in added.items():
+            setattr(samples, name, np.concatenate([getattr(samples, name), more_of_it])[order])
 
 
 def _turning_points(samples: Samples) -> np.ndarray:

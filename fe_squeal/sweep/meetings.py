@@ -66,7 +66,7 @@ def _require_settled_pairs(samples: Samples, error: np.ndarray) -> float:
         return hidden
     i, j = np.triu_indices(m, 1)
     D = ((v[:, i] - v[:, j]) / 2) ** 2
-    doubt = error[:, None] * (2 * np.sqrt(np.abs(D)) + samples.departure[:, None]) + error[:, None] ** 2
+    doubt = samples.doubt(i, j, error)
     drift = np.abs(samples.slope[:, i] - samples.slope[:, j])
     for pair in range(len(i)):
         # The real part counts of pairs that are both real or conjugate to each other; others do not meet.

@@ -136,6 +136,18 @@ class Node:
         H = la.lstsq(B @ X, A @ X)[0]
         return X[: len(M)], H
 
+    @property
+    def residual(self) -> float:
+        """Return the largest ‖K φ − v M φ‖ / ‖v M φ‖, or ‖(v²M + vC + K)φ‖ / ‖v²M φ‖ with dampers, of the modes."""
+        U, v = self.right, self.v
+        if not len(v):
+            return 0.0
+        inertia = (self.M @ U) * (v if self.C is None else v**2)
+        rest = self.K @ U - inertia if self.C is None else inertia + (self.C @ U) * v + self.K @ U
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.linalg.norm(rest, axis=0) / np.linalg.norm(inertia, axis=0)
+        return float(np.nan_to_num(share, nan=0.0, posinf=0.0).max())
+
     @cached_property
     def rates(self) -> np.ndarray:
         """Return dv/dp (k,) of every mode by itself; not finite at a double eigenvalue."""

@@ -19,6 +19,7 @@ from .scan import Open, scan
 from .step import Step
 from .tracking import mirror_partners, modal_assurance
 
+_BEYOND = 1.05  # of the frequency up to which modes matter: what is found just above it is listed
 _APART = 0.02  # of a frequency: what changes less in a step does not pass it
 _RIM = 0.9  # of the highest |λ| known: a mode beyond may leave the range by itself
 
@@ -67,13 +68,14 @@ def find_step_onsets(
     if not len(modes[0]) or not len(modes[1]):
         return Found()
     step = Step(problem, parameter, values, modes, model, linear_solver)
-    seen = scan(step.end(0), step.end(1), step.between)
+    limit = _BEYOND * below
+    seen = scan(step.end(0), step.end(1), step.between, limit)
     if seen.open and problem.is_damped:  # two real eigenvalues for a pair: of these the decaying one may not be listed
-        seen = scan(step.between(values[0]), step.between(values[1]), step.between)
+        seen = scan(step.between(values[0]), step.between(values[1]), step.between, limit)
     found = Found(width=seen.width)
     refiner = Refiner(step, precise)
     for change in seen.changes:
-        if _frequency(step, change) > 1.05 * below:
+        if _frequency(step, change) > limit:
             continue
         try:
             onset = refiner.onset(change)

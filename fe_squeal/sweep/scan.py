@@ -49,7 +49,7 @@ class Scan:
     nodes: int
 
 
-def scan(first: Node, second: Node, modes: Callable[[float], Node]) -> Scan:
+def scan(first: Node, second: Node, modes: Callable[[float], Node], below: float = np.inf) -> Scan:
     """Find what changes between two values.
 
     Parameters
@@ -58,6 +58,8 @@ def scan(first: Node, second: Node, modes: Callable[[float], Node]) -> Scan:
         At the ends of a step.
     modes : callable
         Returns the node of a value between.
+    below : float, rad/s
+        What lies above as a whole is left out.
     """
     step = abs(second.value - first.value)
     result = Scan([], [], [], FINEST * step, 0)
@@ -71,7 +73,7 @@ def scan(first: Node, second: Node, modes: Callable[[float], Node]) -> Scan:
         scale = abs(b.value - a.value) / step
         doubted = []
         for members in (_without_rim(a, b, *g) for g in groups(a, b)):
-            if _is_idle(a, b, members):
+            if _is_idle(a, b, members) or _lowest(a, b, members) > below:
                 continue
             if len(members[0]) != len(members[1]):
                 opened.append(Open((a, b), members))
@@ -103,6 +105,10 @@ def scan(first: Node, second: Node, modes: Callable[[float], Node]) -> Scan:
         result.open.extend(opened)
     changes = sorted(result.changes, key=lambda c: (c.low, c.high))
     return Scan(changes, result.open, result.unsettled, width, count)
+
+
+def _lowest(a: Node, b: Node, members: tuple[np.ndarray, np.ndarray]) -> float:
+    return float(min(np.abs(n.lam[s]).min(initial=np.inf) for n, s in zip((a, b), members, strict=True)))
 
 
 def _is_idle(a: Node, b: Node, members: tuple[np.ndarray, np.ndarray]) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,6 +19,7 @@ from .nodes import Node, node_of
 _DEPENDENT = 1e-9  # eigenvalue of a Gram matrix of unit vectors: what is left out of the basis of a step
 _BALANCED = 1e-11  # of the forces that cancel: what rounding leaves of those of a rigid motion
 _SPANNED = 1e-4  # of a vector: what is left of one that others span
+_ALIKE = 1e-7  # of θ, or of λ²: residual up to which the modes of the ends are those of the small model
 _SMALL = 60  # unknowns up to which the small model is the problem itself
 
 
@@ -91,17 +93,39 @@ class Step:
         return right, left
 
     def end(self, which: int) -> Node:
-        """Return what is known at one of the ends."""
-        modes = self.modes_at_ends[which]
-        return node_of(self.small, self.parameter, self.ends[which], modes, self.shapes(modes))
+        """Return what is known at one of the ends.
+
+        Where rounding moves the modes of the ends by more than `_ALIKE`, those of the small model stand for them: that
+        is one and the same smooth function of the parameter at every value.
+        """
+        node = self._known[which]
+        return node if node.residual <= _ALIKE else self.between(self.ends[which])
+
+    @cached_property
+    def _known(self) -> tuple[Node, Node]:
+        first, second = (
+            node_of(self.small, self.parameter, p, m, self.shapes(m))
+            for p, m in zip(self.ends, self.modes_at_ends, strict=True)
+        )
+        return first, second
 
     def between(self, p: float) -> Node:
-        """Return the modes of the small model at a value, as far as those of the ends reach."""
+        """Return the modes of the small model at a value, as far as those of the ends reach.
+
+        Rounding of the problem's own matrices is in the projection, too: no eigenvalue is known better than those of
+        the ends that lie nearest to it.
+        """
         reach = 1.2 * max(float(np.abs(m.lam).max(initial=0.0)) for m in self.modes_at_ends)
         modes = self.modes(p)
         modes = modes.select(np.flatnonzero(np.abs(modes.lam) <= reach))
         left = modes.right if modes.left is None else modes.left
-        return node_of(self.small, self.parameter, p, modes, (modes.right, left))
+        node = node_of(self.small, self.parameter, p, modes, (modes.right, left))
+        at, blur = (np.concatenate([getattr(n, name) for n in self._known]) for name in ("v", "blur"))
+        if not len(at):
+            return node
+        blur = np.maximum(node.blur, blur[np.abs(node.v[:, None] - at[None, :]).argmin(axis=1)])
+        spread = blur if node.C is not None else np.minimum(blur / (2 * np.abs(node.lam)), np.sqrt(blur))
+        return replace(node, blur=blur, unstable=node.unstable & (node.lam.real > spread))
 
     def free(self, problem: Problem) -> np.ndarray | None:
         """Return the rigid motions Z of both ends on the unknowns of a problem, where KZ = 0 at both."""
