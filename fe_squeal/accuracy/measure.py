@@ -19,7 +19,7 @@ from ..assembly.assembly import Assembly
 from ..assembly.swept import swept
 from ..eigen.memory import peak_memory_mib
 from ..errors import NotConvergedError, SquealError, TooLargeError
-from ..isolation import isolated_children
+from ..process.isolation import isolated_children
 from ..scene import Scene
 from ..sweep.sweep import sweep
 from .estimate import Changes, refined_changes

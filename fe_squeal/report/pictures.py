@@ -28,7 +28,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
-from fe_squeal.isolation import isolated_environment
+from fe_squeal.process.isolation import isolated_environment
 from fe_squeal.report.branches import figure_text
 from fe_squeal.report.files import replace_atomically, save_figure, temporary_path
 from fe_squeal.report.shapes import (

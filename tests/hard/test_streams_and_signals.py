@@ -18,7 +18,7 @@ from test_safety import matrix_scene
 
 import fe_squeal.run.run
 from fe_squeal.cli import main
-from fe_squeal.streams import lasting_streams
+from fe_squeal.process.streams import lasting_streams
 from fe_squeal.sweep.running import RunningSweep
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="devices and signals of POSIX")
