@@ -54,8 +54,8 @@ def onset(scene: SceneFile) -> int:
     print_onsets(result.onsets_dataframe(), console, covered_text(frequency_range(loaded, result)))
     for o in result.onsets:
         console.print(f"{o.parameter} = {o.value!r} ± {o.uncertainty:.1g}, {o.frequency_hz!r} Hz", markup=False)
-    for doubt in told_once(result.doubts):
-        console.print(f"warning: {doubt}", markup=False)
+    for warning in told_once(result.warnings):
+        console.print(f"warning: {warning}", markup=False)
     return 0
 
 

@@ -65,7 +65,7 @@ def write_record(
         "notes": list(model.notes) if model is not None else [],
         "warnings": [
             *(model.warnings if model is not None else ()), *balance_warnings(parts),
-            *(result.doubts if result is not None else ()),
+            *(result.warnings if result is not None else ()),
         ],
         "inputs": inputs,
     }

@@ -214,17 +214,17 @@ def write_results(scene: Scene | MatrixScene, result: Sweep, held: Manifest) -> 
 
 
 def _explained(result: Sweep, scene: Scene | MatrixScene) -> Sweep:
-    """Add the doubt that a sweep without any mode leaves."""
+    """Add the warning that a sweep gives whose range holds no mode."""
     if any(len(point.modes) for point in result.points):
         return result
     limit = scene.solve.max_frequency
     asked = f"solve.max_frequency: given {limit:g} Hz; no mode lies below it" if limit else "no mode is determined"
-    doubt = f"{asked}, so nothing is shown"
-    return replace(result, doubts=(*result.doubts, doubt))
+    warning = f"{asked}, so nothing is shown"
+    return replace(result, warnings=(*result.warnings, warning))
 
 
 def _estimated(result: Sweep, solver: LinearSolver, console: Console) -> Sweep:
-    """Add the errors of the mesh; where that fails, the doubt that it leaves."""
+    """Add the errors of the mesh, or where that fails a warning."""
     from ..accuracy import with_discretisation
 
     clock = time.perf_counter()
@@ -232,7 +232,7 @@ def _estimated(result: Sweep, solver: LinearSolver, console: Console) -> Sweep:
     try:
         result = with_discretisation(result, solver)
     except (NotConvergedError, InputError) as error:
-        result = replace(result, doubts=(*result.doubts, f"the error of the mesh is not known: {error}"))
+        result = replace(result, warnings=(*result.warnings, f"the error of the mesh is not known: {error}"))
     return replace(result, seconds={**result.seconds, "estimate": time.perf_counter() - clock})
 
 
@@ -261,5 +261,5 @@ def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: 
     above = unstable_above(result)
     if above is not None:
         console.print(f"note: {above_text(above, result.parameter)}", markup=False)
-    for doubt in told_once(result.doubts):  # what a sweep doubts last, onsets that it did not find, is the gravest
-        console.print(f"warning: {doubt}", markup=False)
+    for warning in told_once(result.warnings):  # the last ones, of onsets that were not found, are the gravest
+        console.print(f"warning: {warning}", markup=False)
