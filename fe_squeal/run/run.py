@@ -89,15 +89,15 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
         spent = 0.0
         remove_results(held)
         checkpoint.begin(inputs)
-    model = discretisation_of(problem)
-    if model is not None:
-        for text in model.notes:
+    discretisation = discretisation_of(problem)
+    if discretisation is not None:
+        for text in discretisation.notes:
             console.print(f"note: {text}", markup=False)
         parts = force_balance(problem)
         balance = balance_table(parts)
         if balance is not None:
             print_table(balance, console)
-        for text in told_once((*model.warnings, *balance_warnings(parts))):
+        for text in told_once((*discretisation.warnings, *balance_warnings(parts))):
             console.print(f"warning: {text}", markup=False)
     console.print(
         f"{problem.unknowns} unknowns, {problem.problem_class} problem; effects on: "
@@ -136,7 +136,7 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
             try:
                 result = _estimated(result, solver, console)
             except KeyboardInterrupt:
-                status = "interrupted"  # the sweep is whole; --resume goes on with the estimate
+                status = "interrupted"  # all values are finished; --resume goes on with the estimate
         seconds |= dict(result.seconds)
         clock = time.perf_counter()
         write_results(scene, result, held)
@@ -204,7 +204,7 @@ def sweep_scene(
 def write_results(scene: Scene | MatrixScene, result: Sweep, held: Manifest) -> None:
     """Write tables, figures and shapes."""
     out = held.folder
-    held.remove(is_shape)  # an interrupted run has written those that grew fastest until then
+    held.remove(is_shape)  # those of an interrupted run may belong to other values: the fastest growth so far
     write_tables(result, out)
     write_figures(result, out, scene.title, frequency_range(scene, result)[1])
     if isinstance(scene, Scene):
