@@ -103,7 +103,8 @@ def test_matrices_go_on_and_are_told_from_others(
     file.write_bytes(content)
     capsys.readouterr()
     assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
-    assert "(proven: LAPACK finds all modes)" in capsys.readouterr().out  # known of the first value from the files alone
+    # Of the first value that is known from the files alone.
+    assert "(proven: LAPACK finds all modes)" in capsys.readouterr().out
     assert_same_results(out, tmp_path / "whole")
 
 
