@@ -32,9 +32,11 @@ from fe_squeal.report.curves import draw_growth, draw_stretches, padded
 from fe_squeal.report.files import save_figure
 from fe_squeal.report.growth import segments
 from fe_squeal.report.labels import place_labels
+from fe_squeal.report.looks import body_text, diameters_text
 
 MAX_LABELLED_ONSETS = 12
 MAX_LEGEND_ENTRIES = 26
+MAX_DESCRIBED = 12  # branches in the legend that have a second line: what they look like
 _DASHES = ("-", "--", ":")
 # mode coupling into and out of instability, and divergence, are told apart by the marker
 _MARKERS = {("flutter", "into"): ("o", "black"), ("flutter", "out of"): ("o", "white"),
@@ -90,7 +92,7 @@ def plot_stability(
     for axes in (top, bottom):
         axes.grid(True, color="0.92", lw=0.6)
         axes.set_axisbelow(True)
-    _draw_legend(top, growing, styles, markers)
+    _draw_legend(top, growing, styles, markers, modes)
 
     figure.align_ylabels([top, bottom])
     canvas.draw()  # settles the layout, which the labels need in pixels
@@ -197,11 +199,13 @@ def _label_onsets(
 
 
 def _draw_legend(
-    axes: Axes, growing: list[Branch], styles: dict[int, dict[str, Any]], markers: Sequence[Line2D]
+    axes: Axes, growing: list[Branch], styles: dict[int, dict[str, Any]], markers: Sequence[Line2D], modes: pd.DataFrame
 ) -> None:
     handles = list(markers)
     for branch in growing[:MAX_LEGEND_ENTRIES]:
         text = f"branch {branch.number}, {frequency_text(branch.frequency_hz[branch.peak])}"
+        looks = _looks(modes, branch) if len(growing) <= MAX_DESCRIBED else ""
+        text += f"\n{looks}" if looks else ""
         handles.append(Line2D([], [], lw=2.4, label=text, **styles[branch.number]))
     if len(growing) > MAX_LEGEND_ENTRIES:
         handles.append(Line2D([], [], lw=0, label=f"and {len(growing) - MAX_LEGEND_ENTRIES} more branches"))
@@ -209,6 +213,15 @@ def _draw_legend(
         handles.append(Line2D([], [], color="0.6", lw=0.7, label="marginal or stable"))
     if handles:
         axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
+
+
+def _looks(modes: pd.DataFrame, branch: Branch) -> str:
+    """Return what a branch looks like where it grows fastest; "" where that is not known."""
+    rows = modes[(numbers(modes, "branch") == branch.number) & (numbers(modes, "value") == branch.value[branch.peak])]
+    if not len(rows):
+        return ""
+    row = rows.iloc[0].to_dict()
+    return figure_text(", ".join(text for text in (diameters_text(row), body_text(row)) if text))
 
 
 def _growth_limits(modes: pd.DataFrame) -> tuple[tuple[float, float], list[str]]:

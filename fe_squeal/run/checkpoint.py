@@ -35,7 +35,7 @@ from .manifest import Manifest
 _SHARE = 0.03  # of the time: what may go into keeping values; those that take long are kept one by one
 _JSON = "json"  # name of the array that holds the rest
 # Of what the files hold. Raise it when a name, a unit or a meaning there changes, so that runs of before do not go on.
-LAYOUT = 2
+LAYOUT = 3
 
 
 class Checkpoint:

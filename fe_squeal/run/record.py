@@ -99,9 +99,10 @@ def _attribution(result: Sweep) -> list[dict[str, Any]]:
 
 
 def mode_info(result: Sweep, point: SweepPoint, i: int) -> dict[str, Any]:
-    """Return which mode it is, and its eigenvalue."""
+    """Return which mode it is, its eigenvalue, and what it looks like as far as that is known."""
     lam = point.modes.lam[i]
+    looks = {name: entries[i] for name, entries in point.description.items() if entries[i] is not None}
     return {
         "parameter": result.parameter, "value": point.value, "mode": i + 1, "branch": int(point.branches[i]),
-        "re": lam.real, "im": lam.imag, "frequency_hz": point.modes.frequency_hz[i],
+        "re": lam.real, "im": lam.imag, "frequency_hz": point.modes.frequency_hz[i], **looks,
     }  # fmt: skip

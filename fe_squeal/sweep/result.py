@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from ..eigen.pencil import Modes
 from ..eigen.request import Completeness
+from ..problem.description import DESCRIPTOR_COLUMNS, undescribed
 from ..problem.energy import Share, energy_balance
 from ..problem.problem import Problem
 from ..reduced import ReducedModel, lift
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 MODE_COLUMNS = (
     "parameter", "value", "mode", "branch", "re", "im", "frequency_hz", "damping_ratio", "stability", "noise",
-    "backward_error", "re_uncertainty", "re_discretisation", "im_discretisation",
+    "backward_error", "re_uncertainty", "re_discretisation", "im_discretisation", *DESCRIPTOR_COLUMNS,
 )  # fmt: skip
 ONSET_COLUMNS = (
     "parameter", "value", "frequency_hz", "kind", "direction", "crossing_speed", "branch_a", "branch_b", "uncertainty",
@@ -69,6 +70,8 @@ class SweepPoint:
         Unstable λ beyond the modes that were asked for, as far as the solve has seen any.
     between : bool
         Whether this is no value of the sweep but the middle of a window of instability between two of them.
+    description : mapping of column to (k,) entries
+        What the modes look like, see `fe_squeal.problem.description`; empty where nobody says.
     """
 
     value: float
@@ -80,6 +83,7 @@ class SweepPoint:
     discretisation: np.ndarray | None = None
     above: tuple[complex, ...] = ()
     between: bool = False
+    description: Mapping[str, Sequence[object]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -152,6 +156,7 @@ class Sweep:
         rows = []
         for point in self.points:
             m = point.modes
+            looks = list(zip(*(point.description or undescribed(len(m))).values(), strict=True))
             mesh = np.full(len(m), np.nan * (1 + 1j)) if point.discretisation is None else point.discretisation
             for i, lam in enumerate(m.lam):
                 size, unstable = abs(lam), m.stability[i] == "unstable"
@@ -160,8 +165,12 @@ class Sweep:
                     -lam.real / size if size else 0.0, m.stability[i],
                     classify_noise(m.frequency_hz[i]) if unstable else "",
                     m.backward_error[i], m.re_uncertainty[i], mesh[i].real, mesh[i].imag,
+                    *looks[i],
                 ))  # fmt: skip
-        return pd.DataFrame(rows, columns=list(MODE_COLUMNS))
+        frame = pd.DataFrame(rows, columns=list(MODE_COLUMNS))
+        counts = ["nodal_diameters", "nodal_circles", "other_nodal_diameters"]
+        shares = ["out_of_plane", "body_share", "nodal_diameters_share", "other_share", "travelling"]
+        return frame.astype(dict.fromkeys(counts, "Int64") | dict.fromkeys(shares, float) | {"body": object})
 
     def onsets_dataframe(self) -> pd.DataFrame:
         """Return one row per onset, the columns of onsets.csv."""

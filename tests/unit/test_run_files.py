@@ -24,7 +24,9 @@ from fe_squeal.cli import main
 
 MODES = (
     "parameter,value,mode,branch,re,im,frequency_hz,damping_ratio,stability,noise,backward_error,re_uncertainty,"
-    "re_discretisation,im_discretisation"
+    "re_discretisation,im_discretisation,"
+    "nodal_diameters,nodal_circles,out_of_plane,body,body_share,"
+    "nodal_diameters_share,other_nodal_diameters,other_share,travelling"
 )
 ONSETS = (
     "parameter,value,frequency_hz,kind,direction,crossing_speed,branch_a,branch_b,uncertainty,two_mode_value,"
@@ -77,6 +79,8 @@ def test_modes(out: Path) -> None:
         assert r["noise"] == ("moan" if word == "unstable" else "")  # near 700 Hz
         assert 0 <= float(r["backward_error"]) <= 1e-8
         assert (r["re_discretisation"], r["im_discretisation"]) == ("", "")
+        assert (r["body"], r["nodal_diameters"], r["nodal_circles"]) == ("block", "", "")  # a belt has no axis
+        assert float(r["body_share"]) == pytest.approx(1.0) and 0.0 <= float(r["out_of_plane"]) <= 1.0
 
 
 def test_growth_is_that_of_the_minimal_model(out: Path) -> None:
