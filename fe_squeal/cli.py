@@ -253,6 +253,17 @@ def lumped_models(
 
 
 @app.command()
+def report(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="A folder of results.", show_default=False)],
+    file: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.html", show_default=False)] = None,
+) -> int:
+    """Write the page of a finished run or study: the answer, charts, shapes that move, in one file."""
+    from .run.page import report_folder
+
+    return report_folder(out, file, _console())
+
+
+@app.command()
 def info() -> int:
     """Print versions, the linear solver and the number of threads."""
     from importlib.metadata import PackageNotFoundError, version

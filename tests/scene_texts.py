@@ -71,7 +71,7 @@ shapes = "none"
 SCENE = HEAD + SPRINGS + CONTACTS + TAIL
 TABLES_AND_FIGURES = {
     "manifest.sha256", "modes.csv", "onsets.csv", "contributions.csv", "sensitivities.csv", "run.json",
-    "stability.png", "root_locus.png", "contributions.png",
+    "stability.png", "root_locus.png", "contributions.png", "report.html",
 }  # fmt: skip
 
 

@@ -32,7 +32,7 @@ from fe_squeal.report.curves import draw_growth, draw_stretches, padded
 from fe_squeal.report.files import save_figure
 from fe_squeal.report.growth import segments
 from fe_squeal.report.labels import place_labels
-from fe_squeal.report.looks import body_text, diameters_text
+from fe_squeal.report.looks import body_text, short_diameters
 
 MAX_LABELLED_ONSETS = 12
 MAX_LEGEND_ENTRIES = 26
@@ -221,7 +221,9 @@ def _looks(modes: pd.DataFrame, branch: Branch) -> str:
     if not len(rows):
         return ""
     row = rows.iloc[0].to_dict()
-    return figure_text(", ".join(text for text in (diameters_text(row), body_text(row)) if text))
+    count = short_diameters(row)
+    around = "" if count == "–" else "1 nodal diameter" if count == "1" else f"{count} nodal diameters"
+    return figure_text(", ".join(text for text in (around, body_text(row)) if text))
 
 
 def _growth_limits(modes: pd.DataFrame) -> tuple[tuple[float, float], list[str]]:

@@ -14,13 +14,13 @@ STANDING, RUNNING = 0.2, 0.8  # of `travelling`: up to where a shape counts as s
 PURE = 0.9  # share of a number of nodal diameters from which on the second one is not worth a word
 
 
-def entry(row: Mapping[str, Any], name: str) -> Any:
+def entry(row: Mapping[Any, Any], name: str) -> Any:
     """Return an entry of a row; None where it is empty, or where there is no such column (in older tables)."""
     value = row.get(name)
     return None if value is None or pd.isna(value) or value == "" else value
 
 
-def diameters_text(row: Mapping[str, Any]) -> str:
+def diameters_text(row: Mapping[Any, Any]) -> str:
     """Return the nodal diameters of a mode and its circles, with shares where two numbers are mixed; "" if unknown.
 
     Examples
@@ -42,7 +42,7 @@ def diameters_text(row: Mapping[str, Any]) -> str:
     return f"{text}, {_counted(int(circles), 'nodal circle')}" if circles else text
 
 
-def short_diameters(row: Mapping[str, Any]) -> str:
+def short_diameters(row: Mapping[Any, Any]) -> str:
     """Return the nodal diameters for a narrow column, both numbers where two are mixed."""
     count, share, other = (entry(row, n) for n in ("nodal_diameters", "nodal_diameters_share", "other_nodal_diameters"))
     if count is None:
@@ -51,7 +51,7 @@ def short_diameters(row: Mapping[str, Any]) -> str:
     return f"{int(count)} + {int(other)}" if mixed else f"{int(count)}"
 
 
-def body_text(row: Mapping[str, Any]) -> str:
+def body_text(row: Mapping[Any, Any]) -> str:
     """Return the body with most kinetic energy and its share.
 
     Examples
@@ -63,7 +63,7 @@ def body_text(row: Mapping[str, Any]) -> str:
     return "" if body is None or share is None else f"{one_line(str(body))} {100 * share:.0f} %"
 
 
-def way_text(row: Mapping[str, Any]) -> str:
+def way_text(row: Mapping[Any, Any]) -> str:
     """Return whether the shape stands or runs around the axis, and which way.
 
     Examples
@@ -80,13 +80,13 @@ def way_text(row: Mapping[str, Any]) -> str:
     return f"runs {side} the turning" if abs(way) > RUNNING else f"runs partly {side} the turning"
 
 
-def plane_text(row: Mapping[str, Any]) -> str:
+def plane_text(row: Mapping[Any, Any]) -> str:
     """Return the share of motion along the axis, and in the plane across it."""
     share = entry(row, "out_of_plane")
     return "" if share is None else f"{100 * share:.0f} % along the axis, {100 * (1 - share):.0f} % in the plane"
 
 
-def look_text(row: Mapping[str, Any]) -> str:
+def look_text(row: Mapping[Any, Any]) -> str:
     """Return a mode in a few words for a label.
 
     Examples

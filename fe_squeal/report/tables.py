@@ -65,7 +65,7 @@ def print_unstable(modes: pd.DataFrame, console: Console, onsets: pd.DataFrame |
         table.add_column("nodal\ndiameters", justify="right")
         table.add_column("moves most")
     for row in rows[:MAX_ROWS]:
-        growth = _with_uncertainty(row.growth, row.uncertainty) if row.mode else f"about {row.growth:.2g}"
+        growth = with_uncertainty(row.growth, row.uncertainty) if row.mode else f"about {row.growth:.2g}"
         cells = [_span(row.lowest_hz, row.highest_hz, ".0f" if row.highest_hz >= 1000 else ".4g"), growth]
         if single:
             cells.insert(0, str(row.mode))
@@ -198,14 +198,14 @@ def _span(low: float, high: float, form: str) -> str:
     return first if first == last else f"{first} … {last}"
 
 
-def _with_uncertainty(value: float, uncertainty: float) -> str:
+def with_uncertainty(value: float, uncertainty: float) -> str:
     """Return the value to the digits that its uncertainty leaves, at most six, and the uncertainty to one.
 
     Examples
     --------
-    >>> _with_uncertainty(0.0000861, 2e-6)
+    >>> with_uncertainty(0.0000861, 2e-6)
     '8.61e-05 ± 2e-06'
-    >>> _with_uncertainty(123.4567, 0.02), _with_uncertainty(123.4567, 0.0), _with_uncertainty(123.4567, 1e-9)
+    >>> with_uncertainty(123.4567, 0.02), with_uncertainty(123.4567, 0.0), with_uncertainty(123.4567, 1e-9)
     ('123.46 ± 0.02', '123.457', '123.457 ± 1e-09')
     """
     if not uncertainty > 0 or value == 0:

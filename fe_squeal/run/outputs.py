@@ -25,6 +25,7 @@ from .folder import (
 )
 from .preload import model_grid, preload_dataframe
 from .record import fastest_growing, mode_info
+from .view import view_axis
 
 
 def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") -> list[Path]:
@@ -52,10 +53,9 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
     if model is None:
         return [_write_array(result, point, i, Path(folder)) for point, i in chosen]
     shapes = [_shape(result, point, i) for point, i in chosen]
-    axis = next((tuple(c.normals.mean(axis=0)) for c in model.contacts.values()), (0.0, 0.0, 1.0))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RuntimeWarning)
-        files = export(model_grid(model), shapes, folder, axis=axis)
+        files = export(model_grid(model), shapes, folder, axis=view_axis(model))
     for warning in caught:
         print(f"pictures: {warning.message}", file=sys.stderr)
     return files

@@ -19,6 +19,7 @@ from ..sweep.result import Sweep, SweepPoint
 from .covered import frequency_range
 from .folder import RECORD
 from .preload import preload_record
+from .view import view_axis
 
 
 def write_record(
@@ -59,6 +60,7 @@ def write_record(
             name: {"area_m2": c.area, "coverage": c.coverage, "largest_gap_m": float(np.abs(c.separation).max())}
             for name, c in (model.contacts if model is not None else {}).items()
         },
+        "axis": {"direction": view_axis(model)} if model is not None else None,
         "preload": preload_record(scene, problem),
         "forces": balance_record(parts) if parts else None,
         "unstable": _attribution(result) if result is not None and status != "running" else [],

@@ -29,12 +29,13 @@ from ..sweep.state import Store, SweepState
 from ..sweep.sweep import MODES, sweep
 from .checkpoint import Checkpoint
 from .covered import above_text, covered_text, frequency_range, unstable_above
-from .folder import SHAPES, hold_folder, is_kept, is_result, is_shape, remove_results
+from .folder import REPORT, SHAPES, hold_folder, is_kept, is_result, is_shape, remove_results
 from .forces import balance_table
 from .forecast import Forecast
 from .inputs import input_files, run_inputs
 from .manifest import Manifest
 from .outputs import export_shapes, write_figures, write_modes, write_tables
+from .page import write_run_report
 from .preload import write_preload
 from .record import write_record
 from .resume import is_estimated, is_finished, show_finished
@@ -142,6 +143,8 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
         write_results(scene, result, held)
         seconds["output"] = time.perf_counter() - clock
     record(result, status)
+    if result is not None and scene.output.report:
+        write_run_report(out, out / REPORT)
     done = len(result.values) if result is not None else 0
     if failure is not None:
         raise NotConvergedError(f"{failure}; {done} values before it are in {out}", failure.partial)
@@ -257,7 +260,9 @@ def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: 
     memory = peak_memory_mib()
     peak = f", {memory:.0f} MiB" if memory is not None else ""
     shapes = ", shapes/" if scene.output.shapes != "none" and (out / SHAPES).is_dir() else ""
-    console.print(f"results in {out}: stability.png, root_locus.png{shapes} ({seconds:.1f} s{peak})", markup=False)
+    page = "report.html, " if scene.output.report else ""
+    files = f"{page}stability.png, root_locus.png{shapes}"
+    console.print(f"results in {out}: {files} ({seconds:.1f} s{peak})", markup=False)
     above = unstable_above(result)
     if above is not None:
         console.print(f"note: {above_text(above, result.parameter)}", markup=False)
