@@ -264,6 +264,20 @@ def report(
 
 
 @app.command()
+def animate(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="A folder of results.", show_default=False)],
+    branch: Annotated[int | None, typer.Option(metavar="B", help="Of one branch alone.", show_default=False)] = None,
+    file: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="FILE.gif|FILE.mp4", show_default=False)
+    ] = None,
+) -> int:
+    """Write one period of each shape as a film, into the folder of shapes or to a file."""
+    from .run.animate import animate_folder
+
+    return animate_folder(out, branch, file, _console())
+
+
+@app.command()
 def info() -> int:
     """Print versions, the linear solver and the number of threads."""
     from importlib.metadata import PackageNotFoundError, version
