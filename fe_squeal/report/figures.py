@@ -36,6 +36,7 @@ from fe_squeal.report.looks import body_text, short_diameters
 
 MAX_LABELLED_ONSETS = 12
 MAX_LEGEND_ENTRIES = 26
+MAX_MEASURED = 8  # frequencies with an entry in the legend
 MAX_DESCRIBED = 12  # branches in the legend that have a second line: what they look like
 _DASHES = ("-", "--", ":")
 # mode coupling into and out of instability, and divergence, are told apart by the marker
@@ -45,7 +46,7 @@ _MARKERS = {("flutter", "into"): ("o", "black"), ("flutter", "out of"): ("o", "w
 
 def plot_stability(
     modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.PathLike[str], title: str = "",
-    covered_hz: float | None = None,
+    covered_hz: float | None = None, measured: Sequence[tuple[float, str]] = (),
 ) -> Path:  # fmt: skip
     """Draw the frequencies (top) and growth rates (bottom) of all branches over the sweep parameter.
 
@@ -62,6 +63,8 @@ def plot_stability(
         Where to write; the suffix chooses the format (png, pdf, svg).
     covered_hz : float, optional
         The frequency below which all modes are known; a line is drawn there.
+    measured : sequence of (frequency in Hz, label)
+        Measured squeal: dotted lines.
 
     Returns
     -------
@@ -89,6 +92,7 @@ def plot_stability(
     _set_parameter_axis(bottom, numbers(modes, "value"))
     top.set_ylim(*padded(numbers(modes, "frequency_hz") / per_unit, floor=0.0))
     _mark_range(top, covered_hz, per_unit)
+    markers += _mark_measured(top, measured, per_unit)
     for axes in (top, bottom):
         axes.grid(True, color="0.92", lw=0.6)
         axes.set_axisbelow(True)
@@ -104,7 +108,7 @@ def plot_stability(
 
 def plot_root_locus(
     modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.PathLike[str], title: str = "",
-    covered_hz: float | None = None,
+    covered_hz: float | None = None, measured: Sequence[tuple[float, str]] = (),
 ) -> Path:  # fmt: skip
     """Draw the eigenvalues in the λ plane, Re λ in 1/s against Im λ/2π, coloured by the sweep parameter.
 
@@ -117,7 +121,7 @@ def plot_root_locus(
         As in `modes.csv` and `onsets.csv`; `onsets` may be empty.
     path : path
         Where to write; the suffix chooses the format.
-    covered_hz : float, optional
+    covered_hz, measured : optional
         As of `plot_stability`.
     """
     unit, per_unit = _frequency_unit(modes)
@@ -141,9 +145,10 @@ def plot_root_locus(
     axes.set_xlim(*limits)
     axes.set_ylim(*padded(frequency / per_unit, floor=0.0))
     _mark_range(axes, covered_hz, per_unit)
+    markers += _mark_measured(axes, measured, per_unit)
     axes.axvspan(0.0, max(limits[1], 0.0), color="tab:red", alpha=0.06, lw=0, zorder=0)
     axes.axvline(0.0, color="0.3", lw=0.9, zorder=2)
-    axes.text(0.99, 0.99, "unstable", transform=axes.transAxes, ha="right", va="top", color="tab:red", fontsize=9)
+    axes.text(0.99, 0.01, "unstable", transform=axes.transAxes, ha="right", va="bottom", color="tab:red", fontsize=9)
     if notes:
         axes.set_title("\n".join(notes), fontsize=9, color="0.35", loc="left")
     axes.set_xlabel("growth rate Re λ (1/s)")
@@ -164,6 +169,22 @@ def _mark_range(axes: Axes, covered_hz: float | None, per_unit: float) -> None:
     axes.axhline(covered_hz / per_unit, color="0.45", lw=0.8, ls=(0, (6, 3)), zorder=1)
     axes.text(0.995, covered_hz / per_unit, f"all modes below {frequency_text(covered_hz)} ",
               transform=axes.get_yaxis_transform(), ha="right", va="bottom", fontsize=7, color="0.35")
+
+
+def _mark_measured(axes: Axes, measured: Sequence[tuple[float, str]], per_unit: float) -> list[Line2D]:
+    """Draw measured frequencies as dotted lines across; return legend handles, for a label on a line hides others."""
+    handles = []
+    for i, (hz, label) in enumerate(sorted(measured, reverse=True)):
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, max(high, 1.05 * hz / per_unit))
+        style: dict[str, Any] = {"color": "tab:red", "lw": 1.4, "ls": ":"}
+        axes.axhline(hz / per_unit, zorder=5, **style)
+        if i < MAX_MEASURED:
+            text = f"measured: {figure_text(label)}{', ' if label else ''}{frequency_text(hz)}"
+            handles.append(Line2D([], [], label=text, **style))
+    if len(measured) > MAX_MEASURED:
+        handles.append(Line2D([], [], lw=0, label=f"and {len(measured) - MAX_MEASURED} more measured"))
+    return handles
 
 
 def _mark_onsets(axes: Axes, onsets: pd.DataFrame, x: Floats, y: Floats, size: float = 6.0) -> list[Line2D]:

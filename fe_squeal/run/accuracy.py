@@ -36,6 +36,7 @@ from .folder import (
     remove_results,
 )
 from .inputs import input_files, run_inputs
+from .measured import read_measured
 from .measurements import Measurements
 from .page import write_accuracy_report, write_run_report
 from .record import write_record
@@ -120,7 +121,7 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
         The target is not met; what comes nearest is in the folder.
     """
     whole = _with_mesh(scene, "--accuracy")
-    solver = solver_of(whole)
+    solver, measured = solver_of(whole), read_measured(whole)
     check_units(whole)
     start = time.perf_counter()
 
@@ -143,12 +144,13 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
             choice, stopped = stop.args[0], True
         remove_results(held)
         held.remove(is_kept)
-        write_results(choice.scene, choice.result, held)
+        said = write_results(choice.scene, choice.result, held, measured)
         seconds = {f"trial {i}": trial.seconds for i, trial in enumerate(choice.trials, 1)}
         seconds |= {**choice.result.seconds, "total": time.perf_counter() - start}
         status = "interrupted" if stopped else "complete" if failure is None else "not converged"
         inputs = run_inputs(choice.scene, choice.mesh)
-        write_record(choice.scene, choice.result.problem, choice.result, seconds, status, inputs, solver, out)
+        problem = choice.result.problem
+        write_record(choice.scene, problem, choice.result, seconds, status, inputs, solver, out, measured, said)
         if choice.scene.output.report:
             write_run_report(out, out / REPORT)
         report_sweep(choice.scene, choice.result, out, console, seconds["total"])

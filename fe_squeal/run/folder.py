@@ -32,7 +32,8 @@ ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, MEASUREMENTS = (
     "accuracy.csv", "accuracy_stages.csv", "accuracy.png", "accuracy.md", "measurements",
 )  # fmt: skip
 REPORT = "report.html"
-RUN_FILES = (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES, REPORT)
+MAC_TABLE, MAC_FIGURE = MEASURED_FILES = "mac.csv", "mac.png"
+RUN_FILES = (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES, *MEASURED_FILES, REPORT)
 STUDY_FILES = (ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, REPORT)
 FOLDERS = (SHAPES, CHECKPOINT, MEASUREMENTS)
 CHECKPOINT_INPUTS = f"{CHECKPOINT}/inputs.json"
@@ -42,7 +43,7 @@ _UNFINISHED = re.compile(re.escape(UNFINISHED).replace(re.escape("{}"), "[0-9a-f
 _NAMED = 3  # files in one message
 # What the version that wrote no manifest gave its files: a folder of these alone is one of its results.
 _EARLIER = re.compile(
-    "|".join(re.escape(name) for name in (*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES) if name != REPORT)
+    "|".join(map(re.escape, {*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES} - {*MEASURED_FILES, REPORT}))
     + rf"|{CHECKPOINT}/point_\d+\.npz|{MEASUREMENTS}/[\w.+-]+\.np[yz]"
     rf"|{SHAPES}/(branch|mode)_\d+\w*[\w.+-]*Hz(\.(vtu|pvd|png|npz)|_frames/[\w.+-]+\.vtu)"
 )

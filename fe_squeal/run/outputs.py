@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,12 @@ from ..assembly.discretisation import discretisation_of
 from ..report.files import replace_atomically, write_csv
 from ..report.shape_names import shape_name
 from ..sweep.result import Sweep, SweepPoint
+from .compared import mac_table
 from .folder import (
     CONTRIBUTIONS_FIGURE,
     CONTRIBUTIONS_TABLE,
+    MAC_FIGURE,
+    MAC_TABLE,
     MODES_TABLE,
     ONSETS_TABLE,
     PRELOAD_TABLE,
@@ -23,6 +27,7 @@ from .folder import (
     SENSITIVITIES_TABLE,
     STABILITY_FIGURE,
 )
+from .measured import Frequency, Measurements
 from .preload import model_grid, preload_dataframe
 from .record import fastest_growing, mode_info
 from .view import view_axis
@@ -77,17 +82,32 @@ def write_modes(result: Sweep, out: Path) -> None:
     write_csv(result.onsets_dataframe(), out / ONSETS_TABLE)
 
 
-def write_figures(result: Sweep, out: Path, title: str, covered_hz: float | None = None) -> list[Path]:
+def write_figures(
+    result: Sweep, out: Path, title: str, covered_hz: float | None = None, measured: Sequence[Frequency] = ()
+) -> list[Path]:
     """Draw stability.png, root_locus.png and contributions.png; `covered_hz` is up to where all modes are known."""
     from ..report.contributions import plot_contributions
     from ..report.figures import plot_root_locus, plot_stability
 
     modes, onsets = result.to_dataframe(), result.onsets_dataframe()
+    marks = [(m.hz, m.label) for m in measured]
     return [
-        plot_stability(modes, onsets, out / STABILITY_FIGURE, title, covered_hz),
-        plot_root_locus(modes, onsets, out / ROOT_LOCUS_FIGURE, title, covered_hz),
+        plot_stability(modes, onsets, out / STABILITY_FIGURE, title, covered_hz, marks),
+        plot_root_locus(modes, onsets, out / ROOT_LOCUS_FIGURE, title, covered_hz, marks),
         plot_contributions(result.contributions_dataframe(), modes, out / CONTRIBUTIONS_FIGURE, title),
     ]
+
+
+def write_mac(result: Sweep, measured: Measurements, out: Path, title: str) -> list[str]:
+    """Write mac.csv and mac.png where shapes were measured, and return sentences on points left out."""
+    table, said = mac_table(measured, result)
+    if table is not None:
+        write_csv(table, out / MAC_TABLE)
+        if len(table):
+            from ..report.mac import plot_mac
+
+            plot_mac(table, out / MAC_FIGURE, title)
+    return said
 
 
 def _shape(result: Sweep, point: SweepPoint, i: int) -> tuple[str, np.ndarray, dict[str, Any]]:

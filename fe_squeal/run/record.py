@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +16,18 @@ from ..problem.problem import Problem
 from ..report.files import write_json
 from ..scene import MatrixScene, Scene
 from ..sweep.result import Sweep, SweepPoint
+from .compared import measured_record
 from .covered import frequency_range
 from .folder import RECORD
+from .measured import NOTHING_MEASURED, Measurements
 from .preload import preload_record
 from .view import view_axis
 
 
 def write_record(
     scene: Scene | MatrixScene, problem: Problem, result: Sweep | None, seconds: dict[str, float], status: str,
-    inputs: Mapping[str, Any], solver: LinearSolver, out: Path,
+    inputs: Mapping[str, Any], solver: LinearSolver, out: Path, measured: Measurements = NOTHING_MEASURED,
+    more_warnings: Sequence[str] = (),
 ) -> None:  # fmt: skip
     """Write run.json; while a run goes on, without the shares of its terms in the growth, which take time.
 
@@ -35,6 +38,8 @@ def write_record(
         See `run_inputs`.
     solver : LinearSolver
         What factorised.
+    more_warnings : sequence of str
+        Beside those of the scene and of the sweep.
     """
     model, parts = discretisation_of(problem), force_balance(problem)
     record: dict[str, Any] = {
@@ -67,8 +72,9 @@ def write_record(
         "notes": list(model.notes) if model is not None else [],
         "warnings": [
             *(model.warnings if model is not None else ()), *balance_warnings(parts),
-            *(result.doubts if result is not None else ()),
+            *(result.doubts if result is not None else ()), *more_warnings,
         ],
+        "measured": measured_record(measured, result) if result is not None else [],
         "inputs": inputs,
     }
     write_json(record, out / RECORD)

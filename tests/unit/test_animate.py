@@ -59,7 +59,7 @@ def test_films_have_every_frame_of_one_period(tmp_path: Path, monkeypatch: pytes
     red = [np.argwhere((f[..., 0] > 150) & (f[..., 1] < 110)).mean(axis=0) for f in frames]
     steps = np.linalg.norm(np.diff([*red, red[0]], axis=0), axis=1)
     assert steps.max() < 1.5 * steps.mean() and steps.min() > 0.5 * steps.mean()
-    assert np.linalg.norm(np.mean(red, axis=0) - (red[0] + red[count // 2]) / 2) < 2.0  # pixels: whole ones, and a video's
+    assert np.linalg.norm(np.mean(red, axis=0) - (red[0] + red[count // 2]) / 2) < 2.0  # pixels
 
 
 @pytest.mark.slow

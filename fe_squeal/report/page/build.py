@@ -17,6 +17,7 @@ from fe_squeal.report.page.results import Results
 from fe_squeal.report.page.sections import (
     certificate,
     interval_table,
+    mac_table,
     mode_sections,
     onset_table,
     scene_section,
@@ -49,10 +50,10 @@ def write_run_page(results: Results, path: Path) -> Path:
         data["shapes"]["axis"] = [float(a) for a in axis]
     charts, shapes = _template("charts.html"), _template("shapes.html")
     no_shapes = "".join(f"<p>{text(lack)}</p>" for lack in results.lacks if "hape" in lack)
+    drawn = charts + interval_table(results) + onset_table(results) + mac_table(results)
     sections: list[Section] = [
         ("verdict", "The answer", verdict_section(results)),
-        ("charts", "Stability", charts + interval_table(results) + onset_table(results) if data["charts"] else
-         "<p>There are no modes to draw.</p>"),
+        ("charts", "Stability", drawn if data["charts"] else "<p>There are no modes to draw.</p>"),
         ("shapes", "Shapes", shapes + bullets(said) if data["shapes"] else no_shapes or "<p>There are no shapes.</p>"),
         ("modes", "Unstable modes", mode_sections(results)),
         ("certificate", "What it rests on", certificate(results)),

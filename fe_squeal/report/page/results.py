@@ -19,6 +19,7 @@ _NEEDED = {
     "contributions": ("value", "mode", "term", "re_share"),
     "sensitivities": ("value", "mode", "number", "at", "dre"),
 }
+_MAC = ("measured", "value", "branch", "frequency_hz", "mac")
 _STATUS = {
     "running": "The run is still going on, or was killed: what is shown is what was finished until then.",
     "interrupted": "The run was interrupted: what is shown is what was finished until then. fe-squeal run --resume goes"
@@ -45,6 +46,8 @@ class Results:
         run.json.
     modes, onsets, contributions, sensitivities : DataFrame
         Empty where the file is missing.
+    mac : DataFrame
+        mac.csv; empty where no shape was measured.
     grid : ShapeGrid or None
     shapes : tuple of Shape
     lacks : tuple of str
@@ -56,6 +59,7 @@ class Results:
     onsets: pd.DataFrame
     contributions: pd.DataFrame
     sensitivities: pd.DataFrame
+    mac: pd.DataFrame = field(default_factory=pd.DataFrame)
     grid: ShapeGrid | None = None
     shapes: tuple[Shape, ...] = ()
     lacks: tuple[str, ...] = field(default=())
@@ -66,7 +70,7 @@ class Results:
         return str(self.modes["parameter"].iloc[0]) if len(self.modes) and "parameter" in self.modes else "mu"
 
 
-def read_results(folder: Path, record_name: str, tables: dict[str, str], shapes: str) -> Results:
+def read_results(folder: Path, record_name: str, tables: dict[str, str], shapes: str, mac: str = "mac.csv") -> Results:
     """Read a folder of results; what is missing or cannot be read becomes a sentence in `lacks`.
 
     Parameters
@@ -76,6 +80,8 @@ def read_results(folder: Path, record_name: str, tables: dict[str, str], shapes:
     tables : mapping of "modes", "onsets", "contributions" and "sensitivities" to names of files
     shapes : str
         Name of the folder of shapes.
+    mac : str
+        Name of the table that is there only where shapes were measured.
     """
     record, lacks = _read_record(folder / record_name)
     frames = {}
@@ -83,6 +89,10 @@ def read_results(folder: Path, record_name: str, tables: dict[str, str], shapes:
         frames[key], why = _read_table(folder / name, _NEEDED[key])
         if why:
             lacks.append(why)
+    compared = pd.DataFrame()
+    if (folder / mac).exists():
+        compared, why = _read_table(folder / mac, _MAC)
+        lacks += [why] if why else []
     status = _STATUS.get(str(record.get("status")))
     if status:
         lacks.insert(0, status)
@@ -92,7 +102,7 @@ def read_results(folder: Path, record_name: str, tables: dict[str, str], shapes:
             " the scene again to have them."
         )
     grid, found, why_not = read_shapes(folder / shapes)
-    return Results(record, **frames, grid=grid, shapes=tuple(found), lacks=(*lacks, *why_not))
+    return Results(record, **frames, mac=compared, grid=grid, shapes=tuple(found), lacks=(*lacks, *why_not))
 
 
 def _read_record(path: Path) -> tuple[dict[str, Any], list[str]]:

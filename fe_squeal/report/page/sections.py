@@ -70,6 +70,17 @@ def interval_table(results: Results) -> str:
     return table("Unstable modes, the fastest growing first", heads, rows)
 
 
+def mac_table(results: Results) -> str:
+    """Return the best matches of each measured shape; "" where none was measured."""
+    rows = []
+    for name, own in results.mac.groupby("measured", sort=False) if len(results.mac) else ():
+        for r in own.sort_values("mac", ascending=False).iloc[:_ROWS].to_dict("records"):
+            rows.append((name, f"{r['branch']:.0f}", frequency_text(float(r["frequency_hz"])), f"{r['value']:.4g}",
+                         _number(r["mac"], ".2f")))  # fmt: skip
+    heads = ("measured shape", "branch", "frequency", parameter_symbol(results.parameter), "MAC")
+    return table("Measured shapes and the modes most like them", heads, rows)
+
+
 def mode_sections(results: Results) -> str:
     """Return a section for each unstable branch."""
     intervals = list({row.branch: row for row in reversed(verdict.all_intervals(results))}.values())[::-1]
