@@ -50,7 +50,7 @@ test-lowest: .venv-lowest/installed
 
 .venv-lowest/installed: pyproject.toml tests/lowest.txt
 	$(PYTHON) -m venv .venv-lowest
-	.venv-lowest/bin/pip install --quiet --disable-pip-version-check -c tests/lowest.txt -e . pytest pytest-xdist hypothesis
+	.venv-lowest/bin/pip install --quiet --disable-pip-version-check -c tests/lowest.txt -e ".[measured]" pytest pytest-xdist hypothesis
 	@touch $@
 
 clean:

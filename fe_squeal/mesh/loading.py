@@ -1,4 +1,4 @@
-"""From a mesh file to the checked mesh that everything else works on: which reader takes the file."""
+"""A mesh file read and checked; its suffix decides which reader takes it."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def load_mesh(
 
 
 def read_raw(path: Path, folders: Sequence[str | Path] = (), allow_outside: bool = False) -> RawMesh:
-    """Return what stands in a mesh file, before elements are checked: its groups also where elements are bad.
+    """Return the mesh as its file gives it, unchecked: its groups are known also where elements are bad.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def read_raw(path: Path, folders: Sequence[str | Path] = (), allow_outside: bool
         size, free = path.stat().st_size, available_memory()
         if size > free:
             raise MeshError(f"{path.name}: has {memory_text(size)}, and {memory_text(free)} are free")
-        with np.errstate(all="ignore"):  # numbers that are none are refused below, in words
+        with np.errstate(all="ignore"):  # what is not finite is refused by `build_mesh`, with the node
             sources = Sources(path, tuple(map(Path, folders)), allow_outside)
             return _READERS.get(path.suffix.lower(), read_with_meshio)(sources)
     except OSError as error:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from fe_squeal.errors import OutputError
-from fe_squeal.isolation import isolated_environment
+from fe_squeal.process.isolation import isolated_environment
 from fe_squeal.report.files import replace_atomically
 from fe_squeal.report.vtk_files import VISIBLE
 

@@ -13,7 +13,7 @@ from ..report.mac import mac, nearest_nodes
 from ..report.shapes import boundary_triangles
 from ..sweep.result import Sweep
 from .measured import Frequency, Measurements, TestShape
-from .preload import model_grid
+from .preload import grid_of
 
 _FEWEST = 3  # points, below which a MAC tells nothing
 MAC_COLUMNS = ("measured", "measured_hz", "parameter", "value", "mode", "branch", "frequency_hz", "stability", "mac",
@@ -66,7 +66,7 @@ def mac_table(measured: Measurements, result: Sweep) -> tuple[pd.DataFrame | Non
     model = discretisation_of(result.problem)
     if not measured.shapes or model is None:
         return None, []
-    grid = model_grid(model)
+    grid = grid_of(model)
     surface = np.unique(boundary_triangles(grid)[0])
     said: list[str] = []
     near = [_matched(shape, grid.points[surface], said) for shape in measured.shapes]

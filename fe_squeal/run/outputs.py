@@ -1,4 +1,4 @@
-"""What a run writes: tables, figures and shapes."""
+"""Tables, figures and shapes of a run, written into its folder."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .folder import (
     STABILITY_FIGURE,
 )
 from .measured import Frequency, Measurements
-from .preload import model_grid, preload_dataframe
+from .preload import grid_of, preload_dataframe
 from .record import fastest_growing, mode_info
 from .view import view_axis
 
@@ -46,21 +46,21 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
     -------
     list of Path
     """
-    from ..report.export import export_shapes as export  # Matplotlib, which nothing else here loads
+    from ..report.export import export_shapes as export  # loads Matplotlib
 
-    model = discretisation_of(result.problem)
+    discretisation = discretisation_of(result.problem)
     chosen = fastest_growing(result)
     if which == "all":
         last = result.points[-1]
         chosen += [(last, i) for i in last.shapes if not any(p is last and i == j for p, j in chosen)]
     if not chosen:
         return []
-    if model is None:
+    if discretisation is None:
         return [_write_array(result, point, i, Path(folder)) for point, i in chosen]
     shapes = [_shape(result, point, i) for point, i in chosen]
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RuntimeWarning)
-        files = export(model_grid(model), shapes, folder, axis=view_axis(model))
+        files = export(grid_of(discretisation), shapes, folder, axis=view_axis(discretisation))
     for warning in caught:
         print(f"pictures: {warning.message}", file=sys.stderr)
     return files
@@ -77,7 +77,7 @@ def write_tables(result: Sweep, out: Path) -> None:
 
 
 def write_modes(result: Sweep, out: Path) -> None:
-    """Write modes.csv and onsets.csv alone, which ask for no shapes."""
+    """Write modes.csv and onsets.csv alone, for which no shapes are needed."""
     write_csv(result.to_dataframe(), out / MODES_TABLE)
     write_csv(result.onsets_dataframe(), out / ONSETS_TABLE)
 
@@ -85,7 +85,7 @@ def write_modes(result: Sweep, out: Path) -> None:
 def write_figures(
     result: Sweep, out: Path, title: str, covered_hz: float | None = None, measured: Sequence[Frequency] = ()
 ) -> list[Path]:
-    """Draw stability.png, root_locus.png and contributions.png; `covered_hz` is up to where all modes are known."""
+    """Draw stability.png, root_locus.png and contributions.png; up to `covered_hz` all modes are known."""
     from ..report.contributions import plot_contributions
     from ..report.figures import plot_root_locus, plot_stability
 
@@ -111,10 +111,10 @@ def write_mac(result: Sweep, measured: Measurements, out: Path, title: str) -> l
 
 
 def _shape(result: Sweep, point: SweepPoint, i: int) -> tuple[str, np.ndarray, dict[str, Any]]:
-    model = discretisation_of(result.problem)
-    assert model is not None
+    discretisation = discretisation_of(result.problem)
+    assert discretisation is not None
     info = mode_info(result, point, i)
-    return shape_name(info), model.space.expand(point.shapes[i]), info
+    return shape_name(info), discretisation.space.expand(point.shapes[i]), info
 
 
 def _write_array(result: Sweep, point: SweepPoint, i: int, folder: Path) -> Path:

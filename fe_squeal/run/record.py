@@ -37,11 +37,11 @@ def write_record(
     inputs : mapping
         See `run_inputs`.
     solver : LinearSolver
-        What factorised.
+        The one that factorised the matrices.
     more_warnings : sequence of str
         Beside those of the scene and of the sweep.
     """
-    model, parts = discretisation_of(problem), force_balance(problem)
+    discretisation, parts = discretisation_of(problem), force_balance(problem)
     record: dict[str, Any] = {
         "version": inputs["version"],
         "title": scene.title,
@@ -63,16 +63,16 @@ def write_record(
         "values": list(result.values) if result is not None else [],
         "contacts": {
             name: {"area_m2": c.area, "coverage": c.coverage, "largest_gap_m": float(np.abs(c.separation).max())}
-            for name, c in (model.contacts if model is not None else {}).items()
+            for name, c in (discretisation.contacts if discretisation is not None else {}).items()
         },
-        "axis": {"direction": view_axis(model)} if model is not None else None,
+        "axis": {"direction": view_axis(discretisation)} if discretisation is not None else None,
         "preload": preload_record(scene, problem),
         "forces": balance_record(parts) if parts else None,
-        "unstable": _attribution(result) if result is not None and status != "running" else [],
-        "notes": list(model.notes) if model is not None else [],
+        "unstable": _unstable(result) if result is not None and status != "running" else [],
+        "notes": list(discretisation.notes) if discretisation is not None else [],
         "warnings": [
-            *(model.warnings if model is not None else ()), *balance_warnings(parts),
-            *(result.doubts if result is not None else ()), *more_warnings,
+            *(discretisation.warnings if discretisation is not None else ()), *balance_warnings(parts),
+            *(result.warnings if result is not None else ()), *more_warnings,
         ],
         "measured": measured_record(measured, result) if result is not None else [],
         "inputs": inputs,
@@ -91,8 +91,8 @@ def fastest_growing(result: Sweep) -> list[tuple[SweepPoint, int]]:
     return [best[b] for b in sorted(best)]
 
 
-def _attribution(result: Sweep) -> list[dict[str, Any]]:
-    """Return for each unstable branch, where it grows fastest, whence its growth comes and what moves it."""
+def _unstable(result: Sweep) -> list[dict[str, Any]]:
+    """Return shares and sensitivities of each unstable branch at the value where it grows fastest."""
     found = []
     for point, i in fastest_growing(result):
         shares = result.balance(point, i)

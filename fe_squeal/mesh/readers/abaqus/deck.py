@@ -1,4 +1,4 @@
-"""Abaqus input files: parts, instances, sets, surfaces. Written anew because meshio reads flat files alone.
+"""Abaqus input files: parts, instances, sets, surfaces. Not read by meshio, which takes flat files alone.
 
 Syntax after the Abaqus keywords manual (*NODE, *ELEMENT, *NSET, *ELSET, *SURFACE, *PART, *INSTANCE, *INCLUDE); the rest
 of the file (materials, steps, boundary conditions) is passed over.
@@ -26,7 +26,7 @@ _COUNT = {"tetra": 4, "tetra10": 10, "pyramid": 5, "wedge": 6, "wedge15": 15, "h
 # Abaqus puts the 27-node brick's centre first and the face centres in the order of its faces S1 ... S6.
 _HEX27 = [*range(20), 26, 24, 23, 25, 21, 22, 20]
 _SKIN = re.compile(r"(?:STRI|CPS|CPE|SFM3D|M3D|R3D|DS|S)(65|[34689])")
-_FILLED = {"NODE", "ELEMENT", "NSET", "ELSET"}  # blocks without a data line have lost them
+_FILLED = {"NODE", "ELEMENT", "NSET", "ELSET"}  # where such a block has no data line, they are lost: an error
 _REFUSED = {"NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "NMAP", "SYSTEM"}
 
 
@@ -36,7 +36,7 @@ def parse_model(sources: Sources) -> Model:
     model = Model()
     scope = model.assembly
     ignored: dict[str, int] = {}
-    promised: dict[str, Block] = {}  # by element sets that have to be there
+    promised: dict[str, Block] = {}  # names of element sets that have to be there, and where they are named
     seen = False
     for block in read_blocks(sources):
         seen = True
@@ -181,7 +181,7 @@ def _read_skin(given: str, block: Block, scope: Scope) -> None:
 
 
 def _fits(values: Floats, ends: Ints, width: int) -> bool:
-    """Tell whether elements of that many numbers end where data lines end."""
+    """Return whether elements of so many numbers end where data lines end."""
     whole = np.arange(width, len(values) + 1, width)
     return len(values) % width == 0 and bool(np.isin(whole, ends).all())
 
