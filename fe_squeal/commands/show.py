@@ -1,4 +1,4 @@
-"""Commands that show results: report, animate."""
+"""Commands that show results: report, animate, diff."""
 
 from __future__ import annotations
 
@@ -33,3 +33,15 @@ def animate(
     from ..run.animate import animate_folder
 
     return animate_folder(out, branch, file, make_console())
+
+
+def diff(
+    folders: Annotated[list[Path], typer.Argument(metavar="OUT_A OUT_B ...", help="Results.", show_default=False)],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="DIFF", help="Where it goes.", show_default=False)
+    ] = None,
+) -> int:
+    """Hold design variants side by side: modes paired by shape, what became better or worse."""
+    from ..run.difference import compare_folders
+
+    return compare_folders(folders, out or Path("diff"), make_console())

@@ -33,6 +33,8 @@ ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, MEASUREMENTS = (
 )  # fmt: skip
 REPORT = "report.html"
 MAC_TABLE, MAC_FIGURE = MEASURED_FILES = "mac.csv", "mac.png"
+DIFFERENCE_TABLE, DIFFERENCE_FIGURE = "diff.csv", "diff.png"
+DIFFERENCE_FILES = (DIFFERENCE_TABLE, DIFFERENCE_FIGURE, REPORT)
 RUN_FILES = (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES, *MEASURED_FILES, REPORT)
 STUDY_FILES = (ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, REPORT)
 FOLDERS = (SHAPES, CHECKPOINT, MEASUREMENTS)
@@ -164,7 +166,7 @@ def _refuse_foreign(folder: Path) -> None:
 def _refuse_names(manifest: Manifest) -> None:
     """Refuse to begin where files that this program did not write have names that will be written."""
     listed = set(manifest.names(lambda name: True))
-    for name in {*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES} - listed:
+    for name in {*RUN_FILES, *STUDY_FILES, *DIFFERENCE_FILES, *_CHECKPOINT_FILES} - listed:
         if manifest.state(name) != MISSING:
             raise OutputError(
                 f"{manifest.folder / name}: is no file that fe-squeal wrote; move it, or give another folder by -o"

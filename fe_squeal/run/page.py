@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -11,6 +12,7 @@ from ..errors import OutputError
 from .folder import (
     ACCURACY_TABLE,
     CONTRIBUTIONS_TABLE,
+    MAC_TABLE,
     MODES_TABLE,
     ONSETS_TABLE,
     RECORD,
@@ -20,6 +22,9 @@ from .folder import (
     hold_folder,
 )
 
+if TYPE_CHECKING:
+    from ..report.page.results import Results
+
 _TABLES = {
     "modes": MODES_TABLE, "onsets": ONSETS_TABLE, "contributions": CONTRIBUTIONS_TABLE,
     "sensitivities": SENSITIVITIES_TABLE,
@@ -27,12 +32,18 @@ _TABLES = {
 _MARK = b'<meta name="generator" content="fe-squeal">'
 
 
+def read_run(folder: Path) -> Results:
+    """Read the results of a run from its folder."""
+    from ..report.page.results import read_results
+
+    return read_results(folder, RECORD, _TABLES, SHAPES, MAC_TABLE)
+
+
 def write_run_report(folder: Path, path: Path) -> tuple[str, ...]:
     """Write the page of a run from its folder, and return a sentence on each thing that it lacks."""
     from ..report.page.build import write_run_page
-    from ..report.page.results import read_results
 
-    results = read_results(folder, RECORD, _TABLES, SHAPES)
+    results = read_run(folder)
     write_run_page(results, path)
     return results.lacks
 
