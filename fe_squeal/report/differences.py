@@ -10,8 +10,8 @@ import pandas as pd
 
 from fe_squeal.report.branches import frequency_text, numbers, parameter_symbol, total_uncertainty
 from fe_squeal.report.looks import look_text
-from fe_squeal.report.page.results import Results
 from fe_squeal.report.pairing import ALIKE, common_points, mac_matrix, pair_shapes
+from fe_squeal.report.results import Results
 
 COLUMNS = (
     "a", "b", "state", "branch_a", "branch_b", "mac", "look", "frequency_a_hz", "frequency_b_hz", "frequency_change_hz",

@@ -52,7 +52,7 @@ def _write(shape: tuple[Path, dict[str, Any]], path: Path, axis: Any, console: C
 
 def _shapes(folder: Path, branch: int | None) -> list[tuple[Path, dict[str, Any]]]:
     """Return the shape files of a folder with what is known of their modes, or those of one branch."""
-    from ..report.page.results import read_shape
+    from ..report.results import read_shape
 
     if not folder.is_dir():
         raise OutputError(f"{folder}: is no folder; expected one that fe-squeal run has written")

@@ -23,7 +23,7 @@ from .folder import (
 )
 
 if TYPE_CHECKING:
-    from ..report.page.results import Results
+    from ..report.results import Results
 
 _TABLES = {
     "modes": MODES_TABLE, "onsets": ONSETS_TABLE, "contributions": CONTRIBUTIONS_TABLE,
@@ -34,7 +34,7 @@ _MARK = b'<meta name="generator" content="fe-squeal">'
 
 def read_run(folder: Path) -> Results:
     """Read the results of a run from its folder."""
-    from ..report.page.results import read_results
+    from ..report.results import read_results
 
     return read_results(folder, RECORD, _TABLES, SHAPES, MAC_TABLE)
 

@@ -12,8 +12,8 @@ import skfem
 from fe_squeal.cli import main
 from fe_squeal.report.differences import GONE, NEW, PAIRED, compare_designs, sentences
 from fe_squeal.report.export import export_shapes
-from fe_squeal.report.page.results import Results, Shape
 from fe_squeal.report.pairing import common_points, mac_matrix, pair_shapes
+from fe_squeal.report.results import Results, Shape
 from fe_squeal.report.shapes import ShapeGrid, shape_grid
 from meshes import annulus
 

@@ -14,7 +14,7 @@ from scene_texts import SCENE, replaced, write_scene
 import fe_squeal
 from fe_squeal.cli import main
 from fe_squeal.report.mac import mac
-from fe_squeal.report.page.results import read_shapes
+from fe_squeal.report.results import read_shapes
 from fe_squeal.run.measured import read_measured
 
 # The file's axes: its x along the model's y, its y along the model's z, in mm, from a corner that is not the model's.

@@ -15,8 +15,8 @@ from scene_texts import replaced, write_scene
 
 from fe_squeal.cli import main
 from fe_squeal.report.page import verdict
-from fe_squeal.report.page.results import Shape, read_results
 from fe_squeal.report.page.surface import make_surface, shape_data
+from fe_squeal.report.results import Shape, read_results
 from fe_squeal.report.shapes import HEXAHEDRON, ShapeGrid, normalise_shape
 from fe_squeal.run.page import _TABLES
 

@@ -13,7 +13,6 @@ from typing import Any
 from fe_squeal.report.files import replace_atomically
 from fe_squeal.report.page.charts import chart_data
 from fe_squeal.report.page.markup import bullets, text
-from fe_squeal.report.page.results import Results
 from fe_squeal.report.page.sections import (
     certificate,
     interval_table,
@@ -24,6 +23,7 @@ from fe_squeal.report.page.sections import (
     verdict_section,
 )
 from fe_squeal.report.page.surface import shape_data
+from fe_squeal.report.results import Results
 from fe_squeal.version import __version__
 
 Z_AXIS = (0.0, 0.0, 1.0)

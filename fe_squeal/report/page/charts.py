@@ -18,7 +18,7 @@ from fe_squeal.report.branches import (
 )
 from fe_squeal.report.growth import growth_curves
 from fe_squeal.report.looks import body_text, diameters_text, look_text, plane_text, way_text
-from fe_squeal.report.page.results import Results
+from fe_squeal.report.results import Results
 
 
 def chart_data(results: Results) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from fe_squeal.report.looks import body_text, diameters_text, plane_text, way_te
 from fe_squeal.report.page import verdict
 from fe_squeal.report.page.charts import law_text
 from fe_squeal.report.page.markup import bullets, paragraph, table, text
-from fe_squeal.report.page.results import Results
+from fe_squeal.report.results import Results
 from fe_squeal.report.tables import UnstableInterval, with_uncertainty
 
 _MOST_MODES = 40  # unstable modes with a section of their own

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fe_squeal.report.page.results import Shape
 from fe_squeal.report.pictures import axis_frame
+from fe_squeal.report.results import Shape
 from fe_squeal.report.shapes import Floats, Integers, ShapeGrid, boundary_triangles, normalise_shape, sharp_edges
 
 MOST_NODES = 20_000  # that a browser moves smoothly: measured, 40 000 triangles take 50 ms a frame

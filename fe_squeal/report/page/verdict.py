@@ -9,7 +9,7 @@ import pandas as pd
 
 from fe_squeal.report.branches import frequency_text, numbers, parameter_symbol
 from fe_squeal.report.looks import body_text, diameters_text, way_text
-from fe_squeal.report.page.results import Results
+from fe_squeal.report.results import Results
 from fe_squeal.report.tables import UnstableInterval, unstable_intervals, window_intervals, with_uncertainty
 from fe_squeal.report.warnings import told_once
 
