@@ -33,6 +33,7 @@ from fe_squeal.report.files import save_figure
 from fe_squeal.report.growth import segments
 from fe_squeal.report.labels import place_labels
 from fe_squeal.report.looks import body_text, short_diameters
+from fe_squeal.report.notebook import NotebookFigure
 
 MAX_LABELLED_ONSETS = 12
 MAX_LEGEND_ENTRIES = 26
@@ -71,12 +72,20 @@ def plot_stability(
     Path
         The file written.
     """
+    return save_figure(stability_figure(modes, onsets, title, covered_hz, measured), path)
+
+
+def stability_figure(
+    modes: pd.DataFrame, onsets: pd.DataFrame, title: str = "", covered_hz: float | None = None,
+    measured: Sequence[tuple[float, str]] = (),
+) -> Figure:  # fmt: skip
+    """Return the figure that `plot_stability` writes."""
     branches = collect_branches(modes, onsets)
     growing = sorted((branch for branch in branches if branch.grows), key=lambda b: -b.frequency_hz[b.peak])
     styles = {branch.number: style for branch, style in zip(growing, _styles(len(growing)), strict=True)}
     unit, per_unit = _frequency_unit(modes)
 
-    figure = Figure(figsize=(10, 8), dpi=150, layout="constrained")
+    figure = NotebookFigure(figsize=(10, 8), dpi=150, layout="constrained")
     canvas = FigureCanvasAgg(figure)
     top, bottom = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2]})
     figure.suptitle(figure_text(title))
@@ -103,7 +112,7 @@ def plot_stability(
     figure.set_layout_engine("none")
     if 0 < len(onsets) <= MAX_LABELLED_ONSETS:
         _label_onsets(top, canvas, branches, onsets, parameter_name(modes), per_unit)
-    return save_figure(figure, path)
+    return figure
 
 
 def plot_root_locus(

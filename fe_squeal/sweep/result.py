@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from .onset import Onset
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 MODE_COLUMNS = (
     "parameter", "value", "mode", "branch", "re", "im", "frequency_hz", "damping_ratio", "stability", "noise",
@@ -216,3 +219,56 @@ class Sweep:
             for path, (at, d) in found.items()
         ]
         return pd.DataFrame(rows, columns=list(SENSITIVITY_COLUMNS))
+
+    def plot_stability(self, path: str | Path | None = None) -> Figure:
+        """Draw frequencies and growth rates over the parameter, into a file or a notebook.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where to write; the suffix chooses the format (png, pdf, svg).
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        return _viewer().plot_stability(self, path)
+
+    def plot_damping(self, value: float | None = None, path: str | Path | None = None) -> Figure:
+        """Draw damping ratio against frequency at the value of the sweep nearest to the given one, by default the last.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        return _viewer().plot_damping(self, value, path)
+
+    def show(self, branch: int, off_screen: bool = False) -> Any:
+        """Show the shape of a branch in 3-D, where it grows fastest, in a window or a notebook.
+
+        Parameters
+        ----------
+        branch : int
+            As in the column of that name; its shape has to be known, as those of unstable modes are.
+        off_screen : bool
+            Open nothing; the plotter that is returned can take a screenshot.
+
+        Returns
+        -------
+        pyvista.Plotter
+
+        Raises
+        ------
+        SceneError
+            No shape of this branch is known, or the problem has no mesh.
+        """
+        return _viewer().show(self, branch, off_screen)
+
+    def _repr_html_(self) -> str:
+        """Return the answer in words, with tables of what is unstable and of the onsets, for a notebook."""
+        return str(_viewer().html(self))
+
+
+def _viewer() -> Any:
+    """Return the module that draws: it imports this room, so that this room cannot import it, but looks it up."""
+    return importlib.import_module("fe_squeal.run.show")
