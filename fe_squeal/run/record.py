@@ -17,7 +17,7 @@ from ..report.files import write_json
 from ..scene import MatrixScene, Scene
 from ..sweep.result import Sweep, SweepPoint
 from .compared import measured_record
-from .covered import frequency_range
+from .covered import above_text, frequency_range, unstable_above
 from .folder import RECORD
 from .measured import NOTHING_MEASURED, Measurements
 from .preload import preload_record
@@ -42,6 +42,7 @@ def write_record(
         Beside those of the scene and of the sweep.
     """
     discretisation, parts = discretisation_of(problem), force_balance(problem)
+    above = unstable_above(result) if result is not None else None
     record: dict[str, Any] = {
         "version": inputs["version"],
         "title": scene.title,
@@ -59,6 +60,7 @@ def write_record(
         "completeness_at": result.points[0].value if result is not None else None,
         "onsets_complete": result.onsets_complete if result is not None else None,
         "frequency_range_hz": frequency_range(scene, result) if result is not None else None,
+        "unstable_above_range": above_text(above, result.parameter) if result and above else None,
         "rigid_motions": int(np.count_nonzero(result.points[0].modes.lam == 0)) if result is not None else None,
         "values": list(result.values) if result is not None else [],
         "contacts": {

@@ -37,6 +37,9 @@ def doubts(results: Results) -> list[str]:
             "The number of modes is not proven at the first value"
             + (", but counted without damping and friction." if count.get("expected") is not None else ".")
         )
+    if record.get("unstable_above_range"):
+        text = str(record["unstable_above_range"])
+        found.append(f"{text[:1].upper()}{text[1:]}.")
     onsets = record.get("onsets_complete") or {}
     if onsets and not onsets.get("sure"):
         found.append("The list of onsets is not sure: see the warnings.")
