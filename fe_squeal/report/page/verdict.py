@@ -96,11 +96,11 @@ def _what_squeals(results: Results, intervals: list[UnstableInterval]) -> str:
     span = f"{symbol} = {values.min():.4g}" if values.min() == values.max() else (
         f"{symbol} from {values.min():.4g} to {values.max():.4g}")  # fmt: skip
     top = (results.record.get("frequency_range_hz") or [0.0, None])[1]
-    where = f" below {frequency_text(top)}" if top else " at any frequency that was looked for"
+    where = f" below {frequency_text(top)}" if top else " at any frequency of the model"
     branches = list({row.branch: row for row in reversed(intervals)}.values())
     if not branches:
         least = results.modes.iloc[int(np.nanargmax(numbers(results.modes, "re")))]
-        near = (
+        near = " Without damping their Re λ is zero within its uncertainty." if least["stability"] == "marginal" else (
             f" Nearest to it is the mode at {frequency_text(float(least['frequency_hz']))} with Re λ ="
             f" {float(least['re']):.3g} 1/s at {symbol} = {float(least['value']):.4g}."
         )
@@ -114,6 +114,9 @@ def _what_squeals(results: Results, intervals: list[UnstableInterval]) -> str:
     count = "1 mode is" if len(branches) == 1 else f"{len(branches)} modes are"
     noises = {row.noise for row in branches if row.noise}
     word = "It squeals" if not noises or "squeal" in noises else "It is unstable"
+    beyond = any(peak_hz(results, row) > top for row in branches) if top else False
+    if beyond:  # where the parameter moves frequencies, the range that is known at every value is the narrowest
+        return f"{word}: {count} unstable for {span}: {named}{more}. All modes are known{where}."
     return f"{word}: {count} unstable{where} for {span}: {named}{more}."
 
 

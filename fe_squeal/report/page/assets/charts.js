@@ -11,7 +11,7 @@ if (DATA.charts) {
     `ζ = ${digits(b.ratio[i] === null ? null : 100 * b.ratio[i], 3)} %`) + "<br>" +
     plain([b.diameters[i], b.way[i], b.body[i]].filter(Boolean).join(", "));
   const texts = (b) => b.value.map((v, i) => plain(`${C.symbol} = ${digits(v)}`) + "<br>" + hover(b, i));
-  const axisOfParameter = { title: { text: plain(C.label) }, type: C.logarithmic ? "log" : "linear", zeroline: false,
+  const axisOfParameter = { title: { text: plain(C.label) }, type: C.logarithmic ? "log" : "linear", zeroline: false, exponentformat: "power",
     range: C.logarithmic ? [Math.log10(C.values[0]), Math.log10(C.values[C.values.length - 1])] : spread(C.values[0], C.values[C.values.length - 1]) };
   function spread(from, to) {
     const pad = 0.02 * (to - from) || 0.1 * Math.abs(from) || 0.1;
@@ -61,11 +61,39 @@ if (DATA.charts) {
     return `measured: ${m.label ? m.label + ", " : ""}${digits(m.frequency_hz)} Hz${level}`;
   }
 
+  /** Labels of onsets that cover neither each other nor another onset's dot, and whose lines do not cross; the others
+   *  have theirs on hovering. */
   function labelsOfOnsets() {
-    if (C.onsets.length > 12 || narrow()) return [];
-    return C.onsets.map((o, i) => ({ xref: "x", yref: "y", x: C.logarithmic ? Math.log10(o.value) : o.value, y: o.hz / per, text: plain(o.text),
-      showarrow: true, arrowhead: 0, arrowwidth: 1, ax: 40, ay: i % 2 ? 26 : -26, xanchor: "left", font: { size: 12 },
-      bgcolor: "rgba(255,255,255,.8)" }));
+    const layout = stability._fullLayout, x = layout.xaxis, y = layout.yaxis, taken = [];
+    const dots = C.onsets.map((o) => [x.d2p(o.value), y.d2p(o.hz / per)]);
+    const meets = (p, q) => p[0] < q[2] && q[0] < p[2] && p[1] < q[3] && q[1] < p[3];
+    const side = (p, q, r) => Math.sign((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]));
+    const cross = ([a, b], [c, d]) => side(a, b, c) * side(a, b, d) < 0 && side(c, d, a) * side(c, d, b) < 0;
+    const along = [0.2, 0.4, 0.6, 0.8, 1];
+    const passes = ([a, b], [l, t, r, m]) => along.some((s) => {
+      const x = a[0] + s * (b[0] - a[0]), y = a[1] + s * (b[1] - a[1]);
+      return x > l && x < r && y > t && y < m;
+    });
+    const labels = [], leaders = [];
+    C.onsets.forEach((o, i) => {
+      const text = C.symbol.length > 3 ? `${digits(o.value)}, ${o.text.split(", ").pop()}` : o.text;
+      const width = 6.6 * text.length + 8, [px, py] = dots[i];
+      for (const [ax, ay] of [[26, -24], [26, 24], [-26, -24], [-26, 24], [40, -46], [-40, -46], [40, 46], [-40, 46]]) {
+        const left = ax > 0 ? px + ax : px + ax - width, box = [left, py + ay - 9, left + width, py + ay + 9];
+        const inside = box[0] > 2 && box[2] < x._length - 2 && box[1] > 2 && box[3] < y._length - 2;
+        const hidden = dots.some(([qx, qy], k) => k !== i && meets(box, [qx - 7, qy - 7, qx + 7, qy + 7]));
+        const leader = [[px, py], [px + ax, py + ay]];
+        const covered = taken.some((other) => meets(box, other) || passes(leader, other));
+        if (!inside || hidden || covered || leaders.some((other) => cross(leader, other) || passes(other, box))) continue;
+        taken.push(box);
+        leaders.push(leader);
+        labels.push({ xref: "x", yref: "y", x: C.logarithmic ? Math.log10(o.value) : o.value, y: o.hz / per, text: plain(text),
+          showarrow: true, arrowhead: 0, arrowwidth: 1, ax, ay, xanchor: ax > 0 ? "left" : "right", font: { size: 12 },
+          bgcolor: "rgba(255,255,255,.8)" });
+        break;
+      }
+    });
+    return labels;
   }
 
   function labelOfRange() {
@@ -78,11 +106,15 @@ if (DATA.charts) {
     line: { color: "#51606e", width: 1, dash: "dash" } }] : [];
   const stability = document.getElementById("stability");
   const mostHz = Math.max(...C.branches.flatMap((b) => b.hz), C.rangeHz || 0, ...C.measured.map((m) => m.frequency_hz)) / per;
-  Plotly.newPlot(stability, stabilityTraces(), { ...base, annotations: [...labelsOfOnsets(), ...labelOfRange()], shapes: shapesOfChart,
+  Plotly.newPlot(stability, stabilityTraces(), { ...base, annotations: labelOfRange(), shapes: shapesOfChart,
     xaxis: { ...grid, ...axisOfParameter, anchor: "y2" },
     yaxis: { ...grid, domain: [0.42, 1], title: { text: `frequency (${unit})` }, range: [0, 1.08 * mostHz], zeroline: false },
     yaxis2: { ...grid, domain: [0, 0.36], title: { text: "Re λ (1/s)" },
       ...(floorOfGrowth > 0 ? { range: [-1.1 * floorOfGrowth, 1.15 * floorOfGrowth] } : {}) } }, CONFIG);
+
+  const relabel = () => Plotly.relayout(stability, { annotations: [...(narrow() ? [] : labelsOfOnsets()), ...labelOfRange()] });
+  relabel();
+  addEventListener("resize", () => setTimeout(relabel, 300));
 
   const locus = document.getElementById("locus"), limit = Math.max(1, 1.15 * floorOfGrowth);
   const onAxis = C.branches.map((b) => ({ mode: "lines+markers", x: b.re, y: scaled(b.hz), text: texts(b), showlegend: false,
