@@ -67,11 +67,12 @@ points = 5
 modes = 8
 [output]
 shapes = "none"
+report = false
 """
 SCENE = HEAD + SPRINGS + CONTACTS + TAIL
 TABLES_AND_FIGURES = {
     "manifest.sha256", "modes.csv", "onsets.csv", "contributions.csv", "sensitivities.csv", "run.json",
-    "stability.png", "root_locus.png", "contributions.png", "report.html",
+    "stability.png", "root_locus.png", "contributions.png",
 }  # fmt: skip
 
 

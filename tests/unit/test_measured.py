@@ -24,7 +24,7 @@ KEYS = "length_unit = 'mm'\naxes = [[0, 1, 0], [0, 0, 1]]\norigin = [0.01, -0.02
 
 
 def run(folder: Path, measured: str, shapes: str = "none") -> Path:
-    path = write_scene(folder, replaced('shapes = "none"', f'shapes = "{shapes}"') + measured)
+    path = write_scene(folder, replaced('shapes = "none"\nreport = false', f'shapes = "{shapes}"') + measured)
     assert main(["run", str(path), "-o", str(folder / "out")]) == 0
     return folder / "out"
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from scene_texts import replaced, write_scene
+from scene_texts import SCENE, replaced, write_scene
 
 from fe_squeal.cli import main
 from fe_squeal.report.page import verdict
@@ -28,7 +28,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("fe_squeal.report.export.draw_shapes", lambda *_: None)
-        path = write_scene(folder, replaced('shapes = "none"', 'shapes = "unstable"'))
+        path = write_scene(folder, replaced('shapes = "none"\nreport = false', 'shapes = "unstable"'))
         assert main(["run", str(path), "-o", str(folder / "out")]) == 0
     return folder / "out"
 
@@ -192,7 +192,7 @@ def test_somebody_elses_file_is_not_replaced(out: Path, tmp_path: Path, capsys: 
 
 
 def test_a_scene_without_a_page(tmp_path: Path) -> None:
-    path = write_scene(tmp_path, replaced('shapes = "none"', 'shapes = "none"\nreport = false'))
+    path = write_scene(tmp_path, SCENE)
     assert main(["run", str(path), "-o", str(tmp_path / "out")]) == 0
     assert not (tmp_path / "out/report.html").exists()
 

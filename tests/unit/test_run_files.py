@@ -207,8 +207,9 @@ def test_no_mode_in_the_range_is_said(tmp_path: Path, capsys: pytest.CaptureFixt
 
 @pytest.mark.slow
 def test_light_run_imports_no_pictures_and_no_mesher(tmp_path: Path) -> None:
-    """On a ready mesh and with shapes = "none", neither gmsh nor pyvista is loaded."""
-    write_scene(tmp_path, replaced("from = 0.0\nto = 0.8\npoints = 5", "values = [0.3]"))
+    """On a ready mesh and with shapes = "none", neither gmsh nor pyvista is loaded, also with a page."""
+    text = replaced("from = 0.0\nto = 0.8\npoints = 5", "values = [0.3]")
+    write_scene(tmp_path, replaced("report = false", "report = true", text))
     program = (
         "import sys; from fe_squeal.cli import main; code = main(['run', 'block.toml']);"
         "print(code, [m for m in ('gmsh', 'pyvista', 'vtk', 'vtkmodules') if m in sys.modules])"
@@ -218,5 +219,5 @@ def test_light_run_imports_no_pictures_and_no_mesher(tmp_path: Path) -> None:
         timeout=60,
     )  # fmt: skip
     assert done.stdout.splitlines()[-1] == "0 []"
-    assert {p.name for p in (tmp_path / "block_results").iterdir()} == TABLES_AND_FIGURES
-    assert "results in block_results: stability.png, root_locus.png (" in done.stdout
+    assert {p.name for p in (tmp_path / "block_results").iterdir()} == TABLES_AND_FIGURES | {"report.html"}
+    assert "results in block_results: report.html, stability.png, root_locus.png (" in done.stdout

@@ -81,7 +81,9 @@ def _thinned(points: Floats, owner: Integers, most: int) -> tuple[Integers, Inte
     for _ in range(_ROUNDS):
         middle = (low + high) / 2 if low else high / 2
         cell = np.floor((points - points.min(axis=0)) / middle).astype(np.int64)
-        _, first, place = np.unique(np.column_stack([owner, cell]), axis=0, return_index=True, return_inverse=True)
+        counts = cell.max(axis=0) + 1
+        key = ((owner * counts[0] + cell[:, 0]) * counts[1] + cell[:, 1]) * counts[2] + cell[:, 2]
+        _, first, place = np.unique(key, return_index=True, return_inverse=True)
         if len(first) <= most:
             best, high = (first, np.asarray(place).ravel()), middle
             if len(first) > 0.9 * most:
