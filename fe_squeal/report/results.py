@@ -101,6 +101,8 @@ def read_results(folder: Path, record_name: str, tables: dict[str, str], shapes:
             "modes.csv has no nodal diameters and bodies: a version of the program that did not know them wrote it; run"
             " the scene again to have them."
         )
+    elif len(modes := frames["modes"]) and modes["body"].notna().any() and modes["nodal_diameters"].isna().all():
+        lacks.append("No body with a mesh turns about an axis, so modes have no nodal diameters.")
     grid, found, why_not = read_shapes(folder / shapes)
     return Results(record, **frames, mac=compared, grid=grid, shapes=tuple(found), lacks=(*lacks, *why_not))
 

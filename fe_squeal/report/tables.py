@@ -75,7 +75,7 @@ def print_unstable(modes: pd.DataFrame, console: Console, onsets: pd.DataFrame |
             cells = [_name(row.branch), span, *cells, f"{row.peak_value:.4g}"]
         looks = (short_diameters(row.looks), body_text(row.looks)) if described else ()
         table.add_row(*cells, f"{100 * row.damping_ratio:.3g}", row.noise, *looks)
-    print_table(table, console)
+    print_table(table, console, ("noise", "moves most", "nodal\ndiameters"))
     if len(rows) > MAX_ROWS:
         console.print(Text(f"... {len(rows) - MAX_ROWS} more in modes.csv"))
 

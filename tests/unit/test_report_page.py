@@ -68,6 +68,11 @@ def test_the_answer_has_the_numbers_of_the_tables(out: Path) -> None:
     assert f"{top['number']} by {0.01 * top['at'] * top['dre']:+.2g} 1/s" in moved.split(":")[1].split(",")[0]
 
 
+def test_a_mesh_without_an_axis_has_no_diameters_and_the_page_says_so(out: Path) -> None:
+    sentence = "No body with a mesh turns about an axis, so modes have no nodal diameters."
+    assert results_of(out).lacks == (sentence,) and sentence in (out / "report.html").read_text(encoding="utf-8")
+
+
 def test_charts_hold_every_mode_once(out: Path) -> None:
     charts, modes = data_of(out / "report.html")["charts"], pd.read_csv(out / "modes.csv")
     points = [(v, hz, re) for b in charts["branches"] for v, hz, re in zip(b["value"], b["hz"], b["re"], strict=True)]
