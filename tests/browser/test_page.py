@@ -83,6 +83,7 @@ def test_a_click_on_a_mode_changes_shape_table_and_every_chart(opened, results):
 
 def test_the_shape_moves_while_playing_and_stands_while_paused(opened):
     page = opened.page
+    resize(page, "320px", "220px")  # software draws every pixel
     page.locator("#shape").scroll_into_view_if_needed()
     assert page.inner_text("#play") == "Play"  # the window is one that wants no motion
     page.click("#play")
@@ -99,6 +100,16 @@ def test_the_shape_moves_while_playing_and_stands_while_paused(opened):
     assert (np.abs(third - picture(opened)).max(axis=2) > 20).mean() == 0.0
     coloured = (np.ptp(third, axis=2) > 40).mean()
     assert coloured > 0.05  # the model fills some of the picture
+    resize(page, "", "")
+
+
+def resize(page, width, height):
+    page.evaluate("""([width, height]) => {
+      const place = document.getElementById('shape');
+      place.style.width = width;
+      place.style.height = height;
+      return Plotly.Plots.resize(place);
+    }""", [width, height])
 
 
 def test_controls_of_the_shape(opened):
