@@ -61,6 +61,7 @@ def test_clamped_plate_has_the_diameters_and_circles_of_its_closed_form():
     assert found["travelling"] == [0.0] * len(names)
 
 
+@pytest.mark.slow
 def test_free_plate_and_ring():
     """A free plate begins with two diameters; a ring bends in its plane with n = 2, 3, ... and no circle."""
     problem = free_disc()

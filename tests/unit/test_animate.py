@@ -82,6 +82,7 @@ def test_a_film_of_each_shape_moves_and_closes(out: Path, capsys: pytest.Capture
     assert np.ptp(frames[0]) > 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -102,6 +103,7 @@ def test_a_folder_without_shapes(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert main(["animate", str(tmp_path / "none")]) == 2
 
 
+@pytest.mark.slow
 def test_a_film_is_not_written_over_another_file(out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "mine.gif"
     path.write_bytes(b"mine")

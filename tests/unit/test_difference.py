@@ -130,6 +130,7 @@ def written(folder: Path, results: Results) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_the_command_writes_table_picture_and_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plain = written(tmp_path / "plain", design(ring("hex2", (2, 36, 1)), BASE, 0.6, 1.0))
     slot = written(tmp_path / "slot", design(ring("hex1", (3, 48, 1)), SLOT, 0.6, 1.0))

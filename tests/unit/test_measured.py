@@ -43,6 +43,7 @@ def in_file(points: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return 1e3 * (points - ORIGIN) @ AXES.T, u @ AXES.T
 
 
+@pytest.mark.slow
 def test_frequencies_of_the_scene_and_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The unstable mode lies near 712 Hz: 700 Hz is below it by what the sentence says."""
     (tmp_path / "squeal.csv").write_text("frequency_hz,level_db,label\n650,88.5,stop 2\n9000,,\n")
@@ -63,6 +64,7 @@ def test_frequencies_of_the_scene_and_of_a_file(tmp_path: Path, capsys: pytest.C
     assert not (out / "mac.csv").exists()
 
 
+@pytest.mark.slow
 def test_without_an_unstable_mode_the_sentence_says_so(tmp_path: Path) -> None:
     path = write_scene(tmp_path, replaced("to = 0.8", "to = 0.2") + "[[measured]]\nfrequency_hz = 700.0\n")
     assert main(["run", str(path), "-o", str(tmp_path / "out")]) == 0
@@ -70,7 +72,10 @@ def test_without_an_unstable_mode_the_sentence_says_so(tmp_path: Path) -> None:
     assert m["nearest"] is None and m["sentence"] == "Measured 700 Hz: no mode is unstable in this sweep."
 
 
-@pytest.mark.parametrize("kind", ["all", "one axis", "turned and scaled"])
+@pytest.mark.parametrize(
+    "kind",
+    ["one axis", *(pytest.param(k, marks=pytest.mark.slow) for k in ("all", "turned and scaled"))],
+)
 def test_a_measured_shape_is_found_again(tmp_path: Path, shape, kind: str) -> None:
     """The model's own shape, in another frame, in mm, with another phase and size, or along one axis alone: MAC 1."""
     points, u, branch = shape
@@ -94,6 +99,7 @@ def test_a_measured_shape_is_found_again(tmp_path: Path, shape, kind: str) -> No
     assert "Measured shapes and the modes most like them" in (out / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_points_far_from_the_surface_are_left_out_and_told(
     tmp_path: Path, shape, capsys: pytest.CaptureFixture[str]
 ) -> None:

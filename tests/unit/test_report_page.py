@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from scene_texts import SCENE, replaced, write_scene
+from scene_texts import replaced, write_scene
 
 from fe_squeal.cli import main
 from fe_squeal.report.page import verdict
@@ -194,12 +194,6 @@ def test_somebody_elses_file_is_not_replaced(out: Path, tmp_path: Path, capsys: 
     assert page.read_text() == "<html>" and "is no page that fe-squeal wrote" in capsys.readouterr().err
     fresh = tmp_path / "fresh.html"
     assert main(["report", str(out), "-o", str(fresh)]) == main(["report", str(out), "-o", str(fresh)]) == 0
-
-
-def test_a_scene_without_a_page(tmp_path: Path) -> None:
-    path = write_scene(tmp_path, SCENE)
-    assert main(["run", str(path), "-o", str(tmp_path / "out")]) == 0
-    assert not (tmp_path / "out/report.html").exists()
 
 
 def test_a_table_of_accuracy_makes_a_page(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> fe_squeal.Sweep:
     return fe_squeal.sweep(problem, [0.0, 0.4, 0.8], modes=8)
 
 
+@pytest.mark.slow
 def test_figures_draw_and_save_themselves(sweep: fe_squeal.Sweep, tmp_path: Path) -> None:
     figure = sweep.plot_stability(tmp_path / "stability.pdf")
     assert (tmp_path / "stability.pdf").read_bytes().startswith(b"%PDF")
