@@ -120,8 +120,10 @@ if (DATA.charts) {
   const onAxis = C.branches.map((b) => ({ mode: "lines+markers", x: b.re, y: scaled(b.hz), text: texts(b), showlegend: false,
     line: { width: 1, color: colour.get(b.number) || "#9aa5af" }, marker: { size: b.grows ? 5 : 3 },
     hovertemplate: "%{text}<extra></extra>", customdata: b.value.map(() => b.number) }));
+  const heard = C.measured.map((m) => ({ mode: "lines", x: [-1e9, 1e9], y: [m.frequency_hz / per, m.frequency_hz / per], hoverinfo: "name",
+    line: { color: "#b3261e", width: 1.5, dash: "dot" }, name: plain(measuredName(m)), showlegend: false }));
   const half = { type: "rect", xref: "x", yref: "paper", x0: 0, x1: 1e9, y0: 0, y1: 1, fillcolor: "rgba(179,38,30,.06)", line: { width: 0 }, layer: "below" };
-  Plotly.newPlot(locus, [...onAxis, { mode: "markers", x: [], y: [], marker: { size: 14, color: "rgba(240,165,0,.45)" }, hoverinfo: "skip", showlegend: false }],
+  Plotly.newPlot(locus, [...onAxis, ...heard, { mode: "markers", x: [], y: [], marker: { size: 14, color: "rgba(240,165,0,.45)" }, hoverinfo: "skip", showlegend: false }],
     { ...base, shapes: [half], xaxis: { ...grid, title: { text: "growth rate Re λ (1/s)" }, range: [-limit, limit] },
       yaxis: { ...grid, title: { text: `frequency (${unit})` }, range: [0, 1.05 * mostHz], zeroline: false } }, CONFIG);
 
