@@ -34,9 +34,10 @@ N ?= 20
 test-again: .venv/installed-test
 	$(BIN)/python tests/again.py --repeat $(N)
 
-# The fast tests with the lowest versions that pyproject.toml admits; hard cases and fuzzing run with the newest alone.
+# The fast tests with the lowest versions that pyproject.toml admits; hard cases, fuzzing and the browser run with the newest
+# alone.
 test-lowest: .venv-lowest/installed
-	.venv-lowest/bin/pytest $(PYTEST_OPTIONS) -m "not slow" --ignore=tests/hard --ignore=tests/fuzz
+	.venv-lowest/bin/pytest $(PYTEST_OPTIONS) -m "not slow" --ignore=tests/hard --ignore=tests/fuzz --ignore=tests/browser
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -49,7 +50,7 @@ test-lowest: .venv-lowest/installed
 
 .venv-lowest/installed: pyproject.toml tests/lowest.txt
 	$(PYTHON) -m venv .venv-lowest
-	.venv-lowest/bin/pip install --quiet --disable-pip-version-check -c tests/lowest.txt -e . pytest pytest-xdist hypothesis
+	.venv-lowest/bin/pip install --quiet --disable-pip-version-check -c tests/lowest.txt -e ".[measured]" pytest pytest-xdist hypothesis
 	@touch $@
 
 clean:

@@ -10,6 +10,7 @@
     result.to_dataframe()           its modes as a table; onsets_dataframe(), contributions_dataframe() and
                                     sensitivities_dataframe() are the others
     find_onsets(problem, values)    the critical values alone, to full precision
+    result.plot_stability()         figures, also in notebooks: plot_damping(value), and show(branch), a shape in 3-D
     export_shapes(result, folder)   shapes of the unstable modes for ParaView
     SquealError                     what all of these raise: SceneError, MeshError and OutputError for what you can
                                     mend, NotConvergedError, which carries what did converge

@@ -10,6 +10,7 @@ import typer
 from .commands.info import info
 from .commands.prepare import check, mesh
 from .commands.references import compare, lumped_models
+from .commands.show import animate, diff, report
 from .commands.solve import accuracy, onset, run
 from .errors import INTERRUPTED, InputError, NotConvergedError, SquealError, one_line
 from .process.isolation import import_matplotlib
@@ -44,6 +45,9 @@ def _options(
 for _command in (run, check, mesh, onset, compare, accuracy):
     app.command()(_command)
 app.command("lumped")(lumped_models)
+app.command()(report)
+app.command()(animate)
+app.command()(diff)
 app.command()(info)
 
 

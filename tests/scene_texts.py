@@ -67,6 +67,7 @@ points = 5
 modes = 8
 [output]
 shapes = "none"
+report = false
 """
 SCENE = HEAD + SPRINGS + CONTACTS + TAIL
 TABLES_AND_FIGURES = {

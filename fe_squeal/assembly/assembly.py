@@ -22,11 +22,13 @@ from ..fem.rigid_motions import rigid_motions
 from ..fem.spaces import DisplacementSpace, Surface, make_space, straightened
 from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
+from ..problem.description import Describer
 from ..problem.problem import Problem
 from ..problem.terms import Term
 from ..scene import NOT_PHYSICS, MatrixScene, Scene, number_at, with_numbers
 from .bodies import find_bodies, read_mesh
 from .contacts import make_contact, stiffness_terms
+from .describer import describer_of
 from .discretisation import Discretisation
 from .effect_stages import (
     Owned,
@@ -161,6 +163,7 @@ class Assembly:
         return Problem(
             terms, parameters, Discretisation(self.space, self.bodies, operators, self.notes, warnings, state), self,
             state_parameters(context, on), dict(values), self._motions, state=pressed_numbers(operators, state),
+            describer=self._describer(context),
         )  # fmt: skip
 
     def _interfaces_and_effects(self, scene: Scene, context: Context) -> Iterator[Owned]:
@@ -187,6 +190,11 @@ class Assembly:
             scene.materials, tuple(_holding(scene)), scene.effects.on, partial(number_at, scene), self._cache,
             linear_solver=self._linear_solver,
         )  # fmt: skip
+
+    def _describer(self, context: Context) -> Describer | None:
+        """Return what describes modes: about the axis of the first contact that slides, or along its normal."""
+        key = tuple((name, None if c.motion is None else c.motion.way) for name, c in context.contacts.items())
+        return self._cache.get("describer", key, lambda: describer_of(context, self.bodies))
 
     def _body(self, scene: Scene, name: str) -> BodyPart:
         body = scene.bodies[name]

@@ -14,6 +14,7 @@ from ..eigen.kernel import find_kernel
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Pencil, ProblemClass
 from ..errors import SceneError, SquealError, suggest
+from .description import Describer
 from .parameters import MU, paths_of, values_by_path
 from .terms import POWER, Slot, Term, sum_terms
 from .unheld import find_free_motions
@@ -61,6 +62,8 @@ class Problem:
         Returns the motions that nothing holds, of a problem made from another one, which knows.
     kernel : function of a Pencil
         Looks for the kernel of K where motions are not known; see `solved_with`.
+    describer : Describer or None
+        Says what a mode looks like, for whoever made the terms.
     state : mapping of place to {quantity: number}
         What the state is like about which the terms are linearised; a sweep keeps it beside the modes.
     """
@@ -75,6 +78,7 @@ class Problem:
     free: Callable[[Mapping[str, float]], FreeMotions] | None = field(default=None, repr=False, compare=False)
     state: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     kernel: Callable[[Pencil], np.ndarray] = field(default=find_kernel, repr=False, compare=False)
+    describer: Describer | None = field(default=None, repr=False, compare=False)
     _sums: dict[object, sp.csr_array | None] = field(default_factory=dict, repr=False, compare=False)
     _unheld: dict[object, Any] = field(default_factory=dict, repr=False, compare=False)
 

@@ -32,9 +32,13 @@ from fe_squeal.report.curves import draw_growth, draw_stretches, padded
 from fe_squeal.report.files import save_figure
 from fe_squeal.report.growth import segments
 from fe_squeal.report.labels import place_labels
+from fe_squeal.report.looks import body_text, short_diameters
+from fe_squeal.report.notebook import NotebookFigure
 
 MAX_LABELLED_ONSETS = 12
 MAX_LEGEND_ENTRIES = 26
+MAX_MEASURED = 8  # frequencies with an entry in the legend
+MAX_DESCRIBED = 12  # branches in the legend that have a second line: what they look like
 _DASHES = ("-", "--", ":")
 # mode coupling into and out of instability, and divergence, are told apart by the marker
 _MARKERS = {("flutter", "into"): ("o", "black"), ("flutter", "out of"): ("o", "white"),
@@ -43,7 +47,7 @@ _MARKERS = {("flutter", "into"): ("o", "black"), ("flutter", "out of"): ("o", "w
 
 def plot_stability(
     modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.PathLike[str], title: str = "",
-    covered_hz: float | None = None,
+    covered_hz: float | None = None, measured: Sequence[tuple[float, str]] = (),
 ) -> Path:  # fmt: skip
     """Draw the frequencies (top) and growth rates (bottom) of all branches over the sweep parameter.
 
@@ -60,18 +64,28 @@ def plot_stability(
         Where to write; the suffix chooses the format (png, pdf, svg).
     covered_hz : float, optional
         The frequency below which all modes are known; a line is drawn there.
+    measured : sequence of (frequency in Hz, label)
+        Measured squeal: dotted lines.
 
     Returns
     -------
     Path
         The file written.
     """
+    return save_figure(stability_figure(modes, onsets, title, covered_hz, measured), path)
+
+
+def stability_figure(
+    modes: pd.DataFrame, onsets: pd.DataFrame, title: str = "", covered_hz: float | None = None,
+    measured: Sequence[tuple[float, str]] = (),
+) -> Figure:  # fmt: skip
+    """Return the figure that `plot_stability` writes."""
     branches = collect_branches(modes, onsets)
     growing = sorted((branch for branch in branches if branch.grows), key=lambda b: -b.frequency_hz[b.peak])
     styles = {branch.number: style for branch, style in zip(growing, _styles(len(growing)), strict=True)}
     unit, per_unit = _frequency_unit(modes)
 
-    figure = Figure(figsize=(10, 8), dpi=150, layout="constrained")
+    figure = NotebookFigure(figsize=(10, 8), dpi=150, layout="constrained")
     canvas = FigureCanvasAgg(figure)
     top, bottom = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2]})
     figure.suptitle(figure_text(title))
@@ -87,22 +101,23 @@ def plot_stability(
     _set_parameter_axis(bottom, numbers(modes, "value"))
     top.set_ylim(*padded(numbers(modes, "frequency_hz") / per_unit, floor=0.0))
     _mark_range(top, covered_hz, per_unit)
+    markers += _mark_measured(top, measured, per_unit)
     for axes in (top, bottom):
         axes.grid(True, color="0.92", lw=0.6)
         axes.set_axisbelow(True)
-    _draw_legend(top, growing, styles, markers)
+    _draw_legend(top, growing, styles, markers, modes)
 
     figure.align_ylabels([top, bottom])
     canvas.draw()  # settles the layout, which the labels need in pixels
     figure.set_layout_engine("none")
     if 0 < len(onsets) <= MAX_LABELLED_ONSETS:
         _label_onsets(top, canvas, branches, onsets, parameter_name(modes), per_unit)
-    return save_figure(figure, path)
+    return figure
 
 
 def plot_root_locus(
     modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.PathLike[str], title: str = "",
-    covered_hz: float | None = None,
+    covered_hz: float | None = None, measured: Sequence[tuple[float, str]] = (),
 ) -> Path:  # fmt: skip
     """Draw the eigenvalues in the λ plane, Re λ in 1/s against Im λ/2π, coloured by the sweep parameter.
 
@@ -115,7 +130,7 @@ def plot_root_locus(
         As in `modes.csv` and `onsets.csv`; `onsets` may be empty.
     path : path
         Where to write; the suffix chooses the format.
-    covered_hz : float, optional
+    covered_hz, measured : optional
         As of `plot_stability`.
     """
     unit, per_unit = _frequency_unit(modes)
@@ -139,9 +154,10 @@ def plot_root_locus(
     axes.set_xlim(*limits)
     axes.set_ylim(*padded(frequency / per_unit, floor=0.0))
     _mark_range(axes, covered_hz, per_unit)
+    markers += _mark_measured(axes, measured, per_unit)
     axes.axvspan(0.0, max(limits[1], 0.0), color="tab:red", alpha=0.06, lw=0, zorder=0)
     axes.axvline(0.0, color="0.3", lw=0.9, zorder=2)
-    axes.text(0.99, 0.99, "unstable", transform=axes.transAxes, ha="right", va="top", color="tab:red", fontsize=9)
+    axes.text(0.99, 0.01, "unstable", transform=axes.transAxes, ha="right", va="bottom", color="tab:red", fontsize=9)
     if notes:
         axes.set_title("\n".join(notes), fontsize=9, color="0.35", loc="left")
     axes.set_xlabel("growth rate Re λ (1/s)")
@@ -162,6 +178,22 @@ def _mark_range(axes: Axes, covered_hz: float | None, per_unit: float) -> None:
     axes.axhline(covered_hz / per_unit, color="0.45", lw=0.8, ls=(0, (6, 3)), zorder=1)
     axes.text(0.995, covered_hz / per_unit, f"all modes below {frequency_text(covered_hz)} ",
               transform=axes.get_yaxis_transform(), ha="right", va="bottom", fontsize=7, color="0.35")
+
+
+def _mark_measured(axes: Axes, measured: Sequence[tuple[float, str]], per_unit: float) -> list[Line2D]:
+    """Draw measured frequencies as dotted lines across; return legend handles, for a label on a line hides others."""
+    handles = []
+    for i, (hz, label) in enumerate(sorted(measured, reverse=True)):
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, max(high, 1.05 * hz / per_unit))
+        style: dict[str, Any] = {"color": "tab:red", "lw": 1.4, "ls": ":"}
+        axes.axhline(hz / per_unit, zorder=5, **style)
+        if i < MAX_MEASURED:
+            text = f"measured: {figure_text(label)}{', ' if label else ''}{frequency_text(hz)}"
+            handles.append(Line2D([], [], label=text, **style))
+    if len(measured) > MAX_MEASURED:
+        handles.append(Line2D([], [], lw=0, label=f"and {len(measured) - MAX_MEASURED} more measured"))
+    return handles
 
 
 def _mark_onsets(axes: Axes, onsets: pd.DataFrame, x: Floats, y: Floats, size: float = 6.0) -> list[Line2D]:
@@ -197,11 +229,13 @@ def _label_onsets(
 
 
 def _draw_legend(
-    axes: Axes, growing: list[Branch], styles: dict[int, dict[str, Any]], markers: Sequence[Line2D]
+    axes: Axes, growing: list[Branch], styles: dict[int, dict[str, Any]], markers: Sequence[Line2D], modes: pd.DataFrame
 ) -> None:
     handles = list(markers)
     for branch in growing[:MAX_LEGEND_ENTRIES]:
         text = f"branch {branch.number}, {frequency_text(branch.frequency_hz[branch.peak])}"
+        looks = _looks(modes, branch) if len(growing) <= MAX_DESCRIBED else ""
+        text += f"\n{looks}" if looks else ""
         handles.append(Line2D([], [], lw=2.4, label=text, **styles[branch.number]))
     if len(growing) > MAX_LEGEND_ENTRIES:
         handles.append(Line2D([], [], lw=0, label=f"and {len(growing) - MAX_LEGEND_ENTRIES} more branches"))
@@ -209,6 +243,17 @@ def _draw_legend(
         handles.append(Line2D([], [], color="0.6", lw=0.7, label="marginal or stable"))
     if handles:
         axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
+
+
+def _looks(modes: pd.DataFrame, branch: Branch) -> str:
+    """Return what a branch looks like where it grows fastest; "" where that is not known."""
+    rows = modes[(numbers(modes, "branch") == branch.number) & (numbers(modes, "value") == branch.value[branch.peak])]
+    if not len(rows):
+        return ""
+    row = rows.iloc[0].to_dict()
+    count = short_diameters(row)
+    around = "" if count == "–" else "1 nodal diameter" if count == "1" else f"{count} nodal diameters"
+    return figure_text(", ".join(text for text in (around, body_text(row)) if text))
 
 
 def _growth_limits(modes: pd.DataFrame) -> tuple[tuple[float, float], list[str]]:

@@ -226,7 +226,7 @@ def compose_figure(
     """Return a figure with titles and colour bars, and the axes for the left and the right view."""
     figure = Figure(figsize=(12, 6), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(figure_text(title), fontsize=13)
+    figure.suptitle("\n".join(figure_text(line) for line in title.split("\n")), fontsize=13)
     name = figure_text(body_name)
     left, right = figure.subplots(1, 2)
     for axes, text, colours, low, label in (

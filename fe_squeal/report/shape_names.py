@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fe_squeal.report.branches import parameter_symbol, value_text
+from fe_squeal.report.looks import body_text, diameters_text, way_text
 
 
 def shape_name(info: Mapping[str, Any]) -> str:
@@ -50,4 +51,5 @@ def shape_title(info: Mapping[str, Any]) -> str:
         parts.append(f"{parameter_symbol(str(info.get('parameter', 'value')))} = {value_text(float(info['value']))}")
     head = next((f"{key} {int(info[key])}:  " for key in ("branch", "mode")
                  if info.get(key) is not None and np.isfinite(info[key])), "")
-    return head + ",  ".join(parts)
+    looks = ", ".join(text for text in (diameters_text(info), body_text(info), way_text(info)) if text)
+    return head + ",  ".join(parts) + (f"\n{looks}" if looks else "")

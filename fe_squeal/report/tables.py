@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,6 +21,7 @@ from fe_squeal.report.branches import (
     total_uncertainty,
 )
 from fe_squeal.report.growth import growth_curves
+from fe_squeal.report.looks import body_text, entry, short_diameters
 from fe_squeal.report.terminal import print_table
 
 MAX_ROWS = 20
@@ -59,8 +60,12 @@ def print_unstable(modes: pd.DataFrame, console: Console, onsets: pd.DataFrame |
     for text in (*heads, "damping\n%"):
         table.add_column(text, justify="right")
     table.add_column("noise")
+    described = any(row.looks for row in rows)
+    if described:
+        table.add_column("nodal\ndiameters", justify="right")
+        table.add_column("moves most")
     for row in rows[:MAX_ROWS]:
-        growth = _with_uncertainty(row.growth, row.uncertainty) if row.mode else f"about {row.growth:.2g}"
+        growth = with_uncertainty(row.growth, row.uncertainty) if row.mode else f"about {row.growth:.2g}"
         cells = [_span(row.lowest_hz, row.highest_hz, ".0f" if row.highest_hz >= 1000 else ".4g"), growth]
         if single:
             cells.insert(0, str(row.mode))
@@ -68,8 +73,9 @@ def print_unstable(modes: pd.DataFrame, console: Console, onsets: pd.DataFrame |
             first, last = distinct_texts(np.array([row.first, row.last]), "g")
             span = first if first == last else f"{first} … {last}"
             cells = [_name(row.branch), span, *cells, f"{row.peak_value:.4g}"]
-        table.add_row(*cells, f"{100 * row.damping_ratio:.3g}", row.noise)
-    print_table(table, console)
+        looks = (short_diameters(row.looks), body_text(row.looks)) if described else ()
+        table.add_row(*cells, f"{100 * row.damping_ratio:.3g}", row.noise, *looks)
+    print_table(table, console, ("noise", "moves most", "nodal\ndiameters"))
     if len(rows) > MAX_ROWS:
         console.print(Text(f"... {len(rows) - MAX_ROWS} more in modes.csv"))
 
@@ -118,8 +124,8 @@ def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "") -> N
 
 class UnstableInterval(NamedTuple):
     """One run of neighbouring sweep values at which a branch is unstable; `growth` is its largest Re λ in 1/s, and
-    `uncertainty` (1/s), `damping_ratio`, `mode` and `noise` belong to that value, `peak_value`. The mode 0 stands for a
-    window between two values, at which no mode is in the table."""
+    `uncertainty` (1/s), `damping_ratio`, `mode`, `noise` and `looks` (its descriptors) belong to that value,
+    `peak_value`. The mode 0 stands for a window between two values, at which no mode is in the table."""
 
     branch: float
     first: float
@@ -132,6 +138,7 @@ class UnstableInterval(NamedTuple):
     damping_ratio: float
     mode: int
     noise: str
+    looks: dict[str, Any]
 
 
 def unstable_intervals(modes: pd.DataFrame) -> list[UnstableInterval]:
@@ -151,7 +158,8 @@ def unstable_intervals(modes: pd.DataFrame) -> list[UnstableInterval]:
         top = rows[np.argmax(re[rows])]
         result.append(UnstableInterval(
             branch[top], sweep[place[rows[0]]], sweep[place[rows[-1]]], frequency[rows].min(), frequency[rows].max(),
-            re[top], uncertainty[top], sweep[place[top]], ratio[top], int(mode[top]), str(modes["noise"].iloc[top])))
+            re[top], uncertainty[top], sweep[place[top]], ratio[top], int(mode[top]), str(modes["noise"].iloc[top]),
+            _looks(modes.iloc[top].to_dict())))
     return sorted(result, key=lambda row: -row.growth)
 
 
@@ -167,8 +175,13 @@ def window_intervals(modes: pd.DataFrame, onsets: pd.DataFrame) -> list[Unstable
             size = np.hypot(growth, 2 * np.pi * hz.mean()) or 1.0
             ends = branch.value[i : i + 2]
             result.append(UnstableInterval(
-                branch.number, ends[0], ends[1], hz.min(), hz.max(), growth, np.nan, value, -growth / size, 0, ""))
+                branch.number, ends[0], ends[1], hz.min(), hz.max(), growth, np.nan, value, -growth / size, 0, "", {}))
     return result
+
+
+def _looks(row: dict[Any, Any]) -> dict[str, Any]:
+    """Return the descriptors of a mode as far as its row has them."""
+    return {str(k): v for k, v in row.items() if entry(row, str(k)) is not None} if entry(row, "body") else {}
 
 
 def _table(title: str) -> Table:
@@ -186,14 +199,14 @@ def _span(low: float, high: float, form: str) -> str:
     return first if first == last else f"{first} … {last}"
 
 
-def _with_uncertainty(value: float, uncertainty: float) -> str:
+def with_uncertainty(value: float, uncertainty: float) -> str:
     """Return the value to the digits that its uncertainty leaves, at most six, and the uncertainty to one.
 
     Examples
     --------
-    >>> _with_uncertainty(0.0000861, 2e-6)
+    >>> with_uncertainty(0.0000861, 2e-6)
     '8.61e-05 ± 2e-06'
-    >>> _with_uncertainty(123.4567, 0.02), _with_uncertainty(123.4567, 0.0), _with_uncertainty(123.4567, 1e-9)
+    >>> with_uncertainty(123.4567, 0.02), with_uncertainty(123.4567, 0.0), with_uncertainty(123.4567, 1e-9)
     ('123.46 ± 0.02', '123.457', '123.457 ± 1e-09')
     """
     if not uncertainty > 0 or value == 0:

@@ -27,6 +27,7 @@ from .folder import (
     ACCURACY_PAGE,
     ACCURACY_TABLE,
     MEASUREMENTS,
+    REPORT,
     STAGES_TABLE,
     STUDY_FILES,
     hold_folder,
@@ -35,7 +36,9 @@ from .folder import (
     remove_results,
 )
 from .inputs import input_files, run_inputs
+from .measured import read_measured
 from .measurements import Measurements
+from .page import write_accuracy_report, write_run_report
 from .record import write_record
 from .run import report_sweep, write_results
 from .solver import solver_of
@@ -72,6 +75,8 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
                     raise
                 study, stopped = stop.args[0], True
         write_study(study, out, whole.title)
+        if whole.output.report and study.settings:
+            write_accuracy_report(out, out / REPORT)
     if stopped:
         print(f"interrupted: {len(study.settings)} settings were measured and are in {out}", file=sys.stderr)
         return INTERRUPTED
@@ -82,7 +87,7 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
                 console.print(sentence, markup=False)
     for setting, why in study.left_out:
         console.print(f"left out: {setting}: {why}", markup=False)
-    console.print(f"results in {out}: accuracy.md, accuracy.png, accuracy.csv", markup=False)
+    console.print(f"results in {out}: report.html, accuracy.md, accuracy.png, accuracy.csv", markup=False)
     return 0
 
 
@@ -116,7 +121,7 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
         The target is not met; what comes nearest is in the folder.
     """
     whole = _with_mesh(scene, "--accuracy")
-    solver = solver_of(whole)
+    solver, measured = solver_of(whole), read_measured(whole)
     check_units(whole)
     start = time.perf_counter()
 
@@ -139,12 +144,15 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
             choice, stopped = stop.args[0], True
         remove_results(held)
         held.remove(is_kept)
-        write_results(choice.scene, choice.result, held)
+        said = write_results(choice.scene, choice.result, held, measured)
         seconds = {f"trial {i}": trial.seconds for i, trial in enumerate(choice.trials, 1)}
         seconds |= {**choice.result.seconds, "total": time.perf_counter() - start}
         status = "interrupted" if stopped else "complete" if failure is None else "not converged"
         inputs = run_inputs(choice.scene, choice.mesh)
-        write_record(choice.scene, choice.result.problem, choice.result, seconds, status, inputs, solver, out)
+        problem = choice.result.problem
+        write_record(choice.scene, problem, choice.result, seconds, status, inputs, solver, out, measured, said)
+        if choice.scene.output.report:
+            write_run_report(out, out / REPORT)
         report_sweep(choice.scene, choice.result, out, console, seconds["total"])
         _print_trials(choice, target, console)
     if stopped:

@@ -36,7 +36,7 @@ _SHARE = 0.03  # of the time: what writing may take; values that are fast to sol
 _JSON = "json"  # name of the array that holds the rest
 # Number of the layout of these files. Raise it when a name, a unit or a meaning in them changes: a checkpoint of
 # another layout is refused.
-LAYOUT = 3
+LAYOUT = 4
 
 
 class Checkpoint:

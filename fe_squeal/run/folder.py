@@ -31,8 +31,12 @@ SHAPES, CHECKPOINT = "shapes", "checkpoint"
 ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, MEASUREMENTS = (
     "accuracy.csv", "accuracy_stages.csv", "accuracy.png", "accuracy.md", "measurements",
 )  # fmt: skip
-RUN_FILES = (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES)
-STUDY_FILES = (ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE)
+REPORT = "report.html"
+MAC_TABLE, MAC_FIGURE = MEASURED_FILES = "mac.csv", "mac.png"
+DIFFERENCE_TABLE, DIFFERENCE_FIGURE = "diff.csv", "diff.png"
+DIFFERENCE_FILES = (DIFFERENCE_TABLE, DIFFERENCE_FIGURE, REPORT)
+RUN_FILES = (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES, *MEASURED_FILES, REPORT)
+STUDY_FILES = (ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, REPORT)
 FOLDERS = (SHAPES, CHECKPOINT, MEASUREMENTS)
 CHECKPOINT_INPUTS = f"{CHECKPOINT}/inputs.json"
 _CHECKPOINT_FILES = (CHECKPOINT_INPUTS, *(f"{CHECKPOINT}/{name}.npz" for name in ("model", "first", "state")))
@@ -41,7 +45,7 @@ _UNFINISHED = re.compile(re.escape(UNFINISHED).replace(re.escape("{}"), "[0-9a-f
 _NAMED = 3  # files in one message
 # Names of files of the version that wrote no manifest: a folder with such files alone holds its results.
 _EARLIER = re.compile(
-    "|".join(map(re.escape, (*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES)))
+    "|".join(map(re.escape, {*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES} - {*MEASURED_FILES, REPORT}))
     + rf"|{CHECKPOINT}/point_\d+\.npz|{MEASUREMENTS}/[\w.+-]+\.np[yz]"
     rf"|{SHAPES}/(branch|mode)_\d+\w*[\w.+-]*Hz(\.(vtu|pvd|png|npz)|_frames/[\w.+-]+\.vtu)"
 )
@@ -162,7 +166,7 @@ def _refuse_foreign(folder: Path) -> None:
 def _refuse_names(manifest: Manifest) -> None:
     """Refuse to begin where files that this program did not write have names that will be written."""
     listed = set(manifest.names(lambda name: True))
-    for name in {*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES} - listed:
+    for name in {*RUN_FILES, *STUDY_FILES, *DIFFERENCE_FILES, *_CHECKPOINT_FILES} - listed:
         if manifest.state(name) != MISSING:
             raise OutputError(
                 f"{manifest.folder / name}: is no file that fe-squeal wrote; move it, or give another folder by -o"

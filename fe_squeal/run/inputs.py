@@ -46,6 +46,7 @@ def input_files(scene: Scene | MatrixScene) -> list[Path]:
     files = [scene.source, scene.mesh_path] if isinstance(scene, Scene) else [scene.source]
     if isinstance(scene, MatrixScene):
         files += [scene.folder / term.file for term in scene.terms]
+    files += [scene.folder / entry.file for entry in scene.measured if entry.file is not None]
     return [Path(file) for file in files if file is not None]
 
 

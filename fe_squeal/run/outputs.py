@@ -14,9 +14,12 @@ from ..assembly.discretisation import discretisation_of
 from ..report.files import replace_atomically, write_csv
 from ..report.shape_names import shape_name
 from ..sweep.result import Sweep, SweepPoint
+from .compared import mac_table
 from .folder import (
     CONTRIBUTIONS_FIGURE,
     CONTRIBUTIONS_TABLE,
+    MAC_FIGURE,
+    MAC_TABLE,
     MODES_TABLE,
     ONSETS_TABLE,
     PRELOAD_TABLE,
@@ -24,8 +27,10 @@ from .folder import (
     SENSITIVITIES_TABLE,
     STABILITY_FIGURE,
 )
+from .measured import Frequency, Measurements
 from .preload import grid_of, preload_dataframe
 from .record import fastest_growing, mode_info
+from .view import view_axis
 
 
 def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") -> list[Path]:
@@ -54,10 +59,9 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
     if discretisation is None:
         return [_write_array(name, u, info, Path(folder)) for name, u, info in shapes]
     shapes = [(name, discretisation.space.expand(u), info) for name, u, info in shapes]
-    axis = next((tuple(c.normals.mean(axis=0)) for c in discretisation.contacts.values()), (0.0, 0.0, 1.0))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RuntimeWarning)
-        files = export(grid_of(discretisation), shapes, folder, axis=axis)
+        files = export(grid_of(discretisation), shapes, folder, axis=view_axis(discretisation))
     for warning in caught:
         print(f"pictures: {warning.message}", file=sys.stderr)
     return files
@@ -79,17 +83,32 @@ def write_modes(result: Sweep, out: Path) -> None:
     write_csv(result.onsets_dataframe(), out / ONSETS_TABLE)
 
 
-def write_figures(result: Sweep, out: Path, title: str, covered_hz: float | None = None) -> list[Path]:
+def write_figures(
+    result: Sweep, out: Path, title: str, covered_hz: float | None = None, measured: Sequence[Frequency] = ()
+) -> list[Path]:
     """Draw stability.png, root_locus.png and contributions.png; up to `covered_hz` all modes are known."""
     from ..report.contributions import plot_contributions
     from ..report.figures import plot_root_locus, plot_stability
 
     modes, onsets = result.to_dataframe(), result.onsets_dataframe()
+    marks = [(m.hz, m.label) for m in measured]
     return [
-        plot_stability(modes, onsets, out / STABILITY_FIGURE, title, covered_hz),
-        plot_root_locus(modes, onsets, out / ROOT_LOCUS_FIGURE, title, covered_hz),
+        plot_stability(modes, onsets, out / STABILITY_FIGURE, title, covered_hz, marks),
+        plot_root_locus(modes, onsets, out / ROOT_LOCUS_FIGURE, title, covered_hz, marks),
         plot_contributions(result.contributions_dataframe(), modes, out / CONTRIBUTIONS_FIGURE, title),
     ]
+
+
+def write_mac(result: Sweep, measured: Measurements, out: Path, title: str) -> list[str]:
+    """Write mac.csv and mac.png where shapes were measured, and return sentences on points left out."""
+    table, said = mac_table(measured, result)
+    if table is not None:
+        write_csv(table, out / MAC_TABLE)
+        if len(table):
+            from ..report.mac import plot_mac
+
+            plot_mac(table, out / MAC_FIGURE, title)
+    return said
 
 
 def _shapes(result: Sweep, chosen: Sequence[tuple[SweepPoint, int]]) -> list[tuple[str, np.ndarray, dict[str, Any]]]:

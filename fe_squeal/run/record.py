@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +16,18 @@ from ..problem.problem import Problem
 from ..report.files import write_json
 from ..scene import MatrixScene, Scene
 from ..sweep.result import Sweep, SweepPoint
-from .covered import frequency_range
+from .compared import measured_record
+from .covered import above_text, frequency_range, unstable_above
 from .folder import RECORD
+from .measured import NOTHING_MEASURED, Measurements
 from .preload import preload_record
+from .view import view_axis
 
 
 def write_record(
     scene: Scene | MatrixScene, problem: Problem, result: Sweep | None, seconds: dict[str, float], status: str,
-    inputs: Mapping[str, Any], solver: LinearSolver, out: Path,
+    inputs: Mapping[str, Any], solver: LinearSolver, out: Path, measured: Measurements = NOTHING_MEASURED,
+    more_warnings: Sequence[str] = (),
 ) -> None:  # fmt: skip
     """Write run.json; while a run goes on, without the shares of its terms in the growth, which take time.
 
@@ -34,8 +38,11 @@ def write_record(
         See `run_inputs`.
     solver : LinearSolver
         The one that factorised the matrices.
+    more_warnings : sequence of str
+        Beside those of the scene and of the sweep.
     """
     discretisation, parts = discretisation_of(problem), force_balance(problem)
+    above = unstable_above(result) if result is not None else None
     record: dict[str, Any] = {
         "version": inputs["version"],
         "title": scene.title,
@@ -53,20 +60,23 @@ def write_record(
         "completeness_at": result.points[0].value if result is not None else None,
         "onsets_complete": result.onsets_complete if result is not None else None,
         "frequency_range_hz": frequency_range(scene, result) if result is not None else None,
+        "unstable_above_range": above_text(above, result.parameter) if result and above else None,
         "rigid_motions": int(np.count_nonzero(result.points[0].modes.lam == 0)) if result is not None else None,
         "values": list(result.values) if result is not None else [],
         "contacts": {
             name: {"area_m2": c.area, "coverage": c.coverage, "largest_gap_m": float(np.abs(c.separation).max())}
             for name, c in (discretisation.contacts if discretisation is not None else {}).items()
         },
+        "axis": {"direction": view_axis(discretisation)} if discretisation is not None else None,
         "preload": preload_record(scene, problem),
         "forces": balance_record(parts) if parts else None,
         "unstable": _unstable(result) if result is not None and status != "running" else [],
         "notes": list(discretisation.notes) if discretisation is not None else [],
         "warnings": [
             *(discretisation.warnings if discretisation is not None else ()), *balance_warnings(parts),
-            *(result.warnings if result is not None else ()),
+            *(result.warnings if result is not None else ()), *more_warnings,
         ],
+        "measured": measured_record(measured, result) if result is not None else [],
         "inputs": inputs,
     }
     write_json(record, out / RECORD)
@@ -99,9 +109,10 @@ def _unstable(result: Sweep) -> list[dict[str, Any]]:
 
 
 def mode_info(result: Sweep, point: SweepPoint, i: int) -> dict[str, Any]:
-    """Return place and eigenvalue of a mode, for run.json and files of shapes."""
+    """Return which mode it is, its eigenvalue, and what it looks like as far as that is known."""
     lam = point.modes.lam[i]
+    looks = {name: entries[i] for name, entries in point.description.items() if entries[i] is not None}
     return {
         "parameter": result.parameter, "value": point.value, "mode": i + 1, "branch": int(point.branches[i]),
-        "re": lam.real, "im": lam.imag, "frequency_hz": point.modes.frequency_hz[i],
+        "re": lam.real, "im": lam.imag, "frequency_hz": point.modes.frequency_hz[i], **looks,
     }  # fmt: skip

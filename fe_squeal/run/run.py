@@ -28,13 +28,16 @@ from ..sweep.result import Sweep
 from ..sweep.state import Store, SweepState
 from ..sweep.sweep import MODES, sweep
 from .checkpoint import Checkpoint
+from .compared import measured_record
 from .covered import above_text, covered_text, frequency_range, unstable_above
-from .folder import SHAPES, hold_folder, is_kept, is_result, is_shape, remove_results
+from .folder import REPORT, SHAPES, hold_folder, is_kept, is_result, is_shape, remove_results
 from .forces import balance_table
 from .forecast import Forecast
 from .inputs import input_files, run_inputs
 from .manifest import Manifest
-from .outputs import export_shapes, write_figures, write_modes, write_tables
+from .measured import NOTHING_MEASURED, Measurements, read_measured
+from .outputs import export_shapes, write_figures, write_mac, write_modes, write_tables
+from .page import write_run_report
 from .preload import write_preload
 from .record import write_record
 from .resume import is_estimated, is_finished, show_finished
@@ -69,6 +72,7 @@ def run_scene(
 
 def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: bool, estimate: bool) -> int:
     start, solver, out = time.perf_counter(), solver_of(scene), held.folder
+    measured, said = read_measured(scene), list[str]()
     mesh = scene_mesh(scene)
     inputs = run_inputs(scene, mesh)
     checkpoint = Checkpoint(held)
@@ -107,7 +111,7 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
 
     def record(result: Sweep | None, status: str) -> None:
         seconds["total"] = spent + time.perf_counter() - start
-        write_record(scene, problem, result, seconds, status, inputs, solver, out)
+        write_record(scene, problem, result, seconds, status, inputs, solver, out, measured, said)
 
     def keep_tables(state: SweepState) -> None:
         result = state.sweep(problem, parameter)
@@ -139,14 +143,20 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
                 status = "interrupted"  # all values are finished; --resume goes on with the estimate
         seconds |= dict(result.seconds)
         clock = time.perf_counter()
-        write_results(scene, result, held)
+        said += write_results(scene, result, held, measured)
         seconds["output"] = time.perf_counter() - clock
     record(result, status)
+    if result is not None and scene.output.report:
+        write_run_report(out, out / REPORT)
     done = len(result.values) if result is not None else 0
     if failure is not None:
         raise NotConvergedError(f"{failure}; {done} values before it are in {out}", failure.partial)
     if result is not None:
         report_sweep(scene, result, out, console, seconds["total"])
+        for entry in measured_record(measured, result):
+            console.print(entry["sentence"], markup=False)
+        for text in said:
+            console.print(f"warning: {text}", markup=False)
     if status == "interrupted":
         print(f"interrupted: {done} of {len(values)} values were finished and are in {out}", file=sys.stderr)
         return INTERRUPTED
@@ -166,9 +176,10 @@ def sweep_scene(
     """
     parameter, values = swept(scene, problem)
     solver = solver_of(scene)
+    compared = any(entry.file is not None for entry in scene.measured)  # maybe a shape
     options = {
         "modes": scene.solve.modes, "max_frequency": scene.solve.max_frequency, "tolerance": scene.solve.tolerance,
-        "keep_shapes": scene.output.shapes == "all", "method": scene.solve.method,
+        "keep_shapes": scene.output.shapes == "all" or compared, "method": scene.solve.method,
         "precise": precise, "store": store, "linear_solver": solver,
     }  # fmt: skip
     solve = scene.solve
@@ -201,16 +212,19 @@ def sweep_scene(
             return _explained(sweep(problem, values, parameter, progress=advance, **options), scene)  # type: ignore[arg-type]
 
 
-def write_results(scene: Scene | MatrixScene, result: Sweep, held: Manifest) -> None:
-    """Write tables, figures and shapes."""
+def write_results(
+    scene: Scene | MatrixScene, result: Sweep, held: Manifest, measured: Measurements = NOTHING_MEASURED
+) -> list[str]:
+    """Write tables, figures and shapes; return sentences on what of the measurements could not be compared."""
     out = held.folder
     held.remove(is_shape)  # those of an interrupted run may belong to other values: the fastest growth so far
     write_tables(result, out)
-    write_figures(result, out, scene.title, frequency_range(scene, result)[1])
+    write_figures(result, out, scene.title, frequency_range(scene, result)[1], measured.frequencies)
     if isinstance(scene, Scene):
         write_preload(scene, result.problem, out)
     if scene.output.shapes != "none":
         export_shapes(result, out / SHAPES, scene.output.shapes)
+    return write_mac(result, measured, out, scene.title)
 
 
 def _explained(result: Sweep, scene: Scene | MatrixScene) -> Sweep:
@@ -257,7 +271,9 @@ def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: 
     memory = peak_memory_mib()
     peak = f", {memory:.0f} MiB" if memory is not None else ""
     shapes = ", shapes/" if scene.output.shapes != "none" and (out / SHAPES).is_dir() else ""
-    console.print(f"results in {out}: stability.png, root_locus.png{shapes} ({seconds:.1f} s{peak})", markup=False)
+    page = "report.html, " if scene.output.report else ""
+    files = f"{page}stability.png, root_locus.png{shapes}"
+    console.print(f"results in {out}: {files} ({seconds:.1f} s{peak})", markup=False)
     above = unstable_above(result)
     if above is not None:
         console.print(f"note: {above_text(above, result.parameter)}", markup=False)

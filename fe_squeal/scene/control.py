@@ -119,6 +119,9 @@ class Output(Section):
     ----------
     shapes : "unstable" or "all" or "none"
         Which mode shapes are written, for ParaView and as pictures.
+    report : bool
+        Whether report.html is written: one page with charts, shapes that move, and what the result rests on.
     """
 
     shapes: Literal["unstable", "all", "none"] = "unstable"
+    report: bool = True

@@ -11,6 +11,7 @@ from ..problem.parameters import paths_of
 from ..schema.section import Section, Text
 from .base import BaseScene
 from .control import Output, Solve, SweepSection
+from .measured import Measured
 
 Role = Literal["mass", "damping", "stiffness"]
 
@@ -81,6 +82,8 @@ class MatrixScene(BaseScene):
         Number of modes and accuracy.
     output : table
         What is written.
+    measured : list of tables
+        Measured squeal, shown beside what is computed.
     """
 
     title: str = ""
@@ -89,6 +92,7 @@ class MatrixScene(BaseScene):
     sweep: SweepSection | None = None
     solve: Solve = Solve()
     output: Output = Output()
+    measured: list[Measured] = []
 
     @property
     def effect_names(self) -> tuple[str, ...]:

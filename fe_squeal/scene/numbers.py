@@ -10,7 +10,7 @@ from ..problem.parameters import MU
 from .base import BaseScene
 from .faults import validated
 
-NOT_PHYSICS = ("mesh", "sweep", "solve", "output")  # tables whose numbers no problem moves with
+NOT_PHYSICS = ("mesh", "sweep", "solve", "output", "measured")  # tables whose numbers no problem moves with
 _LONG = {MU: "effects.friction.mu"}  # paths by the short names that stand for them
 _Scene = TypeVar("_Scene", bound=BaseScene)
 

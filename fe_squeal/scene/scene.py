@@ -20,6 +20,7 @@ from .bodies import BodyTable, Support
 from .contacts import Contact
 from .control import Output, Solve, SweepSection
 from .effects import effects_table, with_own_tables
+from .measured import Measured
 from .mesh import MeshSection
 from .numbers import NOT_PHYSICS, number_at, plain, with_numbers
 
@@ -61,6 +62,8 @@ class Scene(BaseScene):
         Number of modes and accuracy.
     output : table
         What is written.
+    measured : list of tables
+        Measured squeal, shown beside what is computed.
     """
 
     title: str = ""
@@ -75,6 +78,7 @@ class Scene(BaseScene):
     sweep: SweepSection | None = None
     solve: Solve = Solve()
     output: Output = Output()
+    measured: list[Measured] = []
 
     @property
     def mesh_path(self) -> Path | None:

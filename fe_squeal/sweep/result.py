@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..eigen.pencil import Modes
 from ..eigen.request import Completeness
+from ..problem.description import DESCRIPTOR_COLUMNS, undescribed
 from ..problem.energy import Share, energy_balance
 from ..problem.problem import Problem
 from ..reduced import ReducedModel, lift
@@ -18,10 +21,11 @@ from .onset import Onset
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 MODE_COLUMNS = (
     "parameter", "value", "mode", "branch", "re", "im", "frequency_hz", "damping_ratio", "stability", "noise",
-    "backward_error", "re_uncertainty", "re_discretisation", "im_discretisation",
+    "backward_error", "re_uncertainty", "re_discretisation", "im_discretisation", *DESCRIPTOR_COLUMNS,
 )  # fmt: skip
 ONSET_COLUMNS = (
     "parameter", "value", "frequency_hz", "kind", "direction", "crossing_speed", "branch_a", "branch_b", "uncertainty",
@@ -69,6 +73,8 @@ class SweepPoint:
         Unstable λ beyond the modes that were asked for, as far as the solver happened to find any.
     between : bool
         Whether this is no value of the sweep but the middle of a window of instability between two of them.
+    description : mapping of column to (k,) entries
+        What the modes look like, see `fe_squeal.problem.description`; empty where nobody says.
     """
 
     value: float
@@ -80,6 +86,7 @@ class SweepPoint:
     discretisation: np.ndarray | None = None
     above: tuple[complex, ...] = ()
     between: bool = False
+    description: Mapping[str, Sequence[object]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -153,6 +160,7 @@ class Sweep:
         rows = []
         for point in self.points:
             m = point.modes
+            looks = list(zip(*(point.description or undescribed(len(m))).values(), strict=True))
             mesh = np.full(len(m), np.nan * (1 + 1j)) if point.discretisation is None else point.discretisation
             for i, lam in enumerate(m.lam):
                 size, unstable = abs(lam), m.stability[i] == "unstable"
@@ -161,8 +169,12 @@ class Sweep:
                     -lam.real / size if size else 0.0, m.stability[i],
                     classify_noise(m.frequency_hz[i]) if unstable else "",
                     m.backward_error[i], m.re_uncertainty[i], mesh[i].real, mesh[i].imag,
+                    *looks[i],
                 ))  # fmt: skip
-        return pd.DataFrame(rows, columns=list(MODE_COLUMNS))
+        frame = pd.DataFrame(rows, columns=list(MODE_COLUMNS))
+        counts = ["nodal_diameters", "nodal_circles", "other_nodal_diameters"]
+        shares = ["out_of_plane", "body_share", "nodal_diameters_share", "other_share", "travelling"]
+        return frame.astype(dict.fromkeys(counts, "Int64") | dict.fromkeys(shares, float) | {"body": object})
 
     def onsets_dataframe(self) -> pd.DataFrame:
         """Return one row per onset, the columns of onsets.csv."""
@@ -217,3 +229,56 @@ class Sweep:
             for path, (at, d) in found.items()
         ]
         return pd.DataFrame(rows, columns=list(SENSITIVITY_COLUMNS))
+
+    def plot_stability(self, path: str | Path | None = None) -> Figure:
+        """Draw frequencies and growth rates over the parameter, into a file or a notebook.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where to write; the suffix chooses the format (png, pdf, svg).
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        return _viewer().plot_stability(self, path)
+
+    def plot_damping(self, value: float | None = None, path: str | Path | None = None) -> Figure:
+        """Draw damping ratio against frequency at the value of the sweep nearest to the given one, by default the last.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        return _viewer().plot_damping(self, value, path)
+
+    def show(self, branch: int, off_screen: bool = False) -> Any:
+        """Show the shape of a branch in 3-D, where it grows fastest, in a window or a notebook.
+
+        Parameters
+        ----------
+        branch : int
+            As in the column of that name; its shape has to be known, as those of unstable modes are.
+        off_screen : bool
+            Open nothing; the plotter that is returned can take a screenshot.
+
+        Returns
+        -------
+        pyvista.Plotter
+
+        Raises
+        ------
+        SceneError
+            No shape of this branch is known, or the problem has no mesh.
+        """
+        return _viewer().show(self, branch, off_screen)
+
+    def _repr_html_(self) -> str:
+        """Return the answer in words, with tables of what is unstable and of the onsets, for a notebook."""
+        return str(_viewer().html(self))
+
+
+def _viewer() -> Any:
+    """Return the module that draws: it imports this room, so that this room cannot import it, but looks it up."""
+    return importlib.import_module("fe_squeal.run.show")

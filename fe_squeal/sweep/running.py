@@ -15,6 +15,7 @@ from ..eigen.request import Completeness, Request, wanted_count
 from ..eigen.solve import prove_completeness, solve_modes
 from ..eigen.threads import one_openblas_thread
 from ..errors import NotConvergedError, TooLargeError
+from ..problem.description import Describer, Description
 from ..problem.problem import Problem
 from ..problem.sensitivity import sensitivities
 from ..reduced import ReducedModel
@@ -43,7 +44,8 @@ class RunningSweep:
         self._guarded = _with_guard(request) if steps else request
         self.points: list[SweepPoint] = []
         self.onsets: list[Onset] = []
-        self.seconds = {"reduction": 0.0, "eigenvalues": 0.0, "tracking": 0.0, "onsets": 0.0, "completeness": 0.0}
+        stages = ("reduction", "eigenvalues", "tracking", "onsets", "completeness", "descriptors")
+        self.seconds = dict.fromkeys(stages, 0.0)
         self.warnings: list[str] = []
         self.window = 0.0  # every window of instability wider than this was found
         self.unsettled: list[str] = []  # those of the warnings that are about onsets
@@ -56,6 +58,8 @@ class RunningSweep:
         self._start = self._value = np.nan
         self._M = problem.mass  # shapes are compared by it at all values, also where the sweep changes mass
         self._reduced_model: ReducedModel | None = None
+        self._describer: Describer | None = None
+        self._described: np.ndarray | None = None  # the basis in whose coordinates it describes
         self._tracked = problem  # in whose coordinates the modes are given: this one, or that of the reduced model
 
     def reduce(self, values: np.ndarray, method: str, store: Store | None, known: SweepState | None) -> None:
@@ -141,9 +145,24 @@ class RunningSweep:
         pressed = self.problem.at({self.parameter: value}).state
         if self._reduced_model is not None:
             shapes = LiftedShapes(shapes, self._reduced_model.basis.V)
+        description = self._describe(here, modes.right[:, :wanted])
         return SweepPoint(
-            value, reported, branches[:wanted], shapes, moves, pressed, above=tuple(complex(lam) for lam in above)
-        )
+            value, reported, branches[:wanted], shapes, moves, pressed, above=tuple(complex(lam) for lam in above),
+            description=description,
+        )  # fmt: skip
+
+    def _describe(self, here: Problem, shapes: np.ndarray) -> Description:
+        """Return what modes look like; nothing where nobody says."""
+        if self.problem.describer is None:
+            return {}
+        clock = time.perf_counter()
+        V = None if self._reduced_model is None else self._reduced_model.basis.V
+        if self._describer is None or self._described is not V:
+            self._describer = self.problem.describer if V is None else self.problem.describer.on(V)
+            self._described = V
+        description = self._describer.describe(here.terms, here.parameters, shapes)
+        self._spend("descriptors", clock)
+        return description
 
     def _window(self, middle: float, pair: tuple[Onset, Onset]) -> SweepPoint:
         """Return the point in the middle of a window of instability that holds no value of the sweep."""

@@ -109,6 +109,7 @@ def record_of_point(point: SweepPoint) -> Record:
             "value": point.value, "method": point.modes.method, "sensitivities": moves, "pressed": pressed,
             "above": [[lam.real, lam.imag] for lam in point.above], "between": point.between,
             "exhaustive": point.modes.exhaustive,
+            "description": {name: list(entries) for name, entries in point.description.items()},
         },
     )  # fmt: skip
 
@@ -127,8 +128,9 @@ def point_of_record(record: Record) -> SweepPoint:
     }
     above = tuple(complex(*lam) for lam in data["above"])
     return SweepPoint(
-        data["value"], modes, arrays["branches"], shapes, moves, data["pressed"], above=above, between=data["between"]
-    )
+        data["value"], modes, arrays["branches"], shapes, moves, data["pressed"], above=above, between=data["between"],
+        description=dict(data["description"]),
+    )  # fmt: skip
 
 
 def record_of_modes(modes: Modes) -> Record:

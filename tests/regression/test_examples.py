@@ -50,6 +50,7 @@ def test_disc_pad_couples_in_the_range_of_squeal(tmp_path):
     subprocess.run(command, check=True)  # its own process, for its own peak of memory
     record = json.loads((tmp_path / "run.json").read_text())
     assert record["unknowns"] >= 8000 and record["problem_class"] == "nonsymmetric"
+    assert (tmp_path / "report.html").stat().st_size < 12e6
     assert record["completeness"]["proven"] and record["completeness"]["found"] == 20
     assert record["peak_memory_mib"] < 2048
     onsets = pd.read_csv(tmp_path / "onsets.csv")
@@ -63,6 +64,8 @@ def test_disc_pad_couples_in_the_range_of_squeal(tmp_path):
     assert len(growing) == len(decaying) == 3
     np.testing.assert_allclose(growing.re.to_numpy(), -decaying.re.to_numpy(), rtol=1e-9)
     assert len(list((tmp_path / "shapes").glob("*.png"))) == 3
+    # The nodal lines in the pictures, counted by eye.
+    assert growing.nodal_diameters.to_list() == [3, 5, 6] and (growing.body == "disc").all()
 
 
 @pytest.mark.slow

@@ -134,3 +134,19 @@ def test_no_name_and_no_number_of_a_table_is_cut(width):
     assert len(rows) == 4 and sum("into" in row for row in rows) == 2
     for value in onsets["value"]:
         assert any(f"{value:.8g}" in row for row in rows)
+
+
+@pytest.mark.parametrize(("width", "terminal", "dropped"), [
+    (120, True, []), (80, True, ["noise", "moves most"]), (80, False, []),
+])  # fmt: skip
+def test_a_narrow_terminal_leaves_out_columns_that_it_names(width, terminal, dropped):
+    """Descriptors make the table wider than 80 characters; a log or a pipe has them all."""
+    modes, _ = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP, uncertainty=0.25)
+    modes = modes.assign(nodal_diameters=5, nodal_diameters_share=0.95, body="back_plates", body_share=0.83)
+    console = Console(file=io.StringIO(), width=width, force_terminal=terminal, color_system=None)
+    print_unstable(modes, console)
+    text = console.file.getvalue()
+    assert ("back_plates 83 %" in text, "squeal" in text) == ("moves most" not in dropped, "noise" not in dropped)
+    assert ("for want of width: " + ", ".join(dropped) in text) == bool(dropped)
+    if terminal:
+        assert max(map(len, text.splitlines())) <= width

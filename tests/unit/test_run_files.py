@@ -24,7 +24,9 @@ from fe_squeal.cli import main
 
 MODES = (
     "parameter,value,mode,branch,re,im,frequency_hz,damping_ratio,stability,noise,backward_error,re_uncertainty,"
-    "re_discretisation,im_discretisation"
+    "re_discretisation,im_discretisation,"
+    "nodal_diameters,nodal_circles,out_of_plane,body,body_share,"
+    "nodal_diameters_share,other_nodal_diameters,other_share,travelling"
 )
 ONSETS = (
     "parameter,value,frequency_hz,kind,direction,crossing_speed,branch_a,branch_b,uncertainty,two_mode_value,"
@@ -77,6 +79,8 @@ def test_modes(out: Path) -> None:
         assert r["noise"] == ("moan" if word == "unstable" else "")  # near 700 Hz
         assert 0 <= float(r["backward_error"]) <= 1e-8
         assert (r["re_discretisation"], r["im_discretisation"]) == ("", "")
+        assert (r["body"], r["nodal_diameters"], r["nodal_circles"]) == ("block", "", "")  # a belt has no axis
+        assert float(r["body_share"]) == pytest.approx(1.0) and 0.0 <= float(r["out_of_plane"]) <= 1.0
 
 
 def test_growth_is_that_of_the_minimal_model(out: Path) -> None:
@@ -203,8 +207,9 @@ def test_no_mode_in_the_range_is_said(tmp_path: Path, capsys: pytest.CaptureFixt
 
 @pytest.mark.slow
 def test_light_run_imports_no_pictures_and_no_mesher(tmp_path: Path) -> None:
-    """On a ready mesh and with shapes = "none", neither gmsh nor pyvista is loaded."""
-    write_scene(tmp_path, replaced("from = 0.0\nto = 0.8\npoints = 5", "values = [0.3]"))
+    """On a ready mesh and with shapes = "none", neither gmsh nor pyvista is loaded, also with a page."""
+    text = replaced("from = 0.0\nto = 0.8\npoints = 5", "values = [0.3]")
+    write_scene(tmp_path, replaced("report = false", "report = true", text))
     program = (
         "import sys; from fe_squeal.cli import main; code = main(['run', 'block.toml']);"
         "print(code, [m for m in ('gmsh', 'pyvista', 'vtk', 'vtkmodules') if m in sys.modules])"
@@ -214,5 +219,5 @@ def test_light_run_imports_no_pictures_and_no_mesher(tmp_path: Path) -> None:
         timeout=60,
     )  # fmt: skip
     assert done.stdout.splitlines()[-1] == "0 []"
-    assert {p.name for p in (tmp_path / "block_results").iterdir()} == TABLES_AND_FIGURES
-    assert "results in block_results: stability.png, root_locus.png (" in done.stdout
+    assert {p.name for p in (tmp_path / "block_results").iterdir()} == TABLES_AND_FIGURES | {"report.html"}
+    assert "results in block_results: report.html, stability.png, root_locus.png (" in done.stdout

@@ -37,7 +37,7 @@ UNKNOWN_KEYS = [
     ("from =", "form =", 'sweep.form: unknown key; did you mean "from"?'),
     ("modes =", "mode =", 'solve.mode: unknown key; did you mean "modes"?'),
     ("shapes =", "shape =", 'output.shape: unknown key; did you mean "shapes"?'),
-    ("shapes =", "colour_of_the_disc =", "output.colour_of_the_disc: unknown key; valid: shapes"),
+    ("shapes =", "colour_of_the_disc =", "output.colour_of_the_disc: unknown key; valid: report, shapes"),
     ("title =", '"ti\\u001b[31mtle" =', '"ti\\u001b[31mtle": unknown key; did you mean "title"?'),
 ]
 WRONG_TYPES = [

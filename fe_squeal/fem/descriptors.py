@@ -1,0 +1,167 @@
+"""Descriptors of modes: nodal diameters and circles, motion along the axis, the body that moves most."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+import skfem
+
+from ..problem.description import Description, shares_by_name, undescribed
+from ..problem.terms import Term
+from .harmonics import Harmonics, fit_harmonics
+from .spaces import DisplacementSpace
+
+_SAME = 1e-9  # relative distance of waves with and against the turning, below which a shape is a standing one
+
+
+@dataclass(frozen=True)
+class ModeDescriber:
+    """Describes the modes of a discretisation, or of a small model of it.
+
+    Attributes
+    ----------
+    bodies : tuple of str
+        Their mass terms are called mass.BODY.
+    along, nodal : mapping of mass term to (n, n)
+        PᵀMP with P the part of a displacement along the axis, and M without bubbles, of the bodies that turn (of all
+        bodies where nothing turns).
+    sampled : (3 s, n)
+        Displacements at the nodes of the fit, along x, y and z; behind `on` the amplitudes themselves, (3 b, r).
+    harmonics : Harmonics or None
+        None where no body with a mesh turns about an axis.
+    fitted : bool
+        Whether `sampled` gives amplitudes.
+    """
+
+    bodies: tuple[str, ...]
+    along: Mapping[str, Any]
+    nodal: Mapping[str, Any]
+    sampled: Any
+    harmonics: Harmonics | None
+    fitted: bool = False
+
+    def describe(self, terms: Iterable[Term], parameters: Mapping[str, float], shapes: np.ndarray) -> Description:
+        """Return the descriptors of shapes (n, k), see `fe_squeal.problem.description.Describer`."""
+        count = shapes.shape[1]
+        found, terms = undescribed(count), tuple(terms)
+        if not count:
+            return found
+        shares = shares_by_name(terms, parameters, shapes, [f"mass.{name}" for name in self.bodies])
+        most = shares.argmax(axis=0)
+        moving = shares.max(axis=0) > 0
+        found["body"] = [self.bodies[b] if some else None for b, some in zip(most, moving, strict=True)]
+        found["body_share"] = [float(s) if some else None for s, some in zip(shares.max(axis=0), moving, strict=True)]
+        found["out_of_plane"] = self._out_of_plane(terms, parameters, shapes)
+        if self.harmonics is not None:
+            spectra = self._spectra(shapes)
+            size = np.abs(spectra).reshape(-1, count).max(axis=0)
+            for k in range(count):
+                self._describe_waves(self.harmonics, spectra[:, :, k], bool(size[k] > 0), found, k)
+        return found
+
+    def on(self, V: np.ndarray) -> ModeDescriber:
+        """Return what describes shapes V y by their coordinates y."""
+        along, nodal = ({name: V.T @ (A @ V) for name, A in forms.items()} for forms in (self.along, self.nodal))
+        sampled = None if self.harmonics is None else self._spectra(V).reshape(-1, V.shape[1])
+        return replace(self, along=along, nodal=nodal, sampled=sampled, fitted=True)
+
+    def _spectra(self, shapes: np.ndarray) -> np.ndarray:
+        """Return the amplitudes (b, 3, k)."""
+        assert self.harmonics is not None
+        values = np.asarray(self.sampled @ shapes).reshape(-1, 3, shapes.shape[1])
+        return values if self.fitted else self.harmonics.spectrum(values)
+
+    def _out_of_plane(
+        self, terms: Iterable[Term], parameters: Mapping[str, float], shapes: np.ndarray
+    ) -> list[float | None]:
+        along, whole = np.zeros(shapes.shape[1]), np.zeros(shapes.shape[1])
+        for term in terms:
+            if term.slot == "M" and term.name in self.along:
+                factor = float(np.real(term.factor(1.0, parameters)))
+                for total, A in ((along, self.along[term.name]), (whole, self.nodal[term.name])):
+                    total += factor * np.einsum("nk,nk->k", shapes.conj(), A @ shapes).real
+        return [float(min(a / w, 1.0)) if w > 0 else None for a, w in zip(along, whole, strict=True)]
+
+    def _describe_waves(
+        self, harmonics: Harmonics, spectrum: np.ndarray, moves: bool, found: Description, k: int
+    ) -> None:
+        if not moves:
+            return
+        table = harmonics.table(spectrum)
+        waves, energy = harmonics.energies(table)
+        share = energy / energy.sum()
+        first, second = (int(m) for m in np.argsort(-share, kind="stable")[:2])
+        with_, against = waves[first]
+        travelling = 0.0 if not first else float((with_ - against) / (with_ + against))
+        found["nodal_diameters"][k] = first
+        found["nodal_circles"][k] = harmonics.circles(table, first)
+        found["nodal_diameters_share"][k] = float(share[first])
+        found["other_nodal_diameters"][k] = second
+        found["other_share"][k] = float(share[second])
+        found["travelling"][k] = travelling if abs(travelling) > _SAME else 0.0
+
+
+def make_describer(
+    space: DisplacementSpace,
+    masses: Mapping[str, Any],
+    bodies: Mapping[str, np.ndarray],
+    turning: tuple[str, ...],
+    axis: np.ndarray,
+    centre: np.ndarray | None,
+) -> ModeDescriber:
+    """Return what describes the modes of a discretisation.
+
+    Parameters
+    ----------
+    masses : mapping of body to its mass matrix (n, n)
+    bodies : mapping of body to (e,) int elements
+    turning : tuple of str
+        Bodies that turn about the axis; none where nothing with a mesh turns.
+    axis : (3,) float
+        Of the rotation, along the angular velocity; of a belt the normal of its contact.
+    centre : (3,) float, m, or None
+        A point of the axis; None for a belt.
+    """
+    axis = np.asarray(axis, float) / np.linalg.norm(axis)
+    measured = turning or tuple(bodies)
+    size = next(iter(masses.values())).shape[0]
+    nodal = np.zeros(size)
+    nodal[: len(space.free)] = 1.0
+    N, P = sp.diags_array(nodal).tocsr(), _along(space, axis, size)
+    along = {f"mass.{b}": sp.csr_array(P.T @ masses[b] @ P) for b in measured}
+    plain = {f"mass.{b}": masses[b] if space.bubbles is None else sp.csr_array(N @ masses[b] @ N) for b in measured}
+    harmonics, sampled = None, None
+    if turning and centre is not None:
+        nodes, weights = _node_weights(space, np.concatenate([bodies[b] for b in turning]))
+        harmonics = fit_harmonics(space.coordinates[nodes], weights, axis, centre)
+        if harmonics is not None:
+            rows = (3 * nodes[harmonics.nodes][:, None] + np.arange(3)).ravel()
+            place = np.full(3 * space.nodes, -1)
+            place[space.free] = np.arange(len(space.free))
+            known = place[rows] >= 0
+            sampled = sp.csr_array(
+                (np.ones(known.sum()), (np.flatnonzero(known), place[rows][known])), shape=(len(rows), size)
+            )
+    return ModeDescriber(tuple(bodies), along, plain, sampled, harmonics)
+
+
+def _along(space: DisplacementSpace, axis: np.ndarray, size: int) -> sp.csr_array:
+    """Return the (n, n) part of the nodal displacements along the axis, a aᵀ at every node."""
+    full = sp.kron(sp.eye_array(space.nodes), sp.csr_array(np.outer(axis, axis)), format="csr")
+    part = sp.csr_array(full[space.free][:, space.free])
+    part.eliminate_zeros()
+    part.resize((size, size))
+    return part
+
+
+def _node_weights(space: DisplacementSpace, elements: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the nodes of elements and the volume (nodes,) m^3 that each stands for, equal parts of its elements'."""
+    cells = space.dofs.element_dofs[:, elements]
+    volume = skfem.CellBasis(space.mesh, space.mesh.elem(), elements=elements, intorder=2).dx.sum(axis=1)
+    weights = np.bincount(cells.ravel(), np.tile(volume / len(cells), len(cells)), minlength=space.nodes)
+    nodes = np.unique(cells)
+    return nodes, weights[nodes]

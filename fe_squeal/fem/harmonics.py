@@ -1,0 +1,167 @@
+"""Harmonics of displacements around an axis: how many nodal diameters and circles a shape has, and where it travels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+
+ORDERS = 16  # highest number of nodal diameters that is told apart; brake discs squeal with 2 to about 12
+_DEGREE = 5  # of the polynomials along the radius: up to four nodal circles
+_ACROSS = 2  # polynomials through the thickness: a mean, and a slope that bending has in the plane
+_MOST_POINTS = 6000  # nodes that the harmonics are fitted to; more tell no more of so few unknowns
+_DEPENDENT = 0.1  # of a fitted function's norm: what the lower ones leave of it where the mesh is too coarse for it
+_SEED = 20261122
+_VISIBLE = 0.08  # of the largest displacement along the radius: below it a change of sign is no nodal circle
+_RADII = np.linspace(-1.0, 1.0, 81)
+
+
+@dataclass(frozen=True)
+class Harmonics:
+    """A fit of displacements by R_p(r) Z_q(z) times cos(mθ) and sin(mθ), to nodes with weights.
+
+    Attributes
+    ----------
+    nodes : (s,) int
+        Those that are fitted to.
+    frame : (s, 3, 3) float
+        Rows at each node: along the radius, around the axis (right-handed), along the axis.
+    weights : (s,) float, m^3
+    fit : (b, s) float
+        Amplitudes of the b functions from values at the nodes.
+    order : (b,) int
+        m of each function.
+    sine : (b,) bool
+    radial : (b,) int
+        p of each function, with q: p + (degree + 1) q.
+    gram : (g, g) float, m^3
+        Weighted products of R_p Z_q with each other.
+    """
+
+    nodes: np.ndarray
+    frame: np.ndarray
+    weights: np.ndarray
+    fit: np.ndarray
+    order: np.ndarray
+    sine: np.ndarray
+    radial: np.ndarray
+    gram: np.ndarray
+
+    def spectrum(self, u: np.ndarray) -> np.ndarray:
+        """Return the amplitudes (b, 3, ...) of displacements (s, 3, ...) at the nodes, along the rows of the frame."""
+        local = np.einsum("sij,sj...->si...", self.frame, u)
+        return np.asarray(np.tensordot(self.fit, local, axes=1))
+
+    def table(self, spectrum: np.ndarray) -> np.ndarray:
+        """Return the amplitudes (orders, 2, g, 3) by order, cosine and sine, and function of r and z."""
+        count = int(self.order.max(initial=0)) + 1
+        table = np.zeros((count, 2, len(self.gram), 3), dtype=spectrum.dtype)
+        table[self.order, self.sine.astype(int), self.radial] = spectrum
+        return table
+
+    def energies(self, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what each order has of ∫|u|², (orders, 2): of waves that run with θ and of those against it.
+
+        With u = a cos mθ + b sin mθ in a motion Re(u e^{iωt}), (a + ib)/2 is the amplitude of e^{−imθ}, which runs with
+        θ, and (a − ib)/2 that of e^{imθ}, which runs against it.
+        """
+        a, b = table[:, 0], table[:, 1]
+        waves = np.stack([(a + 1j * b) / 2, (a - 1j * b) / 2], axis=1)
+        found = np.einsum("mwgc,gh,mwhc->mw", waves.conj(), self.gram, waves).real
+        found[0] *= 2  # m = 0 has no sine: both halves are the one motion
+        return found, np.asarray(found.sum(axis=1))
+
+    def circles(self, table: np.ndarray, order: int) -> int:
+        """Return how often the displacement of one order changes its sign along the radius."""
+        a = table[order]  # (2, g, 3)
+        component = int(np.argmax(np.einsum("wgc,gh,whc->c", a.conj(), self.gram, a).real))
+        along = _legendre(_RADII, _DEGREE) @ a[:, : _DEGREE + 1, component].T  # (radii, 2): the mean over the thickness
+        _, _, vh = la.svd(along.T, full_matrices=False)
+        profile = vh[0] * np.exp(-0.5j * np.angle(np.sum(vh[0] ** 2)))
+        seen = profile.real[np.abs(profile.real) > _VISIBLE * np.abs(profile.real).max()]
+        return int(np.count_nonzero(np.diff(np.sign(seen))))
+
+
+def fit_harmonics(points: np.ndarray, weights: np.ndarray, axis: np.ndarray, centre: np.ndarray) -> Harmonics | None:
+    """Return the fit for a body around an axis; None where no node lies off the axis.
+
+    Functions that the mesh is too coarse for, such as cos 12θ on 16 nodes around, are left out, highest orders first.
+
+    Parameters
+    ----------
+    points : (n, 3) float, m
+        The body's nodes.
+    weights : (n,) float, m^3
+        Volume that each stands for.
+    axis : (3,) float
+        Direction; θ turns about it by the right hand.
+    centre : (3,) float, m
+    """
+    axis = np.asarray(axis, float) / np.linalg.norm(axis)
+    nodes = np.arange(len(points))
+    if len(nodes) > _MOST_POINTS:
+        nodes = np.sort(np.random.default_rng(_SEED).choice(nodes, _MOST_POINTS, replace=False))
+    x = points[nodes] - centre
+    z = x @ axis
+    flat = x - z[:, None] * axis
+    r = np.linalg.norm(flat, axis=1)
+    off = r > 1e-9 * max(float(r.max(initial=0.0)), np.finfo(float).tiny)
+    nodes, z, flat, r = nodes[off], z[off], flat[off], r[off]
+    if not len(nodes):
+        return None
+    w = weights[nodes]
+    radial = flat / r[:, None]
+    around = np.cross(axis, radial)
+    first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    first /= np.linalg.norm(first)
+    theta = np.arctan2(radial @ np.cross(axis, first), radial @ first)
+    shape = np.hstack([
+        _legendre(_to_unit(r), _DEGREE) * across[:, None] for across in _legendre(_to_unit(z), _ACROSS - 1).T
+    ])  # (s, g)
+    blocks: list[np.ndarray] = []
+    order: list[int] = []
+    sine: list[bool] = []
+    function: list[int] = []
+    for m in range(ORDERS + 1):
+        for is_sine, wave in ((False, np.cos(m * theta)), (True, np.sin(m * theta))):
+            if m or not is_sine:
+                blocks.append(shape * wave[:, None])
+                order += [m] * shape.shape[1]
+                sine += [is_sine] * shape.shape[1]
+                function += range(shape.shape[1])
+    basis = np.hstack(blocks)
+    kept = _independent(np.sqrt(w)[:, None] * basis, np.array(order))
+    scaled = np.sqrt(w)[:, None] * basis[:, kept]
+    fit = la.pinv(scaled) * np.sqrt(w)
+    frame = np.stack([radial, around, np.broadcast_to(axis, radial.shape)], axis=1)
+    gram = shape.T @ (w[:, None] * shape)
+    return Harmonics(
+        nodes, frame, w, fit, np.array(order)[kept], np.array(sine)[kept], np.array(function)[kept], gram
+    )
+
+
+def _legendre(x: np.ndarray, degree: int) -> np.ndarray:
+    return np.asarray(np.polynomial.legendre.legvander(x, degree))
+
+
+def _to_unit(x: np.ndarray) -> np.ndarray:
+    """Return numbers on [−1, 1]; zeros where they are all one."""
+    low, high = x.min(), x.max()
+    return np.zeros_like(x) if high - low <= 1e-12 * max(abs(low), abs(high)) else 2 * (x - low) / (high - low) - 1
+
+
+def _independent(A: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+    """Return the columns (k,) int of which those of earlier blocks, and others of their own, leave enough."""
+    size = np.linalg.norm(A, axis=0)
+    Q, kept = np.zeros((len(A), 0)), []
+    for block in np.unique(blocks):
+        columns = np.flatnonzero((blocks == block) & (size > 1e-9 * size.max(initial=0.0)))
+        rest = A[:, columns] / size[columns]
+        for _ in range(2):  # once more, for what rounding has left
+            rest = rest - Q @ (Q.T @ rest)
+        q, r, order = la.qr(rest, mode="economic", pivoting=True)
+        count = int(np.count_nonzero(np.abs(np.diag(r)) > _DEPENDENT))
+        kept.append(np.sort(columns[order[:count]]))
+        Q = np.hstack([Q, q[:, :count]])
+    return np.concatenate(kept)

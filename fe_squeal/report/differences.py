@@ -1,0 +1,177 @@
+"""What became better or worse from one design to another: modes paired by shape, changes beside their bars."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from fe_squeal.report.branches import frequency_text, numbers, parameter_symbol, total_uncertainty
+from fe_squeal.report.looks import look_text
+from fe_squeal.report.pairing import ALIKE, common_points, mac_matrix, pair_shapes
+from fe_squeal.report.results import Results
+
+COLUMNS = (
+    "a", "b", "state", "branch_a", "branch_b", "mac", "look", "frequency_a_hz", "frequency_b_hz", "frequency_change_hz",
+    "frequency_bar_hz", "frequency_exceeds", "onset_a", "onset_b", "onset_change", "onset_bar", "onset_exceeds",
+    "value_a", "re_a", "value_b", "re_b", "re_change", "re_bar", "re_exceeds", "damping_ratio_a", "damping_ratio_b",
+    "damping_ratio_change",
+)  # fmt: skip
+PAIRED, GONE, NEW = "paired", "gone", "new"
+
+
+def compare_designs(a: Results, b: Results, names: tuple[str, str]) -> tuple[pd.DataFrame, list[str]]:
+    """Return a row for each unstable mode of two designs, pairs first, and sentences on what could not be compared.
+
+    A change exceeds its bar where it is larger than the errors of both numbers together: of the solver, and of the
+    mesh where that is known.
+    """
+    first, second = unstable_branches(a), unstable_branches(b)
+    pairs, said = _pairs(a, b, names, list(first), list(second))
+    rows = [_row(names, PAIRED, first[i], second[j], mac) for i, j, mac in pairs]
+    taken = {i for i, _, _ in pairs}, {j for _, j, _ in pairs}
+    rows += [_row(names, GONE, row, None, np.nan) for i, row in first.items() if i not in taken[0]]
+    rows += [_row(names, NEW, None, row, np.nan) for j, row in second.items() if j not in taken[1]]
+    for results, name in ((a, names[0]), (b, names[1])):
+        if len(results.modes) and not np.isfinite(numbers(results.modes, "re_discretisation")).any():
+            said.append(f"Of {name} the error of the mesh is not known (run --estimate): its bars are the solver's.")
+    frame = pd.DataFrame(rows, columns=list(COLUMNS))
+    return frame.astype({"branch_a": "Int64", "branch_b": "Int64"}), said
+
+
+def unstable_branches(results: Results) -> dict[int, dict[str, Any]]:
+    """Return by branch number the row of modes.csv where it grows fastest, with its bars and its first onset."""
+    modes, onsets = results.modes, results.onsets
+    if "branch" not in modes:
+        return {}
+    hz_bar = np.abs(numbers(modes, "im_discretisation")) / (2 * np.pi)
+    frame = modes.assign(re_bar=total_uncertainty(modes), hz_bar=hz_bar)
+    unstable = frame[(frame["stability"] == "unstable") & frame["branch"].notna()]
+    found = {}
+    for number, own in unstable.groupby("branch"):
+        row = {str(k): v for k, v in own.iloc[int(np.argmax(numbers(own, "re")))].to_dict().items()}
+        row["onset"], row["onset_bar"] = _first_onset(onsets, float(str(number)))
+        found[int(float(str(number)))] = row
+    return found
+
+
+def _first_onset(onsets: pd.DataFrame, branch: float) -> tuple[float, float]:
+    pair = np.column_stack([numbers(onsets, "branch_a"), numbers(onsets, "branch_b")])
+    own = onsets[(pair == branch).any(axis=1)]
+    own = own[own["direction"] == "into"] if "direction" in own else own
+    if not len(own):
+        return np.nan, np.nan
+    i = int(np.argmin(numbers(own, "value")))
+    parts = [np.abs(numbers(own, name)[i]) for name in ("uncertainty", "discretisation")]
+    return float(numbers(own, "value")[i]), float(np.nansum(parts))
+
+
+def _pairs(
+    a: Results, b: Results, names: tuple[str, str], first: list[int], second: list[int]
+) -> tuple[list[tuple[int, int, float]], list[str]]:
+    """Return pairs of branches with their MAC, of those whose shapes were written."""
+    said = []
+    for results, name in ((a, names[0]), (b, names[1])):
+        if results.grid is None or not results.shapes:
+            said.append(f"{name} has no shapes on a mesh, so its modes cannot be paired with others.")
+    if a.grid is None or b.grid is None or said:
+        return [], said
+    points, alone = common_points(a.grid, b.grid)
+    if alone:
+        said.append(f"{names[0]} and {names[1]} do not both have the bodies {', '.join(alone)}; they are not compared.")
+    if points is None:
+        return [], [*said, f"{names[0]} and {names[1]} have no body of the same name, so no mode can be paired."]
+    far = float(points.distance.max()) / max(a.grid.size, 1e-300)
+    if far > 0.05:
+        said.append(
+            f"The surfaces of {names[0]} and {names[1]} lie apart by up to {100 * far:.0f} % of the model's size: are"
+            " they in the same place, and in the same unit?"
+        )
+    of_a, of_b = _written(a, first), _written(b, second)
+    values = mac_matrix([a.shapes[k].u for k in of_a.values()], [b.shapes[k].u for k in of_b.values()], points)
+    if not values.size:
+        return [], said
+    ia, ib = list(of_a), list(of_b)
+    return [(ia[i], ib[j], value) for i, j, value in pair_shapes(values)], said
+
+
+def _written(results: Results, branches: list[int]) -> dict[int, int]:
+    """Return by branch the position of its shape where it grows fastest."""
+    found: dict[int, int] = {}
+    for k, shape in enumerate(results.shapes):
+        branch = shape.info.get("branch")
+        if branch is None or int(branch) not in branches:
+            continue
+        known = found.get(int(branch))
+        if known is None or shape.info.get("re", 0.0) > results.shapes[known].info.get("re", 0.0):
+            found[int(branch)] = k
+    return found
+
+
+def _row(
+    names: tuple[str, str], state: str, a: dict[str, Any] | None, b: dict[str, Any] | None, mac: float
+) -> dict[str, Any]:
+    def both(name: str) -> tuple[float, float]:
+        x, y = (float(row.get(name, np.nan)) if row is not None else np.nan for row in (a, b))
+        return x, y
+
+    row: dict[str, Any] = {"a": names[0], "b": names[1], "state": state, "mac": mac}
+    row["branch_a"], row["branch_b"] = (None if r is None else int(r["branch"]) for r in (a, b))
+    row["look"] = look_text(b if b is not None else a or {})
+    for name, column, bar in (("frequency", "frequency_hz", "hz_bar"), ("onset", "onset", "onset_bar"),
+                              ("re", "re", "re_bar")):  # fmt: skip
+        unit = "_hz" if name == "frequency" else ""
+        x, y = both(column)
+        errors = [error for error in both(bar) if np.isfinite(error)]
+        error = float(sum(errors)) if errors else np.nan
+        row[f"{name}_a{unit}"], row[f"{name}_b{unit}"] = x, y
+        row[f"{name}_change{unit}"], row[f"{name}_bar{unit}"] = y - x, error
+        row[f"{name}_exceeds"] = bool(abs(y - x) > error) if np.isfinite([y - x, error]).all() else None
+    row["value_a"], row["value_b"] = both("value")
+    row["damping_ratio_a"], row["damping_ratio_b"] = both("damping_ratio")
+    row["damping_ratio_change"] = row["damping_ratio_b"] - row["damping_ratio_a"]
+    return row
+
+
+def sentences(table: pd.DataFrame, names: Sequence[str], symbol: str) -> list[str]:
+    """Return the answer for each variant: `Slot: onset 0.24 → 0.31 ± 0.02, 4.63 kHz gone, new at 5.1 kHz.`"""
+    said = []
+    for name in names:
+        own = table[table["b"] == name]
+        first = own["onset_a"].min(), own["onset_b"].min()
+        parts = [_onset_words(first, own, symbol)] if np.isfinite(first).any() else []
+        parts += [f"{frequency_text(f)} gone" for f in own.loc[own["state"] == GONE, "frequency_a_hz"]]
+        new = [frequency_text(f) for f in own.loc[own["state"] == NEW, "frequency_b_hz"]]
+        parts += [f"new at {', '.join(new)}"] if new else []
+        paired = own[own["state"] == PAIRED]
+        worse = paired[(paired["re_exceeds"] == True) & (paired["re_change"] > 0)]  # noqa: E712  it may be None
+        better = paired[(paired["re_exceeds"] == True) & (paired["re_change"] < 0)]  # noqa: E712
+        for frame, word in ((worse, "grows faster"), (better, "grows more slowly")):
+            parts += [f"{frequency_text(f)} {word} (Re λ {x:.3g} → {y:.3g} 1/s)" for f, x, y in
+                      zip(frame["frequency_b_hz"], frame["re_a"], frame["re_b"], strict=True)]  # fmt: skip
+        if not len(own):
+            parts = ["nothing is unstable in either"]
+        said.append(f"{name}: {', '.join(parts) or 'no change beyond the bars'}.")
+    return said
+
+
+def _onset_words(first: tuple[float, float], own: pd.DataFrame, symbol: str) -> str:
+    x, y = first
+    if not np.isfinite(y):
+        return f"no onset any more (was {symbol} = {x:.4g})"
+    if not np.isfinite(x):
+        return f"an onset at {symbol} = {y:.4g} where there was none"
+    row = own[own["onset_b"] == y].iloc[0]
+    bar = float(row["onset_bar"])
+    within = "" if abs(y - x) > bar else ", within the bar"
+    return f"onset {symbol} {x:.4g} → {y:.4g} ± {bar:.1g}{within}"
+
+
+def symbol_of(results: Results) -> str:
+    """Return the short name of the parameter."""
+    return parameter_symbol(results.parameter)
+
+
+UNPAIRED = f"Modes are paired where the MAC of their shapes is {ALIKE:g} or more; others are gone or new."

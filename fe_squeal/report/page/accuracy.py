@@ -1,0 +1,80 @@
+"""The page of a study of accuracy: what to choose, and error against time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from fe_squeal.errors import OutputError
+from fe_squeal.report.advice import QUANTITIES, advice
+from fe_squeal.report.page.build import write_page
+from fe_squeal.report.page.markup import bullets, table
+
+_NEEDED = ("order", "size", "modes", "method", "tolerance", "unknowns", "seconds", "knob")
+_COLOURS = {"size, order 1": "#0072b2", "size, order 2": "#d55e00"}
+
+
+def write_accuracy_page(path: Path, page: Path) -> tuple[str, ...]:
+    """Write the page from accuracy.csv; return sentences on what could not be shown.
+
+    Raises
+    ------
+    OutputError
+        The table cannot be read.
+    """
+    expected = "expected the table that fe-squeal accuracy writes"
+    try:
+        frame = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{path}: cannot be read ({error}); {expected}") from error
+    missing = [name for name in _NEEDED if name not in frame]
+    if missing:
+        raise OutputError(f"{path}: has no column {', '.join(missing)}; {expected}")
+    known = [q for q in QUANTITIES if q in frame and frame[q].notna().any()]
+    unknown = [words for q, words in QUANTITIES.items() if q not in known]
+    lacks = tuple(f"The error of the {words} is not known, so it is not shown." for words in unknown)
+    sentences = [sentence for q in known for sentence in advice(frame, q)]
+    plots = [_plot(frame, q) for q in known]
+    places = "".join(
+        f'<h3>{QUANTITIES[q].capitalize()}</h3><div class="chart" id="{q}" role="img" aria-label="Relative error of the'
+        f' {QUANTITIES[q]} against seconds; the table below has the numbers"></div>'
+        for q in known
+    )
+    rows = [
+        (f"{r['order']}", f"{1e3 * r['size']:.3g}", r["modes"], r["method"], f"{r['tolerance']:.0e}", r["unknowns"],
+         f"{r['seconds']:.1f}", *(f"{r[q]:.1e}" if np.isfinite(r[q]) else "–" for q in known))
+        for r in frame.sort_values("seconds").to_dict("records")
+    ]  # fmt: skip
+    heads = ["order", "size, mm", "modes", "method", "tolerance", "unknowns", "seconds"]
+    heads += [QUANTITIES[q] for q in known]
+    sections = [
+        ("answer", "What to choose", bullets(sentences) + bullets(lacks)),
+        ("charts", "Error against time", places),
+        ("table", "Measured", table("Relative errors", heads, rows)),
+    ]
+    write_page("What accuracy costs", sections, page, {"plots": plots})
+    return lacks
+
+
+def _plot(frame: pd.DataFrame, quantity: str) -> dict[str, Any]:
+    traces = []
+    for knob, rows in frame[frame[quantity].notna() & (frame[quantity] > 0)].groupby("knob"):
+        ordered = rows.sort_values("seconds")
+        label = [f"{1e3 * r['size']:.3g} mm, {r['modes']} modes, {r['method']}" for r in ordered.to_dict("records")]
+        traces.append({
+            "mode": "markers+lines" if str(knob) in _COLOURS else "markers", "name": str(knob),
+            "x": ordered["seconds"].tolist(), "y": ordered[quantity].tolist(), "text": label,
+            "marker": {"size": 8}, "line": {"width": 1},
+            **({"marker": {"size": 8, "color": _COLOURS[str(knob)]}} if str(knob) in _COLOURS else {}),
+        })  # fmt: skip
+    axis = {"type": "log", "gridcolor": "#e6eaee", "linecolor": "#51606e", "mirror": True}
+    layout = {
+        "xaxis": {**axis, "title": {"text": "seconds"}},
+        "yaxis": {**axis, "title": {"text": "relative error"}, "exponentformat": "power"},
+        "margin": {"l": 70, "r": 12, "t": 20, "b": 50}, "hovermode": "closest", "plot_bgcolor": "#fff",
+        "legend": {"orientation": "h", "y": -0.2},
+    }  # fmt: skip
+    return {"id": quantity, "data": traces, "layout": layout}

@@ -1,0 +1,135 @@
+"""What the charts of the page draw, as plain lists."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from fe_squeal.report.branches import (
+    PARAMETER_LABELS,
+    collect_branches,
+    frequency_text,
+    numbers,
+    parameter_symbol,
+    total_uncertainty,
+    value_text,
+)
+from fe_squeal.report.growth import growth_curves
+from fe_squeal.report.looks import body_text, diameters_text, look_text, plane_text, way_text
+from fe_squeal.report.results import Results
+
+
+def chart_data(results: Results) -> dict[str, Any]:
+    """Return branches with all their modes, curves of growth between them, onsets and what was measured."""
+    modes = results.modes
+    name = results.parameter
+    values = np.unique(numbers(modes, "value"))
+    range_hz = (results.record.get("frequency_range_hz") or [0.0, None])[1]
+    return {
+        "parameter": name,
+        "symbol": parameter_symbol(name),
+        "label": PARAMETER_LABELS.get(name, name),
+        "logarithmic": bool(len(values) > 1 and values[0] > 0 and values[-1] / values[0] > 50),
+        "values": values.tolist(),
+        "texts": [value_text(v) for v in values],
+        "rangeHz": range_hz,
+        "branches": _branches(results),
+        "onsets": _onsets(results),
+        "measured": [m for m in results.record.get("measured") or [] if m.get("frequency_hz")],
+    }
+
+
+def _branches(results: Results) -> list[dict[str, Any]]:
+    modes, found = results.modes, []
+    if "branch" not in modes:
+        return []
+    branch, value = numbers(modes, "branch"), numbers(modes, "value")
+    uncertainty, ratio = total_uncertainty(modes), numbers(modes, "damping_ratio")
+    for b in collect_branches(modes, results.onsets):
+        rows = np.flatnonzero(branch == b.number)
+        rows = rows[np.argsort(value[rows], kind="stable")]
+        table = [modes.iloc[i].to_dict() for i in rows]
+        peak = max(table, key=lambda row: float(row["re"]) if row["stability"] == "unstable" else -math.inf)
+        inside = b.unstable_segments()
+        curves = growth_curves(b)
+        found.append({
+            "number": b.number,
+            "grows": b.grows,
+            "name": f"branch {b.number}, {look_text(peak)}",
+            "value": [float(row["value"]) for row in table],
+            "hz": [float(row["frequency_hz"]) for row in table],
+            "re": [float(row["re"]) for row in table],
+            "ratio": _finite(ratio[rows]),
+            "uncertainty": _finite(uncertainty[rows]),
+            "stability": [str(row["stability"]) for row in table],
+            "diameters": [diameters_text(row) for row in table],
+            "way": [way_text(row) for row in table],
+            "body": [body_text(row) for row in table],
+            "plane": [plane_text(row) for row in table],
+            # lines, broken where the branch has a hole; thick where it is unstable
+            "line": _polyline([b.value, b.frequency_hz], b.joined),
+            "thick": _polyline([b.value, b.frequency_hz], inside),
+            "growth": _joined(curves, b.joined),
+            "thickGrowth": _joined(curves, inside),
+        })  # fmt: skip
+    return found
+
+
+def _onsets(results: Results) -> list[dict[str, Any]]:
+    symbol, found = parameter_symbol(results.parameter), []
+    for row in results.onsets.to_dict("records"):
+        if not np.isfinite([row["value"], row["frequency_hz"]]).all():
+            continue
+        pair = [int(row[k]) for k in ("branch_a", "branch_b") if row.get(k) == row.get(k) and row.get(k)]
+        found.append({
+            "value": float(row["value"]), "hz": float(row["frequency_hz"]), "branches": pair,
+            "into": row.get("direction") != "out of", "kind": str(row.get("kind", "flutter")),
+            "text": f"{symbol} = {row['value']:.6g}, {frequency_text(row['frequency_hz'])}",
+            "law": law_text(row, symbol),
+        })  # fmt: skip
+    return found
+
+
+def law_text(row: dict[Any, Any], symbol: str) -> str:
+    """Return how growth begins behind an onset, or ends before it.
+
+    Examples
+    --------
+    >>> law_text({"value": 0.25, "crossing_speed": 900.0, "branch_b": 5, "direction": "into"}, "μ")
+    'Re λ ≈ 900 √(μ − 0.25) 1/s'
+    """
+    speed = float(row.get("crossing_speed", math.nan))
+    if not math.isfinite(speed):
+        return "no threshold: it grows from the start of the interval on"
+    at = f"{float(row['value']):.4g}"
+    distance = f"{at} − {symbol}" if row.get("direction") == "out of" else f"{symbol} − {at}"
+    pair = row.get("branch_b")
+    met = pair is not None and pair == pair and row.get("kind") != "divergence"
+    return f"Re λ ≈ {abs(speed):.4g} √({distance}) 1/s" if met else f"Re λ ≈ {abs(speed):.4g} ({distance}) 1/s"
+
+
+def _finite(values: Any) -> list[float | None]:
+    return [float(v) if math.isfinite(v) else None for v in values]
+
+
+def _polyline(columns: list[Any], shown: Any) -> list[list[float | None]]:
+    """Return x and y of the segments that are shown, None between those that do not join."""
+    points = np.column_stack(columns)
+    return _joined([points[i : i + 2] for i in range(len(points) - 1)], shown)
+
+
+def _joined(curves: list[Any], shown: Any) -> list[list[float | None]]:
+    x: list[float | None] = []
+    y: list[float | None] = []
+    last = -2
+    for i in np.flatnonzero(shown).tolist():
+        if x and i != last + 1:
+            x.append(None)
+            y.append(None)
+        start = 1 if x and x[-1] is not None else 0
+        x += [float(v) for v in curves[i][start:, 0]]
+        y += [float(v) if math.isfinite(v) else None for v in curves[i][start:, 1]]
+        last = i
+    return [x, y]

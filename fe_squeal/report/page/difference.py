@@ -1,0 +1,81 @@
+"""The page of designs side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from fe_squeal.report.branches import frequency_text
+from fe_squeal.report.differences import GONE, UNPAIRED
+from fe_squeal.report.page.build import write_page
+from fe_squeal.report.page.markup import bullets, paragraph, table, text
+
+
+def write_difference_page(
+    differences: pd.DataFrame, answers: list[str], lacks: list[str], symbol: str, path: Path, title: str
+) -> Path:
+    """Write the page of a table of differences."""
+    parts = "".join(f'<p class="answer">{text(sentence)}</p>' for sentence in answers)
+    notes = paragraph(UNPAIRED, "A change exceeds its bar where it is larger than the errors of both numbers together.")
+    unsure = "<h3>What could not be compared</h3>" + bullets(lacks) if lacks else ""
+    charts = "".join(
+        f'<h3>{text(heading)}</h3><div class="chart" id="{name}" role="img" aria-label="{text(heading)} of each mode'
+        ' before and after; the table below has the numbers"></div>'
+        for name, heading in (("onset", f"{symbol} at onset"), ("re", "Largest growth rate"))
+    )
+    sections = [
+        ("answer", "The answer", parts + unsure),
+        ("charts", "Before and after", charts if len(differences) else "<p>No mode is unstable in any of them.</p>"),
+        ("modes", "Mode by mode", notes + _table(differences, symbol)),
+    ]
+    plots = [_plot(differences, n, label) for n, label in (("onset", f"{symbol} at onset"), ("re", "Re λ (1/s)"))]
+    return write_page(title, sections, path, {"plots": plots if len(differences) else []})
+
+
+def _table(differences: pd.DataFrame, symbol: str) -> str:
+    rows = [
+        (r["b"], r["state"], r["look"], _number(r["mac"], ".2f"), _change(r, "frequency", "_hz"), _change(r, "onset"),
+         _change(r, "re"), " → ".join(_number(100 * r[f"damping_ratio_{side}"], ".3g") for side in "ab"))
+        for r in differences.to_dict("records")
+    ]  # fmt: skip
+    heads = ("variant", "mode is", "shape", "MAC", "frequency, Hz", f"{symbol} at onset", "largest Re λ, 1/s",
+             "damping ratio, %")  # fmt: skip
+    return table("Modes of both designs", heads, rows, 3)
+
+
+def _change(row: dict[Any, Any], name: str, unit: str = "") -> str:
+    before, after = row[f"{name}_a{unit}"], row[f"{name}_b{unit}"]
+    words = f"{_number(before, '.5g')} → {_number(after, '.5g')}"
+    if row[f"{name}_exceeds"] is None or not np.isfinite(row[f"{name}_change{unit}"]):
+        return words
+    told = "exceeds" if row[f"{name}_exceeds"] else "is within"
+    return f"{words}; {told} its bar of {row[f'{name}_bar{unit}']:.1g}"
+
+
+def _number(value: Any, form: str) -> str:
+    return "–" if value is None or not np.isfinite(value) else format(float(value), form)
+
+
+def _plot(differences: pd.DataFrame, name: str, label: str) -> dict[str, Any]:
+    names = []
+    for i, r in enumerate(differences.to_dict("records"), 1):
+        hz = frequency_text(r["frequency_a_hz"] if r["state"] == GONE else r["frequency_b_hz"])
+        names.append(f"{r['b']}: {hz}, {r['state']} ({i})")
+    before, after = (differences[f"{name}_{side}"].astype(float).tolist() for side in "ab")
+    bars = differences[f"{name}_bar"].astype(float).tolist()
+    data = [
+        {"mode": "markers", "name": "before", "x": before, "y": names,
+         "marker": {"size": 11, "symbol": "circle-open", "color": "#51606e", "line": {"width": 2}}},
+        {"mode": "markers", "name": "after", "x": after, "y": names, "marker": {"size": 10, "color": "#d55e00"},
+         "error_x": {"type": "data", "array": bars, "visible": True}},
+    ]  # fmt: skip
+    layout = {
+        "xaxis": {"title": {"text": label}, "gridcolor": "#e6eaee"}, "plot_bgcolor": "#fff",
+        "yaxis": {"automargin": True, "autorange": "reversed", "gridcolor": "#e6eaee"},
+        "margin": {"l": 60, "r": 12, "t": 30, "b": 50}, "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"},
+        "height": 160 + 34 * len(names),
+    }  # fmt: skip
+    return {"id": name, "data": data, "layout": layout}

@@ -1,0 +1,46 @@
+"""Pieces of HTML; every text that goes in is escaped here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+from fe_squeal.errors import one_line
+
+
+def text(value: object) -> str:
+    """Return a text as HTML; control characters of names are spelled out."""
+    return escape(one_line(str(value)))
+
+
+def paragraph(*sentences: str) -> str:
+    """Return sentences as a paragraph; "" without any."""
+    return f"<p>{text(' '.join(s for s in sentences if s))}</p>" if any(sentences) else ""
+
+
+def bullets(items: Iterable[str]) -> str:
+    """Return texts as a list; "" without any."""
+    rows = "".join(f"<li>{text(item)}</li>" for item in items)
+    return f"<ul>{rows}</ul>" if rows else ""
+
+
+def table(caption: str, heads: Sequence[str], rows: Iterable[Sequence[object]], names: int = 1) -> str:
+    """Return a table; the first `names` columns are words and aligned left, the others numbers; "" without rows."""
+    body = "".join(
+        "<tr>" + "".join(
+            f'<th scope="row">{text(cell)}</th>' if i == 0 else f"<td{_side(i, names)}>{text(cell)}</td>"
+            for i, cell in enumerate(row)
+        ) + "</tr>"
+        for row in rows
+    )  # fmt: skip
+    if not body:
+        return ""
+    head = "".join(f'<th scope="col"{_side(i, names)}>{text(h)}</th>' for i, h in enumerate(heads))
+    return (
+        f'<div class="scroll" tabindex="0" role="region" aria-label="{text(caption)}"><table><caption>{text(caption)}'
+        f"</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+    )
+
+
+def _side(i: int, names: int) -> str:
+    return ' class="number"' if i >= names else ""

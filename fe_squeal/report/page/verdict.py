@@ -1,0 +1,179 @@
+"""The answer of a run in sentences: what squeals, from where on, how sure that is, what feeds it and what moves it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from fe_squeal.report.branches import frequency_text, numbers, parameter_symbol
+from fe_squeal.report.looks import body_text, diameters_text, way_text
+from fe_squeal.report.results import Results
+from fe_squeal.report.tables import UnstableInterval, unstable_intervals, window_intervals, with_uncertainty
+from fe_squeal.report.warnings import told_once
+
+_NAMED = 5  # modes, terms or numbers in one sentence
+
+
+def answer(results: Results) -> list[str]:
+    """Return the sentences of the verdict, the most important first."""
+    if not len(results.modes):
+        return ["There are no modes to judge."]
+    intervals = all_intervals(results)
+    said = [_what_squeals(results, intervals), *_first_onset(results)]
+    if intervals:
+        worst = max(intervals, key=lambda row: row.growth)
+        said += [_largest(results, worst), *_feeds(results, worst), *_moves(results, worst)]
+    return [sentence for sentence in said if sentence]
+
+
+def doubts(results: Results) -> list[str]:
+    """Return what is in doubt, the gravest last."""
+    record, found = results.record, []
+    count = record.get("completeness") or {}
+    if count and not count.get("proven"):
+        found.append(
+            "The number of modes is not proven at the first value"
+            + (", but counted without damping and friction." if count.get("expected") is not None else ".")
+        )
+    if record.get("unstable_above_range"):
+        text = str(record["unstable_above_range"])
+        found.append(f"{text[:1].upper()}{text[1:]}.")
+    onsets = record.get("onsets_complete") or {}
+    if onsets and not onsets.get("sure"):
+        found.append("The list of onsets is not sure: see the warnings.")
+    return [*told_once([str(w) for w in record.get("warnings") or []]), *found]
+
+
+def all_intervals(results: Results) -> list[UnstableInterval]:
+    """Return the unstable intervals of all branches with windows between values, the fastest growing first."""
+    modes = results.modes
+    if "branch" not in modes or "damping_ratio" not in modes:
+        return []
+    noise = modes.assign(noise=modes.get("noise", ""))
+    rows = unstable_intervals(noise)
+    if modes["value"].nunique() > 1:
+        rows += window_intervals(modes, results.onsets)
+    return sorted(rows, key=lambda row: -row.growth)
+
+
+def row_of(results: Results, interval: UnstableInterval) -> dict[str, Any]:
+    """Return the row of modes.csv where an interval's mode grows fastest; empty for a window between two values."""
+    modes = results.modes
+    same = (numbers(modes, "value") == interval.peak_value) & (numbers(modes, "mode") == interval.mode)
+    found = modes[same]
+    return {str(k): v for k, v in found.iloc[0].to_dict().items()} if len(found) else {}
+
+
+def peak_hz(results: Results, interval: UnstableInterval) -> float:
+    """Return the frequency where an interval's mode grows fastest."""
+    return float(row_of(results, interval).get("frequency_hz", interval.highest_hz))
+
+
+def shares_of(results: Results, row: dict[str, Any]) -> pd.DataFrame:
+    """Return what the terms give to a mode, the largest shares of Re λ first."""
+    return _own(results.contributions, row, lambda f: f[f["term"] != "sum"], "re_share")
+
+
+def sensitivities_of(results: Results, row: dict[str, Any]) -> pd.DataFrame:
+    """Return what one per cent more of each number does to Re λ (`dre_percent`, 1/s) and to the frequency (Hz)."""
+    found = _own(results.sensitivities, row, lambda f: f, "dre")
+    found = found.assign(dre_percent=0.01 * numbers(found, "at") * numbers(found, "dre"),
+                         dhz_percent=0.01 * numbers(found, "at") * numbers(found, "dim") / (2 * np.pi))  # fmt: skip
+    return found.sort_values("dre_percent", key=abs, ascending=False, kind="stable")
+
+
+def _own(frame: pd.DataFrame, row: dict[str, Any], chosen: Any, by: str) -> pd.DataFrame:
+    if not len(frame) or not row:
+        return frame.iloc[:0]
+    same = (numbers(frame, "value") == row["value"]) & (numbers(frame, "mode") == row["mode"])
+    return chosen(frame[same]).sort_values(by, key=abs, ascending=False, kind="stable")
+
+
+def _what_squeals(results: Results, intervals: list[UnstableInterval]) -> str:
+    symbol, values = parameter_symbol(results.parameter), numbers(results.modes, "value")
+    span = f"{symbol} = {values.min():.4g}" if values.min() == values.max() else (
+        f"{symbol} from {values.min():.4g} to {values.max():.4g}")  # fmt: skip
+    top = (results.record.get("frequency_range_hz") or [0.0, None])[1]
+    where = f" below {frequency_text(top)}" if top else " at any frequency of the model"
+    branches = list({row.branch: row for row in reversed(intervals)}.values())
+    if not branches:
+        least = results.modes.iloc[int(np.nanargmax(numbers(results.modes, "re")))]
+        near = " Without damping their Re λ is zero within its uncertainty." if least["stability"] == "marginal" else (
+            f" Nearest to it is the mode at {frequency_text(float(least['frequency_hz']))} with Re λ ="
+            f" {float(least['re']):.3g} 1/s at {symbol} = {float(least['value']):.4g}."
+        )
+        return f"Nothing squeals{where}: no mode is unstable for {span}.{near}"
+    branches.sort(key=lambda row: row.lowest_hz)
+    named = "; ".join(
+        ", ".join(t for t in (frequency_text(peak_hz(results, row)), diameters_text(row.looks)) if t)
+        for row in branches[:_NAMED]
+    )
+    more = f"; and {len(branches) - _NAMED} more" if len(branches) > _NAMED else ""
+    count = "1 mode is" if len(branches) == 1 else f"{len(branches)} modes are"
+    noises = {row.noise for row in branches if row.noise}
+    word = "It squeals" if not noises or "squeal" in noises else "It is unstable"
+    beyond = any(peak_hz(results, row) > top for row in branches) if top else False
+    if beyond:  # where the parameter moves frequencies, the range that is known at every value is the narrowest
+        return f"{word}: {count} unstable for {span}: {named}{more}. All modes are known{where}."
+    return f"{word}: {count} unstable{where} for {span}: {named}{more}."
+
+
+def _first_onset(results: Results) -> list[str]:
+    onsets = results.onsets
+    if "direction" in onsets:
+        onsets = onsets[onsets["direction"] == "into"]
+    if not len(onsets):
+        return []
+    first = onsets.sort_values("value", kind="stable").iloc[0]
+    symbol = parameter_symbol(results.parameter)
+    value, solver = float(first["value"]), float(first.get("uncertainty", np.nan))
+    mesh = float(first.get("discretisation", np.nan))
+    of_solver = f"± {solver:.1e} by the solver" if np.isfinite(solver) else "of the solver's error nothing is known"
+    of_mesh = "the error of the mesh was not estimated, see run --estimate"
+    if not np.isnan(mesh):
+        of_mesh = f"± {mesh:.2g} by the mesh" if np.isfinite(mesh) else "the other mesh has no such onset"
+    others = f" {len(onsets) - 1} more follow." if len(onsets) > 1 else ""
+    return [
+        f"The first instability sets in at {symbol} = {value:.6g} ({of_solver}; {of_mesh}), at"
+        f" {frequency_text(float(first['frequency_hz']))}.{others}"
+    ]
+
+
+def _largest(results: Results, worst: UnstableInterval) -> str:
+    symbol = parameter_symbol(results.parameter)
+    looks = ", ".join(t for t in (diameters_text(worst.looks), body_text(worst.looks), way_text(worst.looks)) if t)
+    growth = with_uncertainty(worst.growth, worst.uncertainty)
+    which = ", ".join(t for t in (frequency_text(peak_hz(results, worst)), looks) if t)
+    return (
+        f"The fastest growing mode is that at {which}: Re λ = {growth} 1/s at {symbol} = {worst.peak_value:.4g}, a"
+        f" damping ratio of {100 * worst.damping_ratio:.3g} %."
+    )
+
+
+def _feeds(results: Results, worst: UnstableInterval) -> list[str]:
+    shares = shares_of(results, row_of(results, worst))
+    if not len(shares):
+        return []
+    share = numbers(shares, "re_share")
+    feeding, damping = shares[share > 1e-9 * np.abs(share).max()], shares[share < -1e-9 * np.abs(share).max()]
+    parts = []
+    for frame, verb in ((feeding, "It is fed by"), (damping, "it is damped by")):
+        if len(frame):
+            named = ", ".join(f"{t} ({float(s):+.3g} 1/s)" for t, s in zip(frame["term"].iloc[:_NAMED],
+                              frame["re_share"].iloc[:_NAMED], strict=True))  # fmt: skip
+            parts.append(f"{verb} {named}")
+    return ["; ".join(parts) + "."] if parts else []
+
+
+def _moves(results: Results, worst: UnstableInterval) -> list[str]:
+    moves = sensitivities_of(results, row_of(results, worst))
+    moves = moves[np.abs(numbers(moves, "dre_percent")) > 0]
+    if not len(moves):
+        return []
+    named = ", ".join(
+        f"{name} by {float(change):+.2g} 1/s"
+        for name, change in zip(moves["number"].iloc[:3], moves["dre_percent"].iloc[:3], strict=True)
+    )
+    return [f"What moves its Re λ most, for 1 % more of each: {named}."]

@@ -1,0 +1,191 @@
+"""What a folder of results holds, as far as it can be read: the page shows that and says what it lacks."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from fe_squeal.report.shapes import Complexes, ShapeGrid
+
+_NEEDED = {
+    "modes": ("value", "mode", "re", "im", "frequency_hz", "stability"),
+    "onsets": ("value", "frequency_hz"),
+    "contributions": ("value", "mode", "term", "re_share"),
+    "sensitivities": ("value", "mode", "number", "at", "dre"),
+}
+_MAC = ("measured", "value", "branch", "frequency_hz", "mac")
+_STATUS = {
+    "running": "The run is still going on, or was killed: what is shown is what was finished until then.",
+    "interrupted": "The run was interrupted: what is shown is what was finished until then. fe-squeal run --resume goes"
+    " on from there.",
+    "not converged": "The solver did not converge at one value: what is shown are the values before it.",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A complex shape on the grid that all shapes of a run share, and which mode it is."""
+
+    info: dict[str, Any]
+    u: Complexes
+
+
+@dataclass(frozen=True)
+class Results:
+    """The results of a run.
+
+    Attributes
+    ----------
+    record : dict
+        run.json.
+    modes, onsets, contributions, sensitivities : DataFrame
+        Empty where the file is missing.
+    mac : DataFrame
+        mac.csv; empty where no shape was measured.
+    grid : ShapeGrid or None
+    shapes : tuple of Shape
+    lacks : tuple of str
+        A sentence on each thing that could not be shown.
+    """
+
+    record: dict[str, Any]
+    modes: pd.DataFrame
+    onsets: pd.DataFrame
+    contributions: pd.DataFrame
+    sensitivities: pd.DataFrame
+    mac: pd.DataFrame = field(default_factory=pd.DataFrame)
+    grid: ShapeGrid | None = None
+    shapes: tuple[Shape, ...] = ()
+    lacks: tuple[str, ...] = field(default=())
+
+    @property
+    def parameter(self) -> str:
+        """Name of the swept parameter."""
+        return str(self.modes["parameter"].iloc[0]) if len(self.modes) and "parameter" in self.modes else "mu"
+
+
+def read_results(folder: Path, record_name: str, tables: dict[str, str], shapes: str, mac: str = "mac.csv") -> Results:
+    """Read a folder of results; what is missing or cannot be read becomes a sentence in `lacks`.
+
+    Parameters
+    ----------
+    record_name : str
+        Name of run.json.
+    tables : mapping of "modes", "onsets", "contributions" and "sensitivities" to names of files
+    shapes : str
+        Name of the folder of shapes.
+    mac : str
+        Name of the table that is there only where shapes were measured.
+    """
+    record, lacks = _read_record(folder / record_name)
+    frames = {}
+    for key, name in tables.items():
+        frames[key], why = _read_table(folder / name, _NEEDED[key])
+        if why:
+            lacks.append(why)
+    compared = pd.DataFrame()
+    if (folder / mac).exists():
+        compared, why = _read_table(folder / mac, _MAC)
+        lacks += [why] if why else []
+    status = _STATUS.get(str(record.get("status")))
+    if status:
+        lacks.insert(0, status)
+    if len(frames["modes"]) and "nodal_diameters" not in frames["modes"]:
+        lacks.append(
+            "modes.csv has no nodal diameters and bodies: a version of the program that did not know them wrote it; run"
+            " the scene again to have them."
+        )
+    elif len(modes := frames["modes"]) and modes["body"].notna().any() and modes["nodal_diameters"].isna().all():
+        lacks.append("No body with a mesh turns about an axis, so modes have no nodal diameters.")
+    grid, found, why_not = read_shapes(folder / shapes)
+    return Results(record, **frames, mac=compared, grid=grid, shapes=tuple(found), lacks=(*lacks, *why_not))
+
+
+def _read_record(path: Path) -> tuple[dict[str, Any], list[str]]:
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(record, dict):
+            return record, []
+        why = "it is no table"
+    except FileNotFoundError:
+        why = "it is missing"
+    except (OSError, ValueError, RecursionError) as error:
+        why = f"it cannot be read: {error}"
+    return {}, [f"{path.name}: {why}; how the result was found, with which errors and from what, cannot be shown."]
+
+
+def _read_table(path: Path, needed: Sequence[str]) -> tuple[pd.DataFrame, str]:
+    try:
+        frame = pd.read_csv(path)
+    except FileNotFoundError:
+        return pd.DataFrame(columns=list(needed)), f"{path.name} is missing; what it holds cannot be shown."
+    except (OSError, ValueError) as error:
+        return pd.DataFrame(columns=list(needed)), f"{path.name} cannot be read ({error}); it is left out."
+    missing = [name for name in needed if name not in frame.columns]
+    if missing:
+        return pd.DataFrame(columns=list(needed)), f"{path.name} has no column {', '.join(missing)}; it is left out."
+    return frame, ""
+
+
+def read_shapes(folder: Path) -> tuple[ShapeGrid | None, list[Shape], list[str]]:
+    """Return the grid, the shapes on it, and sentences on what could not be read."""
+    files = sorted(folder.glob("*.vtu")) if folder.is_dir() else []
+    if not files:
+        arrays = folder.is_dir() and any(folder.glob("*.npz"))
+        return None, [], [
+            "The scene has matrices instead of a mesh: its shapes are arrays without places in space, not drawn here."
+            if arrays else "No shapes were written, so none can be shown."
+        ]  # fmt: skip
+    grid: ShapeGrid | None = None
+    shapes, lacks = [], []
+    for file in files:
+        try:
+            own, shape = read_shape(file)
+        except (OSError, KeyError, ValueError, IndexError) as error:
+            lacks.append(f"shapes/{file.name} cannot be read ({error}); this shape is left out.")
+            continue
+        if grid is not None and own.points.shape != grid.points.shape:
+            lacks.append(f"shapes/{file.name} is on another mesh than the others; this shape is left out.")
+            continue
+        grid = grid or own
+        shapes.append(shape)
+    return grid, shapes, lacks
+
+
+def read_shape(path: Path) -> tuple[ShapeGrid, Shape]:
+    """Read a file that `write_shape` wrote.
+
+    Raises
+    ------
+    OSError, KeyError, ValueError, IndexError
+        Where it is none.
+    """
+    import pyvista
+
+    from fe_squeal.report.vtk_files import names_in
+
+    if not path.read_bytes()[:200].lstrip().startswith(b"<"):
+        raise ValueError("it is no VTK file")
+    data = pyvista.read(path)
+    if not isinstance(data, pyvista.UnstructuredGrid) or len(data.cells_dict) != 1:
+        raise ValueError("its cells are not all of one type")
+    kind, cells = next(iter(data.cells_dict.items()))
+    body = np.asarray(data.cell_data["body"], dtype=np.int64)
+    names = names_in(data, "body") or [f"body {i}" for i in range(int(body.max(initial=0)) + 1)]
+    u = np.asarray(data.point_data["u_re"]) + 1j * np.asarray(data.point_data["u_im"])
+    info: dict[str, Any] = {
+        name: float(np.asarray(data.field_data[name])[0])
+        for name in ("value", "mode", "branch", "re", "im", "frequency_hz")
+        if name in data.field_data
+    }
+    parameter = names_in(data, "parameter")
+    if parameter:
+        info["parameter"] = parameter[0]
+    points = np.asarray(data.points, dtype=float)
+    return ShapeGrid(points, np.asarray(cells, dtype=np.int64), int(kind), body, tuple(names)), Shape(info, u)

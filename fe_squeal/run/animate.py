@@ -1,0 +1,87 @@
+"""What `fe-squeal animate` does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from ..errors import OutputError
+from .checkpoint import read_json
+from .folder import RECORD, SHAPES, hold_folder
+from .view import Z_AXIS
+
+
+def animate_folder(folder: Path, branch: int | None, file: Path | None, console: Console) -> int:
+    """Write a film of every shape of a run beside it, or of one branch to a file.
+
+    Raises
+    ------
+    OutputError
+        There is no such shape, several for one file, a format that is not known, or VTK cannot draw.
+    """
+    from ..report.animation import FORMATS
+
+    if file is not None and file.suffix.lower() not in FORMATS:
+        known = " or ".join(FORMATS)
+        raise OutputError(f"{file}: given the format {file.suffix or '(none)'}; expected a name that ends in {known}")
+    shapes = _shapes(folder, branch)
+    if file is not None and len(shapes) > 1:
+        known = ", ".join(f"{info['branch']:.0f}" for _, info in shapes if "branch" in info)
+        raise OutputError(f"{file}: given one file for {len(shapes)} shapes; expected --branch with one of {known}")
+    axis = ((read_json(folder / RECORD) or {}).get("axis") or {}).get("direction") or Z_AXIS
+    if file is not None:
+        if file.exists():
+            raise OutputError(f"{file}: exists already; it is not replaced: remove it, or give another file by -o")
+        _write(shapes[0], file, axis, console)
+        return 0
+    with hold_folder(folder):
+        for shape in shapes:
+            _write(shape, shape[0].with_suffix(FORMATS[0]), axis, console)
+    return 0
+
+
+def _write(shape: tuple[Path, dict[str, Any]], path: Path, axis: Any, console: Console) -> None:
+    from ..report.animation import write_film
+    from ..report.shape_names import shape_title
+
+    write_film(shape[0], path, shape_title(shape[1]), axis)
+    console.print(f"wrote {path} ({path.stat().st_size / 1e6:.1f} MB)", markup=False)
+
+
+def _shapes(folder: Path, branch: int | None) -> list[tuple[Path, dict[str, Any]]]:
+    """Return the shape files of a folder with what is known of their modes, or those of one branch."""
+    from ..report.results import read_shape
+
+    if not folder.is_dir():
+        raise OutputError(f"{folder}: is no folder; expected one that fe-squeal run has written")
+    files = sorted((folder / SHAPES).glob("*.vtu"))
+    if not files:
+        arrays = any((folder / SHAPES).glob("*.npz"))
+        why = "of a scene of matrices, which has no mesh" if arrays else 'see [output] shapes = "unstable" or "all"'
+        raise OutputError(f"{folder / SHAPES}: holds no shapes that can be drawn ({why})")
+    found, looks = [], _looks(folder)
+    for file in files:
+        try:
+            info = read_shape(file)[1].info
+        except (OSError, KeyError, ValueError, IndexError) as error:
+            raise OutputError(f"{file}: cannot be read ({error}); expected a shape that fe-squeal run wrote") from error
+        found.append((file, info | looks.get((info.get("branch"), info.get("value")), {})))
+    chosen = [(f, i) for f, i in found if branch is None or i.get("branch") == branch]
+    if not chosen:
+        known = ", ".join(sorted({f"{i['branch']:.0f}" for _, i in found if "branch" in i}, key=int)) or "none"
+        raise OutputError(f"{folder / SHAPES}: given branch {branch}; expected one with a shape: {known}")
+    return chosen
+
+
+def _looks(folder: Path) -> dict[Any, dict[str, Any]]:
+    """Return the descriptors of the unstable modes by branch and value."""
+    record = read_json(folder / RECORD) or {}
+    names = ("nodal_diameters", "nodal_circles", "nodal_diameters_share", "other_nodal_diameters", "other_share",
+             "travelling", "body", "body_share")  # fmt: skip
+    return {
+        (float(row["branch"]), row["value"]): {k: row[k] for k in names if k in row}
+        for row in record.get("unstable") or []
+        if "branch" in row and "value" in row
+    }

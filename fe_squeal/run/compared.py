@@ -1,0 +1,98 @@
+"""Measured squeal beside computed: the nearest unstable mode of each frequency, and the MAC of each shape."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..assembly.discretisation import discretisation_of
+from ..report.branches import frequency_text, parameter_symbol
+from ..report.mac import mac, nearest_nodes
+from ..report.shapes import boundary_triangles
+from ..sweep.result import Sweep
+from .measured import Frequency, Measurements, TestShape
+from .preload import grid_of
+
+_FEWEST = 3  # points, below which a MAC tells nothing
+MAC_COLUMNS = ("measured", "measured_hz", "parameter", "value", "mode", "branch", "frequency_hz", "stability", "mac",
+               "points")  # fmt: skip
+
+
+def nearest_unstable(frequency: Frequency, modes: pd.DataFrame) -> dict[str, Any] | None:
+    """Return the row of the unstable mode nearest to a measured frequency; None where no mode is unstable."""
+    unstable = modes[(modes["stability"] == "unstable") & (modes["frequency_hz"] > 0)]
+    if not len(unstable):
+        return None
+    row = unstable.iloc[int(np.argmin(np.abs(unstable["frequency_hz"].to_numpy(float) - frequency.hz)))]
+    return {str(k): v for k, v in row.to_dict().items()}
+
+
+def measured_record(measured: Measurements, result: Sweep) -> list[dict[str, Any]]:
+    """Return each measured frequency with its nearest unstable mode and a sentence, for run.json and the page."""
+    if not measured.frequencies:
+        return []
+    modes, found = result.to_dataframe(), []
+    for frequency in measured.frequencies:
+        row = nearest_unstable(frequency, modes)
+        entry: dict[str, Any] = {
+            "frequency_hz": frequency.hz, "level_db": frequency.level_db, "label": frequency.label, "nearest": None,
+        }  # fmt: skip
+        name = f"Measured {frequency_text(frequency.hz)}"
+        known = [frequency.label, f"{frequency.level_db:g} dB" if frequency.level_db is not None else ""]
+        name += f" ({', '.join(t for t in known if t)})" if any(known) else ""
+        if row is None:
+            entry["sentence"] = f"{name}: no mode is unstable in this sweep."
+        else:
+            percent = 100 * (row["frequency_hz"] / frequency.hz - 1)
+            entry["nearest"] = {"branch": int(row["branch"]), "value": row["value"], "mode": int(row["mode"]),
+                                "frequency_hz": row["frequency_hz"], "distance_percent": percent}  # fmt: skip
+            side = "above" if percent > 0 else "below"
+            entry["sentence"] = (
+                f"{name}: the nearest unstable mode is branch {int(row['branch'])} at"
+                f" {frequency_text(row['frequency_hz'])}, {abs(percent):.2g} % {side}"
+                f" ({parameter_symbol(result.parameter)} = {row['value']:.4g})."
+            )
+        found.append(entry)
+    return found
+
+
+def mac_table(measured: Measurements, result: Sweep) -> tuple[pd.DataFrame | None, list[str]]:
+    """Return the MAC of every measured shape with every shape that is known, and sentences on points left out.
+
+    Known are the shapes of all modes at the last value, and of the unstable ones at all values.
+    """
+    model = discretisation_of(result.problem)
+    if not measured.shapes or model is None:
+        return None, []
+    grid = grid_of(model)
+    surface = np.unique(boundary_triangles(grid)[0])
+    said: list[str] = []
+    near = [_matched(shape, grid.points[surface], said) for shape in measured.shapes]
+    rows = []
+    for point in result.points:
+        for i in sorted(point.shapes):
+            u = model.space.expand(point.shapes[i])[surface]
+            for shape, (points, nodes) in zip(measured.shapes, near, strict=True):
+                if len(points) < _FEWEST:
+                    continue
+                value = mac(shape.u[points], u[nodes] @ shape.frame.T)
+                rows.append((
+                    shape.label, shape.hz, result.parameter, point.value, i + 1, int(point.branches[i]),
+                    point.modes.frequency_hz[i], point.modes.stability[i], value, len(points),
+                ))  # fmt: skip
+    return pd.DataFrame(rows, columns=list(MAC_COLUMNS)), said
+
+
+def _matched(shape: TestShape, nodes: np.ndarray, said: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    points, found = nearest_nodes(shape.points, nodes, shape.distance)
+    lost = len(shape.points) - len(points)
+    if lost:
+        said.append(
+            f"measured shape {shape.label}: {lost} of {len(shape.points)} points have no node of the surface within"
+            f" {1e3 * shape.distance:g} mm"
+            + ("; that leaves too few for a MAC: check axes, origin and length_unit" if len(points) < _FEWEST else
+               " and are left out")
+        )  # fmt: skip
+    return points, found

@@ -1,0 +1,169 @@
+"""Measured frequencies and shapes of a scene, from its own numbers and the files that it names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..errors import SceneError
+from ..scene import MatrixScene, Scene
+from ..scene.measured import Measured
+
+_COMPONENTS = tuple(f"u{a}_{part}" for a in "xyz" for part in ("re", "im"))
+_UNIVERSAL = (".unv", ".uff")
+_LENGTH = {"m": 1.0, "mm": 1e-3}
+
+
+@dataclass(frozen=True)
+class Frequency:
+    """A measured frequency, Hz, with its level in dB where it is known."""
+
+    hz: float
+    level_db: float | None
+    label: str
+
+
+@dataclass(frozen=True)
+class TestShape:
+    """A measured shape in the model's coordinates.
+
+    Attributes
+    ----------
+    label : str
+    hz : float or None
+    points : (p, 3) float, m
+    u : (p, 3) complex
+        Along the file's axes; NaN where a component was not measured.
+    frame : (3, 3) float
+        The file's axes as rows.
+    distance : float, m
+        Up to which a point belongs to a node.
+    """
+
+    __test__ = False  # pytest takes classes of this name for tests
+
+    label: str
+    hz: float | None
+    points: np.ndarray
+    u: np.ndarray
+    frame: np.ndarray
+    distance: float
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """What was measured."""
+
+    frequencies: tuple[Frequency, ...] = ()
+    shapes: tuple[TestShape, ...] = ()
+
+
+NOTHING_MEASURED = Measurements()
+
+
+def read_measured(scene: Scene | MatrixScene) -> Measurements:
+    """Return what the scene says was measured.
+
+    Raises
+    ------
+    SceneError
+        A file is missing or damaged, or has not the columns that are expected.
+    """
+    frequencies: list[Frequency] = []
+    shapes: list[TestShape] = []
+    for i, entry in enumerate(scene.measured):
+        key = f"{scene.source}: measured[{i}]" if scene.source is not None else f"measured[{i}]"
+        if entry.file is None:
+            assert entry.frequency_hz is not None
+            frequencies.append(Frequency(entry.frequency_hz, entry.level_db, entry.label))
+            continue
+        path = scene.folder / entry.file
+        if not path.is_file():
+            raise SceneError(f'{key}.file: given "{entry.file}"; there is no file {path}; expected one in .csv or .unv')
+        suffix = path.suffix.lower()
+        if suffix == ".csv":
+            frame = _table(path, f"{key}.file")
+            if "x" not in frame:
+                frequencies += _frequencies(frame, entry, f"{key}.file", path)
+                continue
+            x, u = _shape(frame, f"{key}.file", path)
+        elif suffix in _UNIVERSAL:
+            from .universal import read_universal
+
+            x, u = read_universal(path, entry.frequency_hz, f"{key}.file")
+        else:
+            raise SceneError(f'{key}.file: given "{entry.file}"; expected a file in .csv or .unv')
+        if isinstance(scene, MatrixScene):
+            raise SceneError(
+                f"{key}.file: {path} holds a shape, and a scene of matrices has no places to compare it at; expected"
+                " frequencies"
+            )
+        shapes.append(_placed(entry, x, u, path))
+        if entry.frequency_hz is not None:
+            frequencies.append(Frequency(entry.frequency_hz, entry.level_db, entry.label or path.stem))
+    return Measurements(tuple(frequencies), tuple(shapes))
+
+
+def _placed(entry: Measured, x: np.ndarray, u: np.ndarray, path: Path) -> TestShape:
+    points = np.array(entry.origin) + _LENGTH[entry.length_unit] * x @ entry.frame
+    return TestShape(entry.label or path.stem, entry.frequency_hz, points, u, entry.frame, entry.distance)
+
+
+def _table(path: Path, key: str) -> pd.DataFrame:
+    try:
+        frame = pd.read_csv(path, skipinitialspace=True)
+    except (OSError, ValueError) as error:
+        raise SceneError(f"{key}: {path} cannot be read ({error}); expected a table in CSV") from error
+    return frame.rename(columns=lambda name: str(name).strip())
+
+
+def _frequencies(frame: pd.DataFrame, entry: Measured, key: str, path: Path) -> list[Frequency]:
+    if "frequency_hz" not in frame:
+        raise SceneError(
+            f"{key}: {path} has the columns {', '.join(map(str, frame.columns))}; expected frequency_hz (and level_db,"
+            " label), or x, y, z with displacements"
+        )
+    hz = _numbers(frame, "frequency_hz", key, path)
+    wrong = ~(hz > 0)
+    if wrong.any() or not len(hz):
+        found = f"the frequency {hz[wrong][0]:g} in row {int(np.argmax(wrong)) + 2}" if wrong.any() else "no row"
+        raise SceneError(f"{key}: {path} has {found}; expected frequencies above 0 in Hz")
+    level = _numbers(frame, "level_db", key, path) if "level_db" in frame else np.full(len(hz), np.nan)
+    names: list[Any] = frame["label"].to_list() if "label" in frame else [entry.label] * len(hz)
+    return [
+        Frequency(float(f), None if np.isnan(db) else float(db), "" if name != name else str(name))
+        for f, db, name in zip(hz, level, names, strict=True)
+    ]
+
+
+def _shape(frame: pd.DataFrame, key: str, path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (p, 3) and displacements (p, 3), NaN where they were not measured."""
+    missing = [c for c in "xyz" if c not in frame]
+    measured = [c for c in _COMPONENTS if c in frame and c.endswith("_re")]
+    if missing or not measured or not len(frame):
+        columns = ", ".join(map(str, frame.columns))
+        raise SceneError(
+            f"{key}: {path} has the columns {columns} and {len(frame)} rows; expected x, y, z and some of"
+            f" {', '.join(_COMPONENTS)}"
+        )
+    x = np.stack([_numbers(frame, c, key, path) for c in "xyz"], axis=1)
+    u = np.full((len(frame), 3), np.nan + 0j)
+    for a, axis in enumerate("xyz"):
+        if f"u{axis}_re" in measured:
+            u[:, a] = _numbers(frame, f"u{axis}_re", key, path)
+            if f"u{axis}_im" in frame:
+                u[:, a] += 1j * _numbers(frame, f"u{axis}_im", key, path)
+    if not np.isfinite(x).all():
+        raise SceneError(f"{key}: {path} has points without coordinates; expected a number for each of x, y, z")
+    return x, u
+
+
+def _numbers(frame: pd.DataFrame, column: str, key: str, path: Path) -> np.ndarray:
+    try:
+        return np.asarray(pd.to_numeric(frame[column]), dtype=float)
+    except (ValueError, TypeError) as error:
+        raise SceneError(f"{key}: {path}, column {column}: {error}; expected numbers") from error

@@ -1,0 +1,121 @@
+"""The page of a folder of results: what a run, or a study of accuracy, writes at its end, and `fe-squeal report`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from ..errors import OutputError
+from .folder import (
+    ACCURACY_TABLE,
+    CONTRIBUTIONS_TABLE,
+    MAC_TABLE,
+    MODES_TABLE,
+    ONSETS_TABLE,
+    RECORD,
+    REPORT,
+    SENSITIVITIES_TABLE,
+    SHAPES,
+    hold_folder,
+)
+
+if TYPE_CHECKING:
+    from ..report.results import Results
+
+_TABLES = {
+    "modes": MODES_TABLE, "onsets": ONSETS_TABLE, "contributions": CONTRIBUTIONS_TABLE,
+    "sensitivities": SENSITIVITIES_TABLE,
+}  # fmt: skip
+_MARK = b'<meta name="generator" content="fe-squeal">'
+
+
+def read_run(folder: Path) -> Results:
+    """Read the results of a run from its folder."""
+    from ..report.results import read_results
+
+    return read_results(folder, RECORD, _TABLES, SHAPES, MAC_TABLE)
+
+
+def write_run_report(folder: Path, path: Path) -> tuple[str, ...]:
+    """Write the page of a run from its folder, and return a sentence on each thing that it lacks."""
+    from ..report.page.build import write_run_page
+
+    results = read_run(folder)
+    write_run_page(results, path)
+    return results.lacks
+
+
+def write_report(folder: Path, path: Path) -> tuple[str, ...]:
+    """Write the page of whatever a folder holds the results of; return sentences on what it lacks.
+
+    Raises
+    ------
+    OutputError
+        It holds none.
+    """
+    if (folder / RECORD).exists() or (folder / MODES_TABLE).exists():
+        return write_run_report(folder, path)
+    if (folder / ACCURACY_TABLE).exists():
+        return write_accuracy_report(folder, path)
+    raise OutputError(
+        f"{folder}: holds no results to show; expected a folder with {RECORD} and {MODES_TABLE}, or with"
+        f" {ACCURACY_TABLE}"
+    )
+
+
+def write_accuracy_report(folder: Path, path: Path) -> tuple[str, ...]:
+    """Write the page of a study of accuracy."""
+    from ..report.page.accuracy import write_accuracy_page
+
+    return write_accuracy_page(folder / ACCURACY_TABLE, path)
+
+
+def report_folder(folder: Path, file: Path | None, console: Console) -> int:
+    """Write the page of a folder of results, into it or to `file`, and say what could not be shown.
+
+    Raises
+    ------
+    OutputError
+        The folder holds no results, or the file is somebody else's.
+    """
+    if not folder.is_dir():
+        raise OutputError(f"{folder}: is no folder; expected one that fe-squeal run has written")
+    if file is not None:
+        refuse_foreign(file)
+        lacks = write_report(folder, file)
+    else:
+        file = folder / REPORT
+        if not any(folder.iterdir()):
+            raise OutputError(f"{folder}: is empty; expected a folder with the results of fe-squeal run")
+        with hold_folder(folder):
+            lacks = write_report(folder, file)
+    tell(lacks, console)
+    console.print(f"wrote {file} ({file.stat().st_size / 1e6:.1f} MB)", markup=False)
+    return 0
+
+
+def tell(lacks: Iterable[str], console: Console) -> None:
+    """Print what could not be shown."""
+    for sentence in lacks:
+        console.print(f"note: {sentence}", markup=False)
+
+
+def refuse_foreign(file: Path) -> None:
+    """Refuse to write over a page that this program has not written.
+
+    Raises
+    ------
+    OutputError
+    """
+    if not file.exists():
+        return
+    try:
+        with file.open("rb") as stream:
+            ours = _MARK in stream.read(4000)
+    except OSError as error:
+        raise OutputError(f"{file}: cannot be written ({error.strerror or error})") from error
+    if not ours:
+        raise OutputError(f"{file}: is no page that fe-squeal wrote; it is not replaced: give another file by -o")

@@ -1,0 +1,180 @@
+"""Descriptors of modes against closed forms of plates and rings, combined doublets, and axes off the origin."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
+from fe_squeal.fem import gyroscopics
+from fe_squeal.fem.descriptors import make_describer
+from fe_squeal.fem.motion import SteadyMotion
+from fe_squeal.problem.terms import Term
+from meshes import STEEL, annulus, box, join, make_problem, mapped, modes_of, rotation
+
+OUTER, INNER, THICKNESS = 0.2, 0.1, 0.004
+Z = np.array([0.0, 0.0, 1.0])
+
+
+def described(problem, shapes, axis=Z, centre=(0.0, 0.0, 0.0), turning=("disc",)):
+    model = problem.discretisation
+    masses = {t.name.removeprefix("mass."): t.matrix for t in problem.terms if t.slot == "M"}
+    describer = make_describer(model.space, masses, model.bodies, turning, axis, np.array(centre))
+    return describer.describe(problem.terms, problem.parameters, np.asarray(shapes))
+
+
+@functools.cache
+def free_disc(kind="hex2", counts=(4, 40, 1)):
+    return make_problem(annulus(kind, counts, INNER, OUTER, THICKNESS))
+
+
+@functools.cache
+def clamped_modes():
+    mesh = annulus("hex2", (8, 24, 1), INNER, OUTER, THICKNESS)
+    problem = make_problem(mesh, supports=[{"surface": "hub", "fixed": "xyz"}])
+    return problem, modes_of(problem, 26)
+
+
+# Diameters and circles in rising order of frequency, of Kirchhoff's plate clamped at half its radius. A doublet has two
+# modes. test_annular_disc checks the frequencies.
+CLAMPED = [(0, 0), (1, 0), (1, 0), (2, 0), (2, 0), (3, 0), (3, 0)]
+SECOND = {(0, 1): 2073.8, (1, 1): 2114.6, (2, 1): 2237.3, (3, 1): 2442.9}
+
+
+def test_clamped_plate_has_the_diameters_and_circles_of_its_closed_form():
+    problem, modes = clamped_modes()
+    found = described(problem, modes.right)
+    names = list(zip(found["nodal_diameters"], found["nodal_circles"], strict=True))
+    assert names[:7] == CLAMPED
+    for name, hz in SECOND.items():
+        near = [f for f, other in zip(modes.frequency_hz, names, strict=True) if other == name]
+        assert len(near) == (2 if name[0] else 1)
+        np.testing.assert_allclose(near, hz, rtol=0.015)
+    shares = [share for share, (n, _) in zip(found["nodal_diameters_share"], names, strict=True) if n <= 5]
+    assert min(shares) > 0.999  # a body of revolution: one harmonic alone, as far as the mesh is fine enough for it
+    assert min(found["out_of_plane"]) > 0.99  # thin: rotary inertia is (h/λ)²
+    assert found["body"] == ["disc"] * len(names) and found["body_share"] == pytest.approx([1.0] * len(names))
+    assert found["travelling"] == [0.0] * len(names)
+
+
+@pytest.mark.slow
+def test_free_plate_and_ring():
+    """A free plate begins with two diameters; a ring bends in its plane with n = 2, 3, ... and no circle."""
+    problem = free_disc()
+    modes = modes_of(problem, 12)
+    found = described(problem, modes.right)
+    elastic = modes.frequency_hz > 1.0
+    names = [n for n, some in zip(zip(found["nodal_diameters"], found["nodal_circles"], strict=True), elastic,
+                                  strict=True) if some]  # fmt: skip
+    assert names[:5] == [(2, 0), (2, 0), (0, 1), (3, 0), (3, 0)]
+    ring = make_problem(
+        annulus("hex2", (1, 32, 1), 0.198, 0.202, 0.02),
+        supports=[{"surface": s, "fixed": "z"} for s in ("top", "bottom")],
+    )
+    modes = modes_of(ring, 9)
+    found = described(ring, modes.right)
+    assert [n for n, f in zip(found["nodal_diameters"], modes.frequency_hz, strict=True) if f > 1.0][:4] == [2, 2, 3, 3]
+    assert max(found["out_of_plane"]) < 1e-12
+
+
+def waves(problem, n, profile, axis=Z, centre=(0.0, 0.0, 0.0)):
+    """Return (unknowns, 2): profile(r) cos nθ and profile(r) sin nθ along the axis, θ right-handed about it."""
+    x = problem.discretisation.space.coordinates - centre
+    flat = x - np.outer(x @ axis, axis)
+    first = np.cross(axis, [0.3, -0.5, 0.9])
+    first /= np.linalg.norm(first)
+    theta = np.arctan2(flat @ np.cross(axis, first), flat @ first)
+    w = profile(np.linalg.norm(flat, axis=1))
+    u = [np.outer(w * f(n * theta), axis) for f in (np.cos, np.sin)]
+    return np.stack([problem.discretisation.space.gather(v) for v in u], axis=1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_waves_on_a_disc_that_is_turned_and_off_the_origin(seed):
+    """α cos nθ + β sin nθ: −2 Im(α* β) / (|α|² + |β|²) is the part that runs with the turning, whatever the frame."""
+    rng = np.random.default_rng(seed)
+    R, centre = rotation(seed), rng.uniform(-1.0, 1.0, 3)
+    mesh = annulus("tet2", (2, 36, 1), INNER, OUTER, 0.02)
+    problem = make_problem(mapped(mesh, lambda x: R @ x + centre[:, None]))
+    axis = R[:, 2]
+    n = 2 + 3 * seed
+    pair = waves(problem, n, lambda r: (r - 0.16) * (r - 0.08), axis, centre)
+    alpha, beta = rng.standard_normal((2, 2)) @ [1.0, 1j]
+    shapes = pair @ np.array([[1.0, 1.0, alpha], [-1j, 1j, beta]])  # e^{−inθ}, e^{inθ} and a mixture
+    found = described(problem, shapes, axis, centre)
+    assert found["nodal_diameters"] == [n] * 3
+    assert found["nodal_circles"] == [1] * 3
+    expected = -2 * np.imag(np.conj(alpha) * beta) / (abs(alpha) ** 2 + abs(beta) ** 2)
+    assert found["travelling"] == pytest.approx([1.0, -1.0, expected], abs=2e-3)  # the mesh is not quite even
+    assert found["out_of_plane"] == pytest.approx([1.0] * 3, abs=1e-12)
+    there = described(problem, shapes, -axis, centre)["travelling"]  # the other way around
+    assert there == pytest.approx([-1.0, 1.0, -expected], abs=2e-3)
+
+
+def test_mixed_shapes_give_the_two_strongest_with_their_shares():
+    """∫ over θ of cos² is the same for all n > 0, so that the shares are the squares of the amplitudes."""
+    problem = free_disc()
+    three, five, seven = (waves(problem, n, np.ones_like)[:, 0] for n in (3, 5, 7))
+    u = np.sqrt(0.6) * three + np.sqrt(0.3) * five + np.sqrt(0.1) * seven
+    found = described(problem, u[:, None])
+    assert (found["nodal_diameters"], found["other_nodal_diameters"]) == ([3], [5])
+    assert found["nodal_diameters_share"] == pytest.approx([0.6], abs=1e-6)
+    assert found["other_share"] == pytest.approx([0.3], abs=1e-6)
+    assert found["travelling"] == [0.0]
+
+
+def test_a_mesh_too_coarse_for_a_harmonic_names_the_lowest_that_it_could_be():
+    """Twelve linear elements around have twelve nodes: cos 9θ and cos 3θ are one and the same there."""
+    problem = make_problem(annulus("hex1", (2, 12, 1), INNER, OUTER, THICKNESS), order=1)
+    shapes = np.stack([waves(problem, n, np.ones_like)[:, 0] for n in (3, 5)], axis=1)
+    assert described(problem, shapes)["nodal_diameters"] == [3, 5]
+
+
+@pytest.mark.slow
+def test_a_turning_disc_splits_into_waves_with_and_against_it():
+    """In the frame that does not turn the wave that runs with the disc has ω + nΩ, the other one ω − nΩ."""
+    problem = free_disc("hex2", (2, 20, 1))
+    model, motion = problem.discretisation, SteadyMotion(np.array([0.0, 0.0, 40.0]), np.zeros(3))
+    elements = np.arange(model.space.mesh.nelements)
+    G = gyroscopics.gyroscopic_matrices(model.space, elements, STEEL["density"], motion)
+    G = G if hasattr(G, "shape") else G[0]
+    turning = replace(problem, terms=(*problem.terms, Term("gyroscopic", "C", G, symmetric=False, skew=True)))
+    modes = solve_modes(turning.pencil(), Request(count=16))
+    found = described(turning, modes.right)
+    f, n, way = modes.frequency_hz, found["nodal_diameters"], found["travelling"]
+    pair = [i for i in range(len(f)) if n[i] == 2 and f[i] > 30.0][:2]
+    assert f[pair[1]] - f[pair[0]] > 5.0
+    assert [way[i] for i in pair] == pytest.approx([-1.0, 1.0], abs=0.02)
+
+
+def test_the_body_that_moves_most_and_what_has_no_axis():
+    """Two loose blocks: a shape in which one moves alone; nothing turns, so that there are no diameters."""
+    problem = make_problem(join(box("hex1", (1, 1, 1), name="a"), box("hex1", (1, 1, 1), (1, 1, 1), (3, 0, 0), "b")), 1)
+    space = problem.discretisation.space
+    right = space.coordinates[:, 0] > 2
+    u = np.where(right[:, None], [3.0, 0.0, 4.0], [0.6, 0.0, 0.8])
+    found = described(problem, space.gather(u)[:, None], turning=())
+    assert found["body"] == ["b"] and found["body_share"] == pytest.approx([25 / 26])
+    assert found["out_of_plane"] == pytest.approx([16 / 25])
+    assert found["nodal_diameters"] == found["nodal_circles"] == [None]
+    still = described(problem, np.zeros((problem.unknowns, 1)), turning=())
+    assert still["body"] == [None] and still["out_of_plane"] == [None]
+
+
+def test_coordinates_of_a_small_model_describe_the_same_shapes():
+    problem, modes = clamped_modes()
+    model = problem.discretisation
+    masses = {t.name.removeprefix("mass."): t.matrix for t in problem.terms if t.slot == "M"}
+    describer = make_describer(model.space, masses, model.bodies, ("disc",), Z, np.zeros(3))
+    V = np.linalg.qr(np.real(modes.right))[0]
+    y = np.linalg.lstsq(V, modes.right, rcond=None)[0]
+    small = [replace(t, matrix=V.T @ (t.matrix @ V)) for t in problem.terms]
+    whole = describer.describe(problem.terms, problem.parameters, V @ y)
+    there = describer.on(V).describe(small, problem.parameters, y)
+    for name, entries in whole.items():
+        expected = entries if isinstance(entries[0], str | int) else pytest.approx(entries, abs=1e-9)
+        assert there[name] == expected, name

@@ -1,0 +1,163 @@
+"""Designs side by side: modes paired by shape across meshes, what changed beyond its bars, what is gone and new."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import skfem
+
+from fe_squeal.cli import main
+from fe_squeal.report.differences import GONE, NEW, PAIRED, compare_designs, sentences
+from fe_squeal.report.export import export_shapes
+from fe_squeal.report.pairing import common_points, mac_matrix, pair_shapes
+from fe_squeal.report.results import Results, Shape
+from fe_squeal.report.shapes import ShapeGrid, shape_grid
+from meshes import annulus
+
+
+def ring(kind: str, counts: tuple[int, int, int], body: str = "disc") -> ShapeGrid:
+    """A disc of 0.1 to 0.2 m."""
+    mesh = annulus(kind, counts, 0.1, 0.2, 0.01)
+    element = {"hex1": skfem.ElementHex1, "hex2": skfem.ElementHex2, "tet2": skfem.ElementTetP2}[kind]()
+    return shape_grid(skfem.CellBasis(mesh, element, intorder=2), np.zeros(mesh.nelements, int), (body,))
+
+
+def waves(grid: ShapeGrid, n: int, sign: int = 1, turn: float = 0.0) -> np.ndarray:
+    """A wave of n diameters, e^{i sign nθ}, that grows with the radius; as it is on any mesh of the disc."""
+    x, y, _ = grid.points.T
+    u = np.zeros((len(x), 3), complex)
+    u[:, 2] = (np.hypot(x, y) - 0.1) * np.exp(1j * sign * n * (np.arctan2(y, x) - turn))
+    return u
+
+
+def test_shapes_on_other_meshes_are_as_alike_as_their_functions() -> None:
+    """Waves of other numbers of diameters, and the same one the other way around, are orthogonal on the whole disc."""
+    a, b = ring("hex2", (2, 36, 1)), ring("tet2", (3, 40, 2))
+    points, alone = common_points(a, b)
+    assert alone == [] and points.distance.max() < 2e-3  # two chords of the rim
+    shapes = [(3, 1), (3, -1), (5, 1), (5, -1)]
+    values = mac_matrix([waves(a, *s) for s in shapes], [waves(b, *s) * (2 - 1j) for s in shapes], points)
+    np.testing.assert_allclose(values, np.eye(4), atol=0.02)
+    half = waves(b, 3, 1) + waves(b, 5, 1)
+    assert mac_matrix([waves(a, 3, 1)], [half], points)[0, 0] == pytest.approx(0.5, abs=0.02)
+
+
+def test_pairs_are_those_of_largest_sum_and_none_below_the_limit() -> None:
+    values = np.array([[0.95, 0.90, 0.1], [0.92, 0.1, 0.2], [0.3, 0.2, 0.59]])
+    assert pair_shapes(values) == [(0, 1, 0.90), (1, 0, 0.92)]
+    assert pair_shapes(np.zeros((2, 0))) == [] and pair_shapes(np.full((1, 1), np.nan)) == []
+
+
+def design(
+    grid: ShapeGrid | None, modes: dict[int, tuple[int, float, float, float]], bar: float = 0.0, mesh: float = np.nan
+) -> Results:
+    """Results with unstable branches {branch: (diameters, Hz, Re λ, onset)}, and a bar of each growth rate."""
+    rows = [
+        {"parameter": "mu", "value": 0.7, "mode": i, "branch": branch, "re": re, "im": 2 * np.pi * hz,
+         "frequency_hz": hz, "damping_ratio": -re / (2 * np.pi * hz), "stability": "unstable", "re_uncertainty": bar,
+         "re_discretisation": mesh, "im_discretisation": 2 * np.pi * 10 if np.isfinite(mesh) else np.nan}
+        for i, (branch, (_, hz, re, _)) in enumerate(modes.items(), 1)
+    ]  # fmt: skip
+    onsets = [
+        {"parameter": "mu", "value": at, "frequency_hz": hz, "kind": "flutter", "direction": "into", "branch_a": branch,
+         "branch_b": branch + 100, "uncertainty": 1e-8, "discretisation": 0.01 if np.isfinite(mesh) else np.nan}
+        for branch, (_, hz, _, at) in modes.items()
+    ]  # fmt: skip
+    columns = ["parameter", "value", "mode", "branch", "re", "im", "frequency_hz", "damping_ratio", "stability",
+               "re_uncertainty", "re_discretisation", "im_discretisation"]  # fmt: skip
+    onset_columns = ["parameter", "value", "frequency_hz", "direction", "branch_a", "branch_b", "uncertainty"]
+    shapes = tuple(
+        Shape({"branch": float(b), "re": re, "value": 0.7}, waves(grid, n, 1, 0.3 * b))
+        for b, (n, _, re, _) in modes.items()
+    ) if grid is not None else ()  # fmt: skip
+    empty = pd.DataFrame()
+    return Results({}, pd.DataFrame(rows, columns=columns),
+                   pd.DataFrame(onsets) if onsets else pd.DataFrame(columns=onset_columns), empty, empty,
+                   grid=grid, shapes=shapes)  # fmt: skip
+
+
+BASE = {4: (3, 2700.0, 80.0, 0.11), 7: (5, 4630.0, 550.0, 0.24)}
+SLOT = {2: (3, 2760.0, 81.0, 0.31), 9: (6, 5100.0, 200.0, 0.4)}
+
+
+def test_a_slotted_disc_beside_the_plain_one() -> None:
+    """The mode of three diameters stays under another number, that of five is gone, and one of six is new."""
+    a, b = design(ring("hex2", (2, 36, 1)), BASE, 0.6, 1.0), design(ring("hex1", (3, 48, 1)), SLOT, 0.6, 1.0)
+    table, said = compare_designs(a, b, ("plain", "slot"))
+    assert said == []
+    assert [(r.state, r.branch_a, r.branch_b) for r in table.itertuples()] == [
+        (PAIRED, 4, 2), (GONE, 7, pd.NA), (NEW, pd.NA, 9)]  # fmt: skip
+    pair = table.iloc[0]
+    assert pair["mac"] > 0.98
+    assert (pair["onset_change"], pair["onset_bar"]) == (pytest.approx(0.2), pytest.approx(0.02, abs=1e-6))
+    assert pair["onset_exceeds"] and not pair["re_exceeds"]  # 1 1/s with bars of 1.6 each
+    assert pair["re_bar"] == pytest.approx(3.2) and pair["frequency_exceeds"]
+    assert pair["frequency_bar_hz"] == pytest.approx(20.0)
+    assert sentences(table, ["slot"], "μ") == ["slot: onset μ 0.11 → 0.31 ± 0.02, 4.63 kHz gone, new at 5.10 kHz."]
+
+
+def test_without_bars_of_the_mesh_it_is_said() -> None:
+    grid = ring("hex1", (2, 36, 1))
+    table, said = compare_designs(design(grid, BASE), design(grid, BASE), ("a", "b"))
+    assert len(said) == 2 and all("error of the mesh is not known" in s for s in said)
+    assert table["state"].to_list() == [PAIRED, PAIRED] and table["frequency_exceeds"].to_list() == [None, None]
+    assert not table["onset_exceeds"].any()
+    assert sentences(table, ["b"], "μ") == ["b: onset μ 0.11 → 0.11 ± 2e-08, within the bar."]
+
+
+def test_what_cannot_be_paired_is_said() -> None:
+    grid, other = ring("hex1", (2, 36, 1)), ring("hex1", (2, 36, 1), "rotor")
+    _, said = compare_designs(design(grid, BASE), design(None, BASE), ("a", "b"))
+    assert any("b has no shapes on a mesh" in s for s in said)
+    table, said = compare_designs(design(grid, BASE), design(other, BASE), ("a", "b"))
+    assert any("no body of the same name" in s for s in said)
+    assert sorted(table["state"]) == [GONE, GONE, NEW, NEW]
+    quiet, _ = compare_designs(design(grid, {}), design(grid, {}), ("a", "b"))
+    assert sentences(quiet, ["b"], "μ") == ["b: nothing is unstable in either."]
+    gone, _ = compare_designs(design(grid, BASE), design(grid, {}), ("a", "b"))
+    assert sentences(gone, ["b"], "μ") == ["b: no onset any more (was μ = 0.11), 2.70 kHz gone, 4.63 kHz gone."]
+
+
+def written(folder: Path, results: Results) -> Path:
+    folder.mkdir()
+    results.modes.to_csv(folder / "modes.csv", index=False)
+    results.onsets.to_csv(folder / "onsets.csv", index=False)
+    shapes = [(f"branch_{s.info['branch']:.0f}", s.u, s.info) for s in results.shapes]
+    export_shapes(results.grid, shapes, folder / "shapes", animate=False, pictures=False)
+    return folder
+
+
+@pytest.mark.slow
+def test_the_command_writes_table_picture_and_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plain = written(tmp_path / "plain", design(ring("hex2", (2, 36, 1)), BASE, 0.6, 1.0))
+    slot = written(tmp_path / "slot", design(ring("hex1", (3, 48, 1)), SLOT, 0.6, 1.0))
+    out = tmp_path / "side_by_side"
+    assert main(["diff", str(plain), str(slot), str(slot), "-o", str(out)]) == 0
+    assert "slot (2): onset μ 0.11 → 0.31 ± 0.02, 4.63 kHz gone, new at 5.10 kHz." in capsys.readouterr().out
+    table = pd.read_csv(out / "diff.csv")
+    assert table["state"].to_list() == 2 * [PAIRED, GONE, NEW] and table["mac"].iloc[0] > 0.98
+    assert (out / "diff.png").stat().st_size > 10_000
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "new at 5.10 kHz" in page and 'id="onset"' in page and "3.2" in page
+    assert main(["diff", str(plain), str(slot), "-o", str(out)]) == 0  # its own files are replaced
+
+
+@pytest.mark.parametrize("case", ["one", "empty", "itself", "parameter"])
+def test_what_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], case: str) -> None:
+    plain = written(tmp_path / "plain", design(ring("hex1", (2, 24, 1)), BASE))
+    (tmp_path / "empty").mkdir()
+    other = design(ring("hex1", (2, 24, 1)), BASE)
+    other.modes["parameter"] = "contacts.outer.normal_stiffness"
+    another = written(tmp_path / "another", other)
+    folders, out, said = {
+        "one": ([plain], tmp_path / "d", "expected two or more"),
+        "empty": ([plain, tmp_path / "empty"], tmp_path / "d", "has no modes.csv"),
+        "itself": ([plain, another], plain, "is one of the folders to compare"),
+        "parameter": ([plain, another], tmp_path / "d", "expected the same parameter"),
+    }[case]
+    assert main(["diff", *map(str, folders), "-o", str(out)]) == 2
+    found = capsys.readouterr().err
+    assert said in found and found.count("\n") == 1 and not (tmp_path / "d").exists()
