@@ -19,9 +19,8 @@ from ..fem.contact import ContactOperators
 from ..fem.materials import material_axes
 from ..fem.motion import SteadyMotion
 from ..fem.rigid_motions import rigid_motions
-from ..fem.spaces import DisplacementSpace, Surface, make_space, straightened
+from ..fem.spaces import DisplacementSpace, Patch, make_space, straightened
 from ..mesh import LoadedMesh
-from ..mesh.groups import find_facets
 from ..problem.problem import Problem
 from ..problem.terms import Term
 from ..scene import NOT_PHYSICS, MatrixScene, Scene, number_at, with_numbers
@@ -41,6 +40,7 @@ from .effect_stages import (
 )
 from .matrices import matrix_problem
 from .names import check_names
+from .places import find_patch, held_places, holding
 from .units import require_si
 from .warnings import warnings_of_coverage, warnings_of_scene
 
@@ -95,15 +95,13 @@ class Assembly:
         check_names(scene, loaded)
         self.bodies = find_bodies(scene, loaded)
         require_si(scene, loaded.mesh, self.bodies)
-        supports = [
-            (find_facets(loaded, s.surface, f"supports[{i}].surface"), s.fixed) for i, s in enumerate(scene.supports)
-        ]
+        supports, points = held_places(scene, loaded)
         mesh, self.notes = loaded.mesh, loaded.notes
         if scene.mesh.order == 1 and (straight := straightened(mesh)) is not mesh:
             mesh = straight
             self.notes += ("order = 1: curved edges are made straight, or rotations would not be free",)
         mixed = [elements for name, elements in self.bodies.items() if scene.bodies[name].is_mixed]
-        self.space = make_space(mesh, scene.mesh.order, supports, mixed)
+        self.space = make_space(mesh, scene.mesh.order, supports, mixed, points)
         require_memory(_least_memory(self.space), self.space.unknowns, "matrices", exponent=1)
         self.loaded, self._motions = loaded, rigid_motions(self.space)
         self._linear_solver: LinearSolver | str = scene.solve.linear_solver
@@ -184,7 +182,7 @@ class Assembly:
         return Context(
             self.space, self.loaded, {name: self._body(scene, name) for name in self.bodies},
             {name: self._contact(scene, name, i) for i, name in enumerate(scene.contact_names)},
-            scene.materials, tuple(_holding(scene)), scene.effects.on, partial(number_at, scene), self._cache,
+            scene.materials, tuple(holding(scene)), scene.effects.on, partial(number_at, scene), self._cache,
             linear_solver=self._linear_solver,
         )  # fmt: skip
 
@@ -215,12 +213,12 @@ class Assembly:
             f"spring.{spring.name}", key, lambda: spring_terms(self.space, spring, *self._ends(spring, i))
         )
 
-    def _ends(self, spring: Spring, i: int) -> tuple[Surface, Surface | None]:
-        """Return the surfaces of a spring."""
-        surface = self.space.surface(find_facets(self.loaded, spring.surface, f"springs[{i}].surface"))
+    def _ends(self, spring: Spring, i: int) -> tuple[Patch, Patch | None]:
+        """Return the surfaces or node sets of a spring."""
+        patch = find_patch(self.space, self.loaded, spring.kind, spring.group, f"springs[{i}].{spring.kind}")
         if spring.to is None:
-            return surface, None
-        return surface, self.space.surface(find_facets(self.loaded, spring.to, f"springs[{i}].to"))
+            return patch, None
+        return patch, find_patch(self.space, self.loaded, spring.kind, spring.to, f"springs[{i}].to")
 
     def _contact(self, scene: Scene, name: str, i: int) -> ContactPart:
         contact = scene.contacts[i]
@@ -243,16 +241,6 @@ class Assembly:
                 *warnings_of_scene(self.scene, self.loaded, self.space, self.bodies),
             ),
         )  # fmt: skip
-
-
-def _holding(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Yield path and group of each surface on which supports and springs act."""
-    for i, support in enumerate(scene.supports):
-        yield f"supports[{i}]", support.surface
-    for i, spring in enumerate(scene.springs):
-        for surface in (spring.surface, spring.to):
-            if surface is not None:
-                yield f"springs[{i}]", surface
 
 
 def _least_memory(space: DisplacementSpace) -> int:

@@ -23,13 +23,14 @@ from ..effects.static_state import StaticState
 from ..fem.gyroscopics import centrifugal_load
 from ..fem.motion import SteadyMotion
 from ..fem.rigid_motions import connected_parts
-from ..fem.spaces import Surface
+from ..fem.spaces import Patch, Surface
 from ..mesh.groups import find_facets
 from ..problem.problem import Problem
 from ..scene import Scene, with_numbers
 from ..scene.contacts import Contact
 from .assembly import Assembly
 from .discretisation import Discretisation, discretisation_of
+from .places import find_patch
 
 _ELSEWHERE = 0.05  # of the load on a part with a contact: what springs and supports may take without a word
 
@@ -128,22 +129,22 @@ class _Balance:
     def add_spring(self, spring: Spring, path: str) -> None:
         """Add the force of a spring."""
         d = np.array(spring.direction) / np.linalg.norm(spring.direction)
-        surface = self._surface(spring.surface, f"{path}.surface")
-        along = surface.values @ (self.u @ d)
+        patch = find_patch(self.space, self.loaded, spring.kind, spring.group, f"{path}.{spring.kind}")
+        along = patch.values @ (self.u @ d)
         if spring.to is None:
-            forces = self._resultants(surface, -spring.stiffness / surface.area * along[:, None] * d)
+            forces = self._resultants(patch, -spring.stiffness / patch.area * along[:, None] * d)
         else:
-            other = self._surface(spring.to, f"{path}.to")
-            r = surface.weights @ along / surface.area - other.mean() @ (self.u @ d)
+            other = find_patch(self.space, self.loaded, spring.kind, spring.to, f"{path}.to")
+            r = patch.weights @ along / patch.area - other.mean() @ (self.u @ d)
             pull, push = (
                 self._resultants(s, np.tile(sign * spring.stiffness * r / s.area * d, (len(s.weights), 1)))
-                for s, sign in ((surface, -1.0), (other, 1.0))
+                for s, sign in ((patch, -1.0), (other, 1.0))
             )
             forces = pull + push
         for p, force in zip(self.parts, forces, strict=True):
             if force.any():
                 p.springs[spring.name] = force
-                if spring.surface in p.pressed or spring.to in p.pressed:
+                if spring.kind == "surface" and (spring.group in p.pressed or spring.to in p.pressed):
                     p.on_pressed += (spring.name,)
 
     def add_contact(self, name: str, contact: Contact, path: str) -> None:
@@ -168,7 +169,7 @@ class _Balance:
     def _surface(self, group: str, path: str) -> Surface:
         return self.space.surface(find_facets(self.loaded, group, path))
 
-    def _resultants(self, surface: Surface, traction: np.ndarray) -> np.ndarray:
+    def _resultants(self, surface: Patch, traction: np.ndarray) -> np.ndarray:
         """Return the resultant (parts, 3) N of tractions (q, 3) Pa on a surface."""
         forces = surface.values.T @ (traction * surface.weights[:, None])
         columns = [np.bincount(self.part, forces[:, c], len(self.parts)) for c in range(3)]

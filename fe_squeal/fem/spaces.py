@@ -13,6 +13,7 @@ from skfem.assembly import Dofs
 from skfem.refdom import RefTet
 
 from ..errors import SceneError
+from ..mesh.node_sets import with_nodes_between
 from .bubbles import Bubbles, make_bubbles
 from .cells import geometry_map
 from .facets import facet_mapping, subdivided_quadrature
@@ -27,34 +28,45 @@ ROUNDED = 1e-13  # size below which shape functions and direction components, of
 
 
 @dataclass(frozen=True)
-class Surface:
-    """Quadrature and interpolation on facets.
+class Patch:
+    """Points with weights, and interpolation at them: of a surface, or the nodes of a set.
 
     Attributes
     ----------
     points : (q, 3) float, m
-    normals : (q, 3) float
-        Outward unit normals.
-    weights : (q,) float, m^2
+    weights : (q,) float
+        Of a surface in m^2, of nodes one each.
     values : (q, nodes) sparse
         Shape-function values: `values @ u_nodes` interpolates at the points.
-    facets : (f,) int
     """
 
     points: np.ndarray
-    normals: np.ndarray
     weights: np.ndarray
     values: sp.csr_array
-    facets: np.ndarray
 
     @property
     def area(self) -> float:
-        """Area of the surface, m^2."""
+        """Sum of the weights: the area of a surface, m^2, or the number of nodes."""
         return float(self.weights.sum())
 
     def mean(self) -> np.ndarray:
         """Return the (nodes,) weights of the mean of a nodal field over the surface."""
         return np.asarray(self.values.T @ self.weights) / self.area
+
+
+@dataclass(frozen=True)
+class Surface(Patch):
+    """Quadrature and interpolation on facets.
+
+    Attributes
+    ----------
+    normals : (q, 3) float
+        Outward unit normals.
+    facets : (f,) int
+    """
+
+    normals: np.ndarray
+    facets: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -145,6 +157,35 @@ class DisplacementSpace:
         """Return the nodes on facets."""
         return np.asarray(self.dofs.get_facet_dofs(facets).flatten())
 
+    def nodes_at(self, places: np.ndarray) -> np.ndarray:
+        """Return the nodes that a node set of the mesh stands for, int.
+
+        Where elements have nodes that the mesh lacks, those between nodes of the set are part of it.
+
+        Parameters
+        ----------
+        places : (m,) int
+            Columns of `mesh.doflocs`.
+
+        Raises
+        ------
+        SceneError
+            Displacements of order 1 have no unknown at any of them.
+        """
+        members = np.zeros(self.nodes, bool)
+        members[places[places < self.nodes]] = True
+        if self.nodes > self.mesh.doflocs.shape[1]:
+            members = with_nodes_between(self.mesh, self.dofs, members)
+        if not members.any():
+            raise SceneError("mesh.order: given 1; expected 2, since a node set lies at middles of edges alone")
+        return np.flatnonzero(members)
+
+    def patch(self, nodes: np.ndarray) -> Patch:
+        """Return nodes with a weight of one each."""
+        ones = np.ones(len(nodes))
+        values = sp.csr_array((ones, (np.arange(len(nodes)), nodes)), shape=(len(nodes), self.nodes))
+        return Patch(self.coordinates[nodes], ones, values)
+
     def surface(self, facets: np.ndarray, parts: int = 1) -> Surface:
         """Return quadrature and interpolation on boundary facets.
 
@@ -167,7 +208,7 @@ class DisplacementSpace:
         values = sp.csr_array((shapes[some], (rows[some], columns[some])), shape=(q, self.nodes))
         points = np.asarray(basis.global_coordinates()).reshape(3, -1).T
         normals = np.asarray(basis.normals).reshape(3, -1).T
-        return Surface(points, normals, basis.dx.ravel(), values, np.asarray(facets))
+        return Surface(points, basis.dx.ravel(), values, normals, np.asarray(facets))
 
     def along(self, values: sp.csr_array, directions: np.ndarray) -> sp.csr_array:
         """Return the operator that gives the displacement along directions at points, on the unknowns.
@@ -215,7 +256,8 @@ class DisplacementSpace:
 
 
 def make_space(
-    mesh: skfem.Mesh, order: int, supports: list[tuple[np.ndarray, str]], mixed: Sequence[np.ndarray] = ()
+    mesh: skfem.Mesh, order: int, supports: list[tuple[np.ndarray, str]], mixed: Sequence[np.ndarray] = (),
+    points: Sequence[tuple[np.ndarray, str]] = (),
 ) -> DisplacementSpace:
     """Return the displacement space with supports.
 
@@ -228,6 +270,13 @@ def make_space(
         Components are any of "x", "y", "z".
     mixed : sequence of (e,) int
         Elements of each body of the mixed formulation.
+    points : sequence of (places, components)
+        Node sets that are held, as columns of `mesh.doflocs`.
+
+    Raises
+    ------
+    SceneError
+        Nothing is free, or a node set has no unknowns.
     """
     space = DisplacementSpace(mesh, order, np.zeros(0, bool))
     fixed, held = np.zeros((space.nodes, 3), bool), np.zeros(mesh.nfacets, bool)
@@ -235,6 +284,11 @@ def make_space(
     for facets, components in supports:
         nodes = space.nodes_of(facets)
         held[facets] = True
+        for c in components:
+            fixed[nodes, "xyz".index(c)] = True
+    for places, components in points:
+        nodes = space.nodes_at(places)
+        held |= np.isin(mesh.facets, nodes).all(axis=0)
         for c in components:
             fixed[nodes, "xyz".index(c)] = True
     if fixed.all():

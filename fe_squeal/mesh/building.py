@@ -13,6 +13,7 @@ from fe_squeal.errors import MeshError
 from .checking import FLAT, check_cells, check_points, drop_orphans, jacobian_range, orient_cells
 from .elements import MESH_CLASS, REFERENCE, SHAPE, SPOKEN, corner_count, matching, skfem_order
 from .groups import LoadedMesh
+from .node_sets import with_nodes_between
 from .raw import CellBlock, Floats, Ints, RawMesh, element_names, listed
 from .splitting import complete_hexahedra, fill_midside, split_cells, split_quadrilaterals
 from .surfaces import adopt_duplicates, boundary_of_nodes, check_on_faces, faces_of, find_rows
@@ -33,6 +34,7 @@ def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
     check_points(raw, source)
     check_cells(raw, source)
     raw = drop_orphans(adopt_duplicates(raw, source))
+    given = len(raw.points)
     points, blocks, note = _one_order(raw)
     raw, warnings = orient_cells(replace(raw, points=points, blocks=blocks, notes=raw.notes + note), source)
     faces = faces_of(raw)
@@ -61,6 +63,7 @@ def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
         element_names(raw.blocks)[parent],
         unusable,
         raw.ignore_case,
+        _node_groups(mesh, block, raw.node_groups, given),
     )
 
 
@@ -203,6 +206,36 @@ def _facet_groups(
     found = find_rows(every, mesh.facets.T.astype(np.int64))
     ends = np.cumsum([len(rows) for rows in groups.values()])
     return {name: np.unique(part) for name, part in zip(groups, np.split(found, ends[:-1]), strict=True)}
+
+
+def _node_groups(mesh: skfem.Mesh, block: CellBlock, sets: Mapping[str, Ints], given: int) -> dict[str, Ints]:
+    """Return the node sets as columns of `mesh.doflocs`, with the nodes that were added between theirs.
+
+    Parameters
+    ----------
+    given : int
+        Rows before this one are nodes that the file has.
+    """
+    place = np.full(int(block.nodes.max()) + 1, -1)
+    if block.kind == SHAPE[block.kind]:
+        used = np.unique(block.nodes)
+        place[used] = np.arange(len(used))
+    else:
+        place[block.nodes[:, skfem_order(block.kind)]] = mesh.dofs.element_dofs.T
+    count = mesh.doflocs.shape[1]
+    added = np.ones(count, dtype=bool)
+    known = place[:given]
+    added[known[known >= 0]] = False
+    groups = {}
+    for name, rows in sets.items():
+        rows = rows[rows < len(place)]
+        members = np.zeros(count, dtype=bool)
+        members[place[rows][place[rows] >= 0]] = True
+        if added.any():
+            members |= with_nodes_between(mesh, mesh.dofs, members) & added
+        if members.any():
+            groups[name] = np.flatnonzero(members)
+    return groups
 
 
 def _children(cells: Ints, parent: Ints) -> Ints:

@@ -35,6 +35,8 @@ class LoadedMesh:
         Names in the file that give no group, with the reason.
     ignore_case
         Whether names are looked up without regard to case (Abaqus).
+    node_groups
+        Node sets by name: columns of `mesh.doflocs`, sorted.
     """
 
     mesh: skfem.Mesh
@@ -44,6 +46,7 @@ class LoadedMesh:
     element_labels: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=str))
     unusable: dict[str, str] = field(default_factory=dict)
     ignore_case: bool = False
+    node_groups: dict[str, Ints] = field(default_factory=dict)
 
 
 def volume_group(loaded: LoadedMesh, name: str) -> Ints:

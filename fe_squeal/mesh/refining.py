@@ -23,6 +23,7 @@ from .elements import (
 from .groups import LoadedMesh
 from .raw import CellBlock, Floats, Ints, RawMesh
 
+_ROUNDED = 1e-9  # of shape functions, which are of order one
 _PARTS = 64  # weights of corners at nodes of children are multiples of 1/64 (of 1/4 for tetrahedra)
 # The inner octahedron's diagonals, by the pairs of opposite edges whose middles they join, and the ring about each.
 _DIAGONALS = (((0, 1), (2, 3)), ((0, 2), (1, 3)), ((0, 3), (1, 2)))
@@ -76,12 +77,38 @@ def refine(loaded: LoadedMesh) -> LoadedMesh:
     }
     labels = np.repeat(loaded.element_labels, 8) if len(loaded.element_labels) else np.arange(len(children)).astype(str)
     cells = CellBlock(kind, children, np.arange(len(children)))
-    raw = RawMesh(places.reshape(-1, 3)[first], np.arange(len(first)), (cells,), groups, surfaces)
+    sets = {
+        name: _refined_set(kind, nodes, rows, variant, index.reshape(len(nodes), -1))
+        for name, rows in loaded.node_groups.items()
+    }
+    raw = RawMesh(places.reshape(-1, 3)[first], np.arange(len(first)), (cells,), groups, surfaces, sets)
     fine = build_mesh(raw, loaded.source)
     return replace(
         fine, notes=loaded.notes, warnings=loaded.warnings, element_labels=labels, unusable=loaded.unusable,
         ignore_case=loaded.ignore_case,
     )  # fmt: skip
+
+
+def _refined_set(kind: str, nodes: Ints, rows: Ints, variant: Ints, places: Ints) -> Ints:
+    """Return a node set on the refined mesh: the places all of whose displacement depends on nodes of the set.
+
+    Parameters
+    ----------
+    nodes : (e, k) int
+        Of the elements.
+    rows : (m,) int
+        The set.
+    places : (e, 8 k) int
+        The children's nodes by element.
+    """
+    outside = ~np.isin(nodes, rows)
+    near = np.flatnonzero(~outside.all(axis=1))
+    found = [np.empty(0, np.int64)]
+    for v in np.unique(variant[near]):
+        some = near[variant[near] == v]
+        depends = np.abs(shape_functions(kind, _children(kind)[v].reshape(-1, 3))) > _ROUNDED
+        found.append(places[some][outside[some].astype(float) @ depends.T == 0])
+    return np.unique(np.concatenate(found))
 
 
 @cache

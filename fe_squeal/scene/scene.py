@@ -48,7 +48,7 @@ class Scene(BaseScene):
     bodies : table of tables
         At least one.
     supports : list of tables
-        Held surfaces.
+        Held surfaces and node sets.
     springs : list of tables
         Springs and dampers.
     contacts : list of tables
@@ -123,8 +123,9 @@ class Scene(BaseScene):
         for i, spring in enumerate(self.springs):
             if not spring.name:
                 raise ValueError(f'springs[{i}].name: given ""; expected a name')
-            if spring.to == spring.surface:
-                raise ValueError(f'springs[{i}].to: given "{spring.to}", its own surface; expected another one')
+            if spring.to == spring.group:
+                own = "surface" if spring.kind == "surface" else "node set"
+                raise ValueError(f'springs[{i}].to: given "{spring.to}", its own {own}; expected another one')
         outline = Outline(
             tuple(self.bodies), tuple(name for name, body in self.bodies.items() if body.is_mixed),
             tuple(n for n, c in zip(self.contact_names, self.contacts, strict=True) if c.kind == "sliding"),
