@@ -18,18 +18,32 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .errors import INTERRUPTED, InputError, MeshError, NotConvergedError, SceneError, SquealError, one_line
+from .errors import (
+    INTERRUPTED,
+    InputError,
+    MeshError,
+    NotConvergedError,
+    OutputError,
+    SceneError,
+    SquealError,
+    one_line,
+)
 from .isolation import import_matplotlib
 from .streams import lasting_streams
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from .scene import MatrixScene, Scene
+
 app = typer.Typer(
     help="Complex eigenvalue analysis of brake squeal on finite-element meshes.",
     no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
 )  # fmt: skip
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene.", show_default=False)]
+SceneOrDeck = Annotated[
+    Path, typer.Argument(metavar="SCENE.toml|DECK", help="The scene, or a deck that has all of it.", show_default=False)
+]
 # Some versions of Typer carry click inside them, others import it. Either way click's base of usage errors is among the
 # bases of Typer's own exception.
 _UsageError: Any = typer.BadParameter.__bases__[0]
@@ -53,7 +67,7 @@ def _options(
 
 @app.command()
 def run(
-    scene: SceneFile,
+    scene: SceneOrDeck,
     out: Out = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from what an interrupted run left there.")] = False,
     estimate: Annotated[bool, typer.Option("--estimate", help="Estimate the error of the mesh, too.")] = False,
@@ -63,9 +77,7 @@ def run(
     ] = None,
 ) -> int:
     """Solve for the complex modes over the sweep and write tables, figures and shapes into a folder."""
-    from .scene.file import load_scene
-
-    loaded = load_scene(scene)
+    loaded = _load(scene)
     folder = out or Path(f"{scene.stem}_results")
     if accuracy is not None:
         if resume:
@@ -80,7 +92,9 @@ def run(
 
 @app.command()
 def check(
-    scene: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene, or a mesh.", show_default=False)],
+    scene: Annotated[
+        Path, typer.Argument(metavar="SCENE.toml|DECK", help="The scene, a deck, or a mesh.", show_default=False)
+    ],
     groups: Annotated[
         bool, typer.Option("--groups", help="List the groups of its mesh, or of a mesh file, with size and place.")
     ] = False,
@@ -96,10 +110,9 @@ def check(
     from .run.free import free_motion_warnings
     from .run.groups import groups_of_file, groups_of_scene
     from .scene import Scene
-    from .scene.file import load_scene
 
     console, bare = _console(), groups and scene.suffix.lower() != ".toml"
-    loaded = None if bare else load_scene(scene)
+    loaded = None if bare else _load(scene)
     if groups and (loaded is None or isinstance(loaded, Scene)):
         table, fault = groups_of_file(scene) if loaded is None else groups_of_scene(loaded)
         print_table(table, console)
@@ -147,16 +160,43 @@ def mesh(
 
 
 @app.command()
-def onset(scene: SceneFile) -> int:
+def new(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A deck or a mesh.", show_default=False)],
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="SCENE.toml", show_default=False)] = None,
+) -> int:
+    """Write a scene from a deck (all of it that a scene can say) or a mesh (its groups, with questions)."""
+    from .decks.scene import draft_of
+
+    target = out or Path(f"{file.stem}.toml")
+    if target.exists():
+        raise SceneError(f"{target}: exists already; expected a new name, with -o SCENE.toml")
+    draft = draft_of(file, target)
+    try:
+        with target.open("x", encoding="utf-8") as written:
+            written.write(draft.text())
+    except OSError as error:
+        raise OutputError(f"{target}: cannot be written ({error.strerror or error})") from error
+    console = _console()
+    for text in draft.told:
+        console.print(text, markup=False)
+    console.print(f"wrote {target}", markup=False)
+    if draft.missing:
+        console.print(f"to be given there before it runs: {len(draft.missing)}", markup=False)
+        for text in draft.missing:
+            console.print(f"  {text}", markup=False)
+    return 0
+
+
+@app.command()
+def onset(scene: SceneOrDeck) -> int:
     """Print the critical values of the sweep parameter alone, to full precision."""
     from .assembly.assembly import assemble
     from .report.tables import print_onsets
     from .report.warnings import told_once
     from .run.covered import covered_text, frequency_range
     from .run.run import sweep_scene
-    from .scene.file import load_scene
 
-    loaded = load_scene(scene)
+    loaded = _load(scene)
     if loaded.sweep is None:
         raise SceneError(f"{scene}: sweep: is missing; expected a table, written [sweep]: the interval to look in")
     console = _console()
@@ -198,7 +238,7 @@ def compare(
 
 @app.command()
 def accuracy(
-    scene: SceneFile,
+    scene: SceneOrDeck,
     out: Out = None,
     budget: Annotated[
         float | None, typer.Option(metavar="SECONDS", help="Spend at most so long.", show_default=False)
@@ -206,9 +246,8 @@ def accuracy(
 ) -> int:
     """Show what accuracy costs: error against time over mesh size, order, number of modes and method."""
     from .run.accuracy import study_scene
-    from .scene.file import load_scene
 
-    return study_scene(load_scene(scene), out or Path(f"{scene.stem}_accuracy"), _console(), budget)
+    return study_scene(_load(scene), out or Path(f"{scene.stem}_accuracy"), _console(), budget)
 
 
 @app.command("lumped")
@@ -337,6 +376,16 @@ def _stopped_by_signals() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _load(path: Path) -> Scene | MatrixScene:
+    """Return the scene of a scene file or a deck, and say what of a deck is not taken over."""
+    from .decks.scene import scene_of
+
+    scene, draft = scene_of(path)
+    for text in () if draft is None else draft.told:
+        _console().print(text, markup=False)
+    return scene
 
 
 def _console() -> Console:

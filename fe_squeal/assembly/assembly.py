@@ -21,6 +21,7 @@ from ..fem.motion import SteadyMotion
 from ..fem.rigid_motions import rigid_motions
 from ..fem.spaces import DisplacementSpace, Patch, make_space, straightened
 from ..mesh import LoadedMesh
+from ..mesh.node_sets import with_named_sets
 from ..problem.problem import Problem
 from ..problem.terms import Term
 from ..scene import NOT_PHYSICS, MatrixScene, Scene, number_at, with_numbers
@@ -93,6 +94,7 @@ class Assembly:
     def __init__(self, scene: Scene, loaded: LoadedMesh) -> None:
         self.scene = scene
         check_names(scene, loaded)
+        loaded = with_named_sets(loaded, (name for _, kind, name in holding(scene) if kind == "nodes"))
         self.bodies = find_bodies(scene, loaded)
         require_si(scene, loaded.mesh, self.bodies)
         supports, points = held_places(scene, loaded)

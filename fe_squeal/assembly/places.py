@@ -30,7 +30,7 @@ def held_places(scene: Scene, loaded: LoadedMesh) -> tuple[Held, Held]:
         if support.kind == "surface":
             facets.append((find_facets(loaded, support.group, key), support.fixed))
         else:
-            nodes.append((find_nodes(loaded, support.group, key), support.fixed))
+            nodes.append((find_nodes(loaded, support.group, key).held, support.fixed))
     return facets, nodes
 
 
@@ -43,7 +43,7 @@ def find_patch(space: DisplacementSpace, loaded: LoadedMesh, kind: Kind, group: 
     """
     if kind == "surface":
         return space.surface(find_facets(loaded, group, key))
-    return space.patch(space.nodes_at(find_nodes(loaded, group, key)))
+    return space.patch(space.nodes_at(find_nodes(loaded, group, key).nodes))
 
 
 def nodes_there(space: DisplacementSpace, loaded: LoadedMesh, kind: Kind, group: str, key: str = "") -> np.ndarray:
@@ -55,7 +55,7 @@ def nodes_there(space: DisplacementSpace, loaded: LoadedMesh, kind: Kind, group:
     """
     if kind == "surface":
         return np.unique(space.nodes_of(find_facets(loaded, group, key)))
-    return space.nodes_at(find_nodes(loaded, group, key))
+    return space.nodes_at(find_nodes(loaded, group, key).nodes)
 
 
 def holding(scene: Scene) -> Iterator[tuple[str, Kind, str]]:

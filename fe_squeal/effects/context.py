@@ -189,13 +189,13 @@ class Context:
         return find_facets(self.loaded, group, path)
 
     def nodes(self, group: str, path: str) -> np.ndarray:
-        """Return a node set as columns of `mesh.doflocs`; `path` says in messages where it was named.
+        """Return the nodes of a set, columns of `mesh.doflocs`; `path` says in messages where it was named.
 
         Raises
         ------
         MeshError
         """
-        return find_nodes(self.loaded, group, path)
+        return find_nodes(self.loaded, group, path).nodes
 
     def surface(self, group: str, path: str) -> Surface:
         """Return a surface group with its quadrature; `path` says in messages where it was named.

@@ -157,15 +157,15 @@ class DisplacementSpace:
         """Return the nodes on facets."""
         return np.asarray(self.dofs.get_facet_dofs(facets).flatten())
 
-    def nodes_at(self, places: np.ndarray) -> np.ndarray:
-        """Return the nodes that a node set of the mesh stands for, int.
-
-        Where elements have nodes that the mesh lacks, those between nodes of the set are part of it.
+    def nodes_at(self, places: np.ndarray, between: bool = False) -> np.ndarray:
+        """Return the nodes at nodes of the mesh, int.
 
         Parameters
         ----------
         places : (m,) int
             Columns of `mesh.doflocs`.
+        between : bool
+            Whether nodes count that elements have between these and the mesh lacks.
 
         Raises
         ------
@@ -174,7 +174,7 @@ class DisplacementSpace:
         """
         members = np.zeros(self.nodes, bool)
         members[places[places < self.nodes]] = True
-        if self.nodes > self.mesh.doflocs.shape[1]:
+        if between and self.nodes > self.mesh.doflocs.shape[1]:
             members = with_nodes_between(self.mesh, self.dofs, members)
         if not members.any():
             raise SceneError("mesh.order: given 1; expected 2, since a node set lies at middles of edges alone")
@@ -287,7 +287,7 @@ def make_space(
         for c in components:
             fixed[nodes, "xyz".index(c)] = True
     for places, components in points:
-        nodes = space.nodes_at(places)
+        nodes = space.nodes_at(places, between=True)
         held |= np.isin(mesh.facets, nodes).all(axis=0)
         for c in components:
             fixed[nodes, "xyz".index(c)] = True

@@ -12,8 +12,8 @@ from fe_squeal.errors import MeshError
 
 from .checking import FLAT, check_cells, check_points, drop_orphans, jacobian_range, orient_cells
 from .elements import MESH_CLASS, REFERENCE, SHAPE, SPOKEN, corner_count, matching, skfem_order
-from .groups import LoadedMesh
-from .node_sets import with_nodes_between
+from .groups import LoadedMesh, NodeSet
+from .node_sets import node_set
 from .raw import CellBlock, Floats, Ints, RawMesh, element_names, listed
 from .splitting import complete_hexahedra, fill_midside, split_cells, split_quadrilaterals
 from .surfaces import adopt_duplicates, boundary_of_nodes, check_on_faces, faces_of, find_rows
@@ -63,7 +63,7 @@ def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
         element_names(raw.blocks)[parent],
         unusable,
         raw.ignore_case,
-        _node_groups(mesh, block, raw.node_groups, given),
+        *_nodes(mesh, block, raw, given),
     )
 
 
@@ -208,8 +208,10 @@ def _facet_groups(
     return {name: np.unique(part) for name, part in zip(groups, np.split(found, ends[:-1]), strict=True)}
 
 
-def _node_groups(mesh: skfem.Mesh, block: CellBlock, sets: Mapping[str, Ints], given: int) -> dict[str, Ints]:
-    """Return the node sets as columns of `mesh.doflocs`, with the nodes that were added between theirs.
+def _nodes(
+    mesh: skfem.Mesh, block: CellBlock, raw: RawMesh, given: int
+) -> tuple[dict[str, NodeSet], dict[str, tuple[Ints, Ints]], np.ndarray]:
+    """Return node sets, node numbers and which nodes were added; see `LoadedMesh`.
 
     Parameters
     ----------
@@ -227,15 +229,18 @@ def _node_groups(mesh: skfem.Mesh, block: CellBlock, sets: Mapping[str, Ints], g
     known = place[:given]
     added[known[known >= 0]] = False
     groups = {}
-    for name, rows in sets.items():
+    for name, rows in raw.node_groups.items():
         rows = rows[rows < len(place)]
-        members = np.zeros(count, dtype=bool)
-        members[place[rows][place[rows] >= 0]] = True
-        if added.any():
-            members |= with_nodes_between(mesh, mesh.dofs, members) & added
-        if members.any():
-            groups[name] = np.flatnonzero(members)
-    return groups
+        found = np.unique(place[rows][place[rows] >= 0])
+        if len(found):
+            groups[name] = node_set(mesh, found, added)
+    numbers = {}
+    ends = [first for first, _ in raw.node_prefixes[1:]] + [len(known)]
+    for (first, prefix), end in zip(raw.node_prefixes, ends, strict=True):
+        rows = first + np.flatnonzero(known[first:end] >= 0)
+        if len(rows):
+            numbers[prefix] = (raw.node_labels[rows], known[rows])
+    return groups, numbers, added
 
 
 def _children(cells: Ints, parent: Ints) -> Ints:

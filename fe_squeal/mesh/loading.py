@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +82,19 @@ def read_raw(path: Path, folders: Sequence[str | Path] = (), allow_outside: bool
     MeshError
         The file cannot be read as a mesh.
     """
+    with guarded_reading(path):
+        sources = Sources(path, tuple(map(Path, folders)), allow_outside)
+        return _READERS.get(path.suffix.lower(), read_with_meshio)(sources)
+
+
+@contextmanager
+def guarded_reading(path: Path) -> Iterator[None]:
+    """Look at a mesh file before it is read in the block, and turn what fails there into one sentence.
+
+    Raises
+    ------
+    MeshError
+    """
     try:
         if path.is_dir():
             raise MeshError(f"{path}: this is a folder; expected a mesh file")
@@ -93,8 +107,7 @@ def read_raw(path: Path, folders: Sequence[str | Path] = (), allow_outside: bool
         if size > free:
             raise MeshError(f"{path.name}: has {memory_text(size)}, and {memory_text(free)} are free")
         with np.errstate(all="ignore"):  # numbers that are none are refused below, in words
-            sources = Sources(path, tuple(map(Path, folders)), allow_outside)
-            return _READERS.get(path.suffix.lower(), read_with_meshio)(sources)
+            yield
     except OSError as error:
         raise MeshError(f"{path}: the file cannot be read ({error.strerror or error})") from error
     except MemoryError as error:

@@ -28,7 +28,7 @@ def group_table(loaded: LoadedMesh) -> Table:
         size, centre, normal = area_of(mesh, np.asarray(facets))
         table.add_row(name, "surface", str(len(facets)), f"{size:.4g}", _point(centre), _point(normal))
     for name, rows in loaded.node_groups.items():
-        table.add_row(name, "nodes", str(len(rows)), "", _point(mesh.doflocs[:, rows].mean(axis=1)), "")
+        table.add_row(name, "nodes", str(len(rows.nodes)), "", _point(mesh.doflocs[:, rows.nodes].mean(axis=1)), "")
     return table
 
 

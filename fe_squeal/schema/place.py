@@ -19,8 +19,9 @@ class Placed(Section):
     surface : str
         Surface group of the mesh.
     nodes : str
-        Node set of the mesh, instead of `surface`; with elements of order 2 on a linear mesh the nodes between those of
-        the set belong to it.
+        Node set of the mesh, instead of `surface`, or nodes by their numbers in the file, with commas between: "12" or
+        "PAD-1.12, PAD-1.13". A support holds the nodes that
+        elements of order 2 have between these, too.
     """
 
     surface: str | None = None

@@ -12,6 +12,7 @@ import fe_squeal
 from fe_squeal.accuracy.two_level import prolongation
 from fe_squeal.errors import MeshError, SceneError
 from fe_squeal.mesh import load_mesh
+from fe_squeal.mesh.groups import NodeSet
 from fe_squeal.mesh.refining import refine
 from meshes import STEEL, annulus, box, frequencies, modes_of
 
@@ -40,6 +41,18 @@ def test_all_nodes_of_a_face_hold_as_the_face(tmp_path, kind, order):
     np.testing.assert_array_equal(*held)
 
 
+@pytest.mark.parametrize("kind", ["hex1", "hex2", "tet1"])
+def test_springs_act_at_the_nodes_of_the_deck_alone(tmp_path, kind):
+    """Neither nodes that order 2 adds, nor the last 7 of a 27-node hexahedron, nor those of a refined mesh count."""
+    loaded = loaded_box(tmp_path, kind)
+    spring = [{"name": "s", "nodes": "N_left", "direction": [1, 0, 0], "stiffness": 12.0}]
+    count = len(loaded.node_groups["N_left"].nodes)
+    for mesh in (loaded, refine(loaded)):
+        (K,) = [t.matrix for t in problem_on(mesh, springs=spring).terms if t.name == "spring.s"]
+        np.testing.assert_allclose(np.sort(K.diagonal())[-count:], 1 / count)
+        assert K.trace() == pytest.approx(1) and K.nnz == count
+
+
 def test_springs_at_corners_are_those_of_a_rigid_body(tmp_path):
     """Four springs k/4 at the bottom's corners under a stiff block: ω² = k/m upwards; rocking k/4 Σ r²/J.
 
@@ -49,7 +62,7 @@ def test_springs_at_corners_are_those_of_a_rigid_body(tmp_path):
     loaded = loaded_box(tmp_path, "hex1", counts=(2, 2, 2))
     corners = np.flatnonzero((np.abs(loaded.mesh.p[2]) < 1e-9) & np.isin(loaded.mesh.p[0].round(9), [0, a])
                              & np.isin(loaded.mesh.p[1].round(9), [0, b]))  # fmt: skip
-    loaded = replace(loaded, node_groups={"corners": corners})
+    loaded = replace(loaded, node_groups={"corners": NodeSet(corners, corners)})
     problem = problem_on(loaded, springs=[{"name": "up", "nodes": "corners", "direction": [0, 0, 1], "stiffness": k}])
     x = problem.discretisation.space.coordinates
     up = problem.terms[[t.name for t in problem.terms].index("spring.up")]
@@ -71,7 +84,7 @@ def test_spring_between_two_node_sets_takes_their_means(tmp_path):
         {"name": "s", "nodes": "N_left", "to": "N_right", "direction": [0, 0, -3], "stiffness": 7.0}])  # fmt: skip
     r = np.zeros((loaded.mesh.nvertices, 3))
     for name, sign in (("N_left", 1), ("N_right", -1)):
-        rows = loaded.node_groups[name]
+        rows = loaded.node_groups[name].nodes
         r[rows, 2] = sign / len(rows)
     (s,) = [t.matrix * 7.0 for t in problem.terms if t.name == "spring.s"]
     np.testing.assert_allclose(s.toarray(), 7.0 * np.outer(r, r), atol=1e-14)
@@ -103,7 +116,7 @@ def test_nodes_of_a_turning_disc_have_to_go_around(tmp_path):
     angle = np.degrees(np.arctan2(y, x)).round(6) % 90
     bolts = np.flatnonzero((np.hypot(x, y) < 0.06) & (np.abs(z) < 1e-9) & (np.minimum(angle, 90 - angle) < 1e-3))
     assert len(bolts) == 4
-    loaded = replace(loaded, node_groups={**loaded.node_groups, "bolts": bolts})
+    loaded = replace(loaded, node_groups={**loaded.node_groups, "bolts": NodeSet(bolts, bolts)})
     pad = {"bodies": {"disc": {"material": "steel"}}, "effects": {"rotation": {"bodies": ["disc"],
            "axis": [0, 0, 1], "centre": [0, 0, 0], "speed": 5.0}}}  # fmt: skip
     problem_on(loaded, supports=[{"nodes": "N_hub", "fixed": "xyz"}], **pad)
@@ -129,7 +142,7 @@ def test_messages(tmp_path, table, message):
 def test_only_midside_nodes_need_order_2(tmp_path):
     """Displacements of order 1 have no unknown in the middle of an edge."""
     loaded = loaded_box(tmp_path, "tet2")
-    middles = {"middles": np.array([loaded.mesh.nvertices])}
+    middles = {"middles": NodeSet(*[np.array([loaded.mesh.nvertices])] * 2)}
     support = [{"nodes": "middles", "fixed": "x"}]
     assert problem_on(replace(loaded, node_groups=middles), supports=support).discretisation.space.fixed.sum() == 1
     with pytest.raises(SceneError, match="middles of edges"):
@@ -141,7 +154,23 @@ def test_point_supports_leave_the_body_where_it_is(tmp_path):
     loaded = loaded_box(tmp_path, "hex1")
     p = loaded.mesh.p.T
     corner = [int(np.argmin(np.linalg.norm(p - x, axis=1))) for x in ([0, 0, 0], [SIZE[0], 0, 0], [0, SIZE[1], 0])]
-    loaded = replace(loaded, node_groups={f"p{i}": np.array([c]) for i, c in enumerate(corner)})
+    loaded = replace(loaded, node_groups={f"p{i}": NodeSet(*[np.array([c])] * 2) for i, c in enumerate(corner)})
     supports = [{"nodes": "p0", "fixed": "xyz"}, {"nodes": "p1", "fixed": "yz"}, {"nodes": "p2", "fixed": "z"}]
     assert modes_of(problem_on(loaded, supports=supports), 1).frequency_hz[0] > 100
     assert modes_of(problem_on(loaded, supports=supports[:2]), 1).frequency_hz[0] == 0
+
+
+def test_nodes_by_their_numbers(tmp_path):
+    """A list of numbers in the deck is the set of these nodes, on the refined mesh too."""
+    loaded = loaded_box(tmp_path, "tet1")
+    numbers, columns = loaded.node_numbers[""]
+    face = loaded.node_groups["N_left"].nodes
+    listed = ", ".join(str(n) for n, c in zip(numbers, columns, strict=True) if c in face)
+    given = problem_on(loaded, supports=[{"nodes": listed, "fixed": "xyz"}])
+    expected = problem_on(loaded, supports=[{"surface": "left", "fixed": "xyz"}])
+    np.testing.assert_array_equal(given.discretisation.space.fixed, expected.discretisation.space.fixed)
+    fine = [problem_on(refine(p.source.loaded), supports=p.source.scene.model_dump(exclude_none=True)["supports"])
+            for p in (given, expected)]  # fmt: skip
+    np.testing.assert_array_equal(*[p.discretisation.space.fixed for p in fine])
+    with pytest.raises(MeshError, match='no node set "99999"'):
+        problem_on(loaded, supports=[{"nodes": "1, 99999", "fixed": "x"}])
