@@ -49,7 +49,7 @@ def draft_template(loaded: LoadedMesh, mesh_file: str) -> Draft:
     draft.tail += [
         "What holds the bodies, presses them and lets them slide, if anything; all keys: docs/scene.md",
         "[[supports]]", f"surface = {quoted}", 'fixed = "xyz"', "",
-        "[[springs]]", 'name = "piston"', f"surface = {quoted}", "direction = [0, 0, 1]", "stiffness = 1.0e7  # N/m", "",
+        "[[springs]]", 'name = "piston"', f"surface = {quoted}", "direction = [0, 0, 1]", "stiffness = 1.0e7", "",
         "[[contacts]]", f"surface = {quoted}  # pad", 'counterface = "rigid"  # or the disc',
         "normal_stiffness = 1.0e12  # N/m per m^2",
         "sliding = { axis = [0, 0, 1], centre = [0, 0, 0], speed = 5.0 }", "",
