@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -322,3 +323,32 @@ def test_small_brake_runs(tmp_path):
     assert onset.value == pytest.approx(0.043249, abs=2e-5)
 
 
+
+
+def test_two_parts_of_one_body_may_touch(tmp_path):
+    """A deck has one section for several parts; a part that touches itself is refused all the same."""
+    lower, upper = box("hex1", (2, 1, 1), (0.02, 0.01, 0.01)), box("hex1", (2, 1, 1), (0.02, 0.01, 0.01), (0, 0, 0.01))
+    upper = replace(upper, _boundaries={"under": upper.boundaries["bottom"]})
+    text = "*Heading\n" + deck_of(lower, 1e3) + deck_of(upper, 1e3, first=100)
+    text += """*Material, name=STEEL
+*Density
+7.8E-9
+*Elastic
+2.1E5, 0.3
+*Solid Section, elset=block, material=STEEL
+*Tie, name=GLUE
+under, top
+*Step
+*Frequency
+4
+*End Step
+"""
+    scene, draft = scene_of(written(tmp_path, text))
+    assert list(scene.bodies) == ["block"] and scene.contacts[0].kind == "tied" and scene.contacts[0].name == "GLUE"
+    assert [f.what for f in draft.findings if f.weight == "changes"] == ["*Tie"]
+    # 100 E/h of an element's face of 10 mm by 10 mm
+    assert scene.contacts[0].normal_stiffness == pytest.approx(100 * 2.1e11 / 0.01)
+    glued = fe_squeal.assemble(scene).pencil()
+    assert glued.free.motions.shape[1] == 6
+    with pytest.raises(SceneError, match="both lie on body block"):
+        fe_squeal.assemble(scene_of(written(tmp_path, text.replace("under, top", "bottom, top")))[0])

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -100,6 +101,7 @@ class Content:
     interaction: Interaction | None = None
     perturbation: bool = False
     large_displacements: bool = False
+    _rows: dict[Reference, np.ndarray] = field(default_factory=dict)
 
     def floats(self, block: Block, line: str) -> list[float | None]:
         """Return the numbers of a data line, None where a field is blank.
@@ -141,10 +143,12 @@ class Content:
         MeshError
             There is none.
         """
-        text, scope = reference
-        user = f'"{text}"'
-        found = [self.assembly.find("NSET", self.assembly.own, f"{home}{text}", user) for home in self.homes(scope)]
-        return np.unique(np.concatenate(found))
+        if reference not in self._rows:
+            text, scope = reference
+            user = f'"{text}"'
+            found = [self.assembly.find("NSET", self.assembly.own, f"{home}{text}", user) for home in self.homes(scope)]
+            self._rows[reference] = np.unique(np.concatenate(found))
+        return self._rows[reference]
 
     def group(self, known: Iterable[str], reference: Reference) -> list[str]:
         """Return the names that a set or surface has among groups of the mesh, none where it has none."""
@@ -165,15 +169,13 @@ class Content:
             return ", ".join(known)
         return ", ".join(self.raw.node_name(int(row)) for row in self.rows(reference) if self.on_solids[row])
 
-    @property
+    @cached_property
     def on_solids(self) -> np.ndarray:
         """(rows,) bool: nodes of the raw mesh that solid elements have."""
-        if not hasattr(self, "_on_solids"):
-            used = np.zeros(len(self.raw.points), bool)
-            for block in self.raw.blocks:
-                used[block.nodes[block.nodes >= 0]] = True
-            self._on_solids = used
-        return self._on_solids
+        used = np.zeros(len(self.raw.points), bool)
+        for block in self.raw.blocks:
+            used[block.nodes[block.nodes >= 0]] = True
+        return used
 
     def where(self, statement: Statement) -> str:
         """Return where a statement stands, "line 12" in the deck itself."""

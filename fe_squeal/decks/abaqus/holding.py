@@ -60,8 +60,8 @@ def _freedoms(content: Content, statement: Statement, parts: list[str]) -> tuple
         )
     first = int(_number(content, statement, parts[1]))
     last = int(_number(content, statement, parts[2])) if len(parts) > 2 and parts[2] else first
-    if first > 6:
-        return ()  # temperatures and the like
+    if first > 6 or first == last == 0:
+        return ()  # temperatures, mass flows and the like
     if not 1 <= first <= last:
         raise MeshError(
             f"{content.source}: {statement.block.where}: *Boundary: degrees of freedom {first} to {last}; expected"

@@ -41,6 +41,37 @@ HANDLERS: dict[str, Callable[[Content, Statement], None]] = {
     "FREQUENCY": read_frequency, "COMPLEX FREQUENCY": read_frequency,
 }  # fmt: skip
 
+# What each of them becomes, for docs/decks.md.
+BECOMES: dict[str, str] = {
+    "*Material": "`[materials.NAME]`, where a section uses it",
+    "*Elastic": "isotropic, `ENGINEERING CONSTANTS` and `ORTHOTROPIC`: `youngs_modulus`, `poisson_ratio`,"
+    " `shear_modulus`; of rows by temperature the first",
+    "*Density": "`density`", "*Damping": "`ALPHA`, `BETA`: `rayleigh` of the bodies; `STRUCTURAL`: `loss_factor` and"
+    " `[effects.structural_damping]`",
+    "*Solid Section": "`[bodies.NAME]`, one for each instance",
+    "*Orientation": "rectangular, by coordinates: `axes` of bodies of orthotropic materials, turned with their"
+    " instance, and directions of springs",
+    "*Boundary": "`[[supports]]`: ranges of freedoms, `ENCASTRE`, `PINNED`, symmetries; node sets and single nodes, in"
+    " assembly, instance and part; `OP=NEW` lets go",
+    "*Spring, *Dashpot": "`[[springs]]` of SPRING1, SPRING2, SPRINGA and DASHPOT1, 2, A; between a solid and a node"
+    " that is held: to ground",
+    "*Contact Pair": "`[[contacts]]`; the side that `*Motion` moves is the counterface, whichever is slave",
+    "*Surface Interaction": "for its pairs",
+    "*Friction": "`mu` of the first row; the largest is `[effects.friction] mu`, others are `friction_ratio`;"
+    " `ROUGH`: tied",
+    "*Change Friction": "the last `*Friction` counts",
+    "*Surface Behavior": "`PRESSURE-OVERCLOSURE=LINEAR`: `normal_stiffness`; of other kinds it is asked for, with a"
+    " suggestion",
+    "*Tie": "a contact of `kind = \"tied\"` with 100 E/h of the softer side",
+    "*Motion": "`sliding`: `ROTATION` about an axis, or a velocity",
+    "*Dsload": "`[effects.preload] pressures`, as they are at the end of the steps before the frequencies",
+    "*Cload": "a pressure of the same sum, where it acts on all nodes of a face and along its normal; else left out",
+    "*Frequency, *Complex Frequency": "`[solve] modes` or `max_frequency`; `FRICTION DAMPING=YES`:"
+    " `[effects.friction_damping]`; `PROPERTY EVALUATION`: `reference_frequency_hz`",
+    "*Step": "`PERTURBATION`: its loads are no preload; `NLGEOM` with a preload: a note",
+    "*Parameter": "numbers and arithmetic, put in where `<name>` stands", "*Include": "within the deck's folder",
+}  # fmt: skip
+
 _APART = "ties parts together or to reference nodes and is not read: without it the structure is another one"
 _SHELLS = "is for elements that are no solids; they are left out, with their stiffness and mass"
 _LOAD = "is a load that is not simulated: the static state has only what [effects.preload] says"

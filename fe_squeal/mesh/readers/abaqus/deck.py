@@ -93,7 +93,7 @@ def parse_model(sources: Sources) -> Model:
     scopes = (model.assembly, *model.parts.values(), *(item.scope for item in model.instances.values()))
     known = {key: text for each in scopes for (kind, key), text in each.spelled.items() if kind == "ELSET"}
     for name, block in promised.items():
-        if name and name.rpartition(".")[2] not in known:
+        if name and name not in known and name.rpartition(".")[2] not in known:
             raise MeshError(
                 f'{source}: {block.where}: *SOLID SECTION is of element set "{block.value("ELSET")}", which has no'
                 f" elements in this deck{suggest(name, known.values())}"
