@@ -106,7 +106,7 @@ _OTHER_STEPS = {
     "VISCO", "STEADY STATE TRANSPORT", "RANDOM RESPONSE", "RESPONSE SPECTRUM",
 }  # fmt: skip
 # What leaves the answer as it is.
-_SILENT = {
+SILENT = {
     "HEADING", "PREPRINT", "RESTART", "OUTPUT", "NODE OUTPUT", "ELEMENT OUTPUT", "CONTACT OUTPUT", "ENERGY OUTPUT",
     "NODE PRINT", "NODE FILE", "EL PRINT", "EL FILE", "CONTACT PRINT", "CONTACT FILE", "MODAL FILE", "MODAL OUTPUT",
     "MONITOR", "PRINT", "FILE FORMAT", "FILE OUTPUT", "STATIC", "CONTROLS", "CONTACT CONTROLS", "SOLVER CONTROLS",
@@ -131,5 +131,5 @@ def read_statement(content: Content, statement: Statement) -> None:
         content.draft.find(what, where, text, weight)
     elif word in _OTHER_STEPS:
         content.draft.find(what, where, "steps of other kinds than statics and frequencies are not simulated")
-    elif word not in _SILENT:
+    elif word not in SILENT:
         content.draft.find(what, where, "is not known here and is left out")
