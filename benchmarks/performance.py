@@ -42,7 +42,7 @@ def measure(size: float, modes: int, values: int) -> dict:
     return {
         "unknowns": problem.unknowns, "total": assembly + time.perf_counter() - start,
         "stages": {"assembly": assembly, **found.seconds}, "method": found.method, "onsets": len(found.onsets),
-        "doubts": len(found.doubts), "proven": found.completeness.proven, "MiB": peak_memory_mib(),
+        "warnings": len(found.warnings), "proven": found.completeness.proven, "MiB": peak_memory_mib(),
         "predicted": predicted.total / 2**20, "factors": predicted.factors / 2**20,
     }  # fmt: skip
 

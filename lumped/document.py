@@ -121,7 +121,7 @@ def _critical_table() -> str:
     ):  # fmt: skip
         mu = (cls(**values, friction=f).critical_mu()[0] for f in ("printed", "contact", "full"))
         rows.append(f"| {label} | " + " | ".join(f"{value:.12f}" for value in mu) + " |")
-    nine = ", ".join(f"{o.mu:.12f}" for o in NineDof().onsets(0, 4))
+    nine = ", ".join(f"{o.mu:.12f}" for o in NineDof().critical_points(0, 4))
     rows.append(f"| nine-dof | | {nine} | |")
     rows.append("| uncoupled-disc | | none | |")
     rows.append(f"| rigid pad (counter-example) | | {RigidPad().critical_mu()[0]:.12f} | |")

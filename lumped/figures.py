@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .noise import GROAN_BELOW_HZ, SQUEAL_FROM_HZ
-from .results import Axis, Case, Grid, Responses, Surface, Sweep, Table
+from .results import Axis, Case, Curves, Grid, Responses, Surface, Table
 from .study import Result
 
 _SYMBOLS = {"mu": "μ", "theta1": "θ1", "theta2": "θ2", "theta": "θ"}
@@ -24,12 +24,12 @@ def draw_study(result: Result, title: str, path: str | os.PathLike[str], spatial
 
     Parameters
     ----------
-    result : Sweep, Surface, Responses, Grid or Table
+    result : Curves, Surface, Responses, Grid or Table
     title : str
     path : path
         Ends in `.png`.
     spatial : bool
-        Add the curves in (parameter, |ω|, σ) to a sweep.
+        Add the curves in (parameter, |ω|, σ).
     dpi : int
 
     Returns
@@ -43,8 +43,8 @@ def draw_study(result: Result, title: str, path: str | os.PathLike[str], spatial
     figure = Figure(dpi=dpi, layout="constrained")
     canvas = FigureCanvasAgg(figure)
     figure.suptitle(title)
-    if isinstance(result, Sweep):
-        _draw_sweep(figure, result, spatial)
+    if isinstance(result, Curves):
+        _draw_panels(figure, result, spatial)
     elif isinstance(result, Surface):
         _draw_surface(figure, result)
     elif isinstance(result, Responses):
@@ -68,7 +68,7 @@ def _label(axis: Axis) -> str:
     return f"{text} ({axis.unit})" if axis.unit else f"friction coefficient {text}" if text == "μ" else text
 
 
-def _draw_sweep(figure: Any, result: Sweep, spatial: bool) -> None:
+def _draw_panels(figure: Any, result: Curves, spatial: bool) -> None:
     panels = list(dict.fromkeys(case.panel for case in result.cases))
     figure.set_size_inches(5.6 * len(panels) + 1.2, 9.6 if spatial else 6.2)
     grid = figure.add_gridspec(3 if spatial else 2, len(panels), height_ratios=[3, 3, 4] if spatial else [1, 1])
@@ -103,7 +103,7 @@ def _headline(panel: str, cases: list[Case]) -> str:
     return f"{panel}\n{shaded}" if panel else shaded
 
 
-def _limits(result: Sweep) -> dict[str, tuple[float, float]]:
+def _limits(result: Curves) -> dict[str, tuple[float, float]]:
     """Return limits that all panels share; they are so wide that the rounding of zero growth rates does not show."""
     top = max(float(case.lam.imag.max()) for case in result.cases)
     re = np.concatenate([case.lam.real.ravel() for case in result.cases])
@@ -160,7 +160,7 @@ def _draw_surface(figure: Any, result: Surface) -> None:
         _thin_ticks(solid)
         flat = figure.add_subplot(rows, 2, 2 * row + 2)
         image = flat.pcolormesh(X, Y, growth, shading="gouraud", **style)
-        onset = result.onset[row]
+        onset = result.critical_mu[row]
         flat.plot(np.where(np.isfinite(onset), onset, np.nan), result.y.values, color="white", lw=1.5)
         flat.set_xlim(result.x.values[0], result.x.values[-1])
         line = "white line: onset" if (onset < result.x.values[-1]).any() else "nothing grows"

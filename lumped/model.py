@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .onsets import Onset, find_onsets
+from .critical_points import CriticalPoint, find_critical_points
 from .parameters import check_parameters
 from .response import solve_response
 from .spectrum import Complexes, Spectrum, solve_eigenvalues, solve_spectrum
@@ -76,9 +76,9 @@ class LumpedModel(ABC):
         """Return all λ with their uncertainty, and the stability that follows."""
         return solve_spectrum(self.M, self.C, self.K(mu))
 
-    def onsets(self, lower: float = 0.0, upper: float = np.inf) -> list[Onset]:
+    def critical_points(self, lower: float = 0.0, upper: float = np.inf) -> list[CriticalPoint]:
         """Return every flutter, Hopf point and divergence with lower < μ < upper."""
-        return find_onsets(self.M, self.C, self.K0, self.friction_matrix, lower, upper)
+        return find_critical_points(self.M, self.C, self.K0, self.friction_matrix, lower, upper)
 
     def critical_mu(self) -> list[float]:
         """Return the μ > 0 at which a flutter begins as μ rises, ascending.
@@ -89,7 +89,7 @@ class LumpedModel(ABC):
         >>> [round(mu, 6) for mu in NineDof().critical_mu()][:2]
         [0.858154, 2.738331]
         """
-        return [o.mu for o in self.onsets() if o.into and o.kind != "divergence"]
+        return [o.mu for o in self.critical_points() if o.into and o.kind != "divergence"]
 
     def response(self, x0: ArrayLike, v0: ArrayLike, times: ArrayLike, mu: float) -> Floats:
         """Return the free motion q(t), (k, n), m, from displacements x0 and velocities v0.

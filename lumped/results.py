@@ -1,4 +1,4 @@
-"""What a study computes: sweeps over one parameter, surfaces over two, time responses, and maps of μ_c."""
+"""What a study computes: curves over one parameter, surfaces over two, time responses, and maps of μ_c."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Case:
-    """One curve of a sweep.
+    """The eigenvalues of one model over a parameter.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Curves:
     """Eigenvalues over one parameter, for one or more cases."""
 
     axis: Axis
@@ -65,14 +65,14 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Surface:
-    """Largest Re λ over two parameters: `growth[case]` is (len(y), len(x)), rad/s, and `onset[case]` the lowest
+    """Largest Re λ over two parameters: `growth[case]` is (len(y), len(x)), rad/s, and `critical_mu[case]` the lowest
     critical μ at each y, infinite where there is none."""
 
     x: Axis
     y: Axis
     labels: tuple[str, ...]
     growth: tuple[Floats, ...]
-    onset: tuple[Floats, ...]
+    critical_mu: tuple[Floats, ...]
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ def solve_stack(model: LumpedModel, names: Sequence[str], values: Floats, mu: fl
     return solve_spectrum(model.M, np.stack([m.C for m in models]), np.stack([m.K(mu) for m in models]))
 
 
-def sweep(axis: Axis, cases: Mapping[tuple[str, str], tuple[LumpedModel, float]]) -> Sweep:
+def solve_curves(axis: Axis, cases: Mapping[tuple[str, str], tuple[LumpedModel, float]]) -> Curves:
     """Compute the eigenvalues of one or more models over a parameter.
 
     Parameters
@@ -146,7 +146,7 @@ def sweep(axis: Axis, cases: Mapping[tuple[str, str], tuple[LumpedModel, float]]
     --------
     >>> from lumped import Minimal
     >>> model = Minimal()
-    >>> result = sweep(axis_of(model, "k2", np.linspace(0, 50, 101)), {("base", "base"): (model, 0.5)})
+    >>> result = solve_curves(axis_of(model, "k2", np.linspace(0, 50, 101)), {("base", "base"): (model, 0.5)})
     >>> [[round(end, 9) for end in interval] for interval in result.cases[0].unstable]
     [[10.0, 26.580071928]]
     """
@@ -156,7 +156,7 @@ def sweep(axis: Axis, cases: Mapping[tuple[str, str], tuple[LumpedModel, float]]
         lam, uncertainty = _upper_half(spectrum)
         unstable = find_unstable_intervals(model, axis, mu, spectrum.unstable)
         done.append(Case(label, panel, *_follow(lam, uncertainty), unstable))
-    return Sweep(axis, tuple(done))
+    return Curves(axis, tuple(done))
 
 
 def surface(x: Axis, y: Axis, cases: Mapping[str, LumpedModel]) -> Surface:

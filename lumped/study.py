@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from .model import LumpedModel
-from .results import Case, Grid, Responses, Surface, Sweep, Table, axis_of, sweep
+from .results import Case, Curves, Grid, Responses, Surface, Table, axis_of, solve_curves
 
-Result = Sweep | Surface | Responses | Grid | Table
+Result = Curves | Surface | Responses | Grid | Table
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Study:
     notes : callable
         From the result to its notes, numbers included.
     spatial : bool
-        Whether a sweep is also drawn as curves in (parameter, |ω|, σ).
+        Whether curves over one parameter are also drawn in (parameter, |ω|, σ).
     """
 
     name: str
@@ -54,19 +54,19 @@ def static(notes: Notes) -> Callable[[Result], Notes]:
     return lambda _: notes
 
 
-def of_sweep(write: Callable[[Sweep], Notes]) -> Callable[[Result], Notes]:
-    """Let a function of a sweep stand for a function of any result."""
+def of_curves(write: Callable[[Curves], Notes]) -> Callable[[Result], Notes]:
+    """Let a function of curves stand for a function of any result."""
 
     def notes(result: Result) -> Notes:
-        assert isinstance(result, Sweep)
+        assert isinstance(result, Curves)
         return write(result)
 
     return notes
 
 
-def sweep_one(model: LumpedModel, names: str | tuple[str, ...], low: float, high: float, mu: float, n: int) -> Sweep:
+def solve_curve(model: LumpedModel, names: str | tuple[str, ...], low: float, high: float, mu: float, n: int) -> Curves:
     """Sweep one parameter of one model over n equal steps."""
-    return sweep(axis_of(model, names, np.linspace(low, high, n + 1)), {(model.name, model.name): (model, mu)})
+    return solve_curves(axis_of(model, names, np.linspace(low, high, n + 1)), {(model.name, model.name): (model, mu)})
 
 
 def intervals(case: Case, digits: int = 5) -> str:

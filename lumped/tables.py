@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from .results import Grid, Responses, Surface, Sweep, Table
+from .results import Curves, Grid, Responses, Surface, Table
 from .study import Result
 
 Row = tuple[object, ...]
@@ -32,8 +32,8 @@ def write_csv(result: Result, path: str | os.PathLike[str]) -> Path:
 
 
 def _rows(result: Result) -> Iterator[Row]:
-    if isinstance(result, Sweep):
-        yield from _sweep_rows(result)
+    if isinstance(result, Curves):
+        yield from _curve_rows(result)
     elif isinstance(result, Surface):
         yield ("case", result.x.name, result.y.name, "growth")
         for label, growth in zip(result.labels, result.growth, strict=True):
@@ -55,7 +55,7 @@ def _rows(result: Result) -> Iterator[Row]:
         yield from result.rows
 
 
-def _sweep_rows(result: Sweep) -> Iterator[Row]:
+def _curve_rows(result: Curves) -> Iterator[Row]:
     several = len({case.panel for case in result.cases}) > 1
     yield ("case", result.axis.name, "mode", "re", "im", "frequency_hz", "uncertainty", "stability")
     for case in result.cases:

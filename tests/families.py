@@ -30,12 +30,14 @@ class Family:
     parts : tuple of (slot, matrix, power of p, imaginary)
     values : (m,) of the sweep
     planted : values of p next to which something narrow lies
+    zero : θ of a size up to this share of the largest is rounding; free motions leave more of it
     """
 
     name: str
     parts: tuple[tuple[str, np.ndarray, int, bool], ...]
     values: np.ndarray
     planted: tuple[float, ...] = ()
+    zero: float = 1e-12
 
     def matrices(self, p: float) -> dict[str, np.ndarray]:
         """M, C and K at p."""
@@ -69,8 +71,8 @@ class Family:
                 lam = np.where(lam.imag < 0, -lam, lam)
                 return int(np.count_nonzero(lam.real > 1e-12 * np.abs(lam).max()))
             size = np.abs(theta).max()
-            pairs = np.count_nonzero(theta.imag > 1e-9 * size)
-            return int(pairs + np.count_nonzero((theta.real < -1e-9 * size) & (np.abs(theta.imag) <= 1e-9 * size)))
+            pairs = np.count_nonzero(theta.imag > 1e-9 * size)  # a double θ is right to the root of rounding
+            return int(pairs + np.count_nonzero((theta.real < -self.zero * size) & (np.abs(theta.imag) <= 1e-9 * size)))
         n, C = len(M), m["C"]
         A = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K), -la.solve(M, C)]])
         lam = la.eigvals(A)
@@ -208,7 +210,8 @@ def rigid(rng: np.random.Generator) -> Family:
     F = rng.standard_normal((n, n)) * rng.uniform(0.5, 6)
     F[:, :2] = 0
     M, K, F = _turned(rng, n, np.diag(theta), F)
-    return Family("rigid", (("M", M, 0, False), ("K", K, 0, False), ("K", F, 1, False)), _values(rng))
+    parts = (("M", M, 0, False), ("K", K, 0, False), ("K", F, 1, False))
+    return Family("rigid", parts, _values(rng), zero=1e-9)
 
 
 def doublets(rng: np.random.Generator) -> Family:

@@ -135,7 +135,7 @@ def check(result, n: int, kind: str, rate: float = 1.0) -> None:
         assert_near(point, rate * exact(n, point.value, kind, 0 if dense else CROWD), 1e-12)
         assert modes.backward_error.max() <= 1e-12
         assert len(modes) == 2 * n  # none is lost, and no infinite one is taken for finite
-    assert not result.doubts
+    assert not result.warnings
     omega = rate * np.sqrt(theta(n, 1 / np.sqrt(3)).real[:n] * (1 + ETA**2 * (kind == "structural")))
     assert len(result.onsets) == n
     assert all(o.kind == "flutter" and o.direction == "into" for o in result.onsets)

@@ -32,8 +32,8 @@ class CorrectedModel:
 
     Attributes
     ----------
-    small : Problem
-        Its terms, over the parameter alone.
+    projected : Problem
+        With its terms collected by powers of the parameter.
     iterations : int
         Of conjugate gradients, on blocks.
     """
@@ -82,7 +82,7 @@ class CorrectedModel:
             spanned.append(unit_columns(modes.right, modes.left))
         W = range_of(np.hstack(spanned), _FINE, basis.free_motions(start).motions)
         self._coordinates = W.T @ self._coordinates
-        self.small = basis.restricted(W).collected()
+        self.projected = basis.restricted(W).collected()
 
     def _correct(self, basis: ReducedBasis, solver: TwoLevelSolver, value: float, modes: Modes) -> bool:
         """Add the corrections of modes at a value; return whether one is so long that a second round is needed."""

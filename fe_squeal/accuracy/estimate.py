@@ -103,16 +103,16 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
         replace(point, discretisation=near_onsets(point, bar, onsets))
         for point, bar in zip(result.points, bars, strict=True)
     ]
-    doubts, name = list(result.doubts), result.parameter
+    warnings, name = list(result.warnings), result.parameter
     unknown = sum(int(np.isnan(c).sum()) for c in changes.modes)
     if unknown:
-        doubts.append(f"the error of the mesh is not known for {unknown} modes: refined, they are others")
+        warnings.append(f"the error of the mesh is not known for {unknown} modes: refined, they are others")
     for onset in onsets:
         if np.isinf(onset.discretisation):
-            doubts.append(f"the onset at {_told(onset, name)}, vanishes on the refined mesh")
-    doubts += [f"an onset at {_told(onset, name)}, appears on the refined mesh alone" for onset in changes.appeared]
+            warnings.append(f"the onset at {_told(onset, name)}, vanishes on the refined mesh")
+    warnings += [f"an onset at {_told(onset, name)}, appears on the refined mesh alone" for onset in changes.appeared]
     listed = sorted([*onsets, *changes.appeared], key=lambda o: o.value)
-    return replace(result, points=tuple(points), onsets=tuple(listed), doubts=tuple(doubts))
+    return replace(result, points=tuple(points), onsets=tuple(listed), warnings=tuple(warnings))
 
 
 def _told(onset: Onset, name: str) -> str:
@@ -168,7 +168,7 @@ def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -
     fine = refined.problem(problem.changed).prepared(parameter, values)
     affine = [_affine(p, parameter, values) for p in (problem, fine)]
     axis, at = (parameter, values) if len(values) > 1 else (_VALUE, np.zeros(1))
-    model = result.model
+    model = result.reduced_model
     if model is None or len(values) == 1 or not problem.is_affine(parameter):
         request = Request(count=max(len(p.modes) for p in result.points) + 2)
         model = ReducedModel(affine[0], axis, at, request, linear_solver=linear_solver)
@@ -176,7 +176,7 @@ def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -
     first: dict[int, int] | None = None
     pairs = []
     for point, value in zip(result.points, at.tolist(), strict=True):
-        before, refined_pencil = model.modes(value), corrected.small.pencil({axis: value})
+        before, refined_pencil = model.modes(value), corrected.projected.pencil({axis: value})
         now = solve_dense(refined_pencil, 1.5 * model.highest, linear_solver)
         same = _same(corrected, before, now)
         first = same if first is None else first
@@ -186,7 +186,7 @@ def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -
     if len(values) > 1:
         modes = len(model.modes(float(at[0])))
         found = sweep(
-            corrected.small, at, axis, modes=modes, method="direct", linear_solver=linear_solver
+            corrected.projected, at, axis, modes=modes, method="direct", linear_solver=linear_solver
         ).onsets
         paired = pair_onsets(result.onsets, found, first or {}, float(np.ptp(values)))
         onsets = [
@@ -207,7 +207,7 @@ def _refined_memory(result: Sweep) -> int:
     pencil = result.problem.pencil()
     entries = sum(A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)
     modes = max((len(p.modes) for p in result.points), default=0)
-    basis = _BASIS * modes if result.model is None else len(result.model.basis)
+    basis = _BASIS * modes if result.reduced_model is None else len(result.reduced_model.basis)
     vectors = 2 * basis + _VECTORS * modes
     return _CHILDREN * (_COPIES * 12 * entries + 8 * vectors * result.problem.unknowns)
 
@@ -223,7 +223,7 @@ def _affine(problem: Problem, parameter: str, values: np.ndarray) -> Problem:
 def _same(corrected: CorrectedModel, before: Modes, now: Modes) -> dict[int, int]:
     """Return which corrected mode belongs to each mode, by shape and eigenvalue together."""
     lifted = replace(before, right=corrected.coordinates(before.right), left=None)
-    origin = match_modes(lifted, now, corrected.small.mass).origin
+    origin = match_modes(lifted, now, corrected.projected.mass).origin
     return {int(i): j for j, i in enumerate(origin) if i >= 0}
 
 

@@ -19,7 +19,7 @@ from ..assembly.assembly import Assembly
 from ..assembly.swept import swept
 from ..eigen.memory import peak_memory_mib
 from ..errors import NotConvergedError, SquealError, TooLargeError
-from ..isolation import isolated_children
+from ..process.isolation import isolated_children
 from ..scene import Scene
 from ..sweep.sweep import sweep
 from .estimate import Changes, refined_changes
@@ -102,9 +102,9 @@ def measure(
     at = _at(assembly, probes)
     if len(result.points) == 1:
         first = result.points[0].shapes
-    elif result.model is not None:
-        modes = result.model.modes(float(grid[0]))
-        first = {i: result.model.lift(modes.right[:, i]) for i in range(len(result.points[0].modes))}
+    elif result.reduced_model is not None:
+        modes = result.reduced_model.modes(float(grid[0]))
+        first = {i: result.reduced_model.lift(modes.right[:, i]) for i in range(len(result.points[0].modes))}
     else:
         alone = sweep(
             problem, grid[:1], parameter, modes=count, keep_shapes=True, method="direct", linear_solver=solver

@@ -1,4 +1,4 @@
-"""From what a reader gives to the checked scikit-fem mesh with its groups."""
+"""The checked scikit-fem mesh with its groups, built from what a reader gives or taken from Python."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from .raw import CellBlock, Floats, Ints, RawMesh, element_names, listed
 from .splitting import complete_hexahedra, fill_midside, split_cells, split_quadrilaterals
 from .surfaces import adopt_duplicates, boundary_of_nodes, check_on_faces, faces_of, find_rows
 
-LARGEST, SMALLEST = 10.0, 1e-3  # m; brakes are between
+LARGEST, SMALLEST = 10.0, 1e-3  # m: a mesh of any other size has probably the wrong length unit
 
 
 def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
-    """Turn what a reader gives into the checked mesh; `scale` times the coordinates is metres.
+    """Check what a reader gives and build the mesh from it; its coordinates times `scale` are in metres.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def from_skfem(mesh: skfem.Mesh, source: str = "<python>") -> LoadedMesh:
     Raises
     ------
     MeshError
-        As `load_mesh`. Elements may be left-handed: scikit-fem does not mind.
+        As `load_mesh`, but that elements may be left-handed, as scikit-fem allows.
 
     Examples
     --------
@@ -106,7 +106,7 @@ def from_skfem(mesh: skfem.Mesh, source: str = "<python>") -> LoadedMesh:
     left = jacobian_range(kind, raw.points, nodes)[1] < 0
     warnings: list[str] = []
     for which in (left, ~left):
-        # scikit-fem does not mind left-handed cells, so each handedness is checked on its own.
+        # scikit-fem allows left-handed cells, so each handedness is checked on its own.
         if which.any():
             cells = replace(block, nodes=nodes[which], labels=block.labels[which])
             warnings += orient_cells(replace(raw, blocks=(cells,), volume_groups={}), source)[1]
@@ -175,7 +175,7 @@ def _assemble(points: Floats, block: CellBlock, source: str, names: np.ndarray) 
             points[used].T.copy(), ordered.reshape(block.nodes.shape).T.astype(np.int32).copy()
         )
     mesh = MESH_CLASS[block.kind](points.T.copy(), ordered.T.astype(np.int32).copy())
-    # scikit-fem keeps one node per edge and face: neighbours must mean the same place by it.
+    # scikit-fem keeps one node per edge and face, so that neighbours must have theirs at the same place.
     given = points[ordered]
     apart = np.abs(mesh.doflocs[:, mesh.dofs.element_dofs].transpose(2, 1, 0) - given).max(axis=(1, 2))
     bad = np.flatnonzero(apart > 1e-6 * np.ptp(given, axis=1).max(axis=1))
@@ -201,7 +201,7 @@ def _facet_groups(
             groups[name] = rows
     if not groups:
         return {}
-    # One search for all groups: sorting the facets is what takes the time.
+    # One search for all groups, since sorting the facets takes most of the time.
     every = np.searchsorted(used, np.vstack(list(groups.values())))
     found = find_rows(every, mesh.facets.T.astype(np.int64))
     ends = np.cumsum([len(rows) for rows in groups.values()])

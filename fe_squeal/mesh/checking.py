@@ -1,4 +1,4 @@
-"""The mesh gate: what must hold of nodes and cells before anything is computed on them."""
+"""Checks of nodes and cells that every mesh has to pass before anything is computed on it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .splitting import row_ids
 
 # det J relative to the cube of the cell's size, below which a cell counts as flat; rounding leaves about 1e-15.
 FLAT = 1e-10
-_FARTHEST = 1e20  # m
+_FARTHEST = 1e20  # m: farther out, products of coordinates overflow
 _CHUNK = 20_000  # cells at a time, so that the Jacobians stay within some tens of MiB
 
 
@@ -63,7 +63,7 @@ def jacobian_range(kind: str, points: Floats, nodes: Ints) -> tuple[Floats, Floa
 
 
 def check_points(raw: RawMesh, source: str) -> None:
-    """Raise MeshError for coordinates that are no lengths, naming the nodes."""
+    """Raise MeshError, with the nodes, for coordinates that are not finite or so large that products overflow."""
     finite = np.isfinite(raw.points).all(axis=1)
     small = finite & (np.abs(np.where(np.isfinite(raw.points), raw.points, 0.0)) < _FARTHEST).all(axis=1)
     for good, what in ((finite, "not finite numbers"), (small, f"beyond {_FARTHEST:g} m, where products overflow")):
@@ -138,14 +138,14 @@ def check_cells(raw: RawMesh, source: str) -> None:
 
 
 def orient_cells(raw: RawMesh, source: str) -> tuple[RawMesh, tuple[str, ...]]:
-    """Check the sign of every Jacobian; turn kinds of cells over that are left-handed throughout.
+    """Check the sign of every Jacobian; where all cells of a kind are left-handed, reorder their nodes.
 
     Returns
     -------
     raw
         With right-handed cells.
     warnings
-        Corners flattened to an edge or a plane, which compute but badly.
+        About cells with a corner flattened to an edge or a plane: they are accepted, but give poor results.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def orient_cells(raw: RawMesh, source: str) -> tuple[RawMesh, tuple[str, ...]]:
 
 
 def drop_orphans(raw: RawMesh) -> RawMesh:
-    """Drop the nodes that no volume cell uses; faces given on them keep their coordinates (see `surfaces`)."""
+    """Drop the nodes that no volume cell uses; call it after `adopt_duplicates`, which may need them."""
     used = np.zeros(len(raw.points), dtype=bool)
     for block in raw.blocks:
         used[block.nodes[block.nodes >= 0]] = True
@@ -212,7 +212,7 @@ def drop_orphans(raw: RawMesh) -> RawMesh:
 
 
 def connect(wanted: Ints, labels: Ints, element_labels: Ints, what: str, source: str) -> Ints:
-    """Return (n, k) the rows of nodes given by number (n, k); a number of 0 stays out as -1.
+    """Return (n, k) the rows of nodes given by number (n, k); the number 0, for a node that is left out, gives -1.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How far cells are from their regular shape."""
+"""A measure of how far cells are from their regular shape."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Reference cells: node positions, faces, shape functions, and the way from VTK's node order to scikit-fem's.
 
-Node orders are never written as permutations: two conventions are matched by the reference coordinates of their nodes.
+scikit-fem's node order is not written down: it is found by matching the reference coordinates of the nodes.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ def shape_functions(kind: str, x: Floats) -> Floats:
     >>> shape_functions("tetra", np.array([[0.25, 0.25, 0.25]]))
     array([[0.25, 0.25, 0.25, 0.25]])
     """
-    # Rounded, so that a node's own function is 1 there and the file's coordinates come out unchanged.
+    # Rounded, so that a node's own function is exactly 1 there and coordinates of the file stay as they are.
     return np.round(_basis(kind, np.asarray(x, dtype=float)) @ _coefficients(kind), 13)
 
 

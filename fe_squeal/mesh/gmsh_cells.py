@@ -1,4 +1,4 @@
-"""Gmsh's cells and physical groups, and the mesh that they are: of a file, or of a geometry meshed in memory."""
+"""A mesh made of Gmsh's cells and physical groups, from a file or from a geometry meshed in memory."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def raw_mesh(
     names : mapping of (dimension, tag) to str
         Of the physical groups; one without a name is called by its tag.
     repeats : bool
-        Whether a cell stands there once for each of its groups.
+        Whether a cell is listed once for each of its groups.
     """
     labels, points = check_unique_nodes(labels, points, source)
     blocks: list[CellBlock] = []

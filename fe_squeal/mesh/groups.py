@@ -33,7 +33,7 @@ class NodeSet:
 
 @dataclass(frozen=True)
 class LoadedMesh:
-    """A mesh that has passed the gate.
+    """A mesh that has passed all checks.
 
     Attributes
     ----------
@@ -43,9 +43,9 @@ class LoadedMesh:
     source
         The file's name, for messages.
     notes
-        What was converted on the way.
+        Sentences about what was converted.
     warnings
-        What is probably not meant.
+        Sentences about what is probably a mistake.
     element_labels
         (n_elements,) each element's number in the file, with the instance in front; tetrahedra that were split off a
         cell have the cell's.
@@ -91,7 +91,7 @@ def find_facets(loaded: LoadedMesh, group: str, key: str, *others: str) -> Ints:
     key : str
         Where it was named, for messages.
     others : str
-        Words that would be valid there as well.
+        Other words that are valid there, for the suggestion of a message.
 
     Raises
     ------

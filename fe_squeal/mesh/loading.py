@@ -1,4 +1,4 @@
-"""From a mesh file to the checked mesh that everything else works on: which reader takes the file."""
+"""A mesh file read and checked; its suffix decides which reader takes it."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def load_mesh(
 
 
 def read_raw(path: Path, folders: Sequence[str | Path] = (), allow_outside: bool = False) -> RawMesh:
-    """Return what stands in a mesh file, before elements are checked: its groups also where elements are bad.
+    """Return the mesh as its file gives it, unchecked: its groups are known also where elements are bad.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def guarded_reading(path: Path) -> Iterator[None]:
         size, free = path.stat().st_size, available_memory()
         if size > free:
             raise MeshError(f"{path.name}: has {memory_text(size)}, and {memory_text(free)} are free")
-        with np.errstate(all="ignore"):  # numbers that are none are refused below, in words
+        with np.errstate(all="ignore"):  # what is not finite is refused by `build_mesh`, with the node
             yield
     except OSError as error:
         raise MeshError(f"{path}: the file cannot be read ({error.strerror or error})") from error

@@ -1,4 +1,4 @@
-"""Volumes, areas, centres and normals, by which bodies and groups are told apart."""
+"""Volumes, areas, centres and normals of bodies and groups."""
 
 from __future__ import annotations
 

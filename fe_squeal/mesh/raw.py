@@ -49,7 +49,7 @@ class RawMesh:
     node_labels
         (n,), the file's own node numbers.
     blocks
-        The volume cells; groups count them through all blocks in this order.
+        The volume cells. Groups hold indices that run through all blocks in this order.
     volume_groups
         Cell indices by group name.
     surfaces
@@ -57,7 +57,7 @@ class RawMesh:
     node_groups
         Node rows by group name; they become surface groups where they cover whole boundary facets.
     unusable
-        Names that stand in the file and give no group, with the reason.
+        Names of the file that give no group, with the reason.
     """
 
     points: Floats
@@ -97,7 +97,7 @@ def listed(names: list[str] | NDArray[np.str_], limit: int = 5) -> str:
 
 
 def rows_of(wanted: Ints, labels: Ints) -> Ints:
-    """Return where each of `wanted` stands in `labels`, -1 where it does not.
+    """Return the position of each of `wanted` in `labels`, -1 where it is not there.
 
     Examples
     --------

@@ -54,12 +54,13 @@ def refine(loaded: LoadedMesh) -> LoadedMesh:
     local = mesh.dofs.element_dofs if kind != SHAPE[kind] else mesh.t
     nodes = local.T[:, matching(REFERENCE[kind], np.asarray(mesh.elem.doflocs))].astype(np.int64)
     points = mesh.doflocs.T
-    left = jacobian_range(kind, points, nodes)[1] < 0  # scikit-fem sorts corners, and does not mind the handedness
+    left = jacobian_range(kind, points, nodes)[1] < 0  # scikit-fem sorts corners, so that cells may be left-handed
     nodes[left] = nodes[left][:, mirror_order(kind)]
     corners = nodes[:, : corner_count(kind)]
     variant = _shortest_diagonal(points, corners) if SHAPE[kind] == "tetra" else np.zeros(len(nodes), int)
     weights = np.rint(_PARTS * _on_corners(kind)).astype(np.uint64)  # (variants, 8, k, corners)
-    # A place is the same in two elements if the same corners have the same weights there: a number says which.
+    # Nodes of two children are one if they are the same weighted mean of the same corners. The sum of the weights times
+    # a random number per corner tells that: equal sums, equal means.
     numbers = np.random.default_rng(7).integers(1, 2**64, int(corners.max()) + 1, dtype=np.uint64)
     count = weights.shape[2]
     key, places = np.empty((len(nodes), 8 * count), np.uint64), np.empty((len(nodes), 8 * count, 3))
@@ -160,7 +161,7 @@ def _cut_faces(
     mesh = loaded.mesh
     parent, c = mesh.f2t[0, facets], corners.shape[1]
     on = (corners[parent][:, :, None] == mesh.facets[:, facets].T[:, None, :]).any(axis=2)
-    # Which corners of the children lie on the facet: those that have no weight off it.
+    # A corner of a child lies on the facet if it is a mean of the facet's own corners alone.
     there = (weights[variant[parent], :, :c] * on[:, None, None, :]).sum(axis=3) == _PARTS
     found = []
     for face in FACES[shape]:

@@ -1,4 +1,4 @@
-"""Cells made over: midside nodes filled in, 20-node hexahedra completed, everything split into tetrahedra."""
+"""Cells converted: missing midside nodes added, 20-node hexahedra completed, cells split into tetrahedra."""
 
 from __future__ import annotations
 
@@ -88,9 +88,10 @@ def complete_hexahedra(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[F
 def local_tetrahedra(shape: str, corners: Ints) -> tuple[Ints, Ints]:
     """Return the tetrahedra of each cell by its local corners, and the cell of each.
 
-    The cone from the smallest corner over the faces that do not hold it; a quadrilateral face is cut by the diagonal
-    through its smallest corner, so both neighbours cut it alike. J. Dompierre, P. Labbé, M.-G. Vallet, R. Camarero,
-    "How to subdivide pyramids, prisms and hexahedra into tetrahedra", 8th International Meshing Roundtable, 1999.
+    They are the cones from the corner of smallest number over the faces without it. A quadrilateral face is cut by the
+    diagonal through its corner of smallest number, so that both neighbours cut it alike. J. Dompierre, P. Labbé,
+    M.-G. Vallet, R. Camarero, "How to subdivide pyramids, prisms and hexahedra into tetrahedra", 8th International
+    Meshing Roundtable, 1999.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from .elements import EDGES, FACES, SHAPE, corner_count
 from .raw import Floats, Ints, RawMesh, listed
 from .splitting import row_ids
 
-# Duplicate nodes of a surface are taken for the volume's own within this part of the face's smallest edge.
+# Of the face's shortest edge: a surface's node this near to a node of the volume is taken for the same.
 TOLERANCE = 1e-4
 
 
@@ -26,7 +26,7 @@ class Faces:
     Attributes
     ----------
     corners
-        (m, 3) or (m, 4); a face between two cells stands here twice.
+        (m, 3) or (m, 4); a face between two cells is listed twice.
     mids
         (m, 3) or (m, 4) midside nodes, -1 where there are none.
     cells
@@ -120,7 +120,7 @@ def adopt_duplicates(raw: RawMesh, source: str) -> RawMesh:
     near = cKDTree(raw.points[corners]).query_pairs(reach, output_type="ndarray")
     graph = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(corners),) * 2)
     place[corners] = connected_components(graph, directed=False)[1]
-    rows = corners  # the faces' own nodes: surface cells are compared by their corners
+    rows = corners  # surface cells are compared with faces by their corners
     tree = cKDTree(raw.points[rows])
     for name in strays:
         moved = []

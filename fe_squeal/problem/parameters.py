@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from numbers import Real
 
 from ..errors import SceneError
 
 MU = "mu"
 _LONG = "effects.friction.mu"
+_SHOWN = 80  # characters of a wrong value that a message shows
 
 
 def canonical(path: str) -> str:
@@ -25,40 +26,64 @@ def paths_of(parameter: str) -> list[str]:
     >>> paths_of("springs.left.damping, springs.right.damping")
     ['springs.left.damping', 'springs.right.damping']
     """
+    if not isinstance(parameter, str):
+        raise SceneError(f'given {_short(parameter)} as the name of a parameter; expected a text, as "{MU}"')
     return [p.strip() for p in parameter.split(",")]
 
 
-def values_by_path(given: object, example: str = MU) -> dict[str, float]:
+def values_by_path(
+    given: object, more: Sequence[object] = (), named: Mapping[str, object] | None = None,
+    call: str = "problem.at(", example: str = MU,
+) -> dict[str, float]:  # fmt: skip
     """Return what a caller gave as a mapping of parameters to numbers, for each path on its own.
 
     Parameters
     ----------
     given : object
-        Expected to be a mapping of parameters to numbers; a parameter may be several paths, "a, b".
-    example : str
-        A parameter that messages show how to give.
+        Expected to be a mapping of parameters to numbers, or None; a parameter may be several paths, "a, b".
+    more : sequence of object
+        What stands behind it in the call; expected to be nothing.
+    named : mapping of str to object, optional
+        Parameters that were given as keywords.
+    call, example : str
+        How messages show the call to begin, and a parameter that they give there.
 
     Raises
     ------
     SceneError
-        If it is no such mapping.
+        If it is no such mapping. The message shows how to write it.
 
     Examples
     --------
     >>> values_by_path({"springs.left.damping, springs.right.damping": 2})
     {'springs.left.damping': 2.0, 'springs.right.damping': 2.0}
-    >>> values_by_path(0.3)
+    >>> values_by_path("springs.left.damping", [2])
     Traceback (most recent call last):
-    fe_squeal.errors.SceneError: given 0.3; expected parameters with their values, as in problem.at({"mu": 0.3})
+    fe_squeal.errors.SceneError: given 'springs.left.damping', 2; expected parameters with their values, \
+as in problem.at({"springs.left.damping": 2})
     """
-    shown = f'as in problem.at({{"{example}": 0.3}})'
-    if not isinstance(given, Mapping):
-        raise SceneError(f"given {given!r}; expected parameters with their values, {shown}")
+    name, number = example, "0.3"
+    if isinstance(given, str) and len(more) == 1 and _is_number(more[0]):
+        name, number = given, str(more[0])  # what was meant
+    shown = f'as in {call}{{"{name}": {number}}})'
+    if more or not (given is None or isinstance(given, Mapping)):
+        said = ", ".join(_short(value) for value in (given, *more))
+        raise SceneError(f"given {said}; expected parameters with their values, {shown}")
     found: dict[str, float] = {}
-    for name, value in given.items():
+    for name, value in {**(given or {}), **(named or {})}.items():
         if not isinstance(name, str):
-            raise SceneError(f"given {name!r} as the name of a parameter; expected a text, {shown}")
-        if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
-            raise SceneError(f"{name}: given {value!r}; expected a finite number, {shown}")
+            raise SceneError(f"given {_short(name)} as the name of a parameter; expected a text, {shown}")
+        if not _is_number(value):
+            raise SceneError(f"{name}: given {_short(value)}; expected a finite number, {shown}")
         found |= dict.fromkeys(paths_of(name), float(value))
     return found
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _short(value: object) -> str:
+    """Return a value as Python shows it, on one line and cut."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

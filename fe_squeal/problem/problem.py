@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, Never, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,7 +15,7 @@ from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Pencil, ProblemClass
 from ..errors import SceneError, SquealError, suggest
 from .parameters import MU, paths_of, values_by_path
-from .terms import Slot, Term, sum_terms
+from .terms import POWER, Slot, Term, sum_terms
 from .unheld import find_free_motions
 
 _DIFFERENCE = 1e-4  # relative step of the differences that stand for derivatives where terms are made anew
@@ -130,21 +130,23 @@ class Problem:
         """Whether a parameter changes the coefficients of the terms alone."""
         return all(p in self.parameters and p not in self.coupled for p in paths_of(parameter))
 
-    def at(self, values: Mapping[str, float] | None = None, /, **named: float) -> Problem:
+    def at(self, values: Mapping[str, float] | None = None, /, *more: Never, **named: float) -> Problem:
         """Return the problem at other values of parameters; terms are made anew where that is needed.
 
         Parameters
         ----------
         values : mapping of parameter to float
             A parameter is a path of the scene, or several, "a, b", that get the same value.
+        more
+            Nothing; at("mu", 0.3) raises an error that shows how to write it.
         named : float
             More of them, of parameters whose names have no dots.
 
         Raises
         ------
         SceneError
-            If there is no such parameter, its value is no finite number, or terms are made anew and the scene does not
-            allow it there.
+            If there is no such parameter, its value is no finite number, what is given is no mapping, or terms are made
+            anew and the scene does not allow it there.
 
         Examples
         --------
@@ -159,7 +161,7 @@ class Problem:
         fe_squeal.errors.SceneError: the problem has no parameter "springs.piston.stifness"; \
 did you mean "springs.piston.stiffness"?
         """
-        wanted = self._by_path(values, named)
+        wanted = self._by_path(values, more, named, "problem.at(")
         moved = {p: v for p, v in wanted.items() if self.value(p) != v}
         if not moved:
             return self
@@ -171,10 +173,12 @@ did you mean "springs.piston.stiffness"?
             raise SceneError(f"a problem without a scene cannot be made anew at {moved}")
         return self.source.problem(changed)
 
-    def _by_path(self, values: object, named: Mapping[str, float]) -> dict[str, float]:
+    def _by_path(
+        self, values: object, more: Sequence[object], named: Mapping[str, float], call: str
+    ) -> dict[str, float]:  # fmt: skip
         """Return the values that a caller gave, by the path of each parameter."""
-        given = {**values, **named} if isinstance(values, Mapping) else named if values is None else values
-        return values_by_path(given, example=MU if MU in self.parameters else min(self.parameters, default=MU))
+        example = MU if MU in self.parameters else min(self.parameters, default=MU)
+        return values_by_path(values, more, named, call, example)
 
     def _refuse_poles(self, moved: Mapping[str, float]) -> None:
         """Refuse the value 0 of a parameter of which a term has a negative power."""
@@ -205,7 +209,7 @@ did you mean "springs.piston.stiffness"?
             return self
         return other if other.is_affine(parameter) else self
 
-    def pencil(self, values: Mapping[str, float] | None = None, /, **named: float) -> Pencil:
+    def pencil(self, values: Mapping[str, float] | None = None, /, *more: Never, **named: float) -> Pencil:
         """Return the matrices at given values of parameters; a term whose coefficient is zero costs nothing.
 
         Parameters and errors are those of `at`.
@@ -220,7 +224,7 @@ did you mean "springs.piston.stiffness"?
         >>> problem.pencil().problem_class, problem.pencil({"mu": 0.0}).problem_class
         ('nonsymmetric', 'symmetric')
         """
-        moving = self._by_path(values, named)
+        moving = self._by_path(values, more, named, "problem.pencil(")
         problem = self.at(moving)
         symmetric = all(t.symmetric for t in problem.terms if t.slot == "K" and t.coefficient(problem.parameters))
         M, C, K = (problem._slot(slot, moving) for slot in ("M", "C", "K"))
@@ -263,13 +267,23 @@ did you mean "springs.piston.stiffness"?
         return rest if constant is None else constant if rest is None else sp.csr_array(constant + rest)
 
     def derivative(
-        self, parameter: str, slot: Slot, values: Mapping[str, float] | None = None, /, **named: float
-    ) -> sp.csr_array | None:
+        self, parameter: str, slot: Slot | None = None, values: Mapping[str, float] | None = None, /, *more: Never,
+        **named: float,
+    ) -> sp.csr_array | None:  # fmt: skip
         """Return ∂M, ∂C or ∂K by a parameter; None where it does not depend on it.
 
         Exact where the parameter is a power in coefficients, a central difference of the matrices elsewhere.
+
+        Parameters
+        ----------
+        slot : "M", "C" or "K"
+        values, more, named
+            Where the derivative is taken, as of `at`; errors are the same.
         """
-        here = self.at(values, **named)
+        call = f'problem.derivative("{parameter}", "K"'
+        if slot not in POWER:
+            raise SceneError(f'given {slot!r} as the matrix; expected "M", "C" or "K", as in {call})')
+        here = self.at(self._by_path(values, more, named, f"{call}, "))
         paths = paths_of(parameter)
         if here.is_affine(parameter):
             return sum_terms((t, sum(t.slope(p, here.parameters) for p in paths)) for t in here.terms if t.slot == slot)

@@ -1,4 +1,4 @@
-"""Sweeps on a reduced model of the problem."""
+"""The reduced model: a projection of the problem that holds over an interval of a parameter."""
 
 from .model import ReducedModel
 from .vectors import SlowMotions, lift

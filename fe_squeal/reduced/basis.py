@@ -1,4 +1,4 @@
-"""A basis that grows, and how far the modes of the projection on it are from those of the problem."""
+"""The basis of a reduced model, to which vectors are added, and the errors of the modes of the projection on it."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from .vectors import lift, normalising
 _SAMPLES = 24  # random vectors per norm: residual norms come out within some 15 %
 _SEED = 20250411
 _SAMPLED_MODES = 8  # in which the size of what cancels is compared with that in some rows
-_LINES = 1000  # rows of V that are sampled
-_ROOM = 8  # times the vectors there are: for how many address space is set aside
-_RANK = 1e-12  # of the square of a vector: a part outside the basis that is rounding
-_CLEAR = 0.1  # of the square: a part outside from which the difference keeps its digits
-_OF_TERMS = "small", "right", "left"  # names of what is stored of each term
+_LINES = 1000  # rows of V that stand for all in norms
+_ROOM = 8  # times the vectors there are: for how many an array is allocated; pages not yet written take no memory
+_RANK = 1e-12  # of the square of a vector's length: a part outside the basis that is smaller is rounding
+_CLEAR = 0.1  # of that square: a part outside that is smaller is computed once more, since it is a difference
+_OF_TERMS = "projected", "right", "left"  # names of what is stored of each term
 
 
 class _Products(NamedTuple):
-    """Of a term's matrix A with new vectors X, the basis V and the samples Z."""
+    """Products VᵀAX, VᵀAᵀX, XᵀAX, ZᵀAX, ZᵀAᵀX of a term A with new vectors X, the basis V and the samples Z."""
 
     VAX: np.ndarray
     VATX: np.ndarray
@@ -41,12 +41,13 @@ class _Products(NamedTuple):
 class ReducedBasis(Projection):
     """Vectors V (n, r) with VᵀPV = 1, the terms VᵀAV, and random samples of the residuals of their modes.
 
-    For a mode λ, φ = Vy, ψ = Vw of the small problem, with residuals ρ = Q(λ)φ and η = Q(λ)ᴴψ, both orthogonal to V,
-    λ is off by ηᴴQ(λ)⁻¹ρ / ψᴴQ'(λ)φ to leading order: the product of two small vectors. Q(λ) is close to the positive
-    definite P = K − σM on what V leaves out, of frequencies beyond those of the modes, so that ‖η‖‖ρ‖ in the norm of
-    P⁻¹ = L⁻ᵀL⁻¹ bounds it. The norms are those of ZᵀA_tV y summed over the terms with Z = L⁻ᵀS, S random with
-    E SSᵀ = 1: no vector of length n is formed for any mode. (Two-sided Galerkin error: Benner, Gugercin, Willcox, SIAM
-    Rev. 57, 2015; random samples of residuals: Balabanov and Nouy, Adv. Comput. Math. 45, 2019.)
+    A mode λ, φ = Vy, ψ = Vw of the projected problem has residuals ρ = Q(λ)φ and η = Q(λ)ᴴψ, both orthogonal to V, and
+    λ is off by ηᴴQ(λ)⁻¹ρ / ψᴴQ'(λ)φ to leading order: a product of two vectors that are small. What V leaves out has
+    frequencies beyond those of the modes; there Q(λ) is close to the positive definite P = K − σM, so that ‖η‖‖ρ‖ in
+    the norm of P⁻¹ = L⁻ᵀL⁻¹ bounds the numerator. The norms are estimated as those of Zᵀ Σ A_tV y over the terms t,
+    with Z = L⁻ᵀS, S random and E SSᵀ = 1. ZᵀA_tV is kept, so that no vector of length n is formed for any mode.
+    (Two-sided Galerkin error: Benner, Gugercin, Willcox, SIAM Rev. 57, 2015; random samples of residuals: Balabanov and
+    Nouy, Adv. Comput. Math. 45, 2019.)
 
     Parameters
     ----------
@@ -70,7 +71,7 @@ class ReducedBasis(Projection):
             energy = half_solve(rng.standard_normal((n, _SAMPLES)))
             plain = self._units[:, None] * rng.standard_normal((n, _SAMPLES))
             self._Z = np.hstack([energy, plain]) / np.sqrt(_SAMPLES)
-        # Some rows stand for all in the norm of what cancels in Q(λ)φ.
+        # Backward errors are relative to the size of the sums that cancel in Q(λ)φ, estimated from some rows.
         self._lines = np.sort(rng.choice(n, min(n, _LINES), replace=False))
         diagonal = sum(c * t.matrix.diagonal() for c, t in zip(metric, problem.terms, strict=True))
         self._size = (self._units * np.abs(diagonal))[self._lines] * np.sqrt(n / len(self._lines))
@@ -92,14 +93,14 @@ class ReducedBasis(Projection):
         basis.V = arrays["vectors"].T
         basis._units, basis._lines, basis._size = arrays["units"], arrays["lines"], arrays["size"]
         basis._sampled_rows = arrays["sampled_rows"]
-        basis._small, basis._right, basis._left = (
+        basis._projected, basis._right, basis._left = (
             [arrays[f"{name}_{i}"] for i in range(len(problem.terms))] for name in _OF_TERMS
         )
         return basis
 
     def stored(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Return all but the problem: arrays, and numbers that JSON can hold."""
-        parts = (self._small, self._right, self._left)
+        """Return what `restored` needs besides the problem: arrays, and numbers that JSON can hold."""
+        parts = (self._projected, self._right, self._left)
         arrays: dict[str, np.ndarray]
         arrays = {f"{n}_{i}": A for n, part in zip(_OF_TERMS, parts, strict=True) for i, A in enumerate(part)}
         arrays |= {
@@ -112,8 +113,8 @@ class ReducedBasis(Projection):
     def append(self, X: np.ndarray, threshold: float = 0.0) -> int:
         """Add the directions of X (n, k) real whose part outside the basis is longer than a threshold in the P-norm.
 
-        P is a sum of the terms, so that the products which the projection needs also give those of the P-norm: every
-        matrix meets a vector once, and the rest is arithmetic of small matrices.
+        P is a sum of the terms, so that the products of the terms with X, needed for the projection, also give lengths
+        in the P-norm. Every sparse matrix is multiplied with a vector once; the rest is arithmetic of (r, r) matrices.
 
         Returns
         -------
@@ -129,17 +130,17 @@ class ReducedBasis(Projection):
             long = np.flatnonzero((outside > _RANK) & (gram.diagonal() > threshold**2))
             if (outside[long] > _CLEAR).all():
                 break
-            X = X[:, long] - combine(self.V, inside[:, long])  # or the difference would lose digits
+            X = X[:, long] - combine(self.V, inside[:, long])  # first, or `gram` would lose digits
         T = normalising(gram, long)
         if not T.shape[1]:
             return 0
         back = inside @ T
         for i, (term, p) in enumerate(zip(self.problem.terms, parts, strict=True)):
-            A = self._small[i]
+            A = self._projected[i]
             right, left = p.VAX @ T - A @ back, p.VATX @ T - A.T @ back
             corner = T.T @ (p.XAX @ T - p.VATX.T @ back) - back.T @ right
             grown = np.block([[A, right], [left.T, corner]])
-            self._small[i] = (grown + grown.T) / 2 if term.symmetric else grown
+            self._projected[i] = (grown + grown.T) / 2 if term.symmetric else grown
             self._right[i] = np.hstack([self._right[i], p.ZAX @ T - self._right[i] @ back])
             self._left[i] = np.hstack([self._left[i], p.ZATX @ T - self._left[i] @ back])
         X = combine(X, T) - combine(self.V, back)
@@ -162,7 +163,7 @@ class ReducedBasis(Projection):
         return np.asarray(sum(c * take(p) for c, p in zip(self.metric, parts, strict=True) if c))
 
     def _extend(self, X: np.ndarray) -> None:
-        """Put columns behind those of V, each in one piece, for which address space is set aside."""
+        """Put columns behind those of V, each contiguous in memory, without a copy of V as long as there is room."""
         r, k = len(self), X.shape[1]
         if len(self._store) < r + k:
             store = np.empty((_ROOM * (r + k), len(X)))
@@ -172,9 +173,9 @@ class ReducedBasis(Projection):
         self.V = self._store[: r + k].T
 
     def copy(self) -> ReducedBasis:
-        """Return the same basis, to be extended for itself."""
+        """Return a copy that can be extended without changing this basis."""
         other = copy.copy(self)
-        other._small, other._right, other._left = list(self._small), list(self._right), list(self._left)
+        other._projected, other._right, other._left = list(self._projected), list(self._right), list(self._left)
         return other
 
     def restricted(self, W: np.ndarray) -> ReducedBasis:
@@ -182,13 +183,16 @@ class ReducedBasis(Projection):
         smaller = copy.copy(self)
         smaller.V = combine(self.V, W)
         smaller._store = smaller.V.T
-        smaller._small = [W.T @ A @ W for A in self._small]
+        smaller._projected = [W.T @ A @ W for A in self._projected]
         smaller._right, smaller._left = [B @ W for B in self._right], [B @ W for B in self._left]
         smaller._sampled_rows = self._sampled_rows @ W
         return smaller
 
     def calibrate(self, value: float, modes: Modes) -> None:
-        """Compare the size of what cancels in Q(λ)φ with the part of it that `errors` knows, for some of the modes."""
+        """Set the factor between the size of the sums that cancel in Q(λ)φ and the estimate of it in `errors`.
+
+        The estimate takes the diagonals of the matrices alone; the factor is the least among some of the modes.
+        """
         modes = modes.select(np.unique(np.linspace(0, len(modes) - 1, _SAMPLED_MODES).astype(int)))
         u = lift(self.V, modes.right)
         scale = self._units[self._lines, None] * np.sqrt(len(u) / len(self._lines))
@@ -217,9 +221,9 @@ class ReducedBasis(Projection):
         Parameters
         ----------
         modes : Modes
-            Of the small problem.
+            Of the projected problem.
         highest : float, rad/s
-            Up to where the basis holds the modes of the undamped problem without friction.
+            Frequency up to which the basis holds the modes of the problem without damping and friction.
         """
         assert modes.left is not None
         rho, eta = self._sampled(value, modes.lam, modes.right, modes.left)
@@ -240,16 +244,16 @@ class ReducedBasis(Projection):
     def root_error(
         self, value: float, lam: complex, right: np.ndarray, left: np.ndarray, highest: float
     ) -> tuple[float, float]:  # fmt: skip
-        """Return how far a parameter at which Q(λ)φ = 0, ψᴴQ(λ) = 0 may be off, ‖η‖‖ρ‖/|ψᴴ(∂Q/∂p)φ|, and rounding.
+        """Return how far a parameter at which Q(λ)φ = 0, ψᴴQ(λ) = 0 may be off, ‖η‖‖ρ‖/|ψᴴ(∂Q/∂p)φ|, and by rounding.
 
-        Rounding is that of the problem itself, whose entries are known to machine accuracy at best.
+        The second number is what rounding of the problem's own entries makes of that parameter.
         """
         lams, phi, psi = np.array([lam]), right[:, None], left[:, None]
         rho, eta = self._sampled(value, lams, phi, psi)
         both = float(self._product(rho, eta, np.array([abs(lam)]), highest)[0])
-        small, change = self.collected(), 0j
+        projected, change = self.collected(), 0j
         for slot, power in POWER.items():
-            d = small.derivative(self.parameter, slot, {self.parameter: value})
+            d = projected.derivative(self.parameter, slot, {self.parameter: value})
             if d is not None:
                 change += lam**power * complex(np.vdot(left, d @ right))
         x, y = lift(self.V, phi), lift(self.V[self._lines], psi)
@@ -271,6 +275,6 @@ class ReducedBasis(Projection):
         return rho, eta
 
     def _product(self, rho: np.ndarray, eta: np.ndarray, size: np.ndarray, highest: float) -> np.ndarray:
-        """Return ‖η‖‖ρ‖ in the norm of P⁻¹, larger where Q(λ) is smaller than P: next to what is left out."""
+        """Return ‖η‖‖ρ‖ in the norm of P⁻¹, enlarged for |λ| near `highest`, where Q(λ) is smaller than P."""
         both = np.linalg.norm(rho[:_SAMPLES], axis=0) * np.linalg.norm(eta[:_SAMPLES], axis=0)
         return np.asarray(both / np.clip(1 - (size / highest) ** 2, 0.05, 1.0))

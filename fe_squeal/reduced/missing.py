@@ -1,4 +1,4 @@
-"""A search for modes that a basis does not hold, of which its residuals know nothing."""
+"""A search for modes that a basis does not hold; residuals, which are those of the modes it has, cannot tell."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .basis import ReducedBasis
 from .vectors import lift, real_columns
 
 _SEED, _BLOCK, _STEPS = 20251107, 8, 5
-_FOUND = 0.99  # of the highest mode asked for: what comes nearer is missing
+_FOUND = 0.99  # of the highest |λ| asked for: a mode below that is found only with more vectors was missing
 SEARCH_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
 
 
@@ -21,8 +21,8 @@ def missing_modes(
 ) -> list[np.ndarray]:
     """Return vectors (n, ·) of modes in the range that was asked for, which the basis lacks.
 
-    A few steps of block Krylov iteration with P⁻¹M from random vectors, outside the basis, find what comes lowest there
-    and extend the reduced model. A mode in the range that it has only then was missing.
+    A few steps of block Krylov iteration with P⁻¹M, from random vectors, find the lowest modes outside the basis. A
+    copy of the basis is extended by them: a mode in the range that only the copy has was missing.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def missing_modes(
         Of the parameter, at which modes are compared.
     request : Request
     highest : float, rad/s
-        Up to where modes of the undamped problem are held.
+        Frequency up to which the basis holds the modes of the problem without damping and friction.
     definite : DefiniteFactor
         Of P.
     """
@@ -51,7 +51,7 @@ def missing_modes(
         limit = _FOUND * np.abs(wanted.lam).max(initial=0.0)
         now, before = _inside(every, limit), _inside(known, limit)
         if len(now) > len(before):
-            # Those farthest from any mode that was known.
+            # The new modes are those farthest from any that was known.
             far = np.abs(every.lam[now, None] - known.lam[before]).min(axis=1, initial=np.inf)
             new = now[np.argsort(far)[len(before) - len(now) :]]
             found.append(real_columns(lift(trial.V, every.right[:, new])))
@@ -59,6 +59,6 @@ def missing_modes(
 
 
 def _inside(modes: Modes, limit: float) -> np.ndarray:
-    """Return the positions of modes below a limit, without those that creep, of which there is no end."""
+    """Return the positions of modes below a limit, without overdamped ones, of which there may be any number."""
     lam = modes.lam
     return np.flatnonzero((np.abs(lam) < limit) & (lam.real >= -lam.imag))

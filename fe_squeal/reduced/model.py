@@ -29,20 +29,20 @@ from .undamped import factorize_undamped
 from .vectors import interior_nodes, lift, range_of, real_columns, unit_columns
 
 _GUARD = 1.25  # times the modes asked for: how many of the undamped problem the basis begins with
-_ROUGH = 1e-4  # accuracy of these modes: what they lack is corrected with the rest
-_LANCZOS = 8  # times these: vectors that their iteration keeps at first
-_SLOW = 0.1  # of −σ: θ of what may be hardly held, as found roughly
+_ROUGH = 1e-4  # accuracy of these modes: the corrections that follow mend the rest
+_LANCZOS = 8  # times their number: vectors that the Lanczos iteration keeps at first
+_SLOW = 0.1  # of −σ: a θ below this, found roughly, may be that of a motion that is hardly held
 _ROUNDS = 16
 _CANDIDATES = 5  # values at which the basis is corrected until all modes there meet the tolerance
-_CORRECTED = 0.3  # times the tolerance: what is corrected along with what misses it
+_CORRECTED = 0.3  # times the tolerance: modes with a larger error are corrected along with those that miss it
 _SAFETY = 0.1  # of the tolerance: what the estimated errors of eigenvalues are driven below
-_PACE = 0.6  # of the worst error: what a round with the factors of another value has to leave at most
+_PACE = 0.6  # of the worst error: if a round leaves more, factors of the worst value are made for the next
 _NODES = 5  # values whose modes span the final basis
-_FINE = 1e-5  # of a vector: what is left out of the final basis
-_SHORT = 1e-4  # of √tolerance: corrections shorter than this, against the length of the mode, are left out
-_SUPPLEMENTS = 6  # values that are added to these at most, and how often the basis is grown after that
+_FINE = 1e-5  # of the largest singular value: directions below are left out of the final basis
+_SHORT = 1e-4  # of √tolerance times the length of a mode: shorter corrections are left out
+_SUPPLEMENTS = 6  # values that are added to these at most, and how often the basis is extended after that
 _ILL = 10.0  # relative condition from which a mode is near a double eigenvalue
-_WORTH = 0.8  # of the vectors: what a smaller basis has at most
+_WORTH = 0.8  # of the vectors: a smaller basis that has more is not worth its errors
 
 _Estimate = tuple[Modes, np.ndarray, np.ndarray]
 
@@ -56,6 +56,7 @@ class ReducedModel:
     parameter : str
     basis : ReducedBasis
     highest : float, rad/s
+        Frequency up to which the basis holds the modes of the problem without damping and friction.
     linear_solver : LinearSolver
     factorizations, solves : int
         Matrices factorised and right-hand sides solved for.
@@ -74,9 +75,9 @@ class ReducedModel:
         values : (m,) float, increasing
         request : Request
         modal : bool
-            Stop at the modes of the undamped problem without friction, whatever the error.
+            Stop at the modes of the problem without damping and friction, whatever the error.
         linear_solver : LinearSolver or str
-            Factorises what the model is made from.
+            Factorises the matrices that the model is made from.
 
         Raises
         ------
@@ -153,7 +154,7 @@ class ReducedModel:
         return model
 
     def stored(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Return all that the problem does not give at once: arrays, and numbers that JSON can hold."""
+        """Return what `restored` needs besides the problem: arrays, and numbers that JSON can hold."""
         arrays, numbers = self.basis.stored()
         return arrays | {"without": self._without}, {
             "basis": numbers, "sigma": self._sigma, "highest": self.highest, "factorizations": self.factorizations,
@@ -173,8 +174,8 @@ class ReducedModel:
     def counted(self) -> bool | None:
         """Return whether the basis holds all modes without damping and friction up to `highest`, by the inertia.
 
-        Modes with damping and friction grow out of these; only from beyond `highest` may others come, which are looked
-        for, see `_missing`. None where the solver does not count.
+        Modes with damping and friction grow out of these. Others can only come from beyond `highest`; `missing_modes`
+        looks for them. None where the linear solver does not give the inertia.
         """
         theta = self._without
         gaps = np.flatnonzero(np.diff(theta) > 1e-5 * theta[1:])
@@ -192,17 +193,17 @@ class ReducedModel:
         return lift(self.basis.V, vectors)
 
     @cached_property
-    def small(self) -> Problem:
-        """Every term of the problem on the basis."""
+    def projected(self) -> Problem:
+        """The projected problem with every term of the problem: for shares and sensitivities."""
         return self.basis.project(self.problem)
 
     @cached_property
     def collected(self) -> Problem:
-        """The small problem over the parameter alone."""
+        """The projected problem with its terms collected by powers of the parameter, the others at their values."""
         return self.basis.collected()
 
     def root_error(self, value: float, theta: float, right: np.ndarray, left: np.ndarray) -> tuple[float, float]:
-        """Return how far a critical value of the small problem may be from that of the problem itself, and rounding."""
+        """Return how far a critical value may be off by the reduction, and how far by rounding."""
         return self.basis.root_error(value, 1j * np.sqrt(theta), right, left, self.highest)
 
     def _estimated(self, value: float) -> _Estimate:
@@ -218,7 +219,7 @@ class ReducedModel:
         modes = select_wanted(every, self.request, np.inf)
         assert modes is not None
         error, backward, condition = self.basis.errors(value, modes, self.highest)
-        # A tolerance is one for well-conditioned modes: next to a double eigenvalue no solver keeps λ as closely.
+        # The tolerance is meant for well-conditioned modes: next to a double eigenvalue no solver finds λ so closely.
         relative = error / np.maximum(np.abs(modes.lam), 1e-3 * self.highest)
         off = np.maximum(relative / np.maximum(condition / _ILL, 1.0) / _SAFETY, backward) / self.request.tolerance
         modes = replace(
@@ -228,7 +229,7 @@ class ReducedModel:
         return modes, off, relative
 
     def _grow(self, values: np.ndarray, definite: DefiniteFactor) -> None:
-        """Correct the basis where it misses the tolerance: first in the middle, then at the ends, then everywhere."""
+        """Add corrections where modes miss the tolerance: first in the middle, then at the ends, then anywhere."""
         candidates = values[np.unique(np.round(np.linspace(0, len(values) - 1, _CANDIDATES)).astype(int))]
         middle = float(candidates[len(candidates) // 2])
         factor: Factor | DefiniteFactor = definite
@@ -250,7 +251,8 @@ class ReducedModel:
                 continue
             worst = max(found, key=lambda p: found[p])
             if found[worst] > _PACE * before and at != worst:
-                del factor  # one at a time besides those of P: they are what takes the memory
+                # Besides those of P only one set of factors is kept at a time: they take most of the memory.
+                del factor
                 factor, at = self._factorize(worst), worst
             before = found[worst]
         raise NotConvergedError(
@@ -259,7 +261,7 @@ class ReducedModel:
         )
 
     def _factorize(self, value: float) -> Factor:
-        """Factorise what is closer to Q(λ) than P where that is too far: K − σM, with damping at half the band."""
+        """Factorise K(p) − σM, with damping at half the band: closer than P to Q(λ) at this value."""
         pencil = self.basis.problem.pencil({self.parameter: value})
         shifted = pencil.K - self._sigma * pencil.M
         if pencil.C is not None:
@@ -274,7 +276,7 @@ class ReducedModel:
         return bool(found) and self.basis.append(np.hstack(found)) > 0
 
     def _correct(self, value: float, modes: Modes, factor: Factor | DefiniteFactor, real: bool) -> int:
-        """Add what the residuals of some modes at a value ask for."""
+        """Add the corrections of some modes at a value to the basis: the residuals, solved for with a factor."""
         groups = [modes]
         if not self.problem.is_damped:  # λ and −λ* have the same shapes, and most shapes are real
             plain = (modes.lam.real == 0) & ~modes.right.imag.any(axis=0)
@@ -288,13 +290,13 @@ class ReducedModel:
             self.solves += right.shape[1] + left.shape[1]
             parts += [real_columns(factor.solve(right)), real_columns(factor.solve_adjoint(left))]
         X = np.hstack(parts)
-        # Eigenvalues feel the product of two such errors; relative to the mode's own length in the P-norm.
+        # The error of an eigenvalue is the product of two such errors, relative to the mode's length in the P-norm.
         length = float(np.sqrt(np.abs(modes.lam).min() ** 2 - self._sigma))
-        # Short corrections may be all that a backward error just above the tolerance lacks.
+        # If all are short, they are added nevertheless: a backward error just above the tolerance may need no more.
         return self.basis.append(X, _SHORT * self.request.tolerance**0.5 * length) or self.basis.append(X)
 
     def _compress(self, values: np.ndarray) -> None:
-        """Keep the modes at a few values alone, and at those that these do not carry within the tolerance."""
+        """Shrink the basis to the span of the modes at a few values, and at more where that misses the tolerance."""
         full, spanned = self.basis, np.zeros((len(self.basis), 0))
         missed = interior_nodes(float(values[0]), float(values[-1]), _NODES).tolist()
         rounds = 0
@@ -312,7 +314,7 @@ class ReducedModel:
             missed = self._missed(values)[:1]
 
     def _missed(self, values: np.ndarray) -> list[float]:
-        """Return the first value at which a mode misses the tolerance and those behind it, which were not tried."""
+        """Return the first value at which a mode misses the tolerance and all values after it, which were not tried."""
         for i, p in enumerate(values.tolist()):
             if self._estimated(p)[1].max(initial=0.0) > 1:
                 return [float(q) for q in values[i:]]

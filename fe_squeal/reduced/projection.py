@@ -21,9 +21,9 @@ from ..problem.terms import Slot, Term
 from .undamped import weighted
 from .vectors import SlowMotions, lift
 
-_SPARSE = 0.3  # of all rows: what a term has at most that is handled by its own rows
-_SLOW = 1e-3  # of the shift: θ of a motion that is hardly held
-_CONTAINED = 1e-12  # of the mass of a motion: what lies outside the basis and is rounding
+_SPARSE = 0.3  # of all rows: a term that acts in fewer is multiplied in these rows alone
+_SLOW = 1e-3  # of the shift σ: a motion with less |θ| counts as hardly held
+_CONTAINED = 1e-12  # of the mass of a motion: a part outside the basis that is smaller is rounding
 _Acting = tuple[np.ndarray | None, sp.csr_array, sp.csr_array | None]
 
 
@@ -39,7 +39,7 @@ class Projection:
         The coefficients of the terms in P, see `factorize_undamped`.
     sigma : float, rad²/s²
     linear_solver : LinearSolver or str
-        Factorises what motions that nothing holds ask for.
+        Passed on to where motions that nothing holds are looked for.
     """
 
     def __init__(
@@ -49,17 +49,17 @@ class Projection:
         self.problem, self.parameter, self.metric, self.sigma = problem, parameter, metric, sigma
         self._linear_solver = linear_solver
         self.V = np.zeros((problem.unknowns, 0))
-        self._small = [np.zeros((0, 0)) for _ in problem.terms]
+        self._projected = [np.zeros((0, 0)) for _ in problem.terms]
         self.has_slow = False
-        self._slow: tuple[np.ndarray, SlowMotions | None] | None = None  # and of which V
-        # Motions of the problem, the basis, and those in its span: coordinates and combinations.
+        self._slow: tuple[np.ndarray, SlowMotions | None] | None = None  # with the V that they belong to
+        # Of the last call of `_coordinates`: the motions, the basis, and what was found for them.
         self._contained: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
 
     def __len__(self) -> int:
         return int(self.V.shape[1])
 
     def project(self, problem: Problem) -> Problem:
-        """Return another problem of the same unknowns on the basis."""
+        """Return another problem of the same unknowns, projected on the basis."""
 
         def free(values: Mapping[str, float]) -> FreeMotions:
             return self._coordinates(replace(problem, parameters=values).free_motions())
@@ -67,11 +67,11 @@ class Projection:
         return replace(project(problem, self.V), free=free)
 
     def pencil(self, value: float) -> Pencil:
-        """Return the small matrices at a value of the parameter."""
+        """Return the projected matrices at a value of the parameter."""
         at = self.problem.at({self.parameter: value})
         sums: dict[Slot, np.ndarray | None] = {"M": None, "C": None, "K": None}
         symmetric = True
-        for term, A in zip(at.terms, self._small, strict=True):
+        for term, A in zip(at.terms, self._projected, strict=True):
             c = term.factor(1.0, at.parameters)
             if not c:
                 continue
@@ -94,21 +94,21 @@ class Projection:
         if not Z.shape[1]:
             return FreeMotions.none(V.shape[1])
         if self._contained is None or self._contained[0] is not Z or self._contained[1] is not V:
-            small, MZ = self._small_mass(), times(self.problem.mass, Z)
+            own, MZ = self._projected_mass(), times(self.problem.mass, Z)
             part = cross(V, MZ)
-            Y = la.lstsq(small, part, lapack_driver="gelsy")[0]
+            Y = la.lstsq(own, part, lapack_driver="gelsy")[0]
             mass = Z.T @ MZ
             N = null_columns(mass - part.T @ Y, _CONTAINED * float(la.norm(mass)))
             self._contained = Z, V, Y @ N, N
         Y, N = self._contained[2:]
         return FreeMotions(Y, None if known.damping is None else cross(V, known.damping) @ N)
 
-    def _small_mass(self) -> np.ndarray:
-        at, pairs = self.problem.parameters, zip(self.problem.terms, self._small, strict=True)
+    def _projected_mass(self) -> np.ndarray:
+        at, pairs = self.problem.parameters, zip(self.problem.terms, self._projected, strict=True)
         return np.asarray(sum(t.coefficient(at) * A for t, A in pairs if t.slot == "M"))
 
     def expect_slow_motions(self) -> None:
-        """Look for motions that are hardly held from now on."""
+        """From now on look for motions that are hardly held whenever the basis has changed."""
         self.has_slow = True
 
     @property
@@ -117,7 +117,7 @@ class Projection:
         if not self.has_slow:
             return None
         if self._slow is None or self._slow[0] is not self.V:
-            M = self._small_mass()
+            M = self._projected_mass()
             nu, Y = la.eigh(M)
             slow = (nu > 0) & (np.abs(1 + self.sigma * np.maximum(nu, 0.0)) < _SLOW)  # θ = σ + 1/ν
             Y = Y[:, slow] / np.sqrt(nu[slow])
@@ -126,7 +126,7 @@ class Projection:
         return self._slow[1]
 
     def modes(self, value: float, highest: float) -> Modes:
-        """Return the modes of the small problem up to |λ| = highest, rad/s, with vectors of length r."""
+        """Return the modes of the projected problem up to |λ| = highest, rad/s, with vectors of length r."""
         return solve_dense(self.pencil(value), highest, self._linear_solver)
 
     def base(self, sigma: float) -> Pencil:
@@ -135,14 +135,17 @@ class Projection:
         return Pencil(M, sp.csr_array(weighted(self.problem, self.metric) + sigma * M), symmetric=True)
 
     def undamped_values(self, sigma: float) -> np.ndarray:
-        """Return the rising θ of the small problem without damping and friction: VᵀPV = 1, so θ = σ + 1/ν of VᵀMV."""
-        nu = la.eigvalsh(self._small_mass())[::-1]
+        """Return the rising θ of the projected problem without damping and friction.
+
+        VᵀPV = 1, so that θ = σ + 1/ν with the eigenvalues ν of VᵀMV.
+        """
+        nu = la.eigvalsh(self._projected_mass())[::-1]
         return np.asarray(sigma + 1 / nu[nu > len(nu) * np.finfo(float).eps * nu[0]])
 
     def collected(self) -> Problem:
-        """Return the small terms as a problem."""
+        """Return the projected problem: the terms collected by powers of the parameter, on the basis."""
         terms = tuple(
-            replace(t, matrix=sp.csr_array(A)) for t, A in zip(self.problem.terms, self._small, strict=True)
+            replace(t, matrix=sp.csr_array(A)) for t, A in zip(self.problem.terms, self._projected, strict=True)
         )
 
         def free(values: Mapping[str, float]) -> FreeMotions:

@@ -16,10 +16,11 @@ from ..problem.problem import Problem
 
 
 def _stiffnesses(problem: Problem) -> list[list[float]]:
-    """Return coefficients of the terms in K without damping and friction, the more promising ones first.
+    """Return coefficients of the terms in K without damping and friction; two choices at most, the better one first.
 
-    Friction, which is not symmetric, is left out, or counts with its symmetric part: of penalties that makes K
-    indefinite. Where most of K comes in a matrix that is not symmetric, that part is what there is to go by.
+    Friction, which is not symmetric, is left out. If K is not positive semidefinite without it, its symmetric part is
+    added. (Added at once, it would make K indefinite where contacts are penalties.) Where most of K comes in a matrix
+    that is not symmetric, as in scenes of matrices, leaving it out is not tried.
     """
     at = problem.parameters
     kept = [t.coefficient(at) if t.slot == "K" and not t.imaginary else 0.0 for t in problem.terms]
@@ -49,7 +50,7 @@ def factorize_undamped(
     Parameters
     ----------
     problem : Problem
-        Condensed.
+        Its terms collected by powers of the parameter.
     band : float, rad/s, optional
         Up to where modes are asked for.
     linear_solver : LinearSolver or str

@@ -1,4 +1,4 @@
-"""Small algebra with blocks of vectors."""
+"""Linear algebra with blocks of vectors."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ import scipy.sparse as sp
 
 from ..eigen.blocks import combine
 
-_MARGIN = 10.0
-_DEPENDENT = 1e-4  # eigenvalue of a Gram matrix of unit vectors: what is left to the next correction
+_MARGIN = 10.0  # times |z|ᵀ|K||z|: left vectors are longer than z
+_DEPENDENT = 1e-4  # eigenvalue of a Gram matrix of unit vectors: directions below are left to the next correction
 
 
 @dataclass(frozen=True)
 class SlowMotions:
-    """Motions that are hardly held, in a small problem: with them it is seen how little is known of their eigenvalues.
+    """Motions that are hardly held, in a projected problem: their eigenvalues are known far less well than others.
 
-    What is left of zᵀKz is rounding of |z|ᵀ|K||z|, far more than of the entries of VᵀKV.
+    In zᵀKz of such a motion almost all cancels, and what remains has the rounding of |z|ᵀ|K||z|. That is far more than
+    the rounding of the entries of VᵀKV, from which it could not be told.
 
     Attributes
     ----------
     sizes : (k,) float, N/m
-        |z|ᵀ|K||z| of motions of unit mass, and some more, since left vectors are longer.
+        |z|ᵀ|K||z| of motions z of unit mass, with a margin.
     coordinates : (k, r) float
-        What a small vector y has of them: the products by mass, coordinates @ y.
+        ZᵀMV: coordinates @ y is how much of each motion the vector Vy has.
     """
 
     sizes: np.ndarray
@@ -34,16 +35,16 @@ class SlowMotions:
 
     @classmethod
     def of(cls, K: sp.csr_array, Z: np.ndarray, coordinates: np.ndarray) -> SlowMotions:
-        """Return those of the motions Z (n, k) of unit mass."""
+        """Return the slow motions Z (n, k), of unit mass, with their `coordinates` ZᵀMV."""
         return cls(_MARGIN * np.einsum("ij,ij->j", np.abs(Z), abs(K) @ np.abs(Z)), coordinates)
 
     def on(self, V: np.ndarray) -> SlowMotions:
-        """Return the same for a smaller basis, of columns V (r, s)."""
+        """Return the same for the smaller basis whose columns have the coordinates V (r, s) in this one."""
         return SlowMotions(self.sizes, self.coordinates @ V)
 
     @property
     def cancelled(self) -> np.ndarray:
-        """(r, r) sizes of what cancelled in the projected stiffness, for `Pencil`."""
+        """(r, r) sizes of the sums that cancel in the projected stiffness, for `Pencil`."""
         W = np.abs(self.coordinates)
         return np.asarray(W.T @ (self.sizes[:, None] * W))
 
@@ -63,7 +64,7 @@ def real_columns(x: np.ndarray) -> np.ndarray:
 
 
 def interior_nodes(low: float, high: float, count: int) -> np.ndarray:
-    """Return Chebyshev's nodes between two values, which interpolation wants.
+    """Return Chebyshev's nodes between two values, the best places to interpolate from.
 
     Examples
     --------
@@ -81,7 +82,10 @@ def unit_columns(right: np.ndarray, left: np.ndarray) -> np.ndarray:
 
 
 def range_of(columns: np.ndarray, least: float, exact: np.ndarray) -> np.ndarray:
-    """Return orthonormal columns that span `exact`, and others up to a part of the largest singular value."""
+    """Return orthonormal columns that span `exact` and the singular directions of `columns` that are not too small.
+
+    Those count whose singular value is more than `least` times the largest.
+    """
     Q = la.qr(exact, mode="economic")[0]
     U, s, _ = la.svd(columns - Q @ (Q.T @ columns), full_matrices=False)
     return np.hstack([Q, U[:, s > least * s[0]]])
@@ -98,7 +102,10 @@ def _by_parts(apply: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.nd
 
 
 def normalising(gram: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return T such that XT is orthonormal, given XᵀPX, of some columns and without what depends on the others."""
+    """Return T such that XT, made of some columns of X, has (XT)ᵀP(XT) = 1, given XᵀPX.
+
+    Directions in which these columns nearly depend on each other are left out.
+    """
     if not len(columns):
         return np.zeros((len(gram), 0))
     root = np.sqrt(gram.diagonal()[columns])

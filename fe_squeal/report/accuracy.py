@@ -1,4 +1,4 @@
-"""Chart and page of what accuracy costs, from the table of a study."""
+"""Chart and page about the cost of accuracy, from the table of a study."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pandas as pd
 from .advice import QUANTITIES, advice, fitted, pareto
 from .files import replace_atomically
 
-_FLOOR = 1e-12  # error below which a chart shows nothing
+_FLOOR = 1e-12  # smaller errors are left out of the chart
 _TITLES = {"error_frequency": "frequency", "error_growth": "growth rate", "error_onset": "critical value"}
 _MARKS = {
     "size, order 1": "o", "size, order 2": "s", "direct": "D",
@@ -27,7 +27,7 @@ def plot_accuracy(frame: pd.DataFrame, own: Mapping[str, float], path: Path, tit
     frame : DataFrame
         As in `accuracy.csv`.
     own : mapping of column to float
-        What is uncertain of the reference itself, for each of `QUANTITIES`.
+        The uncertainty of the reference itself, for each of `QUANTITIES`.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -75,7 +75,7 @@ def accuracy_page(
     exact : bool
         Whether the frequencies of the reference are exact ones.
     left_out : sequence of str
-        What was not measured, and why.
+        Settings that were not measured, with the reason.
     """
     unsure = ", ".join(
         f"{words} {100 * own[quantity]:.2g} %" for quantity, words in QUANTITIES.items() if np.isfinite(own[quantity])

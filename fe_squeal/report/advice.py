@@ -1,4 +1,4 @@
-"""What a study teaches: fitted orders, and which setting meets a target for the least time."""
+"""Advice from a study: fitted orders, and which setting meets a target in the least time."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ _FITTED = 3  # finest sizes that a rate is fitted to
 
 
 def fitted(frame: pd.DataFrame, order: int, quantity: str) -> float | None:
-    """Return r of error = a · size^r, fitted to the finest sizes of one order; None where fewer than two tell it."""
+    """Return r of error = a · size^r, fitted to the finest sizes of one order; None where fewer than two are known."""
     rows = frame[frame["knob"].astype(str).eq(f"size, order {order}")].sort_values("size")
-    rows = rows[np.isfinite(rows[quantity]) & (rows[quantity] > 0) & (rows[quantity] < 1)]  # 1: what is not found
+    rows = rows[np.isfinite(rows[quantity]) & (rows[quantity] > 0) & (rows[quantity] < 1)]  # 1: not found
     fine = rows.iloc[:_FITTED]
     if len(fine) < 2:
         return None

@@ -1,4 +1,4 @@
-"""Branches of modes over a sweep, ready to be drawn or summed up: tables in, arrays out."""
+"""The branches of a sweep as arrays to be drawn, from the tables of modes and onsets."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Branch:
     speed : (k,) float
         Of an onset: how steeply growth begins there, the column `crossing_speed`; NaN elsewhere.
     rooted : (k,) bool
-        Whether it begins with the square root of the distance to the onset, where two modes meet; else with a line.
+        Of an onset: whether growth begins like the square root of the distance, where two modes meet; else like a line.
     leads : (k,) bool
         Of an onset: whether the branch is its `branch_a`, to which a window between two onsets is counted.
     """
@@ -61,7 +61,7 @@ class Branch:
 
     @property
     def windows(self) -> Bools:
-        """(k − 1,) bool: which stretches are windows of instability between two onsets, without a value inside."""
+        """Return (k − 1,) bool: which stretches are windows of instability, between two onsets."""
         opens = (self.onset[:-1] == 1) & self.leads[:-1]
         return self.joined & opens & (self.onset[1:] == -1) & self.leads[1:]
 
@@ -193,7 +193,7 @@ def collect_branches(modes: pd.DataFrame, onsets: pd.DataFrame) -> list[Branch]:
         speeds, rooted = np.append(at, speed[mine]), np.append(own, paired[mine])
         leads = np.append(own, partners[mine, 0] == number)
         order = np.argsort(value, kind="stable")
-        # an onset sits at a broken place between two sweep values, so neighbours differ by at most one
+        # an onset's place lies between those of two sweep values, so that neighbours differ by at most one
         place = np.interp(value[order], sweep, np.arange(len(sweep)))
         result.append(Branch(int(number), value[order], frequency[order], re[order], uncertainty[order], grows[order],
                              kind[order], np.diff(place) < 1 + 1e-9, speeds[order], rooted[order], leads[order]))

@@ -1,4 +1,4 @@
-"""What presses on the face of a contact, as arrays."""
+"""Pressure and directions on the face of a contact, as arrays."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fe_squeal.report.shapes import Floats
 
 @dataclass(frozen=True)
 class ContactFace:
-    """What presses on the face of one contact.
+    """Pressure and directions at the points of one contact's face.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Figure of where growth rates come from and where the energy of the unstable modes is, term by term."""
+"""Figure of the shares of each term in growth rates and energies of the unstable modes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from fe_squeal.report.files import save_figure
 
 MAX_BRANCHES = 12
 MAX_TERMS = 10
-SMALL = 0.02  # of all shares of a branch; terms that stay below it in every branch are gathered
+SMALL = 0.02  # of all shares of a branch; terms below that in every branch are gathered
 OTHER = "other"
 _OTHER_COLOUR = "0.75"
 # one hue for each kind of term, of which its bodies, contacts or springs are shades

@@ -1,4 +1,4 @@
-"""Curves of branches: stretches that are stable or not, growth rates, and the space around them."""
+"""Curves of branches in figures: stable and unstable stretches, growth rates, and limits of axes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matplotlib.collections import LineCollection
 from fe_squeal.report.branches import Branch, Floats, find_mirror
 from fe_squeal.report.growth import growth_curves, segments
 
-_DEPTH = 1.5  # times the largest growth: how much of what decays is shown below zero
+_DEPTH = 1.5  # times the largest growth rate: how far below zero the axis goes
 
 
 def draw_stretches(
@@ -59,7 +59,7 @@ def draw_growth(
             curves.append((mirror, styles[branch.number], False))
     shapes = [growth_curves(branch) for branch, _, _ in curves]
     heights = np.concatenate([curve[:, 1] for shape in shapes for curve in shape] + [b.re for b, _, _ in curves])
-    # What grows is what is looked for: a mode that falling friction once damped by 12 000 would flatten it to a line.
+    # The axis is that of the growing modes: one that decays a thousand times as fast would flatten them to a line.
     top = float(np.nanmax(heights))
     low, high = padded(np.maximum(heights, -_DEPTH * top) if top > 0 else heights)
     for (branch, style, grows), shape in zip(curves, shapes, strict=True):
@@ -86,7 +86,7 @@ def draw_growth(
 
 
 def _draw_least_stable(axes: Axes, branches: list[Branch]) -> None:
-    """Without an unstable mode: draw the largest Re λ at each value, which tells how far instability is."""
+    """Without an unstable mode: draw the largest Re λ at each value, which shows how near it comes to instability."""
     axes.text(0.5, 0.82, "no unstable mode in this sweep", transform=axes.transAxes, ha="center", va="center",
               fontsize=12, color="0.25")
     if not branches:

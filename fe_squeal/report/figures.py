@@ -154,7 +154,7 @@ def plot_root_locus(
 
 
 def _mark_range(axes: Axes, covered_hz: float | None, per_unit: float) -> None:
-    """Draw up to which frequency all modes are known: what is above it was not looked for."""
+    """Draw a line at the frequency up to which all modes are known; above it they were not looked for."""
     if covered_hz is None:
         return
     low, high = axes.get_ylim()
@@ -212,7 +212,7 @@ def _draw_legend(
 
 
 def _growth_limits(modes: pd.DataFrame) -> tuple[tuple[float, float], list[str]]:
-    """Return the x range of the root locus, and what has to be said about it."""
+    """Return the x range of the root locus, and a note about eigenvalues outside of it."""
     re, frequency = numbers(modes, "re"), numbers(modes, "frequency_hz")
     uncertainty = np.nan_to_num(numbers(modes, "re_uncertainty"))
     magnitude = np.hypot(re, 2 * np.pi * frequency)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Owner(Protocol):
-    """Who answers for a folder: which of its files may be replaced."""
+    """What decides which files of a folder may be replaced, such as its manifest."""
 
     folder: Path
     token: str
@@ -94,14 +94,14 @@ def replace_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
     finally:
-        with suppress(OSError):  # it may never have come to be
+        with suppress(OSError):  # it may not have been made
             temporary.unlink(missing_ok=True)
 
 
 def write_csv(frame: pd.DataFrame, path: str | os.PathLike[str]) -> Path:
     """Write a table as UTF-8 CSV without an index; floats keep every digit, missing values are empty.
 
-    Control characters in names are spelled out, so that a terminal that shows the file does what it always does.
+    Control characters in names are spelled out, so that they have no effect on a terminal that shows the file.
 
     Examples
     --------
@@ -128,7 +128,7 @@ def write_json(data: Any, path: str | os.PathLike[str]) -> Path:
     """Write `data` as indented UTF-8 JSON.
 
     NumPy numbers and arrays, complex numbers (as `[re, im]`), dataclasses, paths and sets are turned into JSON's own
-    kinds; infinite and undefined numbers become `null`, since JSON has no word for them.
+    kinds; infinite and undefined numbers become `null`, since JSON has none of them.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""How growth begins at an onset: what is drawn and told between the values of a sweep."""
+"""Curves of the growth rate between the values of a sweep, where they begin or end at an onset."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ _DENSE = np.linspace(0.0, 1.0, 33)  # of a step: where a curve is drawn from an 
 
 
 def growth_curves(branch: Branch) -> list[Floats]:
-    """Return what the growth rate does from each point of a branch to the next, (m, 2): parameter and Re λ in 1/s.
+    """Return the curve of the growth rate from each point of a branch to the next, (m, 2): parameter and Re λ in 1/s.
 
     From an onset on it is c√s/(1 + βs) where two modes meet there and cs/(1 + βs) elsewhere, s the distance from the
     onset and c its crossing speed; β follows from the next value. A window between two onsets is closed by both, as
-    c√(s(w − s)/w) or c s(w − s)/w with w its width. From value to value (Re λ)² of a branch that has met another is
-    straight, as it is behind a root; elsewhere the points are joined by straight lines.
+    c√(s(w − s)/w) or c s(w − s)/w with w its width. Between two values of a branch that has met another
+    (Re λ)² is a straight line, as it is beyond a square root; other points are joined by straight lines.
     """
     points = np.column_stack([branch.value, branch.re])
     curves = list(segments(points))
@@ -42,7 +42,7 @@ def growth_curves(branch: Branch) -> list[Floats]:
 
 
 def _is_rooted(branch: Branch, i: int, width: float, last: float) -> bool:
-    """Whether growth begins with a root at onset i; of a divergence, a root without damping, what comes nearer."""
+    """Whether growth begins with a square root at onset i; of a divergence, whichever fits the next value."""
     if branch.frequency_hz[i] or not (branch.speed[i] > 0 and last):
         return bool(branch.rooted[i])
     root, line = (abs(np.log(branch.speed[i] * width**power / abs(last))) for power in (0.5, 1.0))
@@ -50,7 +50,7 @@ def _is_rooted(branch: Branch, i: int, width: float, last: float) -> bool:
 
 
 def _beginning(width: float, last: float, speed: float, rooted: bool) -> tuple[Floats, Floats]:
-    """Return distances from an onset up to a width and the growth there, which ends at the last one."""
+    """Return distances from an onset up to a width and the growth there, with the value `last` at the end."""
     s = width * _DENSE**2  # closer together where a root is steep
     first = np.sqrt(s) if rooted else s
     if not (np.isfinite(speed) and speed > 0 and width > 0 and last):

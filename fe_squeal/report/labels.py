@@ -1,4 +1,4 @@
-"""Labels beside points of a plot that cover neither each other nor leave the axes."""
+"""Labels beside points of a plot that do not cover each other and stay inside the axes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 _DISTANCES = (10, 20, 34, 52, 75, 105)  # pt, from the point to the nearest corner or edge of the label
 _CLOSE = 75.0  # pt: points nearer to each other could be taken for each other's
-_BESIDE_ANOTHER = 40.0  # what it costs a label to be nearer to another point than to its own
+_BESIDE_ANOTHER = 40.0  # pt: cost of a place that is nearer to another point than to the label's own
 _DIRECTIONS = (45, 135, 315, 225, 90, 270, 20, 160, 340, 200)  # degrees
 
 

@@ -28,7 +28,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
-from fe_squeal.isolation import isolated_environment
+from fe_squeal.process.isolation import isolated_environment
 from fe_squeal.report.branches import figure_text
 from fe_squeal.report.files import replace_atomically, save_figure, temporary_path
 from fe_squeal.report.shapes import (
@@ -44,8 +44,8 @@ from fe_squeal.report.vtk_files import VISIBLE, displacement_at, write_shape
 
 AMPLITUDE_COLOURS, NORMAL_COLOURS = "viridis", "RdBu_r"
 Z_AXIS = (0.0, 0.0, 1.0)
-_LEVEL = 0.2  # of the largest displacement over the body's width: a slope below which a shape counts as level
-_STILL = 1e-3  # of the largest amplitude: what is held, or hardly moves
+_LEVEL = 0.2  # of the largest displacement over the body's width: with a smaller slope a shape counts as level
+_STILL = 1e-3  # of the largest amplitude: points that move less count as held
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""How a mode shape is called: its file, and the text over its picture."""
+"""The name of a mode shape's file, and the text over its picture."""
 
 from __future__ import annotations
 

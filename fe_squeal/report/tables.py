@@ -1,4 +1,4 @@
-"""Tables for the terminal: what is unstable, and where it begins."""
+"""Tables for the terminal: unstable modes, and onsets."""
 
 from __future__ import annotations
 

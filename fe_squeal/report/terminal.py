@@ -1,4 +1,4 @@
-"""Tables on a terminal, in a pipe or a log: as wide as what stands in them, nothing cut."""
+"""Tables on a terminal, in a pipe or a log: as wide as their contents, nothing cut."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from rich.measure import Measurement
 from rich.segment import Segments
 from rich.table import Table
 
-_WIDEST = 100_000  # characters: no table is as wide
+_WIDEST = 100_000  # characters: more than any table has
 
 
 def print_table(table: Table, console: Console) -> None:

@@ -1,4 +1,4 @@
-"""Warnings as they are told: those that say the same once, with their number, the gravest at the end."""
+"""Warnings as they are printed: those that say the same once, with how many there are, the gravest at the end."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _NUMBER = re.compile(r"(?<![\w.])[-+−]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 def told_once(warnings: Sequence[str]) -> list[str]:
     """Return each warning once; of those that differ in numbers alone the last, with how many there are.
 
-    The order stays that of the last of each kind, so that what a list ends with is what it ended with before.
+    They stay in the order of the last one of each kind, so that the list still ends with the gravest.
 
     Examples
     --------

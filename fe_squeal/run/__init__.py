@@ -1,1 +1,1 @@
-"""From a scene to the folder of its results: one owner of its names, its lock and its checkpoint."""
+"""From a scene to the folder of its results: the names of the files there, the lock, the manifest, the checkpoint."""

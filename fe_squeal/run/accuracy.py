@@ -101,7 +101,7 @@ def write_study(study: Study, out: Path, title: str) -> None:
 
 
 def uncertainty(study: Study) -> dict[str, float]:
-    """Return what is uncertain of a study's reference, by the columns of its table."""
+    """Return the uncertainty of the reference that errors of a study are measured against, by columns of its table."""
     own = study.reference.uncertainty
     return {"error_frequency": own.frequency, "error_growth": own.growth, "error_onset": own.onset}
 
@@ -167,7 +167,7 @@ def _print_trials(choice: Choice, target: float, console: Console) -> None:
 
 
 def check_units(scene: Scene) -> None:
-    """Raise SceneError where the numbers of a scene cannot be meant in its units, before anything is measured."""
+    """Raise SceneError if numbers of a scene file cannot be in SI units, before anything is measured."""
     mesh = scene_mesh(scene)
     assert mesh is not None
     where = f"{scene.source}: " if scene.source is not None else ""

@@ -1,4 +1,4 @@
-"""What `fe-squeal check` tells about a scene without solving it."""
+"""What `fe-squeal check` shows of a scene without solving it."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
         table.add_row("parameters", ", ".join(f"{k} = {v:g}" for k, v in scene.parameters.items()) or "none")
     table.add_row("effects on", ", ".join(scene.effect_names) or "none")
     table.add_row("problem class", problem.problem_class)
-    model = discretisation_of(problem)
-    order = f" (order {model.space.order})" if model is not None else ""
+    discretisation = discretisation_of(problem)
+    order = f" (order {discretisation.space.order})" if discretisation is not None else ""
     table.add_row("unknowns", f"{problem.unknowns}{order}")
     pencil = problem.pencil()
     table.add_row("matrix entries", f"{pencil.K.nnz}")
@@ -40,17 +40,17 @@ def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
     table.add_row("free motions", f"{free} that nothing holds" if free else "none: everything is held")
     sweep, solve = scene.sweep, scene.solve
     parameter, values = (MU, 1) if sweep is None else (sweep.parameter, len(sweep.grid))
-    modes = solve.modes or MODES  # of a range of frequencies nobody knows the number yet
+    modes = solve.modes or MODES  # how many lie below max_frequency is not known before the solve
     forecast = predict_memory(problem, parameter, values, modes, solve.method, solver)
     table.add_row("predicted memory", str(forecast))
     return table
 
 
 def _mesh_rows(table: Table, scene: Scene, problem: Problem) -> None:
-    model = discretisation_of(problem)
-    assert model is not None
-    mesh = model.space.mesh
-    for name, elements in model.bodies.items():
+    discretisation = discretisation_of(problem)
+    assert discretisation is not None
+    mesh = discretisation.space.mesh
+    for name, elements in discretisation.bodies.items():
         material = scene.materials[scene.bodies[name].material]
         volume, _ = volume_of(mesh, elements)
         corners = mesh.p[:, np.unique(mesh.t[:, elements])]
@@ -66,17 +66,17 @@ def _mesh_rows(table: Table, scene: Scene, problem: Problem) -> None:
         table.add_row(f"support {i + 1}", f"{_place(support)} fixed in {', '.join(support.fixed)}")
     for spring in scene.springs:
         table.add_row(f"spring {spring.name}", f"{_place(spring)}{f' to {spring.to}' if spring.to else ''}")
-    for name, c in model.contacts.items():
+    for name, c in discretisation.contacts.items():
         table.add_row(f"contact {name}", f"{c.area:.4g} m2 closed, {100 * c.coverage:.4g} % of the surface")
-    if model.static_state is not None:
-        for name, state in model.static_state.contacts.items():
-            closed = model.contacts[name].weights[state.closed].sum() / model.contacts[name].area
+    if discretisation.static_state is not None:
+        for name, state in discretisation.static_state.contacts.items():
+            closed = discretisation.contacts[name].weights[state.closed].sum() / discretisation.contacts[name].area
             table.add_row(
                 f"preload {name}",
                 f"{100 * closed:.4g} % of it presses with {state.normal_force:.4g} N, at most"
-                f" {state.pressure.max(initial=0.0):.4g} Pa (mu = {model.static_state.mu:g})",
+                f" {state.pressure.max(initial=0.0):.4g} Pa (mu = {discretisation.static_state.mu:g})",
             )
-    # Sizes and places by --groups.
+    # Names alone; sizes and places are shown by --groups.
     table.add_row("volume groups", ", ".join(mesh.subdomains or {}))
     table.add_row("surface groups", ", ".join(mesh.boundaries or {}))
 

@@ -32,10 +32,11 @@ from ..sweep.state import (
 from .folder import CHECKPOINT, CHECKPOINT_INPUTS, is_kept
 from .manifest import Manifest
 
-_SHARE = 0.03  # of the time: what may go into keeping values; those that take long are kept one by one
+_SHARE = 0.03  # of the time: what writing may take; values that are fast to solve are written several at once
 _JSON = "json"  # name of the array that holds the rest
-# Of what the files hold. Raise it when a name, a unit or a meaning there changes, so that runs of before do not go on.
-LAYOUT = 2
+# Number of the layout of these files. Raise it when a name, a unit or a meaning in them changes: a checkpoint of
+# another layout is refused.
+LAYOUT = 3
 
 
 class Checkpoint:
@@ -64,7 +65,7 @@ class Checkpoint:
 
     @property
     def exists(self) -> bool:
-        """Whether there is one that a run could go on from."""
+        """Whether there is a checkpoint that a run could go on from."""
         return self._inputs.exists()
 
     @property
@@ -74,12 +75,12 @@ class Checkpoint:
 
     @property
     def inputs(self) -> Any:
-        """What the run depends on that left this checkpoint; None if that cannot be read.
+        """The inputs of the run that left this checkpoint, see `run_inputs`; None if they cannot be read.
 
         Raises
         ------
         OutputError
-            If a version of the program left it whose files hold other things.
+            If it has another layout.
         """
         found = read_json(self._inputs)
         if isinstance(found, dict) and found.pop("layout", 1) != LAYOUT:
@@ -97,12 +98,12 @@ class Checkpoint:
             raise _damaged(self._state, error) from error
 
     def begin(self, inputs: Mapping[str, Any]) -> None:
-        """Start anew."""
+        """Start a new checkpoint in place of any other."""
         self.remove()
         write_json({**inputs, "layout": LAYOUT}, self._inputs)
 
     def remove(self) -> None:
-        """Remove what runs wrote of it, what makes it one first.
+        """Remove its files, `inputs.json` first: without that the rest is no checkpoint any more.
 
         Raises
         ------
@@ -176,7 +177,7 @@ def read_json(path: Path) -> Any:
 
 
 class _Kept(dict[str, Any]):
-    """What a file holds by name; a name that it does not have is one that another version of the program kept."""
+    """What a file holds by name; where a name is missing, another version of the program has written the file."""
 
     def __init__(self, path: Path, found: Mapping[str, Any]) -> None:
         super().__init__(found)

@@ -1,4 +1,4 @@
-"""Which frequencies a sweep covers, and what it has seen above them."""
+"""Up to which frequency the results are complete, and the unstable modes that were found above it."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class Seen(NamedTuple):
 
 
 def frequency_range(scene: Scene | MatrixScene, result: Sweep) -> tuple[float, float | None]:
-    """Return the frequencies in Hz, from and to, below which all modes are known at every value of a sweep.
+    """Return the range in Hz in which all modes are known at every value of a sweep.
 
-    Of so many lowest modes it is the highest frequency that they reach at every value; None as its end stands for all
-    that the model has.
+    Where a number of modes is asked for, it ends at the highest frequency that these reach at every value. None as its
+    end means that all modes of the problem are known.
     """
     asked = scene.solve.max_frequency
     if asked is not None:
@@ -37,9 +37,9 @@ def frequency_range(scene: Scene | MatrixScene, result: Sweep) -> tuple[float, f
 
 
 def unstable_above(result: Sweep) -> Seen | None:
-    """Return the lowest mode above the range that is unstable at some value, as far as the solves have seen one.
+    """Return the lowest unstable mode above the range if the solver happened to find one, where it grows fastest.
 
-    A sweep follows some modes beyond those asked for. They are not counted, and others may be missing among them.
+    A sweep solves for some more modes than were asked for. These are not counted, and some may be missing.
     """
     found = [
         Seen(float(lam.imag / (2 * np.pi)), float(lam.real), point.value)

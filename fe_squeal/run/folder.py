@@ -1,4 +1,4 @@
-"""The folder of results: its names, who may write into it, and what is removed from it.
+"""The folder of results: the names of its files, who may write into it, and what is removed from it.
 
 A command takes a folder that is new, empty, or has the manifest of an earlier command; everything else is refused and
 stays as it is. Inside, only listed files are replaced or removed (see `manifest`).
@@ -39,14 +39,14 @@ _CHECKPOINT_FILES = (CHECKPOINT_INPUTS, *(f"{CHECKPOINT}/{name}.npz" for name in
 _LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}  # of the systems' file browsers
 _UNFINISHED = re.compile(re.escape(UNFINISHED).replace(re.escape("{}"), "[0-9a-f]{32}"))
 _NAMED = 3  # files in one message
-# What the version that wrote no manifest gave its files: a folder of these alone is one of its results.
+# Names of files of the version that wrote no manifest: a folder with such files alone holds its results.
 _EARLIER = re.compile(
     "|".join(map(re.escape, (*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES)))
     + rf"|{CHECKPOINT}/point_\d+\.npz|{MEASUREMENTS}/[\w.+-]+\.np[yz]"
     rf"|{SHAPES}/(branch|mode)_\d+\w*[\w.+-]*Hz(\.(vtu|pvd|png|npz)|_frames/[\w.+-]+\.vtu)"
 )
 _STUDY_MARKS = ((ACCURACY_TABLE, b"order,size,modes,method,"), (f"{MEASUREMENTS}/probes.npy", b"\x93NUMPY"))
-_EARLIER_PARTIAL = re.compile(r"(.*/)?\.[^/]*\.\d+\.partial\.\w+")  # which a kill left
+_EARLIER_PARTIAL = re.compile(r"(.*/)?\.[^/]*\.\d+\.partial\.\w+")  # of a command that was killed
 _RECORD_KEYS = {"version", "title", "status", "unknowns", "problem_class", "effects", "inputs"}
 
 
@@ -123,7 +123,7 @@ def is_kept(name: str) -> bool:
 
 
 class _Inside:
-    """Whether the block has begun, whose errors are its own."""
+    """Whether the block of `hold_folder` has begun: errors raised in there are not explained here."""
 
     begun = False
 
@@ -160,7 +160,7 @@ def _refuse_foreign(folder: Path) -> None:
 
 
 def _refuse_names(manifest: Manifest) -> None:
-    """Refuse to begin where files of somebody else have names that will be written."""
+    """Refuse to begin where files that this program did not write have names that will be written."""
     listed = set(manifest.names(lambda name: True))
     for name in {*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES} - listed:
         if manifest.state(name) != MISSING:
@@ -188,7 +188,7 @@ def _refuse_inputs(manifest: Manifest, inputs: Iterable[Path]) -> None:
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """Return what two names of one file have in common; None where there is none."""
+    """Return device and inode of a file, the same under any of its names; None where there is no file."""
     try:
         found = path.stat()
     except OSError:
@@ -197,10 +197,10 @@ def _identity(path: Path) -> tuple[int, int] | None:
 
 
 def _earlier(folder: Path) -> list[str]:
-    """Return the files of a folder that a version without manifests has written; none where there is any other.
+    """Return the files of a folder that a version without manifests has written; none if there is any other file.
 
-    Its record of the run, or of what a killed one was made from, has to be there; of a study of accuracy its table or
-    its measurements.
+    To be sure, a run's run.json or a checkpoint's inputs.json has to be among them, or the table or the measurements of
+    a study of accuracy.
     """
     names: list[str] = []
     for root, folders, files in os.walk(folder):

@@ -1,4 +1,4 @@
-"""How the balance of forces of a preload is shown."""
+"""The table that shows the balance of forces under preload."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long a sweep will take, told once at its beginning."""
+"""A forecast of how long a sweep takes, printed once near its beginning."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import time
 
 from rich.console import Console
 
-_SAMPLE = 5  # values after the first one; that one has what is done once for all
-_LONG = 30.0  # s from which it is told
+_SAMPLE = 5  # values that are timed, after the first one, with which work is done that does not come again
+_LONG = 30.0  # s: a shorter rest is not worth a line
 
 
 class Forecast:
-    """Tells the seconds of a sweep from those of its first values.
+    """Prints how long a sweep will take, judged by its first values.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class Forecast:
         self._told = False
 
     def tell(self, done: int) -> None:
-        """Print the forecast once so many values are done that it is known."""
+        """Take note that so many values are done; print the forecast once enough are."""
         now = time.perf_counter()
         if self._first is None:
             self._first = done, now

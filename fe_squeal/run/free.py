@@ -1,4 +1,4 @@
-"""Which bodies nothing holds, and how they move: said before anything is solved."""
+"""A warning about bodies that nothing holds, and how they can move, before anything is solved."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..assembly.discretisation import Discretisation, discretisation_of
 from ..fem.rigid_motions import connected_parts
 from ..problem.problem import Problem
 
-_RANK = 1e-6  # of motions of order one: what rounding leaves
+_RANK = 1e-6  # of motions of order one: what is smaller is rounding
 _NAMES = ("moves along x", "moves along y", "moves along z", "turns about x", "turns about y", "turns about z")
 
 
@@ -18,25 +18,25 @@ def free_motion_warnings(problem: Problem) -> list[str]:
 
     K has a zero eigenvalue for each such motion, and as many modes have the frequency 0.
     """
-    model = discretisation_of(problem)
+    discretisation = discretisation_of(problem)
     Z = problem.free_motions().motions
     if not Z.shape[1]:
         return []
-    moving = "" if model is None else f": {'; '.join(_moving_parts(model, Z))}"
+    moving = "" if discretisation is None else f": {'; '.join(_moving_parts(discretisation, Z))}"
     count = f"{Z.shape[1]} motion{'s' * (Z.shape[1] > 1)}"
     text = f"nothing holds {count}, modes of frequency 0{moving}"
-    if model is not None:
+    if discretisation is not None:
         text += "; expected [[supports]] or [[springs]] there, unless bodies are meant to be free"
     return [text]
 
 
-def _moving_parts(model: Discretisation, Z: np.ndarray) -> list[str]:
+def _moving_parts(discretisation: Discretisation, Z: np.ndarray) -> list[str]:
     """Return words for each connected part of the mesh that moves; Z (n, k)."""
-    space = model.space
+    space = discretisation.space
     nodal = np.stack([space.expand(z) for z in Z.T], axis=2)  # (nodes, 3, k)
     part = connected_parts(space)
     owners: dict[int, list[str]] = {}
-    for name, elements in model.bodies.items():
+    for name, elements in discretisation.bodies.items():
         for i in np.unique(part[space.dofs.element_dofs[:, elements]]).tolist():
             owners.setdefault(i, []).append(name)
     found = []

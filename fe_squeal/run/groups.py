@@ -33,7 +33,7 @@ def group_table(loaded: LoadedMesh) -> Table:
 
 
 def raw_group_table(raw: RawMesh) -> Table:
-    """Return a table of the groups as they stand in a file, without sizes: elements need not be right."""
+    """Return a table of the groups of a file as they stand there, without sizes, for elements that may be bad."""
     table = _table("m3 or m2", "centre (file)")
     cells = [nodes[nodes >= 0] for block in raw.blocks for nodes in block.nodes]
     for name, members in raw.volume_groups.items():
@@ -49,7 +49,7 @@ def raw_group_table(raw: RawMesh) -> Table:
 
 
 def groups_of_file(path: Path, length_unit: str = "m") -> tuple[Table, MeshError | None]:
-    """Return the groups of a mesh file, and what is wrong with its elements.
+    """Return a table of the groups of a mesh file, and the error if its elements are bad.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def groups_of_file(path: Path, length_unit: str = "m") -> tuple[Table, MeshError
 
 
 def groups_of_scene(scene: Scene) -> tuple[Table, MeshError | None]:
-    """Return the same of the mesh of a scene.
+    """Return a table of the groups of a scene's mesh, and the error if its elements are bad.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What the results of a run depend on, and how two runs differ in it."""
+"""The inputs that the results of a run depend on, and how those of two runs differ."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _MOST = 3  # differences in one message
 
 
 def run_inputs(scene: Scene | MatrixScene, mesh: LoadedMesh | None) -> dict[str, Any]:
-    """Return version, scene and digests of mesh or matrices, of kinds that JSON has.
+    """Return version, scene and digests of mesh or matrices, as JSON can hold them.
 
     Parameters
     ----------
     mesh : LoadedMesh or None
-        Of a scene on a mesh. Its content counts, in whichever files and format it stands.
+        The mesh, if the scene has one. The digest is that of points, elements and groups, whatever the file format.
     """
     content: dict[str, str | None] = {}
     if mesh is not None:
@@ -42,7 +42,7 @@ def run_inputs(scene: Scene | MatrixScene, mesh: LoadedMesh | None) -> dict[str,
 
 
 def input_files(scene: Scene | MatrixScene) -> list[Path]:
-    """Return the files that a scene names, and its own: what a command reads and never writes."""
+    """Return the files that a command reads and must not replace: the scene, and those that it names."""
     files = [scene.source, scene.mesh_path] if isinstance(scene, Scene) else [scene.source]
     if isinstance(scene, MatrixScene):
         files += [scene.folder / term.file for term in scene.terms]

@@ -81,7 +81,7 @@ def _locked(path: Path) -> int | None:
 
 
 def _release(handle: int, path: Path) -> None:
-    """Remove the file while it is locked, or where the system does not allow that (Windows) behind it."""
+    """Remove the file while it is locked, or after that where the system does not allow it (Windows)."""
     with suppress(OSError):
         path.unlink()
     os.close(handle)
@@ -101,7 +101,7 @@ def _lock(handle: int) -> None:
     if sys.platform == "win32":
         import msvcrt
 
-        os.lseek(handle, 1 << 30, os.SEEK_SET)  # a byte that nobody reads: such locks keep readers out
+        os.lseek(handle, 1 << 30, os.SEEK_SET)  # a byte far behind the end: the system keeps readers from locked bytes
         msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
         os.lseek(handle, 0, os.SEEK_SET)
     else:

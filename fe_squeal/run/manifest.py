@@ -1,4 +1,4 @@
-"""Which files of a folder this program wrote: `manifest.sha256`, and what may be done to a folder that has one.
+"""The list of the files of a folder that this program wrote, `manifest.sha256`: no others are replaced or removed.
 
 The file has a line for every file of the folder that a command wrote, as the program sha256sum reads and writes them:
 the digest of its content and its name. A line is added before its file appears, so that a run that is killed at any
@@ -38,12 +38,12 @@ class Manifest:
     ----------
     folder : Path
     adopted : tuple of str
-        Files of a version that wrote no manifest.
+        Files that a version without manifests has written; they are listed from now on.
 
     Attributes
     ----------
     token : str
-        Part of the names of unfinished files, which nobody else gives.
+        A random part of the names of unfinished files: whatever has it in its name is this program's.
 
     Raises
     ------
@@ -55,7 +55,7 @@ class Manifest:
         self.folder, self._path = folder, folder / MANIFEST
         self.token = secrets.token_hex(16)
         self._known: dict[str, list[str]] = {}
-        self._kept = os.path.lexists(self._path)  # whether it stands in the folder
+        self._kept = os.path.lexists(self._path)  # whether the manifest is a file in the folder
         if self._kept:
             self._read()
         for name in adopted:
@@ -79,7 +79,7 @@ class Manifest:
             return MISSING
         if not stat.S_ISREG(found.st_mode) or name not in self._known or not self._reached(path):
             return FOREIGN
-        # What was written just before a power failure may be empty. Then it holds nothing of anybody's.
+        # A file written just before a power failure may be empty. It then holds nothing that could be lost.
         return OURS if found.st_size == 0 or digest_of(path) in self._known[name] else CHANGED
 
     def names(self, chosen: Callable[[str], bool]) -> list[str]:
@@ -123,14 +123,14 @@ class Manifest:
             raise OutputError(f"{error.filename}: cannot be removed ({error.strerror or error})") from error
 
     def prepare(self, path: Path) -> None:
-        """Make the folder of a file that is about to be written, and no other way than through folders."""
+        """Make the folder of a file that is about to be written, and refuse one that is reached through a link."""
         self._keep()
         path.parent.mkdir(parents=True, exist_ok=True)
         if not self._reached(path):
             raise OutputError(f"{path.parent}: is a link; expected a folder, since nothing is written through links")
 
     def admit(self, path: Path, temporary: Path) -> None:
-        """List a file with the content that a temporary one has, before that takes its place.
+        """List a file with the digest of the temporary one that is about to take its place.
 
         Raises
         ------
@@ -168,7 +168,7 @@ class Manifest:
                                 os.unlink(entry.path)
 
     def close(self) -> None:
-        """Leave a line for every file that is there; no manifest where there is none."""
+        """Shorten the manifest to one line for each file that is there; remove it if there is none."""
         if not self._kept:
             return
         left = {}
@@ -178,7 +178,7 @@ class Manifest:
                 left[name] = digests
             elif len(digests) > 1 and self.state(name) == OURS:
                 left[name] = [digest_of(path)]
-        with suppress(OSError):  # what stands there is true as well
+        with suppress(OSError):  # the manifest as it stands is right as well, only longer
             if not left:
                 self._path.unlink()
             elif left != self._known or self._lines() != len(left):
@@ -196,7 +196,7 @@ class Manifest:
             self.token = found[1]
         for line in lines:
             parts = _LINE.fullmatch(line)
-            if parts and not {"", ".", ".."}.intersection(parts[2].split("/")):  # below the folder, that is
+            if parts and not {"", ".", ".."}.intersection(parts[2].split("/")):  # inside
                 self._known.setdefault(parts[2], []).append(parts[1])
 
     def _keep(self) -> None:
@@ -205,7 +205,7 @@ class Manifest:
         Raises
         ------
         OutputError
-            It is gone, and with it the folder perhaps.
+            It has been removed meanwhile, perhaps with the folder.
         """
         if self._kept:
             if not os.path.lexists(self._path):
@@ -225,7 +225,7 @@ class Manifest:
 
     def _append(self, line: str) -> None:
         data = line.encode()
-        self._kept = False  # behind a line that was cut off, nothing can be added
+        self._kept = False  # until the line is whole: nothing may be added after a line that was cut off
         handle = os.open(self._path, os.O_WRONLY | os.O_APPEND | _NO_FOLLOW)
         try:
             self._kept = os.write(handle, data) == len(data)
@@ -264,7 +264,7 @@ def digest_of(path: Path) -> str:
 
 
 def _open_regular(path: Path) -> str:
-    """Return the text of a file that is no link, no pipe, and not beyond all measure."""
+    """Return the text of a regular file of reasonable size; no link and no pipe is opened."""
     if not stat.S_ISREG(path.lstat().st_mode) or path.lstat().st_size > _MOST_BYTES:
         raise OSError(0, "it is no file that fe-squeal wrote")
     handle = os.open(path, os.O_RDONLY | _NO_FOLLOW)

@@ -1,4 +1,4 @@
-"""Measurements of a study of accuracy, a file each."""
+"""The measurements of a study of accuracy in a folder, each in a file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Measurements:
         self._probes = folder / "probes.npy"
 
     def load(self, key: str) -> Measurement | None:
-        """Return what was kept; None where there is nothing.
+        """Return a measurement that was kept; None where there is none.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What a run writes: tables, figures and shapes."""
+"""Tables, figures and shapes of a run, written into its folder."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .folder import (
     SENSITIVITIES_TABLE,
     STABILITY_FIGURE,
 )
-from .preload import model_grid, preload_dataframe
+from .preload import grid_of, preload_dataframe
 from .record import fastest_growing, mode_info
 
 
@@ -40,22 +40,22 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
     -------
     list of Path
     """
-    from ..report.export import export_shapes as export  # Matplotlib, which nothing else here loads
+    from ..report.export import export_shapes as export  # loads Matplotlib
 
-    model = discretisation_of(result.problem)
+    discretisation = discretisation_of(result.problem)
     chosen = fastest_growing(result)
     if which == "all":
         last = result.points[-1]
         chosen += [(last, i) for i in last.shapes if not any(p is last and i == j for p, j in chosen)]
     if not chosen:
         return []
-    if model is None:
+    if discretisation is None:
         return [_write_array(result, point, i, Path(folder)) for point, i in chosen]
     shapes = [_shape(result, point, i) for point, i in chosen]
-    axis = next((tuple(c.normals.mean(axis=0)) for c in model.contacts.values()), (0.0, 0.0, 1.0))
+    axis = next((tuple(c.normals.mean(axis=0)) for c in discretisation.contacts.values()), (0.0, 0.0, 1.0))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RuntimeWarning)
-        files = export(model_grid(model), shapes, folder, axis=axis)
+        files = export(grid_of(discretisation), shapes, folder, axis=axis)
     for warning in caught:
         print(f"pictures: {warning.message}", file=sys.stderr)
     return files
@@ -72,13 +72,13 @@ def write_tables(result: Sweep, out: Path) -> None:
 
 
 def write_modes(result: Sweep, out: Path) -> None:
-    """Write modes.csv and onsets.csv alone, which ask for no shapes."""
+    """Write modes.csv and onsets.csv alone, for which no shapes are needed."""
     write_csv(result.to_dataframe(), out / MODES_TABLE)
     write_csv(result.onsets_dataframe(), out / ONSETS_TABLE)
 
 
 def write_figures(result: Sweep, out: Path, title: str, covered_hz: float | None = None) -> list[Path]:
-    """Draw stability.png, root_locus.png and contributions.png; `covered_hz` is up to where all modes are known."""
+    """Draw stability.png, root_locus.png and contributions.png; up to `covered_hz` all modes are known."""
     from ..report.contributions import plot_contributions
     from ..report.figures import plot_root_locus, plot_stability
 
@@ -91,10 +91,10 @@ def write_figures(result: Sweep, out: Path, title: str, covered_hz: float | None
 
 
 def _shape(result: Sweep, point: SweepPoint, i: int) -> tuple[str, np.ndarray, dict[str, Any]]:
-    model = discretisation_of(result.problem)
-    assert model is not None
+    discretisation = discretisation_of(result.problem)
+    assert discretisation is not None
     info = mode_info(result, point, i)
-    return shape_name(info), model.space.expand(point.shapes[i]), info
+    return shape_name(info), discretisation.space.expand(point.shapes[i]), info
 
 
 def _write_array(result: Sweep, point: SweepPoint, i: int, folder: Path) -> Path:

@@ -1,4 +1,4 @@
-"""What a run tells about the static state under preload."""
+"""The static state under preload in the results: preload.csv, files and pictures, and a part of run.json."""
 
 from __future__ import annotations
 
@@ -22,32 +22,32 @@ from ..sweep.result import Sweep
 
 def write_preload(scene: Scene, problem: Problem, out: Path) -> list[Path]:
     """Write preload.vtu, preload_contacts.vtu and preload.png of the state at the nominal values, if there is one."""
-    model = discretisation_of(problem)
-    if model is None or model.static_state is None:
+    discretisation = discretisation_of(problem)
+    if discretisation is None or discretisation.static_state is None:
         return []
-    base, space = model.static_state, model.space
+    base, space = discretisation.static_state, discretisation.space
     stress = np.zeros(space.mesh.nelements)
-    for name, elements in model.bodies.items():
+    for name, elements in discretisation.bodies.items():
         stress[elements] = von_mises(space, elements, scene.elasticity(name), base.u)
     kinds = dict(zip(scene.contact_names, (c.kind for c in scene.contacts), strict=True))
     faces = {}
     for name, state in base.contacts.items():
-        c = model.contacts[name]
+        c = discretisation.contacts[name]
         directions = c.directions if kinds[name] == "sliding" else np.zeros_like(c.directions)
         faces[name] = ContactFace(
             c.points, c.normals, directions, c.weights, state.pressure, state.closed, state.normal_force, state.torque
         )
     return export_preload(
-        model_grid(model), space.expand(base.u), faces, out, mu=base.mu, von_mises=stress, title=scene.title
+        grid_of(discretisation), space.expand(base.u), faces, out, mu=base.mu, von_mises=stress, title=scene.title
     )
 
 
 def preload_record(scene: Scene | MatrixScene, problem: Problem) -> dict[str, Any] | None:
-    """Return what presses at the nominal values."""
-    model = discretisation_of(problem)
-    if model is None or model.static_state is None or not isinstance(scene, Scene):
+    """Return forces, areas and pressures of the static state at the nominal values, for run.json."""
+    discretisation = discretisation_of(problem)
+    if discretisation is None or discretisation.static_state is None or not isinstance(scene, Scene):
         return None
-    base = model.static_state
+    base = discretisation.static_state
     stiffness = dict(zip(scene.contact_names, (c.normal_stiffness for c in scene.contacts), strict=True))
     return {
         "mu": base.mu,
@@ -56,9 +56,9 @@ def preload_record(scene: Scene | MatrixScene, problem: Problem) -> dict[str, An
         "residual": base.equilibrium.residual,
         "contacts": {
             name: {
-                **contact_summary(model.contacts[name], state),
+                **contact_summary(discretisation.contacts[name], state),
                 "force_on_pad_n": state.force,
-                "follower_ratio": follower_ratio(model.contacts[name], state, stiffness[name]),
+                "follower_ratio": follower_ratio(discretisation.contacts[name], state, stiffness[name]),
             }
             for name, state in base.contacts.items()
         },
@@ -75,9 +75,9 @@ def preload_dataframe(result: Sweep) -> pd.DataFrame | None:
     return pd.DataFrame(rows) if rows else None
 
 
-def model_grid(model: Discretisation) -> ShapeGrid:
-    """Return the mesh of a model as shapes and fields are written on it."""
-    space, bodies = model.space, model.bodies
+def grid_of(discretisation: Discretisation) -> ShapeGrid:
+    """Return the mesh on which shapes and fields are written, with the body of each element."""
+    space, bodies = discretisation.space, discretisation.bodies
     basis = skfem.CellBasis(space.mesh, space.element, intorder=1, dofs=space.dofs)
     owner = np.zeros(space.mesh.nelements, int)
     for number, elements in enumerate(bodies.values()):

@@ -33,9 +33,9 @@ def write_record(
     inputs : mapping
         See `run_inputs`.
     solver : LinearSolver
-        What factorised.
+        The one that factorised the matrices.
     """
-    model, parts = discretisation_of(problem), force_balance(problem)
+    discretisation, parts = discretisation_of(problem), force_balance(problem)
     record: dict[str, Any] = {
         "version": inputs["version"],
         "title": scene.title,
@@ -57,15 +57,15 @@ def write_record(
         "values": list(result.values) if result is not None else [],
         "contacts": {
             name: {"area_m2": c.area, "coverage": c.coverage, "largest_gap_m": float(np.abs(c.separation).max())}
-            for name, c in (model.contacts if model is not None else {}).items()
+            for name, c in (discretisation.contacts if discretisation is not None else {}).items()
         },
         "preload": preload_record(scene, problem),
         "forces": balance_record(parts) if parts else None,
-        "unstable": _attribution(result) if result is not None and status != "running" else [],
-        "notes": list(model.notes) if model is not None else [],
+        "unstable": _unstable(result) if result is not None and status != "running" else [],
+        "notes": list(discretisation.notes) if discretisation is not None else [],
         "warnings": [
-            *(model.warnings if model is not None else ()), *balance_warnings(parts),
-            *(result.doubts if result is not None else ()),
+            *(discretisation.warnings if discretisation is not None else ()), *balance_warnings(parts),
+            *(result.warnings if result is not None else ()),
         ],
         "inputs": inputs,
     }
@@ -83,8 +83,8 @@ def fastest_growing(result: Sweep) -> list[tuple[SweepPoint, int]]:
     return [best[b] for b in sorted(best)]
 
 
-def _attribution(result: Sweep) -> list[dict[str, Any]]:
-    """Return for each unstable branch, where it grows fastest, whence its growth comes and what moves it."""
+def _unstable(result: Sweep) -> list[dict[str, Any]]:
+    """Return shares and sensitivities of each unstable branch at the value where it grows fastest."""
     found = []
     for point, i in fastest_growing(result):
         shares = result.balance(point, i)
@@ -99,7 +99,7 @@ def _attribution(result: Sweep) -> list[dict[str, Any]]:
 
 
 def mode_info(result: Sweep, point: SweepPoint, i: int) -> dict[str, Any]:
-    """Return which mode it is, and its eigenvalue."""
+    """Return place and eigenvalue of a mode, for run.json and files of shapes."""
     lam = point.modes.lam[i]
     return {
         "parameter": result.parameter, "value": point.value, "mode": i + 1, "branch": int(point.branches[i]),

@@ -1,4 +1,4 @@
-"""What `--resume` finds in a folder of results."""
+"""Whether `--resume` finds finished results in a folder, and their tables printed once more."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def is_finished(out: Path, checkpoint: Checkpoint, inputs: Mapping[str, Any]) ->
 
 
 def is_estimated(out: Path) -> bool:
-    """Return whether the finished results have the errors of the mesh."""
+    """Return whether the errors of the mesh were estimated in finished results."""
     record = read_json(out / RECORD)
     return isinstance(record, dict) and "estimate" in (record.get("seconds") or {})
 

@@ -89,15 +89,15 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
         spent = 0.0
         remove_results(held)
         checkpoint.begin(inputs)
-    model = discretisation_of(problem)
-    if model is not None:
-        for text in model.notes:
+    discretisation = discretisation_of(problem)
+    if discretisation is not None:
+        for text in discretisation.notes:
             console.print(f"note: {text}", markup=False)
         parts = force_balance(problem)
         balance = balance_table(parts)
         if balance is not None:
             print_table(balance, console)
-        for text in told_once((*model.warnings, *balance_warnings(parts))):
+        for text in told_once((*discretisation.warnings, *balance_warnings(parts))):
             console.print(f"warning: {text}", markup=False)
     console.print(
         f"{problem.unknowns} unknowns, {problem.problem_class} problem; effects on: "
@@ -136,7 +136,7 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
             try:
                 result = _estimated(result, solver, console)
             except KeyboardInterrupt:
-                status = "interrupted"  # the sweep is whole; --resume goes on with the estimate
+                status = "interrupted"  # all values are finished; --resume goes on with the estimate
         seconds |= dict(result.seconds)
         clock = time.perf_counter()
         write_results(scene, result, held)
@@ -204,7 +204,7 @@ def sweep_scene(
 def write_results(scene: Scene | MatrixScene, result: Sweep, held: Manifest) -> None:
     """Write tables, figures and shapes."""
     out = held.folder
-    held.remove(is_shape)  # an interrupted run has written those that grew fastest until then
+    held.remove(is_shape)  # those of an interrupted run may belong to other values: the fastest growth so far
     write_tables(result, out)
     write_figures(result, out, scene.title, frequency_range(scene, result)[1])
     if isinstance(scene, Scene):
@@ -214,17 +214,17 @@ def write_results(scene: Scene | MatrixScene, result: Sweep, held: Manifest) -> 
 
 
 def _explained(result: Sweep, scene: Scene | MatrixScene) -> Sweep:
-    """Add the doubt that a sweep without any mode leaves."""
+    """Add the warning that a sweep gives whose range holds no mode."""
     if any(len(point.modes) for point in result.points):
         return result
     limit = scene.solve.max_frequency
     asked = f"solve.max_frequency: given {limit:g} Hz; no mode lies below it" if limit else "no mode is determined"
-    doubt = f"{asked}, so nothing is shown"
-    return replace(result, doubts=(*result.doubts, doubt))
+    warning = f"{asked}, so nothing is shown"
+    return replace(result, warnings=(*result.warnings, warning))
 
 
 def _estimated(result: Sweep, solver: LinearSolver, console: Console) -> Sweep:
-    """Add the errors of the mesh; where that fails, the doubt that it leaves."""
+    """Add the errors of the mesh, or where that fails a warning."""
     from ..accuracy import with_discretisation
 
     clock = time.perf_counter()
@@ -232,7 +232,7 @@ def _estimated(result: Sweep, solver: LinearSolver, console: Console) -> Sweep:
     try:
         result = with_discretisation(result, solver)
     except (NotConvergedError, InputError) as error:
-        result = replace(result, doubts=(*result.doubts, f"the error of the mesh is not known: {error}"))
+        result = replace(result, warnings=(*result.warnings, f"the error of the mesh is not known: {error}"))
     return replace(result, seconds={**result.seconds, "estimate": time.perf_counter() - clock})
 
 
@@ -261,5 +261,5 @@ def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: 
     above = unstable_above(result)
     if above is not None:
         console.print(f"note: {above_text(above, result.parameter)}", markup=False)
-    for doubt in told_once(result.doubts):  # what a sweep doubts last, onsets that it did not find, is the gravest
-        console.print(f"warning: {doubt}", markup=False)
+    for warning in told_once(result.warnings):  # the last ones, of onsets that were not found, are the gravest
+        console.print(f"warning: {warning}", markup=False)

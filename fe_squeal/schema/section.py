@@ -41,11 +41,14 @@ class Section(BaseModel):
     def __setattr__(self, name: str, value: Any) -> None:
         """Refuse to change a table: what was made from it would not follow."""
         if not name.startswith("_"):
-            raise SceneError(
-                f"{name}: a scene does not change once it is made; for another number of the physics take"
-                f' problem.at({{"effects.friction.mu": 0.3}}), for another scene fe_squeal.parse_scene'
-            )
+            raise _unchangeable(name)
         super().__setattr__(name, value)
+
+    def __delattr__(self, name: str) -> None:
+        """Refuse to take a key away."""
+        if not name.startswith("_"):
+            raise _unchangeable(name)
+        super().__delattr__(name)
 
     @field_validator("*")
     @classmethod
@@ -55,6 +58,13 @@ class Section(BaseModel):
             if number and not _TINY < abs(number) < _HUGE:
                 raise ValueError(f"expected a number between {_TINY:g} and {_HUGE:g} in size, or 0")
         return value
+
+
+def _unchangeable(name: str) -> SceneError:
+    return SceneError(
+        f"{name}: a scene does not change once it is made; for another number of the physics take"
+        f' problem.at({{"effects.friction.mu": 0.3}}), for another scene fe_squeal.parse_scene'
+    )
 
 
 def _floats(value: Any) -> Iterator[float]:

@@ -1,4 +1,4 @@
-"""A change of stability inside a step of a sweep, and how closely such changes are looked for."""
+"""A change of stability inside a step of a sweep, and how finely a step is searched for them."""
 
 from __future__ import annotations
 
@@ -6,32 +6,33 @@ from dataclasses import dataclass
 
 import numpy as np
 
-FINEST = 1e-6  # of a step: nearer to each other two changes of stability are not told apart
-SETTLED = 1e-5  # of a step: windows that may be hidden below the error of a group are narrower than this
+FINEST = 1e-6  # of a step: two changes of stability nearer to each other than this are not told apart
+SETTLED = 1e-5  # of a step: values are added until no window wider than this can hide in the error of the group matrix
 
 
 @dataclass(frozen=True)
 class Change:
-    """A change of stability between two near values.
+    """A change of stability of the step model between two near values.
 
     Attributes
     ----------
-    kind : "meeting" of two eigenvalues θ, "zero" of an undamped eigenvalue θ, "crossing" of the imaginary axis, or
-        "parting" of a growing pair λ, λ* into two real ones, or of these into a pair
+    kind : str
+        "meeting": two eigenvalues θ become a complex pair, or a pair becomes two. "zero": an undamped θ passes zero.
+        "crossing": λ crosses the imaginary axis. "parting": a growing pair λ, λ* becomes two real λ, or these a pair.
     gains : int
-        By how many the unstable modes become more, for a rising parameter.
+        How many unstable modes are gained for a rising parameter; negative where some are lost.
     low, high : float
-        Values before and behind.
+        Values between which the change lies.
     limits : (float, float)
-        Values up to which nothing else changes in the group; the change itself is between them.
+        The wider interval around it in which nothing else changes in the group.
     v : complex
-        The eigenvalue there, θ or λ.
+        The eigenvalue there, θ without dampers or λ with them.
     right, left : (r,) complex
-        On the small problem, approximately.
+        Its vectors on the step model, approximately.
     group : (r, ·) complex
-        Right vectors of the whole group, at both ends of the interval.
+        Right vectors of all modes of the group, at both ends of the interval.
     at_start : bool
-        Whether the change begins at the first value of the step.
+        Whether the interval begins at the first value of the step.
     """
 
     kind: str
@@ -47,7 +48,13 @@ class Change:
 
 
 class Asked(Exception):
-    """A value at which modes are needed to tell more, as t of the cluster."""
+    """Raised where stability cannot be told without the modes at one more value.
+
+    Attributes
+    ----------
+    t : float
+        That value, 0 … 1 between the ends of the interval.
+    """
 
     def __init__(self, t: float) -> None:
         super().__init__()

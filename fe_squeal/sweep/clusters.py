@@ -1,7 +1,8 @@
-"""Eigenvalues that may meet between two values of the parameter, as one small matrix that is smooth where they do.
+"""Eigenvalues that may meet between two values of the parameter: a group, and its matrix H(p), which stays smooth.
 
 Of a group of m eigenvalues that no other one comes near, right and left vectors R, L with LᴴBR = 1 give the matrix
-H = LᴴAR with these eigenvalues. H is analytic in the parameter p where the eigenvalues themselves have branch points.
+H = LᴴAR with these eigenvalues, the group matrix. It is analytic in the parameter p even where eigenvalues meet and
+themselves have branch points.
 With bases that are carried along so that LᴴBR' = 0, its derivative is LᴴA'R − LᴴB'RH. (Kato, Perturbation Theory for
 Linear Operators, II §4: analytic bases of a group, and the transformation between the bases of two values.)
 """
@@ -18,15 +19,18 @@ from scipy.sparse.csgraph import connected_components
 
 from .nodes import Node
 
-_REACH = 2.0  # times the distance that two eigenvalues may come nearer by their present slopes: they may meet
+_REACH = 2.0  # times how much nearer their slopes would bring two eigenvalues: if their distance is less, they may meet
 _ALIKE = 0.1  # MAC from which two modes at different values belong to one group
-_SAME = 0.5  # MAC from which two modes by themselves are one
+_SAME = 0.5  # MAC from which the only two modes of a group continue each other
 _DEFECTIVE = 10.0  # condition from which the slope of a single eigenvalue says little
 _TURNED = 0.5  # how far a group may have turned over an interval, as |LᴴBR·LᴴBR − 1|
 
 
 def groups(first: Node, second: Node) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the positions, at both values, of eigenvalues that may meet or have changed places between them."""
+    """Return the groups: positions, at both values, of eigenvalues that may meet between them or have changed places.
+
+    Eigenvalues whose stability cannot change between the two values are left out.
+    """
     k = len(first)
     links = np.zeros((k + len(second),) * 2, bool)
     width = abs(second.value - first.value)
@@ -37,12 +41,12 @@ def groups(first: Node, second: Node) -> list[tuple[np.ndarray, np.ndarray]]:
     found = [(np.flatnonzero(label[:k] == i), np.flatnonzero(label[k:] == i)) for i in range(count)]
     single = [len(s0) == len(s1) == 1 and _is_idle(first, s0[0], second, s1[0], alike) for s0, s1 in found]
     found = [members for members, idle in zip(found, single, strict=True) if not idle]
-    # Of groups that lie below the real axis the mirror images are there too.
+    # Groups below the real axis are the mirror images of others above.
     return [(s0, s1) for s0, s1 in found if (first.lam[s0].imag >= 0).any() or (second.lam[s1].imag >= 0).any()]
 
 
 def _is_idle(a: Node, i: int, b: Node, j: int, alike: np.ndarray) -> bool:
-    """Whether an eigenvalue that meets no other one stays clear of zero, or of the imaginary axis."""
+    """Whether an eigenvalue that meets no other one stays on its side of zero (θ), or of the imaginary axis (λ)."""
     if alike[i, j] < _SAME:
         return False
     width = abs(b.value - a.value)
@@ -53,7 +57,7 @@ def _is_idle(a: Node, i: int, b: Node, j: int, alike: np.ndarray) -> bool:
         distance, slopes = v.imag, 1j * slopes
     else:
         distance = -v.real
-    # A cubic with these slopes leaves its chord by 4/27 of them at most, on either side.
+    # A cubic with these slopes at the ends leaves the straight line by at most 4/27 of each slope times the width.
     overshoot = 2 * 4 / 27 * width * np.abs(slopes.real).sum() + a.blur[i] + b.blur[j]
     return bool(np.abs(distance).min() > overshoot and distance[0] * distance[1] > 0)
 
@@ -66,11 +70,19 @@ def _lengths(node: Node, side: str) -> np.ndarray:
 def _likeness(a: Node, b: Node, side: str) -> np.ndarray:
     u, w = (n.right if side == "right" else n.left for n in (a, b))
     size = np.outer(_lengths(a, side), _lengths(b, side))
-    return np.asarray(np.abs(u.conj().T @ a.M @ w) / size) ** 2
+    alike = np.asarray(np.abs(u.conj().T @ a.M @ w) / size) ** 2
+    if a.C is None:
+        return alike
+    # States (φ, λφ) tell the two eigenvalues of an overdamped mode, or a mode and its mirror image, from each other.
+    v, x = np.abs(a.v)[:, None], np.abs(b.v)[None, :]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        turn = np.conj(a.v / np.abs(a.v))[:, None] * (b.v / np.abs(b.v))[None, :]
+        same = np.abs(1 + turn) ** 2 / (2 + v / x + x / v)
+    return np.where((v > 0) & (x > 0), alike * same, alike)
 
 
 def _may_meet(node: Node, width: float) -> np.ndarray:
-    """Return which pairs of eigenvalues could meet within a width: gap, slopes and coupling of the two alone."""
+    """Return which pairs of eigenvalues may meet within a width, by gap, slopes and coupling of each pair alone."""
     if not len(node):
         return np.zeros((0, 0), bool)
     rate = np.ones(len(node)) if node.C is None else 2 * np.maximum(np.abs(node.v), np.finfo(float).tiny)
@@ -97,7 +109,7 @@ def _may_meet(node: Node, width: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Cluster:
-    """The matrix H of a group over an interval of the parameter, t = 0 … 1: a cubic with value and slope at both ends.
+    """A group over an interval of the parameter, t = 0 … 1: H(t) is the cubic with the values and slopes at its ends.
 
     Attributes
     ----------
@@ -121,11 +133,11 @@ class Cluster:
 
     @cached_property
     def _bases(self) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray], list[np.ndarray], float]:
-        """Return H, dH/dt, right and left bases at both ends, and how far the group has turned."""
+        """Return H, dH/dt, right and left bases at both ends, and how far the space of the group turns between them."""
         bases = []
         for node, s in self._both():
             basis = node.basis(s)
-            # Orthonormal combinations: eigenvectors of near values are nearly dependent.
+            # Orthonormal combinations, since eigenvectors next to a meeting are nearly dependent.
             S, T = (la.qr(_states(u, H, node), mode="r")[0][: len(s)] for u, H in
                     ((basis.right, basis.H), (basis.left, basis.HL.conj().T)))  # fmt: skip
             bases.append(basis.changed(S, T))
@@ -151,14 +163,14 @@ class Cluster:
 
     @cached_property
     def is_smooth(self) -> bool:
-        """Whether the group is the same at both ends and has not turned too far for a cubic."""
+        """Whether both ends have as many eigenvalues, in spaces so close that a cubic can join their matrices."""
         if len(self.members[0]) != len(self.members[1]):
             return False
         with warnings.catch_warnings():
             warnings.simplefilter("error", la.LinAlgWarning)
             try:
                 return self._bases[4] <= _TURNED
-            except (la.LinAlgError, la.LinAlgWarning, ValueError):  # modes that are one in rounding
+            except (la.LinAlgError, la.LinAlgWarning, ValueError):  # modes that rounding makes one
                 return False
 
     def matrix(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -170,7 +182,7 @@ class Cluster:
         return H, dH
 
     def error(self, t: np.ndarray) -> np.ndarray:
-        """Return how far H may be off: what a cubic adds to a parabola, and what its bases leave open."""
+        """Return how far the cubic may be from H: its difference from a parabola, and what turned bases leave open."""
         (a, b), (da, db), *_, turned = self._bases
         rest = la.norm(b - a - (da + db) / 2, 2) + turned * la.norm(b - a, 2)
         return np.asarray(16 * rest * (t * (1 - t)) ** 2)
@@ -181,7 +193,7 @@ class Cluster:
         return np.hstack([n.right[:, s] for n, s in self._both()])
 
     def vectors(self, t: float, right: np.ndarray, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return right and left vectors (r, ·) of the small problem from those of H."""
+        """Return right and left vectors (r, ·) of the step model from those of H."""
         _, _, R, L, _ = self._bases
         return ((1 - t) * R[0] + t * R[1]) @ right, ((1 - t) * L[0] + t * L[1]) @ left
 
@@ -191,7 +203,7 @@ class Cluster:
 
 
 def _states(u: np.ndarray, H: np.ndarray, node: Node) -> np.ndarray:
-    """Return vectors (r, m), with dampers stacked upon u H in units of |λ|."""
+    """Return the states of vectors (r, m): u alone, or with dampers u above uH, the velocities, in units of |λ|."""
     u = node.weighted(u)
     if node.C is None:
         return u

@@ -1,4 +1,4 @@
-"""How many modes there are where the inertia of a damped or frictional pencil tells nothing."""
+"""A count of modes with damping or friction, where the inertia of the matrices does not give one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..errors import NotConvergedError
 from ..problem.problem import Problem
 from ..reduced import ReducedModel
 
-_CLEAR = 1e-5  # of a frequency: a gap in which a count may end
+_CLEAR = 1e-5  # of a frequency: how wide a gap must be for a count to end in it
 _VALUE = "value"
 
 
@@ -22,9 +22,9 @@ def count_apart(
 ) -> int | None:
     """Count the modes up to the highest of those found, by another method than the one that found them.
 
-    Modes with damping and friction grow out of those without, which the inertia of K − σM counts (Sylvester). A small
-    model begins with these and is grown until every residual meets the tolerance and a search at random finds no
-    other mode; how many modes it has up to a clear gap is the count.
+    Modes with damping and friction grow out of those without, which the inertia of K − σM counts (Sylvester). A reduced
+    model begins with these. It is extended until every residual meets the tolerance and a search from random vectors
+    finds no other mode. The count is how many modes it has up to a clear gap between two frequencies.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def count_apart(
     Returns
     -------
     int or None
-        None where there is no clear gap, the solver counts nothing, or the small model does not get there.
+        None where there is no clear gap, the solver does not give the inertia, or the reduced model does not converge.
     """
     swinging = np.sort(modes.lam.imag[(modes.lam.imag > 0) & ~is_beside(modes)])
     gaps = np.flatnonzero(np.diff(swinging) > _CLEAR * swinging[1:])

@@ -1,4 +1,4 @@
-"""Changes of stability with dampers or complex stiffness: branches that cross the imaginary axis."""
+"""Changes of stability with dampers or complex stiffness: eigenvalues that cross the imaginary axis."""
 
 from __future__ import annotations
 
@@ -12,15 +12,17 @@ from .samples import Samples
 
 
 def _growth(samples: Samples, v: np.ndarray) -> np.ndarray:
+    """Return Re λ of eigenvalues λ, or of θ = −λ²: of its two roots that with Im λ ≥ 0."""
     return v.real if not samples.theta else np.sqrt(-v + 0j).real * np.where(np.sqrt(-v + 0j).imag < 0, -1.0, 1.0)
 
 
 def find_crossings(samples: Samples) -> tuple[list[Change], float]:
-    """Return what changes, and up to which share of the interval a window may have been hidden.
+    """Return the changes of a group, and the widest window of instability, as share of the interval, left unseen.
 
     Raises
     ------
     Asked
+        If the error of the group matrix leaves a change open.
     """
     _follow(samples)
     t, growth, error = samples.t, _growth(samples, samples.v), samples.cluster.error(samples.t)
@@ -31,13 +33,14 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
         blur = samples.blur
     i, j = np.triu_indices(samples.cluster.m, 1)
     apart = np.abs(samples.v[:, i] - samples.v[:, j]).min(axis=1, initial=np.inf)
-    # An eigenvalue moves by the error of H times its condition, and next to a meeting by its square root.
+    # An error of H moves an eigenvalue by as much times its condition, and next to a meeting by its square root.
     amplified = error * (1 + samples.departure / np.maximum(apart, error + np.finfo(float).tiny))
     worst = np.sqrt(error * (error + samples.departure)) + error
-    unsure = np.minimum(amplified, worst) if samples.cluster.m > 1 else error
+    group = np.minimum(amplified, worst) if samples.cluster.m > 1 else error
     found: list[tuple[int, int, Change]] = []
     for b in range(samples.cluster.m):
         g = growth[:, b]
+        unsure = np.fmin(group, error * samples.condition[:, b])
         up = g > blur
         for end, at in ((0, 0), (1, -1)):
             node, s = samples.cluster.ends[end], samples.cluster.members[end]
@@ -46,7 +49,7 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
         borders = [0, *(int(k) + 1 for k in jumps), len(t)]
         for begin, end in itertools.pairwise(borders):
             inside = slice(begin, end)
-            at_end = begin == 0 or end == len(t)  # where the modes themselves are known
+            at_end = begin == 0 or end == len(t)  # there stability is that of computed modes, not of H
             sure = at_end or bool((np.abs(g[inside]) > unsure[inside]).any())
             close = ~up[inside] & (g[inside] > -unsure[inside]) & (unsure[inside] > blur)
             close[[0, -1]] = False
@@ -69,12 +72,12 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
 
 
 def _partings(samples: Samples, growth: np.ndarray, blur: float, crossed: np.ndarray) -> list[Change]:
-    """Return where growing pairs λ, λ* become two real eigenvalues, each of which counts, or the reverse.
+    """Return where growing pairs λ, λ* become two growing real λ, which count as two unstable modes, or the reverse.
 
     Parameters
     ----------
     crossed : (s − 1,) int
-        By how many the unstable modes become more between two samples through the imaginary axis.
+        How many unstable modes are gained between two samples by crossings of the imaginary axis.
     """
     real = np.abs(samples.v.imag) <= 1e-9 * np.abs(samples.v) + blur
     single = (real & (growth > blur)).sum(axis=1)
@@ -92,31 +95,28 @@ def _partings(samples: Samples, growth: np.ndarray, blur: float, crossed: np.nda
 
 
 def _follow(samples: Samples) -> None:
-    """Put the eigenvalues of every sample in the order of the sample before; add samples where one could turn."""
+    """Put the eigenvalues of every sample in the order of those before; add samples where one crosses and returns."""
     for _ in range(12):
         for k in range(1, len(samples.t)):
             h = samples.t[k] - samples.t[k - 1]
             ahead = samples.v[k - 1] + h * samples.slope[k - 1] / 2
             back = samples.v[k] - h * samples.slope[k] / 2
             _, order = linear_sum_assignment(np.abs(ahead[:, None] - back[None, :]))
-            samples.v[k], samples.slope[k], samples.W[k] = (
-                samples.v[k][order],
-                samples.slope[k][order],
-                samples.W[k][:, order],
-            )
+            samples.v[k], samples.slope[k] = samples.v[k][order], samples.slope[k][order]
+            samples.W[k], samples.condition[k] = samples.W[k][:, order], samples.condition[k][order]
         more = _turning_points(samples)
         if not len(more):
             return
-        v, slope, _, W, departure = samples.at(more)
+        v, slope, _, W, departure, condition = samples.at(more)
         order = np.argsort(np.concatenate([samples.t, more]), kind="stable")
         samples.t = np.concatenate([samples.t, more])[order]
-        samples.v, samples.slope = np.concatenate([samples.v, v])[order], np.concatenate([samples.slope, slope])[order]
-        samples.W = np.concatenate([samples.W, W])[order]
-        samples.departure = np.concatenate([samples.departure, departure])[order]
+        added = {"v": v, "slope": slope, "W": W, "departure": departure, "condition": condition}
+        for name, more_of_it in added.items():
+            setattr(samples, name, np.concatenate([getattr(samples, name), more_of_it])[order])
 
 
 def _turning_points(samples: Samples) -> np.ndarray:
-    """Return where a cubic through two samples of one branch reaches growth between two stable ones, or ends it."""
+    """Return where the cubic through two samples of one eigenvalue changes sign twice: a window between the samples."""
     growth = _growth(samples, samples.v)
     rate = samples.slope.real if not samples.theta else -samples.slope.imag / (2 * np.sqrt(np.abs(samples.v)))
     h = np.diff(samples.t)[:, None]
@@ -132,7 +132,7 @@ def _turning_points(samples: Samples) -> np.ndarray:
 
 
 def _towards_a_change(close: np.ndarray) -> bool:
-    """Whether what is close to zero in a run of stable samples reaches an end of it: it leads to the change there."""
+    """Whether all samples close to zero in a stable stretch lie at its ends, where a change of stability is."""
     k = np.flatnonzero(close)
     runs = np.split(k, np.flatnonzero(np.diff(k) > 1) + 1)
     return all(int(run[0]) <= 1 or int(run[-1]) >= len(close) - 2 for run in runs)

@@ -18,16 +18,16 @@ from ..eigen.shift import shift_below, symmetric_part
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
 
-VALUES, UNKNOWNS = 5, 2000  # from which a small model pays
+VALUES, UNKNOWNS = 5, 2000  # from which a reduced model pays
 # Vectors of length n per mode asked for: of a reduced basis while it grows, and of Arnoldi iterations for both sides.
 _REDUCED_VECTORS, _DIRECT_VECTORS = 24, 12
 _REDUCED_COPIES, _DIRECT_COPIES = 4, 2  # of the matrices: sums of terms and what the solver keeps
 
 
 def is_reduced(problem: Problem, parameter: str, values: int, method: str) -> bool:
-    """Whether a sweep works on a small model of the problem: where that is asked for, or pays."""
-    # Few values without friction and damping are Lanczos's own ground; of all other problems both sides and the count
-    # of the modes cost less by a small model, even at one value.
+    """Whether a sweep works on a reduced model of the problem: where that is asked for, or pays."""
+    # A few values without friction and damping cost least by Lanczos iteration. In all other problems left modes are
+    # needed and modes are counted, which costs less by a reduced model, even at one value.
     plain = all(t.symmetric and t.slot != "C" and not t.imaginary for t in problem.terms)
     enough = values >= VALUES or not plain
     pays = enough and problem.unknowns >= UNKNOWNS and problem.is_affine(parameter)
@@ -54,7 +54,7 @@ class MemoryPrediction:
 
     @property
     def fits(self) -> bool:
-        """Whether there is as much."""
+        """Whether as much is free."""
         return self.total - psutil.Process().memory_info().rss <= self.free
 
     def __str__(self) -> str:

@@ -28,13 +28,13 @@ class Root:
     theta : float, rad²/s²
         The eigenvalue −λ² there.
     coefficient : float
-        Of √|p − p_c| in the growth rate behind the root, rad/s; at a crossing dRe λ/dp.
+        Factor of √|p − p_c| in Re λ beyond the root, rad/s; at a crossing dRe λ/dp.
     uncertainty : float
         Of `value`: last Newton step and rounding.
     right, left : (n,)
         Vectors of Q(λ) there.
     coefficient_sign : int
-        1 where the pair becomes complex for a rising parameter, −1 where it parts.
+        1 where two eigenvalues become a complex pair for a rising parameter, −1 where a pair becomes two.
     """
 
     value: float
@@ -137,7 +137,7 @@ def find_crossing(
     x, y : (n,) complex
         Approximate right and left mode.
     width : float
-        How far from `value` the root may lie. Where Re λ hardly depends on p, rounding alone would allow any p.
+        How far from `value` the root may lie. Where Re λ hardly depends on p, a root could lie anywhere by rounding.
 
     Raises
     ------
@@ -179,7 +179,7 @@ def find_crossing(
 
 
 class _Bordered:
-    """g of the bordered matrix and its derivatives at one (v, p), from one factorisation.
+    """The scalar g of the bordered matrix and its derivatives at one (v, p), from one factorisation.
 
     The matrix is K − θM with v = θ, or with dampers Q(λ) = λ²M + λC + K with v = λ, real.
     """
@@ -220,7 +220,7 @@ class _Bordered:
         self.w = zt[:n]
         Ax, Aw = A_v @ self.x, A_v.T @ self.w
         Px, Pw = A_p @ self.x, A_p.T @ self.w
-        # With Bz = e: ∂z = −B⁻¹ ∂B z, and g is weighted by zᵗ. Rows are scaled by `size` like e.
+        # With Bz = e and Bᵀw = e: ∂z = −B⁻¹ ∂B z, and from eᵀz = size·g: ∂g = −wᵀ ∂B z / size.
         x_v = -factor.solve(np.pad(Ax, (0, more)))[:n]
         self.g_v = -float(self.w @ Ax) / size
         self.g_p = -float(self.w @ Px) / size

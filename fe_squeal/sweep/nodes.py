@@ -1,4 +1,4 @@
-"""What is known of the modes at one value of the parameter, as matrices that other values can be compared with."""
+"""The modes at one value of the parameter, with matrices by which modes at other values are compared with them."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from ..eigen.pencil import Modes
 from ..problem.problem import Problem
 from ..problem.terms import POWER, Slot
 
-_PARALLEL = 1e-9  # 1 − MAC of two modes that are one, at a double eigenvalue
+_PARALLEL = 1e-9  # 1 − MAC of two modes below which they are one, that of a defective double eigenvalue
 _EQUAL = 1e-6  # relative distance of the two eigenvalues there
-_ASIDE = 1e-6  # of such an eigenvalue: how far from it the shift of the inverse iteration lies
+_ASIDE = 1e-6  # of such an eigenvalue: distance of the shift of inverse iteration, or the matrix would be singular
 _ROUNDS, _SEED = 4, 20261122
 
 
@@ -45,11 +45,10 @@ class Basis:
 
 @dataclass(frozen=True)
 class Node:
-    """Modes at one value, in the coordinates of a small problem.
+    """Modes at one value, in the coordinates of the step model.
 
-    The eigenvalues v are θ = −λ² without dampers, where the problem is K φ = θ M φ, and λ with them. A mode and its
-    mirror image count once where both have the same v (λ = ±s). With dampers and real matrices the conjugate
-    eigenvalues are there too.
+    The eigenvalues v are θ = −λ² without dampers, where the problem is K φ = θ M φ, and λ with them. Without dampers
+    λ and −λ have the same v and count once. With dampers and real matrices both λ and λ* are among the eigenvalues.
 
     Attributes
     ----------
@@ -57,8 +56,8 @@ class Node:
     v : (k,) complex
     right, left : (r, k) complex
     lam : (k,) complex
-        What v stands for.
-    blur : (k,)
+        Those of the modes.
+    blur : (k,) float
         How far v may be off by rounding and residuals.
     unstable : (k,) bool
     M, K : (r, r)
@@ -68,9 +67,9 @@ class Node:
     paired : bool
         Whether every eigenvalue v that is not real has its conjugate beside it: real matrices without dampers.
     symmetric : bool
-        Whether all eigenvalues v are real whatever the value: nothing can meet.
+        Whether the matrices are symmetric: every v is real at every value, and no two become a complex pair.
     conservative : bool
-        Whether λ and −λ* come together in spite of C: gyroscopic forces and a symmetric stiffness.
+        Whether every λ has −λ* beside it although there is C: gyroscopic forces and a symmetric stiffness.
     """
 
     value: float
@@ -92,16 +91,19 @@ class Node:
         return len(self.v)
 
     def all(self) -> Basis:
-        """Return every mode by itself."""
+        """Return a basis of all modes, each by itself."""
         return Basis(self.right, self.left, np.diag(self.v), np.diag(self.v))
 
     def weighted(self, u: np.ndarray) -> np.ndarray:
-        """Return vectors in units in which every unknown has the same mass; those without mass as they are."""
+        """Return vectors in units in which every unknown has the same mass; unknowns without mass stay as they are."""
         mass = self.M.diagonal()
         return np.asarray(np.sqrt(np.where(mass > 0, mass, 1.0))[:, None] * u)
 
     def basis(self, members: np.ndarray) -> Basis:
-        """Return the space of some of the modes; of those that are one at a double eigenvalue, that of both."""
+        """Return a basis of some of the modes.
+
+        At a defective double eigenvalue two modes are the same; inverse iteration then finds the space of both.
+        """
         right, left, v = self.right[:, members].copy(), self.left[:, members].copy(), self.v[members]
         H, HL = np.diag(v).astype(complex), np.diag(v).astype(complex)
         u = self.weighted(right)
@@ -120,7 +122,7 @@ class Node:
         return Basis(right, left, H, HL)
 
     def _invariant(self, v: np.ndarray, m: int, adjoint: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Return m vectors that span the space of a multiple eigenvalue, by inverse iteration, and its matrix."""
+        """Return m vectors that span the invariant space of a multiple eigenvalue, and the matrix H on it."""
         M, K = (A.conj().T if adjoint else A for A in (self.M, self.K))
         if self.C is None:
             A, B = K, M
@@ -135,6 +137,18 @@ class Node:
             X = la.qr(la.lu_solve(factors, B @ X), mode="economic")[0]
         H = la.lstsq(B @ X, A @ X)[0]
         return X[: len(M)], H
+
+    @property
+    def residual(self) -> float:
+        """Return the largest ‖K φ − v M φ‖ / ‖v M φ‖, or ‖(v²M + vC + K)φ‖ / ‖v²M φ‖ with dampers, of the modes."""
+        U, v = self.right, self.v
+        if not len(v):
+            return 0.0
+        inertia = (self.M @ U) * (v if self.C is None else v**2)
+        rest = self.K @ U - inertia if self.C is None else inertia + (self.C @ U) * v + self.K @ U
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.linalg.norm(rest, axis=0) / np.linalg.norm(inertia, axis=0)
+        return float(np.nan_to_num(share, nan=0.0, posinf=0.0).max())
 
     @cached_property
     def rates(self) -> np.ndarray:
@@ -157,7 +171,7 @@ class Node:
         return np.asarray(own.HL @ product + product @ other.H + W @ self.C @ other.right)
 
     def push(self, own: Basis) -> np.ndarray:
-        """Return Wᴴ(∂K U − ∂M U H), or −Wᴴ(∂M U H² + ∂C U H + ∂K U): what moves the eigenvalues with the parameter."""
+        """Return Wᴴ(∂K U − ∂M U H), or −Wᴴ(∂M U H² + ∂C U H + ∂K U): how the parameter moves the eigenvalues."""
         total = np.zeros((own.left.shape[1], own.right.shape[1]), complex)
         for slot, A in self.slopes.items():
             moved = own.left.conj().T @ (A @ own.right)
@@ -171,16 +185,16 @@ class Node:
 def node_of(
     problem: Problem, parameter: str, value: float, modes: Modes, shapes: tuple[np.ndarray, np.ndarray]
 ) -> Node:  # fmt: skip
-    """Return what is known at a value.
+    """Return the node of a value.
 
     Parameters
     ----------
     problem : Problem
-        The small one, (r, r) full matrices.
+        The step model.
     modes : Modes
         Rigid motions at λ = 0 are left out, and without dampers λ = −s beside λ = s.
     shapes : (r, k) right and left vectors
-        Of these modes on the small problem.
+        Of these modes in the coordinates of the step model.
     """
     pencil = problem.pencil({parameter: value})
     plain = pencil.C is None and not any(t.slot == "C" for t in problem.terms)

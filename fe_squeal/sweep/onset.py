@@ -1,4 +1,4 @@
-"""A critical value of the sweep parameter."""
+"""An onset of instability, as a sweep reports it."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ class Onset:
     kind : "flutter" or "divergence"
     direction : "into" or "out of" instability, for a rising parameter
     crossing_speed : float
-        dRe λ/dp; at a meeting of two eigenvalues the coefficient of √|p − p_c|. NaN for a doublet that is coupled
-        from the start of the interval on, without a threshold.
+        dRe λ/dp; where two eigenvalues meet, the factor of √|p − p_c| in Re λ. NaN for two modes of equal frequency
+        that couple as soon as the parameter leaves the first value: there is no threshold then.
     branch_a, branch_b : int or None
+        The branches that take part; one of them alone where an eigenvalue crosses by itself.
     uncertainty : float
         Of `value`.
     two_mode_value : float

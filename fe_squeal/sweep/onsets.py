@@ -1,4 +1,4 @@
-"""Where modes turn unstable: changes of stability on the small model of each step, refined on the problem."""
+"""Where modes turn unstable: changes of stability on the step model, refined on the problem."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from .scan import Open, scan
 from .step import Step
 from .tracking import mirror_partners, modal_assurance
 
-_APART = 0.02  # of a frequency: what changes less in a step does not pass it
-_RIM = 0.9  # of the highest |λ| known: a mode beyond may leave the range by itself
+_BEYOND = 1.05  # of the frequency up to which modes matter: what is found just above it is listed
+_APART = 0.02  # of a frequency: modes that lie farther than this from a limit do not pass it within a step
+_RIM = 0.9  # of the highest |λ| known: a mode above may vanish by leaving the range, which is no fault
 
 
 @dataclass(frozen=True)
@@ -30,23 +31,24 @@ class Found:
     Attributes
     ----------
     onsets : list of Onset
-    doubts : list of str
-        What stays open.
+    warnings : list of str
+        Sentences about changes of stability that could not be settled.
     missing : list of str
-        Modes that have vanished inside the range, where none can end.
+        Sentences about modes that vanish inside the range of frequencies, where no branch can end: the solver has
+        overlooked them at one of the values.
     width : float
-        Windows of instability wider than this were seen, in the parameter.
+        Every window of instability wider than this was found, in the parameter.
     """
 
     onsets: list[Onset] = field(default_factory=list)
-    doubts: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     width: float = 0.0
 
 
 def find_step_onsets(
     problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
-    branches: tuple[np.ndarray, np.ndarray], below: float, model: ReducedModel | None = None,
+    branches: tuple[np.ndarray, np.ndarray], below: float, reduced_model: ReducedModel | None = None,
     precise: bool = False, linear_solver: LinearSolver | str = "auto",
 ) -> Found:  # fmt: skip
     """Return the onsets between two neighbouring values of a sweep, and what they leave unexplained.
@@ -58,27 +60,28 @@ def find_step_onsets(
     branches : (k,) int each, the branch of every mode
     below : float, rad/s
         Frequency up to which modes matter.
-    model : ReducedModel, optional
-        Of which the modes are.
+    reduced_model : ReducedModel, optional
+        The one that the modes come from; without it they are those of the problem itself.
     precise : bool
-        Refine the onsets of this model on the problem itself, whatever it costs.
+        Refine the onsets of a reduced model on the problem itself, whatever it costs.
     linear_solver : LinearSolver or str
     """
     if not len(modes[0]) or not len(modes[1]):
         return Found()
-    step = Step(problem, parameter, values, modes, model, linear_solver)
-    seen = scan(step.end(0), step.end(1), step.between)
+    step = Step(problem, parameter, values, modes, reduced_model, linear_solver)
+    limit = _BEYOND * below
+    seen = scan(step.end(0), step.end(1), step.between, limit)
     if seen.open and problem.is_damped:  # two real eigenvalues for a pair: of these the decaying one may not be listed
-        seen = scan(step.between(values[0]), step.between(values[1]), step.between)
+        seen = scan(step.between(values[0]), step.between(values[1]), step.between, limit)
     found = Found(width=seen.width)
     refiner = Refiner(step, precise)
     for change in seen.changes:
-        if _frequency(step, change) > 1.05 * below:
+        if _frequency(step, change) > limit:
             continue
         try:
             onset = refiner.onset(change)
         except (NotConvergedError, ValueError, np.linalg.LinAlgError) as error:
-            found.doubts.append(
+            found.warnings.append(
                 f"an onset between {parameter} = {change.low:.8g} and {change.high:.8g} was not refined: {error}"
             )
             continue
@@ -86,7 +89,7 @@ def find_step_onsets(
         found.onsets.append(replace(onset, branch_a=first, branch_b=second))
     for a, b, omega in seen.unsettled:
         if omega <= 1.02 * below:
-            found.doubts.append(
+            found.warnings.append(
                 f"between {parameter} = {a:.8g} and {b:.8g} modes near {omega / (2 * np.pi):.5g} Hz change too much for"
                 " their stability to be followed"
             )
@@ -96,20 +99,20 @@ def find_step_onsets(
 
 
 def _frequency(step: Step, change: Change) -> float:
-    """Return |λ| of what changes, rad/s."""
-    plain = not any(t.slot == "C" for t in step.small.terms)
+    """Return |λ| of the eigenvalue that changes, rad/s."""
+    plain = not any(t.slot == "C" for t in step.model.terms)
     return float(np.sqrt(abs(change.v)) if plain else abs(change.v))
 
 
 def _names(step: Step, change: Change, branches: tuple[np.ndarray, np.ndarray]) -> tuple[int, int | None]:
-    """Return the branches that take part: by shape, at the end where they are unstable if there is one."""
+    """Return the branches whose shapes are like those of a change, by preference at the end where they are unstable."""
     pair = change.kind == "meeting"
     plane = np.column_stack([change.right.real, change.right.imag]) if pair else change.right[:, None]
     best: tuple[float, list[int]] = (-1.0, [0])
     for end in (1, 0) if change.gains > 0 else (0, 1):
         modes = step.modes_at_ends[end]
         shapes, _ = step.shapes(modes)
-        likeness = modal_assurance(plane, shapes, step.small.mass).max(axis=0)
+        likeness = modal_assurance(plane, shapes, step.model.mass).max(axis=0)
         likeness[modes.lam == 0] = 0.0
         growing = modes.stability == "unstable"
         partner = mirror_partners(modes)
@@ -130,7 +133,7 @@ def _named(branches: list[int]) -> tuple[int, int | None]:
 
 
 def _tell_open(found: Found, group: Open, parameter: str, below: float) -> None:
-    """Say what is wrong where modes of one value have no counterpart at the other, inside the range."""
+    """Add a sentence where modes at one value have no counterpart at the other although they lie inside the range."""
     (a, b), (s0, s1) = group.nodes, group.members
     more, own = (a, s0) if len(s0) > len(s1) else (b, s1)
     rim = _RIM * min(float(np.abs(n.lam).max(initial=0.0)) for n in group.nodes)
@@ -145,17 +148,19 @@ def _tell_open(found: Found, group: Open, parameter: str, below: float) -> None:
     growing = [(n, s[n.unstable[s]]) for n, s in zip(group.nodes, group.members, strict=True)]
     for node, s in growing:
         if len(s) and (node.lam[s].imag <= below).any() and len(growing[0][1]) != len(growing[1][1]):
-            found.doubts.append(
+            found.warnings.append(
                 f"a mode at {node.lam[s[0]].imag / (2 * np.pi):.5g} Hz is unstable at {parameter} = {node.value:g} and"
                 " is not known on the other side: its onset is not found; ask for more modes or a finer sweep"
             )
 
 
 def unbalanced(before: Modes, now: Modes, onsets: Sequence[Onset], limit: float) -> str:
-    """Return what is wrong with the books of a step, or nothing: unstable before + into − out = unstable now.
+    """Return a sentence if the onsets of a step do not explain how many modes are unstable behind it, else "".
 
-    Counted below a frequency, rad/s, from which unstable modes and onsets of the step keep a distance; without such a
-    frequency nothing is said.
+    The balance is: unstable before + onsets into − onsets out of instability = unstable now.
+
+    What lies above `limit`, rad/s, is not counted, since modes may enter and leave the range there. The limit is
+    lowered until no unstable mode and no onset is near it; where no such limit is left, nothing is said.
     """
     lam = [m.lam.imag[m.stability == "unstable"] for m in (before, now)]
     known = np.concatenate([*lam, [2 * np.pi * o.frequency_hz for o in onsets]])
@@ -202,9 +207,9 @@ def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes,
     d_theta, d_F = theta[0] - theta[1], F[0, 0] - F[1, 1]
     cross = 4 * F[0, 1] * F[1, 0]
     if abs(cross) <= 1e-12 * np.abs(F).max() ** 2:
-        return np.nan  # the two do not feel each other: they may cross, but not couple
+        return np.nan  # the two are not coupled: their frequencies may cross, but both stay stable
     roots = np.roots([d_F**2 + cross, 2 * d_theta * d_F, d_theta**2])
-    # A change that would shift eigenvalues by more than their own size is outside what two modes can tell.
+    # Two modes alone predict nothing about a change so large that it shifts eigenvalues by more than their size.
     sensible = (roots.real > 0) & (roots.real * np.abs(F).max() <= theta.max())
     real = roots.real[(np.abs(roots.imag) <= 1e-12 * np.abs(roots)) & sensible]
     return float(start + real.min()) if len(real) else np.nan

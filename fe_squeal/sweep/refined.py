@@ -1,4 +1,4 @@
-"""From a change of stability on the small model of a step to a critical value of the problem itself."""
+"""From a change of stability on the step model to a critical value of the problem itself."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from .onset import Onset
 from .step import Step, real_direction
 from .tracking import modal_assurance
 
-_BISECTED = 1e-7  # of the sweep step: the bracket where only stability itself can be told
+_BISECTED = 1e-7  # of the step: the width at which a bisection ends
 _CHEAP = 20_000  # unknowns up to which an onset of a reduced model is refined on the problem itself in any case
-_SURE = 1e-7  # relative uncertainty of such an onset that is good enough
-_MOVED = 0.1  # of the step: how far the small model may misplace a root
-_ONE_SHAPE = 0.999  # MAC of two modes of equal frequency: they have met already, and are no doublet
-_WITHIN = 0.5  # share of a mode that a group of shapes spans: it belongs to the group
-_ASIDE = 1e-3  # of the step: how far from a bracketed onset its growth is looked at
+_SURE = 1e-7  # relative uncertainty at which an onset of a reduced model is left as it is
+_MOVED = 0.1  # of the step: how far a root of the problem may lie from that of the step model
+_ONE_SHAPE = 0.999  # MAC of two modes of equal frequency from which they are one defective mode and no doublet
+_WITHIN = 0.5  # of a mode's energy: with more of it in the span of a group's shapes the mode belongs to the group
+_ASIDE = 1e-3  # of the step: how far from a bisected onset its growth rate is measured
 
 _Newton = Callable[[Problem, float, np.ndarray, np.ndarray], Root]
 
@@ -44,7 +44,7 @@ class Refiner:
     precise: bool
 
     def onset(self, change: Change) -> Onset:
-        """Return the critical value that a change on the small model leads to.
+        """Return the critical value that a change on the step model leads to.
 
         Raises
         ------
@@ -57,8 +57,8 @@ class Refiner:
         try:
             root = self._root(change)
         except (NotConvergedError, ValueError, np.linalg.LinAlgError):
-            # Several equal pairs meet at once, or so little damping that Re λ is lost in rounding on the stable side:
-            # only stability itself can be told.
+            # Newton's method fails where several equal pairs meet at once, or where damping is so small that Re λ is
+            # lost in rounding on the stable side. Whether modes are unstable can still be told: bisection.
             return self._bisected(change)
         omega = float(np.sqrt(max(root.theta, 0.0)))
         slow = change.kind in ("zero", "parting") or omega <= 1e-6 * self._speed(change)
@@ -69,13 +69,13 @@ class Refiner:
         return abs(self.step.ends[1] - self.step.ends[0])
 
     def _speed(self, change: Change) -> float:
-        """Return |λ| of what changes, or of the first mode that moves where that is zero."""
-        size = abs(change.v) if self.step.small.is_damped and not self._theta else np.sqrt(abs(change.v))
+        """Return |λ| of the eigenvalue that changes; where that is zero, the largest |λ| at the start of the step."""
+        size = abs(change.v) if self.step.model.is_damped and not self._theta else np.sqrt(abs(change.v))
         return float(size) or float(np.abs(self.step.modes_at_ends[0].lam).max(initial=1.0))
 
     @property
     def _theta(self) -> bool:
-        return not any(t.slot == "C" for t in self.step.small.terms)
+        return not any(t.slot == "C" for t in self.step.model.terms)
 
     def _made(self, change: Change, value: float, omega: float, speed: float, uncertainty: float) -> Onset:
         kind = "flutter" if omega else "divergence"
@@ -86,7 +86,7 @@ class Refiner:
         )  # fmt: skip
 
     def _is_doublet(self, change: Change) -> bool:
-        """Whether two modes of one frequency and different shapes couple as soon as the parameter acts."""
+        """Whether a change is that of two modes of equal frequency and different shapes, which couple at once."""
         start = self.step.end(0)
         near = np.argsort(np.abs(start.v - change.v))[:2]
         if len(near) < 2 or change.gains < 0:
@@ -98,26 +98,27 @@ class Refiner:
         return bool(modal_assurance(u[:, :1], u[:, 1:], start.M)[0, 0] <= _ONE_SHAPE)
 
     def _doublet_width(self, change: Change) -> float:
-        """Return up to where the coupling of a doublet may be weaker than what rounding leaves between its modes.
+        """Return how far from the start a doublet may still be stable: its two eigenvalues are equal to rounding only.
 
-        The coupling grows in proportion to the parameter, up to |Im θ| at the upper end of the change.
+        The coupling grows in proportion to the parameter, up to |Im θ| at the upper end of the change. The pair is
+        unstable from where it exceeds half the distance that rounding may have left between the two eigenvalues.
         """
         start, width = self.step.end(0), abs(change.high - change.low)
         near = np.argsort(np.abs(start.v - change.v))[:2]
         apart = abs(start.v[near[0]] - start.v[near[1]]) / 2 + start.blur[near].max()
         return float(min(apart / abs(change.v.imag), 1.0) * width + FINEST * self._width)
 
-    # Newton's method, on the small model first.
+    # Newton's method, on the step model first.
 
     def _root(self, change: Change) -> Root:
         if change.kind == "meeting" and not self._theta:
-            raise NotConvergedError("two λ that meet on the imaginary axis are bracketed")
+            raise NotConvergedError("two λ that meet on the imaginary axis: left to bisection")
         near = 0.5 * (change.low + change.high)
         newton = self._newton(change)
         step, slack = self.step, FINEST * self._width
-        root = self._between(change, newton(step.small, near, change.right, change.left), slack)
+        root = self._between(change, newton(step.model, near, change.right, change.left), slack)
         x, y = (step.V @ v for v in (root.right, root.left))
-        if step.problem.unknowns == step.small.unknowns and step.model is None:
+        if step.problem.unknowns == step.model.unknowns and step.reduced_model is None:
             return root
         better = self._on_problem(newton, root, x, y)
         shift = abs(better.value - root.value)
@@ -165,7 +166,12 @@ class Refiner:
         return {"parting": parting, "meeting": meeting, "zero": zero, "crossing": crossing}[change.kind]
 
     def _between(self, change: Change, root: Root, slack: float) -> Root:
-        """Accept a root between the values where something else changes alone."""
+        """Return a root that lies between the limits of its change; beyond them it belongs to another change.
+
+        Raises
+        ------
+        NotConvergedError
+        """
         slack += root.uncertainty
         low, high = sorted(change.limits)
         if not low - slack <= root.value <= high + slack:
@@ -173,27 +179,27 @@ class Refiner:
         return root
 
     def _on_problem(self, newton: _Newton, root: Root, x: np.ndarray, y: np.ndarray) -> Root:
-        """Return a root of the problem from one of the small model.
+        """Return a root of the problem, starting from one of the step model.
 
-        With a reduced model the root is that of the reduced problem. The residuals of its vectors on the problem itself
-        tell how far it may be off; where that is more than rounding and too far, or a few factorisations cost little,
-        Newton's method goes on there.
+        Without a reduced model Newton's method goes on with the problem itself. With one it goes on with the reduced
+        model, and the residuals tell how far that root may be off. Newton's method on the problem itself follows only
+        where that is more than rounding and too much, or where a few factorisations cost little.
         """
-        step, model = self.step, self.step.model
+        step, reduced = self.step, self.step.reduced_model
         root = newton(step.problem, root.value, x, y)
-        if model is None:
+        if reduced is None:
             return root
-        error, rounding = model.root_error(root.value, root.theta, root.right, root.left)
+        error, rounding = reduced.root_error(root.value, root.theta, root.right, root.left)
         cheap = self.precise or step.full.unknowns <= _CHEAP
         if error <= max(rounding, _SURE * abs(root.value)) and not cheap:
             return replace(root, uncertainty=root.uncertainty + error + rounding)
-        x, y = (model.lift(v) for v in (root.right, root.left))
+        x, y = (reduced.lift(v) for v in (root.right, root.left))
         return newton(step.full, root.value, x, y)
 
-    # Bisection, where only stability itself can be told.
+    # Bisection, where Newton's method fails.
 
     def _bisected(self, change: Change) -> Onset:
-        """Bracket a change in the number of unstable modes of the group, on the problem itself."""
+        """Return the onset between two ever closer values with different numbers of unstable modes of the group."""
         step = self.step
         request = Request(max_frequency_hz=1.1 * self._highest(change) / (2 * np.pi))
 
@@ -201,7 +207,7 @@ class Refiner:
             modes = solve_modes(step.problem.pencil({step.parameter: p}), request, linear_solver=step.linear_solver)
             growing = modes.select(np.flatnonzero(modes.stability == "unstable"))
             u, _ = step.shapes(growing)
-            return growing.select(np.flatnonzero(_share_within(change.group, u, step.small.mass) > _WITHIN))
+            return growing.select(np.flatnonzero(_share_within(change.group, u, step.model.mass) > _WITHIN))
 
         low, high = change.limits
         before, behind = unstable(low), unstable(high)
@@ -217,7 +223,8 @@ class Refiner:
             else:
                 low, before = middle, found
         more = behind if change.gains > 0 else before
-        # The mode that has just become unstable is the one that hardly grows; its growth is looked at farther on.
+        # Of the unstable modes the one that grows least has become unstable last. Its growth rate is measured a little
+        # farther from the onset, where it is no longer lost in rounding.
         lam = complex(more.lam[np.argmin(more.lam.real)])
         value, into = (low + high) / 2, np.sign(change.gains) * np.sign(high - low)
         aside = min(_ASIDE * self._width, abs((change.limits[1] if change.gains > 0 else change.limits[0]) - value))
@@ -227,8 +234,8 @@ class Refiner:
         i = int(np.argmin(np.abs(growing.lam - lam)))
         power = 0.5 if change.kind == "meeting" else 1.0
         speed = growing.lam[i].real / aside**power
-        # What is called unstable grows by more than its own uncertainty: the change lies before it by that much, and
-        # twice as much is allowed because growth is no straight line.
+        # A mode counts as unstable once Re λ exceeds its uncertainty, so that the onset itself lies a little before.
+        # Twice that distance is allowed for, since growth is no straight line.
         unseen = float(2 * growing.re_uncertainty[i] / speed) ** (1 / power)
         return self._made(change, value, lam.imag, float(speed * np.sign(change.gains)), abs(high - low) + unseen)
 

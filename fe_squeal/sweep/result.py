@@ -32,7 +32,7 @@ SENSITIVITY_COLUMNS = ("parameter", "value", "mode", "branch", "number", "at", "
 
 
 class LiftedShapes(Mapping[int, np.ndarray]):
-    """Shapes V y (n,) by position, made from few coordinates when they are asked for."""
+    """Shapes Vy (n,) by position of the mode, made from their coordinates y on a basis when they are asked for."""
 
     def __init__(self, coordinates: Mapping[int, np.ndarray], V: np.ndarray) -> None:
         self.coordinates, self._V = coordinates, V
@@ -62,11 +62,11 @@ class SweepPoint:
     sensitivities : mapping of mode position to {path: (number, ∂λ/∂number)}
         Of the unstable modes.
     pressed : mapping of contact to {quantity: number}
-        What presses in the static state under preload, see `contact_summary`.
+        Pressed area, force and the like in the static state under preload, see `contact_summary`.
     discretisation : (k,) complex or None
         Errors of Re λ and Im λ by the mesh, where they are estimated.
     above : tuple of complex, rad/s
-        Unstable λ beyond the modes that were asked for, as far as the solve has seen any.
+        Unstable λ beyond the modes that were asked for, as far as the solver happened to find any.
     between : bool
         Whether this is no value of the sweep but the middle of a window of instability between two of them.
     """
@@ -94,14 +94,15 @@ class Sweep:
     onsets : tuple of Onset
     completeness : Completeness
         Of the modes at the first value.
-    seconds : mapping of stage to s
-    doubts : sentences about what could not be made sure
-    model : ReducedModel or None
-        In whose coordinates the modes were found.
+    seconds : mapping of stage to float, s
+    warnings : tuple of str
+        Sentences about what could not be made sure.
+    reduced_model : ReducedModel or None
+        On which the modes were found; None where every value was solved directly.
     window : float
-        Windows of instability wider than this were seen, in the parameter.
-    unsettled : sentences
-        Those of the doubts that are about onsets.
+        Every window of instability wider than this was found, in the parameter.
+    unsettled : tuple of str
+        Those of the warnings that are about onsets.
     """
 
     problem: Problem
@@ -110,8 +111,8 @@ class Sweep:
     onsets: tuple[Onset, ...]
     completeness: Completeness
     seconds: Mapping[str, float] = field(default_factory=dict)
-    doubts: tuple[str, ...] = ()
-    model: ReducedModel | None = field(default=None, repr=False)
+    warnings: tuple[str, ...] = ()
+    reduced_model: ReducedModel | None = field(default=None, repr=False)
     window: float = 0.0
     unsettled: tuple[str, ...] = ()
 
@@ -132,10 +133,10 @@ class Sweep:
 
     @property
     def onsets_complete(self) -> dict[str, object]:
-        """What is sure of the list of onsets: between the first and the last value, for the modes that were asked for.
+        """Whether all onsets between the first and the last value are there, of the modes that were asked for.
 
-        "sure" is False where an onset was left unrefined or unexplained, see `unsettled`; "width" is that of the
-        narrowest window of instability, in the parameter, that would have been seen.
+        "sure" is False where an onset was left unrefined or unexplained, see `unsettled`. A window of instability
+        narrower than "width", in the parameter, could have been overlooked.
         """
         return {
             "sure": not self.unsettled,
@@ -178,8 +179,8 @@ class Sweep:
     def balance(self, point: SweepPoint, i: int) -> dict[str, Share]:
         """Return the shares of the terms in one mode whose shape is known."""
         problem, shapes = self.problem, point.shapes
-        if self.model is not None and isinstance(shapes, LiftedShapes):
-            problem, shapes = self.model.small, shapes.coordinates
+        if self.reduced_model is not None and isinstance(shapes, LiftedShapes):
+            problem, shapes = self.reduced_model.projected, shapes.coordinates
         return energy_balance(problem.at({self.parameter: point.value}), complex(point.modes.lam[i]), shapes[i])
 
     def contributions_dataframe(self) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""The state of a running sweep: modes of the last value, branches, onsets and doubts so far."""
+"""The state of a running sweep: modes of the last value, branches, onsets and warnings so far."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from ..problem.problem import Problem
 from ..problem.sensitivity import sensitivities
 from ..reduced import ReducedModel
 from .counting import count_apart
-from .doubts import doubts_of_rounding, doubts_of_ties
 from .forecast import is_reduced
 from .onset import Onset
 from .onsets import Found, find_step_onsets, two_mode_value, unbalanced, windows
 from .result import LiftedShapes, Sweep, SweepPoint
 from .state import Record, Store, SweepState, lifted
 from .tracking import match_modes, mirror_partners
+from .warnings import rounding_warnings, tie_warnings
 
-_INSIDE = 0.95  # of the highest frequency reported: what lies below belongs to the range beyond doubt
-_REFINEMENTS = 4  # how often a step is halved while the continuation of a mode is in doubt
+_INSIDE = 0.95  # of the highest frequency reported: a mode below belongs to the range whatever branch it is on
+_REFINEMENTS = 4  # how often a step is halved while it is not clear which mode continues which
 
 
 class RunningSweep:
@@ -44,9 +44,9 @@ class RunningSweep:
         self.points: list[SweepPoint] = []
         self.onsets: list[Onset] = []
         self.seconds = {"reduction": 0.0, "eigenvalues": 0.0, "tracking": 0.0, "onsets": 0.0, "completeness": 0.0}
-        self.doubts: list[str] = []
-        self.window = 0.0  # windows of instability wider than this were seen
-        self.unsettled: list[str] = []  # those of the doubts that are about onsets
+        self.warnings: list[str] = []
+        self.window = 0.0  # every window of instability wider than this was found
+        self.unsettled: list[str] = []  # those of the warnings that are about onsets
         self.completeness = Completeness(0, None, False)
         self._first: Modes | None = None
         self._previous: Modes | None = None
@@ -54,12 +54,12 @@ class RunningSweep:
         self._first_branches = np.zeros(0, int)
         self._next_branch = 1
         self._start = self._value = np.nan
-        self._M = problem.mass  # weighs shapes; nominal, whatever the sweep does to it
-        self._model: ReducedModel | None = None
-        self._tracked = problem  # the problem whose coordinates the modes have: this one, or the small one
+        self._M = problem.mass  # shapes are compared by it at all values, also where the sweep changes mass
+        self._reduced_model: ReducedModel | None = None
+        self._tracked = problem  # in whose coordinates the modes are given: this one, or that of the reduced model
 
     def reduce(self, values: np.ndarray, method: str, store: Store | None, known: SweepState | None) -> None:
-        """Make the small model, if the method asks for it, or take the one that is stored."""
+        """Make the reduced model, if the method asks for it, or take the one that is stored."""
         if not is_reduced(self.problem, self.parameter, len(values), method) or (known and not known.reduced):
             return
         clock = time.perf_counter()
@@ -78,13 +78,13 @@ class RunningSweep:
         except NotConvergedError as error:
             if method != "auto":
                 raise
-            self.doubts.append(f"solved directly at every value: {error}")
+            self.warnings.append(f"solved directly at every value: {error}")
             self._spend("reduction", clock)
             return
-        self._model, self._tracked = model, model.small
+        self._reduced_model, self._tracked = model, model.projected
         self._M = self._tracked.mass
         if method == "modal":
-            self.doubts.append(
+            self.warnings.append(
                 f"modal projection: an eigenvalue may be off by {100 * model.worst:.2g} % of |λ|, as estimated"
             )
         self._spend("reduction", clock)
@@ -92,19 +92,19 @@ class RunningSweep:
             store.save_model(Record(*model.stored()))
 
     def state(self) -> SweepState:
-        """Return what the next value needs."""
+        """Return what the sweep needs to go on after its last value."""
         assert self._first is not None and self._previous is not None
         return SweepState(
-            tuple(self.points), tuple(self.onsets), tuple(self.doubts), self.completeness, dict(self.seconds),
+            tuple(self.points), tuple(self.onsets), tuple(self.warnings), self.completeness, dict(self.seconds),
             self._first, self._previous, self._first_branches, self._branches, self._next_branch, self._start,
-            self._value, self._model is not None, self.window, tuple(self.unsettled),
+            self._value, self._reduced_model is not None, self.window, tuple(self.unsettled),
         )  # fmt: skip
 
     def restore(self, state: SweepState) -> None:
-        """Go on behind the last value of a state."""
-        V = None if self._model is None else self._model.basis.V
+        """Take over a state, to go on after its last value."""
+        V = None if self._reduced_model is None else self._reduced_model.basis.V
         self.points = [point if V is None else lifted(point, V) for point in state.points]
-        self.onsets, self.doubts = list(state.onsets), list(state.doubts)
+        self.onsets, self.warnings = list(state.onsets), list(state.warnings)
         self.completeness, self.seconds = state.completeness, dict(state.seconds)
         self._first, self._previous = state.first, state.previous
         self._first_branches, self._branches = state.first_branches, state.branches
@@ -112,7 +112,7 @@ class RunningSweep:
         self.window, self.unsettled = state.window, list(state.unsettled)
 
     def advance(self, value: float, keep_all: bool) -> None:
-        """Solve at the next value."""
+        """Solve at the next value and follow the modes there."""
         modes = self._solve(value)
         known = len(self.onsets)
         if self._previous is None:
@@ -139,14 +139,14 @@ class RunningSweep:
             moves[int(i)] = {path: (here.value(path), d) for path, d in found.items()}
         reported = modes.select(np.arange(wanted)).without_shapes()
         pressed = self.problem.at({self.parameter: value}).state
-        if self._model is not None:
-            shapes = LiftedShapes(shapes, self._model.basis.V)
+        if self._reduced_model is not None:
+            shapes = LiftedShapes(shapes, self._reduced_model.basis.V)
         return SweepPoint(
             value, reported, branches[:wanted], shapes, moves, pressed, above=tuple(complex(lam) for lam in above)
         )
 
     def _window(self, middle: float, pair: tuple[Onset, Onset]) -> SweepPoint:
-        """Return what is in the middle of a window of instability that no value of the sweep lies in."""
+        """Return the point in the middle of a window of instability that holds no value of the sweep."""
         assert self._previous is not None
         modes = self._solve(middle)
         origin = match_modes(self._previous, modes, self._M).origin
@@ -166,8 +166,8 @@ class RunningSweep:
 
     def _solve(self, value: float) -> Modes:
         clock = time.perf_counter()
-        if self._model is not None:
-            modes = self._model.modes(value)
+        if self._reduced_model is not None:
+            modes = self._reduced_model.modes(value)
         else:
             band = None if self._previous is None else float(self._previous.lam.imag.max(initial=0.0)) or None
             try:
@@ -184,21 +184,21 @@ class RunningSweep:
         clock = time.perf_counter()
         pencil = self.problem.pencil({self.parameter: value})
         c = prove_completeness(pencil, modes, self._linear_solver)
-        if c.expected is None and self._model is None:
+        if c.expected is None and self._reduced_model is None:
             here = self.problem.at({self.parameter: value})
             c = replace(c, expected=count_apart(here, modes, self._guarded, self._linear_solver))
-        elif c.expected is None and self._model is not None:
-            counted = self._model.counted()
+        elif c.expected is None and self._reduced_model is not None:
+            counted = self._reduced_model.counted()
             if counted is False:
-                raise NotConvergedError("the small model lacks modes that the inertia without friction counts", modes)
+                raise NotConvergedError("the reduced model lacks modes that the inertia without friction counts", modes)
             c = replace(c, expected=c.found if counted else None)
         c = c.without(len(modes) - wanted_count(modes, self.request))
         if c.expected is not None and c.found != c.expected:
             raise NotConvergedError(f"{c.found} modes found where the inertia counts {c.expected}", modes)
         wanted = modes.select(np.arange(wanted_count(modes, self.request)))
-        self.doubts += doubts_of_rounding(wanted)
+        self.warnings += rounding_warnings(wanted)
         if any(t.penalty for t in self._tracked.terms):
-            self.doubts += doubts_of_ties(self._tracked.at({self.parameter: value}), wanted)
+            self.warnings += tie_warnings(self._tracked.at({self.parameter: value}), wanted)
         self.completeness, self._start, self._first = c, value, modes
         self._branches = self._first_branches = np.arange(1, len(modes) + 1)
         self._next_branch = len(modes) + 1
@@ -206,7 +206,7 @@ class RunningSweep:
         self._spend("completeness", clock)
 
     def _follow(self, value: float, modes: Modes, refinements: int) -> None:
-        """Name the branches at the next value and find the onsets on the way; halve the step while in doubt."""
+        """Name the branches at the next value and find the onsets on the way; halve the step where they are unclear."""
         assert self._previous is not None
         clock = time.perf_counter()
         match = match_modes(self._previous, modes, self._M)
@@ -217,12 +217,12 @@ class RunningSweep:
             branches = np.array([self._branches[i] if i >= 0 else next(names) for i in match.origin], dtype=int)
             found = self._find_onsets(value, modes, branches)
             clock = self._spend("onsets", clock)
-            if not ((found.doubts or found.missing) and refinements):
+            if not ((found.warnings or found.missing) and refinements):
                 if found.missing:
                     raise NotConvergedError(found.missing[0])
                 self.onsets += found.onsets
-                self.doubts += found.doubts
-                self.unsettled += found.doubts
+                self.warnings += found.warnings
+                self.unsettled += found.warnings
                 self.window = max(self.window, found.width)
                 self._next_branch = next(names)
                 self._value, self._previous, self._branches = value, modes, branches
@@ -235,7 +235,7 @@ class RunningSweep:
         """Return what was solved so far."""
         return Sweep(
             self.problem, self.parameter, tuple(self.points), tuple(sorted(self.onsets, key=lambda o: o.value)),
-            self.completeness, dict(self.seconds), tuple(self.doubts), self._model, self.window,
+            self.completeness, dict(self.seconds), tuple(self.warnings), self._reduced_model, self.window,
             tuple(self.unsettled),
         )  # fmt: skip
 
@@ -244,15 +244,15 @@ class RunningSweep:
         assert self._previous is not None and self._first is not None
         name = self.parameter
         known, wanted = wanted_count(self._previous, self.request), wanted_count(modes, self.request)
-        # What is told to turn unstable is followed to where it is stable again, also where it has left the range.
-        told = {name for o in self.onsets for name in (o.branch_a, o.branch_b)} - {None}
-        reported = {*self._branches[:known], *branches[:wanted], *told}
+        # A branch that is reported to turn unstable is followed until it is stable again, even if it leaves the range.
+        reported_before = {name for o in self.onsets for name in (o.branch_a, o.branch_b)} - {None}
+        reported = {*self._branches[:known], *branches[:wanted], *reported_before}
         below = max(self._previous.lam[:known].imag.max(initial=0.0), modes.lam[:wanted].imag.max(initial=0.0))
         found = find_step_onsets(
             self.problem, name, (self._value, value), (self._previous, modes), (self._branches, branches), float(below),
-            self._model, self._precise, self._linear_solver,
+            self._reduced_model, self._precise, self._linear_solver,
         )  # fmt: skip
-        # Names are found by shape; whatever lies well inside the range belongs to it, whatever it is called.
+        # The branches of an onset are found by shape, which may err: well inside the range it is reported in any case.
         inside = _INSIDE * min(m.lam[:k].imag.max(initial=0.0) for m, k in ((self._previous, known), (modes, wanted)))
         onsets = []
         for onset in found.onsets:
@@ -263,9 +263,9 @@ class RunningSweep:
                 predicted = two_mode_value(self._tracked, name, self._start, self._first, int(at[0][0]), int(at[1][0]))
                 onset = replace(onset, two_mode_value=predicted)
             onsets.append(onset)
-        books = unbalanced(self._previous, modes, onsets, float(inside))
-        if books and not found.doubts:
-            found.doubts.append(f"between {name} = {self._value:.8g} and {value:.8g} {books}")
+        imbalance = unbalanced(self._previous, modes, onsets, float(inside))
+        if imbalance and not found.warnings:
+            found.warnings.append(f"between {name} = {self._value:.8g} and {value:.8g} {imbalance}")
         return replace(found, onsets=onsets)
 
     def _spend(self, stage: str, since: float) -> float:
@@ -275,7 +275,7 @@ class RunningSweep:
 
 
 def _with_guard(request: Request) -> Request:
-    """Return a request for some modes beyond those wanted: a mode that comes into the range has then been followed."""
+    """Return a request for some more modes: one that enters the range has then been followed from before."""
     if request.max_frequency_hz is not None:
         return replace(request, max_frequency_hz=1.1 * request.max_frequency_hz)
     assert request.count is not None

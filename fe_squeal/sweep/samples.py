@@ -8,13 +8,13 @@ from .changes import FINEST, SETTLED, Change
 from .clusters import Cluster
 
 _FIRST = 9  # samples to begin with
-_NEAR = 0.5  # times the distance to the next meeting: how far apart samples may lie
+_NEAR = 0.5  # of the distance to the next meeting: how far apart samples may lie
 _MOST = 4000  # samples of a group
 _ROUNDING = 1e-14  # of the size of a group's matrix
 
 
 class Samples:
-    """Eigenvalues of a group at values that are as close as its meetings ask for.
+    """Eigenvalues of a group at values that lie the closer, the nearer two eigenvalues are to meeting.
 
     For a pair of eigenvalues the square of half their difference, D, is smooth where they meet, so that |D/D'| tells
     how far away that may be. Samples lie closer than that, down to `FINEST` of a step of the sweep.
@@ -27,7 +27,7 @@ class Samples:
     theta : bool
         Whether eigenvalues are θ = −λ².
     turned : bool
-        Whether they are −iλ of a gyroscopic system, which come as conjugate pairs as θ do.
+        Whether eigenvalues are −iλ, those of a gyroscopic system: they come in conjugate pairs, as θ do.
     blur : float
         How far eigenvalues may be off by rounding.
     t : (s,) float
@@ -37,7 +37,9 @@ class Samples:
     W : (s, m, m) complex
         Eigenvectors of H.
     departure : (s,)
-        From normality, as the root of ‖H‖² − Σ|v|² about the mean.
+        From normality: the root of ‖H‖² − Σ|v|², both about the mean eigenvalue.
+    condition : (s, m)
+        Of each eigenvalue of H; infinite at a double one.
     """
 
     def __init__(self, cluster: Cluster, scale: float, at_start: bool) -> None:
@@ -48,7 +50,7 @@ class Samples:
         self.turned = cluster.ends[0].conservative
         blur = [n.blur[s] for n, s in zip(cluster.ends, cluster.members, strict=True)]
         size = max(float(np.abs(n.v[s]).max()) for n, s in zip(cluster.ends, cluster.members, strict=True))
-        # Next to a double eigenvalue the blur of each end is that of a square root, which the group does not have.
+        # The least blur of the group: that of a mode next to a double eigenvalue is a square root, H has no such error.
         self.blur = max(float(min(b.min() for b in blur)), _ROUNDING * size)
         self._evaluate()
 
@@ -67,17 +69,17 @@ class Samples:
             t = np.concatenate([t, more])[order]
             samples = tuple(np.concatenate([s, a])[order] for s, a in zip(samples, added, strict=True))
         self.t = t
-        self.v, self.slope, _, self.W, self.departure = samples
+        self.v, self.slope, _, self.W, self.departure, self.condition = samples
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return eigenvalues, slopes, how far the next meeting may be, eigenvectors, departure from normality."""
+        """Return v, slope, how far the next meeting may be, W, departure and condition."""
         H, dH = self.cluster.matrix(t)
         if self.turned:
             H, dH = -1j * H, -1j * dH
         v, W = np.linalg.eig(H)
         m = v.shape[1]
         if m == 1:
-            return v, dH[:, :, 0], np.full(len(t), np.inf), W, np.zeros(len(t))
+            return v, dH[:, :, 0], np.full(len(t), np.inf), W, np.zeros(len(t)), np.ones((len(t), 1))
         with np.errstate(all="ignore"):
             try:
                 inverse = np.linalg.inv(W)
@@ -87,13 +89,14 @@ class Samples:
             i, j = np.triu_indices(m, 1)
             apart, drift = np.abs(v[:, i] - v[:, j]), np.abs(slope[:, i] - slope[:, j])
             reach = np.where(drift > 0, apart / (2 * drift), np.inf)
+            condition = np.nan_to_num(np.linalg.norm(W, axis=1) * np.linalg.norm(inverse, axis=2), nan=np.inf)
         reach = np.nan_to_num(reach.min(axis=1), nan=0.0, posinf=np.inf)
         centred = H - np.trace(H, axis1=1, axis2=2)[:, None, None] / m * np.eye(m)
         energy = (np.abs(centred) ** 2).sum(axis=(1, 2)) - (np.abs(v - v.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
-        return v, slope, reach, W, np.sqrt(np.maximum(energy, 0.0))
+        return v, slope, reach, W, np.sqrt(np.maximum(energy, 0.0)), condition
 
     def made(self, kind: str, gains: int, k: int, there: int, i: int, limits: tuple[float, float]) -> Change:
-        """Return a change of eigenvalue i between samples k and k + 1, with its vectors at sample `there`."""
+        """Return a change of eigenvalue i between samples k and k + 1, with value and vectors of sample `there`."""
         c, t = self.cluster, self.t
         W = self.W[there]
         with np.errstate(all="ignore"):
@@ -105,8 +108,22 @@ class Samples:
             complex(self.v[there, i]) * (1j if self.turned else 1), right, left, c.shapes, start,
         )  # fmt: skip
 
+    def blurred(self, i: np.ndarray, j: np.ndarray, error: np.ndarray) -> np.ndarray:
+        """Return by how much an error of H (s,) may move D = ((v_i − v_j)/2)² of pairs, (s, pairs).
+
+        With H disturbed by E and its eigenvectors as basis D becomes ((v_i − v_j + E_ii − E_jj)/2)² + E_ij E_ji, where
+        |E_ij| is at most the error times the root of both conditions. At a double eigenvalue these are infinite: there
+        the departure from normality of the group bounds what E does.
+        """
+        half, error = np.abs(self.v[:, i] - self.v[:, j]) / 2, error[:, None]
+        whole = error * (2 * half + self.departure[:, None]) + error**2
+        with np.errstate(invalid="ignore", over="ignore"):
+            k, l = self.condition[:, i], self.condition[:, j]
+            own = error * (k + l) * half + error**2 * ((k + l) ** 2 / 4 + k * l)
+        return np.fmin(whole, own)
+
     @property
     def rounding(self) -> np.ndarray:
-        """√|D| (s,) that rounding makes of a double eigenvalue: D moves by that of H times the departure."""
+        """√|D| (s,) of a double eigenvalue that rounding has parted: D moves by rounding times the departure."""
         size = np.abs(self.v).max(axis=1)
         return np.asarray(np.sqrt(self.blur**2 + _ROUNDING * size * (self.departure + self.blur)))

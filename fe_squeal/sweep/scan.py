@@ -1,4 +1,4 @@
-"""All changes of stability between two values of a sweep, with values added where they are in doubt."""
+"""All changes of stability inside one step of a sweep, with values added where the modes of the ends do not suffice."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from .nodes import Node
 from .samples import Samples
 
 _NODES = 24  # values besides the ends at which modes are asked for in a step
-_RIM = 0.9  # of the highest |λ| known: a mode beyond may leave what is known by itself
+_RIM = 0.9  # of the highest |λ| known: a mode above may be known at one value and not at the next
 
 
 @dataclass(frozen=True)
 class Open:
-    """Modes of one end that have no counterpart at the other."""
+    """A group with more modes at one value than at the other."""
 
     nodes: tuple[Node, Node]
     members: tuple[np.ndarray, np.ndarray]
@@ -28,16 +28,17 @@ class Open:
 
 @dataclass(frozen=True)
 class Scan:
-    """What was found in a step.
+    """The changes of stability of a step, and what stays open.
 
     Attributes
     ----------
     changes : list of Change, by rising value
     open : list of Open
+        Groups that have lost or gained modes.
     unsettled : list of (float, float, float)
-        Intervals with a frequency, rad/s, where more values were asked for than are allowed.
+        Intervals with a frequency, rad/s, in which stability could not be told with as many values as are allowed.
     width : float
-        Windows of instability wider than this would have been seen, in the parameter.
+        Every window of instability wider than this was found, in the parameter.
     nodes : int
         Values at which modes were asked for.
     """
@@ -49,8 +50,8 @@ class Scan:
     nodes: int
 
 
-def scan(first: Node, second: Node, modes: Callable[[float], Node]) -> Scan:
-    """Find what changes between two values.
+def scan(first: Node, second: Node, modes: Callable[[float], Node], below: float = np.inf) -> Scan:
+    """Find the changes of stability between two values.
 
     Parameters
     ----------
@@ -58,6 +59,8 @@ def scan(first: Node, second: Node, modes: Callable[[float], Node]) -> Scan:
         At the ends of a step.
     modes : callable
         Returns the node of a value between.
+    below : float, rad/s
+        What lies above as a whole is left out.
     """
     step = abs(second.value - first.value)
     result = Scan([], [], [], FINEST * step, 0)
@@ -69,9 +72,9 @@ def scan(first: Node, second: Node, modes: Callable[[float], Node]) -> Scan:
         found: list[Change] = []
         opened: list[Open] = []
         scale = abs(b.value - a.value) / step
-        doubted = []
+        unsettled = []
         for members in (_without_rim(a, b, *g) for g in groups(a, b)):
-            if _is_idle(a, b, members):
+            if _is_idle(a, b, members) or _lowest(a, b, members) > below:
                 continue
             if len(members[0]) != len(members[1]):
                 opened.append(Open((a, b), members))
@@ -79,7 +82,7 @@ def scan(first: Node, second: Node, modes: Callable[[float], Node]) -> Scan:
             cluster = Cluster((a, b), members)
             if not cluster.is_smooth:
                 asked.append(0.5)
-                doubted.append(members)
+                unsettled.append(members)
                 continue
             try:
                 samples = Samples(cluster, scale, a is first)
@@ -89,14 +92,14 @@ def scan(first: Node, second: Node, modes: Callable[[float], Node]) -> Scan:
                 width = max(width, hidden * abs(b.value - a.value))
             except Asked as more:
                 asked.append(more.t)
-                doubted.append(members)
+                unsettled.append(members)
         if asked and count < _NODES and scale > SETTLED:
             t = float(np.clip(sorted(asked)[len(asked) // 2], 0.05, 0.95))
             middle = modes(a.value + t * (b.value - a.value))
             count += 1
             todo += [(middle, b), (a, middle)]
             continue
-        for s0, s1 in doubted:
+        for s0, s1 in unsettled:
             lam = np.concatenate([a.lam[s0], b.lam[s1]])
             result.unsettled.append((a.value, b.value, float(lam.imag.mean())))
         result.changes.extend(found)
@@ -105,8 +108,12 @@ def scan(first: Node, second: Node, modes: Callable[[float], Node]) -> Scan:
     return Scan(changes, result.open, result.unsettled, width, count)
 
 
+def _lowest(a: Node, b: Node, members: tuple[np.ndarray, np.ndarray]) -> float:
+    return float(min(np.abs(n.lam[s]).min(initial=np.inf) for n, s in zip((a, b), members, strict=True)))
+
+
 def _is_idle(a: Node, b: Node, members: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Whether there is nothing in a group that could change: symmetric matrices without θ < 0 at either end.
+    """Whether the stability of a group cannot change: symmetric matrices without θ < 0 at either end.
 
     The lowest θ of symmetric matrices that are linear in the parameter is concave: it lies above its chord.
     """
@@ -115,7 +122,7 @@ def _is_idle(a: Node, b: Node, members: tuple[np.ndarray, np.ndarray]) -> bool:
 
 
 def _without_rim(a: Node, b: Node, s0: np.ndarray, s1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return as many members of a group at both ends: without the highest, which pass the end of what is known."""
+    """Return a group without modes that are missing at one value because they lie beyond the highest known there."""
     reach = _RIM * min(float(np.abs(n.lam).max(initial=0.0)) for n in (a, b))
     while len(s0) != len(s1):
         more, node = (s0, a) if len(s0) > len(s1) else (s1, b)

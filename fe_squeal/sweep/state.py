@@ -1,4 +1,4 @@
-"""What a sweep has to know to go on behind a value, as plain arrays and numbers."""
+"""What a sweep has to know to go on after a value, as plain arrays and numbers."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ class Store(Protocol):
         """Return the state that was kept last; None if no value was finished."""
 
     def load_model(self) -> Record | None:
-        """Return the small model that was kept, if there is one."""
+        """Return the reduced model that was kept, if there is one."""
 
     def save_model(self, model: Record) -> None:
-        """Keep the small model."""
+        """Keep the reduced model."""
 
     def save(self, state: SweepState) -> None:
         """Keep a state, soon if not at once."""
@@ -46,34 +46,34 @@ class Store(Protocol):
 
 @dataclass(frozen=True)
 class SweepState:
-    """A sweep behind one of its values.
+    """The state of a sweep after one of its values.
 
     Attributes
     ----------
     points : tuple of SweepPoint
-        Of a sweep on a small model with shapes in its coordinates.
+        Of a sweep on a reduced model, with shapes in its coordinates.
     onsets : tuple of Onset
-    doubts : tuple of str
+    warnings : tuple of str
     completeness : Completeness
     seconds : mapping of stage to float, s
     first, previous : Modes
         At the first and at the last value, with shapes.
     first_branches, branches : (k,) int
-        Of these modes.
+        Names of the branches of these modes.
     next_branch : int
     start, value : float
         The first and the last value.
     reduced : bool
-        Whether the modes are those of a small model.
+        Whether the modes are those of a reduced model.
     window : float
-        Windows of instability wider than this were seen so far, in the parameter.
+        Every window of instability wider than this was found so far, in the parameter.
     unsettled : tuple of str
-        Those of the doubts that are about onsets.
+        Those of the warnings that are about onsets.
     """
 
     points: tuple[SweepPoint, ...]
     onsets: tuple[Onset, ...]
-    doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
     completeness: Completeness
     seconds: Mapping[str, float]
     first: Modes
@@ -90,11 +90,11 @@ class SweepState:
     def sweep(self, problem: Problem, parameter: str) -> Sweep:
         """Return the result so far, for its tables of modes and onsets."""
         onsets = tuple(sorted(self.onsets, key=lambda o: o.value))
-        return Sweep(problem, parameter, self.points, onsets, self.completeness, dict(self.seconds), self.doubts)
+        return Sweep(problem, parameter, self.points, onsets, self.completeness, dict(self.seconds), self.warnings)
 
 
 def record_of_point(point: SweepPoint) -> Record:
-    """Return a point as arrays; of a small model's shapes the coordinates."""
+    """Return a point as arrays, with shapes of a reduced model in its coordinates."""
     shapes = point.shapes.coordinates if isinstance(point.shapes, LiftedShapes) else point.shapes
     arrays = {name: getattr(point.modes, name) for name in _NUMBERS}
     arrays |= {"branches": point.branches} | {f"shape_{i}": u for i, u in shapes.items()}
@@ -149,7 +149,7 @@ def record_of_state(state: SweepState) -> Record:
     """Return a state without its points and first modes, which do not change."""
     modes = record_of_modes(state.previous)
     data = {
-        "points": len(state.points), "onsets": [asdict(o) for o in state.onsets], "doubts": list(state.doubts),
+        "points": len(state.points), "onsets": [asdict(o) for o in state.onsets], "warnings": list(state.warnings),
         "completeness": asdict(state.completeness), "seconds": dict(state.seconds), "next_branch": state.next_branch,
         "start": state.start, "value": state.value, "reduced": state.reduced,
         "window": state.window, "unsettled": list(state.unsettled),
@@ -162,13 +162,13 @@ def state_of_record(record: Record, first: Modes, points: tuple[SweepPoint, ...]
     """Return the state of `record_of_state`."""
     a, data = record
     return SweepState(
-        points, tuple(Onset(**o) for o in data["onsets"]), tuple(data["doubts"]), Completeness(**data["completeness"]),
-        data["seconds"], first, modes_of_record(record), a["first_branches"], a["branches"], data["next_branch"],
-        data["start"], data["value"], data["reduced"], data["window"],
+        points, tuple(Onset(**o) for o in data["onsets"]), tuple(data["warnings"]),
+        Completeness(**data["completeness"]), data["seconds"], first, modes_of_record(record), a["first_branches"],
+        a["branches"], data["next_branch"], data["start"], data["value"], data["reduced"], data["window"],
         tuple(data["unsettled"]),
     )  # fmt: skip
 
 
 def lifted(point: SweepPoint, V: np.ndarray) -> SweepPoint:
-    """Return a point whose shapes are coordinates in a small model with the shapes of the problem."""
+    """Return a point of a reduced model with shapes of the problem, V its basis."""
     return replace(point, shapes=LiftedShapes(point.shapes, V))

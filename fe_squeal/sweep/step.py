@@ -1,8 +1,9 @@
-"""One step of a sweep: a small model that holds on it, with the modes at its ends and at any value between."""
+"""One step of a sweep: the modes at its ends, and at any value between, by a projection of the problem."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,39 +16,48 @@ from ..problem.problem import Problem
 from ..reduced import ReducedModel, SlowMotions
 from .nodes import Node, node_of
 
-_DEPENDENT = 1e-9  # eigenvalue of a Gram matrix of unit vectors: what is left out of the basis of a step
-_BALANCED = 1e-11  # of the forces that cancel: what rounding leaves of those of a rigid motion
-_SPANNED = 1e-4  # of a vector: what is left of one that others span
-_SMALL = 60  # unknowns up to which the small model is the problem itself
+_DEPENDENT = 1e-9  # of the largest eigenvalue of a Gram matrix: directions below are left out of the basis of a step
+_BALANCED = 1e-11  # of |K||z|: what rounding leaves of the forces Kz of a rigid motion, which cancel
+_SPANNED = 1e-4  # of a vector's length: a part outside the rigid motions that is shorter is rounding
+_ALIKE = 1e-7  # of θ, or of λ²: residual up to which the modes of the ends are those of the step model
+_SMALL = 60  # unknowns up to which the step model is the problem itself
 
 
 class Step:
-    """One step of a sweep, with a small model that holds on it: the projection on the modes of both ends.
+    """One step of a sweep, with its step model: the projection of the problem on the modes of both ends.
 
-    With right and left modes in the basis the error of its eigenvalues is the product of the two subspace errors, which
-    inside one step leaves the small model good enough to start Newton's method on the full one.
+    With right and left modes in the basis the error of an eigenvalue is the product of the two subspace errors. Inside
+    one step that is small enough to tell which modes change stability, and to start Newton's method on the problem.
+
+    The step model is not the reduced model, which holds over the whole sweep: where there is a reduced model, the step
+    model is a projection of that, and otherwise one of the problem itself.
 
     Attributes
     ----------
     full : Problem
+        The problem itself.
     problem : Problem
-        The one whose coordinates the modes have: the full one or that of the reduced model.
-    model : ReducedModel or None
+        In whose coordinates the modes are given: that of the reduced model if there is one, else `full`.
+    reduced_model : ReducedModel or None
     parameter : str
     ends : (float, float)
-    modes_at_ends : (Modes, Modes)
-    small : Problem
-        The projection, r unknowns.
+    model : Problem
+        The step model, r unknowns.
     V : (n, r) float
+        Its basis, in the coordinates of `problem`.
+    MV : (n, r) float
+    rigid : (n, k) float or None
+        Modes at λ = 0 of either end, M-orthonormal.
+    modes_at_ends : (Modes, Modes)
     """
 
     def __init__(
         self, problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
-        model: ReducedModel | None, linear_solver: LinearSolver | str,
+        reduced_model: ReducedModel | None, linear_solver: LinearSolver | str,
     ) -> None:  # fmt: skip
-        self.full, self.parameter, self.model, self.ends = problem, parameter, model, values
+        self.full, self.parameter, self.reduced_model, self.ends = problem, parameter, reduced_model, values
         self.linear_solver, self.modes_at_ends = linear_solver, modes
-        self.problem = problem = problem if model is None else model.collected
+        self.problem = problem = problem if reduced_model is None else reduced_model.collected
         M = problem.pencil({parameter: values[0]}).M
         rigid = np.hstack([m.right[:, m.lam == 0].real for m in modes])
         self.rigid = _orthonormal(rigid, M) if rigid.any() else None
@@ -56,34 +66,34 @@ class Step:
         else:
             vectors = [v for m in modes for v in (m.right, m.left) if v is not None]
             self.V = _orthonormal(np.hstack([p for v in vectors for p in (v.real, v.imag) if p.any()]), M)
-            if self.rigid is not None:  # these to the last digit: what they lack is as stiff as the mesh
+            if self.rigid is not None:  # exactly: what is wrong with them deforms elements, which are stiff
                 Z = self.rigid
                 rest = self.V - Z @ (Z.T @ (M @ self.V))
                 size = np.sqrt(np.maximum(np.einsum("ij,ij->j", rest, M @ rest), 0.0))
                 self.V = np.hstack([Z, _orthonormal(rest[:, size > _SPANNED], M)])
-            if self.V.shape[1] == problem.unknowns:  # all modes were asked for: the small model is the problem itself
+            if self.V.shape[1] == problem.unknowns:  # all modes were asked for: the step model is the problem
                 self.V = np.eye(problem.unknowns)
         self._inside = interpolate(problem, parameter, *values)
-        self.small = project(self._inside, self.V)
+        self.model = project(self._inside, self.V)
         self.MV = M @ self.V
         slow = None
-        if self.rigid is not None and model is None:
+        if self.rigid is not None and reduced_model is None:
             slow = SlowMotions.of(problem.pencil({parameter: values[0]}).K, self.rigid, self.rigid.T @ self.MV)
-        elif self.rigid is not None and model is not None and model.basis.slow is not None:
-            slow = model.basis.slow.on(self.V)
+        elif self.rigid is not None and reduced_model is not None and reduced_model.basis.slow is not None:
+            slow = reduced_model.basis.slow.on(self.V)
         self._cancelled = None if slow is None else slow.cancelled
 
     def modes(self, p: float) -> Modes:
-        """Return all modes of the small model."""
+        """Return all modes of the step model at a value."""
         known = self._inside.at({self.parameter: p}).free_motions()
         if len(self.V) > self.V.shape[1]:
             damping = None if known.damping is None else self.V.T @ known.damping
             known = FreeMotions(self.MV.T @ known.motions, damping)
-        pencil = replace(self.small.pencil({self.parameter: p}), cancelled=self._cancelled, free=known)
+        pencil = replace(self.model.pencil({self.parameter: p}), cancelled=self._cancelled, free=known)
         return solve_dense(pencil, linear_solver=self.linear_solver)
 
     def shapes(self, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
-        """Return right and left modes (n, k) of the problem in the coordinates of the small model."""
+        """Return right and left modes of `problem` in the coordinates of the step model, (r, k)."""
         pair = (modes.right, modes.right if modes.left is None else modes.left)
         if len(self.V) == self.V.shape[1]:
             return pair
@@ -91,28 +101,53 @@ class Step:
         return right, left
 
     def end(self, which: int) -> Node:
-        """Return what is known at one of the ends."""
-        modes = self.modes_at_ends[which]
-        return node_of(self.small, self.parameter, self.ends[which], modes, self.shapes(modes))
+        """Return the node of one of the ends, 0 or 1.
+
+        Where rounding moves the modes of the ends by more than `_ALIKE`, those of the step model stand for them: these
+        are one and the same smooth function of the parameter at every value.
+        """
+        node = self._known[which]
+        return node if node.residual <= _ALIKE else self.between(self.ends[which])
+
+    @cached_property
+    def _known(self) -> tuple[Node, Node]:
+        first, second = (
+            node_of(self.model, self.parameter, p, m, self.shapes(m))
+            for p, m in zip(self.ends, self.modes_at_ends, strict=True)
+        )
+        return first, second
 
     def between(self, p: float) -> Node:
-        """Return the modes of the small model at a value, as far as those of the ends reach."""
+        """Return the node of a value between: modes of the step model, up to the highest |λ| known at the ends.
+
+        Rounding of the problem's own matrices is in the step model, too: no eigenvalue is known better than those of
+        the ends that lie nearest to it.
+        """
         reach = 1.2 * max(float(np.abs(m.lam).max(initial=0.0)) for m in self.modes_at_ends)
         modes = self.modes(p)
         modes = modes.select(np.flatnonzero(np.abs(modes.lam) <= reach))
         left = modes.right if modes.left is None else modes.left
-        return node_of(self.small, self.parameter, p, modes, (modes.right, left))
+        node = node_of(self.model, self.parameter, p, modes, (modes.right, left))
+        at, blur = (np.concatenate([getattr(n, name) for n in self._known]) for name in ("v", "blur"))
+        if not len(at):
+            return node
+        blur = np.maximum(node.blur, blur[np.abs(node.v[:, None] - at[None, :]).argmin(axis=1)])
+        spread = blur if node.C is not None else np.minimum(blur / (2 * np.abs(node.lam)), np.sqrt(blur))
+        return replace(node, blur=blur, unstable=node.unstable & (node.lam.real > spread))
 
     def free(self, problem: Problem) -> np.ndarray | None:
-        """Return the rigid motions Z of both ends on the unknowns of a problem, where KZ = 0 at both."""
+        """Return the rigid motions Z of both ends in the coordinates of a problem; None unless KZ = 0 at both ends.
+
+        The problem is one of `full`, `problem` and `model`.
+        """
         if self.rigid is None:
             return None
-        Z = self.rigid if self.model is None else self.model.lift(self.rigid)
+        Z = self.rigid if self.reduced_model is None else self.reduced_model.lift(self.rigid)
         for p in self.ends:
             K = self.full.pencil({self.parameter: p}).K
             if np.linalg.norm(K @ Z) > _BALANCED * np.linalg.norm(abs(K) @ np.abs(Z)):
                 return None
-        if problem is self.small:
+        if problem is self.model:
             return self.rigid if len(self.V) == self.V.shape[1] else np.asarray(self.MV.T @ self.rigid)
         return self.rigid if problem is self.problem else Z
 
@@ -126,7 +161,8 @@ def real_direction(vectors: np.ndarray) -> np.ndarray:
 
 def _orthonormal(vectors: np.ndarray, M: sp.csr_array) -> np.ndarray:
     """Return an M-orthonormal basis of the columns' span."""
-    size = np.sqrt(np.maximum(np.einsum("ij,ij->j", vectors, M @ vectors), 0.0))  # units may differ by any factor
+    # Columns of equal length first: left and right vectors may differ in length by any factor.
+    size = np.sqrt(np.maximum(np.einsum("ij,ij->j", vectors, M @ vectors), 0.0))
     vectors = vectors[:, size > 0] / size[size > 0]
     for _ in range(2):  # the second pass restores what the squared condition of the Gram matrix cost
         w, v = np.linalg.eigh(vectors.T @ (M @ vectors))

@@ -50,11 +50,11 @@ def sweep(
     keep_shapes : bool
         Keep the shapes of all modes at the last value, not of the unstable ones alone.
     method : "auto", "direct", "reduced" or "modal"
-        A solve at every value, a small model that holds over the sweep within the tolerance, or one of the modes
-        without friction and damping alone; "auto" takes the small model where that pays.
+        A solve at every value; a reduced model that holds over the sweep within the tolerance; or a projection on the
+        modes without friction and damping, whatever its error. "auto" takes the reduced model where that pays.
     precise : bool
-        Refine onsets of a large problem to full precision, a few factorisations each, where those of the small model
-        are sure to 1e-7 of the value.
+        Refine onsets on the problem itself, a few factorisations each, also where the problem is large and those of
+        the reduced model are sure to 1e-7 of the value.
     progress : callable of (values done, values in all)
     store : Store, optional
         Where every finished value is kept, and from which the sweep goes on if it holds some.
@@ -100,7 +100,7 @@ def sweep(
         except (NotConvergedError, SceneError) as error:
             if store is not None:
                 store.flush()
-            # Behind a value that was solved, a scene that makes no sense (a contact that opens) ends the sweep there.
+            # A scene may cease to make sense at some value (a contact opens): the sweep ends there and keeps the rest.
             text = f"{parameter} = {value:g}: {error}"
             if isinstance(error, SceneError) and not tracker.points:
                 raise SceneError(text) from error

@@ -10,9 +10,9 @@ from scipy.optimize import linear_sum_assignment
 
 from ..eigen.pencil import Modes
 
-_FREQUENCY_SCALE = 0.02  # relative change of an eigenvalue that weighs half as much as a wholly different shape
+_FREQUENCY_SCALE = 0.02  # relative change of an eigenvalue that costs half of what a wholly different shape costs
 _NO_MATCH = 1.5  # cost from which a mode counts as new
-_DOUBT = 0.4  # change of shape, 1 − MAC, from which a continuation is looked at in smaller steps
+_DOUBT = 0.4  # change of shape, 1 − MAC, from which a mode is followed in smaller steps
 _EQUAL = 1e-3  # relative distance below which shapes may have mixed
 
 
@@ -42,7 +42,7 @@ class Match:
     origin : (k,) int
         For each current mode the position of the previous one that it continues, or −1 for a new one.
     doubtful : (k,) bool
-        Whether another step in between would help: the shape has changed much for a continuation.
+        Whether the shape has changed so much that a value in between is needed to tell which mode continues.
     """
 
     origin: np.ndarray
@@ -54,8 +54,8 @@ def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> Match:
 
     The assignment minimises the sum of 1 − MAC and x/(1 + x), x the relative change of λ in units of 2 %. In a
     coupled pair λ, −λ* both shapes resemble both predecessors alike; there the growing mode continues the growing one,
-    and where two uncoupled modes have merged, the lower of them. The shape of a mode that couples or comes apart may
-    change as it will, and within a multiple eigenvalue it means nothing; such modes are not doubtful.
+    and where two uncoupled modes have merged, the lower of them. Where a pair couples or comes apart shapes change
+    abruptly, and within a multiple eigenvalue they are arbitrary; such modes are not doubtful.
     """
     origin = np.full(len(current), -1)
     if not len(previous) or not len(current):
@@ -65,7 +65,7 @@ def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> Match:
     moved = np.divide(distance, size + distance, out=np.zeros_like(distance), where=distance > 0)
     assurance = modal_assurance(previous.right, current.right, M)
     cost = 1 - assurance + moved
-    # Growth begins and ends with an onset only: among modes of equal frequency the growing ones stay the growing ones.
+    # Among modes of equal frequency a growing one continues a growing one: growth begins and ends at onsets alone.
     changed = np.abs(_sign(previous)[:, None] - _sign(current)[None, :]) / 2
     rows, columns = linear_sum_assignment(cost + changed)
     taken = np.full(len(current), np.inf)
@@ -75,7 +75,8 @@ def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> Match:
     before, now = mirror_partners(previous), mirror_partners(current)
     _order_pairs(origin, previous.lam, current.lam, before, now)
     coupling = (now >= 0) | ((origin >= 0) & (before[origin] >= 0))
-    # Shapes of equal frequency mix at will: what counts is how much of a mode the whole group has kept.
+    # Shapes of equal frequency may be any combination of each other: what counts is how much of a mode lies in all of
+    # them together.
     near = np.abs(previous.lam[:, None] - previous.lam[None, :]) <= _EQUAL * np.abs(previous.lam)[:, None]
     group = near.astype(float) @ assurance
     kept = np.where(origin >= 0, group[origin, np.arange(len(current))], 0.0)
@@ -101,9 +102,9 @@ def mirror_partners(modes: Modes) -> np.ndarray:
 def _order_pairs(
     origin: np.ndarray, lam_before: np.ndarray, lam_now: np.ndarray, before: np.ndarray, now: np.ndarray
 ) -> None:
-    """Join equal ranks where a pair couples, stays coupled or comes apart (see match_modes).
+    """Let modes of equal rank continue each other where a pair couples, stays coupled or comes apart (see match_modes).
 
-    Modes rank by growth where they are coupled, else by falling frequency.
+    Coupled modes rank by growth, others by falling frequency.
 
     Parameters
     ----------
@@ -121,7 +122,7 @@ def _order_pairs(
         p, q = origin[i], origin[j]
         if p < 0 or q < 0:
             if now[i] == j and (lam_now[i].real > lam_now[j].real) == (p < 0):
-                origin[i], origin[j] = q, p  # the known one of the two is the growing one
+                origin[i], origin[j] = q, p  # of the two predecessors only one is known: the growing mode continues it
             continue
         rank_now = lam_now[[i, j]].real if now[i] == j else -lam_now[[i, j]].imag
         rank_before = lam_before[[p, q]].real if before[p] == q else -lam_before[[p, q]].imag

@@ -25,7 +25,7 @@ class NineDof(LumpedModel):
 
     Examples
     --------
-    >>> [round(o.mu, 9) for o in NineDof().onsets(0, 4) if o.into]
+    >>> [round(o.mu, 9) for o in NineDof().critical_points(0, 4) if o.into]
     [0.858154205, 2.738331047, 3.658885653]
     """
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..models import Minimal, critical_friction
-from ..results import Axis, Grid, Responses, Surface, Sweep, axis_of, responses, surface, sweep
-from ..study import Notes, Result, Study, intervals, of_sweep
+from ..results import Axis, Curves, Grid, Responses, Surface, axis_of, responses, solve_curves, surface
+from ..study import Notes, Result, Study, intervals, of_curves
 
 BASE = Minimal()
 REGULAR = Minimal(k2=20.0)
@@ -17,16 +17,16 @@ _DAMPED: dict[str, Any] = {"c1": 0.3, "c2": 0.3, "c3": 0.3}
 _LABELS = {"base values (k2 = 10 N/m)": BASE, "k2 = 20 N/m": REGULAR}
 
 
-def _both(names: str, values: np.ndarray, mu: float = 0.5, **changes: Any) -> Sweep:
+def _both(names: str, values: np.ndarray, mu: float = 0.5, **changes: Any) -> Curves:
     cases = {(label, label): (replace(model, **changes), mu) for label, model in _LABELS.items()}
-    return sweep(axis_of(BASE, names, values), cases)
+    return solve_curves(axis_of(BASE, names, values), cases)
 
 
-def _friction() -> Sweep:
+def _friction() -> Curves:
     return _both("mu", np.linspace(0, 1, 401))
 
 
-def _friction_notes(result: Sweep) -> Notes:
+def _friction_notes(result: Curves) -> Notes:
     readings = [Minimal(k2=20.0, friction=f).critical_mu()[0] for f in ("printed", "contact", "full")]
     return Notes(
         f"At k2 = 20 N/m the two frequencies meet at μ_c = {readings[0]:.6f} and a growing and a decaying motion "
@@ -41,11 +41,11 @@ def _friction_notes(result: Sweep) -> Notes:
     )
 
 
-def _theta2() -> Sweep:
+def _theta2() -> Curves:
     return _both("theta2", np.linspace(0, 360, 721))
 
 
-def _theta2_notes(result: Sweep) -> Notes:
+def _theta2_notes(result: Curves) -> Notes:
     base, regular = result.cases
     return Notes(
         f"At μ = 0.5 and k2 = 10 N/m the mass is unstable for θ2 in {intervals(base)} degrees; at k2 = 20 N/m in "
@@ -57,12 +57,12 @@ def _theta2_notes(result: Sweep) -> Notes:
     )
 
 
-def _k2() -> Sweep:
+def _k2() -> Curves:
     cases = {(f"friction: {f}", f"friction: {f}"): (Minimal(friction=f), 0.5) for f in ("printed", "contact")}
-    return sweep(axis_of(BASE, "k2", np.linspace(0, 50, 501)), cases)
+    return solve_curves(axis_of(BASE, "k2", np.linspace(0, 50, 501)), cases)
 
 
-def _k2_notes(result: Sweep) -> Notes:
+def _k2_notes(result: Curves) -> Notes:
     printed, contact = result.cases
     edge = printed.unstable[0][1]
     return Notes(
@@ -99,17 +99,17 @@ def _surface_notes(name: str) -> Notes:
     return Notes(seen[name], follows[name])
 
 
-def _damping() -> Sweep:
+def _damping() -> Curves:
     cases = {}
     for label, model in _LABELS.items():
         cases[("undamped", label)] = (model, 0.0)
         cases[("c1 = c2 = c3 = 0.3 N s/m", label)] = (replace(model, **_DAMPED), 0.0)
         if model is REGULAR:
             cases[("c1 = c2 = 0.3, c3 = 0", label)] = (replace(model, c1=0.3, c2=0.3), 0.0)
-    return sweep(axis_of(BASE, "mu", np.linspace(0, 1, 401)), cases)
+    return solve_curves(axis_of(BASE, "mu", np.linspace(0, 1, 401)), cases)
 
 
-def _damping_notes(result: Sweep) -> Notes:
+def _damping_notes(result: Curves) -> Notes:
     models = (REGULAR, replace(REGULAR, **_DAMPED), replace(REGULAR, c1=0.3, c2=0.3), replace(REGULAR, c3=0.3))
     plain, equal, unequal, single = (model.critical_mu()[0] for model in models)
     base = replace(BASE, **_DAMPED).eigenvalues(1.0)[-1]
@@ -122,11 +122,11 @@ def _damping_notes(result: Sweep) -> Notes:
     )
 
 
-def _c3() -> Sweep:
+def _c3() -> Curves:
     return _both("c3", np.linspace(0, 0.7, 281), c1=0.3, c2=0.3)
 
 
-def _c3_notes(result: Sweep) -> Notes:
+def _c3_notes(result: Curves) -> Notes:
     regular = result.cases[1]
     return Notes(
         f"At μ = 0.5 and k2 = 20 N/m the largest growth rate goes from {regular.growth[0]:.4f} to "
@@ -195,17 +195,17 @@ def _map_notes(result: Result) -> Notes:
 
 
 STUDIES = [
-    Study("friction", "1.2.2", "minimal model over friction", _friction, of_sweep(_friction_notes)),
-    Study("theta2", "1.2.3", "minimal model over θ2, μ = 0.5", _theta2, of_sweep(_theta2_notes)),
-    Study("k2", "1.2.4", "minimal model over k2, μ = 0.5", _k2, of_sweep(_k2_notes)),
+    Study("friction", "1.2.2", "minimal model over friction", _friction, of_curves(_friction_notes)),
+    Study("theta2", "1.2.3", "minimal model over θ2, μ = 0.5", _theta2, of_curves(_theta2_notes)),
+    Study("k2", "1.2.4", "minimal model over k2, μ = 0.5", _k2, of_curves(_k2_notes)),
     Study("surface-k1", "1.2.5", "largest growth rate over friction and k1", lambda: _surface("k1"),
           lambda _: _surface_notes("k1")),
     Study("surface-k2", "1.2.5", "largest growth rate over friction and k2", lambda: _surface("k2"),
           lambda _: _surface_notes("k2")),
     Study("surface-k3", "1.2.5", "largest growth rate over friction and k3", lambda: _surface("k3"),
           lambda _: _surface_notes("k3")),
-    Study("damping", "1.2.6", "minimal model, damped and undamped", _damping, of_sweep(_damping_notes)),
-    Study("c3", "1.2.6", "minimal model over c3, c1 = c2 = 0.3 N s/m, μ = 0.5", _c3, of_sweep(_c3_notes)),
+    Study("damping", "1.2.6", "minimal model, damped and undamped", _damping, of_curves(_damping_notes)),
+    Study("c3", "1.2.6", "minimal model over c3, c1 = c2 = 0.3 N s/m, μ = 0.5", _c3, of_curves(_c3_notes)),
     Study("surface-c", "1.2.6", "largest growth rate over friction and c = c1 = c2 = c3", _surface_c, _surface_c_notes),
     Study("responses", "1.1.2", "minimal model, free motion at k2 = 20 N/m", _responses, _responses_notes),
     Study("map", "1.6", "minimal model, critical friction over k1, k2, k3 and θ2", _map, _map_notes),

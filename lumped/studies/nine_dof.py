@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from ..models import NineDof
-from ..results import Sweep, axis_of, sweep
-from ..study import Notes, Study, intervals, of_sweep, sweep_one
+from ..results import Curves, axis_of, solve_curves
+from ..study import Notes, Study, intervals, of_curves, solve_curve
 
 BASE = NineDof()
 DAMPED = NineDof(c1=0.1, c2=0.1, c3=0.1, c4=0.1, c5=0.1, c6=0.1, c7=0.1, c8=0.1, c9=0.1)
 _RECONSTRUCTION = "The model is a reconstruction: the source prints neither its matrices nor its dimensions. "
 
 
-def _friction_notes(result: Sweep) -> Notes:
-    found = ", ".join(f"{o.mu:.6f} (at {o.omega:.3f} rad/s)" for o in BASE.onsets(0, 4))
+def _friction_notes(result: Curves) -> Notes:
+    found = ", ".join(f"{o.mu:.6f} (at {o.omega:.3f} rad/s)" for o in BASE.critical_points(0, 4))
     return Notes(
         f"{_RECONSTRUCTION}Flutter begins at μ = {found}; the source reports the first two, as 0.9 and 2.7. Other "
         "frequencies meet and cross without any effect.",
@@ -25,7 +25,7 @@ def _friction_notes(result: Sweep) -> Notes:
     )
 
 
-def _kc_notes(result: Sweep) -> Notes:
+def _kc_notes(result: Curves) -> Notes:
     case = result.cases[0]
     return Notes(
         f"At μ = 0.5 one narrow window is unstable, kc in {intervals(case)} N/m, with a growth rate of at most "
@@ -35,7 +35,7 @@ def _kc_notes(result: Sweep) -> Notes:
     )
 
 
-def _k_notes(result: Sweep) -> Notes:
+def _k_notes(result: Curves) -> Notes:
     case = result.cases[0]
     return Notes(
         f"At μ = 0.5, with k1 to k4 together, the system is unstable in {intervals(case)} N/m. The gaps hold the "
@@ -45,14 +45,14 @@ def _k_notes(result: Sweep) -> Notes:
     )
 
 
-def _damping() -> Sweep:
+def _damping() -> Curves:
     label = "friction"
     cases = {("undamped", label): (BASE, 0.0), ("c1 to c9 = 0.1 N s/m", label): (DAMPED, 0.0)}
-    return sweep(axis_of(BASE, "mu", np.linspace(0, 4, 801)), cases)
+    return solve_curves(axis_of(BASE, "mu", np.linspace(0, 4, 801)), cases)
 
 
-def _damping_notes(result: Sweep) -> Notes:
-    plain, damped = BASE.onsets(0, 4), [o for o in DAMPED.onsets(0, 4) if o.into]
+def _damping_notes(result: Curves) -> Notes:
+    plain, damped = BASE.critical_points(0, 4), [o for o in DAMPED.critical_points(0, 4) if o.into]
     later = ", ".join(f"{o.mu:.5f}" for o in damped)
     return Notes(
         f"Equal dampers on all nine coordinates move the first onset from {plain[0].mu:.5f} to {damped[0].mu:.5f} "
@@ -65,10 +65,10 @@ def _damping_notes(result: Sweep) -> Notes:
 
 STUDIES = [
     Study("friction", "1.4.1", "nine-dof model over friction",
-          lambda: sweep_one(BASE, "mu", 0, 4, 0.0, 800), of_sweep(_friction_notes)),
+          lambda: solve_curve(BASE, "mu", 0, 4, 0.0, 800), of_curves(_friction_notes)),
     Study("kc", "1.4.2", "nine-dof model over kc1 = kc2, μ = 0.5",
-          lambda: sweep_one(BASE, ("kc1", "kc2"), 0, 15, 0.5, 1500), of_sweep(_kc_notes)),
+          lambda: solve_curve(BASE, ("kc1", "kc2"), 0, 15, 0.5, 1500), of_curves(_kc_notes)),
     Study("k", "1.4.2", "nine-dof model over k1 = k2 = k3 = k4, μ = 0.5",
-          lambda: sweep_one(BASE, ("k1", "k2", "k3", "k4"), 0, 10, 0.5, 1000), of_sweep(_k_notes)),
-    Study("damping", "1.4.2", "nine-dof model over friction, damped and undamped", _damping, of_sweep(_damping_notes)),
+          lambda: solve_curve(BASE, ("k1", "k2", "k3", "k4"), 0, 10, 0.5, 1000), of_curves(_k_notes)),
+    Study("damping", "1.4.2", "nine-dof model over friction, damped and undamped", _damping, of_curves(_damping_notes)),
 ]  # fmt: skip

@@ -9,13 +9,13 @@ import numpy as np
 
 from ..models import Oscillator
 from ..noise import name_noise
-from ..results import Responses, Sweep, Table, responses
-from ..study import Notes, Result, Study, of_sweep, sweep_one
+from ..results import Curves, Responses, Table, responses
+from ..study import Notes, Result, Study, of_curves, solve_curve
 
 BASE = Oscillator()
 
 
-def _friction_notes(result: Sweep) -> Notes:
+def _friction_notes(result: Curves) -> Notes:
     mu_c = BASE.critical_mu()[0]
     contact = Oscillator(friction="contact").critical_mu()[0]
     return Notes(
@@ -51,7 +51,7 @@ def _noise_map() -> Table:
     for exponent in np.linspace(2, 9, 29):
         scale = 10.0 ** float(exponent)
         model = replace(BASE, kx=BASE.kx * scale, ky=BASE.ky * scale, k=BASE.k * scale)
-        onset = next(o for o in model.onsets() if o.kind == "flutter")
+        onset = next(o for o in model.critical_points() if o.kind == "flutter")
         frequency = onset.omega / (2 * math.pi)
         rows.append((scale, onset.mu, frequency, name_noise(frequency)))
     return Table(("stiffness_scale", "critical_mu", "frequency_hz", "noise"), tuple(rows))
@@ -68,7 +68,7 @@ def _noise_notes(result: Result) -> Notes:
 
 STUDIES = [
     Study("friction", "1.1.2", "friction oscillator over friction",
-          lambda: sweep_one(BASE, "mu", 0, 1, 0.0, 400), of_sweep(_friction_notes)),
+          lambda: solve_curve(BASE, "mu", 0, 1, 0.0, 400), of_curves(_friction_notes)),
     Study("responses", "1.1.2", "friction oscillator, free motion", _responses, _responses_notes),
     Study("noise-map", "1.1.1", "noise by frequency", _noise_map, _noise_notes),
 ]  # fmt: skip

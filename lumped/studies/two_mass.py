@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 
 from ..models import TwoMass
-from ..results import Case, Sweep, axis_of, sweep
-from ..study import Notes, Study, intervals, of_sweep, sweep_one
+from ..results import Case, Curves, axis_of, solve_curves
+from ..study import Notes, Study, intervals, of_curves, solve_curve
 
 BASE = TwoMass()
 _MIRROR = (
@@ -23,7 +23,7 @@ def _mirror(name: str, case: Case) -> str:
     return _MIRROR.format(name, -growth, growth)
 
 
-def _friction_notes(result: Sweep) -> Notes:
+def _friction_notes(result: Curves) -> Notes:
     case = result.cases[0]
     mu_c = BASE.critical_mu()[0]
     contact = TwoMass(friction="contact").critical_mu()[0]
@@ -36,19 +36,19 @@ def _friction_notes(result: Sweep) -> Notes:
     )
 
 
-def _stiffness_notes(name: str, advice: str, extra: str, result: Sweep) -> Notes:
+def _stiffness_notes(name: str, advice: str, extra: str, result: Curves) -> Notes:
     case = result.cases[0]
     unit = "N/m"
     see = f"At μ = 0.4 the system is unstable for {name} in {intervals(case, 7)} {unit} (of 5 to "
     return Notes(f"{see}{result.axis.values[-1]:g} {unit}).", advice, f"{_mirror(name, case)}{extra}")
 
 
-def _k() -> Sweep:
+def _k() -> Curves:
     cases = {(f"μ = {mu:g}", f"μ = {mu:g}"): (BASE, mu) for mu in (0.0, 0.4)}
-    return sweep(axis_of(BASE, "k", np.linspace(1, 80, 633)), cases)
+    return solve_curves(axis_of(BASE, "k", np.linspace(1, 80, 633)), cases)
 
 
-def _k_notes(result: Sweep) -> Notes:
+def _k_notes(result: Curves) -> Notes:
     still, sliding = result.cases
     return Notes(
         "Without friction, as the source's table has it, every frequency rises with k and nothing grows. At μ = "
@@ -59,7 +59,7 @@ def _k_notes(result: Sweep) -> Notes:
     )
 
 
-def _theta1_notes(result: Sweep) -> Notes:
+def _theta1_notes(result: Curves) -> Notes:
     return Notes(
         f"At μ = 0.4 the system is unstable for θ1 in {intervals(result.cases[0], 7)} degrees; all repeats after "
         "180°.",
@@ -70,17 +70,17 @@ def _theta1_notes(result: Sweep) -> Notes:
     )
 
 
-def _damped(c: float) -> Sweep:
+def _damped(c: float) -> Curves:
     label = f"c1x = c2x = {c:g} N s/m"
     cases = {
         ("undamped", label): (BASE, 0.0),
         (label, label): (TwoMass(c1x=c, c2x=c), 0.0),
         (f"and cy = {c:g} N s/m", label): (TwoMass(c1x=c, c2x=c, cy=c), 0.0),
     }
-    return sweep(axis_of(BASE, "mu", np.linspace(0, 0.6, 301)), cases)
+    return solve_curves(axis_of(BASE, "mu", np.linspace(0, 0.6, 301)), cases)
 
 
-def _damped_notes(c: float, result: Sweep) -> Notes:
+def _damped_notes(c: float, result: Curves) -> Notes:
     plain, damped, all_three = (m.critical_mu()[0] for m in (BASE, TwoMass(c1x=c, c2x=c), TwoMass(c1x=c, c2x=c, cy=c)))
     case = result.cases[1]
     ratio = float((-case.lam.real / np.abs(case.lam)).max())
@@ -95,7 +95,7 @@ def _damped_notes(c: float, result: Sweep) -> Notes:
     )
 
 
-def _one_damper_notes(name: str, result: Sweep) -> Notes:
+def _one_damper_notes(name: str, result: Curves) -> Notes:
     case = result.cases[0]
     return Notes(
         f"At μ = 0.4 the largest growth rate falls from {case.growth[0]:.4f} to {case.growth[-1]:.4f} rad/s as "
@@ -108,16 +108,16 @@ def _one_damper_notes(name: str, result: Sweep) -> Notes:
 
 def _stiffness(name: str, high: float, advice: str, extra: str = "") -> Study:
     title = f"two-mass model over {name}, μ = 0.4"
-    notes = of_sweep(partial(_stiffness_notes, name, advice, extra))
-    return Study(name, "1.3.3", title, lambda: sweep_one(BASE, name, 5, high, 0.4, 720), notes, spatial=True)
+    notes = of_curves(partial(_stiffness_notes, name, advice, extra))
+    return Study(name, "1.3.3", title, lambda: solve_curve(BASE, name, 5, high, 0.4, 720), notes, spatial=True)
 
 
-def _sweep_friction() -> Sweep:
-    return sweep_one(BASE, "mu", 0, 0.6, 0.0, 600)
+def _sweep_friction() -> Curves:
+    return solve_curve(BASE, "mu", 0, 0.6, 0.0, 600)
 
 
 STUDIES = [
-    Study("friction", "1.3.2", "two-mass model over friction", _sweep_friction, of_sweep(_friction_notes),
+    Study("friction", "1.3.2", "two-mass model over friction", _sweep_friction, of_curves(_friction_notes),
           spatial=True),
     _stiffness("k1x", 50, "Stiffen the support of the first mass beyond 13.9 N/m and the frequencies no "
     "longer meet."),
@@ -126,15 +126,15 @@ STUDIES = [
                " Raising k2x from 5 N/m makes the system unstable first."),
     _stiffness("ky", 100, "The contact stiffness must not put the normal frequency onto a tangential one; "
     "pads that wear or heat up move along this axis.", " Raising ky from 40 N/m makes the system unstable."),
-    Study("k", "1.3.3", "two-mass model over k", _k, of_sweep(_k_notes), spatial=True),
+    Study("k", "1.3.3", "two-mass model over k", _k, of_curves(_k_notes), spatial=True),
     Study("theta1", "1.3.4", "two-mass model over θ1, μ = 0.4",
-          lambda: sweep_one(BASE, "theta1", 0, 360, 0.4, 720), of_sweep(_theta1_notes), spatial=True),
+          lambda: solve_curve(BASE, "theta1", 0, 360, 0.4, 720), of_curves(_theta1_notes), spatial=True),
     Study("damping-0.1", "1.3.5", "two-mass model over friction, c1x = c2x = 0.1 N s/m", partial(_damped, 0.1),
-          of_sweep(partial(_damped_notes, 0.1)), spatial=True),
+          of_curves(partial(_damped_notes, 0.1)), spatial=True),
     Study("damping-0.3", "1.3.5", "two-mass model over friction, c1x = c2x = 0.3 N s/m", partial(_damped, 0.3),
-          of_sweep(partial(_damped_notes, 0.3)), spatial=True),
-    Study("c2x", "1.3.5", "two-mass model over c2x, μ = 0.4", lambda: sweep_one(BASE, "c2x", 0, 0.7, 0.4, 280),
-          of_sweep(partial(_one_damper_notes, "c2x")), spatial=True),
-    Study("cy", "1.3.5", "two-mass model over cy, μ = 0.4", lambda: sweep_one(BASE, "cy", 0, 0.7, 0.4, 280),
-          of_sweep(partial(_one_damper_notes, "cy")), spatial=True),
+          of_curves(partial(_damped_notes, 0.3)), spatial=True),
+    Study("c2x", "1.3.5", "two-mass model over c2x, μ = 0.4", lambda: solve_curve(BASE, "c2x", 0, 0.7, 0.4, 280),
+          of_curves(partial(_one_damper_notes, "c2x")), spatial=True),
+    Study("cy", "1.3.5", "two-mass model over cy, μ = 0.4", lambda: solve_curve(BASE, "cy", 0, 0.7, 0.4, 280),
+          of_curves(partial(_one_damper_notes, "cy")), spatial=True),
 ]  # fmt: skip

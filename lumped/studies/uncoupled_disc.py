@@ -7,13 +7,13 @@ import math
 import numpy as np
 
 from ..models import RigidPad, UncoupledDisc
-from ..results import Sweep
-from ..study import Notes, Study, of_sweep, sweep_one
+from ..results import Curves
+from ..study import Notes, Study, of_curves, solve_curve
 
 BASE = UncoupledDisc()
 
 
-def _friction_notes(result: Sweep) -> Notes:
+def _friction_notes(result: Curves) -> Notes:
     moved = float(np.ptp(BASE.eigenvalues(np.linspace(0, 5, 101)).imag, axis=0).max())
     return Notes(
         "A reconstruction of the kind of model that the source describes. Friction drives the tangential motion, "
@@ -24,7 +24,7 @@ def _friction_notes(result: Sweep) -> Notes:
     )
 
 
-def _rigid_pad_notes(result: Sweep) -> Notes:
+def _rigid_pad_notes(result: Curves) -> Notes:
     return Notes(
         "A rigid pad that moves along the normal and rotates, on two unequal contact springs, with no inclined "
         f"spring: K = [[3, 1], [1 − 3μ, 4 − μ]] flutters from μ = 7 − 2√11 = {RigidPad().critical_mu()[0]:.5f}.",
@@ -37,7 +37,7 @@ def _rigid_pad_notes(result: Sweep) -> Notes:
 
 STUDIES = [
     Study("friction", "1.5", "disc with two pads and no diagonal spring, over friction",
-          lambda: sweep_one(BASE, "mu", 0, 2, 0.0, 200), of_sweep(_friction_notes)),
+          lambda: solve_curve(BASE, "mu", 0, 2, 0.0, 200), of_curves(_friction_notes)),
     Study("rigid-pad", "1.5", "rigid pad that rotates: the counter-example",
-          lambda: sweep_one(RigidPad(), "mu", 0, 1, 0.0, 400), of_sweep(_rigid_pad_notes)),
+          lambda: solve_curve(RigidPad(), "mu", 0, 1, 0.0, 400), of_curves(_rigid_pad_notes)),
 ]  # fmt: skip

@@ -41,7 +41,7 @@ def test_threshold_of_each_reading(friction, mu_c):
     model = Minimal(k2=20.0, friction=friction)
     assert_allclose(model.critical_mu(), [mu_c], rtol=1e-14)
     # The general method knows nothing of the closed form.
-    (onset,) = model.onsets()
+    (onset,) = model.critical_points()
     assert_allclose(onset.mu, mu_c, rtol=1e-13)
     assert onset.kind == "flutter" and onset.into
 
@@ -68,7 +68,8 @@ def test_eigenvalues(mu, expected):
 
 def test_growth_rises_like_a_square_root():
     mu_c = REGULAR.critical_mu()[0]
-    assert_allclose(REGULAR.onsets()[0].slope, 0.973249857636, rtol=1e-10)  # a difference quotient of step 1e-6
+    # A difference quotient of step 1e-6.
+    assert_allclose(REGULAR.critical_points()[0].slope, 0.973249857636, rtol=1e-10)
     for h, tolerance in ((1e-4, 1e-4), (1e-6, 1e-6)):  # the next term of the expansion is of order h
         assert_allclose(REGULAR.eigenvalues(mu_c + h).real.max() / np.sqrt(h), 0.973249857636, rtol=tolerance)
 
@@ -108,7 +109,7 @@ def test_hopf_onset(dampers, mu_c):
 
 
 def test_hopf_slope():
-    (onset,) = Minimal(k2=20.0, c1=0.3, c2=0.3, c3=0.3).onsets()
+    (onset,) = Minimal(k2=20.0, c1=0.3, c2=0.3, c3=0.3).critical_points()
     assert_allclose(onset.mu, 0.38336057874191151, rtol=1e-14)
     assert_allclose(onset.slope, 2.0996082231, rtol=1e-10)
     assert_allclose(Minimal(k2=20.0, c3=0.3).critical_mu(), [2.5 * np.sqrt(3) / 17.5], rtol=1e-13)  # |b|/d
@@ -141,7 +142,7 @@ def test_degenerate_base_values_are_marginal(mu):
     spectrum = model.spectrum(mu)
     assert spectrum.stability == "marginal"
     assert_allclose(spectrum.lam[2:], np.sqrt(15) * 1j, atol=1e-7)
-    assert model.critical_mu() == [] and model.onsets() == []
+    assert model.critical_mu() == [] and model.critical_points() == []
 
 
 @pytest.mark.parametrize("mu", [0.1, 0.5, 1.0])
@@ -168,7 +169,8 @@ def test_no_threshold_where_the_springs_cancel():
     assert np.isinf(critical_friction(10, 10, 10, 120, 60))
     assert np.isinf(critical_friction(10, 10, 25, [30, 75], [150, 105])).all()  # a ≠ d: safe for every μ
     assert critical_friction(10, 5, 10, 120, 60) < 0  # b > 0: only the reversed belt
-    assert_allclose(Minimal(k2=5.0).onsets(-np.inf, 0)[-1].mu, critical_friction(10, 5, 10, 120, 60), rtol=1e-13)
+    last = Minimal(k2=5.0).critical_points(-np.inf, 0)[-1].mu
+    assert_allclose(last, critical_friction(10, 5, 10, 120, 60), rtol=1e-13)
 
 
 def test_closed_form_agrees_with_the_double_root_everywhere():
@@ -177,7 +179,7 @@ def test_closed_form_agrees_with_the_double_root_everywhere():
         for _ in range(20):
             p = dict(zip(("k1", "k2", "k3", "theta1", "theta2"), rng.uniform(1, [50, 50, 50, 180, 180]), strict=True))
             model = Minimal(friction=friction, **p)
-            flutter = [o.mu for o in model.onsets(0, 1e3) if o.kind == "flutter" and o.into]
+            flutter = [o.mu for o in model.critical_points(0, 1e3) if o.kind == "flutter" and o.into]
             mu = [mu for mu in model.critical_mu() if mu < 1e3]
             assert_allclose(flutter, mu, rtol=1e-9)  # the nearest b to zero makes the root a thousand times worse
 

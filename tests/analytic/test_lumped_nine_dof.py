@@ -67,7 +67,7 @@ def test_matrix_with_all_ones():
 
 
 def test_all_onsets():
-    onsets = BASE.onsets(0, 4)
+    onsets = BASE.critical_points(0, 4)
     # s² of the first pair has the slope 0.06 against entries of 16: three digits of sixteen are lost.
     expected = [0.85815420475276589, 2.7383310465820566, 3.6588856526499511]
     assert_allclose([o.mu for o in onsets], expected, rtol=1e-13)
@@ -94,7 +94,7 @@ def test_unstable_intervals_at_mu_05(names, high, expected):
 
 def test_damped_onset():
     model = NineDof(**{f"c{i}": 0.1 for i in range(1, 10)})
-    first = model.onsets(0, 4)[0]
+    first = model.critical_points(0, 4)[0]
     assert first.kind == "hopf"
     assert_allclose(first.mu, 1.63936399181397, rtol=1e-13)
     assert_allclose(first.omega, 2.123418565, rtol=1e-9)

@@ -38,7 +38,7 @@ def test_growth_in_proportion_to_time_at_the_threshold():
     model = Oscillator()
     times = np.array([1e2, 1e3, 1e4])
     # the envelope over one period at each time
-    period = 2 * np.pi / model.onsets()[0].omega
+    period = 2 * np.pi / model.critical_points()[0].omega
     window = np.linspace(0, period, 200)
     ratio = []
     for t in times:

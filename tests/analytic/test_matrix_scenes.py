@@ -50,7 +50,7 @@ def test_lumped_onsets(tmp_path, model, onsets, first):
     stop = 4.0 if isinstance(model, NineDof) else 0.7
     result = run(tmp_path, friction_terms(model), {"mu": 0.3}, "mu", 0, stop, 12, suffixes=suffixes)
     assert [o.value for o in result.onsets] == pytest.approx(onsets, rel=2e-13)
-    assert all(o.kind == "flutter" and o.direction == "into" for o in result.onsets) and not result.doubts
+    assert all(o.kind == "flutter" and o.direction == "into" for o in result.onsets) and not result.warnings
     for o, exact in zip(result.onsets, onsets, strict=True):
         assert abs(o.value - exact) <= o.uncertainty + 1e-13 * exact
     assert result.problem.problem_class == ("quadratic" if model.C.any() else "nonsymmetric")
@@ -193,7 +193,7 @@ def test_gyroscopic_stabilisation(tmp_path):
     result = run(tmp_path, terms, {"omega": 1.0}, "omega", 0.2, 2.0, 10)
     [onset] = result.onsets
     exact = (1 + np.sqrt(1.5)) / 2
-    assert (onset.kind, onset.direction) == ("flutter", "out of") and not result.doubts
+    assert (onset.kind, onset.direction) == ("flutter", "out of") and not result.warnings
     assert abs(onset.value - exact) <= onset.uncertainty < 1e-7
     assert 2 * np.pi * onset.frequency_hz == pytest.approx(1.5**0.25, rel=1e-4)
     for point in result.points:

@@ -115,7 +115,7 @@ def test_instability_beyond_the_range_raises_no_doubt(c):
     base = problem(K, F)
     damper = (Term("damper", "C", sp.csr_array(c * np.eye(4)), True),) if c else ()
     result = sweep(Problem((*base.terms, *damper), {"mu": 0.0}), np.linspace(0, 1.6, 5), modes=2)
-    assert result.onsets == () and result.doubts == ()
+    assert result.onsets == () and result.warnings == ()
     assert all(len(point.modes) == 2 == point.branches.max() for point in result.points)
     assert len(sweep(Problem((*base.terms, *damper), {"mu": 0.0}), np.linspace(0, 1.6, 5), modes=4).onsets) == 1
 

@@ -178,7 +178,8 @@ def test_spoilt_scenes(
             (place / f"failed_{seed}_{number}.toml").write_bytes(path.read_bytes())
             print(f"seed {seed}, number {number}: {place}/failed_{seed}_{number}.toml")
             raise
-        shutil.rmtree(out, ignore_errors=True)
+        finally:
+            shutil.rmtree(out, ignore_errors=True)
     path.write_text(BASES[seed % len(BASES)], encoding="utf-8")
     assert outcome(["run", str(path), "-o", str(out)], out, capsys)[0] == 0
     shutil.rmtree(out)

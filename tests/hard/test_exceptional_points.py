@@ -169,7 +169,7 @@ def test_onset_within_one_step_of_the_sweep(tmp_path, record, crowd):
     values = [0.0, 0.5, CRITICAL - 1e-9, CRITICAL, CRITICAL + 1e-9, 0.6, 0.9]
     result = fe_squeal.sweep(matrices(tmp_path, terms, mu=0.0), values, modes=2)
     [onset] = result.onsets
-    assert onset.kind == "flutter" and not result.doubts
+    assert onset.kind == "flutter" and not result.warnings
     assert abs(onset.value - CRITICAL) <= max(onset.uncertainty, 1e-14) < 1e-9
     assert onset.crossing_speed == pytest.approx(np.sqrt(10 * B) / (2 * np.sqrt(20.0)), rel=1e-6)
     record(digits(onset.value, CRITICAL), "one onset, by Newton's method on the double eigenvalue")

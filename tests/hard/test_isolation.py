@@ -12,10 +12,11 @@ import pytest
 from accuracy_cases import belt_scene
 from scene_texts import environment, replaced, write_scene
 
+import fe_squeal
 from fe_squeal.accuracy.measure import measure_apart
 from fe_squeal.accuracy.settings import Setting
 from fe_squeal.errors import MeshError
-from fe_squeal.isolation import isolated_children, isolated_environment
+from fe_squeal.process.isolation import isolated_children, isolated_environment
 
 MODULES = ("json", "queue", "pickle", "socket", "numpy", "selectors", "sitecustomize", "fe_squeal", "fe_squeal_start")
 
@@ -42,6 +43,11 @@ def test_such_files_are_dangerous_and_children_do_not_see_them(
     (strange / "executed").unlink()  # else the files held no danger
     done = subprocess.run(command, env=isolated_environment(), check=True, capture_output=True, text=True)
     assert str(strange) not in done.stdout
+
+
+def test_children_import_the_same_package() -> None:
+    first = isolated_environment()["PYTHONPATH"].split(os.pathsep)[0]
+    assert Path(first) == Path(fe_squeal.__file__).resolve().parents[1]
 
 
 def test_modules_of_the_user_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -123,4 +123,4 @@ def test_a_pair_that_couples_and_parts_inside_one_step_is_found():
     result = sweep(Problem((*base.terms, *terms), {"mu": 0.0}), [0.0, 2.0, 4.0], modes=10)
     assert [o.direction for o in result.onsets] == ["into", "out of"]
     np.testing.assert_allclose([o.value for o in result.onsets], [1.0, 1.4], atol=1e-9)
-    assert result.doubts == ()
+    assert result.warnings == ()

@@ -65,7 +65,7 @@ def test_modal_projection_is_off_at_large_friction(record, mu):
     reduced = fe_squeal.sweep(problem, [0.0, mu], modes=16, method="reduced").points[-1].modes.lam
     modal = result.points[-1].modes.lam
     off = np.abs(full[:12, None] - modal).min(axis=1) / np.abs(full[:12])
-    assert off.max() > 1e-3 and any("modal projection" in d for d in result.doubts)
+    assert off.max() > 1e-3 and any("modal projection" in d for d in result.warnings)
     assert (np.abs(full[:12, None] - reduced).min(axis=1) <= 1e-7 * np.abs(full[:12])).all()
     record(digits(reduced, full[:12]), "the reduced model keeps the tolerance; `modal` tells its error",
            digits(modal, full[:12]), 0.0, "(here: the projection on modes of μ = 0)")  # fmt: skip

@@ -74,7 +74,7 @@ def test_penalty_of_a_tie_over_eight_decades(record, power):
     if power >= 14:
         np.testing.assert_allclose(drop, share / 2, rtol=0.1, atol=1e-9)
     assert (np.abs(drop) <= 1e-3 * 10.0 ** (15 - power) + 1e-9).all() or power < 13
-    said = [d for d in result.doubts if "glue" in d]
+    said = [d for d in result.warnings if "glue" in d]
     assert bool(said) == (share.max() / 2 > 5e-3) == (power < 14)
     kept = digits(found.lam, 1j * modes.lam.imag)
     record(kept, "a warning says by how much the penalty lowers frequencies",

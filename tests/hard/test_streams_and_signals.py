@@ -18,7 +18,7 @@ from test_safety import matrix_scene
 
 import fe_squeal.run.run
 from fe_squeal.cli import main
-from fe_squeal.streams import lasting_streams
+from fe_squeal.process.streams import lasting_streams
 from fe_squeal.sweep.running import RunningSweep
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="devices and signals of POSIX")
@@ -129,7 +129,7 @@ def test_zero_rows_of_matrices(tmp_path: Path, recwarn: pytest.WarningsRecorder)
 
 @pytest.mark.slow
 def test_all_modes_and_their_onset(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The small model of a step is then the problem itself: the same onset as of eight modes, and no words of SciPy."""
+    """The step model is then the problem itself: the same onset as of eight modes, and no words of SciPy."""
     onsets = []
     for modes in (8, 90):
         path = write_scene(tmp_path, replaced("modes = 8", f"modes = {modes}").replace("points = 5", "points = 3"))

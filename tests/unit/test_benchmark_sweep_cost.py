@@ -53,7 +53,7 @@ def test_table_and_chart(monkeypatch, tmp_path, own):
 @pytest.mark.slow
 def test_how_a_sweep_grows():
     row = performance.measure(0.03, 8, 5)
-    assert row["unknowns"] > 1000 and row["proven"] and not row["doubts"]
+    assert row["unknowns"] > 1000 and row["proven"] and not row["warnings"]
     assert row["predicted"] > row["factors"] > 0
     lines = performance.table([row]).splitlines()
     assert len({line.count("|") for line in lines}) == 1 and str(row["unknowns"]) in lines[-1]

@@ -155,7 +155,7 @@ def test_names_of_another_version_are_refused(
     assert json.loads((out / "run.json").read_text(encoding="utf-8"))["status"] == "complete"
 
 
-@pytest.mark.parametrize("layout", [None, checkpoint.LAYOUT - 1, checkpoint.LAYOUT + 1, "2"])
+@pytest.mark.parametrize("layout", [None, checkpoint.LAYOUT - 1, checkpoint.LAYOUT + 1, str(checkpoint.LAYOUT)])
 def test_another_layout_is_refused(
     layout: Any, begun: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

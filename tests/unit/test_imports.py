@@ -26,6 +26,12 @@ def test_the_package_loads_neither_plotting_nor_tables_nor_meshers():
     assert loaded_by("import fe_squeal", *PLOTTING, *TABLES, *MESHING, *SOLVING) == []
 
 
+def test_nothing_else_is_loose_beside_the_rooms():
+    root = files("fe_squeal")
+    loose = {p.name for p in root.iterdir() if p.name.endswith(".py")}
+    assert loose == {"__init__.py", "__main__.py", "cli.py", "errors.py", "version.py"}
+
+
 def test_help_of_the_command_loads_no_more():
     code = "from fe_squeal.cli import main\nassert main(['--help']) == 0"
     assert loaded_by(code, *PLOTTING, *TABLES, *MESHING, *SOLVING) == []

@@ -62,8 +62,8 @@ def test_surface_onsets_are_the_closed_form():
     inside = k2 > 10
     expected = ((k2 - 10) / 2) ** 2 + 3 * (k2 - 10) ** 2 / 4
     expected = expected[inside] / (np.sqrt(3) * (k2 - 10) * (17.5 + (k2 - 20) / 4))[inside]
-    assert_allclose(surface.onset[0][inside], expected, rtol=1e-12)
-    assert np.isinf(surface.onset[0][~inside]).all()
+    assert_allclose(surface.critical_mu[0][inside], expected, rtol=1e-12)
+    assert np.isinf(surface.critical_mu[0][~inside]).all()
     assert (surface.growth[0][~inside] == 0).all()
 
 

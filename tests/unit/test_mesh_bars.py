@@ -80,7 +80,7 @@ def test_an_onset_that_vanishes_is_listed_as_such(block, changes):
     [onset] = block.onsets
     result = with_changes(block, replace(changes, onsets=(np.nan,)))
     assert result.onsets[0].discretisation == np.inf
-    assert any("vanishes on the refined mesh" in d and f"{onset.value:.6g}" in d for d in result.doubts)
+    assert any("vanishes on the refined mesh" in d and f"{onset.value:.6g}" in d for d in result.warnings)
     console = Console(file=io.StringIO(), width=80)
     print_onsets(result.onsets_dataframe(), console)
     assert "vanishes" in console.file.getvalue()
@@ -91,7 +91,7 @@ def test_an_onset_that_appears_is_listed_as_such(block, changes):
     result = with_changes(block, replace(changes, appeared=(new,)))
     assert [o.value for o in result.onsets] == [0.2, block.onsets[0].value]
     assert np.isinf(result.onsets_dataframe()["discretisation"].iloc[0])
-    assert any("mu = 0.2" in d and "appears on the refined mesh alone" in d for d in result.doubts)
+    assert any("mu = 0.2" in d and "appears on the refined mesh alone" in d for d in result.warnings)
     console = Console(file=io.StringIO(), width=80)
     print_onsets(result.onsets_dataframe(), console)
     assert "refined only" in console.file.getvalue()
@@ -128,7 +128,7 @@ def test_onsets_of_the_refined_mesh_alone_are_found():
     result = with_discretisation(plain)
     new = [o for o in result.onsets if np.isinf(o.discretisation) and o.branch_a == 0]
     assert new and len(result.onsets) == len(plain.onsets) + len(new)
-    assert sum("appears on the refined mesh alone" in d for d in result.doubts) == len(new)
+    assert sum("appears on the refined mesh alone" in d for d in result.warnings) == len(new)
 
 
 def test_bars_of_a_sweep_follow_the_rules(block, changes):

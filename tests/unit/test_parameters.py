@@ -59,7 +59,40 @@ def test_a_derivative_is_taken_at_the_values_given(problem: Problem) -> None:
 def test_what_is_given_wrongly_ends_in_one_sentence(problem: Problem, given: object, said: str, method: str) -> None:
     with pytest.raises(SceneError) as caught:
         getattr(problem, method)(given)
+    said = said.replace("problem.at(", f"problem.{method}(")
     assert str(caught.value).endswith(said) and "\n" not in str(caught.value)
+
+
+NO_MATRIX = 'as the matrix; expected "M", "C" or "K", as in problem.derivative("mu", "K")'
+
+
+@pytest.mark.parametrize(("wrong", "said"), [
+    (lambda p: p.at("mu", 0.4), "given 'mu', 0.4; expected parameters with their values, "
+     'as in problem.at({"mu": 0.4})'),
+    (lambda p: p.at(PISTON, 2), f'as in problem.at({{"{PISTON}": 2}})'),
+    (lambda p: p.at({"mu": 0.4}, {PISTON: 2.0}), 'as in problem.at({"mu": 0.3})'),
+    (lambda p: p.at(np.eye(9)), 'as in problem.at({"mu": 0.3})'),
+    (lambda p: p.pencil("mu", 0.4), 'as in problem.pencil({"mu": 0.4})'),
+    (lambda p: p.derivative("mu"), f"given None {NO_MATRIX}"),
+    (lambda p: p.derivative("mu", 0.4), f"given 0.4 {NO_MATRIX}"),
+    (lambda p: p.derivative("mu", "K", 0.4), 'given 0.4; expected parameters with their values, '
+     'as in problem.derivative("mu", "K", {"mu": 0.3})'),
+    (lambda p: p.derivative("mu", "K", "mu", 0.4), 'as in problem.derivative("mu", "K", {"mu": 0.4})'),
+    (lambda p: p.derivative(0.4, "K"), 'given 0.4 as the name of a parameter; expected a text, as "mu"'),
+])  # fmt: skip
+def test_calls_as_one_might_guess_them_end_in_the_right_form(problem: Problem, wrong: object, said: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        wrong(problem)  # type: ignore[operator]
+    assert str(caught.value).endswith(said) and "\n" not in str(caught.value)
+
+
+def test_the_right_form_that_is_shown_is_right(problem: Problem) -> None:
+    """What a message ends with, run as it stands."""
+    with pytest.raises(SceneError) as caught:
+        problem.derivative("mu", "K", "mu", 0.4)  # type: ignore[call-arg]
+    shown = str(caught.value).rpartition("as in ")[2]
+    found = eval(shown, {"problem": problem})
+    assert abs(found - problem.derivative("mu", "K")).max() == 0 and abs(found).max() > 0
 
 
 def test_without_a_scene_the_message_has_a_parameter_of_the_problem() -> None:
@@ -88,4 +121,6 @@ def test_a_scene_is_not_changed_in_place(problem: Problem, table: str) -> None:
     before = scene.model_dump()
     with pytest.raises(SceneError, match=rf"^{name}: a scene does not change.*problem\.at\(\{{.*parse_scene$"):
         setattr(where, name, value)
+    with pytest.raises(SceneError, match=rf"^{name}: a scene does not change"):
+        delattr(where, name)
     assert scene.model_dump() == before

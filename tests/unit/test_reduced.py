@@ -51,7 +51,7 @@ def test_onsets_and_branches_are_those_of_direct_solves():
         assert a.value == pytest.approx(b.value, rel=1e-9)
         assert a.crossing_speed == pytest.approx(b.crossing_speed, rel=1e-6)
         assert (a.kind, a.direction, a.branch_a, a.branch_b) == (b.kind, b.direction, b.branch_a, b.branch_b)
-    assert reduced.doubts == direct.doubts
+    assert reduced.warnings == direct.warnings
     for a, b in zip(reduced.points, direct.points, strict=True):
         np.testing.assert_array_equal(a.branches, b.branches)
         np.testing.assert_array_equal(a.modes.stability, b.modes.stability)
@@ -160,7 +160,7 @@ def test_modal_projection_tells_its_error():
     """The usual projection misses by percents; its estimate is of that size, and it is told."""
     problem = chain()
     result = sweep(problem, VALUES, modes=MODES, method="modal")
-    assert any("modal projection" in d for d in result.doubts)
+    assert any("modal projection" in d for d in result.warnings)
     model = ReducedModel(problem, "mu", VALUES, Request(count=MODES), modal=True)
     errors = []
     for mu in VALUES[1:]:

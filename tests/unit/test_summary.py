@@ -40,7 +40,7 @@ def test_equal_warnings_once_with_their_number_and_the_gravest_at_the_end(block)
     scene, result = block
     rough = "3 of the modes have frequencies that rounding of the matrices may move, by up to 2 %"
     lost = [f"branch {b} is not found again between mu = {b / 10} and {b / 5}" for b in range(1, 115)]
-    text = summary(scene, replace(result, doubts=(rough, *lost)))
+    text = summary(scene, replace(result, warnings=(rough, *lost)))
     warnings = [line for line in text.splitlines() if line.startswith("warning: ")]
     assert warnings == [f"warning: {rough}", f"warning: {lost[-1]} (one of 114 such warnings)"]
     assert text.rstrip().splitlines()[-1] == warnings[-1]

@@ -1,1 +1,1 @@
-"""One reader a format: from a file to the mesh as the file gives it."""
+"""A reader for each format, from a file to the mesh as the file gives it."""

@@ -1,4 +1,4 @@
-"""What XDMF and HDF5 files refer to: looked at before they are read, since their libraries follow every reference."""
+"""References in XDMF and HDF5 files, checked before these are read: their libraries would follow every one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What meshio 5.3.5 stops at, read all the same."""
+"""Files at which meshio 5.3.5 stops, read all the same."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from .sources import Sources
 
 _CORNERS = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}
 _REFUSED = ("VTK_LAGRANGE", "VTK_BEZIER", "polyhedron", "tetra", "hexahedron", "wedge", "pyramid")
-# An array with more values than this numbers cells and does not group them.
+# An array with more different values than this gives each cell a number of its own, and no groups.
 MOST_VALUES = 500
 
 
@@ -80,7 +80,7 @@ def _raw(mesh: object, source: str) -> RawMesh:
         data = np.asarray(cells.data)
         if cells.type in SHAPE:
             nodes = data.astype(np.int64)
-            # An index past the end is caught by the gate, a negative one must not count from the end.
+            # An index past the end is caught by `check_cells`, a negative one must not count from the end.
             nodes[(nodes < 0) | (nodes >= len(points))] = len(points)
             blocks.append(CellBlock(cells.type, nodes, number + np.arange(len(nodes))))
             start[i] = at

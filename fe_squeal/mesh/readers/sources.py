@@ -1,4 +1,4 @@
-"""The files that a mesh file stands for: itself, and those that it includes, within limits."""
+"""A mesh file and those that it includes, which have to lie in folders that are allowed."""
 
 from __future__ import annotations
 

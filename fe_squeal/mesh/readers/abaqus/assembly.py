@@ -1,4 +1,4 @@
-"""From the parts and instances of an Abaqus file to one mesh: every instance placed."""
+"""One mesh of the parts and instances of an Abaqus file, every instance moved to its place."""
 
 from __future__ import annotations
 

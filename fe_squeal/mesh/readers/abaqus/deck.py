@@ -1,4 +1,4 @@
-"""Abaqus input files: parts, instances, sets, surfaces. Written anew because meshio reads flat files alone.
+"""Abaqus input files: parts, instances, sets, surfaces. Not read by meshio, which takes flat files alone.
 
 Syntax after the Abaqus keywords manual (*NODE, *ELEMENT, *NSET, *ELSET, *SURFACE, *PART, *INSTANCE, *INCLUDE); the rest
 of the file (materials, steps, boundary conditions) is kept for `fe_squeal.decks`.
@@ -29,7 +29,7 @@ _SKIN = re.compile(r"(?:STRI|CPS|CPE|SFM3D|M3D|R3D|DS|S)(65|[34689])")
 _LINKS = ("SPRING", "DASHPOT", "MASS", "ROTARYI", "CONN3D", "DCOUP3D")
 _MESH = {"PART", "INSTANCE", "END PART", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY", "NODE", "ELEMENT", "NSET", "ELSET",
          "SURFACE", "HEADING", "PARAMETER"}  # fmt: skip
-_FILLED = {"NODE", "ELEMENT", "NSET", "ELSET"}  # blocks without a data line have lost them
+_FILLED = {"NODE", "ELEMENT", "NSET", "ELSET"}  # where such a block has no data line, they are lost: an error
 _REFUSED = {"NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "NMAP", "SYSTEM"}
 
 
@@ -39,7 +39,7 @@ def parse_model(sources: Sources) -> Model:
     model = Model()
     scope = model.assembly
     ignored: dict[str, int] = {}
-    promised: dict[str, Block] = {}  # by element sets that have to be there
+    promised: dict[str, Block] = {}  # names of element sets that have to be there, and where they are named
     seen = False
     for block in read_blocks(sources):
         seen = True
@@ -190,7 +190,7 @@ def _read_skin(given: str, block: Block, scope: Scope) -> None:
 
 
 def _fits(values: Floats, ends: Ints, width: int) -> bool:
-    """Tell whether elements of that many numbers end where data lines end."""
+    """Return whether elements of so many numbers end where data lines end."""
     whole = np.arange(width, len(values) + 1, width)
     return len(values) % width == 0 and bool(np.isin(whole, ends).all())
 

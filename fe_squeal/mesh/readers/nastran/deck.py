@@ -1,6 +1,6 @@
 """Nastran bulk data: grid points, solid elements and shells; property numbers become group names.
 
-Card formats after the MSC and NX Nastran quick reference guides. Written anew because meshio needs BEGIN BULK and
+Card formats after the MSC and NX Nastran quick reference guides. Not read by meshio, which needs BEGIN BULK and
 ENDDATA, reads CP as a label and stops at free-format continuations.
 """
 

@@ -1,4 +1,4 @@
-"""What modes themselves say about how sure they are: lost in rounding, or lowered by the penalty of a tie."""
+"""Warnings that follow from modes themselves: frequencies lost in rounding, or lowered by the penalty of a tie."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from ..eigen.pencil import Modes
 from ..eigen.quality import ROUNDING
 from ..problem.problem import Problem
 
-_ROUGH = 1e-4  # relative error of a frequency from which on it is spoken of
-_SOFT_TIE = 5e-3  # relative drop of a frequency by the penalty of a tie: what meshes usually leave
+_ROUGH = 1e-4  # relative error of a frequency from which on there is a warning
+_SOFT_TIE = 5e-3  # relative drop of a frequency by the penalty of a tie from which on there is a warning; chosen like
+# what the error of a mesh usually is
 
 
-def doubts_of_rounding(modes: Modes) -> list[str]:
+def rounding_warnings(modes: Modes) -> list[str]:
     """Return a sentence about modes at zero, and one about those whose frequency is lost in rounding of the entries."""
-    doubts = []
+    warnings = []
     free, lam = modes.lam == 0, np.abs(modes.lam)
     if free.any():
         text = f"{free.sum()} of the modes are rigid motions of frequency 0: no support or spring holds a body against"
@@ -22,17 +23,17 @@ def doubts_of_rounding(modes: Modes) -> list[str]:
         blur = modes.re_uncertainty[free].max() / (2 * np.pi)
         if free.all() or 2 * np.pi * blur > _ROUGH * lam[~free].min():
             text += f", or they are slower than {blur:.2g} Hz, which rounding of the matrices hides"
-        doubts.append(text)
+        warnings.append(text)
     error = ROUNDING * modes.condition[~free]
     if (error > _ROUGH).any():
-        doubts.append(
+        warnings.append(
             f"{np.count_nonzero(error > _ROUGH)} of the modes have frequencies that rounding of the matrices may move,"
             f" by up to {100 * error.max():.2g} %: something is far stiffer than what they bend (thin cells, springs)"
         )
-    return doubts
+    return warnings
 
 
-def doubts_of_ties(problem: Problem, modes: Modes) -> list[str]:
+def tie_warnings(problem: Problem, modes: Modes) -> list[str]:
     """Return a sentence for each tied contact whose stiffness lets frequencies drop.
 
     A tie is a penalty: its energy share e = φᴴK_tφ / φᴴKφ is d ln θ / d ln k, and for θ = θ_∞ − a/k, as a stiff tie

@@ -18,7 +18,7 @@ def isolated_environment() -> dict[str, str]:
     for empty and relative entries, which mean the working folder again.
     """
     named = os.environ.get("PYTHONPATH", "").split(os.pathsep)
-    home = str(Path(__file__).resolve().parents[1])
+    home = str(Path(__file__).resolve().parents[2])
     return {
         **os.environ,
         "PYTHONSAFEPATH": "1",

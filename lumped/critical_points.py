@@ -18,7 +18,7 @@ _SCAN = 401
 
 
 @dataclass(frozen=True)
-class Onset:
+class CriticalPoint:
     """A friction coefficient at which a motion becomes unstable, or stable again.
 
     Attributes
@@ -42,7 +42,9 @@ class Onset:
     slope: float
 
 
-def find_onsets(M: Floats, C: Floats, K0: Floats, F: Floats, lower: float, upper: float) -> list[Onset]:
+def find_critical_points(
+    M: Floats, C: Floats, K0: Floats, F: Floats, lower: float, upper: float
+) -> list[CriticalPoint]:
     """Find all flutter or Hopf points and divergences with lower < μ < upper, by ascending μ.
 
     Parameters
@@ -57,7 +59,7 @@ def find_onsets(M: Floats, C: Floats, K0: Floats, F: Floats, lower: float, upper
     >>> import numpy as np
     >>> K0 = np.array([[3.0, -1.0], [-1.0, 4.0]])
     >>> F = np.array([[0.0, 4.0], [0.0, 0.0]])
-    >>> [(o.kind, o.mu) for o in find_onsets(np.eye(2), 0 * K0, K0, F, 0, np.inf)]  # ((3-4)²/4 + 1)/4
+    >>> [(o.kind, o.mu) for o in find_critical_points(np.eye(2), 0 * K0, K0, F, 0, np.inf)]  # ((3-4)²/4 + 1)/4
     [('flutter', 0.3125)]
     """
     if C.any():
@@ -108,9 +110,9 @@ def double_eigenvalues(A: Floats, B: Floats) -> list[tuple[float, complex]]:
     return sorted(found, key=lambda pair: pair[0])
 
 
-def _flutter_points(A: Floats, B: Floats) -> list[Onset]:
+def _flutter_points(A: Floats, B: Floats) -> list[CriticalPoint]:
     """Refine the double eigenvalues on s² = ((θi − θj)/2)², which is analytic in μ where θi and θj are not."""
-    onsets: list[Onset] = []
+    onsets: list[CriticalPoint] = []
     for start, theta in double_eigenvalues(A, B):
         onset = _refine_flutter(A, B, start, theta)
         if onset and not any(abs(onset.mu - o.mu) < 1e-10 * (1 + abs(o.mu)) for o in onsets):
@@ -118,7 +120,7 @@ def _flutter_points(A: Floats, B: Floats) -> list[Onset]:
     return onsets
 
 
-def _refine_flutter(A: Floats, B: Floats, start: float, theta: complex) -> Onset | None:
+def _refine_flutter(A: Floats, B: Floats, start: float, theta: complex) -> CriticalPoint | None:
     scale = np.abs(A + start * B).max() ** 2
 
     def pair(mu: float, near: complex) -> tuple[float, complex]:
@@ -147,10 +149,10 @@ def _refine_flutter(A: Floats, B: Floats, start: float, theta: complex) -> Onset
     if abs(f) > 1e-3 * abs(above - below) or theta.real <= 0:  # a jump of the pair, or two motions that diverge anyway
         return None
     omega = float(np.sqrt(theta.real))
-    return Onset(mu, omega, "flutter", above < 0, float(np.sqrt(abs(above - below) / (2 * step)) / (2 * omega)))
+    return CriticalPoint(mu, omega, "flutter", above < 0, float(np.sqrt(abs(above - below) / (2 * step)) / (2 * omega)))
 
 
-def _divergences(M: Floats, C: Floats, K0: Floats, F: Floats) -> list[Onset]:
+def _divergences(M: Floats, C: Floats, K0: Floats, F: Floats) -> list[CriticalPoint]:
     """Real roots of det(K0 + μ F) at which an eigenvalue passes through zero."""
     values = la.eigvals(mass_normalized(M, K0), -mass_normalized(M, F))
     values = values[np.isfinite(values) & (np.abs(values) < 1e6)]
@@ -161,11 +163,11 @@ def _divergences(M: Floats, C: Floats, K0: Floats, F: Floats) -> list[Onset]:
         # near zero λ = −(μ − μ0) yᵀFx / yᵀCx, and without damping λ² = −(μ − μ0) yᵀFx / yᵀMx
         slope, inertia = -(y @ F @ x), y @ (C if C.any() else M) @ x
         if abs(slope) > 1e-12 * np.abs(F).max() and inertia != 0:
-            onsets.append(Onset(float(mu), 0.0, "divergence", bool(slope / inertia > 0), float("nan")))
+            onsets.append(CriticalPoint(float(mu), 0.0, "divergence", bool(slope / inertia > 0), float("nan")))
     return onsets
 
 
-def _hopf_points(M: Floats, C: Floats, K0: Floats, F: Floats, lower: float, upper: float) -> list[Onset]:
+def _hopf_points(M: Floats, C: Floats, K0: Floats, F: Floats, lower: float, upper: float) -> list[CriticalPoint]:
     """Crossings of the imaginary axis, from the bialternate sum, polished by Newton's method on Re λ(μ)."""
     starts = [*_zero_sums(state_matrix(M, C, K0), state_matrix(M, C, K0 + F) - state_matrix(M, C, K0))]
     # The bialternate pencil is singular if a motion stays undamped for every μ; a scan finds the others then.
@@ -173,7 +175,7 @@ def _hopf_points(M: Floats, C: Floats, K0: Floats, F: Floats, lower: float, uppe
     mu = np.linspace(low, high, _SCAN)
     growth = solve_eigenvalues(M, C, K0 + mu[:, None, None] * F).real.max(-1)
     starts += [(a + b) / 2 for (a, ga), (b, gb) in pairwise(zip(mu, growth, strict=True)) if ga * gb < 0]
-    onsets: list[Onset] = []
+    onsets: list[CriticalPoint] = []
     for start in starts:
         for lam in solve_eigenvalues(M, C, K0 + start * F):
             onset = _polish_hopf(M, C, K0, F, start, lam) if lam.imag > 0 else None
@@ -196,7 +198,7 @@ def _zero_sums(A: Floats, B: Floats) -> Floats:
     return np.unique(mu[np.abs(mu.imag) < 1e-5 * (1 + np.abs(mu))].real)
 
 
-def _polish_hopf(M: Floats, C: Floats, K0: Floats, F: Floats, mu: float, lam: complex) -> Onset | None:
+def _polish_hopf(M: Floats, C: Floats, K0: Floats, F: Floats, mu: float, lam: complex) -> CriticalPoint | None:
     start, first = mu, lam
     for _ in range(30):
         slope = _derivative(M, C, K0 + mu * F, F, lam).real
@@ -215,7 +217,7 @@ def _polish_hopf(M: Floats, C: Floats, K0: Floats, F: Floats, mu: float, lam: co
     slope = _derivative(M, C, K0 + mu * F, F, lam).real
     if abs(slope) * (1 + abs(mu)) < 1e-9 * np.abs(C).max() / M.max():
         return None  # an undamped motion that friction does not reach stays on the axis for every μ
-    return Onset(float(mu), float(lam.imag), "hopf", bool(slope > 0), float(slope))
+    return CriticalPoint(float(mu), float(lam.imag), "hopf", bool(slope > 0), float(slope))
 
 
 def _derivative(M: Floats, C: Floats, K: Floats, F: Floats, lam: complex) -> complex:

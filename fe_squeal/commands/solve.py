@@ -1,0 +1,69 @@
+"""Commands that solve a scene: run, onset, accuracy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import SceneError
+from .shared import Out, SceneOrDeck, load_scene_or_deck, make_console
+
+
+def run(
+    scene: SceneOrDeck,
+    out: Out = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from what an interrupted run left there.")] = False,
+    estimate: Annotated[bool, typer.Option("--estimate", help="Estimate the error of the mesh, too.")] = False,
+    accuracy: Annotated[
+        float | None,
+        typer.Option(metavar="TARGET", help="Choose the mesh for this relative error.", show_default=False),
+    ] = None,
+) -> int:
+    """Solve for the complex modes over the sweep and write tables, figures and shapes into a folder."""
+    loaded = load_scene_or_deck(scene)
+    folder = out or Path(f"{scene.stem}_results")
+    if accuracy is not None:
+        if resume:
+            raise SceneError("--accuracy: given with --resume; expected one of them")
+        from ..run.accuracy import run_to_accuracy
+
+        return run_to_accuracy(loaded, folder, make_console(), accuracy)
+    from ..run.run import run_scene
+
+    return run_scene(loaded, folder, make_console(), resume, estimate)
+
+
+def onset(scene: SceneOrDeck) -> int:
+    """Print the critical values of the sweep parameter alone, to full precision."""
+    from ..assembly.assembly import assemble
+    from ..report.tables import print_onsets
+    from ..report.warnings import told_once
+    from ..run.covered import covered_text, frequency_range
+    from ..run.run import sweep_scene
+
+    loaded = load_scene_or_deck(scene)
+    if loaded.sweep is None:
+        raise SceneError(f"{scene}: sweep: is missing; expected a table, written [sweep]: the interval to look in")
+    console = make_console()
+    result = sweep_scene(loaded, assemble(loaded), console, precise=True)
+    print_onsets(result.onsets_dataframe(), console, covered_text(frequency_range(loaded, result)))
+    for o in result.onsets:
+        console.print(f"{o.parameter} = {o.value!r} ± {o.uncertainty:.1g}, {o.frequency_hz!r} Hz", markup=False)
+    for warning in told_once(result.warnings):
+        console.print(f"warning: {warning}", markup=False)
+    return 0
+
+
+def accuracy(
+    scene: SceneOrDeck,
+    out: Out = None,
+    budget: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Spend at most so long.", show_default=False)
+    ] = None,
+) -> int:
+    """Show what accuracy costs: error against time over mesh size, order, number of modes and method."""
+    from ..run.accuracy import study_scene
+
+    return study_scene(load_scene_or_deck(scene), out or Path(f"{scene.stem}_accuracy"), make_console(), budget)

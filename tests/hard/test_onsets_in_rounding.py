@@ -1,0 +1,67 @@
+"""Onsets where rounding is large, or where eigenvalues crowd far from any onset: right, and at few values.
+
+Bodies that are nearly rigid are 1e12 times as stiff as the modes that matter: rounding moves these by 1e-4, by other
+amounts at every value of the sweep. Strong stiffness-proportional damping puts as many real eigenvalues as there
+are unknowns next to −1/β.
+"""
+
+from __future__ import annotations
+
+import importlib
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from fe_squeal import sweep
+from fe_squeal.compare import SETUPS
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Numbers of values that each step asked modes of."""
+    counts = []
+    onsets = importlib.import_module("fe_squeal.sweep.onsets")  # the name is that of the function in fe_squeal
+    whole = onsets.scan
+
+    def counted(*args):
+        seen = whole(*args)
+        counts.append(seen.nodes)
+        return seen
+
+    monkeypatch.setattr(onsets, "scan", counted)
+    return counts
+
+
+def test_nearly_rigid_bodies(asked):
+    """Three blocks 1e12 times as stiff as their springs, two of them alike: the onset of nine masses, no more."""
+    setup = SETUPS["nine-dof"]
+    case = setup.make()
+    result = sweep(case.problem(setup.modulus), np.linspace(0, 1, 6), modes=12)
+    [onset] = result.onsets
+    [exact] = [mu for mu in case.model.critical_mu() if mu < 1]
+    assert onset.value == pytest.approx(exact, rel=1e-4)  # what is left falls with 1/E: tests/analytic/test_compare.py
+    assert not result.unsettled
+    assert sum(asked) < 20 * len(asked)
+
+
+@pytest.mark.parametrize("beta", [0.3, 3.0])
+def test_eigenvalues_crowd_at_the_inverse_of_beta(beta, asked):
+    """C = βK: every mode is overdamped, with one eigenvalue next to −1/β; friction moves them by little."""
+    rng = np.random.default_rng(7)
+    n = 24
+    theta = np.sort(rng.uniform(1e8, 1e10, n))
+    Q = la.qr(rng.standard_normal((n, n)))[0]
+    K, F = Q @ np.diag(theta) @ Q.T, rng.standard_normal((n, n)) * 1e6
+    terms = (
+        Term("inertia", "M", sp.eye_array(n, format="csr"), True, {}),
+        Term("elastic", "K", sp.csr_array((K + K.T) / 2), True, {}),
+        Term("rayleigh", "C", sp.csr_array(beta * (K + K.T) / 2), True, {}),
+        Term("friction", "K", sp.csr_array(F), False, {"mu": 1}),
+    )
+    result = sweep(Problem(terms, {"mu": 0.0}), np.linspace(0, 0.8, 3), modes=4)
+    assert not result.onsets and not result.unsettled
+    assert sum(asked) < 10 * max(len(asked), 1)
