@@ -12,6 +12,7 @@ from ..effects.context import BodyPart, ContactPart, Context
 from ..effects.elasticity import elastic_terms
 from ..effects.springs import Spring, spring_terms
 from ..effects.static_state import pressed_numbers
+from ..effects.ties import tie_terms
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import refuse_shortage, require_memory
 from ..errors import MeshError, SceneError
@@ -42,6 +43,7 @@ from .effect_stages import (
 from .matrices import matrix_problem
 from .names import check_names
 from .places import find_patch, held_places, holding
+from .ties import with_ties
 from .units import require_si
 from .warnings import warnings_of_coverage, warnings_of_scene
 
@@ -103,7 +105,7 @@ class Assembly:
             mesh = straight
             self.notes += ("order = 1: curved edges are made straight, or rotations would not be free",)
         mixed = [elements for name, elements in self.bodies.items() if scene.bodies[name].is_mixed]
-        self.space = make_space(mesh, scene.mesh.order, supports, mixed, points)
+        self.space = with_ties(make_space(mesh, scene.mesh.order, supports, mixed, points), scene, loaded)
         require_memory(_least_memory(self.space), self.space.unknowns, "matrices", exponent=1)
         self.loaded, self._motions = loaded, rigid_motions(self.space)
         self._linear_solver: LinearSolver | str = scene.solve.linear_solver
@@ -139,6 +141,9 @@ class Assembly:
     def problem(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with other numbers, by their paths."""
         # The solver belongs to the key because a problem refers to the assembly that made it.
+        for path in values:
+            if path.startswith(("rigid.", "averaged.")) and ".reference." in path:
+                raise SceneError(f'given "{path}"; the unknowns depend on it: expected another scene for another place')
         key = Same(self._linear_solver), tuple(sorted(values.items()))
         return self._cache.get("problem", key, lambda: self._build(values))
 
@@ -146,6 +151,7 @@ class Assembly:
         scene = with_numbers(self.scene, values) if values else self.scene
         on = scene.effects.on
         springs = [t for i, spring in enumerate(scene.springs) for t in self._spring(spring, i)]
+        springs += self._references(scene)
         context = with_motions(self._context(scene), on)
         always = [t for body in context.bodies.values() for t in (body.mass, body.elastic)] + springs
         tied = [t for part in context.contacts.values() if part.kind == "tied" for t in self._stiffness(scene, part)]
@@ -214,6 +220,16 @@ class Assembly:
         return self._cache.get(
             f"spring.{spring.name}", key, lambda: spring_terms(self.space, spring, *self._ends(spring, i))
         )
+
+    def _references(self, scene: Scene) -> list[Term]:
+        """Return mass and springs at the reference points of ties."""
+        found = []
+        for (key, table), tie in zip(scene.ties, self.space.ties, strict=True):
+            path = f"{key.partition('[')[0]}.{table.name}"
+            numbers = (table.inertia, *(s.model_dump_json() for s in table.springs), bool(table.mass))
+            terms = partial(tie_terms, self.space, tie, table, path)
+            found += self._cache.get(f"reference.{path}", repr(numbers), terms)
+        return found
 
     def _ends(self, spring: Spring, i: int) -> tuple[Patch, Patch | None]:
         """Return the surfaces or node sets of a spring."""

@@ -20,10 +20,12 @@ from scipy.spatial import cKDTree
 from ..effects.preload import Preload
 from ..effects.springs import Spring
 from ..effects.static_state import StaticState
+from ..effects.ties import Rigid
 from ..fem.gyroscopics import centrifugal_load
 from ..fem.motion import SteadyMotion
 from ..fem.rigid_motions import connected_parts
 from ..fem.spaces import Patch, Surface
+from ..fem.ties import Tie
 from ..mesh.groups import find_facets
 from ..problem.problem import Problem
 from ..scene import Scene, with_numbers
@@ -90,6 +92,8 @@ def force_balance(problem: Problem) -> list[PartForces]:
     balance.add_loads(assembly.motions(problem.changed))
     for i, spring in enumerate(scene.springs):
         balance.add_spring(spring, f"springs[{i}]")
+    for (_, table), tie in zip(scene.ties, model.space.ties, strict=True):
+        balance.add_reference(table, tie)
     for i, (name, contact) in enumerate(zip(scene.contact_names, scene.contacts, strict=True)):
         balance.add_contact(name, contact, f"contacts[{i}]")
     return balance.parts
@@ -119,7 +123,8 @@ class _Balance:
                 p.applied = p.applied + force
                 if force.any():
                     p.pressed += (name,)
-        free = replace(self.space, fixed=np.zeros_like(self.space.fixed))  # held nodes have their share of the load
+        # Nodes that are held or tied have their share of the load.
+        free = replace(self.space, fixed=np.zeros_like(self.space.fixed), ties=())
         for name, motion in motions.items():
             density = self.scene.materials[self.scene.bodies[name].material].density
             load = free.expand(centrifugal_load(free, self.model.bodies[name], density, motion))
@@ -146,6 +151,16 @@ class _Balance:
                 p.springs[spring.name] = force
                 if spring.kind == "surface" and (spring.group in p.pressed or spring.to in p.pressed):
                     p.on_pressed += (spring.name,)
+
+    def add_reference(self, table: Rigid, tie: Tie) -> None:
+        """Add the forces of springs at a tie's reference, and the directions in which it is held."""
+        part = self.parts[int(self.part[tie.nodes[0]])]
+        part.held = part.held | table.held[:3]
+        motion = self.space.reference(tie) @ self.base.u
+        for i, spring in enumerate(table.springs):
+            if spring.direction is not None and spring.stiffness:
+                d = np.array(spring.direction) / np.linalg.norm(spring.direction)
+                part.springs[f"{table.name}.{i}"] = -spring.stiffness * (motion[:3] @ d) * d
 
     def add_contact(self, name: str, contact: Contact, path: str) -> None:
         """Add the forces of a contact on both its sides."""

@@ -41,6 +41,8 @@ def _look_ups(scene: Scene, loaded: LoadedMesh) -> Iterator[Callable[[], object]
             yield partial(_volume, loaded, key, group)
     for i, support in enumerate(scene.supports):
         yield partial(_FIND[support.kind], loaded, support.group, f"supports[{i}].{support.kind}")
+    for key, table in scene.ties:
+        yield partial(_FIND[table.kind], loaded, table.group, f"{key}.{table.kind}")
     for i, spring in enumerate(scene.springs):
         yield partial(_FIND[spring.kind], loaded, spring.group, f"springs[{i}].{spring.kind}")
         if spring.to is not None:

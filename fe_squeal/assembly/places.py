@@ -62,6 +62,8 @@ def holding(scene: Scene) -> Iterator[tuple[str, Kind, str]]:
     """Yield path, kind and name of each surface and node set on which supports and springs act."""
     for i, support in enumerate(scene.supports):
         yield f"supports[{i}]", support.kind, support.group
+    for key, table in scene.ties:
+        yield key, table.kind, table.group
     for i, spring in enumerate(scene.springs):
         for group in (spring.group, spring.to):
             if group is not None:

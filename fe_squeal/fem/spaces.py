@@ -17,6 +17,7 @@ from ..mesh.node_sets import with_nodes_between
 from .bubbles import Bubbles, make_bubbles
 from .cells import geometry_map
 from .facets import facet_mapping, subdivided_quadrature
+from .ties import Tie
 
 _ELEMENTS = {
     (True, 1): skfem.ElementTetP1,
@@ -74,7 +75,8 @@ class DisplacementSpace:
     """Continuous piecewise polynomial displacements on a mesh.
 
     Unknowns are the components of the nodes' displacements, 3 j + c being component c at node j, less those that are
-    held, and behind them those of the bubbles between elements of the mixed formulation, which vanish at all nodes.
+    held or tied, behind them those of the ties, and last those of the bubbles between elements of the mixed
+    formulation, which vanish at all nodes.
 
     Attributes
     ----------
@@ -85,12 +87,15 @@ class DisplacementSpace:
     fixed : (3 nodes,) bool
         Displacements that supports hold at zero; they are not unknowns.
     bubbles : Bubbles or None
+    ties : tuple of Tie
+        Nodes that follow reference points, or these them; no node is in two.
     """
 
     mesh: skfem.Mesh
     order: int
     fixed: np.ndarray
     bubbles: Bubbles | None = None
+    ties: tuple[Tie, ...] = ()
 
     @cached_property
     def element(self) -> skfem.Element:
@@ -114,26 +119,66 @@ class DisplacementSpace:
 
     @cached_property
     def free(self) -> np.ndarray:
-        """Positions of the unknown displacements among all 3*nodes, int; the unknowns of bubbles come behind them."""
-        return np.flatnonzero(~self.fixed)
+        """Positions of the displacements that are unknowns themselves, among all 3*nodes, int."""
+        free = ~self.fixed
+        for tie in self.ties:
+            free[_rows(tie.nodes)] = False
+        return np.flatnonzero(free)
+
+    @property
+    def nodal_unknowns(self) -> int:
+        """Number of unknowns that nodal displacements follow from."""
+        return len(self.free) + sum(tie.block.shape[1] for tie in self.ties)
 
     @property
     def unknowns(self) -> int:
         """Number of unknowns n."""
-        return len(self.free) + (self.bubbles.unknowns if self.bubbles is not None else 0)
+        return self.nodal_unknowns + (self.bubbles.unknowns if self.bubbles is not None else 0)
+
+    @cached_property
+    def nodal_map(self) -> sp.csr_array:
+        """(3 nodes, nodal unknowns): nodal displacements from the unknowns."""
+        columns, shape = np.arange(len(self.free)), (3 * self.nodes, self.nodal_unknowns)
+        parts = [sp.coo_array((np.ones(len(columns)), (self.free, columns)), shape=shape)]
+        for tie, at in zip(self.ties, self._starts, strict=True):
+            block = sp.coo_array(tie.block)
+            place = (_rows(tie.nodes)[block.coords[0]], at + block.coords[1])
+            parts.append(sp.coo_array((block.data, place), shape=parts[0].shape))
+        return sp.csr_array(sum(parts[1:], parts[0].tocsr()))
+
+    @cached_property
+    def nodal_inverse(self) -> sp.csr_array:
+        """(nodal unknowns, 3 nodes): the unknowns from nodal displacements that supports and ties allow."""
+        columns, shape = np.arange(len(self.free)), (self.nodal_unknowns, 3 * self.nodes)
+        parts = [sp.coo_array((np.ones(len(columns)), (columns, self.free)), shape=shape)]
+        for tie, at in zip(self.ties, self._starts, strict=True):
+            block = sp.coo_array(tie.inverse)
+            place = (at + block.coords[0], _rows(tie.nodes)[block.coords[1]])
+            parts.append(sp.coo_array((block.data, place), shape=parts[0].shape))
+        return sp.csr_array(sum(parts[1:], parts[0].tocsr()))
+
+    def reference(self, tie: Tie) -> sp.csr_array:
+        """Return the operator (6, n) that gives translation (m) and rotation (rad) of a tie's reference point."""
+        at = self._starts[self.ties.index(tie)]
+        block = sp.coo_array(tie.freedoms)
+        return sp.csr_array((block.data, (block.coords[0], at + block.coords[1])), shape=(6, self.unknowns))
+
+    @property
+    def _starts(self) -> list[int]:
+        """The first unknown of each tie."""
+        sizes = [tie.block.shape[1] for tie in self.ties]
+        return [len(self.free) + sum(sizes[:i]) for i in range(len(sizes))]
 
     @cached_property
     def prolongation(self) -> sp.csr_array:
         """(3 functions, n): amplitudes of all shape functions along x, y and z from the unknowns."""
-        rows, columns = self.free, np.arange(len(self.free))
-        nodal = sp.csr_array((np.ones(len(rows)), (rows, columns)), shape=(3 * self.nodes, len(rows)))
         if self.bubbles is None:
-            return nodal
-        return sp.csr_array(sp.block_diag([nodal, self.bubbles.directions]))
+            return self.nodal_map
+        return sp.csr_array(sp.block_diag([self.nodal_map, self.bubbles.directions]))
 
     def restricted(self, A: sp.csr_array) -> sp.csr_array:
         """Return the (n, n) matrix of a form on the unknowns from that (3 functions, 3 functions) on all functions."""
-        if self.bubbles is None:
+        if self.bubbles is None and not self.ties:
             return sp.csr_array(A[self.free][:, self.free])
         return sp.csr_array(self.prolongation.T @ A @ self.prolongation)
 
@@ -226,21 +271,33 @@ class DisplacementSpace:
         d = np.broadcast_to(np.asarray(directions, float), (values.shape[0], 3))
         d = np.where(np.abs(d) < ROUNDED, 0.0, d)
         components = [sp.diags_array(d[:, c]) @ values for c in range(3)]
-        nodal = sp.csr_array(self._interleave(components)[:, self.free])
+        nodal = self._interleave(components)
+        nodal = sp.csr_array(nodal @ self.nodal_map if self.ties else nodal[:, self.free])
         # Bubbles vanish on the boundary. On faces inside, what is asked for is the displacement of the nodes.
         return sp.csr_array((nodal.data, nodal.indices, nodal.indptr), shape=(nodal.shape[0], self.unknowns))
 
     def expand(self, u: np.ndarray) -> np.ndarray:
         """Return nodal displacements (nodes, 3) of a vector of unknowns (n,)."""
+        if self.ties:
+            return np.asarray(self.nodal_map @ u[: self.nodal_unknowns]).reshape(-1, 3)
         full = np.zeros(3 * self.nodes, dtype=u.dtype)
         full[self.free] = u[: len(self.free)]
         return full.reshape(-1, 3)
 
     def gather(self, nodal: np.ndarray) -> np.ndarray:
-        """Return the unknowns (n,) of nodal displacements (nodes, 3), bubbles at rest; held displacements drop out."""
+        """Return the unknowns (n,) of nodal displacements (nodes, 3), bubbles at rest; held displacements drop out.
+
+        Where there are ties, these have to allow the displacements.
+        """
         u = np.zeros(self.unknowns, dtype=nodal.dtype)
-        u[: len(self.free)] = nodal.ravel()[self.free]
+        u[: self.nodal_unknowns] = self.nodal_inverse @ nodal.ravel() if self.ties else nodal.ravel()[self.free]
         return u
+
+    def loads(self, forces: np.ndarray) -> np.ndarray:
+        """Return the forces on the unknowns (n,) that do the same work as nodal forces (nodes, 3)."""
+        f = np.zeros(self.unknowns, dtype=forces.dtype)
+        f[: self.nodal_unknowns] = self.nodal_map.T @ forces.ravel() if self.ties else forces.ravel()[self.free]
+        return f
 
     def amplitudes(self, u: np.ndarray) -> np.ndarray:
         """Return those of all shape functions, (functions, 3), of a vector of unknowns (n,)."""
@@ -253,6 +310,11 @@ class DisplacementSpace:
         data = np.concatenate([p.data for p in parts])
         some = data != 0.0
         return sp.csr_array((data[some], (rows[some], columns[some])), shape=(parts[0].shape[0], 3 * self.nodes))
+
+
+def _rows(nodes: np.ndarray) -> np.ndarray:
+    """Return the positions of the nodes' displacements among all."""
+    return (3 * np.asarray(nodes)[:, None] + np.arange(3)).ravel()
 
 
 def make_space(
