@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from ...mesh.readers.abaqus.sets import Assembly
 from ...mesh.readers.abaqus.text import Block, unquoted
 from ..draft import Draft
 from ..units import SI, Units
+
+if TYPE_CHECKING:
+    from .ties import TieData
 
 Reference = tuple[str, str]  # a name or number as the deck writes it, and the scope that it stands in
 _SHORT_EXPONENT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))([+-]\d+)")
@@ -95,7 +99,8 @@ class Content:
     motions: list[Statement] = field(default_factory=list)
     pressures: dict[Reference, tuple[float, str]] = field(default_factory=dict)
     forces: dict[tuple[Reference, int], tuple[float, str]] = field(default_factory=dict)
-    constraints: list[Statement] = field(default_factory=list)
+    ties_to_points: list[TieData] = field(default_factory=list)
+    masses: list[Statement] = field(default_factory=list)
     procedure: Procedure = field(default_factory=Procedure)
     substance: Substance | None = None  # what suboptions of a material belong to
     interaction: Interaction | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -118,9 +119,15 @@ def read_spring(content: Content, statement: Statement) -> None:
     content.springs.append(statement)
 
 
-def write_springs(content: Content) -> None:
-    """Write the springs and dampers of all *Spring and *Dashpot, each with its elements."""
-    links = [(scope, link) for scope, link in _links(content) if link.kind.startswith(("SPRING", "DASHPOT"))]
+def write_springs(content: Content, points: Mapping[int, list[dict[str, Value]]]) -> None:
+    """Write the springs and dampers of all *Spring and *Dashpot, each with its elements.
+
+    Parameters
+    ----------
+    points : mapping of row to list
+        What takes the springs of each reference node, as tables of the scene.
+    """
+    links = [(scope, link) for scope, link in links_of(content) if link.kind.startswith(("SPRING", "DASHPOT"))]
     given = {s.block.value("ELSET").upper() for s in content.springs}
     for _, link in links:
         if link.elset.upper() not in given:
@@ -161,12 +168,12 @@ def write_springs(content: Content) -> None:
         if axes is None:
             continue
         for scope, link in mine:
-            _write_links(content, statement, scope, link, freedoms, size, axes, taken)
+            _write_links(content, statement, scope, link, freedoms, size, axes, taken, points)
 
 
 def _write_links(
     content: Content, statement: Statement, scope: str, link: Links, freedoms: list[int], size: float,
-    axes: np.ndarray, taken: list[str],
+    axes: np.ndarray, taken: list[str], points: Mapping[int, list[dict[str, Value]]],
 ) -> None:  # fmt: skip
     """Write the springs of one block of elements: those alike that act on single nodes together."""
     keyword, where = spoken(statement.block.keyword), content.where(statement)
@@ -187,6 +194,12 @@ def _write_links(
         if len(ends) != (1 if link.kind[-1] == "1" else 2) or any(len(end) != 1 for end in ends):
             raise MeshError(f"{content.source}: {link.where}: element {label} of type {link.kind} has wrong nodes")
         rows = [int(end[0]) for end in ends]
+        if len(rows) == 1 and rows[0] in points and freedoms and 1 <= freedoms[0] <= 6:
+            turns = freedoms[0] > 3
+            way = [clean(round(float(x), 15)) + 0.0 for x in axes[(freedoms[0] - 1) % 3]]
+            total = size * unit * (content.units.length**2 if turns else 1.0)
+            points[rows[0]].append({"axis" if turns else "direction": way, key: clean(total)})
+            continue
         if link.kind.endswith("A"):
             way = content.raw.points[rows[1]] - content.raw.points[rows[0]]
             if np.linalg.norm(way) <= _COINCIDENT * np.ptp(content.raw.points, axis=0).max():
@@ -205,6 +218,11 @@ def _write_links(
                 return
             way = axes[freedoms[0] - 1]
         solid = [row for row in rows if content.on_solids[row]]
+        tied = [row for row in rows if row in points]
+        if len(tied) == 1 and not solid and all(_is_ground(content, row, way) for row in rows if row not in tied):
+            direction = [clean(round(float(x), 15)) + 0.0 for x in way]
+            points[tied[0]].append({"direction": direction, key: clean(size * unit)})
+            continue
         others = [row for row in rows if not content.on_solids[row]]
         if not solid or any(not _is_ground(content, row, way) for row in others):
             text = f"element {label} ends at a node that neither a solid element has nor *Boundary holds"
@@ -240,16 +258,16 @@ def _by_count(names: list[str]) -> list[tuple[list[str], int]]:
 
 def _is_ground(content: Content, row: int, direction: np.ndarray) -> bool:
     """Whether supports hold a node that no solid has, along a direction."""
-    fixed = np.zeros(3, bool)
-    for reference, freedoms in content.held.items():
-        if np.isin(row, content.rows(reference)):
-            for f in freedoms:
-                if f <= 3:
-                    fixed[f - 1] = True
-    return bool(fixed[np.abs(direction) > 1e-12].all())
+    held = held_at(content, row)
+    return all(i + 1 in held for i in np.flatnonzero(np.abs(direction) > 1e-12))
 
 
-def _links(content: Content) -> list[tuple[str, Links]]:
+def held_at(content: Content, row: int) -> set[int]:
+    """Return the freedoms, 1 to 6, that *Boundary holds at a node."""
+    return {f for reference, freedoms in content.held.items() if row in content.rows(reference) for f in freedoms}
+
+
+def links_of(content: Content) -> list[tuple[str, Links]]:
     model = content.model
     scopes = [("", model.assembly), *model.parts.items(), *((k, item.scope) for k, item in model.instances.items())]
     return [(key, link) for key, scope in scopes for link in scope.links]

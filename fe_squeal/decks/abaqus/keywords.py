@@ -18,6 +18,7 @@ from .content import Content
 from .holding import read_boundary, read_spring
 from .materials import SUBOPTIONS, read_material, read_suboption
 from .steps import end_step, read_force, read_frequency, read_step, read_surface_load
+from .ties import read_coupling, read_kind, read_mass, read_mpc, read_old_coupling, read_rigid_body
 
 
 def _keep(name: str) -> Callable[[Content, Statement], None]:
@@ -38,6 +39,9 @@ HANDLERS: dict[str, Callable[[Content, Statement], None]] = {
     "SURFACE INTERACTION": read_interaction, "CHANGE FRICTION": read_change_friction, "FRICTION": read_friction,
     "SURFACE BEHAVIOR": read_behaviour, "CONTACT PAIR": read_pair, "TIE": read_pair, "MOTION": read_motion,
     "STEP": read_step, "END STEP": end_step, "DSLOAD": read_surface_load, "CLOAD": read_force,
+    "COUPLING": read_coupling, "KINEMATIC": read_kind, "DISTRIBUTING": read_kind, "MPC": read_mpc,
+    "KINEMATIC COUPLING": read_old_coupling, "DISTRIBUTING COUPLING": read_old_coupling, "RIGID BODY": read_rigid_body,
+    "MASS": read_mass, "ROTARY INERTIA": read_mass,
     "FREQUENCY": read_frequency, "COMPLEX FREQUENCY": read_frequency,
 }  # fmt: skip
 
@@ -63,6 +67,11 @@ BECOMES: dict[str, str] = {
     "*Surface Behavior": "`PRESSURE-OVERCLOSURE=LINEAR`: `normal_stiffness`; of other kinds it is asked for, with a"
     " suggestion",
     "*Tie": "a contact of `kind = \"tied\"` with 100 E/h of the softer side",
+    "*Coupling, *Kinematic, *Kinematic Coupling": "`[[rigid]]`, with what acts on the reference node: `*Boundary`,"
+    " springs, `*Mass`, `*Rotary Inertia`",
+    "*Distributing, *Distributing Coupling": "`[[averaged]]`, all of the surface or all nodes with the same weight",
+    "*Rigid Body": "`[[rigid]]` of a node set", "*MPC": "of type BEAM: `[[rigid]]`",
+    "*Mass, *Rotary Inertia": "`mass` and `inertia` at reference nodes; elsewhere left out, and told",
     "*Motion": "`sliding`: `ROTATION` about an axis, or a velocity",
     "*Dsload": "`[effects.preload] pressures`, as they are at the end of the steps before the frequencies",
     "*Cload": "a pressure of the same sum, where it acts on all nodes of a face and along its normal; else left out",
@@ -75,8 +84,7 @@ BECOMES: dict[str, str] = {
 _APART = "ties parts together or to reference nodes and is not read: without it the structure is another one"
 _SHELLS = "is for elements that are no solids; they are left out, with their stiffness and mass"
 _LOAD = "is a load that is not simulated: the static state has only what [effects.preload] says"
-_TIES = ("EQUATION", "MPC", "COUPLING", "KINEMATIC", "DISTRIBUTING", "KINEMATIC COUPLING", "DISTRIBUTING COUPLING",
-         "RIGID BODY", "EMBEDDED ELEMENT", "FASTENER", "SHELL TO SOLID COUPLING")  # fmt: skip
+_TIES = ("EQUATION", "EMBEDDED ELEMENT", "FASTENER", "SHELL TO SOLID COUPLING")
 _NO_SOLIDS = ("SHELL SECTION", "SHELL GENERAL SECTION", "BEAM SECTION", "BEAM GENERAL SECTION", "MEMBRANE SECTION",
               "CONNECTOR SECTION", "CONNECTOR BEHAVIOR", "CONNECTOR ELASTICITY", "CONNECTOR DAMPING", "GASKET SECTION",
               "COHESIVE SECTION", "SURFACE SECTION")  # fmt: skip
@@ -85,8 +93,7 @@ _LOADS = ("DLOAD", "TEMPERATURE", "FIELD", "BASE MOTION", "INERTIA RELIEF", "PRE
 # What is left out, and what that means.
 LEFT_OUT: dict[str, tuple[str, Weight]] = {
     **dict.fromkeys(_TIES, (_APART, "missing")), **dict.fromkeys(_NO_SOLIDS, (_SHELLS, "changes")),
-    **dict.fromkeys(("MASS", "ROTARY INERTIA", "NONSTRUCTURAL MASS"),
-                    ("adds inertia that is left out: frequencies come out too high", "changes")),
+    "NONSTRUCTURAL MASS": ("adds inertia that is left out: frequencies come out too high", "changes"),
     **dict.fromkeys(_LOADS, (_LOAD, "changes")),
     "INITIAL CONDITIONS": ("temperatures, stresses and velocities at the start are not simulated", "changes"),
     "TRANSFORM": ("supports and loads in turned axes are read as if along x, y and z; check [[supports]]", "missing"),

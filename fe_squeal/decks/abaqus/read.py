@@ -14,6 +14,7 @@ from .holding import write_springs, write_supports
 from .keywords import read_statement
 from .materials import find_units, write_bodies, write_materials
 from .steps import write_effects, write_solution
+from .ties import find_ties, write_ties
 
 
 def draft_abaqus(sources: Sources, mesh_file: str) -> Draft:
@@ -51,7 +52,9 @@ def draft_abaqus(sources: Sources, mesh_file: str) -> Draft:
     write_materials(content)
     write_bodies(content)
     write_supports(content)
-    write_springs(content)
+    ties = find_ties(content)
+    write_springs(content, {row: tie.springs for row, tie in ties.items()})
+    write_ties(content, ties)
     mu = write_contacts(content)
     write_effects(content, mu)
     write_solution(content, mu)
