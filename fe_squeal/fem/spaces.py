@@ -25,6 +25,7 @@ _ELEMENTS = {
     (False, 1): skfem.ElementHex1,
     (False, 2): skfem.ElementHex2,
 }
+CANCELLED = 1e-12  # of the sum of sizes: a sum of thousands of products, each rounded, that is zero but for that
 ROUNDED = 1e-13  # size below which shape functions and direction components, of order 1, are rounding
 
 
@@ -180,7 +181,23 @@ class DisplacementSpace:
         """Return the (n, n) matrix of a form on the unknowns from that (3 functions, 3 functions) on all functions."""
         if self.bubbles is None and not self.ties:
             return sp.csr_array(A[self.free][:, self.free])
-        return sp.csr_array(self.prolongation.T @ A @ self.prolongation)
+        P = self.prolongation
+        return sp.csr_array(P.T @ A @ P) - self._rounding(A)
+
+    def _rounding(self, A: sp.csr_array) -> sp.csr_array:
+        """Return what a form on rigid bodies has of rounding alone: of the stiffness of elements that are wholly rigid.
+
+        It is removed, since such a body has no other stiffness beside which it would vanish.
+        """
+        columns = [np.arange(0)]
+        for tie, at in zip(self.ties, self._starts, strict=True):
+            columns.append(at + np.arange(tie.block.shape[1] if tie.rigid else 0))
+        some = np.concatenate(columns)
+        S = self.prolongation[:, some]
+        own = (S.T @ A @ S).toarray()
+        bound = (abs(S).T @ (abs(A) @ abs(S))).toarray()
+        i, j = np.nonzero((np.abs(own) < CANCELLED * bound) & (own != 0))
+        return sp.csr_array((own[i, j], (some[i], some[j])), shape=(self.unknowns, self.unknowns))
 
     @cached_property
     def coordinates(self) -> np.ndarray:

@@ -169,6 +169,23 @@ def test_parts_in_one_rigid_body_move_together():
     assert held.free_motions().motions.shape[1] == 0
 
 
+def test_a_free_rigid_part_beside_an_elastic_one():
+    """All nodes of one block rigid and free: six modes at zero exactly, then those of the other one alone, to rounding.
+
+    What is left of the stiffness of its elements is rounding; beside its small mass that would be a frequency.
+    """
+    elastic, small = box("hex2", (2, 1, 1), SIZE, name="a"), box("hex2", (1, 1, 1), (1e-3,) * 3, (0.3, 0, 0), name="b")
+    mesh = join(elastic, small)
+    cells = mesh.subdomains["b"]
+    mesh = mesh.with_boundaries({"skin": np.flatnonzero(np.isin(mesh.f2t[0], cells) & (mesh.f2t[1] < 0))})
+    held = [{"surface": "left_a", "fixed": "xyz"}]
+    tied = make_problem(mesh, order=1, supports=held, rigid=[{"name": "r", "surface": "skin"}])
+    found = frequencies(tied, 9)
+    np.testing.assert_array_equal(found[:6], 0)
+    alone = make_problem(mesh, order=1, supports=[*held, {"surface": "skin", "fixed": "xyz"}])
+    np.testing.assert_allclose(found[6:], frequencies(alone, 3), rtol=1e-9)
+
+
 def test_forces_through_a_rigid_cap_are_in_balance():
     """A pressure on one end, a spring at the reference of the other: it carries all of it."""
     mesh = box("hex1", (3, 2, 2), SIZE)

@@ -417,7 +417,8 @@ def test_reference_nodes(tmp_path, spelling):
     assert not [f for f in draft.findings if f.weight != "harmless"]
     left = {"name": "LEFT", "surface": "left", "reference": [-0.05, 0.015, 0.01], "mass": 0.15,
             "inertia": [2e-4, 3e-4, 4e-4, 0.0, 1e-5, 0.0], "fixed": "z ry rz",
-            "springs": [{"direction": [0, 1, 0], "stiffness": 1.5e5}, {"axis": [1, 0, 0], "stiffness": 200.0}]}  # fmt: skip
+            "springs": [{"direction": [0, 1, 0], "stiffness": 1.5e5},
+                        {"axis": [1, 0, 0], "stiffness": 200.0}]}  # fmt: skip
     right = {"name": "r", "surface": "right", "reference": [0.2, 0.015, 0.01],
              "springs": [{"direction": [1, 0, 0], "stiffness": 7e5}]}  # fmt: skip
     hand = {"mesh": {"file": str(path), "length_unit": "mm"}, "bodies": {"block": {"material": "steel"}},

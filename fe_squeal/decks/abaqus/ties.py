@@ -44,7 +44,8 @@ def read_coupling(content: Content, statement: Statement) -> None:
     block = statement.block
     tie = TieData(
         block.value("CONSTRAINT NAME") or block.value("SURFACE"), content.where(statement), True,
-        (block.value("REF NODE"), statement.scope), [(block.value("SURFACE"), statement.scope)],
+        (block.value("REF NODE") or block.value("REFNODE"), statement.scope),
+        [(block.value("SURFACE"), statement.scope)],
     )  # fmt: skip
     content.ties_to_points.append(tie)
 
@@ -85,7 +86,7 @@ def read_old_coupling(content: Content, statement: Statement) -> None:
             return
         reference = nodes[0][0]
     else:
-        reference = block.value("REF NODE")
+        reference = (block.value("REF NODE") or block.value("REFNODE"))
         _only_all_freedoms(content, statement, [[_maybe(p) for p in fields(line)[1:]] for line in block.lines])
     members = [(fields(line)[0], statement.scope) for line in block.lines]
     rigid = block.keyword == "KINEMATIC COUPLING"
@@ -108,10 +109,10 @@ def read_rigid_body(content: Content, statement: Statement) -> None:
         text = f'of element set "{block.value("ELSET")}" is not read; give [[rigid]] with its surface or node set'
         content.draft.find("*Rigid Body", where, text, "missing")
         return
-    reference = block.value("REF NODE")
+    reference = (block.value("REF NODE") or block.value("REFNODE"))
     tie = TieData(f"rigid_{name}", where, True, (reference, statement.scope), [(name, statement.scope)])
     content.ties_to_points.append(tie)
-    if block.value("ROT NODE"):
+    if block.value("ROT NODE") or block.value("ROTNODE"):
         text = "rotations of a ROT NODE that are held or sprung are not taken over; give fixed = ... in [[rigid]]"
         content.draft.find("*Rigid Body, ROT NODE", where, text)
 
@@ -147,6 +148,9 @@ def find_ties(content: Content) -> dict[int, TieData]:
     """
     found: dict[int, TieData] = {}
     for tie in content.ties_to_points:
+        if not tie.reference[0]:  # a rigid body without a node of its own
+            found[-1 - len(found)] = tie
+            continue
         rows = content.rows(tie.reference)
         if len(rows) != 1:
             raise MeshError(f'{content.source}: {tie.where}: the reference "{tie.reference[0]}" is not one node')
@@ -173,15 +177,18 @@ def write_ties(content: Content, ties: dict[int, TieData]) -> None:
             continue
         name = plain_name(tie.name, taken)
         taken.append(name)
-        point = [clean(float(v) * content.units.length) for v in content.raw.points[row]]
-        values: dict[str, Value] = {"name": name, **place, "reference": point, **masses.get(row, {})}
+        values: dict[str, Value] = {"name": name, **place}
+        if row >= 0:
+            values["reference"] = [clean(float(v) * content.units.length) for v in content.raw.points[row]]
+        values |= masses.get(row, {})
         held = " ".join(_FREEDOMS[f - 1] for f in sorted(held_at(content, row)))
         if held:
             values["fixed"] = held
         if tie.springs:
             values["springs"] = list(tie.springs)
         table = content.draft.add("rigid" if tie.rigid else "averaged", is_entry=True, values=values)
-        table.comments.append(f"{'Rigid' if tie.rigid else 'Averaged'}: {tie.where}, reference node {tie.reference[0]}")
+        at = f", reference node {tie.reference[0]}" if row >= 0 else ""
+        table.comments.append(f"{'Rigid' if tie.rigid else 'Averaged'}: {tie.where}{at}")
 
 
 def _place(content: Content, tie: TieData) -> dict[str, Value] | None:
