@@ -11,6 +11,7 @@ import os
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 ROOT = Path(__file__).parents[1]
@@ -18,7 +19,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from calculix import Outcome, asks_for_frequencies, compare, decks_folder, unpack  # noqa: E402
 
-from fe_squeal.decks.abaqus.keywords import BECOMES, LEFT_OUT, SILENT  # noqa: E402
+from fe_squeal.decks.abaqus import keywords  # noqa: E402
+from fe_squeal.decks.nastran import read as nastran  # noqa: E402
 
 PAGE = ROOT / "docs/decks.md"
 BEGIN, END = "<!-- {}: python benchmarks/decks.py --write -->\n", "<!-- end of {} -->\n"
@@ -27,16 +29,27 @@ _SAME = 5e-3  # differences up to this come from the elements: reduced integrati
 
 def keyword_tables() -> str:
     """Return what the program does with each keyword of Abaqus."""
-    rows = [f"| `{k.replace(', ', '`, `')}` | {v} |" for k, v in BECOMES.items()]
-    lines = ["| keyword | becomes |", "|---|---|", *rows]
+    silent = ", ".join(f"`*{word.title()}`" for word in sorted(keywords.SILENT))
+    left_out = {f"*{word.title()}": why for word, why in keywords.LEFT_OUT.items()}
+    return _tables("keyword", keywords.BECOMES, left_out, silent)
+
+
+def card_tables() -> str:
+    """Return what the program does with each card of Nastran."""
+    silent = ", ".join(f"`{name}`" for name in sorted(nastran.SILENT))
+    return _tables("card", nastran.BECOMES, nastran.LEFT_OUT, silent)
+
+
+def _tables(what: str, becomes: dict[str, str], left_out: dict[str, tuple[str, Any]], silent: str) -> str:
+    rows = [f"| `{k.replace(', ', '`, `')}` | {v} |" for k, v in becomes.items()]
+    lines = [f"| {what} | becomes |", "|---|---|", *rows]
     lines += ["", "| left out | what that means |", "|---|---|"]
     by_text: dict[tuple[str, str], list[str]] = {}
-    for word, (text, weight) in LEFT_OUT.items():
-        by_text.setdefault((text, weight), []).append(f"`*{word.title()}`")
+    for word, (text, weight) in left_out.items():
+        by_text.setdefault((text, weight), []).append(f"`{word}`")
     for (text, weight), words in by_text.items():
         asked = " **The scene does not run before this is settled.**" if weight == "missing" else ""
         lines.append(f"| {', '.join(words)} | {text}.{asked} |")
-    silent = ", ".join(f"`*{word.title()}`" for word in sorted(SILENT))
     return "\n".join([*lines, "", f"Passed over without a word, since the answer is the same: {silent}.", ""])
 
 
@@ -62,7 +75,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="write docs/decks.md instead of printing it")
     arguments = parser.parse_args()
-    sections = {"keywords": keyword_tables()}
+    sections = {"keywords": keyword_tables(), "cards": card_tables()}
     folder = decks_folder()
     if folder is None:
         print("calculix-ccx-test is not installed: its section stays as it is", file=sys.stderr)

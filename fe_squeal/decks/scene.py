@@ -13,9 +13,12 @@ from ..scene import MatrixScene, Scene
 from ..scene.file import load_scene, parse_scene
 from .abaqus.read import draft_abaqus
 from .draft import Draft
+from .nastran.read import draft_nastran
 from .template import draft_template
 
-_READERS = {".inp": draft_abaqus}
+_READERS = {
+    ".inp": draft_abaqus, **dict.fromkeys((".bdf", ".nas", ".dat", ".fem", ".blk"), draft_nastran),
+}  # fmt: skip
 _NAMED = 5  # missing things in one message
 
 

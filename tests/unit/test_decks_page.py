@@ -27,7 +27,8 @@ def page():
 
 
 def test_keywords_of_the_page_are_those_of_the_program():
-    assert page().keyword_tables() in (ROOT / "docs/decks.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/decks.md").read_text(encoding="utf-8")
+    assert page().keyword_tables() in text and page().card_tables() in text
 
 
 def test_every_keyword_stands_in_one_table():
