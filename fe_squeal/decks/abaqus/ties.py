@@ -217,8 +217,12 @@ def _masses(content: Content, ties: dict[int, TieData]) -> dict[int, dict[str, V
         block, where = statement.block, content.where(statement)
         numbers = [v or 0.0 for line in block.lines for v in content.floats(block, line)]
         mine = [(s, link) for s, link in links_of(content) if link.elset.upper() == block.value("ELSET").upper()]
+        if not numbers:
+            raise MeshError(f"{content.source}: {block.where}: *{spoken(block.keyword)} has no number")
         for scope, link in mine:
-            for nodes in link.nodes:
+            for label, nodes in zip(link.labels, link.nodes, strict=True):
+                if not nodes:
+                    raise MeshError(f"{content.source}: {link.where}: element {label} of type {link.kind} has no node")
                 row = int(content.rows((nodes[0], scope))[0])
                 if row not in ties:
                     text = "at a node that is no reference of a coupling is left out: frequencies come out too high"

@@ -44,7 +44,7 @@ def named_faces(cards: Sequence[Card], blocks: Sequence[CellBlock], labels: Ints
                     three = rows_of(np.array([int(card.text(i + j)) for j in (1, 2, 3)]), labels)
                     face = _face(*place[element], three, opposite=False)
                     found.setdefault(f"BSURFS_{int(card.text(0))}", {}).setdefault(0.0, []).append(face)
-        except (ValueError, KeyError, IndexError):
+        except (ValueError, KeyError, IndexError, OverflowError):
             raise MeshError(
                 f"{source}: {card.where}: {card.name} {card.text(0)[:20]} names no face of a solid; expected a solid"
                 " and grid points of one of its faces"
