@@ -16,7 +16,7 @@ from ..eigen.quality import ROUNDING
 from ..problem.problem import Problem
 from ..problem.terms import POWER
 from .projection import Projection
-from .vectors import lift, normalising
+from .vectors import DEPENDENT, lift, normalising
 
 _SAMPLES = 24  # random vectors per norm: residual norms come out within some 15 %
 _SEED = 20250411
@@ -110,11 +110,14 @@ class ReducedBasis(Projection):
         numbers = {"cancels": self._cancels, "sigma": self.sigma, "has_slow": self.has_slow}
         return arrays, {"metric": [float(c) for c in self.metric], **numbers}
 
-    def append(self, X: np.ndarray, threshold: float = 0.0) -> int:
+    def append(self, X: np.ndarray, threshold: float = 0.0, dependent: float = DEPENDENT) -> int:
         """Add the directions of X (n, k) real whose part outside the basis is longer than a threshold in the P-norm.
 
         P is a sum of the terms, so that the products of the terms with X, needed for the projection, also give lengths
         in the P-norm. Every sparse matrix is multiplied with a vector once; the rest is arithmetic of (r, r) matrices.
+
+        Directions in which the parts outside depend on each other are left out: those with an eigenvalue of their Gram
+        matrix, scaled to unit vectors, below `dependent`.
 
         Returns
         -------
@@ -131,7 +134,7 @@ class ReducedBasis(Projection):
             if (outside[long] > _CLEAR).all():
                 break
             X = X[:, long] - combine(self.V, inside[:, long])  # first, or `gram` would lose digits
-        T = normalising(gram, long)
+        T = normalising(gram, long, dependent)
         if not T.shape[1]:
             return 0
         back = inside @ T

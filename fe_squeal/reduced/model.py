@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..eigen.block_lanczos import lowest_modes
+from ..eigen.blocks import combine
 from ..eigen.inertia import count_below
 from ..eigen.linear.choice import choose, factorize
 from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
@@ -26,23 +27,24 @@ from ..problem.problem import Problem
 from .basis import ReducedBasis
 from .missing import SEARCH_SOLVES, missing_modes
 from .undamped import factorize_undamped
-from .vectors import interior_nodes, lift, range_of, real_columns, unit_columns
+from .vectors import lift, range_of, real_columns, unit_columns
 
 _GUARD = 1.25  # times the modes asked for: how many of the undamped problem the basis begins with
 _ROUGH = 1e-4  # accuracy of these modes: the corrections that follow mend the rest
 _LANCZOS = 8  # times their number: vectors that the Lanczos iteration keeps at first
 _SLOW = 0.1  # of −σ: a θ below this, found roughly, may be that of a motion that is hardly held
-_ROUNDS = 16
-_CANDIDATES = 5  # values at which the basis is corrected until all modes there meet the tolerance
+_GUARDED = 1.2  # times the highest frequency of the basis: modes up to there are known
+_ROUNDS = 8  # corrections of the modes at one value
+_NODES = 24  # values whose modes span the basis, at most
+_CANDIDATES = 5  # values of which the worst is the next of these
 _CORRECTED = 0.3  # times the tolerance: modes with a larger error are corrected along with those that miss it
-_SAFETY = 0.1  # of the tolerance: what the estimated errors of eigenvalues are driven below
-_PACE = 0.6  # of the worst error: if a round leaves more, factors of the worst value are made for the next
-_NODES = 5  # values whose modes span the final basis
-_FINE = 1e-5  # of the largest singular value: directions below are left out of the final basis
+_SAFETY = 0.5  # of the tolerance: what the estimated errors of eigenvalues are driven below
+_MIDDLE = 0.6  # of the square of the highest frequency of the basis: where Q is factorised
+_FINE = 1e-7  # of the largest singular value: directions of modes at a value that are left out
+_ALIKE = 1e-8  # of a Gram matrix of unit vectors: directions in which new modes depend on each other
 _SHORT = 1e-4  # of √tolerance times the length of a mode: shorter corrections are left out
-_SUPPLEMENTS = 6  # values that are added to these at most, and how often the basis is extended after that
+_SUPPLEMENTS = 6  # how often the basis is extended for values that were no candidates
 _ILL = 10.0  # relative condition from which a mode is near a double eigenvalue
-_WORTH = 0.8  # of the vectors: a smaller basis that has more is not worth its errors
 
 _Estimate = tuple[Modes, np.ndarray, np.ndarray]
 
@@ -127,7 +129,6 @@ class ReducedModel:
         else:
             self._grow(values, definite)
             self._without = self.basis.undamped_values(self._sigma)
-            self._compress(values)
             for _ in range(_SUPPLEMENTS):
                 missed = self._missed(values)
                 if not missed:
@@ -211,61 +212,76 @@ class ReducedModel:
         if self._known_with is not self.basis.V:
             self._known, self._known_with = {}, self.basis.V
         if value not in self._known:
-            self._known[value] = self._estimate(value)
+            every = self.basis.modes(value, _GUARDED * self.highest)
+            self._known[value] = self._estimate(value, self.basis, every)
         return self._known[value]
 
-    def _estimate(self, value: float) -> _Estimate:
-        every = self.basis.modes(value, 1.2 * self.highest)
+    def _estimate(self, value: float, basis: ReducedBasis, every: Modes) -> _Estimate:
         modes = select_wanted(every, self.request, np.inf)
         assert modes is not None
-        error, backward, condition = self.basis.errors(value, modes, self.highest)
+        error, backward, condition = basis.errors(value, modes, self.highest)
         # The tolerance is meant for well-conditioned modes: next to a double eigenvalue no solver finds λ so closely.
         relative = error / np.maximum(np.abs(modes.lam), 1e-3 * self.highest)
-        off = np.maximum(relative / np.maximum(condition / _ILL, 1.0) / _SAFETY, backward) / self.request.tolerance
+        off = relative / np.maximum(condition / _ILL, 1.0) / (_SAFETY * self.request.tolerance)
         modes = replace(
             modes, re_uncertainty=modes.re_uncertainty + error, backward_error=np.fmax(modes.backward_error, backward),
-            method=f"reduced model of {len(self.basis)} vectors", exhaustive=False,
+            method=f"reduced model of {len(basis)} vectors", exhaustive=False,
         )  # fmt: skip
         return modes, off, relative
 
     def _grow(self, values: np.ndarray, definite: DefiniteFactor) -> None:
-        """Add corrections where modes miss the tolerance: first in the middle, then at the ends, then anywhere."""
-        candidates = values[np.unique(np.round(np.linspace(0, len(values) - 1, _CANDIDATES)).astype(int))]
-        middle = float(candidates[len(candidates) // 2])
-        factor: Factor | DefiniteFactor = definite
-        at, before = np.nan, np.inf
-        todo = [middle]
-        for round_ in range(_ROUNDS):
-            for p in todo:
-                modes, off, _ = self._estimated(p)
-                bad = np.flatnonzero(off > _CORRECTED)
-                if len(bad):
-                    self._correct(p, modes.select(bad), factor, real=factor is definite)
-            tried = candidates if round_ else candidates[[0, -1]]
-            found = {float(p): float(self._estimated(float(p))[1].max(initial=0.0)) for p in tried}
-            todo = [p for p, off in found.items() if off > 1]
-            if not todo and round_:
-                if not self._add_missing(candidates[[0, -1]], definite):
-                    return
-                todo = candidates.tolist()
-                continue
+        """Add the modes at a few values, each the worst of the candidates, until all meet the tolerance there."""
+        start = self.basis.problem.value(self.parameter)
+        candidates = values[np.unique(np.round(np.linspace(0, len(values) - 1, _CANDIDATES)).astype(int))].tolist()
+        if self._estimated(start)[1].max(initial=0.0) > 1:
+            self._add_modes(start, definite)
+        searched = None  # the basis in which no mode was missing
+        for _ in range(_NODES):
+            found = {p: float(self._estimated(p)[1].max(initial=0.0)) for p in candidates}
             worst = max(found, key=lambda p: found[p])
-            if found[worst] > _PACE * before and at != worst:
-                # Besides those of P only one set of factors is kept at a time: they take most of the memory.
-                del factor
-                factor, at = self._factorize(worst), worst
-            before = found[worst]
+            if found[worst] <= 1 and searched is self.basis.V:
+                return
+            if found[worst] > 1:
+                self._add_modes(worst, None)
+            if searched is None or found[worst] <= 1:
+                self._add_missing(np.array([candidates[0], candidates[-1]]), definite)
+                searched = self.basis.V
         raise NotConvergedError(
-            f"the reduced model misses the tolerance {before:.2g} times at {self.parameter} = {worst:g} with"
+            f"the reduced model misses the tolerance {found[worst]:.2g} times at {self.parameter} = {worst:g} with"
             f" {len(self.basis)} vectors"
         )
 
+    def _add_modes(self, value: float, factor: DefiniteFactor | None) -> None:
+        """Add the right and left modes at a value, corrected on a basis of their own until they meet the tolerance.
+
+        Of the corrections on the way nothing stays. Between the values whose modes the basis has an eigenvalue is off
+        by the product of what right and left modes lack, so that few values do.
+        """
+        inverse: Factor | DefiniteFactor = self._factorize(value) if factor is None else factor
+        local, every = self.basis, self.basis.modes(value, _GUARDED * self.highest)
+        for more in reversed(range(_ROUNDS)):
+            W = self._span(local, every)
+            local, every = local.restricted(W), _on(every, W)
+            modes, off, _ = self._estimate(value, local, every)
+            if off.max(initial=0.0) <= 1 or not more:
+                break
+            self._correct(local, value, modes.select(np.flatnonzero(off > _CORRECTED)), inverse, factor is not None)
+            every = local.modes(value, _GUARDED * self.highest)
+        self.basis.append(combine(local.V, self._span(local, modes)), dependent=_ALIKE)
+
+    def _span(self, basis: ReducedBasis, modes: Modes) -> np.ndarray:
+        """Return orthonormal coordinates (r, ·) that span right and left modes and the motions that nothing holds."""
+        assert modes.left is not None
+        free = basis.free_motions(basis.problem.value(self.parameter)).motions
+        return range_of(unit_columns(modes.right, modes.left), _FINE, free)
+
     def _factorize(self, value: float) -> Factor:
-        """Factorise K(p) − σM, with damping at half the band: closer than P to Q(λ) at this value."""
+        """Factorise Q(λ) in the middle of the band at a value: λ² = −σ, with dampers λ = iω."""
         pencil = self.basis.problem.pencil({self.parameter: value})
-        shifted = pencil.K - self._sigma * pencil.M
+        square = _MIDDLE * self.highest**2
+        shifted = pencil.K - square * pencil.M
         if pencil.C is not None:
-            shifted = shifted + 0.5j * self.highest * pencil.C
+            shifted = shifted + 1j * np.sqrt(square) * pencil.C
         self.factorizations += 1
         return factorize(sp.csr_array(shifted), pencil.symmetric and pencil.C is None, self.linear_solver)
 
@@ -275,8 +291,10 @@ class ReducedModel:
         self.solves += SEARCH_SOLVES
         return bool(found) and self.basis.append(np.hstack(found)) > 0
 
-    def _correct(self, value: float, modes: Modes, factor: Factor | DefiniteFactor, real: bool) -> int:
-        """Add the corrections of some modes at a value to the basis: the residuals, solved for with a factor."""
+    def _correct(
+        self, basis: ReducedBasis, value: float, modes: Modes, factor: Factor | DefiniteFactor, real: bool
+    ) -> int:
+        """Add the corrections of some modes at a value to a basis: their residuals, solved for with a factor."""
         groups = [modes]
         if not self.problem.is_damped:  # λ and −λ* have the same shapes, and most shapes are real
             plain = (modes.lam.real == 0) & ~modes.right.imag.any(axis=0)
@@ -284,7 +302,7 @@ class ReducedModel:
             real = True
         parts = []
         for group in (g for g in groups if len(g)):
-            right, left = self.basis.residuals(value, group)
+            right, left = basis.residuals(value, group)
             if not real:  # the matrix of the factors is complex
                 right, left = (x[:, : len(group)] + 1j * x[:, len(group) :] for x in (right, left))
             self.solves += right.shape[1] + left.shape[1]
@@ -293,25 +311,7 @@ class ReducedModel:
         # The error of an eigenvalue is the product of two such errors, relative to the mode's length in the P-norm.
         length = float(np.sqrt(np.abs(modes.lam).min() ** 2 - self._sigma))
         # If all are short, they are added nevertheless: a backward error just above the tolerance may need no more.
-        return self.basis.append(X, _SHORT * self.request.tolerance**0.5 * length) or self.basis.append(X)
-
-    def _compress(self, values: np.ndarray) -> None:
-        """Shrink the basis to the span of the modes at a few values, and at more where that misses the tolerance."""
-        full, spanned = self.basis, np.zeros((len(self.basis), 0))
-        missed = interior_nodes(float(values[0]), float(values[-1]), _NODES).tolist()
-        rounds = 0
-        while missed:
-            for p in missed:
-                modes = full.modes(p, self.highest)
-                assert modes.left is not None
-                spanned = np.hstack([spanned, unit_columns(modes.right, modes.left)])
-            W = range_of(spanned, _FINE, full.free_motions(full.problem.value(self.parameter)).motions)
-            rounds += 1
-            if W.shape[1] > _WORTH * len(full) or rounds > _SUPPLEMENTS:
-                self.basis = full
-                return
-            self.basis = full.restricted(W)
-            missed = self._missed(values)[:1]
+        return basis.append(X, _SHORT * self.request.tolerance**0.5 * length) or basis.append(X)
 
     def _missed(self, values: np.ndarray) -> list[float]:
         """Return the first value at which a mode misses the tolerance and all values after it, which were not tried."""
@@ -319,3 +319,9 @@ class ReducedModel:
             if self._estimated(p)[1].max(initial=0.0) > 1:
                 return [float(q) for q in values[i:]]
         return []
+
+
+def _on(modes: Modes, W: np.ndarray) -> Modes:
+    """Return modes in the coordinates of a smaller basis, whose columns are W in theirs."""
+    assert modes.left is not None
+    return replace(modes, right=W.T @ modes.right, left=W.T @ modes.left)

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from ..eigen.blocks import combine
 
 _MARGIN = 10.0  # times |z|ᵀ|K||z|: left vectors are longer than z
-_DEPENDENT = 1e-4  # eigenvalue of a Gram matrix of unit vectors: directions below are left to the next correction
+DEPENDENT = 1e-4  # eigenvalue of a Gram matrix of unit vectors: directions below are left to the next correction
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def _by_parts(apply: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.nd
     return result.reshape(len(result), *x.shape[1:])
 
 
-def normalising(gram: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def normalising(gram: np.ndarray, columns: np.ndarray, dependent: float) -> np.ndarray:
     """Return T such that XT, made of some columns of X, has (XT)ᵀP(XT) = 1, given XᵀPX.
 
     Directions in which these columns nearly depend on each other are left out.
@@ -110,6 +110,6 @@ def normalising(gram: np.ndarray, columns: np.ndarray) -> np.ndarray:
         return np.zeros((len(gram), 0))
     root = np.sqrt(gram.diagonal()[columns])
     w, v = la.eigh(gram[np.ix_(columns, columns)] / np.outer(root, root))
-    T = np.zeros((len(gram), np.count_nonzero(w > _DEPENDENT)))
-    T[columns] = v[:, w > _DEPENDENT] / np.sqrt(w[w > _DEPENDENT]) / root[:, None]
+    T = np.zeros((len(gram), np.count_nonzero(w > dependent)))
+    T[columns] = v[:, w > dependent] / np.sqrt(w[w > dependent]) / root[:, None]
     return T
