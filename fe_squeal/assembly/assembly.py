@@ -7,6 +7,8 @@ from copy import copy
 from dataclasses import replace
 from functools import partial
 
+import scipy.sparse as sp
+
 from ..effects.cache import Cache, Same
 from ..effects.context import BodyPart, ContactPart, Context
 from ..effects.elasticity import elastic_terms
@@ -43,7 +45,7 @@ from .effect_stages import (
 from .matrices import matrix_problem
 from .names import check_names
 from .places import find_patch, held_places, holding
-from .ties import with_ties
+from .ties import mean_motion, with_ties
 from .units import require_si
 from .warnings import warnings_of_coverage, warnings_of_scene
 
@@ -224,19 +226,21 @@ class Assembly:
     def _references(self, scene: Scene) -> list[Term]:
         """Return mass and springs at the reference points of ties."""
         found = []
-        for (key, table), tie in zip(scene.ties, self.space.ties, strict=True):
+        for (key, table), tie in zip(scene.ties, self.space.ties, strict=False):
             path = f"{key.partition('[')[0]}.{table.name}"
             numbers = (table.inertia, *(s.model_dump_json() for s in table.springs), bool(table.mass))
             terms = partial(tie_terms, self.space, tie, table, path)
             found += self._cache.get(f"reference.{path}", repr(numbers), terms)
         return found
 
-    def _ends(self, spring: Spring, i: int) -> tuple[Patch, Patch | None]:
-        """Return the surfaces or node sets of a spring."""
+    def _ends(self, spring: Spring, i: int) -> tuple[Patch, tuple[sp.csr_array, sp.csr_array] | None]:
+        """Return the surface or node set of a spring, and the mean motions of it and that at the other end."""
         patch = find_patch(self.space, self.loaded, spring.kind, spring.group, f"springs[{i}].{spring.kind}")
         if spring.to is None:
             return patch, None
-        return patch, find_patch(self.space, self.loaded, spring.kind, spring.to, f"springs[{i}].to")
+        other = find_patch(self.space, self.loaded, spring.kind, spring.to, f"springs[{i}].to")
+        one, two = (mean_motion(self.space, p, spring.kind, g) for p, g in ((patch, spring.group), (other, spring.to)))
+        return patch, (one, two)
 
     def _contact(self, scene: Scene, name: str, i: int) -> ContactPart:
         contact = scene.contacts[i]

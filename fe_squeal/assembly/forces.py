@@ -92,7 +92,7 @@ def force_balance(problem: Problem) -> list[PartForces]:
     balance.add_loads(assembly.motions(problem.changed))
     for i, spring in enumerate(scene.springs):
         balance.add_spring(spring, f"springs[{i}]")
-    for (_, table), tie in zip(scene.ties, model.space.ties, strict=True):
+    for (_, table), tie in zip(scene.ties, model.space.ties, strict=False):
         balance.add_reference(table, tie)
     for i, (name, contact) in enumerate(zip(scene.contact_names, scene.contacts, strict=True)):
         balance.add_contact(name, contact, f"contacts[{i}]")

@@ -46,15 +46,23 @@ class Spring(Placed):
         return self
 
 
-def spring_terms(space: DisplacementSpace, spring: Spring, patch: Patch, other: Patch | None) -> list[Term]:
-    """Return the stiffness and damping terms of a spring, only those that are not zero."""
+def spring_terms(
+    space: DisplacementSpace, spring: Spring, patch: Patch, means: tuple[sp.csr_array, sp.csr_array] | None
+) -> list[Term]:
+    """Return the stiffness and damping terms of a spring, only those that are not zero.
+
+    Parameters
+    ----------
+    means : two (3, n) sparse, or None
+        Mean displacements of the two ends of a spring that has `to`.
+    """
     direction = np.array(spring.direction) / np.linalg.norm(spring.direction)
-    if other is None:
+    if means is None:
         motion = space.along(patch.values, direction)
         shape = motion.T @ sp.diags_array(patch.weights / patch.area) @ motion
     else:
-        means = sp.csr_array((patch.mean() - other.mean())[None, :])
-        motion = space.along(means, direction)
+        one, other = means
+        motion = sp.csr_array(direction[None, :]) @ (one - other)
         shape = motion.T @ motion
     shape = sp.csr_array((shape + shape.T) / 2)
     slots: list[tuple[Slot, str, float]] = [("K", "stiffness", spring.stiffness), ("C", "damping", spring.damping)]

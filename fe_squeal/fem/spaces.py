@@ -159,10 +159,11 @@ class DisplacementSpace:
         return sp.csr_array(sum(parts[1:], parts[0].tocsr()))
 
     def reference(self, tie: Tie) -> sp.csr_array:
-        """Return the operator (6, n) that gives translation (m) and rotation (rad) of a tie's reference point."""
+        """Return the operator (6 or 3, n) that gives translation (m) and rotation (rad) of a reference."""
         at = self._starts[self.ties.index(tie)]
         block = sp.coo_array(tie.freedoms)
-        return sp.csr_array((block.data, (block.coords[0], at + block.coords[1])), shape=(6, self.unknowns))
+        shape = (block.shape[0], self.unknowns)
+        return sp.csr_array((block.data, (block.coords[0], at + block.coords[1])), shape=shape)
 
     @property
     def _starts(self) -> list[int]:

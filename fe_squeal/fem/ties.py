@@ -10,6 +10,8 @@ becomes BᵀKB. Neither a penalty nor a multiplier is left.
   motions with L u = 0, in an orthonormal basis that is found cluster by cluster (the construction of multiwavelets:
   Alpert, SIAM J. Math. Anal. 24, 1993). B then has some 6 log₂ m entries in a row for m nodes, and BᵀKB stays sparse.
 
+- Mean: the same with the three translations alone, which a spring between the means of two surfaces acts on.
+
 Rotations are scaled by the radius of the nodes about the reference, so that all unknowns are displacements in metres.
 """
 
@@ -41,12 +43,12 @@ class Tie:
         Displacements of the nodes, 3 i + c component c of node i, from the k unknowns of the tie.
     inverse : (k, 3 m) sparse
         These unknowns from displacements that the tie allows.
-    freedoms : (6, k) sparse
-        Translation (m) and rotation (rad) of the reference from the unknowns.
-    fixed : (6,) bool
+    freedoms : (6 or 3, k) sparse
+        Translation (m) and rotation (rad) of the reference from the unknowns; of a mean the translation alone.
+    fixed : (6 or 3,) bool
         Freedoms of the reference that are held, and so no unknowns.
-    motion : (6, 3 m) float
-        All six freedoms from displacements of the nodes, also where they are held.
+    motion : (6 or 3, 3 m) float
+        All freedoms from displacements of the nodes, also where they are held.
     """
 
     name: str
@@ -118,7 +120,7 @@ def averaged_tie(
     if len(x) < 3 or np.linalg.cond(gram) > _RANK**-2:
         raise ValueError("its nodes lie on one line, about which they have no mean rotation; expected others beside it")
     L = np.linalg.solve(gram, (moments / scale).T)  # (6, 3 m): scaled freedoms of the reference
-    waves, S = _clusters(L, x)
+    waves, S = _clusters(L, x, np.ones(3 * len(x), bool))
     back = np.linalg.inv(L @ S)
     columns = np.flatnonzero(~np.asarray(fixed))
     block = sp.csr_array(sp.hstack([waves, sp.csr_array((S @ back)[:, columns])]))
@@ -129,11 +131,33 @@ def averaged_tie(
     return Tie(name, False, nodes, point, block, inverse, freedoms, np.asarray(fixed), motion)
 
 
-def _clusters(L: np.ndarray, x: np.ndarray) -> tuple[sp.csr_array, np.ndarray]:
-    """Return an orthonormal basis of L u = 0, (3 m, 3 m − 6) sparse, and of what it leaves, (3 m, 6).
+def mean_tie(name: str, nodes: np.ndarray, x: np.ndarray, weights: np.ndarray, held: np.ndarray) -> Tie | None:
+    """Return the tie of nodes to their mean displacement; None where supports hold all of a component.
 
-    Each cluster of nodes is turned so that six of its directions carry its part of L; the others are done with. The
-    six go on to the cluster above, where they meet those of the neighbour.
+    Parameters
+    ----------
+    weights : (m,) float
+        Of the nodes in the mean; their sum is 1.
+    held : (3 m,) bool
+        Displacements that supports hold at zero.
+    """
+    L = np.kron(weights, np.eye(3))
+    L[:, held] = 0.0
+    if not L.any(axis=1).all():
+        return None
+    waves, S = _clusters(L, x, ~held)
+    block = sp.csr_array(sp.hstack([waves, sp.csr_array(S @ np.linalg.inv(L @ S))]))
+    inverse = sp.csr_array(sp.vstack([waves.T, sp.csr_array(L)]))
+    k = waves.shape[1]
+    freedoms = sp.csr_array((np.ones(3), (np.arange(3), k + np.arange(3))), shape=(3, k + 3))
+    return Tie(name, False, nodes, weights @ x, block, inverse, freedoms, np.zeros(3, bool), L)
+
+
+def _clusters(L: np.ndarray, x: np.ndarray, active: np.ndarray) -> tuple[sp.csr_array, np.ndarray]:
+    """Return an orthonormal basis of L u = 0, (3 m, 3 m − f) sparse, and of what it leaves, (3 m, f), f the rows of L.
+
+    Each cluster of nodes is turned so that f of its directions carry its part of L; the others are done with. These f
+    go on to the cluster above, where they meet those of the neighbour. Displacements that are not active are zero.
     """
     parts: list[tuple[np.ndarray, np.ndarray]] = []  # unknowns that a column has, and its entries
 
@@ -141,6 +165,7 @@ def _clusters(L: np.ndarray, x: np.ndarray) -> tuple[sp.csr_array, np.ndarray]:
         """Return rows and columns (rows, s) that carry L of a cluster."""
         if len(nodes) <= _LEAF:
             rows = (3 * nodes[:, None] + np.arange(3)).ravel()
+            rows = rows[active[rows]]
             basis = np.eye(len(rows))
         else:
             spread = np.ptp(x[nodes], axis=0)
@@ -148,9 +173,11 @@ def _clusters(L: np.ndarray, x: np.ndarray) -> tuple[sp.csr_array, np.ndarray]:
             halves = [gather(half) for half in np.array_split(order, 2)]
             rows = np.concatenate([r for r, _ in halves])
             basis = la.block_diag(*(b for _, b in halves))
-        carried = basis.T @ L[:, rows].T  # (directions, 6)
+        if not len(rows):
+            return rows, basis
+        carried = basis.T @ L[:, rows].T  # (directions, f)
         Q, _ = la.qr(carried)
-        kept = min(6, len(Q))
+        kept = min(len(L), len(Q))
         if kept < Q.shape[1]:
             parts.append((rows, basis @ Q[:, kept:]))
         return rows, basis @ Q[:, :kept]

@@ -64,7 +64,7 @@ def _mesh_rows(table: Table, scene: Scene, problem: Problem) -> None:
         table.add_row("", _values(material))
     for i, support in enumerate(scene.supports):
         table.add_row(f"support {i + 1}", f"{_place(support)} fixed in {', '.join(support.fixed)}")
-    for (key, tied), tie in zip(scene.ties, discretisation.space.ties, strict=True):
+    for (key, tied), tie in zip(scene.ties, discretisation.space.ties, strict=False):
         at = ", ".join(f"{x:.4g}" for x in tie.point)
         kind = key.partition("[")[0]
         table.add_row(f"{kind} {tied.name}", f"{len(tie.nodes)} nodes of {_place(tied)}, reference at ({at}) m")

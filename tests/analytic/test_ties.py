@@ -227,3 +227,21 @@ def test_numbers_of_a_reference_can_be_swept():
 def test_messages(tables, message):
     with pytest.raises(fe_squeal.errors.InputError, match=message):
         make_problem(box("hex1", (2, 1, 1), SIZE), **tables)
+
+
+def test_spring_between_large_faces_stays_sparse_and_is_the_same(monkeypatch):
+    """Springs between two faces of 49 nodes, of which one has a held edge: by their means as unknowns, and in full."""
+    a, b = box("hex1", (1, 6, 6), SIZE, name="a"), box("hex1", (1, 6, 6), SIZE, (0.2, 0, 0), name="b")
+    mesh = join(a, b)
+    springs = [{"name": n, "surface": "right_a", "to": "left_b", "direction": d, "stiffness": s}
+               for n, d, s in (("u", [1, 0, 0], 1e8), ("v", [0, 1, 2], 3e7))]  # fmt: skip
+    supports = [{"surface": "left_a", "fixed": "xyz"}, {"surface": "bottom_b", "fixed": "z"}]
+    found = []
+    for many in (40, 10**9):
+        monkeypatch.setattr("fe_squeal.assembly.ties._MANY", many)
+        problem = make_problem(mesh, order=1, springs=springs, supports=supports)
+        entries = max(t.matrix.nnz for t in problem.terms if t.name.startswith("spring"))
+        found.append((frequencies(problem, 6), problem.unknowns, entries, problem.free_motions().motions.shape[1]))
+    (sparse, n, few, free), (full, m, many, as_free) = found
+    assert n == m and few <= 16 < 49**2 < many and free == as_free
+    np.testing.assert_allclose(sparse, full, rtol=1e-7, atol=1e-6 * full.max())
