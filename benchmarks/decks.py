@@ -19,6 +19,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from calculix import Outcome, asks_for_frequencies, compare, decks_folder, unpack  # noqa: E402
 
+from fe_squeal.decks import ansys  # noqa: E402
 from fe_squeal.decks.abaqus import keywords  # noqa: E402
 from fe_squeal.decks.nastran import read as nastran  # noqa: E402
 
@@ -40,6 +41,11 @@ def card_tables() -> str:
     return _tables("card", nastran.BECOMES, nastran.LEFT_OUT, silent)
 
 
+def command_tables() -> str:
+    """Return what the program does with an Ansys archive."""
+    return _tables("command", ansys.BECOMES, ansys.LEFT_OUT, "all others")
+
+
 def _tables(what: str, becomes: dict[str, str], left_out: dict[str, tuple[str, Any]], silent: str) -> str:
     rows = [f"| `{k.replace(', ', '`, `')}` | {v} |" for k, v in becomes.items()]
     lines = [f"| {what} | becomes |", "|---|---|", *rows]
@@ -50,7 +56,7 @@ def _tables(what: str, becomes: dict[str, str], left_out: dict[str, tuple[str, A
     for (text, weight), words in by_text.items():
         asked = " **The scene does not run before this is settled.**" if weight == "missing" else ""
         lines.append(f"| {', '.join(words)} | {text}.{asked} |")
-    return "\n".join([*lines, "", f"Passed over without a word, since the answer is the same: {silent}.", ""])
+    return "\n".join([*lines, "", f"Passed over without a word: {silent}.", ""])
 
 
 def calculix_table(outcomes: dict[str, Outcome]) -> str:
@@ -75,7 +81,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="write docs/decks.md instead of printing it")
     arguments = parser.parse_args()
-    sections = {"keywords": keyword_tables(), "cards": card_tables()}
+    sections = {"keywords": keyword_tables(), "cards": card_tables(), "commands": command_tables()}
     folder = decks_folder()
     if folder is None:
         print("calculix-ccx-test is not installed: its section stays as it is", file=sys.stderr)

@@ -12,12 +12,13 @@ from ..mesh.readers.sources import Sources
 from ..scene import MatrixScene, Scene
 from ..scene.file import load_scene, parse_scene
 from .abaqus.read import draft_abaqus
+from .ansys import draft_ansys
 from .draft import Draft
 from .nastran.read import draft_nastran
 from .template import draft_template
 
 _READERS = {
-    ".inp": draft_abaqus, **dict.fromkeys((".bdf", ".nas", ".dat", ".fem", ".blk"), draft_nastran),
+    ".inp": draft_abaqus, ".cdb": draft_ansys, **dict.fromkeys((".bdf", ".nas", ".dat", ".fem", ".blk"), draft_nastran),
 }  # fmt: skip
 _NAMED = 5  # missing things in one message
 

@@ -15,6 +15,7 @@ from .building import build_mesh
 from .groups import LoadedMesh
 from .raw import RawMesh
 from .readers.abaqus.read import read_abaqus
+from .readers.ansys import read_ansys
 from .readers.gmsh import read_gmsh
 from .readers.nastran.deck import read_nastran
 from .readers.others import read_with_meshio
@@ -23,6 +24,7 @@ from .readers.sources import Sources
 UNITS = {"m": 1.0, "mm": 1e-3}
 _READERS: dict[str, Callable[[Sources], RawMesh]] = {
     ".inp": read_abaqus, ".msh": lambda sources: read_gmsh(sources.path),
+    ".cdb": read_ansys,
     ".bdf": read_nastran, ".nas": read_nastran, ".dat": read_nastran, ".fem": read_nastran, ".blk": read_nastran,
 }  # fmt: skip
 
@@ -35,8 +37,8 @@ def load_mesh(
     Parameters
     ----------
     path
-        .msh (Gmsh 2.2, 4.0, 4.1), .inp (Abaqus), .bdf, .nas, .dat, .fem (Nastran), .vtu, .vtk, .xdmf, .med or whatever
-        else meshio reads.
+        .msh (Gmsh 2.2, 4.0, 4.1), .inp (Abaqus), .cdb (Ansys), .bdf, .nas, .dat, .fem (Nastran), .vtu, .vtk, .xdmf,
+        .med or whatever else meshio reads.
     length_unit
         The unit of the file's coordinates, "m" or "mm".
     folders

@@ -90,7 +90,7 @@ def test_spring_between_two_node_sets_takes_their_means(tmp_path):
     np.testing.assert_allclose(s.toarray(), 7.0 * np.outer(r, r), atol=1e-14)
 
 
-@pytest.mark.parametrize("kind", ["hex1", "hex2", "tet1", "tet2"])
+@pytest.mark.parametrize("kind", ["tet1", *(pytest.param(k, marks=pytest.mark.slow) for k in ("hex1", "hex2", "tet2"))])
 def test_refined_sets_hold_no_more_than_the_functions_of_the_coarse_mesh_do(tmp_path, kind):
     """A displacement of the coarse problem is one of the refined problem, and faces that are held stay so in full."""
     loaded = loaded_box(tmp_path, kind)

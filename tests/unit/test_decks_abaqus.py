@@ -122,7 +122,7 @@ def written(tmp_path, text, name="brake.inp"):
     return tmp_path / name
 
 
-@pytest.mark.parametrize("kind", ["hex1", "tet2"])
+@pytest.mark.parametrize("kind", ["hex1", pytest.param("tet2", marks=pytest.mark.slow)])
 def test_deck_is_the_scene_by_hand(tmp_path, kind):
     path = written(tmp_path, deck(kind))
     scene, draft = scene_of(path)
@@ -165,7 +165,10 @@ def plain(tmp_path_factory):
     return matrices(scene_of(written(tmp_path_factory.mktemp("plain"), deck()))[0])
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
+FAST = ("keywords over two lines", "exponents without E", "steps with OP=NEW", "parameters")
+
+
+@pytest.mark.parametrize("dialect", [d if d in FAST else pytest.param(d, marks=pytest.mark.slow) for d in DIALECTS])
 def test_dialects_say_the_same(tmp_path, plain, dialect):
     text = DIALECTS[dialect](deck())
     assert text != deck()
