@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,11 +16,8 @@ from ...mesh.raw import RawMesh
 from ...mesh.readers.abaqus.model import Model, Statement
 from ...mesh.readers.abaqus.sets import Assembly
 from ...mesh.readers.abaqus.text import Block, unquoted
-from ..draft import Draft
+from ..draft import Draft, Value
 from ..units import SI, Units
-
-if TYPE_CHECKING:
-    from .ties import TieData
 
 Reference = tuple[str, str]  # a name or number as the deck writes it, and the scope that it stands in
 _SHORT_EXPONENT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))([+-]\d+)")
@@ -75,6 +71,29 @@ class Procedure:
     evaluated_at: float | None = None
     is_complex: bool = False
     where: str = ""
+
+
+@dataclass
+class TieData:
+    """A reference node with what is tied to it.
+
+    Attributes
+    ----------
+    rigid : bool
+    reference : Reference
+        The node.
+    members : list of Reference
+        Surfaces or node sets.
+    springs : list of dict
+        Between the reference and the ground, as the scene has them.
+    """
+
+    name: str
+    where: str
+    rigid: bool
+    reference: Reference
+    members: list[Reference]
+    springs: list[dict[str, Value]] = field(default_factory=list)
 
 
 @dataclass

@@ -2,41 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from ...errors import MeshError
 from ...mesh.readers.abaqus.model import Statement
 from ..draft import Value, plain_name
-from .content import Content, Reference, fields, spoken
+from .content import Content, TieData, fields, spoken
 from .holding import held_at, links_of
 from .materials import clean
 
 _FREEDOMS = ("x", "y", "z", "rx", "ry", "rz")
-
-
-@dataclass
-class TieData:
-    """A reference node with what is tied to it.
-
-    Attributes
-    ----------
-    rigid : bool
-    reference : Reference
-        The node.
-    members : list of Reference
-        Surfaces or node sets.
-    springs : list of dict
-        Between the reference and the ground, as the scene has them.
-    """
-
-    name: str
-    where: str
-    rigid: bool
-    reference: Reference
-    members: list[Reference]
-    springs: list[dict[str, Value]] = field(default_factory=list)
 
 
 def read_coupling(content: Content, statement: Statement) -> None:
