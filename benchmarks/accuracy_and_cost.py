@@ -201,7 +201,7 @@ def main() -> None:
         rest = max(given.budget - (time.perf_counter() - start), 1e-9)
         studies[name] = study = run_study(
             scene, Measurements(out / "measurements"), None if np.isinf(rest) else rest, small_plan(scene),
-            lambda i, n, t: print(f"{i}/{n} {t}", file=sys.stderr),
+            lambda i, n, text, _: print(f"{i}/{n} {text}", file=sys.stderr),
         )  # fmt: skip
         write_study(study, out, name)
         picture = f"accuracy_{out.name}.png"

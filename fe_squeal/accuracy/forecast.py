@@ -45,7 +45,7 @@ class Forecast:
 
     def work(self, setting: Setting) -> float:
         """Return about how long it takes, in seconds, from experience with other scenes."""
-        times = _METHODS[setting.method] * (1 + _ESTIMATE * setting.estimated) * (setting.modes + 20) / 60
+        times = _METHODS[setting.method] * (1 + _ESTIMATE if setting.estimated else 1.0) * (setting.modes + 20) / 60
         return _START + _PER_UNKNOWN * self.unknowns(setting) * times
 
     def seconds(self, setting: Setting, done: Sequence[tuple[Setting, float]]) -> float:

@@ -104,7 +104,7 @@ def run_study(
     store: Store,
     budget: float | None = None,
     settings: list[Setting] | None = None,
-    progress: Callable[[int, int, str], None] = lambda done, total, text: None,
+    progress: Callable[[int, int, str, bool], None] = lambda done, total, text, stays: None,
     exact: np.ndarray | None = None,
 ) -> Study:
     """Run the settings of a study, those first that tell most for their time; what was measured is in the store.
@@ -117,8 +117,9 @@ def run_study(
         At most so long; what does not fit is left out, and said.
     settings : list of Setting, optional
         Instead of `plan(scene)`.
-    progress : callable of (measured so far, in all, what is said)
-        First of all a forecast of unknowns and seconds, then what runs next and what is left out.
+    progress : callable of (int, int, str, bool)
+        Gets how many settings are measured so far and how many there are in all, a sentence, and whether that stays of
+        interest: a forecast of unknowns and seconds at first, and what is left out. What runs next does not.
     exact : (k,) float, Hz, optional
         The lowest frequencies where they are known: errors are then relative to these.
 
@@ -135,11 +136,11 @@ def run_study(
     done: list[tuple[Setting, Measurement]] = []
     left_out: list[tuple[Setting, str]] = []
     probes = store.load_probes()
-    progress(0, len(every), _announced(every, forecast, budget))
+    progress(0, len(every), _announced(every, forecast, budget), True)
 
     def leave_out(setting: Setting, why: str) -> None:
         left_out.append((setting, why))
-        progress(len(done), len(every), f"left out: {setting}: {why}")
+        progress(len(done), len(every), f"left out: {setting}: {why}", True)
 
     stopped = False
     try:
@@ -155,7 +156,7 @@ def run_study(
                 leave_out(setting, f"it would take about {expected:.0f} s" if rest > 0 else "the budget is spent")
                 continue
             unknowns = forecast.unknowns(setting)
-            progress(len(done), len(every), f"{setting}: about {unknowns} unknowns, {expected:.0f} s")
+            progress(len(done), len(every), f"{setting}: about {unknowns} unknowns, {expected:.0f} s", False)
             try:
                 found = measure_apart(scene, setting, probes, setting.estimated, rest)
             except SquealError as error:
@@ -174,7 +175,7 @@ def run_study(
         left_out += [(s, "interrupted") for s in every if s not in known]
         if not done:
             raise KeyboardInterrupt(None) from stop
-    progress(len(done), len(every), f"{len(done)} of {len(every)} measured")
+    progress(len(done), len(every), f"{len(done)} of {len(every)} measured", False)
     fine = [(s, m) for s, m in done if len(m.changes)] or [(s, m) for s, m in done if s.method != "modal"]
     if not fine:
         reasons = "; ".join(f"{s}: {why}" for s, why in left_out[:3])

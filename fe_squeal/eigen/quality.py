@@ -7,7 +7,7 @@ import numpy as np
 from .multiple import ROUNDING, biorthogonal, defective_error, rounding_of_zero, separated, unit_mass
 from .pencil import Modes, Pencil
 
-__all__ = ["ROUNDING", "in_upper_half", "modes_from_lambda", "modes_from_theta"]
+__all__ = ["ROUNDING", "backward_errors", "in_upper_half", "modes_from_lambda", "modes_from_theta"]
 
 
 def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left: np.ndarray, method: str) -> Modes:
@@ -29,7 +29,7 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     lam = 1j * np.sqrt(theta.astype(complex))
     residual = pencil.apply(lam, right)
     magnitude = pencil.magnitude(lam, right)
-    backward = _backward_errors(pencil, residual, magnitude)
+    backward = _relative(pencil, residual, magnitude)
     first_order, amplification = _perturbation(left, residual, magnitude, theta)
     least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
     u_theta = _near_coalescence(first_order, least, theta)
@@ -72,7 +72,7 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     left = biorthogonal(left, gram, lam, _rounding_at_rest(pencil, lam, right, left))
     residual = pencil.apply(lam, right)
     magnitude = pencil.magnitude(lam, right)
-    backward = _backward_errors(pencil, residual, magnitude)
+    backward = _relative(pencil, residual, magnitude)
     first_order, amplification = _perturbation(left, residual, magnitude, lam)
     dissipation = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.C @ right))
     least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
@@ -174,7 +174,12 @@ def _near_coalescence(first_order: np.ndarray, least: np.ndarray, values: np.nda
         return np.fmax(least, np.fmin(first_order, np.sqrt(gap * first_order)))
 
 
-def _backward_errors(pencil: Pencil, residual: np.ndarray, magnitude: np.ndarray) -> np.ndarray:
+def backward_errors(pencil: Pencil, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Return the backward errors (k,) of pairs λ (k,), u (n, k), see `Modes`."""
+    return _relative(pencil, pencil.apply(lam, u), pencil.magnitude(lam, u))
+
+
+def _relative(pencil: Pencil, residual: np.ndarray, magnitude: np.ndarray) -> np.ndarray:
     d = pencil.units[0][:, None]
     left, size = _column_norms(d * residual), _column_norms(d * magnitude)
     return np.divide(left, size, out=np.zeros(len(left)), where=left > 0)  # 0/0 where nothing acts on an unknown

@@ -144,8 +144,9 @@ def _one_kind(raw: RawMesh, source: str) -> tuple[Floats, CellBlock, Ints, tuple
     low = jacobian_range(block.kind, points, block.nodes)[0]
     if (low < FLAT).any():
         bad = np.unique(parent[low < FLAT])
+        what = "element" if len(bad) == 1 else "elements"
         raise MeshError(
-            f"{source}: element{'s' * (len(bad) > 1)} {listed(element_names(raw.blocks)[bad])} cannot be split into "
+            f"{source}: {what} {listed(element_names(raw.blocks)[bad])} cannot be split into "
             "tetrahedra of positive volume (too distorted or curved); mesh with tetrahedra or hexahedra alone"
         )
     counts = {shape: sum(len(b) for b in raw.blocks if SHAPE[b.kind] == shape) for shape in shapes}

@@ -198,7 +198,8 @@ def drop_orphans(raw: RawMesh) -> RawMesh:
     blocks = tuple(CellBlock(b.kind, np.where(b.nodes >= 0, new[b.nodes], -1), b.labels, b.prefix) for b in raw.blocks)
     prefixes = tuple((int(used[:first].sum()), text) for first, text in raw.node_prefixes)
     count = int((~used).sum())
-    note = f"{count} node{'s' * (count > 1)} that no volume element uses {'are' if count > 1 else 'is'} left out"
+    what = "node that no volume element uses is" if count == 1 else "nodes that no volume element uses are"
+    note = f"{count} {what} left out"
     return replace(
         raw,
         points=raw.points[used],

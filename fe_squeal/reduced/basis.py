@@ -131,13 +131,17 @@ class ReducedBasis(Projection):
             gram = whole - inside.T @ inside
             outside = gram.diagonal() / np.maximum(whole.diagonal(), np.finfo(float).tiny)
             long = np.flatnonzero((outside > _RANK) & (gram.diagonal() > threshold**2))
-            if (outside[long] > _CLEAR).all():
+            if not (outside[long] > _CLEAR).all():
+                X = X[:, long] - combine(self.V, inside[:, long])  # first, or `gram` would lose digits
+                continue
+            T = normalising(gram, long, dependent)
+            if not T.shape[1]:
+                return 0
+            back = inside @ T
+            if dependent >= DEPENDENT:
                 break
-            X = X[:, long] - combine(self.V, inside[:, long])  # first, or `gram` would lose digits
-        T = normalising(gram, long, dependent)
-        if not T.shape[1]:
-            return 0
-        back = inside @ T
+            # Directions in which X hardly differs are long combinations of it, and so is the rounding of the products.
+            X, dependent = combine(X, T) - combine(self.V, back), DEPENDENT
         for i, (term, p) in enumerate(zip(self.problem.terms, parts, strict=True)):
             A = self._projected[i]
             right, left = p.VAX @ T - A @ back, p.VATX @ T - A.T @ back
@@ -218,8 +222,11 @@ class ReducedBasis(Projection):
 
     def errors(
         self, value: float, modes: Modes, highest: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-        """Return how far λ may be off, rad/s, backward errors, and the relative condition in the P-norm (½ at best).
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+        """Return how far λ may be off by the reduction, backward errors, condition, and how far λ is off by rounding.
+
+        Errors of λ are in rad/s; the condition is relative, in the P-norm, ½ at best. Rounding is that of the problem's
+        own entries, as in `fe_squeal.eigen.quality`: the projection has it, too.
 
         Parameters
         ----------
@@ -240,9 +247,17 @@ class ReducedBasis(Projection):
         lengths = np.linalg.norm(modes.right, axis=0) * np.linalg.norm(modes.left, axis=0)  # in the P-norm
         with np.errstate(divide="ignore", invalid="ignore"):
             condition = np.nan_to_num(lengths / (slope * size), nan=np.inf)
-        scale = np.linalg.norm(lift(self._sampled_rows, modes.right), axis=0)
-        backward = np.linalg.norm(rho[_SAMPLES:], axis=0) / (self._cancels * scale)
-        return error, backward, condition
+        size_at, other = (np.abs(lift(self._sampled_rows, u)) for u in (modes.right, modes.left))
+        sums = self._cancels * np.einsum("l,lj,lj->j", self._weights(), size_at, other)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rounding = ROUNDING * np.fmin(sums / slope, np.sqrt(sums / (ROUNDING * mass)))
+        backward = np.linalg.norm(rho[_SAMPLES:], axis=0) / (self._cancels * np.linalg.norm(size_at, axis=0))
+        return error, backward, condition, rounding
+
+    def _weights(self) -> np.ndarray:
+        """Return what turns products of sampled rows of two vectors into parts of |ψ|ᵀ(|λ|²|M| + |λ||C| + |K|)|φ|."""
+        share = np.sqrt(len(self.V) / len(self._lines))
+        return np.asarray(share / np.maximum(self._size * self._units[self._lines], np.finfo(float).tiny))
 
     def root_error(
         self, value: float, lam: complex, right: np.ndarray, left: np.ndarray, highest: float

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.optimize import linear_sum_assignment
 
 from ..eigen.block_lanczos import lowest_modes
 from ..eigen.blocks import combine
@@ -26,6 +27,7 @@ from ..problem.forms import collect_powers
 from ..problem.problem import Problem
 from .basis import ReducedBasis
 from .missing import SEARCH_SOLVES, missing_modes
+from .shapes import corrected
 from .undamped import factorize_undamped
 from .vectors import lift, range_of, real_columns, unit_columns
 
@@ -193,6 +195,18 @@ class ReducedModel:
         """Return vectors of the reduced model as ones of the problem."""
         return lift(self.basis.V, vectors)
 
+    def shapes(self, value: float, positions: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Return shapes (n, k) of modes at a value, as exact as the tolerance asks, and their backward errors (k,).
+
+        Those of `modes` lifted are only as exact as their eigenvalues need.
+        """
+        every = self.basis.modes(value, _GUARDED * self.highest)
+        wanted = self._estimated(value)[0].lam[list(positions)]
+        _, at = linear_sum_assignment(np.abs(wanted[:, None] - every.lam[None, :]))
+        lifted = replace(every, right=self.lift(every.right), left=None)
+        pencil = self.basis.problem.pencil({self.parameter: value})
+        return corrected(pencil, lifted, at, self._factorize(value), self.request.tolerance)
+
     @cached_property
     def projected(self) -> Problem:
         """The projected problem with every term of the problem: for shares and sensitivities."""
@@ -219,12 +233,14 @@ class ReducedModel:
     def _estimate(self, value: float, basis: ReducedBasis, every: Modes) -> _Estimate:
         modes = select_wanted(every, self.request, np.inf)
         assert modes is not None
-        error, backward, condition = basis.errors(value, modes, self.highest)
+        error, backward, condition, rounding = basis.errors(value, modes, self.highest)
         # The tolerance is meant for well-conditioned modes: next to a double eigenvalue no solver finds λ so closely.
         relative = error / np.maximum(np.abs(modes.lam), 1e-3 * self.highest)
-        off = relative / np.maximum(condition / _ILL, 1.0) / (_SAFETY * self.request.tolerance)
+        known = relative / np.maximum(condition / _ILL, 1.0) + np.finfo(float).eps
+        off = known / (_SAFETY * self.request.tolerance)
         modes = replace(
-            modes, re_uncertainty=modes.re_uncertainty + error, backward_error=np.fmax(modes.backward_error, backward),
+            modes, re_uncertainty=modes.re_uncertainty + error + rounding,
+            backward_error=np.fmax(modes.backward_error, backward),
             method=f"reduced model of {len(basis)} vectors", exhaustive=False,
         )  # fmt: skip
         return modes, off, relative
@@ -267,7 +283,9 @@ class ReducedModel:
                 break
             self._correct(local, value, modes.select(np.flatnonzero(off > _CORRECTED)), inverse, factor is not None)
             every = local.modes(value, _GUARDED * self.highest)
-        self.basis.append(combine(local.V, self._span(local, modes)), dependent=_ALIKE)
+        # Modes above those asked for stay, too: what the basis lacks is then far from these, as its errors suppose.
+        every = every.select(np.flatnonzero(np.abs(every.lam) <= self.highest))
+        self.basis.append(combine(local.V, self._span(local, every)), dependent=_ALIKE)
 
     def _span(self, basis: ReducedBasis, modes: Modes) -> np.ndarray:
         """Return orthonormal coordinates (r, ·) that span right and left modes and the motions that nothing holds."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,7 +50,14 @@ class SlowMotions:
 
 def lift(V: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return V y for a real V and a complex y without a complex copy of V."""
-    return _by_parts(lambda x: combine(V, x), y) if np.iscomplexobj(y) else combine(V, y)
+    if not np.iscomplexobj(y):
+        return combine(V, y)
+    columns = y.reshape(len(y), -1)
+    lifted = combine(V, np.ascontiguousarray(columns.real)).astype(complex)
+    mixed = np.flatnonzero(columns.imag.any(axis=0))  # most vectors are real
+    if len(mixed):
+        lifted[:, mixed] += 1j * combine(V, np.ascontiguousarray(columns.imag[:, mixed]))
+    return lifted.reshape(len(lifted), *y.shape[1:])
 
 
 def real_columns(x: np.ndarray) -> np.ndarray:
@@ -91,20 +97,11 @@ def range_of(columns: np.ndarray, least: float, exact: np.ndarray) -> np.ndarray
     return np.hstack([Q, U[:, s > least * s[0]]])
 
 
-def _by_parts(apply: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
-    """Return a real linear map of complex columns, most of which are real."""
-    columns = x.reshape(len(x), -1)
-    result = apply(np.ascontiguousarray(columns.real)).astype(complex)
-    mixed = np.flatnonzero(columns.imag.any(axis=0))
-    if len(mixed):
-        result[:, mixed] += 1j * apply(np.ascontiguousarray(columns.imag[:, mixed]))
-    return result.reshape(len(result), *x.shape[1:])
-
-
 def normalising(gram: np.ndarray, columns: np.ndarray, dependent: float) -> np.ndarray:
     """Return T such that XT, made of some columns of X, has (XT)ᵀP(XT) = 1, given XᵀPX.
 
-    Directions in which these columns nearly depend on each other are left out.
+    Directions in which these columns depend on each other are left out: those with an eigenvalue of the Gram matrix of
+    unit vectors up to `dependent`.
     """
     if not len(columns):
         return np.zeros((len(gram), 0))

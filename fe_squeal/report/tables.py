@@ -87,7 +87,8 @@ def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "") -> N
     console : rich.console.Console
     """
     if not len(onsets):
-        console.print(Text(f"No onset of instability {covered}{' ' * bool(covered)}in this sweep."))
+        where = f"{covered} in this sweep" if covered else "in this sweep"
+        console.print(Text(f"No onset of instability {where}."))
         return
     symbol = parameter_symbol(parameter_name(onsets))
     ordered = onsets.sort_values("value", kind="stable")

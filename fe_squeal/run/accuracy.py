@@ -59,9 +59,9 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
         with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
             task = bar.add_task("measuring", total=None)
 
-            def report(done: int, total: int, text: str) -> None:
+            def report(done: int, total: int, text: str, stays: bool) -> None:
                 bar.update(task, completed=done, total=total, description=text)
-                if not console.is_terminal or text.startswith("left out") or not done:
+                if stays or not console.is_terminal:
                     console.print(f"{done} of {total} measured; {text}" if done else text, markup=False)
 
             stopped = False

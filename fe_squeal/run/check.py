@@ -55,9 +55,10 @@ def _mesh_rows(table: Table, scene: Scene, problem: Problem) -> None:
         volume, _ = volume_of(mesh, elements)
         corners = mesh.p[:, np.unique(mesh.t[:, elements])]
         extent = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(corners.min(axis=1), corners.max(axis=1), strict=True))
+        kind = "mixed elements" if scene.bodies[name].is_mixed else "elements"
         table.add_row(
             f"body {name}",
-            f"{len(elements)}{' mixed' * scene.bodies[name].is_mixed} elements of {scene.bodies[name].material},"
+            f"{len(elements)} {kind} of {scene.bodies[name].material},"
             f" {volume:.4g} m3,"
             f" {volume * material.density:.4g} kg; x, y, z in m: {extent}",
         )

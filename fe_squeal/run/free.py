@@ -23,7 +23,7 @@ def free_motion_warnings(problem: Problem) -> list[str]:
     if not Z.shape[1]:
         return []
     moving = "" if discretisation is None else f": {'; '.join(_moving_parts(discretisation, Z))}"
-    count = f"{Z.shape[1]} motion{'s' * (Z.shape[1] > 1)}"
+    count = "1 motion" if Z.shape[1] == 1 else f"{Z.shape[1]} motions"
     text = f"nothing holds {count}, modes of frequency 0{moving}"
     if discretisation is not None:
         text += "; expected [[supports]] or [[springs]] there, unless bodies are meant to be free"

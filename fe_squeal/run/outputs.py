@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,9 +50,10 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
         chosen += [(last, i) for i in last.shapes if not any(p is last and i == j for p, j in chosen)]
     if not chosen:
         return []
+    shapes = _shapes(result, chosen)
     if discretisation is None:
-        return [_write_array(result, point, i, Path(folder)) for point, i in chosen]
-    shapes = [_shape(result, point, i) for point, i in chosen]
+        return [_write_array(name, u, info, Path(folder)) for name, u, info in shapes]
+    shapes = [(name, discretisation.space.expand(u), info) for name, u, info in shapes]
     axis = next((tuple(c.normals.mean(axis=0)) for c in discretisation.contacts.values()), (0.0, 0.0, 1.0))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RuntimeWarning)
@@ -90,18 +92,21 @@ def write_figures(result: Sweep, out: Path, title: str, covered_hz: float | None
     ]
 
 
-def _shape(result: Sweep, point: SweepPoint, i: int) -> tuple[str, np.ndarray, dict[str, Any]]:
-    discretisation = discretisation_of(result.problem)
-    assert discretisation is not None
-    info = mode_info(result, point, i)
-    return shape_name(info), discretisation.space.expand(point.shapes[i]), info
+def _shapes(result: Sweep, chosen: Sequence[tuple[SweepPoint, int]]) -> list[tuple[str, np.ndarray, dict[str, Any]]]:
+    """Return name, shape (n,) and description of each mode, with the backward error of the shape."""
+    found = {}
+    for point in {id(p): p for p, _ in chosen}.values():
+        positions = [i for p, i in chosen if p is point]
+        shapes, errors = result.exact_shapes(point, positions)
+        for i, u, error in zip(positions, shapes.T, errors, strict=True):
+            found[id(point), i] = u, {**mode_info(result, point, i), "backward_error": float(error)}
+    return [(shape_name(info), u, info) for u, info in (found[id(p), i] for p, i in chosen)]
 
 
-def _write_array(result: Sweep, point: SweepPoint, i: int, folder: Path) -> Path:
+def _write_array(name: str, u: np.ndarray, info: dict[str, Any], folder: Path) -> Path:
     """Write a shape (n,) complex as the array `u` of an .npz file, with what it belongs to beside it."""
-    info = mode_info(result, point, i)
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{shape_name(info)}.npz"
+    path = folder / f"{name}.npz"
     with replace_atomically(path) as temporary, open(temporary, "wb") as file:
-        np.savez(file, u=point.shapes[i], **info)
+        np.savez(file, u=u, **info)
     return path

@@ -246,7 +246,7 @@ def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: 
     print_onsets(result.onsets_dataframe(), console, covered_text(covered))
     print_unstable(result.to_dataframe(), console, result.onsets_dataframe())
     c = result.completeness
-    how = "LAPACK finds all modes" if result.method.startswith("dense") else "by the inertia of K − σM"
+    how = "LAPACK finds all modes" if result.points[0].modes.exhaustive else "by the inertia of K − σM"
     counted = "counted without damping and friction, and followed from there by a reduced model"
     proof = f"proven: {how}" if c.proven else counted if c.expected is not None else "not proven"
     console.print(

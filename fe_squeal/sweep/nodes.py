@@ -139,15 +139,16 @@ class Node:
         return X[: len(M)], H
 
     @property
-    def residual(self) -> float:
-        """Return the largest ‖K φ − v M φ‖ / ‖v M φ‖, or ‖(v²M + vC + K)φ‖ / ‖v²M φ‖ with dampers, of the modes."""
-        U, v = self.right, self.v
-        if not len(v):
+    def shift(self) -> float:
+        """Return how far the quotients of right and left vectors lie from v, of all modes the largest share of |v|."""
+        if not len(self.v):
             return 0.0
-        inertia = (self.M @ U) * (v if self.C is None else v**2)
-        rest = self.K @ U - inertia if self.C is None else inertia + (self.C @ U) * v + self.K @ U
+        U, W, v = self.right, self.left.conj(), self.v
+        MU = self.M @ U
+        rest = self.K @ U - MU * v if self.C is None else MU * v**2 + (self.C @ U) * v + self.K @ U
+        slope = MU if self.C is None else 2 * MU * v + self.C @ U
         with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.linalg.norm(rest, axis=0) / np.linalg.norm(inertia, axis=0)
+            share = np.abs(np.einsum("ij,ij->j", W, rest) / (np.einsum("ij,ij->j", W, slope) * v))
         return float(np.nan_to_num(share, nan=0.0, posinf=0.0).max())
 
     @cached_property

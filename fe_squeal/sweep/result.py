@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -182,6 +182,16 @@ class Sweep:
         if self.reduced_model is not None and isinstance(shapes, LiftedShapes):
             problem, shapes = self.reduced_model.projected, shapes.coordinates
         return energy_balance(problem.at({self.parameter: point.value}), complex(point.modes.lam[i]), shapes[i])
+
+    def exact_shapes(self, point: SweepPoint, positions: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Return shapes (n, k) of some modes of a point and their backward errors (k,), which meet the tolerance.
+
+        Those of a reduced model, whose eigenvalues are more exact than its shapes, are corrected for that.
+        """
+        if self.reduced_model is not None and isinstance(point.shapes, LiftedShapes):
+            return self.reduced_model.shapes(point.value, positions)
+        shapes = np.stack([point.shapes[i] for i in positions], axis=1)
+        return shapes, point.modes.backward_error[list(positions)]
 
     def contributions_dataframe(self) -> pd.DataFrame:
         """Return the shares of Re λ and of the energy by term, of every unstable mode (contributions.csv)."""

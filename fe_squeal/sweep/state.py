@@ -108,6 +108,7 @@ def record_of_point(point: SweepPoint) -> Record:
         {
             "value": point.value, "method": point.modes.method, "sensitivities": moves, "pressed": pressed,
             "above": [[lam.real, lam.imag] for lam in point.above], "between": point.between,
+            "exhaustive": point.modes.exhaustive,
         },
     )  # fmt: skip
 
@@ -117,7 +118,7 @@ def point_of_record(record: Record) -> SweepPoint:
     arrays, data = record
     modes = Modes(
         arrays["lam"], np.zeros((0, len(arrays["lam"]))), None, arrays["backward_error"], arrays["re_uncertainty"],
-        arrays["condition"], data["method"],
+        arrays["condition"], data["method"], data["exhaustive"],
     )  # fmt: skip
     shapes = {int(name.removeprefix("shape_")): u for name, u in arrays.items() if name.startswith("shape_")}
     moves = {

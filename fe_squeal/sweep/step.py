@@ -16,10 +16,10 @@ from ..problem.problem import Problem
 from ..reduced import ReducedModel, SlowMotions
 from .nodes import Node, node_of
 
-_DEPENDENT = 1e-9  # of the largest eigenvalue of a Gram matrix: directions below are left out of the basis of a step
+_DEPENDENT = 1e-12  # of the largest eigenvalue of a Gram matrix: directions below are left out of the basis of a step
 _BALANCED = 1e-11  # of |K||z|: what rounding leaves of the forces Kz of a rigid motion, which cancel
 _SPANNED = 1e-4  # of a vector's length: a part outside the rigid motions that is shorter is rounding
-_ALIKE = 1e-7  # of θ, or of λ²: residual up to which the modes of the ends are those of the step model
+_ALIKE = 1e-6  # of θ, or of λ: how far those of the ends may lie from those of the step model
 _SMALL = 60  # unknowns up to which the step model is the problem itself
 
 
@@ -103,11 +103,11 @@ class Step:
     def end(self, which: int) -> Node:
         """Return the node of one of the ends, 0 or 1.
 
-        Where rounding moves the modes of the ends by more than `_ALIKE`, those of the step model stand for them: these
-        are one and the same smooth function of the parameter at every value.
+        Where rounding moves eigenvalues of the ends by more than `_ALIKE`, those of the step model stand for them:
+        these are one and the same smooth function of the parameter at every value.
         """
         node = self._known[which]
-        return node if node.residual <= _ALIKE else self.between(self.ends[which])
+        return node if node.shift <= _ALIKE else self.between(self.ends[which])
 
     @cached_property
     def _known(self) -> tuple[Node, Node]:

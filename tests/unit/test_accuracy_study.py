@@ -174,8 +174,8 @@ def test_a_study_says_beforehand_what_it_takes_and_counts_what_was_measured(tiny
     assert re.search(r"\d+ settings, up to about \d+ unknowns: some \d+ s in all, of which 25 s", said[0][2])
     assert said[-1][2] == f"{len(calls)} of {len(plan(load_scene(tiny)))} measured"
     assert found.left_out and len(found.left_out) + len(calls) == said[0][1]
-    assert max(done for done, _, _ in said) == len(calls)  # what was left out is not counted as done
-    running = [text for _, _, text in said if " unknowns, " in text]
+    assert max(done for done, *_ in said) == len(calls)  # what was left out is not counted as done
+    running = [text for _, _, text, _ in said if " unknowns, " in text]
     assert len(running) == len(calls)
 
 

@@ -40,7 +40,24 @@ def test_every_mode_at_every_value(kind):
         assert (distance.min(axis=1) <= modes.re_uncertainty + rounding).all()
         below = exact.imag < 0.999 * modes.lam.imag.max()
         assert np.count_nonzero(below) == np.count_nonzero(modes.lam.imag < 0.999 * modes.lam.imag.max())
-        assert modes.backward_error.max() <= 1e-8
+
+
+@pytest.mark.parametrize("kind", some(CLASSES, lambda kind: kind in ("nonsymmetric", "complex")))
+def test_shapes_that_are_written_are_exact(kind):
+    """A shape lifted from the basis has the backward error of its row; one that is written meets the tolerance."""
+    problem = chain(*CLASSES[kind])
+    result = sweep(problem, VALUES, modes=MODES, method="reduced", keep_shapes=True)
+    point = result.points[-1]
+    pencil, positions = problem.pencil({"mu": point.value}), list(range(len(point.modes)))
+    shapes, errors = result.exact_shapes(point, positions)
+    assert errors.max() <= 1e-8
+    lifted = np.stack([point.shapes[i] for i in positions], axis=1)
+    for vectors, said in ((shapes, errors), (lifted, point.modes.backward_error)):
+        lam = point.modes.lam
+        rest, size = (np.linalg.norm(x, axis=0) for x in (pencil.apply(lam, vectors), pencil.magnitude(lam, vectors)))
+        np.testing.assert_allclose(rest / size, said, rtol=0.7, atol=1e-12)  # lifted ones are estimated by samples
+    likeness = np.abs(np.einsum("ij,ij->j", shapes.conj(), lifted))
+    assert (likeness >= (1 - 1e-6) * np.linalg.norm(shapes, axis=0) * np.linalg.norm(lifted, axis=0)).all()
 
 
 def test_onsets_and_branches_are_those_of_direct_solves():

@@ -101,7 +101,10 @@ def test_matrices_go_on_and_are_told_from_others(
     file.write_bytes(content + b"\n")
     assert f"the content of file {file.name} is another" in refused(path, out, capsys)
     file.write_bytes(content)
+    capsys.readouterr()
     assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
+    # Of the first value that is known from the files alone.
+    assert "(proven: LAPACK finds all modes)" in capsys.readouterr().out
     assert_same_results(out, tmp_path / "whole")
 
 
