@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from .commands.info import info
-from .commands.prepare import check, mesh
+from .commands.prepare import check, mesh, new
 from .commands.references import compare, lumped_models
 from .commands.show import animate, diff, report
 from .commands.solve import accuracy, onset, run
@@ -42,7 +42,7 @@ def _options(
 
 
 # In the order of the help.
-for _command in (run, check, mesh, onset, compare, accuracy):
+for _command in (run, new, check, mesh, onset, compare, accuracy):
     app.command()(_command)
 app.command("lumped")(lumped_models)
 app.command()(report)

@@ -213,7 +213,7 @@ def _at(assembly: Assembly, probes: np.ndarray) -> sp.csr_array:
     values = sp.csr_array(
         (np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=(len(probes), space.nodes)
     )
-    return sp.csr_array(sp.kron(values, sp.eye_array(3), format="csr")[:, space.free])
+    return sp.csr_array(sp.kron(values, sp.eye_array(3), format="csr") @ space.nodal_map)
 
 
 def _padded(rows: list[np.ndarray]) -> np.ndarray:

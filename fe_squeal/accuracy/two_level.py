@@ -43,7 +43,10 @@ def prolongation(coarse: DisplacementSpace, fine: DisplacementSpace) -> sp.csr_a
     parent = np.empty(fine.nodes, int)
     parent[fine.dofs.element_dofs] = np.arange(fine.mesh.nelements) // _CHILDREN
     values = interpolate(coarse, parent, _reference(coarse, parent, fine.coordinates.T))
-    return sp.csr_array(sp.kron(values, sp.eye_array(3), format="csr")[fine.free][:, coarse.free])
+    nodal = sp.csr_array(sp.kron(values, sp.eye_array(3), format="csr"))
+    if coarse.ties or fine.ties:
+        return sp.csr_array(fine.nodal_inverse @ nodal @ coarse.nodal_map)
+    return sp.csr_array(nodal[fine.free][:, coarse.free])
 
 
 def _reference(space: DisplacementSpace, elements: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -7,11 +7,14 @@ from copy import copy
 from dataclasses import replace
 from functools import partial
 
+import scipy.sparse as sp
+
 from ..effects.cache import Cache, Same
 from ..effects.context import BodyPart, ContactPart, Context
 from ..effects.elasticity import elastic_terms
 from ..effects.springs import Spring, spring_terms
 from ..effects.static_state import pressed_numbers
+from ..effects.ties import tie_terms
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import refuse_shortage, require_memory
 from ..errors import MeshError, SceneError
@@ -19,9 +22,9 @@ from ..fem.contact import ContactOperators
 from ..fem.materials import material_axes
 from ..fem.motion import SteadyMotion
 from ..fem.rigid_motions import rigid_motions
-from ..fem.spaces import DisplacementSpace, Surface, make_space, straightened
+from ..fem.spaces import DisplacementSpace, Patch, make_space, straightened
 from ..mesh import LoadedMesh
-from ..mesh.groups import find_facets
+from ..mesh.node_sets import with_named_sets
 from ..problem.description import Describer
 from ..problem.problem import Problem
 from ..problem.terms import Term
@@ -43,6 +46,8 @@ from .effect_stages import (
 )
 from .matrices import matrix_problem
 from .names import check_names
+from .places import find_patch, held_places, holding
+from .ties import mean_motion, with_ties
 from .units import require_si
 from .warnings import warnings_of_coverage, warnings_of_scene
 
@@ -95,17 +100,16 @@ class Assembly:
     def __init__(self, scene: Scene, loaded: LoadedMesh) -> None:
         self.scene = scene
         check_names(scene, loaded)
+        loaded = with_named_sets(loaded, (name for _, kind, name in holding(scene) if kind == "nodes"))
         self.bodies = find_bodies(scene, loaded)
         require_si(scene, loaded.mesh, self.bodies)
-        supports = [
-            (find_facets(loaded, s.surface, f"supports[{i}].surface"), s.fixed) for i, s in enumerate(scene.supports)
-        ]
+        supports, points = held_places(scene, loaded)
         mesh, self.notes = loaded.mesh, loaded.notes
         if scene.mesh.order == 1 and (straight := straightened(mesh)) is not mesh:
             mesh = straight
             self.notes += ("order = 1: curved edges are made straight, or rotations would not be free",)
         mixed = [elements for name, elements in self.bodies.items() if scene.bodies[name].is_mixed]
-        self.space = make_space(mesh, scene.mesh.order, supports, mixed)
+        self.space = with_ties(make_space(mesh, scene.mesh.order, supports, mixed, points), scene, loaded)
         require_memory(_least_memory(self.space), self.space.unknowns, "matrices", exponent=1)
         self.loaded, self._motions = loaded, rigid_motions(self.space)
         self._linear_solver: LinearSolver | str = scene.solve.linear_solver
@@ -141,6 +145,9 @@ class Assembly:
     def problem(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with other numbers, by their paths."""
         # The solver belongs to the key because a problem refers to the assembly that made it.
+        for path in values:
+            if path.startswith(("rigid.", "averaged.")) and ".reference." in path:
+                raise SceneError(f'given "{path}"; the unknowns depend on it: expected another scene for another place')
         key = Same(self._linear_solver), tuple(sorted(values.items()))
         return self._cache.get("problem", key, lambda: self._build(values))
 
@@ -148,6 +155,7 @@ class Assembly:
         scene = with_numbers(self.scene, values) if values else self.scene
         on = scene.effects.on
         springs = [t for i, spring in enumerate(scene.springs) for t in self._spring(spring, i)]
+        springs += self._references(scene)
         context = with_motions(self._context(scene), on)
         always = [t for body in context.bodies.values() for t in (body.mass, body.elastic)] + springs
         tied = [t for part in context.contacts.values() if part.kind == "tied" for t in self._stiffness(scene, part)]
@@ -187,7 +195,7 @@ class Assembly:
         return Context(
             self.space, self.loaded, {name: self._body(scene, name) for name in self.bodies},
             {name: self._contact(scene, name, i) for i, name in enumerate(scene.contact_names)},
-            scene.materials, tuple(_holding(scene)), scene.effects.on, partial(number_at, scene), self._cache,
+            scene.materials, tuple(holding(scene)), scene.effects.on, partial(number_at, scene), self._cache,
             linear_solver=self._linear_solver,
         )  # fmt: skip
 
@@ -223,12 +231,24 @@ class Assembly:
             f"spring.{spring.name}", key, lambda: spring_terms(self.space, spring, *self._ends(spring, i))
         )
 
-    def _ends(self, spring: Spring, i: int) -> tuple[Surface, Surface | None]:
-        """Return the surfaces of a spring."""
-        surface = self.space.surface(find_facets(self.loaded, spring.surface, f"springs[{i}].surface"))
+    def _references(self, scene: Scene) -> list[Term]:
+        """Return mass and springs at the reference points of ties."""
+        found = []
+        for (key, table), tie in zip(scene.ties, self.space.ties, strict=False):
+            path = f"{key.partition('[')[0]}.{table.name}"
+            numbers = (table.inertia, *(s.model_dump_json() for s in table.springs), bool(table.mass))
+            terms = partial(tie_terms, self.space, tie, table, path)
+            found += self._cache.get(f"reference.{path}", repr(numbers), terms)
+        return found
+
+    def _ends(self, spring: Spring, i: int) -> tuple[Patch, tuple[sp.csr_array, sp.csr_array] | None]:
+        """Return the surface or node set of a spring, and the mean motions of it and that at the other end."""
+        patch = find_patch(self.space, self.loaded, spring.kind, spring.group, f"springs[{i}].{spring.kind}")
         if spring.to is None:
-            return surface, None
-        return surface, self.space.surface(find_facets(self.loaded, spring.to, f"springs[{i}].to"))
+            return patch, None
+        other = find_patch(self.space, self.loaded, spring.kind, spring.to, f"springs[{i}].to")
+        one, two = (mean_motion(self.space, p, spring.kind, g) for p, g in ((patch, spring.group), (other, spring.to)))
+        return patch, (one, two)
 
     def _contact(self, scene: Scene, name: str, i: int) -> ContactPart:
         contact = scene.contacts[i]
@@ -251,16 +271,6 @@ class Assembly:
                 *warnings_of_scene(self.scene, self.loaded, self.space, self.bodies),
             ),
         )  # fmt: skip
-
-
-def _holding(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Yield path and group of each surface on which supports and springs act."""
-    for i, support in enumerate(scene.supports):
-        yield f"supports[{i}]", support.surface
-    for i, spring in enumerate(scene.springs):
-        for surface in (spring.surface, spring.to):
-            if surface is not None:
-                yield f"springs[{i}]", surface
 
 
 def _least_memory(space: DisplacementSpace) -> int:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+import scipy.sparse as sp
 import skfem
+from scipy.sparse.csgraph import connected_components
 
 from ..eigen.memory import refuse_shortage
 from ..errors import MeshError, SceneError, suggest
@@ -97,6 +99,15 @@ def find_bodies(scene: Scene, loaded: LoadedMesh) -> dict[str, np.ndarray]:
     return bodies
 
 
+def _share_a_part(mesh: skfem.Mesh, pad: np.ndarray, counter: np.ndarray) -> bool:
+    """Whether facets of both surfaces lie on one connected part of the mesh: a body may be of several."""
+    corners, count = mesh.t, mesh.t.max() + 1
+    first, others = np.repeat(corners[:1], len(corners) - 1, axis=0).ravel(), corners[1:].ravel()
+    graph = sp.coo_array((np.ones(len(first), bool), (first, others)), shape=(count, count))
+    part = connected_components(graph, directed=False)[1]
+    return bool(np.isin(part[mesh.facets[0, pad]], part[mesh.facets[0, counter]]).any())
+
+
 def contact_sides(
     mesh: skfem.Mesh, bodies: Mapping[str, np.ndarray], pad: np.ndarray, counter: np.ndarray | None, key: str,
     surface: str, counterface: str,
@@ -106,7 +117,7 @@ def contact_sides(
     Raises
     ------
     SceneError
-        If a body is in contact with itself, or on facets inside a body.
+        If a connected part of a body is in contact with itself, or on facets inside a body.
     """
     for group, facets, name in ((surface, pad, "surface"), (counterface, counter, "counterface")):
         if facets is not None and (mesh.f2t[1, facets] >= 0).any():
@@ -118,7 +129,7 @@ def contact_sides(
         {n for n, e in bodies.items() if f is not None and np.isin(mesh.f2t[0, f], e).any()} for f in (pad, counter)
     ]
     both = sides[0] & sides[1]
-    if both:
+    if both and counter is not None and _share_a_part(mesh, pad, counter):
         raise SceneError(
             f'{key}.surface: "{surface}" and the counterface "{counterface}" both lie on body {sorted(both)[0]};'
             " expected a surface of the pad and one of the moving body"

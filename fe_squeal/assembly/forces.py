@@ -20,16 +20,19 @@ from scipy.spatial import cKDTree
 from ..effects.preload import Preload
 from ..effects.springs import Spring
 from ..effects.static_state import StaticState
+from ..effects.ties import Rigid
 from ..fem.gyroscopics import centrifugal_load
 from ..fem.motion import SteadyMotion
 from ..fem.rigid_motions import connected_parts
-from ..fem.spaces import Surface
+from ..fem.spaces import Patch, Surface
+from ..fem.ties import Tie
 from ..mesh.groups import find_facets
 from ..problem.problem import Problem
 from ..scene import Scene, with_numbers
 from ..scene.contacts import Contact
 from .assembly import Assembly
 from .discretisation import Discretisation, discretisation_of
+from .places import find_patch
 
 _ELSEWHERE = 0.05  # of the load on a part with a contact: what springs and supports may take without a word
 
@@ -89,6 +92,8 @@ def force_balance(problem: Problem) -> list[PartForces]:
     balance.add_loads(assembly.motions(problem.changed))
     for i, spring in enumerate(scene.springs):
         balance.add_spring(spring, f"springs[{i}]")
+    for (_, table), tie in zip(scene.ties, model.space.ties, strict=False):
+        balance.add_reference(table, tie)
     for i, (name, contact) in enumerate(zip(scene.contact_names, scene.contacts, strict=True)):
         balance.add_contact(name, contact, f"contacts[{i}]")
     return balance.parts
@@ -118,7 +123,8 @@ class _Balance:
                 p.applied = p.applied + force
                 if force.any():
                     p.pressed += (name,)
-        free = replace(self.space, fixed=np.zeros_like(self.space.fixed))  # held nodes have their share of the load
+        # Nodes that are held or tied have their share of the load.
+        free = replace(self.space, fixed=np.zeros_like(self.space.fixed), ties=())
         for name, motion in motions.items():
             density = self.scene.materials[self.scene.bodies[name].material].density
             load = free.expand(centrifugal_load(free, self.model.bodies[name], density, motion))
@@ -128,23 +134,33 @@ class _Balance:
     def add_spring(self, spring: Spring, path: str) -> None:
         """Add the force of a spring."""
         d = np.array(spring.direction) / np.linalg.norm(spring.direction)
-        surface = self._surface(spring.surface, f"{path}.surface")
-        along = surface.values @ (self.u @ d)
+        patch = find_patch(self.space, self.loaded, spring.kind, spring.group, f"{path}.{spring.kind}")
+        along = patch.values @ (self.u @ d)
         if spring.to is None:
-            forces = self._resultants(surface, -spring.stiffness / surface.area * along[:, None] * d)
+            forces = self._resultants(patch, -spring.stiffness / patch.area * along[:, None] * d)
         else:
-            other = self._surface(spring.to, f"{path}.to")
-            r = surface.weights @ along / surface.area - other.mean() @ (self.u @ d)
+            other = find_patch(self.space, self.loaded, spring.kind, spring.to, f"{path}.to")
+            r = patch.weights @ along / patch.area - other.mean() @ (self.u @ d)
             pull, push = (
                 self._resultants(s, np.tile(sign * spring.stiffness * r / s.area * d, (len(s.weights), 1)))
-                for s, sign in ((surface, -1.0), (other, 1.0))
+                for s, sign in ((patch, -1.0), (other, 1.0))
             )
             forces = pull + push
         for p, force in zip(self.parts, forces, strict=True):
             if force.any():
                 p.springs[spring.name] = force
-                if spring.surface in p.pressed or spring.to in p.pressed:
+                if spring.kind == "surface" and (spring.group in p.pressed or spring.to in p.pressed):
                     p.on_pressed += (spring.name,)
+
+    def add_reference(self, table: Rigid, tie: Tie) -> None:
+        """Add the forces of springs at a tie's reference, and the directions in which it is held."""
+        part = self.parts[int(self.part[tie.nodes[0]])]
+        part.held = part.held | table.held[:3]
+        motion = self.space.reference(tie) @ self.base.u
+        for i, spring in enumerate(table.springs):
+            if spring.direction is not None and spring.stiffness:
+                d = np.array(spring.direction) / np.linalg.norm(spring.direction)
+                part.springs[f"{table.name}.{i}"] = -spring.stiffness * (motion[:3] @ d) * d
 
     def add_contact(self, name: str, contact: Contact, path: str) -> None:
         """Add the forces of a contact on both its sides."""
@@ -168,7 +184,7 @@ class _Balance:
     def _surface(self, group: str, path: str) -> Surface:
         return self.space.surface(find_facets(self.loaded, group, path))
 
-    def _resultants(self, surface: Surface, traction: np.ndarray) -> np.ndarray:
+    def _resultants(self, surface: Patch, traction: np.ndarray) -> np.ndarray:
         """Return the resultant (parts, 3) N of tractions (q, 3) Pa on a surface."""
         forces = surface.values.T @ (traction * surface.weights[:, None])
         columns = [np.bincount(self.part, forces[:, c], len(self.parts)) for c in range(3)]

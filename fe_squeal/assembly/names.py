@@ -8,7 +8,10 @@ from functools import partial
 from ..errors import MeshError, SceneError, suggest
 from ..mesh import LoadedMesh, volume_group
 from ..mesh.groups import find_facets
+from ..mesh.node_sets import find_nodes
 from ..scene import Scene
+
+_FIND: dict[str, Callable[[LoadedMesh, str, str], object]] = {"surface": find_facets, "nodes": find_nodes}
 
 
 def check_names(scene: Scene, loaded: LoadedMesh) -> None:
@@ -37,11 +40,13 @@ def _look_ups(scene: Scene, loaded: LoadedMesh) -> Iterator[Callable[[], object]
         for group in body.groups or [name]:
             yield partial(_volume, loaded, key, group)
     for i, support in enumerate(scene.supports):
-        yield partial(find_facets, loaded, support.surface, f"supports[{i}].surface")
+        yield partial(_FIND[support.kind], loaded, support.group, f"supports[{i}].{support.kind}")
+    for key, table in scene.ties:
+        yield partial(_FIND[table.kind], loaded, table.group, f"{key}.{table.kind}")
     for i, spring in enumerate(scene.springs):
-        yield partial(find_facets, loaded, spring.surface, f"springs[{i}].surface")
+        yield partial(_FIND[spring.kind], loaded, spring.group, f"springs[{i}].{spring.kind}")
         if spring.to is not None:
-            yield partial(find_facets, loaded, spring.to, f"springs[{i}].to")
+            yield partial(_FIND[spring.kind], loaded, spring.to, f"springs[{i}].to")
     for i, contact in enumerate(scene.contacts):
         yield partial(find_facets, loaded, contact.surface, f"contacts[{i}].surface")
         if not contact.is_rigid:

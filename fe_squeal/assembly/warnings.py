@@ -8,9 +8,11 @@ import numpy as np
 
 from ..fem.contact import ContactOperators
 from ..fem.spaces import DisplacementSpace
-from ..mesh import LoadedMesh, surface_group
+from ..mesh import LoadedMesh
 from ..mesh.distortion import shape_condition
 from ..scene import Scene
+from ..schema.place import Kind
+from .places import nodes_there
 from .units import suspect_units
 
 _DENSITY = (100.0, 30000.0)  # kg/m^3: from foams to osmium
@@ -62,23 +64,23 @@ def _locking(scene: Scene) -> Iterable[str]:
 def _held(scene: Scene, loaded: LoadedMesh, space: DisplacementSpace) -> Iterable[str]:
     fixed = space.fixed.reshape(-1, 3)
 
-    def nodes(group: str) -> np.ndarray:
-        return np.unique(space.nodes_of(surface_group(loaded, group)))
+    def nodes(group: str, kind: Kind = "surface") -> np.ndarray:
+        return nodes_there(space, loaded, kind, group)
 
     for i, support in enumerate(scene.supports):
         for name, contact in zip(scene.contact_names, scene.contacts, strict=True):
             pad = nodes(contact.surface)
-            held = len(np.intersect1d(pad, nodes(support.surface)))
+            held = len(np.intersect1d(pad, nodes(support.group, support.kind)))
             if 2 * held >= len(pad):  # a pad that shares only an edge with a held side is usual
                 yield (
-                    f'supports[{i}]: "{support.surface}" holds {held} of {len(pad)} nodes of "{contact.surface}", the'
+                    f'supports[{i}]: "{support.group}" holds {held} of {len(pad)} nodes of "{contact.surface}", the'
                     f" surface of contact {name}"
                 )
     for spring in scene.springs:
         acts = np.array(spring.direction) != 0
-        surfaces = [spring.surface, *([spring.to] if spring.to is not None else [])]
-        if all(fixed[nodes(s)][:, acts].all() for s in surfaces):
-            yield f"spring {spring.name} has no effect: supports hold all of {' and '.join(surfaces)} in its direction"
+        groups = [spring.group, *([spring.to] if spring.to is not None else [])]
+        if all(fixed[nodes(g, spring.kind)][:, acts].all() for g in groups):
+            yield f"spring {spring.name} has no effect: supports hold all of {' and '.join(groups)} in its direction"
 
 
 def _gaps(scene: Scene, space: DisplacementSpace) -> Iterable[str]:

@@ -1,4 +1,4 @@
-"""Commands before anything is solved: check, mesh."""
+"""Commands before anything is solved: new, check, mesh."""
 
 from __future__ import annotations
 
@@ -7,12 +7,41 @@ from typing import Annotated
 
 import typer
 
-from ..errors import MeshError, SceneError
-from .shared import SceneFile, make_console
+from ..errors import MeshError, OutputError, SceneError
+from .shared import SceneFile, load_scene_or_deck, make_console
+
+
+def new(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A deck or a mesh.", show_default=False)],
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="SCENE.toml", show_default=False)] = None,
+) -> int:
+    """Write a scene from a deck (all of it that a scene can say) or a mesh (its groups, with questions)."""
+    from ..decks.scene import draft_of
+
+    target = out or Path(f"{file.stem}.toml")
+    if target.exists():
+        raise SceneError(f"{target}: exists already; expected a new name, with -o SCENE.toml")
+    draft = draft_of(file, target)
+    try:
+        with target.open("x", encoding="utf-8") as written:
+            written.write(draft.text())
+    except OSError as error:
+        raise OutputError(f"{target}: cannot be written ({error.strerror or error})") from error
+    console = make_console()
+    for text in draft.told:
+        console.print(text, markup=False)
+    console.print(f"wrote {target}", markup=False)
+    if draft.missing:
+        console.print(f"to be given there before it runs: {len(draft.missing)}", markup=False)
+        for text in draft.missing:
+            console.print(f"  {text}", markup=False)
+    return 0
 
 
 def check(
-    scene: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene, or a mesh.", show_default=False)],
+    scene: Annotated[
+        Path, typer.Argument(metavar="SCENE.toml", help="The scene, a deck, or a mesh.", show_default=False)
+    ],
     groups: Annotated[
         bool, typer.Option("--groups", help="List the groups of its mesh, or of a mesh file, with size and place.")
     ] = False,
@@ -28,10 +57,9 @@ def check(
     from ..run.free import free_motion_warnings
     from ..run.groups import groups_of_file, groups_of_scene
     from ..scene import Scene
-    from ..scene.file import load_scene
 
     console, bare = make_console(), groups and scene.suffix.lower() != ".toml"
-    loaded = None if bare else load_scene(scene)
+    loaded = None if bare else load_scene_or_deck(scene)
     if groups and (loaded is None or isinstance(loaded, Scene)):
         table, fault = groups_of_file(scene) if loaded is None else groups_of_scene(loaded)
         print_table(table, console)

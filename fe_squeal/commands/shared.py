@@ -10,7 +10,12 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from ..scene import MatrixScene, Scene
+
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene.", show_default=False)]
+SceneOrDeck = Annotated[
+    Path, typer.Argument(metavar="SCENE.toml", help="The scene, or a deck that has all of it.", show_default=False)
+]
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where the results go.", show_default=False)]
 
 
@@ -19,3 +24,18 @@ def make_console() -> Console:
     from rich.console import Console
 
     return Console(highlight=False, soft_wrap=True)
+
+
+def load_scene_or_deck(path: Path) -> Scene | MatrixScene:
+    """Return the scene of a scene file or a deck, and print what of a deck is not taken over.
+
+    Raises
+    ------
+    SceneError, MeshError
+    """
+    from ..decks.scene import scene_of
+
+    scene, draft = scene_of(path)
+    for text in () if draft is None else draft.told:
+        make_console().print(text, markup=False)
+    return scene

@@ -8,11 +8,11 @@ from typing import Annotated
 import typer
 
 from ..errors import SceneError
-from .shared import Out, SceneFile, make_console
+from .shared import Out, SceneOrDeck, load_scene_or_deck, make_console
 
 
 def run(
-    scene: SceneFile,
+    scene: SceneOrDeck,
     out: Out = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from what an interrupted run left there.")] = False,
     estimate: Annotated[bool, typer.Option("--estimate", help="Estimate the error of the mesh, too.")] = False,
@@ -22,9 +22,7 @@ def run(
     ] = None,
 ) -> int:
     """Solve for the complex modes over the sweep and write tables, figures and shapes into a folder."""
-    from ..scene.file import load_scene
-
-    loaded = load_scene(scene)
+    loaded = load_scene_or_deck(scene)
     folder = out or Path(f"{scene.stem}_results")
     if accuracy is not None:
         if resume:
@@ -37,16 +35,15 @@ def run(
     return run_scene(loaded, folder, make_console(), resume, estimate)
 
 
-def onset(scene: SceneFile) -> int:
+def onset(scene: SceneOrDeck) -> int:
     """Print the critical values of the sweep parameter alone, to full precision."""
     from ..assembly.assembly import assemble
     from ..report.tables import print_onsets
     from ..report.warnings import told_once
     from ..run.covered import covered_text, frequency_range
     from ..run.run import sweep_scene
-    from ..scene.file import load_scene
 
-    loaded = load_scene(scene)
+    loaded = load_scene_or_deck(scene)
     if loaded.sweep is None:
         raise SceneError(f"{scene}: sweep: is missing; expected a table, written [sweep]: the interval to look in")
     console = make_console()
@@ -60,7 +57,7 @@ def onset(scene: SceneFile) -> int:
 
 
 def accuracy(
-    scene: SceneFile,
+    scene: SceneOrDeck,
     out: Out = None,
     budget: Annotated[
         float | None, typer.Option(metavar="SECONDS", help="Spend at most so long.", show_default=False)
@@ -68,6 +65,5 @@ def accuracy(
 ) -> int:
     """Show what accuracy costs: error against time over mesh size, order, number of modes and method."""
     from ..run.accuracy import study_scene
-    from ..scene.file import load_scene
 
-    return study_scene(load_scene(scene), out or Path(f"{scene.stem}_accuracy"), make_console(), budget)
+    return study_scene(load_scene_or_deck(scene), out or Path(f"{scene.stem}_accuracy"), make_console(), budget)

@@ -16,7 +16,9 @@ from ..fem.motion import SteadyMotion
 from ..fem.spaces import DisplacementSpace, Surface
 from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
+from ..mesh.node_sets import find_nodes
 from ..problem.terms import Term
+from ..schema.place import Kind
 from ..schema.section import Section
 from .cache import Cache, Same
 from .static_state import ContactState, StaticState
@@ -145,8 +147,8 @@ class Context:
     contacts : mapping of contact to ContactPart
     materials : mapping of name to Material
         All of the scene, also those that no body is of.
-    holding : tuple of (path, surface group)
-        Surfaces on which supports and springs act.
+    holding : tuple of (path, kind, group)
+        Surfaces and node sets on which supports and springs act.
     tables : mapping of effect to table
         Of the effects that are on.
     number : function of a path
@@ -168,7 +170,7 @@ class Context:
     bodies: Mapping[str, BodyPart]
     contacts: Mapping[str, ContactPart]
     materials: Mapping[str, Material]
-    holding: tuple[tuple[str, str], ...]
+    holding: tuple[tuple[str, Kind, str], ...]
     tables: Mapping[str, Section]
     number: Callable[[str], float]
     cache: Cache
@@ -185,6 +187,15 @@ class Context:
         MeshError
         """
         return find_facets(self.loaded, group, path)
+
+    def nodes(self, group: str, path: str) -> np.ndarray:
+        """Return the nodes of a set, columns of `mesh.doflocs`; `path` says in messages where it was named.
+
+        Raises
+        ------
+        MeshError
+        """
+        return find_nodes(self.loaded, group, path).nodes
 
     def surface(self, group: str, path: str) -> Surface:
         """Return a surface group with its quadrature; `path` says in messages where it was named.

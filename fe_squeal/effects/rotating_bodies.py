@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..fem.motion import SteadyMotion
-from ..fem.revolution import check_revolution, check_ring, is_transversal
+from ..fem.revolution import check_revolution, check_ring, check_ring_of_nodes, is_transversal
 from ..fem.spaces import DisplacementSpace
 from ..problem.terms import Term
 from .context import BodyPart, Context
@@ -86,7 +86,13 @@ def check_shape(context: Context, body: BodyPart, motion: SteadyMotion) -> bool:
     """
     mesh = context.space.mesh
     check_revolution(mesh, body.elements, motion, body.name)
-    for path, group in context.holding:
+    for path, kind, group in context.holding:
+        if kind == "nodes":
+            corners = context.space.nodes_at(context.nodes(group, path))
+            corners = corners[np.isin(corners, mesh.t[:, body.elements])]
+            if len(corners):
+                check_ring_of_nodes(mesh, corners, body.elements, motion, path, body.name)
+            continue
         facets = context.facets(group, path)
         mine = facets[np.isin(mesh.f2t[0, facets], body.elements)]
         if len(mine):

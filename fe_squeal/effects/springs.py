@@ -6,35 +6,34 @@ import numpy as np
 import scipy.sparse as sp
 from pydantic import model_validator
 
-from ..fem.spaces import DisplacementSpace, Surface
+from ..fem.spaces import DisplacementSpace, Patch
 from ..problem.terms import Slot, Term
-from ..schema.section import Direction, NonNegative, Section
+from ..schema.place import Placed
+from ..schema.section import Direction, NonNegative
 
 
-class Spring(Section):
+class Spring(Placed):
     """A spring along one direction.
 
-    On one surface of area A it is a foundation, K = ∫ (k/A) δu_d u_d dA; with `to` it acts on the difference of the
-    mean motions of two surfaces, K = k δr r with r = mean(u_d) − mean'(u_d).
+    On one surface of area A it is a foundation, K = ∫ (k/A) δu_d u_d dA, and at N nodes a spring of k/N at each; with
+    `to` it acts on the difference of the mean motions of two surfaces or node sets, K = k δr r with
+    r = mean(u_d) − mean'(u_d).
 
     Attributes
     ----------
     name : str
         For messages and results; each spring its own.
-    surface : str
-        Surface group of the mesh.
     direction : vector
         Direction in which it acts, in global coordinates, of any length.
     stiffness : float, N/m
-        In all, over the whole surface; stiffness or damping above 0.
+        In all, over the whole surface or all nodes; stiffness or damping above 0.
     damping : float, N s/m
-        In all, over the whole surface.
+        In all, over the whole surface or all nodes.
     to : str
-        A second surface group.
+        A second surface group, or with `nodes` a second node set.
     """
 
     name: str
-    surface: str
     direction: Direction
     stiffness: NonNegative = 0.0
     damping: NonNegative = 0.0
@@ -47,15 +46,23 @@ class Spring(Section):
         return self
 
 
-def spring_terms(space: DisplacementSpace, spring: Spring, surface: Surface, other: Surface | None) -> list[Term]:
-    """Return the stiffness and damping terms of a spring, only those that are not zero."""
+def spring_terms(
+    space: DisplacementSpace, spring: Spring, patch: Patch, means: tuple[sp.csr_array, sp.csr_array] | None
+) -> list[Term]:
+    """Return the stiffness and damping terms of a spring, only those that are not zero.
+
+    Parameters
+    ----------
+    means : two (3, n) sparse, or None
+        Mean displacements of the two ends of a spring that has `to`.
+    """
     direction = np.array(spring.direction) / np.linalg.norm(spring.direction)
-    if other is None:
-        motion = space.along(surface.values, direction)
-        shape = motion.T @ sp.diags_array(surface.weights / surface.area) @ motion
+    if means is None:
+        motion = space.along(patch.values, direction)
+        shape = motion.T @ sp.diags_array(patch.weights / patch.area) @ motion
     else:
-        means = sp.csr_array((surface.mean() - other.mean())[None, :])
-        motion = space.along(means, direction)
+        one, other = means
+        motion = sp.csr_array(direction[None, :]) @ (one - other)
         shape = motion.T @ motion
     shape = sp.csr_array((shape + shape.T) / 2)
     slots: list[tuple[Slot, str, float]] = [("K", "stiffness", spring.stiffness), ("C", "damping", spring.damping)]

@@ -105,7 +105,7 @@ def centrifugal_load(
     for shapes in element_shapes(space, elements):
         outward = -np.cross(rotation.velocity, rotation.velocities(np.swapaxes(shapes.points, 1, 2)))  # (e, q, 3)
         np.add.at(force, shapes.nodes, shapes.values @ (density * shapes.dx[:, :, None] * outward))
-    return space.gather(force)
+    return space.loads(force)
 
 
 def _inertia(

@@ -86,22 +86,55 @@ def check_ring(mesh: skfem.Mesh, facets: np.ndarray, rotation: SteadyMotion, key
     ------
     SceneError
     """
-    x = mesh.p.T[mesh.facets[:, facets].T] - rotation.centre  # (f, corners, 3)
+    x = mesh.p.T[mesh.facets[:, facets].T]
     area = np.linalg.norm(_area_vectors(x[:, [0, 1, 2, -1]]), axis=1)
+    middle, width = _angles(x, rotation)
+    _check_even(middle, area, width, f'{key} acts on the rotating body "{name}" on a surface that does not go', "area")
+
+
+def check_ring_of_nodes(
+    mesh: skfem.Mesh, nodes: np.ndarray, elements: np.ndarray, rotation: SteadyMotion, key: str, name: str
+) -> None:
+    """Refuse nodes that do not go evenly around the axis, as `check_ring` refuses surfaces.
+
+    Parameters
+    ----------
+    nodes : (m,) int
+        Corners of elements.
+    elements : (e,) int
+        Of the rotating body: their width around the axis tells how dense a ring of nodes would be.
+
+    Raises
+    ------
+    SceneError
+    """
+    near = elements[np.isin(mesh.t[:, elements], nodes).any(axis=0)]
+    _, width = _angles(mesh.p.T[mesh.t[:, near].T], rotation)
+    middle, _ = _angles(mesh.p.T[nodes][:, None], rotation)
+    where = f'{key} acts on the rotating body "{name}" at nodes that do not go'
+    _check_even(middle, np.ones(len(nodes)), width, where, "number")
+
+
+def _angles(x: np.ndarray, rotation: SteadyMotion) -> tuple[np.ndarray, float]:
+    """Return the middle angle about the axis of each cell with corners (f, c, 3), rad, and the width of the widest."""
     axis = _axis(rotation)
     across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     across /= np.linalg.norm(across)
+    x = x - rotation.centre
     points = np.exp(1j * np.arctan2(x @ np.cross(axis, across), x @ across))
     middle = np.angle(points.sum(axis=1))
-    widest = np.abs(np.angle(points / np.exp(1j * middle)[:, None])).max() * 2
-    # A facet stands for its middle: harmonics shorter than two facets are not those of the surface.
-    orders = np.arange(1, np.clip(int(np.pi / max(widest, 1e-9)), 1, _ORDERS) + 1)
-    share = np.abs(np.exp(1j * orders[:, None] * middle) @ area) / area.sum()
+    return middle, float(np.abs(np.angle(points / np.exp(1j * middle)[:, None])).max() * 2)
+
+
+def _check_even(angle: np.ndarray, weight: np.ndarray, width: float, what: str, of_what: str) -> None:
+    # A cell stands for its middle: harmonics shorter than two cells are not those of the ring.
+    orders = np.arange(1, np.clip(int(np.pi / max(width, 1e-9)), 1, _ORDERS) + 1)
+    share = np.abs(np.exp(1j * orders[:, None] * angle) @ weight) / weight.sum()
     if share.max() > _EVEN:
         raise SceneError(
-            f'effects.rotation: {key} acts on the rotating body "{name}" on a surface that does not go evenly around'
-            f" the axis (harmonic {share.argmax() + 1} has {share.max():.2g} of its area); expected one of revolution,"
-            " because supports and springs do not turn with the body"
+            f"effects.rotation: {what} evenly around"
+            f" the axis (harmonic {share.argmax() + 1} has {share.max():.2g} of its {of_what}); expected one of"
+            " revolution, because supports and springs do not turn with the body"
         )
 
 

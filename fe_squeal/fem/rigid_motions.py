@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from .spaces import DisplacementSpace
+from .ties import Tie
 
 _HELD = 1e-9  # displacement at supports, of a motion of order one, that still counts as rounding
 
@@ -28,7 +29,7 @@ def rigid_motions(space: DisplacementSpace) -> np.ndarray:
         motions = [np.tile(e, (len(x), 1)) for e in np.eye(3)] + [np.cross(e, x) for e in np.eye(3)]
         R = np.stack([m.ravel() for m in motions], axis=1)  # (3 nodes, 6)
         rows = (3 * nodes[:, None] + np.arange(3)).ravel()
-        held = R[space.fixed[rows]]
+        held = np.vstack([R[space.fixed[rows]], *(_held_by(tie, nodes, R) for tie in space.ties)])
         if len(held):
             _, s, turn = la.svd(held, full_matrices=held.shape[0] < 6)
             s = np.append(s, np.zeros(6 - len(s)))
@@ -40,11 +41,23 @@ def rigid_motions(space: DisplacementSpace) -> np.ndarray:
     return np.stack(columns, axis=1) if columns else np.zeros((space.unknowns, 0))
 
 
+def _held_by(tie: Tie, nodes: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """Return what motions R (3 nodes, 6) of some nodes move of the freedoms that a tie's reference point has held."""
+    place = np.full(max(int(nodes.max()), int(tie.nodes.max())) + 1, -1)
+    place[nodes] = np.arange(len(nodes))
+    at = place[tie.nodes]
+    moved = np.where((at >= 0)[:, None, None], R.reshape(-1, 3, R.shape[1])[at], 0.0)
+    return np.asarray((tie.motion @ moved.reshape(-1, R.shape[1]))[tie.fixed])
+
+
 def connected_parts(space: DisplacementSpace) -> np.ndarray:
-    """Return the number of the connected part of the mesh that each node belongs to, (nodes,) int."""
+    """Return the number of the part of the mesh that each node belongs to, (nodes,) int: connected, or tied rigidly."""
     nodes = space.dofs.element_dofs  # (local nodes, elements)
     elements = np.broadcast_to(np.arange(nodes.shape[1]), nodes.shape)
-    ones = np.ones(nodes.size, bool)
-    incidence = sp.csr_array((ones, (nodes.ravel(), elements.ravel())), shape=(space.nodes, nodes.shape[1]))
+    bodies = [tie.nodes for tie in space.ties if tie.rigid]
+    rows = np.concatenate([nodes.ravel(), *bodies])
+    columns = np.concatenate([elements.ravel(), *(np.full(len(b), nodes.shape[1] + i) for i, b in enumerate(bodies))])
+    shape = (space.nodes, nodes.shape[1] + len(bodies))
+    incidence = sp.csr_array((np.ones(len(rows), bool), (rows, columns)), shape=shape)
     both = sp.block_array([[None, incidence], [incidence.T, None]])
     return np.asarray(connected_components(both, directed=False)[1][: space.nodes])

@@ -13,9 +13,11 @@ from skfem.assembly import Dofs
 from skfem.refdom import RefTet
 
 from ..errors import SceneError
+from ..mesh.node_sets import with_nodes_between
 from .bubbles import Bubbles, make_bubbles
 from .cells import geometry_map
 from .facets import facet_mapping, subdivided_quadrature
+from .ties import Tie
 
 _ELEMENTS = {
     (True, 1): skfem.ElementTetP1,
@@ -23,33 +25,30 @@ _ELEMENTS = {
     (False, 1): skfem.ElementHex1,
     (False, 2): skfem.ElementHex2,
 }
+CANCELLED = 1e-12  # of the sum of sizes: a sum of thousands of products, each rounded, that is zero but for that
 ROUNDED = 1e-13  # size below which shape functions and direction components, of order 1, are rounding
 
 
 @dataclass(frozen=True)
-class Surface:
-    """Quadrature and interpolation on facets.
+class Patch:
+    """Points with weights, and interpolation at them: of a surface, or the nodes of a set.
 
     Attributes
     ----------
     points : (q, 3) float, m
-    normals : (q, 3) float
-        Outward unit normals.
-    weights : (q,) float, m^2
+    weights : (q,) float
+        Of a surface in m^2, of nodes one each.
     values : (q, nodes) sparse
         Shape-function values: `values @ u_nodes` interpolates at the points.
-    facets : (f,) int
     """
 
     points: np.ndarray
-    normals: np.ndarray
     weights: np.ndarray
     values: sp.csr_array
-    facets: np.ndarray
 
     @property
     def area(self) -> float:
-        """Area of the surface, m^2."""
+        """Sum of the weights: the area of a surface, m^2, or the number of nodes."""
         return float(self.weights.sum())
 
     def mean(self) -> np.ndarray:
@@ -58,11 +57,27 @@ class Surface:
 
 
 @dataclass(frozen=True)
+class Surface(Patch):
+    """Quadrature and interpolation on facets.
+
+    Attributes
+    ----------
+    normals : (q, 3) float
+        Outward unit normals.
+    facets : (f,) int
+    """
+
+    normals: np.ndarray
+    facets: np.ndarray
+
+
+@dataclass(frozen=True)
 class DisplacementSpace:
     """Continuous piecewise polynomial displacements on a mesh.
 
     Unknowns are the components of the nodes' displacements, 3 j + c being component c at node j, less those that are
-    held, and behind them those of the bubbles between elements of the mixed formulation, which vanish at all nodes.
+    held or tied, behind them those of the ties, and last those of the bubbles between elements of the mixed
+    formulation, which vanish at all nodes.
 
     Attributes
     ----------
@@ -73,12 +88,15 @@ class DisplacementSpace:
     fixed : (3 nodes,) bool
         Displacements that supports hold at zero; they are not unknowns.
     bubbles : Bubbles or None
+    ties : tuple of Tie
+        Nodes that follow reference points, or these them; no node is in two.
     """
 
     mesh: skfem.Mesh
     order: int
     fixed: np.ndarray
     bubbles: Bubbles | None = None
+    ties: tuple[Tie, ...] = ()
 
     @cached_property
     def element(self) -> skfem.Element:
@@ -102,28 +120,85 @@ class DisplacementSpace:
 
     @cached_property
     def free(self) -> np.ndarray:
-        """Positions of the unknown displacements among all 3*nodes, int; the unknowns of bubbles come behind them."""
-        return np.flatnonzero(~self.fixed)
+        """Positions of the displacements that are unknowns themselves, among all 3*nodes, int."""
+        free = ~self.fixed
+        for tie in self.ties:
+            free[_rows(tie.nodes)] = False
+        return np.flatnonzero(free)
+
+    @property
+    def nodal_unknowns(self) -> int:
+        """Number of unknowns that nodal displacements follow from."""
+        return len(self.free) + sum(tie.block.shape[1] for tie in self.ties)
 
     @property
     def unknowns(self) -> int:
         """Number of unknowns n."""
-        return len(self.free) + (self.bubbles.unknowns if self.bubbles is not None else 0)
+        return self.nodal_unknowns + (self.bubbles.unknowns if self.bubbles is not None else 0)
+
+    @cached_property
+    def nodal_map(self) -> sp.csr_array:
+        """(3 nodes, nodal unknowns): nodal displacements from the unknowns."""
+        columns, shape = np.arange(len(self.free)), (3 * self.nodes, self.nodal_unknowns)
+        parts = [sp.coo_array((np.ones(len(columns)), (self.free, columns)), shape=shape)]
+        for tie, at in zip(self.ties, self._starts, strict=True):
+            block = sp.coo_array(tie.block)
+            place = (_rows(tie.nodes)[block.coords[0]], at + block.coords[1])
+            parts.append(sp.coo_array((block.data, place), shape=parts[0].shape))
+        return sp.csr_array(sum(parts[1:], parts[0].tocsr()))
+
+    @cached_property
+    def nodal_inverse(self) -> sp.csr_array:
+        """(nodal unknowns, 3 nodes): the unknowns from nodal displacements that supports and ties allow."""
+        columns, shape = np.arange(len(self.free)), (self.nodal_unknowns, 3 * self.nodes)
+        parts = [sp.coo_array((np.ones(len(columns)), (columns, self.free)), shape=shape)]
+        for tie, at in zip(self.ties, self._starts, strict=True):
+            block = sp.coo_array(tie.inverse)
+            place = (at + block.coords[0], _rows(tie.nodes)[block.coords[1]])
+            parts.append(sp.coo_array((block.data, place), shape=parts[0].shape))
+        return sp.csr_array(sum(parts[1:], parts[0].tocsr()))
+
+    def reference(self, tie: Tie) -> sp.csr_array:
+        """Return the operator (6 or 3, n) that gives translation (m) and rotation (rad) of a reference."""
+        at = self._starts[self.ties.index(tie)]
+        block = sp.coo_array(tie.freedoms)
+        shape = (block.shape[0], self.unknowns)
+        return sp.csr_array((block.data, (block.coords[0], at + block.coords[1])), shape=shape)
+
+    @property
+    def _starts(self) -> list[int]:
+        """The first unknown of each tie."""
+        sizes = [tie.block.shape[1] for tie in self.ties]
+        return [len(self.free) + sum(sizes[:i]) for i in range(len(sizes))]
 
     @cached_property
     def prolongation(self) -> sp.csr_array:
         """(3 functions, n): amplitudes of all shape functions along x, y and z from the unknowns."""
-        rows, columns = self.free, np.arange(len(self.free))
-        nodal = sp.csr_array((np.ones(len(rows)), (rows, columns)), shape=(3 * self.nodes, len(rows)))
         if self.bubbles is None:
-            return nodal
-        return sp.csr_array(sp.block_diag([nodal, self.bubbles.directions]))
+            return self.nodal_map
+        return sp.csr_array(sp.block_diag([self.nodal_map, self.bubbles.directions]))
 
     def restricted(self, A: sp.csr_array) -> sp.csr_array:
         """Return the (n, n) matrix of a form on the unknowns from that (3 functions, 3 functions) on all functions."""
-        if self.bubbles is None:
+        if self.bubbles is None and not self.ties:
             return sp.csr_array(A[self.free][:, self.free])
-        return sp.csr_array(self.prolongation.T @ A @ self.prolongation)
+        P = self.prolongation
+        return sp.csr_array(P.T @ A @ P) - self._rounding(A)
+
+    def _rounding(self, A: sp.csr_array) -> sp.csr_array:
+        """Return what a form on rigid bodies has of rounding alone: of the stiffness of elements that are wholly rigid.
+
+        It is removed, since such a body has no other stiffness beside which it would vanish.
+        """
+        columns = [np.arange(0)]
+        for tie, at in zip(self.ties, self._starts, strict=True):
+            columns.append(at + np.arange(tie.block.shape[1] if tie.rigid else 0))
+        some = np.concatenate(columns)
+        S = self.prolongation[:, some]
+        own = (S.T @ A @ S).toarray()
+        bound = (abs(S).T @ (abs(A) @ abs(S))).toarray()
+        i, j = np.nonzero((np.abs(own) < CANCELLED * bound) & (own != 0))
+        return sp.csr_array((own[i, j], (some[i], some[j])), shape=(self.unknowns, self.unknowns))
 
     @cached_property
     def coordinates(self) -> np.ndarray:
@@ -144,6 +219,35 @@ class DisplacementSpace:
     def nodes_of(self, facets: np.ndarray) -> np.ndarray:
         """Return the nodes on facets."""
         return np.asarray(self.dofs.get_facet_dofs(facets).flatten())
+
+    def nodes_at(self, places: np.ndarray, between: bool = False) -> np.ndarray:
+        """Return the nodes at nodes of the mesh, int.
+
+        Parameters
+        ----------
+        places : (m,) int
+            Columns of `mesh.doflocs`.
+        between : bool
+            Whether nodes count that elements have between these and the mesh lacks.
+
+        Raises
+        ------
+        SceneError
+            Displacements of order 1 have no unknown at any of them.
+        """
+        members = np.zeros(self.nodes, bool)
+        members[places[places < self.nodes]] = True
+        if between and self.nodes > self.mesh.doflocs.shape[1]:
+            members = with_nodes_between(self.mesh, self.dofs, members)
+        if not members.any():
+            raise SceneError("mesh.order: given 1; expected 2, since a node set lies at middles of edges alone")
+        return np.flatnonzero(members)
+
+    def patch(self, nodes: np.ndarray) -> Patch:
+        """Return nodes with a weight of one each."""
+        ones = np.ones(len(nodes))
+        values = sp.csr_array((ones, (np.arange(len(nodes)), nodes)), shape=(len(nodes), self.nodes))
+        return Patch(self.coordinates[nodes], ones, values)
 
     def surface(self, facets: np.ndarray, parts: int = 1) -> Surface:
         """Return quadrature and interpolation on boundary facets.
@@ -167,7 +271,7 @@ class DisplacementSpace:
         values = sp.csr_array((shapes[some], (rows[some], columns[some])), shape=(q, self.nodes))
         points = np.asarray(basis.global_coordinates()).reshape(3, -1).T
         normals = np.asarray(basis.normals).reshape(3, -1).T
-        return Surface(points, normals, basis.dx.ravel(), values, np.asarray(facets))
+        return Surface(points, basis.dx.ravel(), values, normals, np.asarray(facets))
 
     def along(self, values: sp.csr_array, directions: np.ndarray) -> sp.csr_array:
         """Return the operator that gives the displacement along directions at points, on the unknowns.
@@ -185,21 +289,33 @@ class DisplacementSpace:
         d = np.broadcast_to(np.asarray(directions, float), (values.shape[0], 3))
         d = np.where(np.abs(d) < ROUNDED, 0.0, d)
         components = [sp.diags_array(d[:, c]) @ values for c in range(3)]
-        nodal = sp.csr_array(self._interleave(components)[:, self.free])
+        nodal = self._interleave(components)
+        nodal = sp.csr_array(nodal @ self.nodal_map if self.ties else nodal[:, self.free])
         # Bubbles vanish on the boundary. On faces inside, what is asked for is the displacement of the nodes.
         return sp.csr_array((nodal.data, nodal.indices, nodal.indptr), shape=(nodal.shape[0], self.unknowns))
 
     def expand(self, u: np.ndarray) -> np.ndarray:
         """Return nodal displacements (nodes, 3) of a vector of unknowns (n,)."""
+        if self.ties:
+            return np.asarray(self.nodal_map @ u[: self.nodal_unknowns]).reshape(-1, 3)
         full = np.zeros(3 * self.nodes, dtype=u.dtype)
         full[self.free] = u[: len(self.free)]
         return full.reshape(-1, 3)
 
     def gather(self, nodal: np.ndarray) -> np.ndarray:
-        """Return the unknowns (n,) of nodal displacements (nodes, 3), bubbles at rest; held displacements drop out."""
+        """Return the unknowns (n,) of nodal displacements (nodes, 3), bubbles at rest; held displacements drop out.
+
+        Where there are ties, these have to allow the displacements.
+        """
         u = np.zeros(self.unknowns, dtype=nodal.dtype)
-        u[: len(self.free)] = nodal.ravel()[self.free]
+        u[: self.nodal_unknowns] = self.nodal_inverse @ nodal.ravel() if self.ties else nodal.ravel()[self.free]
         return u
+
+    def loads(self, forces: np.ndarray) -> np.ndarray:
+        """Return the forces on the unknowns (n,) that do the same work as nodal forces (nodes, 3)."""
+        f = np.zeros(self.unknowns, dtype=forces.dtype)
+        f[: self.nodal_unknowns] = self.nodal_map.T @ forces.ravel() if self.ties else forces.ravel()[self.free]
+        return f
 
     def amplitudes(self, u: np.ndarray) -> np.ndarray:
         """Return those of all shape functions, (functions, 3), of a vector of unknowns (n,)."""
@@ -214,8 +330,14 @@ class DisplacementSpace:
         return sp.csr_array((data[some], (rows[some], columns[some])), shape=(parts[0].shape[0], 3 * self.nodes))
 
 
+def _rows(nodes: np.ndarray) -> np.ndarray:
+    """Return the positions of the nodes' displacements among all."""
+    return (3 * np.asarray(nodes)[:, None] + np.arange(3)).ravel()
+
+
 def make_space(
-    mesh: skfem.Mesh, order: int, supports: list[tuple[np.ndarray, str]], mixed: Sequence[np.ndarray] = ()
+    mesh: skfem.Mesh, order: int, supports: list[tuple[np.ndarray, str]], mixed: Sequence[np.ndarray] = (),
+    points: Sequence[tuple[np.ndarray, str]] = (),
 ) -> DisplacementSpace:
     """Return the displacement space with supports.
 
@@ -228,6 +350,13 @@ def make_space(
         Components are any of "x", "y", "z".
     mixed : sequence of (e,) int
         Elements of each body of the mixed formulation.
+    points : sequence of (places, components)
+        Node sets that are held, as columns of `mesh.doflocs`.
+
+    Raises
+    ------
+    SceneError
+        Nothing is free, or a node set has no unknowns.
     """
     space = DisplacementSpace(mesh, order, np.zeros(0, bool))
     fixed, held = np.zeros((space.nodes, 3), bool), np.zeros(mesh.nfacets, bool)
@@ -235,6 +364,11 @@ def make_space(
     for facets, components in supports:
         nodes = space.nodes_of(facets)
         held[facets] = True
+        for c in components:
+            fixed[nodes, "xyz".index(c)] = True
+    for places, components in points:
+        nodes = space.nodes_at(places, between=True)
+        held |= np.isin(mesh.facets, nodes).all(axis=0)
         for c in components:
             fixed[nodes, "xyz".index(c)] = True
     if fixed.all():

@@ -12,7 +12,8 @@ from fe_squeal.errors import MeshError
 
 from .checking import FLAT, check_cells, check_points, drop_orphans, jacobian_range, orient_cells
 from .elements import MESH_CLASS, REFERENCE, SHAPE, SPOKEN, corner_count, matching, skfem_order
-from .groups import LoadedMesh
+from .groups import LoadedMesh, NodeSet
+from .node_sets import node_set
 from .raw import CellBlock, Floats, Ints, RawMesh, element_names, listed
 from .splitting import complete_hexahedra, fill_midside, split_cells, split_quadrilaterals
 from .surfaces import adopt_duplicates, boundary_of_nodes, check_on_faces, faces_of, find_rows
@@ -33,6 +34,7 @@ def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
     check_points(raw, source)
     check_cells(raw, source)
     raw = drop_orphans(adopt_duplicates(raw, source))
+    given = len(raw.points)
     points, blocks, note = _one_order(raw)
     raw, warnings = orient_cells(replace(raw, points=points, blocks=blocks, notes=raw.notes + note), source)
     faces = faces_of(raw)
@@ -61,6 +63,7 @@ def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
         element_names(raw.blocks)[parent],
         unusable,
         raw.ignore_case,
+        *_nodes(mesh, block, raw, given),
     )
 
 
@@ -204,6 +207,41 @@ def _facet_groups(
     found = find_rows(every, mesh.facets.T.astype(np.int64))
     ends = np.cumsum([len(rows) for rows in groups.values()])
     return {name: np.unique(part) for name, part in zip(groups, np.split(found, ends[:-1]), strict=True)}
+
+
+def _nodes(
+    mesh: skfem.Mesh, block: CellBlock, raw: RawMesh, given: int
+) -> tuple[dict[str, NodeSet], dict[str, tuple[Ints, Ints]], np.ndarray]:
+    """Return node sets, node numbers and which nodes were added; see `LoadedMesh`.
+
+    Parameters
+    ----------
+    given : int
+        Rows before this one are nodes that the file has.
+    """
+    place = np.full(int(block.nodes.max()) + 1, -1)
+    if block.kind == SHAPE[block.kind]:
+        used = np.unique(block.nodes)
+        place[used] = np.arange(len(used))
+    else:
+        place[block.nodes[:, skfem_order(block.kind)]] = mesh.dofs.element_dofs.T
+    count = mesh.doflocs.shape[1]
+    added = np.ones(count, dtype=bool)
+    known = place[:given]
+    added[known[known >= 0]] = False
+    groups = {}
+    for name, rows in raw.node_groups.items():
+        rows = rows[rows < len(place)]
+        found = np.unique(place[rows][place[rows] >= 0])
+        if len(found):
+            groups[name] = node_set(mesh, found, added)
+    numbers = {}
+    ends = [first for first, _ in raw.node_prefixes[1:]] + [len(known)]
+    for (first, prefix), end in zip(raw.node_prefixes, ends, strict=True):
+        rows = first + np.flatnonzero(known[first:end] >= 0)
+        if len(rows):
+            numbers[prefix] = (raw.node_labels[rows], known[rows])
+    return groups, numbers, added
 
 
 def _children(cells: Ints, parent: Ints) -> Ints:

@@ -7,10 +7,28 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import skfem
+from numpy.typing import NDArray
 
 from fe_squeal.errors import MeshError, suggest
 
 from .raw import Ints
+
+
+@dataclass(frozen=True)
+class NodeSet:
+    """A node set as sorted columns of `mesh.doflocs`.
+
+    Attributes
+    ----------
+    nodes
+        Those that the file names.
+    held
+        With them all nodes that have to rest where these are held: the file does not have those that were added between
+        them.
+    """
+
+    nodes: Ints
+    held: Ints
 
 
 @dataclass(frozen=True)
@@ -35,6 +53,12 @@ class LoadedMesh:
         Names in the file that give no group, with the reason.
     ignore_case
         Whether names are looked up without regard to case (Abaqus).
+    node_groups
+        Node sets by name.
+    node_numbers
+        By what stands in front of them in the file ("" or "PAD-1."): the nodes' numbers there, and their columns.
+    added
+        (columns,) which nodes the file does not have.
     """
 
     mesh: skfem.Mesh
@@ -44,6 +68,9 @@ class LoadedMesh:
     element_labels: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=str))
     unusable: dict[str, str] = field(default_factory=dict)
     ignore_case: bool = False
+    node_groups: dict[str, NodeSet] = field(default_factory=dict)
+    node_numbers: dict[str, tuple[Ints, Ints]] = field(default_factory=dict)
+    added: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
 
 
 def volume_group(loaded: LoadedMesh, name: str) -> Ints:

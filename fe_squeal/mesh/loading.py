@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from .building import build_mesh
 from .groups import LoadedMesh
 from .raw import RawMesh
 from .readers.abaqus.read import read_abaqus
+from .readers.ansys import read_ansys
 from .readers.gmsh import read_gmsh
 from .readers.nastran.deck import read_nastran
 from .readers.others import read_with_meshio
@@ -22,6 +24,7 @@ from .readers.sources import Sources
 UNITS = {"m": 1.0, "mm": 1e-3}
 _READERS: dict[str, Callable[[Sources], RawMesh]] = {
     ".inp": read_abaqus, ".msh": lambda sources: read_gmsh(sources.path),
+    ".cdb": read_ansys,
     ".bdf": read_nastran, ".nas": read_nastran, ".dat": read_nastran, ".fem": read_nastran, ".blk": read_nastran,
 }  # fmt: skip
 
@@ -34,8 +37,8 @@ def load_mesh(
     Parameters
     ----------
     path
-        .msh (Gmsh 2.2, 4.0, 4.1), .inp (Abaqus), .bdf, .nas, .dat, .fem (Nastran), .vtu, .vtk, .xdmf, .med or whatever
-        else meshio reads.
+        .msh (Gmsh 2.2, 4.0, 4.1), .inp (Abaqus), .cdb (Ansys), .bdf, .nas, .dat, .fem (Nastran), .vtu, .vtk, .xdmf,
+        .med or whatever else meshio reads.
     length_unit
         The unit of the file's coordinates, "m" or "mm".
     folders
@@ -81,6 +84,19 @@ def read_raw(path: Path, folders: Sequence[str | Path] = (), allow_outside: bool
     MeshError
         The file cannot be read as a mesh.
     """
+    with guarded_reading(path):
+        sources = Sources(path, tuple(map(Path, folders)), allow_outside)
+        return _READERS.get(path.suffix.lower(), read_with_meshio)(sources)
+
+
+@contextmanager
+def guarded_reading(path: Path) -> Iterator[None]:
+    """Look at a mesh file before it is read in the block, and turn what fails there into one sentence.
+
+    Raises
+    ------
+    MeshError
+    """
     try:
         if path.is_dir():
             raise MeshError(f"{path}: this is a folder; expected a mesh file")
@@ -93,8 +109,7 @@ def read_raw(path: Path, folders: Sequence[str | Path] = (), allow_outside: bool
         if size > free:
             raise MeshError(f"{path.name}: has {memory_text(size)}, and {memory_text(free)} are free")
         with np.errstate(all="ignore"):  # what is not finite is refused by `build_mesh`, with the node
-            sources = Sources(path, tuple(map(Path, folders)), allow_outside)
-            return _READERS.get(path.suffix.lower(), read_with_meshio)(sources)
+            yield
     except OSError as error:
         raise MeshError(f"{path}: the file cannot be read ({error.strerror or error})") from error
     except MemoryError as error:

@@ -20,9 +20,10 @@ from .elements import (
     mirror_order,
     shape_functions,
 )  # fmt: skip
-from .groups import LoadedMesh
+from .groups import LoadedMesh, NodeSet
 from .raw import CellBlock, Floats, Ints, RawMesh
 
+_ROUNDED = 1e-9  # of shape functions, which are of order one
 _PARTS = 64  # weights of corners at nodes of children are multiples of 1/64 (of 1/4 for tetrahedra)
 # The inner octahedron's diagonals, by the pairs of opposite edges whose middles they join, and the ring about each.
 _DIAGONALS = (((0, 1), (2, 3)), ((0, 2), (1, 3)), ((0, 3), (1, 2)))
@@ -77,12 +78,44 @@ def refine(loaded: LoadedMesh) -> LoadedMesh:
     }
     labels = np.repeat(loaded.element_labels, 8) if len(loaded.element_labels) else np.arange(len(children)).astype(str)
     cells = CellBlock(kind, children, np.arange(len(children)))
+    sets = {
+        name: [_refined_set(kind, nodes, rows, variant, index.reshape(len(nodes), -1), new) for rows, new in (
+            (group.nodes, False), (group.held, True))]
+        for name, group in loaded.node_groups.items()
+    }  # fmt: skip
     raw = RawMesh(places.reshape(-1, 3)[first], np.arange(len(first)), (cells,), groups, surfaces)
     fine = build_mesh(raw, loaded.source)
+    _, column = fine.node_numbers[""]
+    node_sets = {name: NodeSet(*(np.sort(column[rows]) for rows in pair)) for name, pair in sets.items()}
     return replace(
         fine, notes=loaded.notes, warnings=loaded.warnings, element_labels=labels, unusable=loaded.unusable,
-        ignore_case=loaded.ignore_case,
+        ignore_case=loaded.ignore_case, node_groups=node_sets, node_numbers={},
     )  # fmt: skip
+
+
+def _refined_set(kind: str, nodes: Ints, rows: Ints, variant: Ints, places: Ints, new: bool) -> Ints:
+    """Return the nodes of a set on the refined mesh.
+
+    Parameters
+    ----------
+    nodes : (e, k) int
+        Of the elements.
+    rows : (m,) int
+        The set.
+    places : (e, 8 k) int
+        The children's nodes by element.
+    new : bool
+        Whether places count between nodes of the set, those whose displacement depends on no other nodes.
+    """
+    outside = ~np.isin(nodes, rows)
+    near = np.flatnonzero(~outside.all(axis=1))
+    found = [np.empty(0, np.int64)]
+    for v in np.unique(variant[near]):
+        some = near[variant[near] == v]
+        depends = np.abs(shape_functions(kind, _children(kind)[v].reshape(-1, 3))) > _ROUNDED
+        rests = outside[some].astype(float) @ depends.T == 0
+        found.append(places[some][rests & (new | (depends.sum(axis=1) == 1))])
+    return np.unique(np.concatenate(found))
 
 
 @cache

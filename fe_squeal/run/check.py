@@ -11,6 +11,7 @@ from ..mesh.measures import volume_of
 from ..problem.parameters import MU
 from ..problem.problem import Problem
 from ..scene import MatrixScene, Scene
+from ..schema.place import Placed
 from ..sweep.forecast import predict_memory
 from ..sweep.sweep import MODES
 from .solver import solver_of
@@ -63,9 +64,13 @@ def _mesh_rows(table: Table, scene: Scene, problem: Problem) -> None:
         )
         table.add_row("", _values(material))
     for i, support in enumerate(scene.supports):
-        table.add_row(f"support {i + 1}", f"{support.surface} fixed in {', '.join(support.fixed)}")
+        table.add_row(f"support {i + 1}", f"{_place(support)} fixed in {', '.join(support.fixed)}")
+    for (key, tied), tie in zip(scene.ties, discretisation.space.ties, strict=False):
+        at = ", ".join(f"{x:.4g}" for x in tie.point)
+        kind = key.partition("[")[0]
+        table.add_row(f"{kind} {tied.name}", f"{len(tie.nodes)} nodes of {_place(tied)}, reference at ({at}) m")
     for spring in scene.springs:
-        table.add_row(f"spring {spring.name}", f"{spring.surface}{f' to {spring.to}' if spring.to else ''}")
+        table.add_row(f"spring {spring.name}", f"{_place(spring)}{f' to {spring.to}' if spring.to else ''}")
     for name, c in discretisation.contacts.items():
         table.add_row(f"contact {name}", f"{c.area:.4g} m2 closed, {100 * c.coverage:.4g} % of the surface")
     if discretisation.static_state is not None:
@@ -79,6 +84,10 @@ def _mesh_rows(table: Table, scene: Scene, problem: Problem) -> None:
     # Names alone; sizes and places are shown by --groups.
     table.add_row("volume groups", ", ".join(mesh.subdomains or {}))
     table.add_row("surface groups", ", ".join(mesh.boundaries or {}))
+
+
+def _place(table: Placed) -> str:
+    return table.group if table.kind == "surface" else f"nodes {table.group}"
 
 
 def _values(material: Material) -> str:

@@ -5,20 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import skfem
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from ..assembly.bodies import read_mesh
 from ..errors import MeshError
+from ..mesh import LoadedMesh
 from ..mesh.loading import load_mesh, read_raw
 from ..mesh.measures import area_of, volume_of
 from ..mesh.raw import RawMesh
 from ..scene import Scene
 
 
-def group_table(mesh: skfem.Mesh) -> Table:
+def group_table(loaded: LoadedMesh) -> Table:
     """Return a table of the groups of a checked mesh, with size and place."""
+    mesh = loaded.mesh
     table = _table("m3 or m2", "centre (m)")
     for name, elements in (mesh.subdomains or {}).items():
         size, centre = volume_of(mesh, np.asarray(elements))
@@ -26,6 +27,8 @@ def group_table(mesh: skfem.Mesh) -> Table:
     for name, facets in (mesh.boundaries or {}).items():
         size, centre, normal = area_of(mesh, np.asarray(facets))
         table.add_row(name, "surface", str(len(facets)), f"{size:.4g}", _point(centre), _point(normal))
+    for name, rows in loaded.node_groups.items():
+        table.add_row(name, "nodes", str(len(rows.nodes)), "", _point(mesh.doflocs[:, rows.nodes].mean(axis=1)), "")
     return table
 
 
@@ -54,7 +57,7 @@ def groups_of_file(path: Path, length_unit: str = "m") -> tuple[Table, MeshError
         The file cannot be read at all.
     """
     try:
-        return group_table(load_mesh(path, length_unit).mesh), None
+        return group_table(load_mesh(path, length_unit)), None
     except MeshError as error:
         return raw_group_table(read_raw(path)), error
 
@@ -69,7 +72,7 @@ def groups_of_scene(scene: Scene) -> tuple[Table, MeshError | None]:
     """
     where = f"{scene.source}: " if scene.source is not None else ""
     try:
-        return group_table(read_mesh(scene).mesh), None
+        return group_table(read_mesh(scene)), None
     except MeshError as error:
         path = scene.mesh_path
         if path is None or not path.is_file():

@@ -105,6 +105,7 @@ def _mesh_digest(loaded: LoadedMesh) -> str:
     digest = hashlib.sha256()
     mesh = loaded.mesh
     groups = {**(mesh.subdomains or {}), **(mesh.boundaries or {})}
+    groups |= {f"nodes {name}": group.held for name, group in loaded.node_groups.items()}
     parts = [mesh.doflocs, mesh.t, *(groups[name] for name in sorted(groups))]
     digest.update(repr((type(mesh).__name__, sorted(groups), [np.shape(p) for p in parts])).encode())
     for part in parts:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator
 
 from ..fem.materials import material_axes
+from ..schema.place import Placed
 from ..schema.section import Section, Vector
 
 
@@ -50,18 +51,15 @@ class BodyTable(Section):
         return value
 
 
-class Support(Section):
-    """A surface group on which displacement components are held.
+class Support(Placed):
+    """A surface group, or a node set, on which displacement components are held.
 
     Attributes
     ----------
-    surface : str
-        Surface group of the mesh.
     fixed : str
         The global components that are held: any of the letters x, y, z, such as "xyz" or "z".
     """
 
-    surface: str
     fixed: str
 
     @field_validator("fixed")

@@ -12,6 +12,7 @@ from pydantic import Field, create_model, model_validator
 from ..effects import EFFECTS
 from ..effects.effect import Effect, Outline
 from ..effects.springs import Spring
+from ..effects.ties import Averaged, Rigid
 from ..errors import SceneError
 from ..fem.materials import Elasticity, Material, elasticity, material_axes
 from ..problem.parameters import MU, paths_of
@@ -49,9 +50,13 @@ class Scene(BaseScene):
     bodies : table of tables
         At least one.
     supports : list of tables
-        Held surfaces.
+        Held surfaces and node sets.
     springs : list of tables
         Springs and dampers.
+    rigid : list of tables
+        Surfaces and node sets that move as rigid bodies.
+    averaged : list of tables
+        Reference points that follow the mean motion of surfaces and node sets.
     contacts : list of tables
         Contacts.
     effects : table
@@ -73,6 +78,8 @@ class Scene(BaseScene):
     bodies: Annotated[dict[str, Body], Field(min_length=1)]
     supports: list[Support] = []
     springs: list[Spring] = []
+    rigid: list[Rigid] = []
+    averaged: list[Averaged] = []
     contacts: list[Contact] = []
     effects: Effects = Effects()
     sweep: SweepSection | None = None
@@ -111,14 +118,24 @@ class Scene(BaseScene):
         return tuple(c.name or f"contact_{i}" for i, c in enumerate(self.contacts, 1))
 
     def names_in(self, path: str) -> list[str] | None:
-        """Return the names of the entries of `contacts` or `springs`; None of another list."""
+        """Return the names of the entries of `contacts`, `springs`, `rigid` or `averaged`; None of another list."""
         if path == "contacts":
             return list(self.contact_names)
-        return [s.name for s in self.springs] if path == "springs" else None
+        tables: dict[str, Sequence[Spring | Rigid]] = {
+            "springs": self.springs, "rigid": self.rigid, "averaged": self.averaged,
+        }  # fmt: skip
+        return [table.name for table in tables[path]] if path in tables else None
+
+    @property
+    def ties(self) -> list[tuple[str, Rigid]]:
+        """The tables of `rigid` and `averaged`, each with its key."""
+        return [(f"{key}[{i}]", t) for key in ("rigid", "averaged") for i, t in enumerate(getattr(self, key))]
 
     @model_validator(mode="after")
     def _names_and_effects(self) -> Scene:
-        for key, names in (("contacts", self.contact_names), ("springs", [s.name for s in self.springs])):
+        named = {"contacts": self.contact_names, "springs": [s.name for s in self.springs],
+                 "rigid": [t.name for t in self.rigid], "averaged": [t.name for t in self.averaged]}  # fmt: skip
+        for key, names in named.items():
             for i, name in enumerate(names):
                 if name in names[:i]:
                     raise ValueError(
@@ -127,8 +144,9 @@ class Scene(BaseScene):
         for i, spring in enumerate(self.springs):
             if not spring.name:
                 raise ValueError(f'springs[{i}].name: given ""; expected a name')
-            if spring.to == spring.surface:
-                raise ValueError(f'springs[{i}].to: given "{spring.to}", its own surface; expected another one')
+            if spring.to == spring.group:
+                own = "surface" if spring.kind == "surface" else "node set"
+                raise ValueError(f'springs[{i}].to: given "{spring.to}", its own {own}; expected another one')
         outline = Outline(
             tuple(self.bodies), tuple(name for name, body in self.bodies.items() if body.is_mixed),
             tuple(n for n, c in zip(self.contact_names, self.contacts, strict=True) if c.kind == "sliding"),

@@ -78,7 +78,7 @@ def test_flat_file_of_wedge_and_tetrahedron():
         assert area(mesh, surface_group(loaded, name)) == pytest.approx(size * 1e-6, rel=1e-12), name
     assert len(surface_group(loaded, "FREE")) == 1 + 3 + 3 * 2
     assert "1 wedges split into 3 tetrahedra" in loaded.notes
-    assert "1 elements of type S3 are no solids and are left out" in loaded.notes
+    assert "1 elements of type S3 are no solids and no part of the mesh" in loaded.notes
     assert "2 nodes that no volume element uses are left out" in loaded.notes
     with pytest.raises(MeshError, match="covers no whole face"):
         surface_group(loaded, "EDGE")

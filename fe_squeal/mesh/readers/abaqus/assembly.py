@@ -13,8 +13,8 @@ from .model import Instance, Model, Scope, nodes_of
 from .sets import Assembly, Placed
 
 
-def place_model(model: Model, source: str) -> RawMesh:
-    """Return the mesh of the whole model.
+def place_model(model: Model, source: str) -> tuple[RawMesh, Assembly]:
+    """Return the mesh of the whole model, and what looks up its sets.
 
     Raises
     ------
@@ -80,7 +80,8 @@ def place_model(model: Model, source: str) -> RawMesh:
         tuple(prefixes),
         ignore_case=True,
     )
-    return with_groups(raw, Assembly(source, own, instances, np.vstack(skins)))
+    assembly = Assembly(source, own, instances, np.vstack(skins))
+    return with_groups(raw, assembly), assembly
 
 
 def _scopes(model: Model, item: Instance, source: str) -> tuple[Scope, ...]:

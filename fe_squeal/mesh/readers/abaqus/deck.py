@@ -1,7 +1,7 @@
 """Abaqus input files: parts, instances, sets, surfaces. Not read by meshio, which takes flat files alone.
 
 Syntax after the Abaqus keywords manual (*NODE, *ELEMENT, *NSET, *ELSET, *SURFACE, *PART, *INSTANCE, *INCLUDE); the rest
-of the file (materials, steps, boundary conditions) is passed over.
+of the file (materials, steps, boundary conditions) is kept for `fe_squeal.decks`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from fe_squeal.errors import MeshError, suggest
 
 from ...raw import Floats, Ints
 from ..sources import Sources
-from .model import Cells, Instance, Members, Model, Scope
+from .model import Cells, Instance, Links, Members, Model, Scope, Statement
 from .text import Block, entries, is_label, label_of, numbers, read_blocks
 
 # Solid families by their first letters: our kind and the number of nodes, longest names first.
@@ -26,6 +26,9 @@ _COUNT = {"tetra": 4, "tetra10": 10, "pyramid": 5, "wedge": 6, "wedge15": 15, "h
 # Abaqus puts the 27-node brick's centre first and the face centres in the order of its faces S1 ... S6.
 _HEX27 = [*range(20), 26, 24, 23, 25, 21, 22, 20]
 _SKIN = re.compile(r"(?:STRI|CPS|CPE|SFM3D|M3D|R3D|DS|S)(65|[34689])")
+_LINKS = ("SPRING", "DASHPOT", "MASS", "ROTARYI", "CONN3D", "DCOUP3D")
+_MESH = {"PART", "INSTANCE", "END PART", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY", "NODE", "ELEMENT", "NSET", "ELSET",
+         "SURFACE", "HEADING", "PARAMETER"}  # fmt: skip
 _FILLED = {"NODE", "ELEMENT", "NSET", "ELSET"}  # where such a block has no data line, they are lost: an error
 _REFUSED = {"NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "NMAP", "SYSTEM"}
 
@@ -41,6 +44,8 @@ def parse_model(sources: Sources) -> Model:
     for block in read_blocks(sources):
         seen = True
         word = block.keyword
+        if word not in _MESH:
+            model.statements.append(Statement(block, scope.name.upper()))
         if word in _FILLED and not block.lines:
             raise MeshError(
                 f"{source}: {block.where}: *{word} has no data lines; expected what it promises, or to be left out"
@@ -88,7 +93,7 @@ def parse_model(sources: Sources) -> Model:
     scopes = (model.assembly, *model.parts.values(), *(item.scope for item in model.instances.values()))
     known = {key: text for each in scopes for (kind, key), text in each.spelled.items() if kind == "ELSET"}
     for name, block in promised.items():
-        if name and name.rpartition(".")[2] not in known:
+        if name and name not in known and name.rpartition(".")[2] not in known:
             raise MeshError(
                 f'{source}: {block.where}: *SOLID SECTION is of element set "{block.value("ELSET")}", which has no'
                 f" elements in this deck{suggest(name, known.values())}"
@@ -96,7 +101,7 @@ def parse_model(sources: Sources) -> Model:
     if not seen:
         raise MeshError(f"{source}: no Abaqus keywords (lines that begin with *); expected an Abaqus input file")
     model.notes += [
-        f"{count} elements of type {name} are no solids and are left out" for name, count in ignored.items()
+        f"{count} elements of type {name} are no solids and no part of the mesh" for name, count in ignored.items()
     ]
     return model
 
@@ -146,6 +151,10 @@ def _read_elements(block: Block, scope: Scope, source: str) -> tuple[str, int]:
         labels = [entries(line)[0] for line in block.lines if entries(line)]
         whole = [label_of(text) for text in labels if is_label(text)]
         scope.others += whole
+        if given.startswith(_LINKS):
+            fields = [row for row in map(entries, block.lines) if row]
+            first, rest = [row[0] for row in fields], [row[1:] for row in fields]
+            scope.links.append(Links(given, block.value("ELSET"), first, rest, block.where))
         _read_skin(given, block, scope)
         _name_members("ELSET", block, scope, np.array(whole, dtype=np.int64))
         return given or "(none)", len(whole)

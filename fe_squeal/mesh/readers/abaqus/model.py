@@ -28,6 +28,33 @@ class Cells:
     nodes: Ints
 
 
+@dataclass(frozen=True)
+class Links:
+    """The elements of one *ELEMENT block that are no solids but act between nodes: springs, dampers, masses.
+
+    Attributes
+    ----------
+    kind
+        Such as "SPRING2".
+    nodes
+        By element, as the deck writes them: numbers, or INSTANCE.number.
+    """
+
+    kind: str
+    elset: str
+    labels: list[str]
+    nodes: list[list[str]]
+    where: str
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A block that speaks of physics, not of the mesh, and the scope (part or instance, in capitals) it stands in."""
+
+    block: Block
+    scope: str
+
+
 @dataclass
 class Scope:
     """What a part, an instance or the assembly holds; a flat file is an assembly without instances."""
@@ -37,6 +64,7 @@ class Scope:
     points: list[Floats] = field(default_factory=list)
     cells: list[Cells] = field(default_factory=list)
     skins: list[Cells] = field(default_factory=list)  # shells and membranes: corners alone
+    links: list[Links] = field(default_factory=list)
     others: list[int] = field(default_factory=list)  # numbers of elements that are no solids
     sets: dict[tuple[str, str], list[Members]] = field(default_factory=dict)
     surfaces: dict[str, list[Block]] = field(default_factory=dict)
@@ -68,6 +96,7 @@ class Model:
     parts: dict[str, Scope] = field(default_factory=dict)
     instances: dict[str, Instance] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    statements: list[Statement] = field(default_factory=list)
 
 
 def nodes_of(scopes: tuple[Scope, ...], source: str) -> tuple[Ints, Floats]:

@@ -19,4 +19,4 @@ def read_abaqus(sources: Sources) -> RawMesh:
     MeshError
         Bad numbers, sets, references, or a keyword that generates nodes or elements.
     """
-    return place_model(parse_model(sources), sources.path.name)
+    return place_model(parse_model(sources), sources.path.name)[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,11 @@ from fe_squeal.errors import MeshError
 
 from ...raw import Floats, Ints
 from ..sources import Sources
+from .parameters import evaluate_parameters
 
 LARGEST = 2**62  # no label is as large
+_WHOLE = 1e15  # larger numbers keep their exponent
+_PARAMETER = re.compile(r"<([^<>]*)>")
 _LABEL = re.compile(r"-?[0-9]+")
 _FIELD = re.compile(r'"[^"]*"|[^,]+|(?<=,)(?=,)')
 
@@ -54,7 +58,10 @@ def read_blocks(sources: Sources) -> Iterator[Block]:
         The file is not text, or an included file is missing.
     """
     current, home = None, sources.path
+    values: dict[str, float] = {}
     for line, path, number in _logical_lines(sources, sources.path, 0):
+        if values and "<" in line:
+            line = _PARAMETER.sub(partial(_number_text, values), line)
         if not line.startswith("*"):
             if current is not None:
                 current.lines.append(line)
@@ -63,9 +70,18 @@ def read_blocks(sources: Sources) -> Iterator[Block]:
             continue
         if current is not None:
             yield _with_input(current, sources, home)
+            if current.keyword == "PARAMETER":
+                values = evaluate_parameters(current.lines, values, f"{sources.path.name}: {current.where}")
         current, home = _keyword(line, f"{path.name} line {number}"), path
     if current is not None:
         yield _with_input(current, sources, home)
+
+
+def _number_text(values: dict[str, float], found: re.Match[str]) -> str:
+    value = values.get(found[1].strip().lower())
+    if value is None:
+        return found[0]
+    return str(int(value)) if value == int(value) and abs(value) < _WHOLE else repr(value)
 
 
 def _logical_lines(sources: Sources, path: Path, depth: int) -> Iterator[tuple[str, Path, int]]:

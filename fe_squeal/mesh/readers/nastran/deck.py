@@ -18,6 +18,7 @@ from ...checking import connect
 from ...raw import CellBlock, Ints, RawMesh, check_unique_nodes
 from ..sources import Sources
 from .coordinates import SYSTEMS, System, read_system, to_global
+from .faces import named_faces
 from .text import Card, read_cards, read_lines, real
 
 T = TypeVar("T")
@@ -56,6 +57,7 @@ def read_nastran(sources: Sources) -> RawMesh:
     cells: dict[str, list[Card]] = {}
     systems: dict[int, System] = {}
     skipped: dict[str, int] = {}
+    faced: list[Card] = []
     default = 0
     for card in read_cards(lines):
         if card.name == "GRID":
@@ -65,6 +67,8 @@ def read_nastran(sources: Sources) -> RawMesh:
         elif card.name in SYSTEMS:
             number, system = _guarded(read_system, card, source)
             systems[number] = system
+        elif card.name in ("PLOAD4", "BSURFS"):
+            faced.append(card)
         elif card.name == "GRDSET":
             default = _whole(card, 1, source)
         elif card.name.startswith(("C", "RBE", "RBAR")) and card.text(0).isdigit() and not card.name.startswith("CORD"):
@@ -86,6 +90,7 @@ def read_nastran(sources: Sources) -> RawMesh:
             for pid in np.unique(pids):
                 volumes.setdefault(str(pid), []).append(at + np.flatnonzero(pids == pid))
             at += len(block)
+    surfaces |= named_faces(faced, blocks, labels, source)
     notes = [f"{count} entries {name} are no solids or shells and are left out" for name, count in skipped.items()]
     groups = {name: np.concatenate(parts) for name, parts in volumes.items()}
     for key, title in _titles(lines).items():

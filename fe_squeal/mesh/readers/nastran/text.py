@@ -48,7 +48,7 @@ def read_cards(lines: list[tuple[str, str]]) -> Iterator[Card]:
     begin = next(
         (i + 1 for i, (line, _) in enumerate(lines) if " ".join(line.upper().split()).startswith("BEGIN BULK")), 0
     )
-    name, fields, where, width = "", [""], "", 8
+    name, fields, where, end = "", [""], "", 8
     for line, place in lines[begin:]:
         if "$" in line:
             line = line[: line.index("$")]
@@ -57,16 +57,16 @@ def read_cards(lines: list[tuple[str, str]]) -> Iterator[Card]:
         head, rest, wide = _cut(line)
         if head[:1] in ("+", "*") or not head:
             # A continuation: its fields go on where the line before ended, filled up to that line's width.
-            fields += [""] * (-len(fields) % width)
-            width = 4 if wide else 8
+            fields += [""] * (end - len(fields))
             fields += rest
+            end += 4 if wide else 8
             continue
         if name:
             yield Card(name, fields, where)
         name = head.rstrip("*").upper()
         if name == "ENDDATA":
             return
-        fields, where, width = rest, place, 4 if wide else 8
+        fields, where, end = rest, place, 4 if wide else 8
     if name:
         yield Card(name, fields, where)
 

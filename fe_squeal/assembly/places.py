@@ -1,0 +1,70 @@
+"""Where supports and springs act: the facets of a surface group, or the nodes of a set."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..fem.spaces import DisplacementSpace, Patch
+from ..mesh import LoadedMesh
+from ..mesh.groups import find_facets
+from ..mesh.node_sets import find_nodes
+from ..scene import Scene
+from ..schema.place import Kind
+
+Held = list[tuple[np.ndarray, str]]  # facets or nodes, and the components that are held there
+
+
+def held_places(scene: Scene, loaded: LoadedMesh) -> tuple[Held, Held]:
+    """Return what supports hold, by facets and by nodes of the mesh.
+
+    Raises
+    ------
+    MeshError
+    """
+    facets: Held = []
+    nodes: Held = []
+    for i, support in enumerate(scene.supports):
+        key = f"supports[{i}].{support.kind}"
+        if support.kind == "surface":
+            facets.append((find_facets(loaded, support.group, key), support.fixed))
+        else:
+            nodes.append((find_nodes(loaded, support.group, key).held, support.fixed))
+    return facets, nodes
+
+
+def find_patch(space: DisplacementSpace, loaded: LoadedMesh, kind: Kind, group: str, key: str) -> Patch:
+    """Return a surface group with its quadrature, or the nodes of a set.
+
+    Raises
+    ------
+    MeshError, SceneError
+    """
+    if kind == "surface":
+        return space.surface(find_facets(loaded, group, key))
+    return space.patch(space.nodes_at(find_nodes(loaded, group, key).nodes))
+
+
+def nodes_there(space: DisplacementSpace, loaded: LoadedMesh, kind: Kind, group: str, key: str = "") -> np.ndarray:
+    """Return the nodes of a surface group or of a node set, int.
+
+    Raises
+    ------
+    MeshError, SceneError
+    """
+    if kind == "surface":
+        return np.unique(space.nodes_of(find_facets(loaded, group, key)))
+    return space.nodes_at(find_nodes(loaded, group, key).nodes)
+
+
+def holding(scene: Scene) -> Iterator[tuple[str, Kind, str]]:
+    """Yield path, kind and name of each surface and node set on which supports and springs act."""
+    for i, support in enumerate(scene.supports):
+        yield f"supports[{i}]", support.kind, support.group
+    for key, table in scene.ties:
+        yield key, table.kind, table.group
+    for i, spring in enumerate(scene.springs):
+        for group in (spring.group, spring.to):
+            if group is not None:
+                yield f"springs[{i}]", spring.kind, group

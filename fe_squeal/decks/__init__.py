@@ -1,0 +1,1 @@
+"""Decks of other programs, and bare meshes, made into scenes."""

@@ -1,0 +1,1 @@
+"""Abaqus decks as scenes."""

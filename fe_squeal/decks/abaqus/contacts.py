@@ -1,0 +1,283 @@
+"""*Contact Pair, *Surface Interaction, *Friction, *Surface Behavior, *Tie and *Motion: contacts of the scene."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...errors import MeshError, suggest
+from ...mesh.measures import area_of
+from ...mesh.readers.abaqus.model import Statement
+from ..draft import Table, Value, plain_name
+from .content import Content, Interaction, Pair, fields, spoken
+from .holding import _number
+from .materials import clean
+
+_STIFF = {"contact": 10.0, "tie": 100.0}  # times E/h of the softer side: stiff beside an element of size h
+_MU_TO = 1.0  # how far a sweep that the deck does not ask for goes, times the deck's mu
+
+
+def read_interaction(content: Content, statement: Statement) -> None:
+    """Take *Surface Interaction: what follows belongs to it."""
+    name = statement.block.value("NAME")
+    content.interaction = content.interactions.setdefault(name.upper(), Interaction(name, content.where(statement)))
+
+
+def read_change_friction(content: Content, statement: Statement) -> None:
+    """Take *Change Friction: the *Friction that follows is of an interaction of before."""
+    name = statement.block.value("INTERACTION").upper()
+    content.interaction = content.interactions.get(name)
+
+
+def read_friction(content: Content, statement: Statement) -> None:
+    """Take *Friction: the coefficient of its first row; the last one in the deck counts."""
+    block, where, interaction = statement.block, content.where(statement), content.interaction
+    if interaction is None:
+        content.draft.find("*Friction", where, "belongs to no *Surface Interaction and is not taken over")
+        return
+    if "ROUGH" in block.parameters:
+        interaction.rough = True
+        return
+    if "USER" in block.parameters or "EXPONENTIAL DECAY" in block.parameters:
+        text = "its law is not read: give mu, and [effects.falling_friction] slope = dmu/dv at the sliding speed"
+        content.draft.find("*Friction", where, text)
+    row = content.first(block)
+    interaction.mu = float(row[0] or 0.0) if row else 0.0
+    if len(block.lines) > 1:
+        text = (
+            f"depends on slip rate, pressure or temperature; mu = {interaction.mu:g} of the first row is taken, and"
+            " [effects.falling_friction] slope gives dmu/dv"
+        )
+        content.draft.find("*Friction", where, text)
+
+
+def read_behaviour(content: Content, statement: Statement) -> None:
+    """Take *Surface Behavior: the slope of a linear pressure over overclosure."""
+    block, interaction = statement.block, content.interaction
+    if interaction is None:
+        content.draft.find("*Surface Behavior", content.where(statement), "belongs to no *Surface Interaction")
+        return
+    kind = block.value("PRESSURE-OVERCLOSURE").upper() or "HARD"
+    rows = [content.floats(block, line) for line in block.lines]
+    interaction.behaviour_where = content.where(statement)
+    if kind == "LINEAR" and rows and rows[0]:
+        interaction.stiffness = float(rows[0][0] or 0.0)
+    elif kind == "TIED" and rows and rows[0]:
+        interaction.stiffness, interaction.rough = float(rows[0][0] or 0.0), True
+    elif kind == "TABULAR" and len(rows) > 1:
+        points = [(float(r[1] or 0.0) if len(r) > 1 else 0.0, float(r[0] or 0.0)) for r in rows]
+        (h0, p0), (h1, p1) = points[-2:]
+        interaction.hint = (p1 - p0) / (h1 - h0) if h1 != h0 else None
+        interaction.behaviour = "a table of pressure over overclosure, steepest at its end"
+    else:
+        interaction.behaviour = {"HARD": "hard contact", "EXPONENTIAL": "exponential pressure over overclosure"}.get(
+            kind, f"PRESSURE-OVERCLOSURE={kind}"
+        )
+
+
+def read_pair(content: Content, statement: Statement) -> None:
+    """Take *Contact Pair or *Tie: one on each data line."""
+    block = statement.block
+    pairs = content.ties if block.keyword == "TIE" else content.pairs
+    for line in block.lines:
+        names = [part for part in fields(line) if part]
+        if len(names) < 2:
+            text = "self contact is not simulated" if names else "names no surfaces"
+            content.draft.find(f"*{spoken(block.keyword)}", content.where(statement), text, "missing")
+            continue
+        where = content.where(statement)
+        pairs.append(Pair(names[0], names[1], block.value("INTERACTION"), block.value("NAME"), where))
+
+
+def read_motion(content: Content, statement: Statement) -> None:
+    """Keep *Motion until all contacts are known."""
+    content.motions.append(statement)
+
+
+def write_contacts(content: Content) -> float | None:
+    """Write a contact for each pair and tie; return the friction coefficient that their ratios are of."""
+    coefficients = [i.mu for p in content.pairs if (i := content.interactions.get(p.interaction.upper())) and i.mu]
+    mu = max(coefficients, default=None)
+    moving = _moving(content)
+    taken: list[str] = []
+    for pair in content.pairs:
+        _write_pair(content, pair, mu, moving, taken)
+    for pair in content.ties:
+        names = _surfaces(content, pair)
+        if names is None:
+            continue
+        table = _named(content, pair, names, taken)
+        stiffness = clean(_suggested(content, names, "tie") * _area_unit(content))
+        table.values |= {"kind": "tied", "normal_stiffness": stiffness}
+        table.comments.append(
+            f"*Tie, {pair.where}: stiff springs of {_STIFF['tie']:g} E/h of the softer side; compare with ten times"
+            " as much"
+        )
+        content.draft.find("*Tie", pair.where, "is exact there, and here a tied contact of finite stiffness")
+    return mu
+
+
+def _write_pair(
+    content: Content, pair: Pair, mu: float | None, moving: list[tuple[set[str], dict[str, Value]]], taken: list[str]
+) -> None:
+    names = _surfaces(content, pair)
+    if names is None:
+        return
+    interaction = content.interactions.get(pair.interaction.upper())
+    if interaction is None:
+        raise MeshError(
+            f'{content.source}: {pair.where}: *Contact Pair is of interaction "{pair.interaction}", which the deck does'
+            " not define" + suggest(pair.interaction, [i.name for i in content.interactions.values()])
+        )
+    sliding = None
+    for surfaces, motion in moving:
+        sides = [name in surfaces for name in names]
+        if all(sides):
+            text = f"both sides of {names[0]} on {names[1]} move: nothing slides there"
+            content.draft.find("*Motion", pair.where, text)
+        elif any(sides):
+            sliding = motion
+            names = names if sides[1] else names[::-1]  # the counterface is what moves
+    table = _named(content, pair, names, taken)
+    table.comments.append(f"*Contact Pair, {pair.where}; interaction {interaction.name}")
+    unit = content.units
+    if interaction.stiffness:
+        table.values["normal_stiffness"] = clean(interaction.stiffness * unit.pressure / unit.length)
+    else:
+        value = clean(float(f"{_suggested(content, names, 'contact') * _area_unit(content):.2g}"))
+        more = ""
+        if interaction.hint:
+            more = f" (the end of the table has {interaction.hint * unit.pressure / unit.length:.3g})"
+        place = f" at {interaction.behaviour_where}" if interaction.behaviour_where else ""
+        table.open.append((
+            f"normal_stiffness = {value!r}",
+            f"*Surface Behavior{place}: {interaction.behaviour}; give normal_stiffness in N/m per m^2, e.g. 10 E/h ="
+            f" {value:.2g} of the softer side{more}, and see how onsets move with it",
+        ))  # fmt: skip
+    if interaction.rough:
+        table.values["kind"] = "tied"
+        content.draft.find("*Friction, ROUGH", interaction.where, "points that do not slip are taken as tied")
+    elif not interaction.mu:
+        table.values["kind"] = "frictionless"
+    elif sliding is not None:
+        table.values["sliding"] = sliding
+        if mu is not None and interaction.mu != mu:
+            table.values["friction_ratio"] = clean(interaction.mu / mu)
+    else:
+        table.open.append((
+            'sliding = { axis = [0.0, 0.0, 1.0], centre = [0.0, 0.0, 0.0], speed = 1.0 }',
+            "the deck has friction but no *Motion that says how the counterface moves: give it (rad/s about an axis, or"
+            ' direction and m/s); if nothing slides in this contact, write kind = "tied" instead',
+        ))  # fmt: skip
+
+
+def _surfaces(content: Content, pair: Pair) -> list[str] | None:
+    known, found = content.loaded.mesh.boundaries or {}, []
+    for text in (pair.first, pair.second):
+        names = content.group(known, (text, ""))
+        if len(names) != 1:
+            reason = next((why for n, why in content.loaded.unusable.items() if n.casefold() == text.casefold()), "")
+            content.draft.find(
+                "*Contact Pair / *Tie", pair.where,
+                f'its surface "{text}" is no surface of solid elements here{f": {reason}" if reason else ""}; the two'
+                " parts are not connected without it", "missing",
+            )  # fmt: skip
+            return None
+        found += names
+    return found
+
+
+def _named(content: Content, pair: Pair, names: list[str], taken: list[str]) -> Table:
+    name = plain_name(pair.name or f"{names[0]}_on_{names[1]}", taken)
+    taken.append(name)
+    values: dict[str, Value] = {"name": name, "surface": names[0], "counterface": names[1]}
+    return content.draft.add("contacts", is_entry=True, values=values)
+
+
+def _area_unit(content: Content) -> float:
+    return content.units.pressure / content.units.length
+
+
+def _suggested(content: Content, names: list[str], what: str) -> float:
+    """Return a stiffness per area, in the deck's units, that is high beside that of the softer side's elements."""
+    mesh, found = content.loaded.mesh, []
+    for name in names:
+        facets = np.asarray((mesh.boundaries or {})[name])
+        size = np.sqrt(area_of(mesh, facets)[0] / len(facets))
+        moduli = _moduli(content, mesh.f2t[0, facets])
+        found.append(min(moduli, default=0.0) / size)
+    soft = min((x for x in found if x > 0), default=0.0)
+    return clean(float(f"{_STIFF[what] * soft:.6g}")) or 1.0
+
+
+def _moduli(content: Content, elements: np.ndarray) -> list[float]:
+    groups, found = content.loaded.mesh.subdomains or {}, []
+    for section in content.sections:
+        substance = content.substances.get(section.block.value("MATERIAL").upper())
+        for group in content.group(groups, (section.block.value("ELSET"), section.scope)):
+            if substance is not None and substance.elastic and np.isin(groups[group], elements).any():
+                found.append(min(substance.elastic["youngs_modulus"]))
+    return found
+
+
+def _moving(content: Content) -> list[tuple[set[str], dict[str, Value]]]:
+    """Return the surfaces that each *Motion moves, and its `sliding` for the scene."""
+    mesh, units = content.loaded.mesh, content.units
+    found: list[tuple[set[str], dict[str, Value]]] = []
+    for statement in content.motions:
+        block, where = statement.block, content.where(statement)
+        lines: dict[str, list[list[float]]] = {}
+        for line in block.lines:
+            parts = fields(line)
+            numbers = [_number(content, statement, p) if p else 0.0 for p in parts[1:]]
+            lines.setdefault(parts[0], []).append(numbers)
+        for text, rows in lines.items():
+            nodes = content.rows((text, statement.scope))
+            moved = np.zeros(len(content.raw.points), bool)
+            moved[nodes] = True
+            columns = _columns(content, moved)
+            surfaces = {
+                name for name, facets in (mesh.boundaries or {}).items()
+                if columns[mesh.facets[:, np.asarray(facets)]].mean() > 0.5
+            }  # fmt: skip
+            sliding: dict[str, Value] = {}
+            if "ROTATION" in block.parameters:
+                values = rows[0] + [0.0] * 7
+                a, b = np.array(values[1:4]), np.array(values[4:7])
+                if not values[0] or not np.linalg.norm(b - a) > 0:
+                    content.draft.find("*Motion", where, "turns about no axis, or not at all")
+                    continue
+                sliding["axis"] = [clean(round(float(x), 15)) + 0.0 for x in (b - a) / np.linalg.norm(b - a)]
+                if np.any(a):
+                    sliding["centre"] = [clean(float(x) * units.length) for x in a]
+                sliding["speed"] = clean(values[0] / units.time)
+            else:
+                velocity = np.zeros(3)
+                for row in rows:
+                    first, last = int(row[0]) if row else 0, int(row[1] or row[0]) if len(row) > 1 else 0
+                    if not (1 <= first <= last <= 3 and len(row) > 2):
+                        raise MeshError(
+                            f"{content.source}: {block.where}: *Motion takes a node set, a first and a last component"
+                            " of 1 to 3, and a velocity"
+                        )
+                    velocity[first - 1 : last] = row[2]
+                size = float(np.linalg.norm(velocity))
+                if not size:
+                    content.draft.find("*Motion", where, "has no velocity")
+                    continue
+                sliding["direction"] = [clean(float(x) / size) + 0.0 for x in velocity]
+                sliding["speed"] = clean(size * units.speed)
+            found.append((surfaces, sliding))
+    return found
+
+
+def _columns(content: Content, rows: np.ndarray) -> np.ndarray:
+    """Return for nodes of the mesh whether their rows of the raw mesh are marked."""
+    marked = np.zeros(content.loaded.mesh.doflocs.shape[1], bool)
+    prefixes = dict((prefix, first) for first, prefix in content.raw.node_prefixes[::-1])
+    for prefix, (labels, columns) in content.loaded.node_numbers.items():
+        start = prefixes[prefix]
+        ends = [first for first, _ in content.raw.node_prefixes if first > start] + [len(content.raw.points)]
+        own = content.raw.node_labels[start : ends[0]]
+        order = np.argsort(own, kind="stable")
+        marked[columns] = rows[start + order[np.searchsorted(own, labels, sorter=order)]]
+    return marked

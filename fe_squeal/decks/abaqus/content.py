@@ -1,0 +1,247 @@
+"""What an Abaqus deck says of physics, statement by statement, before it becomes tables of a scene."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ...errors import MeshError
+from ...mesh import LoadedMesh
+from ...mesh.raw import RawMesh
+from ...mesh.readers.abaqus.model import Model, Statement
+from ...mesh.readers.abaqus.sets import Assembly
+from ...mesh.readers.abaqus.text import Block, unquoted
+from ..draft import Draft, Value
+from ..units import SI, Units
+
+Reference = tuple[str, str]  # a name or number as the deck writes it, and the scope that it stands in
+_SHORT_EXPONENT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))([+-]\d+)")
+
+
+@dataclass
+class Substance:
+    """One *Material: numbers in the deck's units."""
+
+    name: str
+    where: str
+    elastic: dict[str, list[float]] = field(default_factory=dict)  # youngs_modulus, poisson_ratio, shear_modulus
+    density: float | None = None
+    alpha: float = 0.0
+    beta: float = 0.0
+    structural: float = 0.0
+
+
+@dataclass
+class Interaction:
+    """One *Surface Interaction: its friction and its pressure over overclosure."""
+
+    name: str
+    where: str
+    mu: float | None = None
+    rough: bool = False
+    stiffness: float | None = None
+    behaviour: str = "hard contact"
+    behaviour_where: str = ""
+    hint: float | None = None  # a stiffness of the same dimension that the deck speaks of
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One contact pair or tie: its surfaces as the deck writes them."""
+
+    first: str
+    second: str
+    interaction: str
+    name: str
+    where: str
+
+
+@dataclass
+class Procedure:
+    """What the last frequency step asks for."""
+
+    modes: int | None = None
+    highest: float | None = None
+    damping: bool = False
+    evaluated_at: float | None = None
+    is_complex: bool = False
+    where: str = ""
+
+
+@dataclass
+class TieData:
+    """A reference node with what is tied to it.
+
+    Attributes
+    ----------
+    rigid : bool
+    reference : Reference
+        The node.
+    members : list of Reference
+        Surfaces or node sets.
+    springs : list of dict
+        Between the reference and the ground, as the scene has them.
+    """
+
+    name: str
+    where: str
+    rigid: bool
+    reference: Reference
+    members: list[Reference]
+    springs: list[dict[str, Value]] = field(default_factory=list)
+
+
+@dataclass
+class Content:
+    """The deck with its mesh, what was read so far, and the draft that it becomes."""
+
+    source: str
+    model: Model
+    raw: RawMesh
+    assembly: Assembly
+    loaded: LoadedMesh  # in the deck's own unit of length
+    draft: Draft
+    units: Units = SI
+    substances: dict[str, Substance] = field(default_factory=dict)
+    sections: list[Statement] = field(default_factory=list)
+    orientations: dict[str, Statement] = field(default_factory=dict)
+    held: dict[Reference, dict[int, str]] = field(default_factory=dict)  # freedoms 1 to 6, where each is held
+    springs: list[Statement] = field(default_factory=list)
+    interactions: dict[str, Interaction] = field(default_factory=dict)
+    pairs: list[Pair] = field(default_factory=list)
+    ties: list[Pair] = field(default_factory=list)
+    motions: list[Statement] = field(default_factory=list)
+    pressures: dict[Reference, tuple[float, str]] = field(default_factory=dict)
+    forces: dict[tuple[Reference, int], tuple[float, str]] = field(default_factory=dict)
+    ties_to_points: list[TieData] = field(default_factory=list)
+    masses: list[Statement] = field(default_factory=list)
+    procedure: Procedure = field(default_factory=Procedure)
+    substance: Substance | None = None  # what suboptions of a material belong to
+    interaction: Interaction | None = None
+    perturbation: bool = False
+    large_displacements: bool = False
+    _rows: dict[Reference, np.ndarray] = field(default_factory=dict)
+
+    def floats(self, block: Block, line: str) -> list[float | None]:
+        """Return the numbers of a data line, None where a field is blank.
+
+        Raises
+        ------
+        MeshError
+        """
+        found: list[float | None] = []
+        for part in line.split(","):
+            text = part.strip()
+            try:
+                found.append(real(text) if text else None)
+            except ValueError:
+                raise MeshError(
+                    f'{self.source}: {block.where}: "{block.shown(text)}" in a data line of *{spoken(block.keyword)} is'
+                    " not a number"
+                ) from None
+        while found and found[-1] is None:
+            found.pop()
+        return found
+
+    def first(self, block: Block) -> list[float | None]:
+        """Return the numbers of the first data line, none where there is no data."""
+        return self.floats(block, block.lines[0]) if block.lines else []
+
+    def homes(self, scope: str) -> list[str]:
+        """Return what may stand in front of a name that is used in a scope: nothing, or each of its instances."""
+        if not scope:
+            return [""]
+        placed = self.assembly.instances
+        return [f"{p.name}." for key, p in placed.items() if scope in (key, p.part)] or [""]
+
+    def rows(self, reference: Reference) -> np.ndarray:
+        """Return the nodes that a reference means, rows of the raw mesh.
+
+        Raises
+        ------
+        MeshError
+            There is none.
+        """
+        if reference not in self._rows:
+            text, scope = reference
+            user = f'"{text}"'
+            found = [self.assembly.find("NSET", self.assembly.own, f"{home}{text}", user) for home in self.homes(scope)]
+            self._rows[reference] = np.unique(np.concatenate(found))
+        return self._rows[reference]
+
+    def group(self, known: Iterable[str], reference: Reference) -> list[str]:
+        """Return the names that a set or surface has among groups of the mesh, none where it has none."""
+        text, scope = reference
+        found = []
+        for home in self.homes(scope):
+            wanted = f"{home}{text}".casefold()
+            same = [name for name in known if name.casefold() == wanted]
+            if not same and home:
+                same = [name for name in known if name.casefold() == text.casefold()]
+            found += same[:1]
+        return list(dict.fromkeys(found))
+
+    def nodes_name(self, reference: Reference) -> str:
+        """Return how the scene names the nodes of a reference that solids have, "" if there are none."""
+        known = self.group(self.loaded.node_groups, reference)
+        if known:
+            return ", ".join(known)
+        return ", ".join(self.raw.node_name(int(row)) for row in self.rows(reference) if self.on_solids[row])
+
+    @cached_property
+    def on_solids(self) -> np.ndarray:
+        """(rows,) bool: nodes of the raw mesh that solid elements have."""
+        used = np.zeros(len(self.raw.points), bool)
+        for block in self.raw.blocks:
+            used[block.nodes[block.nodes >= 0]] = True
+        return used
+
+    def where(self, statement: Statement) -> str:
+        """Return where a statement stands, "line 12" in the deck itself."""
+        return short(statement.block.where, self.source)
+
+
+def real(text: str) -> float:
+    """Return a number as decks write it: exponents with D, or without a letter.
+
+    Raises
+    ------
+    ValueError
+        It is none, or not finite.
+
+    Examples
+    --------
+    >>> real("2.1E5"), real("7.8-9"), real("1.d3")
+    (210000.0, 7.8e-09, 1000.0)
+    """
+    found = _SHORT_EXPONENT.fullmatch(text)
+    value = float(f"{found[1]}e{found[2]}" if found else text.upper().replace("D", "E"))
+    if not math.isfinite(value) or "_" in text:
+        raise ValueError(text)
+    return value
+
+
+def fields(line: str) -> list[str]:
+    """Return all fields of a data line, blank ones too."""
+    return [unquoted(part) for part in line.split(",")]
+
+
+def short(where: str, source: str) -> str:
+    """Return a place in the deck itself without the deck's name."""
+    return where.removeprefix(f"{source} ")
+
+
+def spoken(keyword: str) -> str:
+    """Return a keyword as manuals write it.
+
+    Examples
+    --------
+    >>> spoken("SURFACE BEHAVIOR")
+    'Surface Behavior'
+    """
+    return keyword.title()

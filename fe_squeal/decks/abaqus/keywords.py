@@ -1,0 +1,142 @@
+"""What each keyword of an Abaqus deck becomes; of those that are not taken over, what leaving them out means."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ...mesh.readers.abaqus.model import Statement
+from ..draft import Weight
+from .contacts import (
+    read_behaviour,
+    read_change_friction,
+    read_friction,
+    read_interaction,
+    read_motion,
+    read_pair,
+)
+from .content import Content
+from .holding import read_boundary, read_spring
+from .materials import SUBOPTIONS, read_material, read_suboption
+from .steps import end_step, read_force, read_frequency, read_step, read_surface_load
+from .ties import read_coupling, read_kind, read_mass, read_mpc, read_old_coupling, read_rigid_body
+
+
+def _keep(name: str) -> Callable[[Content, Statement], None]:
+    def read(content: Content, statement: Statement) -> None:
+        getattr(content, name).append(statement)
+
+    return read
+
+
+def _orientation(content: Content, statement: Statement) -> None:
+    content.orientations[statement.block.value("NAME").upper()] = statement
+
+
+HANDLERS: dict[str, Callable[[Content, Statement], None]] = {
+    "MATERIAL": read_material, **dict.fromkeys(SUBOPTIONS, read_suboption),
+    "SOLID SECTION": _keep("sections"), "ORIENTATION": _orientation,
+    "BOUNDARY": read_boundary, "SPRING": read_spring, "DASHPOT": read_spring,
+    "SURFACE INTERACTION": read_interaction, "CHANGE FRICTION": read_change_friction, "FRICTION": read_friction,
+    "SURFACE BEHAVIOR": read_behaviour, "CONTACT PAIR": read_pair, "TIE": read_pair, "MOTION": read_motion,
+    "STEP": read_step, "END STEP": end_step, "DSLOAD": read_surface_load, "CLOAD": read_force,
+    "COUPLING": read_coupling, "KINEMATIC": read_kind, "DISTRIBUTING": read_kind, "MPC": read_mpc,
+    "KINEMATIC COUPLING": read_old_coupling, "DISTRIBUTING COUPLING": read_old_coupling, "RIGID BODY": read_rigid_body,
+    "MASS": read_mass, "ROTARY INERTIA": read_mass,
+    "FREQUENCY": read_frequency, "COMPLEX FREQUENCY": read_frequency,
+}  # fmt: skip
+
+# What each of them becomes, for docs/decks.md.
+BECOMES: dict[str, str] = {
+    "*Material": "`[materials.NAME]`, where a section uses it",
+    "*Elastic": "isotropic, `ENGINEERING CONSTANTS` and `ORTHOTROPIC`: `youngs_modulus`, `poisson_ratio`,"
+    " `shear_modulus`; of rows by temperature the first",
+    "*Density": "`density`", "*Damping": "`ALPHA`, `BETA`: `rayleigh` of the bodies; `STRUCTURAL`: `loss_factor` and"
+    " `[effects.structural_damping]`",
+    "*Solid Section": "`[bodies.NAME]`, one for each instance",
+    "*Orientation": "rectangular, by coordinates: `axes` of bodies of orthotropic materials, turned with their"
+    " instance, and directions of springs",
+    "*Boundary": "`[[supports]]`: ranges of freedoms, `ENCASTRE`, `PINNED`, symmetries; node sets and single nodes, in"
+    " assembly, instance and part; `OP=NEW` lets go",
+    "*Spring, *Dashpot": "`[[springs]]` of SPRING1, SPRING2, SPRINGA and DASHPOT1, 2, A; between a solid and a node"
+    " that is held: to ground",
+    "*Contact Pair": "`[[contacts]]`; the side that `*Motion` moves is the counterface, whichever is slave",
+    "*Surface Interaction": "for its pairs",
+    "*Friction": "`mu` of the first row; the largest is `[effects.friction] mu`, others are `friction_ratio`;"
+    " `ROUGH`: tied",
+    "*Change Friction": "the last `*Friction` counts",
+    "*Surface Behavior": "`PRESSURE-OVERCLOSURE=LINEAR`: `normal_stiffness`; of other kinds it is asked for, with a"
+    " suggestion",
+    "*Tie": "a contact of `kind = \"tied\"` with 100 E/h of the softer side",
+    "*Coupling, *Kinematic, *Kinematic Coupling": "`[[rigid]]`, with what acts on the reference node: `*Boundary`,"
+    " springs, `*Mass`, `*Rotary Inertia`",
+    "*Distributing, *Distributing Coupling": "`[[averaged]]`, all of the surface or all nodes with the same weight",
+    "*Rigid Body": "`[[rigid]]` of a node set", "*MPC": "of type BEAM: `[[rigid]]`",
+    "*Mass, *Rotary Inertia": "`mass` and `inertia` at reference nodes; elsewhere left out, and told",
+    "*Motion": "`sliding`: `ROTATION` about an axis, or a velocity",
+    "*Dsload": "`[effects.preload] pressures`, as they are at the end of the steps before the frequencies",
+    "*Cload": "a pressure of the same sum, where it acts on all nodes of a face and along its normal; else left out",
+    "*Frequency, *Complex Frequency": "`[solve] modes` or `max_frequency`; `FRICTION DAMPING=YES`:"
+    " `[effects.friction_damping]`; `PROPERTY EVALUATION`: `reference_frequency_hz`",
+    "*Step": "`PERTURBATION`: its loads are no preload; `NLGEOM` with a preload: a note",
+    "*Parameter": "numbers and arithmetic, put in where `<name>` stands", "*Include": "within the deck's folder",
+}  # fmt: skip
+
+_APART = "ties parts together or to reference nodes and is not read: without it the structure is another one"
+_SHELLS = "is for elements that are no solids; they are left out, with their stiffness and mass"
+_LOAD = "is a load that is not simulated: the static state has only what [effects.preload] says"
+_TIES = ("EQUATION", "EMBEDDED ELEMENT", "FASTENER", "SHELL TO SOLID COUPLING")
+_NO_SOLIDS = ("SHELL SECTION", "SHELL GENERAL SECTION", "BEAM SECTION", "BEAM GENERAL SECTION", "MEMBRANE SECTION",
+              "CONNECTOR SECTION", "CONNECTOR BEHAVIOR", "CONNECTOR ELASTICITY", "CONNECTOR DAMPING", "GASKET SECTION",
+              "COHESIVE SECTION", "SURFACE SECTION")  # fmt: skip
+_LOADS = ("DLOAD", "TEMPERATURE", "FIELD", "BASE MOTION", "INERTIA RELIEF", "PRE-TENSION SECTION", "CLEARANCE",
+          "FIXED INTERFERENCE", "CONTACT INTERFERENCE")  # fmt: skip
+# What is left out, and what that means.
+LEFT_OUT: dict[str, tuple[str, Weight]] = {
+    **dict.fromkeys(_TIES, (_APART, "missing")), **dict.fromkeys(_NO_SOLIDS, (_SHELLS, "changes")),
+    "NONSTRUCTURAL MASS": ("adds inertia that is left out: frequencies come out too high", "changes"),
+    **dict.fromkeys(_LOADS, (_LOAD, "changes")),
+    "INITIAL CONDITIONS": ("temperatures, stresses and velocities at the start are not simulated", "changes"),
+    "TRANSFORM": ("supports and loads in turned axes are read as if along x, y and z; check [[supports]]", "missing"),
+    "CONTACT": ("general contact names no pairs; give [[contacts]] with surface and counterface", "missing"),
+    "CONTACT INCLUSIONS": ("general contact names no pairs; give [[contacts]] with surface and counterface", "missing"),
+    "CONTACT DAMPING": ("give normal_damping in [[contacts]], N s/m per m^2", "changes"),
+    "CYCLIC SYMMETRY MODEL": ("a sector does not stand for the whole here; mesh the whole", "missing"),
+    "SUBSTRUCTURE PATH": ("substructures are not read", "missing"),
+    "MODEL CHANGE": ("parts and contacts that are taken out later are simulated throughout", "changes"),
+    "MODAL DAMPING": ("modal damping has no equivalent; give Rayleigh or structural damping", "changes"),
+    "GLOBAL DAMPING": ("give [effects.rayleigh] or [effects.structural_damping]", "changes"),
+    "HOURGLASS STIFFNESS": ("elements are integrated in full and need none", "harmless"),
+    "SECTION CONTROLS": ("elements are integrated in full and need none", "harmless"),
+}  # fmt: skip
+_OTHER_STEPS = {
+    "DYNAMIC", "STEADY STATE DYNAMICS", "MODAL DYNAMIC", "BUCKLE", "HEAT TRANSFER", "COUPLED TEMPERATURE-DISPLACEMENT",
+    "VISCO", "STEADY STATE TRANSPORT", "RANDOM RESPONSE", "RESPONSE SPECTRUM",
+}  # fmt: skip
+# What leaves the answer as it is.
+SILENT = {
+    "HEADING", "PREPRINT", "RESTART", "OUTPUT", "NODE OUTPUT", "ELEMENT OUTPUT", "CONTACT OUTPUT", "ENERGY OUTPUT",
+    "NODE PRINT", "NODE FILE", "EL PRINT", "EL FILE", "CONTACT PRINT", "CONTACT FILE", "MODAL FILE", "MODAL OUTPUT",
+    "MONITOR", "PRINT", "FILE FORMAT", "FILE OUTPUT", "STATIC", "CONTROLS", "CONTACT CONTROLS", "SOLVER CONTROLS",
+    "AMPLITUDE", "TIME POINTS", "PHYSICAL CONSTANTS", "DISTRIBUTION", "DISTRIBUTION TABLE", "NODAL THICKNESS",
+    "NORMAL", "SELECT EIGENMODES", "SURFACE PROPERTY ASSIGNMENT", "CONTACT INITIALIZATION ASSIGNMENT",
+    "CONTACT INITIALIZATION DATA", "INCLUDE", "SYSTEM", "SUPER ELEMENT", "DIAGNOSTICS",
+    "SELECT CYCLIC SYMMETRY MODES", "VARIABLE", "ELEMENT MATRIX OUTPUT", "RADIAL",
+}  # fmt: skip
+
+
+def read_statement(content: Content, statement: Statement) -> None:
+    """Take a statement over, or note what leaving it out means."""
+    word = statement.block.keyword
+    if word not in SUBOPTIONS:
+        content.substance = None
+    if word in HANDLERS:
+        HANDLERS[word](content, statement)
+        return
+    what, where = f"*{word.title()}", content.where(statement)
+    if word in LEFT_OUT:
+        text, weight = LEFT_OUT[word]
+        content.draft.find(what, where, text, weight)
+    elif word in _OTHER_STEPS:
+        content.draft.find(what, where, "steps of other kinds than statics and frequencies are not simulated")
+    elif word not in SILENT:
+        content.draft.find(what, where, "is not known here and is left out")

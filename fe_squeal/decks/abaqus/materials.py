@@ -1,0 +1,291 @@
+"""*Material with *Elastic, *Density and *Damping; *Solid Section and *Orientation: materials and bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...errors import MeshError
+from ...mesh.readers.abaqus.assembly import moved
+from ...mesh.readers.abaqus.model import Statement
+from ..draft import Value, plain_name
+from ..units import SI, recognise
+from .content import Content, Substance, real, spoken
+
+# What else stands under a material, and what it would mean.
+_OTHERS = {
+    "PLASTIC": "yielding is not simulated: vibrations are small and elastic about the static state",
+    "EXPANSION": "no temperatures are simulated, so that nothing expands",
+    "HYPERELASTIC": "only linear elasticity is simulated; give the moduli at the working point in [materials]",
+    "HYPERFOAM": "only linear elasticity is simulated; give the moduli at the working point in [materials]",
+    "VISCOELASTIC": "moduli do not depend on frequency; loss_factor and [effects.structural_damping] give losses",
+}
+SUBOPTIONS = {
+    "ELASTIC", "DENSITY", "DAMPING", "CONDUCTIVITY", "SPECIFIC HEAT", "DEPVAR", "USER MATERIAL", "CREEP",
+    "CYCLIC HARDENING",     "DAMAGE INITIATION", "DAMAGE EVOLUTION", "NO COMPRESSION", "NO TENSION", *_OTHERS,
+}  # fmt: skip
+
+
+def read_material(content: Content, statement: Statement) -> None:
+    """Take *Material: what follows belongs to it."""
+    name = statement.block.value("NAME")
+    content.substance = content.substances.setdefault(name.upper(), Substance(name, content.where(statement)))
+
+
+def read_suboption(content: Content, statement: Statement) -> None:
+    """Take a keyword under *Material."""
+    block, substance = statement.block, content.substance
+    if substance is None:
+        what = f"*{spoken(block.keyword)}"
+        content.draft.find(what, content.where(statement), "stands under no *Material and is not taken over")
+    elif block.keyword == "ELASTIC":
+        _read_elastic(content, statement, substance)
+    elif block.keyword == "DENSITY":
+        values = content.first(block)
+        substance.density = values[0] if values else None
+        _only_first(content, statement, "density")
+    elif block.keyword == "DAMPING":
+        for key in ("alpha", "beta", "structural"):
+            text = block.value(key.upper())
+            if text and key.upper() in block.parameters:
+                setattr(substance, key, _parameter(content, statement, text))
+        if "COMPOSITE" in block.parameters:
+            text = "a share of critical damping for modal analysis; it has no equivalent"
+            content.draft.find("*Damping, COMPOSITE", content.where(statement), text)
+    else:
+        text = _OTHERS.get(block.keyword, "has no equivalent in a linear vibration and is not taken over")
+        content.draft.find(f"*{spoken(block.keyword)}", content.where(statement), text)
+
+
+def _parameter(content: Content, statement: Statement, text: str) -> float:
+    try:
+        return real(text)
+    except ValueError:
+        raise MeshError(
+            f'{content.source}: {statement.block.where}: "{statement.block.shown(text)}" behind a parameter of'
+            f" *{spoken(statement.block.keyword)} is not a number"
+        ) from None
+
+
+def _only_first(content: Content, statement: Statement, what: str, lines: int = 1) -> None:
+    if len(statement.block.lines) > lines:
+        content.draft.find(
+            f"*{spoken(statement.block.keyword)}", content.where(statement),
+            f"the {what} depends on temperature or other fields; the first row is taken",
+        )  # fmt: skip
+
+
+def _read_elastic(content: Content, statement: Statement, substance: Substance) -> None:
+    block = statement.block
+    kind = block.value("TYPE").upper() or "ISOTROPIC"
+    values = [v or 0.0 for line in block.lines for v in _padded(content.floats(block, line), kind)]
+    if kind.startswith("ISO") and len(values) >= 2:
+        substance.elastic = {"youngs_modulus": [values[0]], "poisson_ratio": [values[1]]}
+        _only_first(content, statement, "stiffness")
+        return
+    if kind == "ENGINEERING CONSTANTS" and len(values) >= 9:
+        e, (nu12, nu13, nu23), (g12, g13, g23) = values[:3], values[3:6], values[6:9]
+        substance.elastic = {"youngs_modulus": e, "poisson_ratio": [nu23, nu13, nu12], "shear_modulus": [g23, g13, g12]}
+        _only_first(content, statement, "stiffness", 2)
+        return
+    if kind.startswith("ORTHO") and len(values) >= 9:
+        d11, d12, d22, d13, d23, d33, g12, g13, g23 = values[:9]
+        D = np.array([[d11, d12, d13], [d12, d22, d23], [d13, d23, d33]])
+        try:
+            S = np.linalg.inv(D)
+        except np.linalg.LinAlgError:
+            raise MeshError(f"{content.source}: {block.where}: this *Elastic has a singular stiffness") from None
+        substance.elastic = {
+            "youngs_modulus": [float(1 / S[i, i]) for i in range(3)],
+            "poisson_ratio": [float(-S[i, j] / S[i, i]) for i, j in ((1, 2), (0, 2), (0, 1))],
+            "shear_modulus": [g23, g13, g12],
+        }
+        _only_first(content, statement, "stiffness", 2)
+        return
+    content.draft.find(
+        f"*Elastic, TYPE={kind}", content.where(statement),
+        f"is not read; give youngs_modulus and poisson_ratio in [materials.{plain_name(substance.name)}]", "missing",
+    )  # fmt: skip
+
+
+def _padded(values: list[float | None], kind: str) -> list[float | None]:
+    """Fill a row of nine constants up to its eight fields, of which the last may be blank."""
+    return values if kind.startswith("ISO") else values + [None] * (-len(values) % 8 if len(values) > 1 else 0)
+
+
+def find_units(content: Content) -> None:
+    """Recognise the units of the deck, and say so."""
+    numbers = [
+        (s.elastic["youngs_modulus"][0], s.density)
+        for s in content.substances.values()
+        if s.elastic and s.density and s.elastic["youngs_modulus"][0] > 0 and s.density > 0
+    ]
+    size = float(np.ptp(content.loaded.mesh.p, axis=1).max())
+    units, others = recognise(numbers, size)
+    draft = content.draft
+    if units is None:
+        draft.units = "any"
+        draft.head.append(
+            "Units: no usual system makes a brake's material and size of this deck's numbers; they are left as they"
+            ' are, with units = "any".'
+        )
+        return
+    content.units = units
+    modulus, density = numbers[0]
+    rho, speed = density * units.density, np.sqrt(modulus / density) * units.speed
+    draft.head.append(
+        f"Units: the deck's numbers are taken as {units.name}: {density:g} is {rho:.4g} kg/m^3, and sound runs at"
+        f" {speed:.0f} m/s." + (" They are turned into SI here." if units is not SI else "")
+        + (f" (They could also be {' or '.join(u.name for u in others)}.)" if others else "")
+    )  # fmt: skip
+
+
+def write_materials(content: Content) -> None:
+    """Write the materials that sections use, in SI units."""
+    used = {s.block.value("MATERIAL").upper() for s in content.sections}
+    units = content.units
+    for key, substance in content.substances.items():
+        if key not in used:
+            text = f"material {substance.name} is of no section"
+            content.draft.find("*Material", substance.where, text, "harmless")
+            continue
+        values: dict[str, Value] = {}
+        table = content.draft.add("materials", material_name(content, key))
+        for name, numbers in substance.elastic.items():
+            factor = 1.0 if name == "poisson_ratio" else units.pressure
+            scaled = [clean(v * factor) for v in numbers]
+            values[name] = scaled if len(scaled) > 1 else scaled[0]
+        if substance.density is not None:
+            values["density"] = clean(substance.density * units.density)
+        if substance.structural:
+            values["loss_factor"] = substance.structural
+        table.values = values
+        table.comments.append(f"*Material {substance.name}, {substance.where}")
+        if not substance.elastic:
+            table.open += [("youngs_modulus = 2.1e11", "the deck has no linear elasticity for this material, Pa"),
+                           ("poisson_ratio = 0.3", "and no Poisson's ratio")]  # fmt: skip
+        if substance.density is None:
+            table.open.append(("density = 7800.0", "the deck has no density for this material, kg/m^3"))
+
+
+def clean(value: float) -> float:
+    """Return a number without the rounding of a change of units: 15 digits."""
+    return float(f"{value:.15g}")
+
+
+def material_name(content: Content, key: str) -> str:
+    """Return the scene's name of a material of the deck."""
+    names: dict[str, str] = {}
+    for other, substance in content.substances.items():
+        names[other] = plain_name(substance.name, names.values())
+    return names[key]
+
+
+def write_bodies(content: Content) -> None:
+    """Write a body for each section and instance, or one for each instance that a section fills."""
+    taken: list[str] = []
+    groups = content.loaded.mesh.subdomains or {}
+    covered = np.zeros(content.loaded.mesh.nelements, bool)
+    for section in content.sections:
+        block = section.block
+        key = block.value("MATERIAL").upper()
+        names = content.group(groups, (block.value("ELSET"), section.scope))
+        if not names:
+            text = f'its element set "{block.value("ELSET")}" has no solid elements'
+            content.draft.find("*Solid Section", content.where(section), text, "harmless")
+            continue
+        if key not in content.substances:
+            raise MeshError(
+                f'{content.source}: {block.where}: *Solid Section is of material "{block.value("MATERIAL")}", which the'
+                " deck does not define"
+            )
+        for group in names:
+            elements = np.asarray(groups[group])
+            again = covered[elements]
+            if again.all():
+                text = f'elements of "{group}" have a section already; the first one counts'
+                content.draft.find("*Solid Section", content.where(section), text)
+                continue
+            if again.any():
+                raise MeshError(
+                    f'{content.source}: {block.where}: *Solid Section: {int(again.sum())} elements of "{group}" have'
+                    " another section as well; expected one each"
+                )
+            covered[elements] = True
+            owner = next((n for n, e in groups.items() if f"{n}." == group[: len(n) + 1]
+                          and n in _instances(content) and len(e) == len(elements)), group)  # fmt: skip
+            name = plain_name(owner, taken)
+            taken.append(name)
+            values: dict[str, Value] = {"material": material_name(content, key)}
+            if name != group:
+                values["groups"] = [group]
+            substance = content.substances[key]
+            axes = _axes(content, section, group, substance)
+            if axes is not None:
+                values["axes"] = axes
+            if substance.alpha or substance.beta:
+                alpha, beta = substance.alpha / content.units.time, substance.beta * content.units.time
+                values["rayleigh"] = {"alpha": clean(alpha), "beta": clean(beta)}
+            table = content.draft.add("bodies", name, values=values)
+            table.comments.append(f"*Solid Section, {content.where(section)}")
+    bare = np.flatnonzero(~covered)
+    if len(bare):
+        inside = [n for n, e in groups.items() if not covered[np.asarray(e)].any()]
+        labels = ", ".join(map(str, content.loaded.element_labels[bare[:3]]))
+        hint = f'; give [bodies.{plain_name(inside[0])}] with groups = ["{inside[0]}"] and a material' if inside else ""
+        text = f"{len(bare)} solid elements ({labels}, ...) have none{hint}"
+        content.draft.find("*Solid Section", "", text, "missing")
+
+
+def _instances(content: Content) -> set[str]:
+    return {p.name for p in content.assembly.instances.values()}
+
+
+def _axes(content: Content, section: Statement, group: str, substance: Substance) -> Value | None:
+    """Return the material axes 1 and 2 of a section, None where the material has none or they are the global ones."""
+    name = section.block.value("ORIENTATION").upper()
+    if "shear_modulus" not in substance.elastic:
+        return None
+    axes = np.eye(3)
+    if name:
+        if name not in content.orientations:
+            raise MeshError(f'{content.source}: {section.block.where}: no *Orientation "{name}" in the deck')
+        found = local_axes(content, content.orientations[name])
+        if found is None:
+            return None
+        axes = found
+    for instance in content.model.instances.values():
+        if group == instance.name or group.startswith(f"{instance.name}."):
+            axes = moved(axes, instance.place) - moved(np.zeros((1, 3)), instance.place)
+    if np.allclose(axes, np.eye(3), atol=1e-14):
+        return None
+    return [[clean(round(float(x), 15)) + 0.0 for x in axis] for axis in axes[:2]]
+
+
+def local_axes(content: Content, statement: Statement) -> np.ndarray | None:
+    """Return the axes (3, 3), a row each, of an *Orientation; None, and a finding, of one that is not read."""
+    block = statement.block
+    system = block.value("SYSTEM").upper() or "RECTANGULAR"
+    how = block.value("DEFINITION").upper() or "COORDINATES"
+    values = [v or 0.0 for v in content.first(block)] + [0.0] * 9
+    a, b, c = np.array(values[:3]), np.array(values[3:6]), np.array(values[6:9])
+    x, y = a - c, b - c
+    z = np.cross(x, y)
+    flat = np.linalg.norm(z) <= 1e-12 * np.linalg.norm(x) * np.linalg.norm(y)
+    if system not in ("RECTANGULAR", "R") or how != "COORDINATES" or flat:
+        text = (
+            f"SYSTEM={system}, DEFINITION={how}: only rectangular axes that are the same throughout a body are"
+            " simulated; give axes = [[...], [...]] for each body that it is meant for"
+        )
+        content.draft.find("*Orientation", content.where(statement), text, "missing")
+        return None
+    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+    axes = np.stack([x, np.cross(z, x), z])
+    if len(block.lines) > 1:
+        turn = content.floats(block, block.lines[1])
+        axis, angle = int(turn[0] or 1) if turn else 1, np.deg2rad(turn[1] or 0.0) if len(turn) > 1 else 0.0
+        j, k = axis % 3, (axis + 1) % 3
+        turned = axes.copy()
+        turned[j] = np.cos(angle) * axes[j] + np.sin(angle) * axes[k]
+        turned[k] = -np.sin(angle) * axes[j] + np.cos(angle) * axes[k]
+        axes = turned
+    return axes

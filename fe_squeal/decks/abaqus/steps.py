@@ -1,0 +1,164 @@
+"""*Step, *Dsload, *Cload, *Frequency and *Complex Frequency: preload of the scene, and what is solved for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...mesh.measures import area_of
+from ...mesh.readers.abaqus.model import Statement
+from ..draft import Value
+from .content import Content, Procedure, fields, spoken
+from .holding import _check, _number
+from .materials import clean
+
+_ALONG = 0.99  # of a force that a pressure on its surface gives: cosine of the angle to the mean normal
+
+
+def read_step(content: Content, statement: Statement) -> None:
+    """Take *Step: loads of perturbation steps are no preload."""
+    block = statement.block
+    content.perturbation = "PERTURBATION" in block.parameters
+    if block.value("NLGEOM").upper() == "YES" or ("NLGEOM" in block.parameters and not block.value("NLGEOM")):
+        content.large_displacements = True
+
+
+def end_step(content: Content, statement: Statement) -> None:
+    """Take *End Step."""
+    content.perturbation = False
+
+
+def read_surface_load(content: Content, statement: Statement) -> None:
+    """Take *Dsload: pressures on surfaces."""
+    block, where = statement.block, content.where(statement)
+    if content.perturbation:
+        content.draft.find("*Dsload", where, "in a perturbation step excites vibrations and is no preload", "harmless")
+        return
+    if block.value("OP").upper() == "NEW":
+        content.pressures.clear()
+    for line in block.lines:
+        parts = fields(line)
+        kind = parts[1].upper() if len(parts) > 1 else ""
+        if kind not in ("P", "PRESSURE"):
+            text = f'a load of type "{kind}" is not simulated; [effects.preload] takes pressures on surfaces'
+            content.draft.find("*Dsload", where, text)
+            continue
+        value = _number(content, statement, parts[2]) if len(parts) > 2 and parts[2] else 0.0
+        content.pressures[parts[0], statement.scope] = value, where
+    if block.value("AMPLITUDE"):
+        content.draft.find("*Amplitude", where, "the full load counts: the static state is that of its end", "harmless")
+
+
+def read_force(content: Content, statement: Statement) -> None:
+    """Take *Cload: forces on node sets, which may stand for a pressure on a face."""
+    block = statement.block
+    if content.perturbation:
+        return
+    if block.value("OP").upper() == "NEW":
+        content.forces.clear()
+    for line in block.lines:
+        parts = fields(line)
+        if len(parts) < 3:
+            continue
+        reference = (parts[0], statement.scope)
+        _check(content, statement, reference)
+        component = int(_number(content, statement, parts[1]))
+        content.forces[reference, component] = _number(content, statement, parts[2]), content.where(statement)
+
+
+def read_frequency(content: Content, statement: Statement) -> None:
+    """Take *Frequency or *Complex Frequency; of several the complex ones count, and of these the last."""
+    block = statement.block
+    is_complex = block.keyword == "COMPLEX FREQUENCY"
+    before = content.procedure
+    if before.is_complex and not is_complex:
+        return
+    row = content.first(block)
+    found = Procedure(is_complex=is_complex, where=content.where(statement))
+    if row and row[0]:
+        found.modes = int(row[0])
+    elif before.where:
+        found.modes = before.modes
+    if len(row) > 2 and row[2]:
+        found.highest = float(row[2])
+    elif before.where and found.modes is None:
+        found.highest = before.highest
+    found.damping = block.value("FRICTION DAMPING").upper() == "YES"
+    if block.value("PROPERTY EVALUATION"):
+        found.evaluated_at = _number(content, statement, block.value("PROPERTY EVALUATION"))
+    content.procedure = found
+
+
+def write_effects(content: Content, mu: float | None) -> None:
+    """Write friction, preload and damping."""
+    draft, units, procedure = content.draft, content.units, content.procedure
+    if mu:
+        table = draft.add("effects", "friction", values={"mu": mu})
+        table.comments.append("*Friction: the largest coefficient; friction_ratio of a contact has others")
+    pressures = _pressures(content)
+    if pressures:
+        table = draft.add("effects", "preload", values={"pressures": pressures})
+        table.comments.append("*Dsload: Pa, against the outward normal, in the steps before the frequencies")
+        if content.large_displacements:
+            table.comments.append("NLGEOM: for the stiffness of the static stress add [effects.stress_stiffening]")
+    if procedure.damping and mu:
+        table = draft.add("effects", "friction_damping")
+        table.comments.append(f"*Complex Frequency, FRICTION DAMPING=YES, {procedure.where}")
+        if not pressures:
+            table.open.append(("contact_pressure = 1.0e6", "the deck has no pressure on the contacts, Pa"))
+    if any(s.structural for s in content.substances.values()):
+        values: dict[str, Value] = {}
+        if procedure.evaluated_at:
+            values["reference_frequency_hz"] = clean(procedure.evaluated_at / units.time)
+        table = draft.add("effects", "structural_damping", values=values)
+        table.comments.append("*Damping, STRUCTURAL: loss_factor above")
+
+
+def _pressures(content: Content) -> dict[str, Value]:
+    known, found = content.loaded.mesh.boundaries or {}, dict[str, Value]()
+    for reference, (value, where) in content.pressures.items():
+        names = content.group(known, reference)
+        if not names:
+            text = f'its surface "{reference[0]}" is no surface of solid elements here'
+            content.draft.find("*Dsload", where, text, "missing")
+        for name in names:
+            if value:
+                found[name] = clean(value * content.units.pressure)
+    totals: dict[tuple[str, str], tuple[np.ndarray, str]] = {}
+    for (reference, component), (value, where) in content.forces.items():
+        if 1 <= component <= 3:
+            force, _ = totals.setdefault(reference, (np.zeros(3), where))
+            force[component - 1] += value * len(content.rows(reference))
+    for reference, (force, where) in totals.items():
+        if not force.any():
+            continue
+        names = content.group(known, reference)
+        if len(names) == 1:
+            area, _, normal = area_of(content.loaded.mesh, np.asarray(known[names[0]]))
+            if force @ normal < -_ALONG * np.linalg.norm(force) * np.linalg.norm(normal):
+                pressure = float(np.linalg.norm(force)) * content.units.force / (area * content.units.length**2)
+                found[names[0]] = clean(pressure)
+                text = f'forces on the nodes of "{names[0]}" became an even pressure of the same sum'
+                content.draft.find("*Cload", where, text)
+                continue
+        text = f'forces on "{reference[0]}" are left out: [effects.preload] takes pressures on surfaces'
+        content.draft.find("*Cload", where, text)
+    return found
+
+
+def write_solution(content: Content, mu: float | None) -> None:
+    """Write [sweep] and [solve]."""
+    if mu:
+        table = content.draft.add("sweep", values={"parameter": "mu", "from": 0.0, "to": mu, "points": 21})
+        table.comments.append("Not of the deck, which has one coefficient: the way up to it shows the onsets.")
+    procedure, values = content.procedure, dict[str, Value]()
+    if procedure.modes:
+        values["modes"] = procedure.modes
+    elif procedure.highest:
+        values["max_frequency"] = clean(procedure.highest / content.units.time)
+    if values:
+        kind = "Complex Frequency" if procedure.is_complex else "Frequency"
+        table = content.draft.add("solve", values=values)
+        table.comments.append(f"*{spoken(kind)}, {procedure.where}")
+        if procedure.modes and procedure.highest:
+            highest = clean(procedure.highest / content.units.time)
+            table.comments.append(f"or all modes up to max_frequency = {highest!r}, instead of modes")

@@ -1,0 +1,210 @@
+"""*Coupling, *Rigid Body, *MPC of type BEAM, *Mass and *Rotary Inertia: rigid bodies and averaged reference points."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...errors import MeshError
+from ...mesh.readers.abaqus.model import Statement
+from ..draft import Value, plain_name
+from .content import Content, TieData, fields, spoken
+from .holding import held_at, links_of
+from .materials import clean
+
+_FREEDOMS = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def read_coupling(content: Content, statement: Statement) -> None:
+    """Take *Coupling; *Kinematic or *Distributing behind it says of which kind."""
+    block = statement.block
+    tie = TieData(
+        block.value("CONSTRAINT NAME") or block.value("SURFACE"), content.where(statement), True,
+        (block.value("REF NODE") or block.value("REFNODE"), statement.scope),
+        [(block.value("SURFACE"), statement.scope)],
+    )  # fmt: skip
+    content.ties_to_points.append(tie)
+
+
+def read_kind(content: Content, statement: Statement) -> None:
+    """Take *Kinematic or *Distributing under *Coupling."""
+    block, where = statement.block, content.where(statement)
+    if not content.ties_to_points:
+        content.draft.find(f"*{spoken(block.keyword)}", where, "stands under no *Coupling", "missing")
+        return
+    tie = content.ties_to_points[-1]
+    tie.rigid = block.keyword == "KINEMATIC"
+    if tie.rigid and block.lines:
+        _only_all_freedoms(content, statement, [content.floats(block, line) for line in block.lines])
+    if not tie.rigid and block.value("WEIGHTING METHOD").upper() not in ("", "UNIFORM"):
+        text = f"weights by {block.value('WEIGHTING METHOD')} are not simulated; all parts of the surface count alike"
+        content.draft.find("*Distributing", where, text)
+
+
+def _only_all_freedoms(content: Content, statement: Statement, rows: list[list[float | None]]) -> None:
+    found: set[int] = set()
+    for row in rows:
+        if row and row[0]:
+            found |= set(range(int(row[0]), int((row[1] if len(row) > 1 else None) or row[0]) + 1))
+    if found and not {1, 2, 3} <= found:
+        text = f"ties the freedoms {sorted(found)} alone; a rigid body has all three translations"
+        content.draft.find(f"*{spoken(statement.block.keyword)}", content.where(statement), text, "missing")
+
+
+def read_old_coupling(content: Content, statement: Statement) -> None:
+    """Take *Kinematic Coupling or *Distributing Coupling of old decks: node sets on the data lines."""
+    block, where = statement.block, content.where(statement)
+    if block.keyword == "DISTRIBUTING COUPLING":
+        elset = block.value("ELSET").upper()
+        nodes = [n for _, link in links_of(content) if link.elset.upper() == elset for n in link.nodes]
+        if len(nodes) != 1 or not nodes[0]:
+            content.draft.find("*Distributing Coupling", where, "has no one element of type DCOUP3D", "missing")
+            return
+        reference = nodes[0][0]
+    else:
+        reference = (block.value("REF NODE") or block.value("REFNODE"))
+        _only_all_freedoms(content, statement, [[_maybe(p) for p in fields(line)[1:]] for line in block.lines])
+    members = [(fields(line)[0], statement.scope) for line in block.lines]
+    rigid = block.keyword == "KINEMATIC COUPLING"
+    weights = {fields(line)[1] for line in block.lines if len(fields(line)) > 1} if not rigid else set()
+    if len(weights) > 1:
+        text = "weights of its own for each node are not simulated; all count alike"
+        content.draft.find("*Distributing Coupling", where, text)
+    content.ties_to_points.append(TieData(f"coupling_{reference}", where, rigid, (reference, statement.scope), members))
+
+
+def _maybe(text: str) -> float | None:
+    return float(text) if text.isdigit() else None
+
+
+def read_rigid_body(content: Content, statement: Statement) -> None:
+    """Take *Rigid Body of a node set."""
+    block, where = statement.block, content.where(statement)
+    name = block.value("NSET") or block.value("TIE NSET") or block.value("PIN NSET")
+    if not name:
+        text = f'of element set "{block.value("ELSET")}" is not read; give [[rigid]] with its surface or node set'
+        content.draft.find("*Rigid Body", where, text, "missing")
+        return
+    reference = (block.value("REF NODE") or block.value("REFNODE"))
+    tie = TieData(f"rigid_{name}", where, True, (reference, statement.scope), [(name, statement.scope)])
+    content.ties_to_points.append(tie)
+    if block.value("ROT NODE") or block.value("ROTNODE"):
+        text = "rotations of a ROT NODE that are held or sprung are not taken over; give fixed = ... in [[rigid]]"
+        content.draft.find("*Rigid Body, ROT NODE", where, text)
+
+
+def read_mpc(content: Content, statement: Statement) -> None:
+    """Take *MPC: BEAM ties nodes rigidly to the last one."""
+    where = content.where(statement)
+    for line in statement.block.lines:
+        parts = [part for part in fields(line) if part]
+        if len(parts) == 3 and parts[0].upper() == "BEAM":
+            same = [t for t in content.ties_to_points if t.reference == (parts[2], statement.scope) and t.rigid]
+            if same:
+                same[0].members.append((parts[1], statement.scope))
+            else:
+                ends = [(part, statement.scope) for part in parts[1:]]
+                content.ties_to_points.append(TieData(f"beam_{parts[2]}", where, True, ends[1], ends[:1]))
+        else:
+            text = f"of type {parts[0] if parts else '(none)'} is not read: without it the structure is another one"
+            content.draft.find("*Mpc", where, text, "missing")
+
+
+def read_mass(content: Content, statement: Statement) -> None:
+    """Keep *Mass and *Rotary Inertia until all elements are known."""
+    content.masses.append(statement)
+
+
+def find_ties(content: Content) -> dict[int, TieData]:
+    """Return the ties by the row of their reference node, those of one reference joined.
+
+    Raises
+    ------
+    MeshError
+    """
+    found: dict[int, TieData] = {}
+    for tie in content.ties_to_points:
+        if not tie.reference[0]:  # a rigid body without a node of its own
+            found[-1 - len(found)] = tie
+            continue
+        rows = content.rows(tie.reference)
+        if len(rows) != 1:
+            raise MeshError(f'{content.source}: {tie.where}: the reference "{tie.reference[0]}" is not one node')
+        row = int(rows[0])
+        if row in found:
+            text = f"two couplings have the reference node {tie.reference[0]}; expected one for each"
+            content.draft.find("*Coupling", tie.where, text, "missing")
+            continue
+        if content.on_solids[row]:
+            text = f"its reference node {tie.reference[0]} belongs to a solid; expected one of its own"
+            content.draft.find("*Coupling", tie.where, text, "missing")
+            continue
+        found[row] = tie
+    return found
+
+
+def write_ties(content: Content, ties: dict[int, TieData]) -> None:
+    """Write [[rigid]] and [[averaged]] with mass, inertia, held freedoms and springs of their references."""
+    masses = _masses(content, ties)
+    taken: list[str] = []
+    for row, tie in ties.items():
+        place = _place(content, tie)
+        if place is None:
+            continue
+        name = plain_name(tie.name, taken)
+        taken.append(name)
+        values: dict[str, Value] = {"name": name, **place}
+        if row >= 0:
+            values["reference"] = [clean(float(v) * content.units.length) for v in content.raw.points[row]]
+        values |= masses.get(row, {})
+        held = " ".join(_FREEDOMS[f - 1] for f in sorted(held_at(content, row)))
+        if held:
+            values["fixed"] = held
+        if tie.springs:
+            values["springs"] = list(tie.springs)
+        table = content.draft.add("rigid" if tie.rigid else "averaged", is_entry=True, values=values)
+        at = f", reference node {tie.reference[0]}" if row >= 0 else ""
+        table.comments.append(f"{'Rigid' if tie.rigid else 'Averaged'}: {tie.where}{at}")
+
+
+def _place(content: Content, tie: TieData) -> dict[str, Value] | None:
+    names: list[str] = []
+    for member in tie.members:
+        surfaces = content.group(content.loaded.mesh.boundaries or {}, member)
+        nodes = content.group(content.loaded.node_groups, member)
+        if len(tie.members) == 1 and len(surfaces) == 1 and not nodes:
+            return {"surface": surfaces[0]}
+        try:
+            names.append(", ".join(nodes) or content.nodes_name(member))
+        except MeshError:
+            names.append("")
+    if not all(names):
+        text = f'"{tie.members[0][0]}" is no surface and no node set of solid elements here'
+        content.draft.find("*Coupling", tie.where, text, "missing")
+        return None
+    return {"nodes": ", ".join(names)}
+
+
+def _masses(content: Content, ties: dict[int, TieData]) -> dict[int, dict[str, Value]]:
+    """Return mass and inertia of the reference nodes in SI; those of other nodes are told."""
+    found: dict[int, dict[str, Value]] = {}
+    units = content.units
+    for statement in content.masses:
+        block, where = statement.block, content.where(statement)
+        numbers = [v or 0.0 for line in block.lines for v in content.floats(block, line)]
+        mine = [(s, link) for s, link in links_of(content) if link.elset.upper() == block.value("ELSET").upper()]
+        if not numbers:
+            raise MeshError(f"{content.source}: {block.where}: *{spoken(block.keyword)} has no number")
+        for scope, link in mine:
+            for label, nodes in zip(link.labels, link.nodes, strict=True):
+                if not nodes:
+                    raise MeshError(f"{content.source}: {link.where}: element {label} of type {link.kind} has no node")
+                row = int(content.rows((nodes[0], scope))[0])
+                if row not in ties:
+                    text = "at a node that is no reference of a coupling is left out: frequencies come out too high"
+                    content.draft.find(f"*{spoken(block.keyword)}", where, text)
+                elif block.keyword == "MASS":
+                    found.setdefault(row, {})["mass"] = clean(numbers[0] * units.mass)
+                else:
+                    six = np.array((numbers + [0.0] * 6)[:6]) * units.mass * units.length**2
+                    found.setdefault(row, {})["inertia"] = [clean(float(v)) + 0.0 for v in six]
+    return found

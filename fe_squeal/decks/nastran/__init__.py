@@ -1,0 +1,1 @@
+"""Nastran decks as scenes."""

@@ -1,0 +1,173 @@
+"""From a Nastran deck to the draft of a scene."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...mesh import LoadedMesh
+from ...mesh.building import build_mesh
+from ...mesh.elements import SHAPE
+from ...mesh.raw import CellBlock
+from ...mesh.readers.nastran.coordinates import SYSTEMS, read_system
+from ...mesh.readers.nastran.deck import read_nastran
+from ...mesh.readers.nastran.text import Card, read_cards, read_lines
+from ...mesh.readers.sources import Sources
+from ..draft import Draft, Value, Weight
+from .cards import Deck, selections
+from .holding import find_held, find_ties, write_springs, write_supports, write_ties
+from .materials import clean, find_units, read_materials, write_bodies
+
+# What is left out, and what that means.
+LEFT_OUT: dict[str, tuple[str, Weight]] = {
+    "GRAV": ("gravity is not simulated", "changes"),
+    **dict.fromkeys(("FORCE", "FORCE1", "MOMENT", "RFORCE", "TEMP", "TEMPD", "LOAD", "PLOAD", "PLOAD2", "SPCD"),
+                    ("is a load that is not simulated: [effects.preload] takes pressures on surfaces", "changes")),
+    **dict.fromkeys(("MPC", "MPCADD", "RBAR", "RBE1", "RROD", "RTRPLT", "RSPLINE", "CWELD", "CFAST", "CGAP"),
+                    ("ties grid points and is not read: without it the structure is another one", "missing")),
+    **dict.fromkeys(("CBAR", "CBEAM", "CROD", "CONROD", "CBUSH1D", "CDAMP3", "CDAMP4", "CELAS3", "CELAS4"),
+                    ("is no solid and is left out, with its stiffness and mass", "changes")),
+    **dict.fromkeys(("CONM1", "CMASS1", "CMASS2", "CMASS3", "CMASS4"),
+                    ("adds inertia that is left out: frequencies come out too high", "changes")),
+    **dict.fromkeys(("MAT2", "MAT3", "MAT8", "MAT10", "MATHE", "MATS1"), ("this law is not simulated", "changes")),
+    **dict.fromkeys(("BCTABLE", "BCTABL1", "BCBODY", "BCBODY1", "BCONPRG", "BCONECT", "BSURF", "BGSET"),
+                    ("contact: give [[contacts]] with surface, counterface, normal_stiffness and sliding", "missing")),
+    "SUPORT": ("nothing has to be supported for modes of free bodies", "harmless"),
+}  # fmt: skip
+# What leaves the answer as it is, or belongs to the mesh.
+SILENT = {
+    "PARAM", "GRID", "GRDSET", "CORD2R", "CORD2C", "CORD2S", "CTETRA", "CHEXA", "CPENTA", "CPYRAM", "CPYRA", "CTRIA3",
+    "CTRIA6", "CTRIAR", "CQUAD4", "CQUAD8", "CQUADR", "CQUAD", "PSHELL", "PLOTEL", "INCLUDE", "ENDDATA", "SET", "ASET",
+    "ASET1", "EIGB", "MDLPRM", "DOPTPRM", "BCTPARM", "BCTADD", "NLPARM", "NLPCI", "TSTEP", "DTI", "SPOINT",
+}  # fmt: skip
+BECOMES: dict[str, str] = {
+    "MAT1, MAT9, MAT11": "`[materials.mat_N]`, where a property uses it; GE is `loss_factor`; MAT9 only orthotropic",
+    "PSOLID": "`[bodies.NAME]`, by the name that the preprocessor's comments give; CORDM of CORD2R: `axes`",
+    "SPC, SPC1, SPCADD, GRID": "`[[supports]]` of the set that the case control selects",
+    "CELAS1, CELAS2, PELAS": "`[[springs]]`", "CDAMP1, CDAMP2, PDAMP": "`[[springs]]` with `damping`",
+    "CBUSH, PBUSH": "`[[springs]]` along x, y and z of the basic system",
+    "RBE2": "`[[rigid]]`, with what acts on its grid point", "RBE3": "`[[averaged]]`, all with the same weight",
+    "CONM2": "`mass` and `inertia` at the reference of RBE2 and RBE3",
+    "PLOAD4": "`[effects.preload] pressures` on the surface group PLOAD4_N",
+    "BSURFS, BCTSET": "surface group BSURFS_N and `[[contacts]]` with `mu`; stiffness and motion are asked for",
+    "EIGRL, EIGR, EIGC": "`[solve] modes` or `max_frequency`",
+}  # fmt: skip
+
+
+def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
+    """Return the draft of the scene that a Nastran deck describes; the other parameters as of `draft_abaqus`.
+
+    Raises
+    ------
+    MeshError
+    """
+    source = sources.path.name
+    raw = read_nastran(sources)
+    lines = list(read_lines(Sources(sources.path, sources.folders, sources.allow_outside)))
+    cards: dict[str, list[Card]] = {}
+    for card in read_cards(lines):
+        cards.setdefault(card.name, []).append(card)
+    loaded = build_mesh(raw, source)
+    draft = Draft(sources.path.stem)
+    draft.head.append(f"Made by fe-squeal new from the Nastran deck {source}.")
+    deck = Deck(source, cards, raw.node_labels, raw.points, _on_solids(raw.blocks, len(raw.points)), draft,
+                selections(lines))  # fmt: skip
+    materials = read_materials(deck)
+    find_units(deck, materials, float(np.ptp(loaded.mesh.p, axis=1).max()))
+    mesh = draft.add("mesh", values={"file": mesh_file, "length_unit": deck.units.length_unit, "order": 2})
+    linear = sum(len(block) for block in raw.blocks if block.kind == SHAPE[block.kind])
+    if linear:
+        mesh.notes["order"] = f"{linear} of the deck's elements are linear; order = 1 would keep them so, but locks"
+    systems = dict(read_system(card) for name in SYSTEMS for card in deck.of(name))
+    write_bodies(deck, loaded, materials, systems)
+    held, ties = find_held(deck), find_ties(deck)
+    references: dict[int, list[dict[str, Value]]] = {grid: [] for grid in ties}
+    write_supports(deck, held)
+    write_springs(deck, held, references)
+    write_ties(deck, ties, held, references)
+    mu = _write_contacts(deck, loaded)
+    _write_effects(deck, materials, mu)
+    _write_solution(deck)
+    for name, (text, weight) in LEFT_OUT.items():
+        for card in cards.get(name, [])[:1]:
+            draft.find(name, deck.where(card), text, weight)
+    taken = {name.strip() for names in BECOMES for name in names.split(",")}
+    for name in sorted(set(cards) - taken - set(LEFT_OUT) - SILENT):
+        draft.find(name, deck.where(cards[name][0]), "is not known here and is left out")
+    return draft
+
+
+def _on_solids(blocks: tuple[CellBlock, ...], count: int) -> np.ndarray:
+    used = np.zeros(count, bool)
+    for block in blocks:
+        used[block.nodes[block.nodes >= 0]] = True
+    return used
+
+
+def _write_contacts(deck: Deck, loaded: LoadedMesh) -> float | None:
+    """Write a contact for each pair of BCTSET; return the largest friction coefficient."""
+    pairs = []
+    for card in deck.of("BCTSET"):
+        for i in range(1, len(card.fields), 8):
+            if card.text(i):
+                pairs.append((card, deck.whole(card, i), deck.whole(card, i + 1), deck.number(card, i + 2)))
+    mu = max((friction for *_, friction in pairs), default=0.0) or None
+    known = loaded.mesh.boundaries or {}
+    for i, (card, first, second, friction) in enumerate(pairs, 1):
+        names = [f"BSURFS_{first}", f"BSURFS_{second}"]
+        if any(name not in known for name in names):
+            deck.find(card, f"its regions {first} and {second} are no BSURFS of solids; give [[contacts]]", "missing")
+            continue
+        values: dict[str, Value] = {"name": f"contact_{i}", "surface": names[0], "counterface": names[1]}
+        if mu and friction and friction != mu:
+            values["friction_ratio"] = clean(friction / mu)
+        if not friction:
+            values["kind"] = "frictionless"
+        table = deck.draft.add("contacts", is_entry=True, values=values)
+        table.comments.append(f"BCTSET, {deck.where(card)}")
+        table.open.append(("normal_stiffness = 1.0e13", "the deck has no contact stiffness, N/m per m^2; some 10 E/h"))
+        if friction:
+            table.open.append(("sliding = { axis = [0.0, 0.0, 1.0], centre = [0.0, 0.0, 0.0], speed = 1.0 }",
+                               "how the counterface moves: rad/s about an axis, or direction and m/s"))  # fmt: skip
+    return mu
+
+
+def _write_effects(deck: Deck, materials: dict[int, tuple[Card, dict[str, list[float]]]], mu: float | None) -> None:
+    if mu:
+        deck.draft.add("effects", "friction", values={"mu": mu}).comments.append("BCTSET: the largest coefficient")
+    named = deck.selected.get("LOAD", set())
+    by_set: dict[int, list[float]] = {}
+    for card in deck.of("PLOAD4"):
+        sid = deck.whole(card, 0)
+        if not named or sid in named:
+            value = deck.number(card, 2)
+            if any(card.text(i) and deck.number(card, i) != value for i in (3, 4, 5)):
+                deck.find(card, "differs from corner to corner; the first corner's pressure is taken")
+            if value not in by_set.setdefault(sid, []):
+                by_set[sid].append(value)
+    pressures: dict[str, Value] = {}
+    for sid, values in by_set.items():
+        for i, value in enumerate(values, 1):
+            name = f"PLOAD4_{sid}" if len(values) == 1 else f"PLOAD4_{sid}_{i}"
+            pressures[name] = clean(value * deck.units.pressure)
+    if pressures:
+        table = deck.draft.add("effects", "preload", values={"pressures": pressures})
+        table.comments.append("PLOAD4: Pa, against the outward normal" + ("" if named else "; all sets of the deck"))
+    if any("loss_factor" in numbers for _, numbers in materials.values()):
+        deck.draft.add("effects", "structural_damping").comments.append("GE of the materials: loss_factor above")
+
+
+def _write_solution(deck: Deck) -> None:
+    values: dict[str, Value] = {}
+    chosen = deck.selected.get("CMETHOD") or deck.selected.get("METHOD") or set()
+    places = {"EIGRL": (3, 2), "EIGR": (5, 3), "EIGC": (6, -1)}  # fields of the number of modes and the highest one
+    for name, (count, highest) in places.items():
+        for card in deck.of(name):
+            if chosen and deck.whole(card, 0) not in chosen:
+                continue
+            if card.text(count).isdigit():
+                values = {"modes": deck.whole(card, count)}
+            elif highest >= 0 and card.text(highest):
+                values = {"max_frequency": clean(deck.number(card, highest) / deck.units.time)}
+            if values:
+                deck.draft.add("solve", values=values).comments.append(f"{name}, {deck.where(card)}")
+                return

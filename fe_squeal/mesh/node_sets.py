@@ -1,0 +1,100 @@
+"""Node sets: which nodes of the mesh, or of a space on it, a named set of nodes stands for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import skfem
+from skfem.assembly import Dofs
+
+from fe_squeal.errors import MeshError, suggest
+
+from .groups import LoadedMesh, NodeSet
+from .raw import Ints
+
+
+def node_set(mesh: skfem.Mesh, nodes: Ints, added: np.ndarray) -> NodeSet:
+    """Return the set of some nodes, sorted columns of `mesh.doflocs`; `added` (columns,) are not of the file."""
+    held = nodes
+    if added.any():
+        members = np.zeros(len(added), bool)
+        members[nodes] = True
+        held = np.flatnonzero(members | (with_nodes_between(mesh, mesh.dofs, members) & added))
+    return NodeSet(nodes, held)
+
+
+def find_nodes(loaded: LoadedMesh, name: str, key: str) -> NodeSet:
+    """Return a node set.
+
+    Parameters
+    ----------
+    name : str
+        A node set, a node by its number in the file ("12", "PAD-1.12"), or several of these with commas between.
+    key : str
+        Where it was named, for messages.
+
+    Raises
+    ------
+    MeshError
+        With the nearest name if there is none, or what else has that name.
+    """
+    if name in loaded.node_groups:
+        return loaded.node_groups[name]
+    alike = [known for known in loaded.node_groups if known.casefold() == name.casefold()]
+    if loaded.ignore_case and len(alike) == 1:
+        return loaded.node_groups[alike[0]]
+    parts = [part.strip() for part in name.split(",")]
+    if len(parts) > 1 and all(parts):
+        nodes = np.unique(np.concatenate([find_nodes(loaded, part, key).nodes for part in parts]))
+        return node_set(loaded.mesh, nodes, loaded.added)
+    head, dot, number = name.rpartition(".")
+    if number.isascii() and number.isdigit() and len(number) < 19:
+        for prefix, (numbers, columns) in loaded.node_numbers.items():
+            if prefix.casefold() == (head + dot).casefold():
+                found = columns[numbers == int(number)]
+                if len(found):
+                    return NodeSet(found, found)
+    message = f'{key}: no node set "{name}" in {loaded.source}'
+    if name in (loaded.mesh.boundaries or {}):
+        raise MeshError(f'{message}: that is a surface group; write surface = "{name}"')
+    if name in (loaded.mesh.subdomains or {}):
+        raise MeshError(f"{message}: that is a volume group{suggest(name, loaded.node_groups)}")
+    raise MeshError(message + suggest(name, loaded.node_groups))
+
+
+def with_named_sets(loaded: LoadedMesh, names: Iterable[str]) -> LoadedMesh:
+    """Return the mesh with a node set for each name that means several sets or numbers, so that refining keeps it.
+
+    Raises
+    ------
+    MeshError
+    """
+    new = {name: find_nodes(loaded, name, "nodes") for name in names if name not in loaded.node_groups}
+    return replace(loaded, node_groups={**loaded.node_groups, **new}) if new else loaded
+
+
+def with_nodes_between(mesh: skfem.Mesh, dofs: Dofs, members: np.ndarray) -> np.ndarray:
+    """Return a set of nodes with those on edges, faces and cells all of whose corners are in it.
+
+    Parameters
+    ----------
+    dofs : Dofs
+        Numbering of the nodes, corners first.
+    members : (nodes,) bool
+
+    Examples
+    --------
+    >>> mesh = skfem.MeshTet()
+    >>> dofs = Dofs(mesh, skfem.ElementTetP2())
+    >>> some = np.isin(np.arange(dofs.N), [0, 1, 2])
+    >>> int(with_nodes_between(mesh, dofs, some).sum()) - 3  # edges among three corners of a cube's tetrahedra
+    3
+    """
+    found = members.copy()
+    places = ((dofs.edge_dofs, mesh.edges), (dofs.facet_dofs, mesh.facets), (dofs.interior_dofs, mesh.t))
+    for own, corners in places:
+        if own is not None and own.size:
+            found[own[:, members[corners].all(axis=0)]] = True
+    return found

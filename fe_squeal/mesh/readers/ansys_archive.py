@@ -1,0 +1,101 @@
+"""What mapdl-archive reads of a file, as plain arrays: python -m fe_squeal.mesh.readers.ansys_archive FILE OUT.npz
+
+Run as a process of its own, because the package's compiled reader may end the process on a damaged file.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fe_squeal.errors import MeshError
+from fe_squeal.process.isolation import isolated_environment
+
+from ..raw import Floats, Ints
+
+_SECONDS = 600
+
+
+@dataclass(frozen=True)
+class Archive:
+    """An archive's arrays.
+
+    Attributes
+    ----------
+    nnum, nodes : (n,) int, (n, 3) float
+    ekey : (t, 2) int
+        Number and kind (185, ...) of each element type.
+    elem : (e, w) int
+        Rows of EBLOCK, filled up with zeros.
+    node_components, element_components : mapping of name to numbers
+    """
+
+    nnum: Ints
+    nodes: Floats
+    ekey: Ints
+    elem: Ints
+    node_components: dict[str, Ints]
+    element_components: dict[str, Ints]
+
+
+def read_apart(path: Path) -> Archive:
+    """Return what another process has read of a file.
+
+    Raises
+    ------
+    MeshError
+        It is damaged, or mapdl-archive is not installed.
+    """
+    if importlib.util.find_spec("mapdl_archive") is None:
+        what = 'Ansys archives need the package mapdl-archive: pip install "fe-squeal[ansys]"'
+        raise MeshError(f"{path.name}: {what}")
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "archive.npz"
+        command = [sys.executable, "-m", "fe_squeal.mesh.readers.ansys_archive", str(path.resolve()), str(out)]
+        try:
+            done = subprocess.run(
+                command, capture_output=True, timeout=_SECONDS, env=isolated_environment(), check=False
+            )
+        except subprocess.TimeoutExpired as error:
+            raise MeshError(f"{path.name}: reading this Ansys archive took more than {_SECONDS} s") from error
+        if done.returncode or not out.is_file():
+            raise MeshError(f"{path.name}: not a readable Ansys archive; it is damaged: write it again by CDWRITE,DB")
+        with np.load(out) as data:
+            components: dict[str, dict[str, Ints]] = {"node": {}, "element": {}}
+            for key in data.files:
+                kind, dot, name = key.partition(".")
+                if dot:
+                    components[kind][name] = data[key].astype(np.int64)
+            return Archive(
+                data["nnum"], data["nodes"], data["ekey"], data["elem"], components["node"], components["element"]
+            )
+
+
+def main() -> int:
+    """Read a file and save its arrays."""
+    from mapdl_archive import Archive as Reader
+
+    archive = Reader(sys.argv[1], parse_vtk=False, verbose=False)
+    rows = [np.asarray(row, dtype=np.int64) for row in archive.elem]
+    elem = np.zeros((len(rows), max(map(len, rows), default=0)), np.int64)
+    for i, row in enumerate(rows):
+        elem[i, : len(row)] = row
+    arrays = {
+        "nnum": np.asarray(archive.nnum, dtype=np.int64), "nodes": np.asarray(archive.nodes, dtype=float)[:, :3],
+        "ekey": np.asarray(archive.ekey, dtype=np.int64).reshape(-1, 2), "elem": elem,
+    }  # fmt: skip
+    for kind, components in (("node", archive.node_components), ("element", archive.element_components)):
+        for name, members in components.items():
+            arrays[f"{kind}.{str(name).strip().replace('/', '_')}"] = np.asarray(members, dtype=np.int64)
+    np.savez(sys.argv[2], **arrays)  # type: ignore[arg-type]
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
