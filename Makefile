@@ -34,10 +34,10 @@ N ?= 20
 test-again: .venv/installed-test
 	$(BIN)/python tests/again.py --repeat $(N)
 
-# The fast tests with the lowest versions that pyproject.toml admits; hard cases, fuzzing and the browser run with the newest
-# alone.
+# With the lowest versions that pyproject.toml admits: the fast tests that call every part of the libraries. The mathematics,
+# hard cases, fuzzing and the browser run with the newest alone.
 test-lowest: .venv-lowest/installed
-	.venv-lowest/bin/pytest $(PYTEST_OPTIONS) -m "not slow" --ignore=tests/hard --ignore=tests/fuzz --ignore=tests/browser
+	.venv-lowest/bin/pytest $(PYTEST_OPTIONS) -m "not slow" tests/unit tests/regression
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv

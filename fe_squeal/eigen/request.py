@@ -18,7 +18,7 @@ class Request:
     count : int or None
     max_frequency_hz : float or None
     tolerance : float
-        Largest backward error accepted.
+        Largest backward error accepted of a direct solve, largest relative error of λ of a reduced model.
     """
 
     count: int | None = None
