@@ -53,7 +53,8 @@ class Refiner:
         """
         if change.at_start and change.kind == "meeting" and self._theta and self._is_doublet(change):
             lam = np.sqrt(-change.v + 0j)
-            return self._made(change, change.low, abs(lam.imag) or abs(lam), np.nan, self._doublet_width(change))
+            start = self.step.ends[0]
+            return self._made(change, start, abs(lam.imag) or abs(lam), np.nan, self._doublet_width(change))
         try:
             root = self._root(change)
         except (NotConvergedError, ValueError, np.linalg.LinAlgError):
@@ -103,7 +104,7 @@ class Refiner:
         The coupling grows in proportion to the parameter, up to |Im θ| at the upper end of the change. The pair is
         unstable from where it exceeds half the distance that rounding may have left between the two eigenvalues.
         """
-        start, width = self.step.end(0), abs(change.high - change.low)
+        start, width = self.step.end(0), abs(change.high - self.step.ends[0])
         near = np.argsort(np.abs(start.v - change.v))[:2]
         apart = abs(start.v[near[0]] - start.v[near[1]]) / 2 + start.blur[near].max()
         return float(min(apart / abs(change.v.imag), 1.0) * width + FINEST * self._width)

@@ -102,11 +102,17 @@ class Samples:
         with np.errstate(all="ignore"):
             inverse = np.linalg.pinv(W)
         right, left = c.vectors(t[there], W[:, i], inverse[i].conj())
-        start = bool(k == 0 and self.starts)
+        start = bool(self.starts and (k == 0 or self._is_double(k, self.v[there, i].real)))
         return Change(
             kind, gains, c.value(t[k]), c.value(t[k + 1]), (c.value(limits[0]), c.value(limits[1])),
             complex(self.v[there, i]) * (1j if self.turned else 1), right, left, c.shapes, start,
         )  # fmt: skip
+
+    def _is_double(self, k: int, near: float) -> bool:
+        """Whether two eigenvalues near a number are one within rounding at all samples up to k."""
+        v, low = self.v[: k + 1], self.rounding[: k + 1]
+        pair = np.take_along_axis(v, np.argsort(np.abs(v - near), axis=1)[:, :2], axis=1)
+        return bool(pair.shape[1] == 2 and (np.abs(pair[:, 0] - pair[:, 1]) <= 2 * low).all())
 
     def blurred(self, i: np.ndarray, j: np.ndarray, error: np.ndarray) -> np.ndarray:
         """Return by how much an error of H (s,) may move D = ((v_i − v_j)/2)² of pairs, (s, pairs).

@@ -105,7 +105,7 @@ def test_full_ring_pad_has_no_threshold(record, method):
     Re λ > 0 finds rounding at μ = 0."""
     problem = ring_pad()
     values = np.array([0.0, 1e-3, 2e-3, 4e-3])
-    result = fe_squeal.sweep(problem, values, modes=14, method=method)
+    result = fe_squeal.sweep(problem, values, modes=14, method=method, tolerance=1e-11)
     growth = [np.sort(p.modes.lam.real[p.modes.stability == "unstable"]) for p in result.points]
     assert len(growth[0]) == 0 and len(growth[1]) == len(growth[2]) == len(growth[3]) >= 3
     rate = growth[1] / values[1]

@@ -82,8 +82,8 @@ def other(section: str, old: str, new: str) -> str:
         ([MASS, STIFFNESS + "powers = { mu = -1 }\n"], {"tail": SWEEP},
          "sweep: given the value 0 for mu, of which a term has a negative power"),
         # What belongs to scenes on a mesh.
-        ([MASS, STIFFNESS], {"tail": '[mesh]\nfile = "a.msh"\n'}, "mesh: unknown key; valid: output, parameters"),
-        ([MASS, STIFFNESS], {"tail": "[rotation]\n"}, "rotation: unknown key; valid: output, parameters, solve, sweep"),
+        ([MASS, STIFFNESS], {"tail": '[mesh]\nfile = "a.msh"\n'}, "mesh: unknown key; valid: measured, output"),
+        ([MASS, STIFFNESS], {"tail": "[rotation]\n"}, "rotation: unknown key; valid: measured, output, parameters"),
         ([MASS, STIFFNESS], {"tail": '[output]\nshapes = "unstabel"\n'},
          'output.shapes: given "unstabel"; expected one of "unstable", "all" or "none"'),
         ([MASS, STIFFNESS], {"tail": '[output]\nshape = "all"\n'}, 'output.shape: unknown key; did you mean "shapes"?'),
