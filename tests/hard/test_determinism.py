@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hard_cases import SMALL, brake, digits
+from selection import some
 
 import fe_squeal
 from fe_squeal.eigen import shift_invert
@@ -49,7 +50,7 @@ def assert_same(a, b) -> float:
     return digits(modes.lam, others.lam)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", some([1, 2, 3], lambda seed: seed == 1))
 def test_start_vectors(record, monkeypatch, seed):
     """Krylov methods start at random: another start is another rounding, and near clusters another set of modes."""
     problem, first = plain()
@@ -86,7 +87,7 @@ def test_one_thread_and_two(record):
     record(digits(a, b), "the same within the uncertainties")
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", some([0, 1], lambda seed: seed == 0))
 @pytest.mark.parametrize("size", ["dense", "sparse"])
 def test_node_and_element_numbers(record, size, seed):
     """Nodes and elements numbered anew at random: other pivots, other sums, and in careless code other normals and

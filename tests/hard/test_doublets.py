@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 from hard_cases import digits, judged, plain_eigs, through_files
+from selection import some
 
 import fe_squeal
 from fe_squeal.eigen.request import Request
@@ -51,7 +52,7 @@ def lopsided():
     return make_problem(mesh, supports=HELD, springs=[spring])
 
 
-@pytest.mark.parametrize("split", [1e-10, 1e-8, 1e-6, 1e-4, 1e-2])
+@pytest.mark.parametrize("split", some([1e-10, 1e-8, 1e-6, 1e-4, 1e-2], lambda split: split in (1e-8, 1e-2)))
 @pytest.mark.parametrize("through", ["mesh", "files"])
 def test_slightly_split_doublets(tmp_path, record, through, split):
     """A spring on the rim splits each pair by 1e-10 ... 1e-2; single shapes turn by 45 degrees and more from value to

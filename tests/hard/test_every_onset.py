@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 from families import FAMILIES, damped_window, judge, large, make, window
+from selection import some
 
 from fe_squeal import sweep
 from fe_squeal.sweep.onsets import windows
@@ -24,7 +25,7 @@ def onsets_of(result):
     return [(o.value, o.direction, o.uncertainty) for o in result.onsets]
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", some([0, 1], lambda seed: seed == 0))
 @pytest.mark.parametrize("kind", [k for k in FAMILIES if k is not large], ids=lambda k: k.__name__)
 def test_onsets_of_random_sweeps(kind, seed):
     """As a dense scan finds them, with nothing left open."""

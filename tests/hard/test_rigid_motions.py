@@ -10,7 +10,7 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 from hard_cases import LINING, MIDDLE, SMALL, brake, digits, judged, plain_eigs, through_files
-from selection import crossed
+from selection import crossed, some
 
 import fe_squeal
 from fe_squeal.eigen.dense import DENSE_LIMIT
@@ -129,7 +129,7 @@ def test_damped_pad_held_by_friction_alone(method, effects):
 
 
 @pytest.mark.parametrize("rayleigh", [(20.0, 0.0), (20.0, 1e-8), (0.0, 1e-8)])
-@pytest.mark.parametrize("cells", [2, 4])
+@pytest.mark.parametrize("cells", some([2, 4], lambda cells: cells == 2))
 def test_free_body_with_damping(record, cells, rayleigh):
     """Six zeros, double and defective unless α damps them; then six times −α besides. Rounding makes complex pairs
     −α ± 1e-6 i and ±1e-3 i of equal real eigenvalues, and the upper half plane holds four, eight or eleven."""
