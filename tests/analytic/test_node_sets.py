@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from decks import deck_of
+from deck_texts import deck_of
 
 import fe_squeal
 from fe_squeal.accuracy.two_level import prolongation

@@ -70,7 +70,7 @@ def test_rigid_face_by_the_null_space_of_its_constraints(kind):
 @pytest.mark.parametrize("where", ["surface", "nodes"])
 def test_averaged_reference_by_a_dense_update(where, tmp_path):
     """Mass, inertia and springs on L u, added to the free matrices as rank-six terms, give the same eigenvalues."""
-    from decks import deck_of
+    from deck_texts import deck_of
 
     mesh = box("hex1", (3, 3, 2), SIZE)
     (tmp_path / "a.inp").write_text(deck_of(mesh))

@@ -58,7 +58,7 @@ def decks() -> dict[str, bytes]:
     sys.path.insert(0, str(ROOT / "tests/unit"))
     import test_decks_abaqus as abaqus
     import test_decks_nastran as nastran
-    from decks import deck_of
+    from deck_texts import deck_of
 
     block = abaqus.box("hex1", (2, 1, 1), (0.06, 0.03, 0.02))
     tied = "*Heading\n" + deck_of(block, 1e3) + abaqus.REFERENCE % abaqus.SPELLINGS["averaged"]

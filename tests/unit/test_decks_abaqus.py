@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from decks import deck_of
+from deck_texts import deck_of
 
 import fe_squeal
 from fe_squeal.cli import main

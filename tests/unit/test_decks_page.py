@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from calculix import PROGRAM, asks_for_frequencies, compare, decks_folder, run_calculix, unpack
-from decks import deck_of
+from deck_texts import deck_of
 
 import fe_squeal
 from fe_squeal.decks.abaqus.keywords import BECOMES, HANDLERS, LEFT_OUT, SILENT
