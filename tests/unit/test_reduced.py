@@ -42,7 +42,7 @@ def test_every_mode_at_every_value(kind):
         assert np.count_nonzero(below) == np.count_nonzero(modes.lam.imag < 0.999 * modes.lam.imag.max())
 
 
-@pytest.mark.parametrize("kind", some(CLASSES, lambda kind: kind in ("nonsymmetric", "complex")))
+@pytest.mark.parametrize("kind", some(["nonsymmetric", "quadratic", "complex"], lambda kind: kind == "nonsymmetric"))
 def test_shapes_that_are_written_are_exact(kind):
     """A shape lifted from the basis has the backward error of its row; one that is written meets the tolerance."""
     problem = chain(*CLASSES[kind])
