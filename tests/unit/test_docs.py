@@ -49,8 +49,9 @@ MADE = sorted(p.stem for p in (ROOT / "docs").glob("*.md") if p.stem != "archite
 def test_every_page_is_made_by_a_target(page: str) -> None:
     """`make docs/PAGE.md`, and what it runs is there and writes that page."""
     done = subprocess.run(
-        ["make", "-n", f"docs/{page}.md"], cwd=ROOT, capture_output=True, encoding="utf-8", check=True
-    )
+        ["make", "-n", "--no-print-directory", f"docs/{page}.md"], cwd=ROOT, capture_output=True, encoding="utf-8",
+        check=True,
+    )  # fmt: skip
     found = re.search(r"python (?:-m )?(\S+)", done.stdout.splitlines()[-1])
     assert found is not None, done.stdout
     script = ROOT / (found[1] if found[1].endswith(".py") else found[1].replace(".", "/") + ".py")
