@@ -1,6 +1,6 @@
 """A reduced model that stands for a problem over an interval of a parameter, within a tolerance.
 
-In one file, since building, growing and thinning the basis share what is known of its errors.
+In one file, since all that makes the basis grow shares what is known of its errors.
 """
 
 from __future__ import annotations
@@ -294,7 +294,7 @@ class ReducedModel:
         return range_of(unit_columns(modes.right, modes.left), _FINE, free)
 
     def _factorize(self, value: float) -> Factor:
-        """Factorise Q(λ) in the middle of the band at a value: λ² = −σ, with dampers λ = iω."""
+        """Factorise Q(iω) at a value, with ω in the middle of the band."""
         pencil = self.basis.problem.pencil({self.parameter: value})
         square = _MIDDLE * self.highest**2
         shifted = pencil.K - square * pencil.M
@@ -328,7 +328,7 @@ class ReducedModel:
         X = np.hstack(parts)
         # The error of an eigenvalue is the product of two such errors, relative to the mode's length in the P-norm.
         length = float(np.sqrt(np.abs(modes.lam).min() ** 2 - self._sigma))
-        # If all are short, they are added nevertheless: a backward error just above the tolerance may need no more.
+        # If all are short, they are added nevertheless: an error just above the tolerance may need no more.
         return basis.append(X, _SHORT * self.request.tolerance**0.5 * length) or basis.append(X)
 
     def _missed(self, values: np.ndarray) -> list[float]:

@@ -117,6 +117,10 @@ def _shapes(result: Sweep, chosen: Sequence[tuple[SweepPoint, int]]) -> list[tup
     for point in {id(p): p for p, _ in chosen}.values():
         positions = [i for p, i in chosen if p is point]
         shapes, errors = result.exact_shapes(point, positions)
+        tolerance = result.reduced_model.request.tolerance if result.reduced_model is not None else np.inf
+        if (errors > tolerance).any():
+            at = f"{result.parameter} = {point.value:g}"
+            print(f"shapes at {at}: backward error {errors.max():.1e}, above the tolerance", file=sys.stderr)
         for i, u, error in zip(positions, shapes.T, errors, strict=True):
             found[id(point), i] = u, {**mode_info(result, point, i), "backward_error": float(error)}
     return [(shape_name(info), u, info) for u, info in (found[id(p), i] for p, i in chosen)]
