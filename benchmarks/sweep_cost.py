@@ -162,14 +162,14 @@ def draw(rows: list[dict], path: Path) -> None:
         for row in (r for r in rows if (r["unknowns"], r["values"]) == (unknowns, values)):
             reduced = row["way"].startswith("reduced")
             ax.barh(place, row["seconds"], color="#1b6ca8" if reduced else "#b5b5b5")
-            ax.text(row["seconds"] * 1.1, place, f"{row['seconds']:.0f} s", va="center", fontsize=8)
+            ax.text(row["seconds"] * 1.1, place, f"{row['seconds']:.{0 if row['seconds'] >= 10 else 1}f} s", va="center", fontsize=8)
             ticks.append(place)
             labels.append(f"{row['way']}, {unknowns} unknowns, {values} values")
             place -= 1
         place -= 0.6
     ax.set_yticks(ticks, labels, fontsize=8)
     ax.set_xscale("log")
-    ax.set_xlim(1.0, 4 * max(r["seconds"] for r in rows))
+    ax.set_xlim(0.5 * min(1.0, *(r["seconds"] for r in rows)), 4 * max(r["seconds"] for r in rows))
     ax.xaxis.set_major_formatter("{x:g}")
     ax.set_xlabel("seconds of the whole sweep")
     ax.spines[["top", "right"]].set_visible(False)
