@@ -162,7 +162,8 @@ def draw(rows: list[dict], path: Path) -> None:
         for row in (r for r in rows if (r["unknowns"], r["values"]) == (unknowns, values)):
             reduced = row["way"].startswith("reduced")
             ax.barh(place, row["seconds"], color="#1b6ca8" if reduced else "#b5b5b5")
-            ax.text(row["seconds"] * 1.1, place, f"{row['seconds']:.{0 if row['seconds'] >= 10 else 1}f} s", va="center", fontsize=8)
+            seconds = f"{row['seconds']:.{0 if row['seconds'] >= 10 else 1}f} s"
+            ax.text(row["seconds"] * 1.1, place, seconds, va="center", fontsize=8)
             ticks.append(place)
             labels.append(f"{row['way']}, {unknowns} unknowns, {values} values")
             place -= 1
