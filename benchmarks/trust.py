@@ -67,7 +67,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--inputs", type=int, default=2000)
     parser.add_argument("--signals", type=int, default=200)
-    parser.add_argument("--no-pairs", action="store_true", help="leave out the pairs of commands")
+    parser.add_argument("--pairs-step", type=int, default=1, help="every so manyth pair of commands; 0: none")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--write", action="store_true")
     given = parser.parse_args()
@@ -85,8 +85,8 @@ def main() -> int:
         searches["signals"] = lambda place: _with_faults(
             trust_signals.search(place, given.signals, given.seed, tell), signals_table
         )
-    if not given.no_pairs:
-        searches["pairs"] = lambda place: _of_pairs(trust_signals.both_at_once(place))
+    if given.pairs_step:
+        searches["pairs"] = lambda place: _of_pairs(trust_signals.both_at_once(place, given.pairs_step, given.seed))
     failed = False
     for name, search in searches.items():
         (folder / name).mkdir()

@@ -5,6 +5,7 @@ In one file, since every command needs its own idea of what it promised, beside 
 
 from __future__ import annotations
 
+import itertools
 import os
 import shutil
 import signal
@@ -107,9 +108,9 @@ def tasks(place: Path) -> list[Task]:
         Task("check", ("check", "direct.toml"), nothing_to_compare),
         Task("onset", ("onset", "direct.toml"), nothing_to_compare, (), 2),
         Task("mesh", ("mesh", "direct.toml", "-o", "{}/out.msh"), same_mesh),
-        Task("compare", ("compare",), nothing_to_compare),
+        Task("compare", ("compare", "minimal"), nothing_to_compare),
         Task("lumped", ("lumped", "oscillator", "--study", "all", "-o", "{}/out"), same_files, (), 2),
-        Task("accuracy", ("accuracy", "shapes.toml", "-o", "{}/out", "--budget", "20"), same_study, (), 1, (0, 3)),
+        Task("accuracy", ("accuracy", "shapes.toml", "-o", "{}/out", "--budget", "10"), same_study, (), 1, (0, 3)),
     ]
 
 
@@ -176,9 +177,10 @@ def search(
     """Send so many signals in all, and hold what is left to the promises."""
     rng = np.random.default_rng(seed)
     chosen = [task for task in tasks(place) if only in task.name]
-    seconds = {task.name: _unbroken(task, place) for task in chosen}
     outcomes = {task.name: Outcome() for task in chosen}
-    order = [task for task in chosen for _ in range(task.share)]
+    each = [task for task in chosen for _ in range(task.share)]
+    order = [each[i] for i in rng.permutation(len(each))]  # so that a short search has commands of all kinds
+    seconds = {task.name: _unbroken(task, place) for task in chosen if task in order[:count]}
     for number in range(count):
         task, signal_ = order[number % len(order)], SIGNALS[(number // len(order) + number) % len(SIGNALS)]
         outcome = outcomes[task.name]
@@ -265,8 +267,10 @@ def _interrupted(
     return ""
 
 
-def both_at_once(place: Path) -> dict[str, str]:
+def both_at_once(place: Path, step: int = 1, first: int = 0) -> dict[str, str]:
     """Start every pair of commands that write into one folder at the same time; return what went wrong.
+
+    With a step only every so manyth of the pairs, from the first one on.
 
     One of them has the folder, the other one is refused, or comes later and finds the results of the first.
     """
@@ -278,28 +282,27 @@ def both_at_once(place: Path) -> dict[str, str]:
         "accuracy": ("accuracy", "direct.toml", "--budget", "5"),
     }  # fmt: skip
     found = {}
-    names = list(commands)
-    for i, a in enumerate(names):
-        for b in names[i:]:
-            out = place / f"{a} and {b}"
-            children = [
-                subprocess.Popen(
-                    [sys.executable, "-P", "-m", "fe_squeal", *commands[name], "-o", str(out)], cwd=place,
-                    env=environment(), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, encoding="utf-8",
-                )
-                for name in (a, b)
-            ]  # fmt: skip
-            said = [child.communicate(timeout=300)[1] for child in children]
-            codes = [child.returncode for child in children]
-            one = any(code in (0, 3) for code in codes)  # 3: a study whose budget was too short on a busy machine
-            refusals = all(
-                code == 0 or (code == 2 and text.count("\n") == 1 and text.startswith(f"error: {out}"))
-                or (code == 3 and "not converged" in text)
-                for code, text in zip(codes, said, strict=True)
-            )  # fmt: skip
-            left = [p.name for p in out.rglob(".*")]
-            right = not one or not refusals or bool(left)
-            found[f"{a} and {b}"] = f"{codes} {said} {left}" if right else ""
+    pairs = list(itertools.combinations_with_replacement(commands, 2))
+    for a, b in pairs[first % step :: step]:
+        out = place / f"{a} and {b}"
+        children = [
+            subprocess.Popen(
+                [sys.executable, "-P", "-m", "fe_squeal", *commands[name], "-o", str(out)], cwd=place,
+                env=environment(), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, encoding="utf-8",
+            )
+            for name in (a, b)
+        ]  # fmt: skip
+        said = [child.communicate(timeout=300)[1] for child in children]
+        codes = [child.returncode for child in children]
+        one = any(code in (0, 3) for code in codes)  # 3: a study whose budget was too short on a busy machine
+        refusals = all(
+            code == 0 or (code == 2 and text.count("\n") == 1 and text.startswith(f"error: {out}"))
+            or (code == 3 and "not converged" in text)
+            for code, text in zip(codes, said, strict=True)
+        )  # fmt: skip
+        left = [p.name for p in out.rglob(".*")]
+        wrong = not one or not refusals or bool(left)
+        found[f"{a} and {b}"] = f"{codes} {said} {left}" if wrong else ""
     return found
 
 

@@ -96,7 +96,8 @@ def name_modes(problem, modes, layer):
 
 @functools.cache
 def solved(clamped):
-    mesh = annulus("hex2", (8, 40, 1), INNER, OUTER, THICKNESS)
+    # A clamped bore bends the plate along the radius.
+    mesh = annulus("hex2", (8 if clamped else 4, 40, 1), INNER, OUTER, THICKNESS)
     supports = [{"surface": "hub", "fixed": "xyz"}] if clamped else []
     problem = make_problem(mesh, materials=MATERIALS, supports=supports)
     modes = modes_of(problem, 36 if clamped else 22)
@@ -162,7 +163,7 @@ def test_torsion_of_the_clamped_ring():
 
     The support at the bore leaves only u_θ: hold u_z everywhere on the flat faces to keep bending out of the band.
     """
-    mesh = annulus("hex2", (8, 40, 1), INNER, OUTER, THICKNESS)
+    mesh = annulus("hex2", (4, 24, 1), INNER, OUTER, THICKNESS)
     supports = [{"surface": s, "fixed": f} for s, f in (("hub", "xyz"), ("top", "z"), ("bottom", "z"))]
     problem = make_problem(mesh, materials=MATERIALS, supports=supports)
     f = modes_of(problem, 12).frequency_hz

@@ -25,7 +25,7 @@ def test_published_values_are_the_roots_of_the_dispersion_relations():
 
 
 @pytest.mark.parametrize(
-    ("kind", "n"), some([("hex2", 10), ("hex1", 10), ("tet2", 16), ("tet1", 16)], lambda kind, n: "hex" in kind)
+    ("kind", "n"), some([("hex2", 10), ("hex1", 10), ("tet2", 16), ("tet1", 16)], lambda kind, n: kind == "hex2")
 )
 def test_modes_of_the_plate(kind, n):
     """Quadratic displacements on quadratic or straight geometry: 0.5 % is what the benchmark asks.

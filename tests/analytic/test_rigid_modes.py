@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from selection import crossed
+from selection import crossed, some
 
 from fe_squeal.problem.forms import collect_powers
 from meshes import KINDS, STEEL, annulus, box, distorted, join, make_problem, modes_of, rigid_motions
@@ -36,7 +36,11 @@ def lame_hz(side):
 
 @pytest.mark.parametrize(
     ("kind", "n", "units"),  # 375 unknowns go to LAPACK, 2187 to ARPACK
-    crossed(KINDS, [2, 4], UNITS, fast=lambda kind, n, units: n == 2 or units == next(iter(UNITS))),
+    [
+        *crossed(KINDS, [2], UNITS, fast=lambda *_: True),
+        *crossed(KINDS, [4], ["si"], fast=lambda kind, *_: kind == "hex2"),
+        *crossed(["tet2"], [4], [u for u in UNITS if u != "si"], fast=lambda *_: False),
+    ],
 )
 def test_free_body(kind, n, units):
     """λ = 0 for six modes, all marginal; the Lamé triple within 0.4 / n² (measured 7 % and 1 % on tetrahedra)."""
@@ -51,7 +55,7 @@ def test_free_body(kind, n, units):
     assert f[2] < 0.4 / n**2
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", some(KINDS, lambda kind: kind == "tet2"))
 def test_two_free_bodies(kind):
     """Twelve rigid modes of two bodies that touch without a contact; their elastic modes are those of each alone."""
     pad, belt = box(kind, (3, 3, 3), (SIDE,) * 3), box(kind, (3, 3, 3), (SIDE,) * 3, (0, 0, -SIDE), name="belt")

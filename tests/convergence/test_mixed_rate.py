@@ -12,8 +12,13 @@ from meshes import box, make_problem, modes_of
 CELLS = {("hex1", 1): (4, 6, 8), ("tet1", 1): (4, 6, 8), ("hex1", 2): (2, 3, 4), ("tet1", 2): (3, 4, 5)}
 
 
-@pytest.mark.parametrize("nu", some([0.3, 0.4999], lambda nu: nu > 0.4))
-@pytest.mark.parametrize(("kind", "order"), SCHEMES)
+@pytest.mark.parametrize(
+    ("kind", "order", "nu"),
+    some(
+        [(*scheme, nu) for scheme in SCHEMES for nu in (0.3, 0.4999)],
+        lambda kind, order, nu: nu > 0.4 and (kind, order) != ("tet1", 2),
+    ),
+)
 def test_eigenvalues_converge_with_order_2p(kind, order, nu):
     """Slope of log error(ω²) over log h between walls: 2p within 0.25 (Boffi, Brezzi, Gastaldi, Math. Comp. 69, 2000).
 

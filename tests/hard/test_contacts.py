@@ -152,7 +152,7 @@ def test_axis_of_the_disc_under_the_pad(record):
     record(digits(np.array([torque]), np.array([exact])), "no direction on the axis itself, torque by quadrature")
 
 
-@pytest.mark.parametrize("kind", ["hex2", "tet2"])
+@pytest.mark.parametrize("kind", some(["hex2", "tet2"], lambda kind: kind == "hex2"))
 def test_pad_overhangs_the_edge_of_the_disc(record, kind):
     """A pad that is wider than the disc's face: only what lies over the face touches, whatever the two meshes are. The
     rest must not find the rim or the other face instead."""

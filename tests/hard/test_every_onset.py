@@ -12,7 +12,7 @@ from selection import some
 from fe_squeal import sweep
 from fe_squeal.sweep.onsets import windows
 
-SEEDS = 25  # of every kind in the slow test; with those of the fast one 324 sweeps
+SEEDS = 10  # of every kind; benchmarks/onsets.py has hundreds, with other seeds
 PROJECTED = 20  # modes asked for where a step works on a projection
 
 
@@ -39,7 +39,7 @@ def test_onsets_of_random_sweeps(kind, seed):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [k for k in FAMILIES if k is not large], ids=lambda k: k.__name__)
 def test_onsets_of_many_random_sweeps(kind):
-    """No silent error in 300 sweeps, and a warning in 1 % of them at most."""
+    """No silent error, and a warning in one sweep of each kind at most."""
     silent, warned = [], 0
     for seed in range(100, 100 + SEEDS):
         family = make(kind, seed)
@@ -49,7 +49,7 @@ def test_onsets_of_many_random_sweeps(kind):
         if verdict and not result.unsettled:
             silent.append((seed, family.name, verdict))
     assert not silent
-    assert warned <= max(1, SEEDS // 100)
+    assert warned <= 1
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -13,7 +13,7 @@ from fe_squeal.eigen.solve import solve_modes
 from meshes import STEEL
 
 MODES = 14
-FINER = 6  # values of the grid in each step of a sweep
+FINER = 4  # values of the grid in each step of a sweep
 
 
 def scene_of(seed):

@@ -55,6 +55,7 @@ def test_refined_mesh_that_does_not_fit(tmp_path, capsys, monkeypatch):
     assert np.isfinite(found.lam).any() and not len(found.changes) and "estimate" in found.seconds
 
 
+@pytest.mark.slow
 def test_an_interrupted_estimate_keeps_the_sweep_and_is_resumed(tmp_path, capsys, monkeypatch):
     """Ctrl-C while the refined mesh is looked at: tables are there, the record says so, and --resume goes on."""
     scene, out = write_scene(tmp_path, SCENE), tmp_path / "out"

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import importlib
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,7 @@ from fe_squeal import assemble, parse_scene, sweep
 from fe_squeal.accuracy import with_discretisation
 from fe_squeal.cli import main
 from fe_squeal.compare.table import compare_case
-from fe_squeal.eigen.linear import choice
+from fe_squeal.eigen.linear import choice, pardiso
 from fe_squeal.eigen.linear.choice import choose, factorize
 from fe_squeal.eigen.linear.dense import DenseFactor
 from fe_squeal.eigen.linear.pardiso import PardisoFactor
@@ -118,6 +120,20 @@ def test_forecast_is_that_of_the_solver_handed_in(no_other):
 def test_small_full_matrices_go_to_lapack_with_any_solver():
     toy, A = Toy(), sp.csr_array(np.random.default_rng(0).standard_normal((30, 30)))
     assert isinstance(factorize(A, False, toy), DenseFactor) and not toy.plain
+
+
+def test_pardiso_is_found_without_a_search_of_the_disc(monkeypatch, needs_pardiso):
+    """The wheel of MKL lists its files; pypardiso would ask the compiler and walk through the whole environment."""
+    wrapper = importlib.import_module("pypardiso.pardiso_wrapper")
+
+    def searched(*_, **__):
+        raise AssertionError("searched")
+
+    monkeypatch.setattr(wrapper, "find_library", searched)
+    monkeypatch.setattr(wrapper.glob, "glob", searched)
+    monkeypatch.delenv("PYPARDISO_MKL_RT", raising=False)
+    assert pardiso._pardiso.__wrapped__() is not None
+    assert "PYPARDISO_MKL_RT" not in os.environ  # what children of the process inherit is the user's own
 
 
 def test_auto_is_pardiso_where_it_is_there(monkeypatch):

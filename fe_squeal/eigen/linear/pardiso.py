@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import functools
+import importlib.metadata
+import os
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +25,7 @@ _DEFINITE = 2
 _OUT_OF_MEMORY, _ZERO_PIVOT = -2, -4  # PARDISO's errors
 _SMALL_PIVOT = 13  # 10 to minus this of the norm: which pivots are perturbed at the second attempt
 _ADJOINT, _TRANSPOSED = 1, 2  # of iparm(12)
+_PLACE = "PYPARDISO_MKL_RT"  # where pypardiso looks first
 
 
 def has_pardiso() -> bool:
@@ -29,13 +35,40 @@ def has_pardiso() -> bool:
 
 @functools.cache
 def _pardiso() -> Any:
-    """Return MKL's pardiso routine, or None. pypardiso finds it by a search of the disk, so once is enough."""
+    """Return MKL's pardiso routine, or None."""
     try:
-        from pypardiso import PyPardisoSolver
+        with _known_place():
+            from pypardiso import PyPardisoSolver
 
-        return PyPardisoSolver()._mkl_pardiso
+            return PyPardisoSolver()._mkl_pardiso
     except (ImportError, OSError):
         return None
+
+
+@contextlib.contextmanager
+def _known_place() -> Iterator[None]:
+    """Tell pypardiso where the library is if the wheel of MKL says so.
+
+    Without that it asks the compiler, and then looks through all files of the environment, twice: half a second.
+    """
+    if _PLACE in os.environ or not (found := _mkl_rt()):
+        yield
+        return
+    os.environ[_PLACE] = str(found)
+    try:
+        yield
+    finally:
+        del os.environ[_PLACE]
+
+
+def _mkl_rt() -> Path | None:
+    """Return the library of MKL that chooses among the others, from the list of files of MKL's wheel."""
+    try:
+        files = importlib.metadata.files("mkl") or []
+    except importlib.metadata.PackageNotFoundError:
+        return None
+    libraries = (Path(str(f.locate())) for f in files if "mkl_rt" in f.name and f.suffix != ".lib")
+    return next((path for path in libraries if path.exists()), None)
 
 
 class PardisoFactor:
