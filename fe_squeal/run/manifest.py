@@ -63,9 +63,18 @@ class Manifest:
 
     @staticmethod
     def marks(folder: Path) -> bool:
-        """Return whether a folder has a manifest."""
+        """Return whether a folder has a manifest.
+
+        Raises
+        ------
+        OutputError
+            There is one that may not be read.
+        """
+        path = folder / MANIFEST
         try:
-            text = _open_regular(folder / MANIFEST)
+            text = _open_regular(path)
+        except PermissionError as error:
+            raise OutputError(f"{path}: cannot be read ({error.strerror or error})") from error
         except OSError:
             return False
         return text == "" or _HEAD.fullmatch(text.split("\n", 1)[0]) is not None
@@ -112,9 +121,12 @@ class Manifest:
             return
         try:
             self._keep()
-            for name in names:
-                if self.state(name) == OURS:
-                    (self.folder / name).unlink(missing_ok=True)
+            ours = [name for name in names if self.state(name) == OURS]
+            for place in sorted({(self.folder / name).parent for name in ours}):
+                if not os.access(place, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids):
+                    raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(place))  # all or nothing
+            for name in ours:
+                (self.folder / name).unlink(missing_ok=True)
             for parent in sorted({p for name in names for p in Path(name).parents if p.parts}, reverse=True):
                 if self._reached(self.folder / parent / MANIFEST):
                     with suppress(OSError):  # it holds something else
