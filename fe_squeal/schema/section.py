@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
 
@@ -33,10 +33,36 @@ Direction = Annotated[Vector, AfterValidator(_nonzero)]
 Speed = Annotated[float, AfterValidator(_moves)]
 
 
+def _refused(self: Any, *_: Any, **__: Any) -> NoReturn:
+    raise _unchangeable(f"a {'list' if isinstance(self, list) else 'table'} of the scene")
+
+
+class FixedList(list[Any]):
+    """A list of a scene: what would be put into it later would not be checked."""
+
+    append = extend = insert = remove = pop = clear = sort = reverse = _refused
+    __setitem__ = __delitem__ = __iadd__ = __imul__ = _refused
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle it as a whole, not entry by entry."""
+        return FixedList, (list(self),)
+
+
+class FixedTable(dict[str, Any]):
+    """A table of a scene whose keys are names."""
+
+    update = setdefault = pop = popitem = clear = _refused
+    __setitem__ = __delitem__ = __ior__ = _refused
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle it as a whole, not entry by entry."""
+        return FixedTable, (dict(self),)
+
+
 class Section(BaseModel):
     """An immutable table of a scene: unknown keys, wrong types, NaN and infinity are errors."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_default=True)
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Refuse to change a table: what was made from it would not follow."""
@@ -53,11 +79,11 @@ class Section(BaseModel):
     @field_validator("*")
     @classmethod
     def _ordinary(cls, value: Any) -> Any:
-        """Refuse numbers whose squares and products would overflow or vanish."""
+        """Refuse numbers whose squares and products would overflow or vanish; keep lists and tables from changes."""
         for number in _floats(value):
             if number and not _TINY < abs(number) < _HUGE:
                 raise ValueError(f"expected a number between {_TINY:g} and {_HUGE:g} in size, or 0")
-        return value
+        return FixedList(value) if isinstance(value, list) else FixedTable(value) if type(value) is dict else value
 
 
 def _unchangeable(name: str) -> SceneError:

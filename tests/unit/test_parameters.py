@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -124,3 +129,21 @@ def test_a_scene_is_not_changed_in_place(problem: Problem, table: str) -> None:
     with pytest.raises(SceneError, match=rf"^{name}: a scene does not change"):
         delattr(where, name)
     assert scene.model_dump() == before
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda scene: scene.contacts.append({"surface": "top"}), lambda scene: scene.supports.extend([1]),
+        lambda scene: scene.springs.__setitem__(0, None), lambda scene: scene.contacts.clear(),
+        lambda scene: scene.materials.update(other=1), lambda scene: scene.bodies.pop("block"),
+        lambda scene: scene.materials.__setitem__("steel", 3),
+    ],
+)  # fmt: skip
+def test_lists_and_tables_of_a_scene_are_not_changed_either(problem: Problem, change: Callable[[Any], Any]) -> None:
+    """What is put into a list is not checked; an empty list that the scene does not mention is one as well."""
+    scene = problem.source.scene  # type: ignore[union-attr]
+    before = scene.model_dump()
+    with pytest.raises(SceneError, match=r"of the scene: a scene does not change.*problem\.at\(\{.*parse_scene$"):
+        change(scene)
+    assert scene.model_dump() == before and pickle.loads(pickle.dumps(scene)) == copy.deepcopy(scene) == scene
