@@ -99,7 +99,7 @@ def tasks(place: Path) -> list[Task]:
     """Return all commands, with their scenes written."""
     for method in ("direct", "reduced"):
         write_scene(place, sweep_text(12, method), f"{method}.toml")
-    shown = sweep_text(6).replace('shapes = "none"\nreport = false', 'shapes = "unstable"')
+    shown = sweep_text(4).replace('shapes = "none"\nreport = false', 'shapes = "unstable"')
     write_scene(place, shown, "shapes.toml")
     return [
         Task("run, direct", ("run", "direct.toml", "-o", "{}/out"), same_run, ("--resume",), 5),

@@ -38,8 +38,9 @@ class Setting:
     tolerance : float
     refinement : int
         How often the mesh of a file is refined; 0 where the size is that of a parametric geometry.
-    knob : str
-        What the study varies here, for its tables and figures.
+    knob : "size", "modes", "tolerance", "method" or ""
+        What the study varies here: the size in each order, the modes of the modal projection, the tolerance of the
+        reduced model, or the method; "" outside of a study.
     estimated : bool
         Whether its mesh is refined too, to see what that changes: from such settings comes the reference.
     """
@@ -74,17 +75,17 @@ def plan(scene: Scene) -> list[Setting]:
     else:
         meshes = [(own.size / 2**level, level) for level in range(_LEVELS + 1)]
     settings = [
-        replace(own, order=order, size=size, refinement=level, knob=f"size, order {order}", estimated=order == 2)
+        replace(own, order=order, size=size, refinement=level, knob="size", estimated=order == 2)
         for order in (1, 2)
         for size, level in meshes
     ]
     base = replace(own, order=scene.mesh.order)
     settings += [
-        replace(base, method="modal", modes=max(1, round(own.modes * more)), knob="modes, modal projection")
+        replace(base, method="modal", modes=max(1, round(own.modes * more)), knob="modes")
         for more in (1.0, *_MORE_MODES)
     ]
-    settings += [replace(base, method="reduced", tolerance=t, knob="tolerance, reduced") for t in _TOLERANCES]
-    settings.append(replace(base, method="direct", knob="direct"))
+    settings += [replace(base, method="reduced", tolerance=t, knob="tolerance") for t in _TOLERANCES]
+    settings.append(replace(base, method="direct", knob="method"))
     return settings
 
 

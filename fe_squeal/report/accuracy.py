@@ -8,19 +8,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from .advice import QUANTITIES, advice, fitted, pareto
+from .advice import QUANTITIES, advice, fitted, lines_of, pareto
 from .files import replace_atomically
 
 _FLOOR = 1e-12  # smaller errors are left out of the chart
 _TITLES = {"error_frequency": "frequency", "error_growth": "growth rate", "error_onset": "critical value"}
-_MARKS = {
-    "size, order 1": "o", "size, order 2": "s", "direct": "D",
-    "modes, modal projection": "^", "tolerance, reduced": "v",
-}  # fmt: skip
 
 
 def plot_accuracy(frame: pd.DataFrame, own: Mapping[str, float], path: Path, title: str) -> None:
-    """Draw error against seconds, both logarithmic: a line per knob, the Pareto front, the reference's own error.
+    """Draw error against seconds, both logarithmic: what is varied, the Pareto front, the reference's own error.
 
     Parameters
     ----------
@@ -37,11 +33,9 @@ def plot_accuracy(frame: pd.DataFrame, own: Mapping[str, float], path: Path, tit
     figure = Figure(figsize=(4.6 * max(1, len(shown)), 4.6), layout="constrained")
     FigureCanvasAgg(figure)
     for axes, quantity in zip(np.atleast_1d(figure.subplots(1, max(1, len(shown)))), shown, strict=False):
-        for knob, mark in _MARKS.items():
-            rows = frame[(frame["knob"] == knob) & (frame[quantity] > _FLOOR)]
+        for line, rows in lines_of(frame[frame[quantity] > _FLOOR]):
             rows = rows.sort_values(["size", "modes", "tolerance"])
-            if len(rows):
-                axes.loglog(rows["seconds"], rows[quantity], marker=mark, ms=5, lw=1, label=knob)
+            axes.loglog(rows["seconds"], rows[quantity], marker=line.mark, ms=5, lw=1, label=line.label)
         front = frame[pareto(frame, quantity) & (frame[quantity] > _FLOOR)].sort_values("seconds")
         axes.loglog(
             front["seconds"], front[quantity], ls="none", marker="o", ms=12, mfc="none", mec="0.3", label="Pareto front"

@@ -2,23 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 
 QUANTITIES = {"error_frequency": "frequencies", "error_growth": "growth rates", "error_onset": "critical values"}
 TARGETS = (0.05, 0.02, 0.01)
+@dataclass(frozen=True)
+class Line:
+    """What a line of the charts joins: the settings of a study that differ in one thing, the order apart."""
+
+    knob: str
+    order: int | None
+    label: str
+    mark: str
+    colour: str | None = None
+
+
+LINES = (
+    Line("size", 1, "size, order 1", "o", "#0072b2"), Line("size", 2, "size, order 2", "s", "#d55e00"),
+    Line("method", None, "direct", "D"), Line("modes", None, "modes, modal projection", "^"),
+    Line("tolerance", None, "tolerance, reduced", "v"),
+)  # fmt: skip
 _FITTED = 3  # finest sizes that a rate is fitted to
 
 
 def fitted(frame: pd.DataFrame, order: int, quantity: str) -> float | None:
     """Return r of error = a · size^r, fitted to the finest sizes of one order; None where fewer than two are known."""
-    rows = frame[frame["knob"].astype(str).eq(f"size, order {order}")].sort_values("size")
+    rows = frame[(frame["knob"] == "size") & (frame["order"] == order)].sort_values("size")
     rows = rows[np.isfinite(rows[quantity]) & (rows[quantity] > 0) & (rows[quantity] < 1)]  # 1: not found
     fine = rows.iloc[:_FITTED]
     if len(fine) < 2:
         return None
     rate, _ = np.polyfit(np.log(fine["size"].to_numpy(float)), np.log(fine[quantity].to_numpy(float)), 1)
     return float(rate)
+
+
+def lines_of(frame: pd.DataFrame) -> Iterator[tuple[Line, pd.DataFrame]]:
+    """Yield each line of the charts with its rows: what the study varies, in each order where that is the size."""
+    for line in LINES:
+        rows = frame[frame["knob"] == line.knob]
+        rows = rows if line.order is None else rows[rows["order"] == line.order]
+        if len(rows):
+            yield line, rows
 
 
 def pareto(frame: pd.DataFrame, quantity: str) -> np.ndarray:
@@ -34,7 +62,7 @@ def advice(frame: pd.DataFrame, quantity: str) -> list[str]:
 
     Nothing is extrapolated: where no row of the table meets a target, the nearest one is named.
     """
-    rows = frame[frame["knob"].astype(str).str.startswith("size, ") & np.isfinite(frame[quantity])]
+    rows = frame[(frame["knob"] == "size") & np.isfinite(frame[quantity])]
     return [_advised(rows, target, quantity) for target in TARGETS]
 
 

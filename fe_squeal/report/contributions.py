@@ -22,6 +22,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from fe_squeal.report.branches import figure_text, frequency_text, numbers, parameter_name, parameter_symbol, value_text
 from fe_squeal.report.files import save_figure
+from fe_squeal.report.terms import ELASTIC, MASS, TermName, term_of
 
 MAX_BRANCHES = 12
 MAX_TERMS = 10
@@ -72,7 +73,7 @@ def contributions_figure(contributions: pd.DataFrame, modes: pd.DataFrame, title
     terms = contributions[contributions["term"] != "sum"]
     growth = _table(terms, shown, "re_share")
     energy = _table(terms, shown, "energy_share")
-    inertia = np.array([str(name).startswith("mass.") for name in energy.columns], dtype=bool)
+    inertia = np.array([term_of(name).kind == MASS for name in energy.columns], dtype=bool)
     tables = [gather_small(table) for table in (growth, energy.loc[:, ~inertia], energy.loc[:, inertia])]
     colours = _colours(name for main, _ in tables for name in main.columns)
 
@@ -142,8 +143,8 @@ def gather_small(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
 def _table(terms: pd.DataFrame, shown: pd.DataFrame, column: str) -> pd.DataFrame:
     """Return one row for each row of `shown` and one column for each term, kinds of terms side by side."""
     names = [str(name) for name in terms.loc[terms[column].notna(), "term"].unique()]
-    kinds = list(dict.fromkeys(_kind(name) for name in names))
-    names = sorted(names, key=lambda name: kinds.index(_kind(name)))
+    kinds = list(dict.fromkeys(term_of(name).kind for name in names))
+    names = sorted(names, key=lambda name: kinds.index(term_of(name).kind))
     wide = terms.pivot_table(index=["value", "mode"], columns="term", values=column, aggfunc="sum")
     keys = pd.MultiIndex.from_frame(shown[["value", "mode"]])
     return wide.reindex(index=keys, columns=names).fillna(0.0)
@@ -192,20 +193,17 @@ def _colours(names: Iterable[str]) -> dict[str, Any]:
     keys = dict.fromkeys(_colour_key(name) for name in names)
     more = iter(_MORE_HUES * len(keys))
     colours: dict[str, Any] = {}
-    for kind in dict.fromkeys(_kind(key) for key in keys):
-        members = [key for key in keys if _kind(key) == kind]
+    for kind in dict.fromkeys(term_of(key).kind for key in keys):
+        members = [key for key in keys if term_of(key).kind == kind]
         hue = _HUES.get(kind) or next(more)
         # the ends of the colour maps are near black and near white
         colours |= dict(zip(members, colormaps[hue](np.linspace(0.8, 0.3, len(members))), strict=True))
     return colours
 
 
-def _kind(term: str) -> str:
-    return term.partition(".")[0]
-
-
 def _colour_key(term: str) -> str:
-    return f"elastic.{term.removeprefix('mass.')}" if term.startswith("mass.") else term
+    name = term_of(term)
+    return str(TermName(ELASTIC, name.part)) if name.kind == MASS else term
 
 
 def _legend_keys(tables: list[tuple[pd.DataFrame, pd.DataFrame]], colours: Mapping[str, Any]) -> list[Any]:

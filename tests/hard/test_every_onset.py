@@ -12,7 +12,7 @@ from selection import some
 from fe_squeal import sweep
 from fe_squeal.sweep.onsets import windows
 
-SEEDS = 10  # of every kind; benchmarks/onsets.py has hundreds, with other seeds
+SEEDS = 6  # of every kind; benchmarks/onsets.py has hundreds, with other seeds
 PROJECTED = 20  # modes asked for where a step works on a projection
 
 

@@ -201,12 +201,13 @@ def test_a_table_of_accuracy_makes_a_page(tmp_path: Path) -> None:
         "order": [1, 1, 2, 2], "size": [0.02, 0.01, 0.02, 0.01], "modes": 20, "method": "reduced", "tolerance": 1e-8,
         "unknowns": [100, 700, 800, 5000], "seconds": [0.5, 2.0, 2.5, 20.0], "peak_memory_mib": 100.0,
         "error_frequency": [0.2, 0.05, 0.01, 0.001], "error_growth": np.nan, "error_onset": [0.3, 0.1, 0.04, 0.01],
-        "knob": ["size, order 1"] * 2 + ["size, order 2"] * 2,
+        "knob": ["size"] * 4,
     })  # fmt: skip
     frame.to_csv(tmp_path / "accuracy.csv", index=False)
     assert main(["report", str(tmp_path), "-o", str(tmp_path / "a.html")]) == 0
     plots = data_of(tmp_path / "a.html")["plots"]
     assert [p["id"] for p in plots] == ["error_frequency", "error_onset"]
     assert plots[0]["data"][1]["y"] == [0.01, 0.001]
+    assert [line["name"] for line in plots[0]["data"]] == ["size, order 1", "size, order 2"]
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "The error of the growth rates is not known" in text and "2 % on frequencies: order 2, 20 mm" in text

@@ -9,12 +9,11 @@ import numpy as np
 import pandas as pd
 
 from fe_squeal.errors import OutputError
-from fe_squeal.report.advice import QUANTITIES, advice
+from fe_squeal.report.advice import LINES, QUANTITIES, advice, lines_of
 from fe_squeal.report.page.build import write_page
 from fe_squeal.report.page.markup import bullets, table
 
 _NEEDED = ("order", "size", "modes", "method", "tolerance", "unknowns", "seconds", "knob")
-_COLOURS = {"size, order 1": "#0072b2", "size, order 2": "#d55e00"}
 
 
 def write_accuracy_page(path: Path, page: Path) -> tuple[str, ...]:
@@ -33,6 +32,10 @@ def write_accuracy_page(path: Path, page: Path) -> tuple[str, ...]:
     missing = [name for name in _NEEDED if name not in frame]
     if missing:
         raise OutputError(f"{path}: has no column {', '.join(missing)}; {expected}")
+    varied = sorted({line.knob for line in LINES})
+    if not frame["knob"].isin(varied).any():
+        given = frame["knob"].iloc[0] if len(frame) else "nothing"
+        raise OutputError(f'{path}: knob: given "{given}"; expected {", ".join(varied)}, as fe-squeal accuracy writes')
     known = [q for q in QUANTITIES if q in frame and frame[q].notna().any()]
     unknown = [words for q, words in QUANTITIES.items() if q not in known]
     lacks = tuple(f"The error of the {words} is not known, so it is not shown." for words in unknown)
@@ -61,14 +64,14 @@ def write_accuracy_page(path: Path, page: Path) -> tuple[str, ...]:
 
 def _plot(frame: pd.DataFrame, quantity: str) -> dict[str, Any]:
     traces = []
-    for knob, rows in frame[frame[quantity].notna() & (frame[quantity] > 0)].groupby("knob"):
+    for line, rows in lines_of(frame[frame[quantity].notna() & (frame[quantity] > 0)]):
         ordered = rows.sort_values("seconds")
         label = [f"{1e3 * r['size']:.3g} mm, {r['modes']} modes, {r['method']}" for r in ordered.to_dict("records")]
         traces.append({
-            "mode": "markers+lines" if str(knob) in _COLOURS else "markers", "name": str(knob),
+            "mode": "markers+lines" if line.colour else "markers", "name": line.label,
             "x": ordered["seconds"].tolist(), "y": ordered[quantity].tolist(), "text": label,
             "marker": {"size": 8}, "line": {"width": 1},
-            **({"marker": {"size": 8, "color": _COLOURS[str(knob)]}} if str(knob) in _COLOURS else {}),
+            **({"marker": {"size": 8, "color": line.colour}} if line.colour else {}),
         })  # fmt: skip
     axis = {"type": "log", "gridcolor": "#e6eaee", "linecolor": "#51606e", "mirror": True}
     layout = {

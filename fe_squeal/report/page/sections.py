@@ -14,6 +14,7 @@ from fe_squeal.report.page.charts import law_text
 from fe_squeal.report.page.markup import bullets, paragraph, table, text
 from fe_squeal.report.results import Results
 from fe_squeal.report.tables import UnstableInterval, with_uncertainty
+from fe_squeal.report.terms import ELASTIC, MASS, TermName, term_of
 
 _MOST_MODES = 40  # unstable modes with a section of their own
 _ROWS = 12  # terms and numbers in a table of a mode
@@ -119,7 +120,7 @@ def _mode_section(results: Results, interval: UnstableInterval, position: int) -
 def _counts(row: dict[Any, Any]) -> bool:
     """Whether a contact or spring stores energy that is worth a row; bodies have a table of their own."""
     share = row.get("energy_share", np.nan)
-    return bool(share > _SMALL) and str(row["term"]).split(".")[0] not in ("mass", "elastic")
+    return bool(share > _SMALL) and term_of(row["term"]).kind not in (MASS, ELASTIC)
 
 
 def _partner(results: Results, interval: UnstableInterval, symbol: str) -> list[str]:
@@ -143,9 +144,9 @@ def _body_table(results: Results, row: dict[str, Any]) -> str:
     shares = verdict.shares_of(results, row)
     if "energy_share" not in shares:
         return ""
-    energy = {str(r["term"]): float(r["energy_share"]) for r in shares.to_dict("records")}
-    bodies = [t.removeprefix("mass.") for t in energy if t.startswith("mass.")]
-    rows = [(b, _percent(energy.get(f"mass.{b}")), _percent(energy.get(f"elastic.{b}"))) for b in bodies]
+    energy = {term_of(r["term"]): float(r["energy_share"]) for r in shares.to_dict("records")}
+    bodies = [term.part for term in energy if term.kind == MASS]
+    rows = [(b, *(_percent(energy.get(TermName(kind, b))) for kind in (MASS, ELASTIC))) for b in bodies]
     return table("Energy by body", ("body", "of the kinetic energy", "of the potential energy"), rows)
 
 
