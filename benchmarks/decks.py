@@ -19,8 +19,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from calculix import Outcome, asks_for_frequencies, compare, decks_folder, unpack  # noqa: E402
 
-from fe_squeal.decks import ansys  # noqa: E402
 from fe_squeal.decks.abaqus import keywords  # noqa: E402
+from fe_squeal.decks.ansys import read as ansys  # noqa: E402
 from fe_squeal.decks.nastran import read as nastran  # noqa: E402
 
 PAGE = ROOT / "docs/decks.md"

@@ -12,7 +12,7 @@ from ..mesh.readers.sources import Sources
 from ..scene import MatrixScene, Scene
 from ..scene.file import load_scene, parse_scene
 from .abaqus.read import draft_abaqus
-from .ansys import draft_ansys
+from .ansys.read import draft_ansys
 from .draft import Draft
 from .nastran.read import draft_nastran
 from .template import draft_template

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..mesh import LoadedMesh
+from ..mesh.loading import UNITS
 from ..mesh.measures import area_of, volume_of
 from .draft import Draft, plain_name, toml
 
@@ -23,7 +24,7 @@ def draft_template(loaded: LoadedMesh, mesh_file: str) -> Draft:
     """
     mesh = loaded.mesh
     size = float(np.ptp(mesh.p, axis=1).max())
-    unit = "mm" if size > _LARGEST else "m"
+    unit = loaded.length_unit if loaded.length_unit in UNITS else "mm" if size > _LARGEST else "m"
     draft = Draft(loaded.source.rpartition(".")[0] or loaded.source)
     draft.head += [f"Made by fe-squeal new from the mesh {loaded.source}.", ""]
     draft.head.append("Groups of the mesh, in its own unit of length:")

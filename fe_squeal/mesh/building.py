@@ -64,6 +64,7 @@ def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
         unusable,
         raw.ignore_case,
         *_nodes(mesh, block, raw, given),
+        raw.length_unit,
     )
 
 

@@ -59,6 +59,8 @@ class LoadedMesh:
         By what stands in front of them in the file ("" or "PAD-1."): the nodes' numbers there, and their columns.
     added
         (columns,) which nodes the file does not have.
+    length_unit
+        What the file says of its coordinates, "mm", "" where it says nothing.
     """
 
     mesh: skfem.Mesh
@@ -71,6 +73,7 @@ class LoadedMesh:
     node_groups: dict[str, NodeSet] = field(default_factory=dict)
     node_numbers: dict[str, tuple[Ints, Ints]] = field(default_factory=dict)
     added: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+    length_unit: str = ""
 
 
 def volume_group(loaded: LoadedMesh, name: str) -> Ints:

@@ -20,11 +20,12 @@ from .readers.gmsh import read_gmsh
 from .readers.nastran.deck import read_nastran
 from .readers.others import read_with_meshio
 from .readers.sources import Sources
+from .readers.unv import read_unv
 
 UNITS = {"m": 1.0, "mm": 1e-3}
 _READERS: dict[str, Callable[[Sources], RawMesh]] = {
     ".inp": read_abaqus, ".msh": lambda sources: read_gmsh(sources.path),
-    ".cdb": read_ansys,
+    ".cdb": read_ansys, ".unv": read_unv,
     ".bdf": read_nastran, ".nas": read_nastran, ".dat": read_nastran, ".fem": read_nastran, ".blk": read_nastran,
 }  # fmt: skip
 
@@ -37,8 +38,8 @@ def load_mesh(
     Parameters
     ----------
     path
-        .msh (Gmsh 2.2, 4.0, 4.1), .inp (Abaqus), .cdb (Ansys), .bdf, .nas, .dat, .fem (Nastran), .vtu, .vtk, .xdmf,
-        .med or whatever else meshio reads.
+        .msh (Gmsh 2.2, 4.0, 4.1), .inp (Abaqus), .cdb (Ansys), .bdf, .nas, .dat, .fem (Nastran), .unv (universal
+        files), .vtu, .vtk, .xdmf, .med or whatever else meshio reads.
     length_unit
         The unit of the file's coordinates, "m" or "mm".
     folders

@@ -58,6 +58,8 @@ class RawMesh:
         Node rows by group name; they become surface groups where they cover whole boundary facets.
     unusable
         Names of the file that give no group, with the reason.
+    length_unit
+        What the file says of its coordinates, "mm", "" where it says nothing.
     """
 
     points: Floats
@@ -70,6 +72,7 @@ class RawMesh:
     notes: tuple[str, ...] = ()
     node_prefixes: tuple[tuple[int, str], ...] = ((0, ""),)
     ignore_case: bool = False
+    length_unit: str = ""
 
     def node_name(self, row: int) -> str:
         """Return the node's number as the file has it, with its instance in front."""

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from fe_squeal.report.pictures import (
     AMPLITUDE_COLOURS,
     NORMAL_COLOURS,
-    axis_frame,
     compose_figure,
     moving_triangles,
     normal_limit,
     widest_body,
 )
+from fe_squeal.report.shapes import axis_frame
 from fe_squeal.report.vtk_files import VISIBLE, names_in
 
 PIXELS = (1100, 860)

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import pyvista
 
-from fe_squeal.report.pictures import AMPLITUDE_COLOURS, axis_frame
+from fe_squeal.report.pictures import AMPLITUDE_COLOURS
+from fe_squeal.report.shapes import axis_frame
 
 PIXELS = (900, 700)
 _SUBDIVISION = 1  # each face of a quadratic cell becomes 4 triangles

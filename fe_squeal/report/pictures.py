@@ -35,6 +35,7 @@ from fe_squeal.report.shapes import (
     Complexes,
     Floats,
     ShapeGrid,
+    axis_frame,
     boundary_triangles,
     normalise_shape,
     semi_major_amplitude,
@@ -150,22 +151,6 @@ def _drawn_by_child(jobs: Sequence[PictureJob], unfinished: Sequence[Path], seco
     # the child prints the number of each picture once it is complete; VTK may print other things
     drawn = {int(line.split()[1]) for line in output.splitlines() if line.startswith("drawn ")}
     return {i for i in drawn if unfinished[i].exists()}, reason
-
-
-def axis_frame(axis: Sequence[float]) -> Floats:
-    """Return the rotation (3, 3) whose rows are a right-handed frame with `axis`, normalised, as its third.
-
-    Examples
-    --------
-    >>> axis_frame([0, 0, 2]).tolist()
-    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-    """
-    third = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
-    # the coordinate axis farthest from it; x is preferred so that z stays as it is
-    first = np.eye(3)[int(np.argmin(np.abs(third).round(9)))]
-    first = first - (first @ third) * third
-    first /= np.linalg.norm(first)
-    return np.array([first, np.cross(third, first), third])
 
 
 def widest_body(points: Floats, cells: Any, body: Any) -> int:

@@ -166,26 +166,38 @@ def read_shape(path: Path) -> tuple[ShapeGrid, Shape]:
     OSError, KeyError, ValueError, IndexError
         Where it is none.
     """
-    import pyvista
+    # VTK's own reader: pyvista takes half a second to import.
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
     from fe_squeal.report.vtk_files import names_in
 
     if not path.read_bytes()[:200].lstrip().startswith(b"<"):
         raise ValueError("it is no VTK file")
-    data = pyvista.read(path)
-    if not isinstance(data, pyvista.UnstructuredGrid) or len(data.cells_dict) != 1:
+    reader = vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    data = reader.GetOutput()
+    if not data.GetNumberOfCells() or not data.IsHomogeneous():
         raise ValueError("its cells are not all of one type")
-    kind, cells = next(iter(data.cells_dict.items()))
-    body = np.asarray(data.cell_data["body"], dtype=np.int64)
+    cells = vtk_to_numpy(data.GetCells().GetConnectivityArray()).reshape(data.GetNumberOfCells(), -1)
+
+    def array(owner: Any, name: str) -> Any:
+        if not owner.HasArray(name):
+            raise KeyError(f"no array {name}")
+        return vtk_to_numpy(owner.GetArray(name))
+
+    body = np.asarray(array(data.GetCellData(), "body"), dtype=np.int64)
     names = names_in(data, "body") or [f"body {i}" for i in range(int(body.max(initial=0)) + 1)]
-    u = np.asarray(data.point_data["u_re"]) + 1j * np.asarray(data.point_data["u_im"])
+    u = array(data.GetPointData(), "u_re") + 1j * array(data.GetPointData(), "u_im")
     info: dict[str, Any] = {
-        name: float(np.asarray(data.field_data[name])[0])
+        name: float(array(data.GetFieldData(), name)[0])
         for name in ("value", "mode", "branch", "re", "im", "frequency_hz")
-        if name in data.field_data
+        if data.GetFieldData().HasArray(name)
     }
     parameter = names_in(data, "parameter")
     if parameter:
         info["parameter"] = parameter[0]
-    points = np.asarray(data.points, dtype=float)
-    return ShapeGrid(points, np.asarray(cells, dtype=np.int64), int(kind), body, tuple(names)), Shape(info, u)
+    points = np.array(vtk_to_numpy(data.GetPoints().GetData()), dtype=float)
+    kind = int(data.GetCellType(0))
+    return ShapeGrid(points, np.array(cells, dtype=np.int64), kind, body, tuple(names)), Shape(info, u)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import CellBasis
+
+if TYPE_CHECKING:
+    from skfem import CellBasis
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -236,3 +240,19 @@ def _match(nodes: Floats, wanted: Floats) -> Integers:
     """Return the index into `nodes` of each node in `wanted`."""
     order = np.argsort(_keys(nodes))
     return np.asarray(order[np.searchsorted(_keys(nodes)[order], _keys(wanted))], dtype=np.int64)
+
+
+def axis_frame(axis: Sequence[float]) -> Floats:
+    """Return the rotation (3, 3) whose rows are a right-handed frame with `axis`, normalised, as its third.
+
+    Examples
+    --------
+    >>> axis_frame([0, 0, 2]).tolist()
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    third = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    # the coordinate axis farthest from it; x is preferred so that z stays as it is
+    first = np.eye(3)[int(np.argmin(np.abs(third).round(9)))]
+    first = first - (first @ third) * third
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(third, first), third])

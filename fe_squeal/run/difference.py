@@ -9,9 +9,17 @@ import pandas as pd
 from rich.console import Console
 
 from ..errors import OutputError
-from ..report.files import write_csv
-from .folder import DIFFERENCE_FIGURE, DIFFERENCE_FILES, DIFFERENCE_TABLE, MODES_TABLE, REPORT, hold_folder
-from .page import read_run
+from ..report.files import write_csv, write_json
+from .folder import (
+    DIFFERENCE_FIGURE,
+    DIFFERENCE_FILES,
+    DIFFERENCE_RECORD,
+    DIFFERENCE_TABLE,
+    MODES_TABLE,
+    REPORT,
+    hold_folder,
+)
+from .page import read_run, write_difference_report
 
 
 def compare_folders(folders: Sequence[Path], out: Path, console: Console) -> int:
@@ -24,7 +32,6 @@ def compare_folders(folders: Sequence[Path], out: Path, console: Console) -> int
     """
     from ..report.difference_figure import plot_differences
     from ..report.differences import compare_designs, sentences, symbol_of
-    from ..report.page.difference import write_difference_page
 
     if len(folders) < 2:
         raise OutputError(f"diff: given {len(folders)} folder; expected two or more folders of results")
@@ -46,13 +53,14 @@ def compare_folders(folders: Sequence[Path], out: Path, console: Console) -> int
         lacks += [sentence for sentence in said if sentence not in lacks]
     kept = [t for t in tables if len(t)]
     whole, symbol = pd.concat(kept, ignore_index=True) if kept else tables[0], symbol_of(base)
-    answers = sentences(whole, names[1:], symbol)
-    title = f"{', '.join(names[1:])} beside {names[0]}"
+    answers, title = sentences(whole, names[1:], symbol), f"{', '.join(names[1:])} beside {names[0]}"
+    record = {"title": title, "symbol": symbol, "answers": answers, "lacks": lacks}
     with hold_folder(out, [folder / MODES_TABLE for folder in folders]) as held:
         held.check(lambda name: name in DIFFERENCE_FILES)
         write_csv(whole, out / DIFFERENCE_TABLE)
+        write_json(record, out / DIFFERENCE_RECORD)
         plot_differences(whole, out / DIFFERENCE_FIGURE, symbol, title)
-        write_difference_page(whole, answers, lacks, symbol, out / REPORT, title)
+        write_difference_report(out, out / REPORT)
     for sentence in answers:
         console.print(sentence, markup=False)
     for sentence in lacks:

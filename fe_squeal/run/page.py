@@ -12,6 +12,8 @@ from ..errors import OutputError
 from .folder import (
     ACCURACY_TABLE,
     CONTRIBUTIONS_TABLE,
+    DIFFERENCE_RECORD,
+    DIFFERENCE_TABLE,
     MAC_TABLE,
     MODES_TABLE,
     ONSETS_TABLE,
@@ -60,9 +62,11 @@ def write_report(folder: Path, path: Path) -> tuple[str, ...]:
         return write_run_report(folder, path)
     if (folder / ACCURACY_TABLE).exists():
         return write_accuracy_report(folder, path)
+    if (folder / DIFFERENCE_TABLE).exists():
+        return write_difference_report(folder, path)
     raise OutputError(
-        f"{folder}: holds no results to show; expected a folder with {RECORD} and {MODES_TABLE}, or with"
-        f" {ACCURACY_TABLE}"
+        f"{folder}: holds no results to show; expected a folder with {RECORD} and {MODES_TABLE}, with {ACCURACY_TABLE},"
+        f" or with {DIFFERENCE_TABLE}"
     )
 
 
@@ -71,6 +75,13 @@ def write_accuracy_report(folder: Path, path: Path) -> tuple[str, ...]:
     from ..report.page.accuracy import write_accuracy_page
 
     return write_accuracy_page(folder / ACCURACY_TABLE, path)
+
+
+def write_difference_report(folder: Path, path: Path) -> tuple[str, ...]:
+    """Write the page of designs side by side, from their table and record."""
+    from ..report.page.difference import read_and_write_page
+
+    return read_and_write_page(folder / DIFFERENCE_TABLE, folder / DIFFERENCE_RECORD, path)
 
 
 def report_folder(folder: Path, file: Path | None, console: Console) -> int:

@@ -56,14 +56,15 @@ def decks() -> dict[str, bytes]:
     import sys
 
     sys.path.insert(0, str(ROOT / "tests/unit"))
-    import test_decks_abaqus as abaqus
     import test_decks_nastran as nastran
+    import test_decks_ties as ties
+    from deck_scenes import deck
     from deck_texts import deck_of
 
-    block = abaqus.box("hex1", (2, 1, 1), (0.06, 0.03, 0.02))
-    tied = "*Heading\n" + deck_of(block, 1e3) + abaqus.REFERENCE % abaqus.SPELLINGS["averaged"]
+    block = ties.box("hex1", (2, 1, 1), (0.06, 0.03, 0.02))
+    tied = "*Heading\n" + deck_of(block, 1e3) + ties.REFERENCE % ties.SPELLINGS["averaged"]
     return {
-        "brake.inp": (ROOT / "examples/small_brake.inp").read_bytes(), "pad.inp": abaqus.deck().encode(),
+        "brake.inp": (ROOT / "examples/small_brake.inp").read_bytes(), "pad.inp": deck().encode(),
         "tied.inp": tied.encode(), "free.bdf": nastran.deck()[0].encode(),
         "large.bdf": nastran.deck(nastran.large_field)[0].encode(),
     }  # fmt: skip

@@ -89,7 +89,7 @@ def test_contact_elements_are_surfaces(tmp_path):
     (tmp_path / "beam.cdb").write_text("\n".join(lines))
     loaded = load_mesh(tmp_path / "beam.cdb")
     assert {n: len(f) for n, f in loaded.mesh.boundaries.items() if n.endswith("_5")} == {"contact_5": 1, "target_5": 1}
-    with pytest.raises(SceneError, match=r"contacts.contact_5: FKN is not read.*how the counterface moves"):
+    with pytest.raises(SceneError, match=r"contacts.contact_5: FKN = 1 is a factor.*how the counterface moves"):
         scene_of(tmp_path / "beam.cdb")
 
 

@@ -142,7 +142,15 @@ def test_the_command_writes_table_picture_and_page(tmp_path: Path, capsys: pytes
     assert (out / "diff.png").stat().st_size > 10_000
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "new at 5.10 kHz" in page and 'id="onset"' in page and "3.2" in page
+    (out / "report.html").unlink()
+    assert main(["report", str(out)]) == 0  # the page again, from the table and the record
+    assert (out / "report.html").read_text(encoding="utf-8") == page
     assert main(["diff", str(plain), str(slot), "-o", str(out)]) == 0  # its own files are replaced
+    (out / "diff.json").write_text("{")
+    assert main(["report", str(out)]) == 0
+    assert "diff.json: it cannot be read" in capsys.readouterr().out
+    (out / "diff.csv").write_text("b\nslot\n")
+    assert main(["report", str(out)]) == 2 and "is no table of fe-squeal diff" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("case", ["one", "empty", "itself", "parameter"])

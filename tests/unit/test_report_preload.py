@@ -12,10 +12,9 @@ from matplotlib.patches import FancyArrowPatch
 from test_report_contributions import assert_nothing_overlaps
 
 from fe_squeal.report.contact_face import ContactFace
-from fe_squeal.report.pictures import axis_frame
 from fe_squeal.report.preload import export_preload
 from fe_squeal.report.pressure import OPEN_COLOUR, PULLING_COLOUR, face_frame, pressure_figure
-from fe_squeal.report.shapes import shape_grid
+from fe_squeal.report.shapes import axis_frame, shape_grid
 from fe_squeal.report.vtk_files import names_in
 
 GREY, RED = to_rgb(OPEN_COLOUR), to_rgb(PULLING_COLOUR)

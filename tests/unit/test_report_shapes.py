@@ -15,11 +15,12 @@ from matplotlib import image
 
 from fe_squeal.report import pictures
 from fe_squeal.report.export import export_shapes
-from fe_squeal.report.pictures import axis_frame, draw_shape, widest_body
+from fe_squeal.report.pictures import draw_shape, widest_body
 from fe_squeal.report.shape_names import shape_name
 from fe_squeal.report.shapes import (
     REFERENCE_NODES,
     ShapeGrid,
+    axis_frame,
     boundary_triangles,
     normalise_shape,
     semi_major_amplitude,

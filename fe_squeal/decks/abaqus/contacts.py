@@ -9,6 +9,7 @@ from ...mesh.measures import area_of
 from ...mesh.readers.abaqus.model import Statement
 from ..draft import Table, Value, plain_name
 from .content import Content, Interaction, Pair, fields, spoken
+from .general import add_general_pairs
 from .holding import _number
 from .materials import clean
 
@@ -95,6 +96,7 @@ def read_motion(content: Content, statement: Statement) -> None:
 
 def write_contacts(content: Content) -> float | None:
     """Write a contact for each pair and tie; return the friction coefficient that their ratios are of."""
+    add_general_pairs(content)
     coefficients = [i.mu for p in content.pairs if (i := content.interactions.get(p.interaction.upper())) and i.mu]
     mu = max(coefficients, default=None)
     moving = _moving(content)

@@ -86,6 +86,10 @@ class TieData:
         Surfaces or node sets.
     springs : list of dict
         Between the reference and the ground, as the scene has them.
+    freedoms : set of int, optional
+        Of 1 to 3, those alone that follow the members (*Equation); None where all do.
+    place : (3,) array, optional
+        Where the reference counts, if not at its node.
     """
 
     name: str
@@ -94,6 +98,8 @@ class TieData:
     reference: Reference
     members: list[Reference]
     springs: list[dict[str, Value]] = field(default_factory=list)
+    freedoms: set[int] | None = None
+    place: np.ndarray | None = None
 
 
 @dataclass
@@ -112,11 +118,14 @@ class Content:
     orientations: dict[str, Statement] = field(default_factory=dict)
     held: dict[Reference, dict[int, str]] = field(default_factory=dict)  # freedoms 1 to 6, where each is held
     springs: list[Statement] = field(default_factory=list)
+    transforms: list[Statement] = field(default_factory=list)
     interactions: dict[str, Interaction] = field(default_factory=dict)
     pairs: list[Pair] = field(default_factory=list)
+    general: list[Pair] = field(default_factory=list)  # of general contact
     ties: list[Pair] = field(default_factory=list)
     motions: list[Statement] = field(default_factory=list)
     pressures: dict[Reference, tuple[float, str]] = field(default_factory=dict)
+    loaded_elements: set[str] = field(default_factory=set)  # single ones under *Dload, with their faces
     forces: dict[tuple[Reference, int], tuple[float, str]] = field(default_factory=dict)
     ties_to_points: list[TieData] = field(default_factory=list)
     masses: list[Statement] = field(default_factory=list)

@@ -13,6 +13,7 @@ from ...mesh.readers.abaqus.text import is_label
 from ..draft import Value, plain_name
 from .content import Content, Reference, fields, real, short, spoken
 from .materials import clean, local_axes
+from .transforms import held_directions
 
 _NAMED = {
     "ENCASTRE": (1, 2, 3, 4, 5, 6), "PINNED": (1, 2, 3), "XSYMM": (1, 5, 6), "YSYMM": (2, 4, 6), "ZSYMM": (3, 4, 5),
@@ -95,13 +96,16 @@ def write_supports(content: Content) -> None:
     single: dict[str, list[str]] = {}
     places: dict[str, str] = {}
     for reference, freedoms in content.held.items():
-        fixed = "".join("xyz"[f - 1] for f in sorted(freedoms) if f <= 3)
-        if not fixed:
-            continue
         where = next(iter(freedoms.values()))
         rows = content.rows(reference)
         if not content.on_solids[rows].any():
             continue  # a reference node, or of an element that is no solid
+        fixed = held_directions(content, reference, set(freedoms))
+        if fixed is None:
+            text = f'holds "{reference[0]}" in axes of *Transform that are not along x, y and z: give [[supports]]'
+            content.draft.find("*Boundary", where, text, "missing")
+        if not fixed:
+            continue
         name = content.nodes_name(reference)
         if is_label(reference[0].rpartition(".")[2]):
             single.setdefault(fixed, []).append(name)

@@ -15,10 +15,13 @@ from .contacts import (
     read_pair,
 )
 from .content import Content
+from .equations import read_equation
+from .general import read_assignment, read_inclusions
 from .holding import read_boundary, read_spring
 from .materials import SUBOPTIONS, read_material, read_suboption
-from .steps import end_step, read_force, read_frequency, read_step, read_surface_load
+from .steps import end_step, read_face_load, read_force, read_frequency, read_step, read_surface_load
 from .ties import read_coupling, read_kind, read_mass, read_mpc, read_old_coupling, read_rigid_body
+from .transforms import read_transform
 
 
 def _keep(name: str) -> Callable[[Content, Statement], None]:
@@ -35,13 +38,14 @@ def _orientation(content: Content, statement: Statement) -> None:
 HANDLERS: dict[str, Callable[[Content, Statement], None]] = {
     "MATERIAL": read_material, **dict.fromkeys(SUBOPTIONS, read_suboption),
     "SOLID SECTION": _keep("sections"), "ORIENTATION": _orientation,
-    "BOUNDARY": read_boundary, "SPRING": read_spring, "DASHPOT": read_spring,
+    "BOUNDARY": read_boundary, "TRANSFORM": read_transform, "SPRING": read_spring, "DASHPOT": read_spring,
     "SURFACE INTERACTION": read_interaction, "CHANGE FRICTION": read_change_friction, "FRICTION": read_friction,
     "SURFACE BEHAVIOR": read_behaviour, "CONTACT PAIR": read_pair, "TIE": read_pair, "MOTION": read_motion,
-    "STEP": read_step, "END STEP": end_step, "DSLOAD": read_surface_load, "CLOAD": read_force,
+    "CONTACT INCLUSIONS": read_inclusions, "CONTACT PROPERTY ASSIGNMENT": read_assignment,
+    "STEP": read_step, "END STEP": end_step, "DSLOAD": read_surface_load, "DLOAD": read_face_load, "CLOAD": read_force,
     "COUPLING": read_coupling, "KINEMATIC": read_kind, "DISTRIBUTING": read_kind, "MPC": read_mpc,
     "KINEMATIC COUPLING": read_old_coupling, "DISTRIBUTING COUPLING": read_old_coupling, "RIGID BODY": read_rigid_body,
-    "MASS": read_mass, "ROTARY INERTIA": read_mass,
+    "EQUATION": read_equation, "MASS": read_mass, "ROTARY INERTIA": read_mass,
     "FREQUENCY": read_frequency, "COMPLEX FREQUENCY": read_frequency,
 }  # fmt: skip
 
@@ -57,9 +61,12 @@ BECOMES: dict[str, str] = {
     " instance, and directions of springs",
     "*Boundary": "`[[supports]]`: ranges of freedoms, `ENCASTRE`, `PINNED`, symmetries; node sets and single nodes, in"
     " assembly, instance and part; `OP=NEW` lets go",
+    "*Transform": "axes of `*Boundary`, where what it holds is along x, y and z; else it is asked for",
     "*Spring, *Dashpot": "`[[springs]]` of SPRING1, SPRING2, SPRINGA and DASHPOT1, 2, A; between a solid and a node"
     " that is held: to ground",
     "*Contact Pair": "`[[contacts]]`; the side that `*Motion` moves is the counterface, whichever is slave",
+    "*Contact Inclusions, *Contact Property Assignment": "`[[contacts]]` of the pairs that are named; of all others"
+    " that touch they are asked for",
     "*Surface Interaction": "for its pairs",
     "*Friction": "`mu` of the first row; the largest is `[effects.friction] mu`, others are `friction_ratio`;"
     " `ROUGH`: tied",
@@ -70,10 +77,13 @@ BECOMES: dict[str, str] = {
     "*Coupling, *Kinematic, *Kinematic Coupling": "`[[rigid]]`, with what acts on the reference node: `*Boundary`,"
     " springs, `*Mass`, `*Rotary Inertia`",
     "*Distributing, *Distributing Coupling": "`[[averaged]]`, all of the surface or all nodes with the same weight",
+    "*Equation": "`[[averaged]]` where a node of its own follows the mean of three or more nodes, all with the same"
+    " weight, in a direction; others are asked for",
     "*Rigid Body": "`[[rigid]]` of a node set", "*MPC": "of type BEAM: `[[rigid]]`",
     "*Mass, *Rotary Inertia": "`mass` and `inertia` at reference nodes; elsewhere left out, and told",
     "*Motion": "`sliding`: `ROTATION` about an axis, or a velocity",
     "*Dsload": "`[effects.preload] pressures`, as they are at the end of the steps before the frequencies",
+    "*Dload": "of P1 to P6: pressures on surfaces DLOAD_SET_P3, of single elements DLOAD_2_1; others are left out",
     "*Cload": "a pressure of the same sum, where it acts on all nodes of a face and along its normal; else left out",
     "*Frequency, *Complex Frequency": "`[solve] modes` or `max_frequency`; `FRICTION DAMPING=YES`:"
     " `[effects.friction_damping]`; `PROPERTY EVALUATION`: `reference_frequency_hz`",
@@ -84,11 +94,11 @@ BECOMES: dict[str, str] = {
 _APART = "ties parts together or to reference nodes and is not read: without it the structure is another one"
 _SHELLS = "is for elements that are no solids; they are left out, with their stiffness and mass"
 _LOAD = "is a load that is not simulated: the static state has only what [effects.preload] says"
-_TIES = ("EQUATION", "EMBEDDED ELEMENT", "FASTENER", "SHELL TO SOLID COUPLING")
+_TIES = ("EMBEDDED ELEMENT", "FASTENER", "SHELL TO SOLID COUPLING")
 _NO_SOLIDS = ("SHELL SECTION", "SHELL GENERAL SECTION", "BEAM SECTION", "BEAM GENERAL SECTION", "MEMBRANE SECTION",
               "CONNECTOR SECTION", "CONNECTOR BEHAVIOR", "CONNECTOR ELASTICITY", "CONNECTOR DAMPING", "GASKET SECTION",
               "COHESIVE SECTION", "SURFACE SECTION")  # fmt: skip
-_LOADS = ("DLOAD", "TEMPERATURE", "FIELD", "BASE MOTION", "INERTIA RELIEF", "PRE-TENSION SECTION", "CLEARANCE",
+_LOADS = ("TEMPERATURE", "FIELD", "BASE MOTION", "INERTIA RELIEF", "PRE-TENSION SECTION", "CLEARANCE",
           "FIXED INTERFERENCE", "CONTACT INTERFERENCE")  # fmt: skip
 # What is left out, and what that means.
 LEFT_OUT: dict[str, tuple[str, Weight]] = {
@@ -96,9 +106,6 @@ LEFT_OUT: dict[str, tuple[str, Weight]] = {
     "NONSTRUCTURAL MASS": ("adds inertia that is left out: frequencies come out too high", "changes"),
     **dict.fromkeys(_LOADS, (_LOAD, "changes")),
     "INITIAL CONDITIONS": ("temperatures, stresses and velocities at the start are not simulated", "changes"),
-    "TRANSFORM": ("supports and loads in turned axes are read as if along x, y and z; check [[supports]]", "missing"),
-    "CONTACT": ("general contact names no pairs; give [[contacts]] with surface and counterface", "missing"),
-    "CONTACT INCLUSIONS": ("general contact names no pairs; give [[contacts]] with surface and counterface", "missing"),
     "CONTACT DAMPING": ("give normal_damping in [[contacts]], N s/m per m^2", "changes"),
     "CYCLIC SYMMETRY MODEL": ("a sector does not stand for the whole here; mesh the whole", "missing"),
     "SUBSTRUCTURE PATH": ("substructures are not read", "missing"),
@@ -118,7 +125,8 @@ SILENT = {
     "NODE PRINT", "NODE FILE", "EL PRINT", "EL FILE", "CONTACT PRINT", "CONTACT FILE", "MODAL FILE", "MODAL OUTPUT",
     "MONITOR", "PRINT", "FILE FORMAT", "FILE OUTPUT", "STATIC", "CONTROLS", "CONTACT CONTROLS", "SOLVER CONTROLS",
     "AMPLITUDE", "TIME POINTS", "PHYSICAL CONSTANTS", "DISTRIBUTION", "DISTRIBUTION TABLE", "NODAL THICKNESS",
-    "NORMAL", "SELECT EIGENMODES", "SURFACE PROPERTY ASSIGNMENT", "CONTACT INITIALIZATION ASSIGNMENT",
+    "NORMAL", "CONTACT",
+    "CONTACT EXCLUSIONS", "SELECT EIGENMODES", "SURFACE PROPERTY ASSIGNMENT", "CONTACT INITIALIZATION ASSIGNMENT",
     "CONTACT INITIALIZATION DATA", "INCLUDE", "SYSTEM", "SUPER ELEMENT", "DIAGNOSTICS",
     "SELECT CYCLIC SYMMETRY MODES", "VARIABLE", "ELEMENT MATRIX OUTPUT", "RADIAL",
 }  # fmt: skip

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ...mesh.measures import area_of
+from ...mesh.readers.abaqus.loads import loaded_faces
 from ...mesh.readers.abaqus.model import Statement
+from ...mesh.readers.abaqus.text import is_label
 from ..draft import Value
 from .content import Content, Procedure, fields, spoken
 from .holding import _check, _number
@@ -46,6 +48,32 @@ def read_surface_load(content: Content, statement: Statement) -> None:
         content.pressures[parts[0], statement.scope] = value, where
     if block.value("AMPLITUDE"):
         content.draft.find("*Amplitude", where, "the full load counts: the static state is that of its end", "harmless")
+
+
+def read_face_load(content: Content, statement: Statement) -> None:
+    """Take *Dload: pressures on faces of elements, which the reader has made surfaces."""
+    block, where = statement.block, content.where(statement)
+    if content.perturbation:
+        content.draft.find("*Dload", where, "in a perturbation step excites vibrations and is no preload", "harmless")
+        return
+    if block.value("OP").upper() == "NEW":
+        content.loaded_elements.clear()
+        for reference in [r for r in content.pressures if r[0].startswith("DLOAD_")]:
+            del content.pressures[reference]
+    taken = 0
+    for faces in loaded_faces(content.model):
+        if faces.statement is not statement:
+            continue
+        single = [line for line in faces.lines if is_label(fields(line)[0])]
+        if content.loaded_elements & set(single):
+            text = "single elements are loaded again in a later step; give the pressure there in [effects.preload]"
+            content.draft.find("*Dload", where, text, "missing")
+        content.loaded_elements |= set(single)
+        content.pressures[faces.name, statement.scope] = _number(content, statement, faces.pressure), where
+        taken += len(faces.lines)
+    if taken < sum(bool(fields(line)[0]) for line in block.lines):
+        text = "is a load that is not simulated: the static state has only what [effects.preload] says"
+        content.draft.find("*Dload, other than P1 to P6", where, text)
 
 
 def read_force(content: Content, statement: Statement) -> None:

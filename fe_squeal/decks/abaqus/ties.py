@@ -154,9 +154,14 @@ def write_ties(content: Content, ties: dict[int, TieData]) -> None:
         taken.append(name)
         values: dict[str, Value] = {"name": name, **place}
         if row >= 0:
-            values["reference"] = [clean(float(v) * content.units.length) for v in content.raw.points[row]]
+            at_node = content.raw.points[row] if tie.place is None else tie.place
+            values["reference"] = [clean(float(v) * content.units.length) + 0.0 for v in at_node]
         values |= masses.get(row, {})
-        held = " ".join(_FREEDOMS[f - 1] for f in sorted(held_at(content, row)))
+        acting = held_at(content, row)
+        if tie.freedoms is not None:  # what is not tied holds nothing
+            acting &= tie.freedoms
+            _check_freedoms(content, tie, "mass" in values)
+        held = " ".join(_FREEDOMS[f - 1] for f in sorted(acting))
         if held:
             values["fixed"] = held
         if tie.springs:
@@ -164,6 +169,16 @@ def write_ties(content: Content, ties: dict[int, TieData]) -> None:
         table = content.draft.add("rigid" if tie.rigid else "averaged", is_entry=True, values=values)
         at = f", reference node {tie.reference[0]}" if row >= 0 else ""
         table.comments.append(f"{'Rigid' if tie.rigid else 'Averaged'}: {tie.where}{at}")
+
+
+def _check_freedoms(content: Content, tie: TieData, has_mass: bool) -> None:
+    """Ask for what an equation in some directions alone cannot be: a mass, or a spring along the others."""
+    freedoms = tie.freedoms or set()
+    ways = [list(s.get("direction", [0.0] * 3)) for s in tie.springs]  # type: ignore[arg-type]
+    apart = any(abs(float(way[f - 1])) > 1e-12 for way in ways for f in {1, 2, 3} - freedoms)  # type: ignore[arg-type]
+    if apart or (has_mass and freedoms < {1, 2, 3}):
+        text = f"ties {sorted(freedoms)} of node {tie.reference[0]} alone; its mass or a spring acts on other freedoms"
+        content.draft.find("*Equation", tie.where, text, "missing")
 
 
 def _place(content: Content, tie: TieData) -> dict[str, Value] | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fe_squeal.errors import MeshError
@@ -10,11 +12,10 @@ from ..checking import connect
 from ..elements import QUADRATIC
 from ..raw import CellBlock, Ints, RawMesh, check_unique_nodes, rows_of
 from .ansys_archive import Archive, read_apart
+from .ansys_faces import FIRST, LABEL, contact_surfaces, pressure_surfaces
 from .sources import Sources
 
 _NODES = {185: 8, 186: 20, 187: 10, 285: 4}  # of each type of solid
-_FIRST, _LABEL = 10, 8  # where the nodes and the number of an element stand behind material, type, real constant
-_CONTACTS = {170: "target", 174: "contact", 173: "contact"}
 
 
 def read_archive(sources: Sources) -> Archive:
@@ -26,11 +27,10 @@ def read_archive(sources: Sources) -> Archive:
         It is damaged, or the package is not installed.
     """
     source = sources.path.name
-    lines = sources.lines(sources.path, 0, "an Ansys archive")  # sizes and kind of file
-    if not any(line.upper().startswith("NBLOCK") for line in lines):
+    if not any(line.upper().startswith("NBLOCK") for line in text_of(sources)):
         raise MeshError(f"{source}: no NBLOCK; expected an Ansys archive as CDWRITE,DB writes it")
     archive = read_apart(sources.path)
-    if not len(archive.nodes) or archive.elem.shape[1] <= _FIRST:
+    if not len(archive.nodes) or archive.elem.shape[1] <= FIRST:
         raise MeshError(f"{source}: no nodes or no elements; expected an archive of solids, as CDWRITE,DB writes it")
     return archive
 
@@ -39,17 +39,23 @@ def read_ansys(sources: Sources) -> RawMesh:
     """Read an Ansys archive.
 
     Solids of material 2 are volume group "material_2", those of type 3 "type_3"; components keep their names; contact
-    and target elements of real constant 4 are the surface groups "contact_4" and "target_4".
+    and target elements of real constant 4 are the surface groups "contact_4" and "target_4", faces under the first of
+    the pressures of SFE "pressure_1".
 
     Raises
     ------
     MeshError
     """
-    return mesh_of(read_archive(sources), sources.path.name)
+    return mesh_of(read_archive(sources), text_of(sources), sources.path.name)
 
 
-def mesh_of(archive: Archive, source: str) -> RawMesh:
-    """Return the mesh of what mapdl-archive has read; see `read_ansys`."""
+def text_of(sources: Sources) -> list[str]:
+    """Return the lines of an archive."""
+    return sources.lines(sources.path, 0, "an Ansys archive")
+
+
+def mesh_of(archive: Archive, lines: Sequence[str], source: str) -> RawMesh:
+    """Return the mesh of what mapdl-archive has read, with the lines of the archive; see `read_ansys`."""
     numbers, points = np.asarray(archive.nnum, dtype=np.int64), np.asarray(archive.nodes, dtype=np.float64)[:, :3]
     numbers, points = check_unique_nodes(numbers, points, source)
     types = {int(row[0]): int(row[1]) for row in archive.ekey}
@@ -57,14 +63,14 @@ def mesh_of(archive: Archive, source: str) -> RawMesh:
     for row in archive.elem:
         solid = types.get(int(row[1]), 0)
         if solid in _NODES:
-            given = [int(n) for n in row[_FIRST : _FIRST + _NODES[solid]]]
+            given = [int(n) for n in row[FIRST : FIRST + _NODES[solid]]]
             kind, nodes = _undegenerate(solid, given + [0] * (_NODES[solid] - len(given)))
-            by_kind.setdefault(kind, []).append(([int(v) for v in row[:_FIRST]], nodes))
-    blocks, heads = [], [np.empty((0, _FIRST), np.int64)]
+            by_kind.setdefault(kind, []).append(([int(v) for v in row[:FIRST]], nodes))
+    blocks, heads = [], [np.empty((0, FIRST), np.int64)]
     for kind, rows in by_kind.items():
         head = np.array([h for h, _ in rows], dtype=np.int64)
         table = np.array([n for _, n in rows], dtype=np.int64)
-        labels = head[:, _LABEL]
+        labels = head[:, LABEL]
         blocks.append(CellBlock(kind, connect(table, numbers, labels, "element", source), labels))
         heads.append(head)
     if not blocks:
@@ -75,14 +81,14 @@ def mesh_of(archive: Archive, source: str) -> RawMesh:
         for value in np.unique(head[:, column]):
             volumes[f"{word}_{value}"] = np.flatnonzero(head[:, column] == value)
     for name, members in archive.element_components.items():
-        inside = np.flatnonzero(np.isin(head[:, _LABEL], members))
+        inside = np.flatnonzero(np.isin(head[:, LABEL], members))
         if len(inside):
             volumes.setdefault(str(name).strip(), inside)
     sets = {}
     for name, members in archive.node_components.items():
         found = rows_of(np.asarray(members), numbers)
         sets[str(name).strip()] = found[found >= 0]
-    surfaces = _contact_surfaces(archive, numbers)
+    surfaces = contact_surfaces(archive, numbers) | pressure_surfaces(archive, numbers, lines, source)
     return RawMesh(points, numbers, tuple(blocks), volumes, surfaces, sets, ignore_case=True)
 
 
@@ -106,18 +112,3 @@ def _undegenerate(solid: int, n: list[int]) -> tuple[str, list[int]]:
     if solid == 185 or not any(n[8:]):
         return shape, [n[i] for i in corners]
     return QUADRATIC[shape], [n[i] for i in (*corners, *middles)]
-
-
-def _contact_surfaces(archive: Archive, numbers: Ints) -> dict[str, list[Ints]]:
-    types = {int(row[0]): int(row[1]) for row in archive.ekey}
-    found: dict[str, tuple[list[Ints], list[Ints]]] = {}
-    for row in archive.elem:
-        word = _CONTACTS.get(types.get(int(row[1]), 0))
-        if word is None or len(row) < _FIRST + 3:
-            continue
-        corners = rows_of(np.asarray(row[_FIRST : _FIRST + 4], dtype=np.int64), numbers)
-        corners = corners[np.sort(np.unique(corners, return_index=True)[1])]  # a triangle repeats its last node
-        if len(corners) in (3, 4) and (corners >= 0).all():
-            found.setdefault(f"{word}_{int(row[2])}", ([], []))[len(corners) - 3].append(corners)
-    return {name: [np.array(p, dtype=np.int64).reshape(-1, n) for p, n in zip(parts, (3, 4), strict=True)]
-            for name, parts in found.items()}  # fmt: skip

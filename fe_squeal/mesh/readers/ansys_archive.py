@@ -34,6 +34,8 @@ class Archive:
     elem : (e, w) int
         Rows of EBLOCK, filled up with zeros.
     node_components, element_components : mapping of name to numbers
+    reals : mapping of number to (k,) float
+        Sets of real constants.
     """
 
     nnum: Ints
@@ -42,6 +44,7 @@ class Archive:
     elem: Ints
     node_components: dict[str, Ints]
     element_components: dict[str, Ints]
+    reals: dict[int, Floats]
 
 
 def read_apart(path: Path) -> Archive:
@@ -67,14 +70,15 @@ def read_apart(path: Path) -> Archive:
         if done.returncode or not out.is_file():
             raise MeshError(f"{path.name}: not a readable Ansys archive; it is damaged: write it again by CDWRITE,DB")
         with np.load(out) as data:
-            components: dict[str, dict[str, Ints]] = {"node": {}, "element": {}}
+            parts: dict[str, dict[str, np.ndarray]] = {"node": {}, "element": {}, "real": {}}
             for key in data.files:
                 kind, dot, name = key.partition(".")
                 if dot:
-                    components[kind][name] = data[key].astype(np.int64)
+                    parts[kind][name] = data[key]
             return Archive(
-                data["nnum"], data["nodes"], data["ekey"], data["elem"], components["node"], components["element"]
-            )
+                data["nnum"], data["nodes"], data["ekey"], data["elem"], parts["node"], parts["element"],
+                {int(name): values for name, values in parts["real"].items()},
+            )  # fmt: skip
 
 
 def main() -> int:
@@ -93,6 +97,8 @@ def main() -> int:
     for kind, components in (("node", archive.node_components), ("element", archive.element_components)):
         for name, members in components.items():
             arrays[f"{kind}.{str(name).strip().replace('/', '_')}"] = np.asarray(members, dtype=np.int64)
+    for number, values in zip(archive.rlblock_num, archive.rlblock, strict=True):
+        arrays[f"real.{int(number)}"] = np.asarray(values, dtype=float)
     np.savez(sys.argv[2], **arrays)  # type: ignore[arg-type]
     return 0
 

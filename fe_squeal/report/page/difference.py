@@ -2,16 +2,46 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from fe_squeal.errors import OutputError, one_line
 from fe_squeal.report.branches import frequency_text
 from fe_squeal.report.differences import GONE, UNPAIRED
 from fe_squeal.report.page.build import write_page
 from fe_squeal.report.page.markup import bullets, paragraph, table, text
+
+
+def read_and_write_page(table_file: Path, record_file: Path, path: Path) -> tuple[str, ...]:
+    """Write the page of what `fe-squeal diff` has written, and return a sentence on each thing that it lacks.
+
+    Raises
+    ------
+    OutputError
+        The table cannot be read.
+    """
+    record: dict[str, Any] = {"title": "Designs side by side", "symbol": "parameter", "answers": [], "lacks": []}
+    lacks: list[str] = []
+    try:
+        words = {"b": str, "state": str, "look": str}
+        differences = pd.read_csv(table_file, dtype=words, keep_default_na=False, na_values=[""])
+        _ = differences[["b", "state", "look", "mac", "onset_bar", "re_bar", "onset_exceeds"]]
+    except (OSError, ValueError, KeyError) as error:
+        raise OutputError(f"{table_file}: is no table of fe-squeal diff ({one_line(str(error))})") from error
+    try:
+        record |= json.loads(record_file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, TypeError) as error:
+        why = one_line(str(error))
+        lacks.append(f"{record_file.name}: it cannot be read ({why}); the answer in words is left out.")
+    notes = [str(s) for s in record["lacks"]] + lacks
+    differences["look"] = differences["look"].fillna("")
+    answers = [str(sentence) for sentence in record["answers"]]
+    write_difference_page(differences, answers, notes, str(record["symbol"]), path, str(record["title"]))
+    return tuple(lacks)
 
 
 def write_difference_page(

@@ -10,9 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fe_squeal.report.pictures import axis_frame
 from fe_squeal.report.results import Shape
-from fe_squeal.report.shapes import Floats, Integers, ShapeGrid, boundary_triangles, normalise_shape, sharp_edges
+from fe_squeal.report.shapes import (
+    Floats,
+    Integers,
+    ShapeGrid,
+    axis_frame,
+    boundary_triangles,
+    normalise_shape,
+    sharp_edges,
+)
 
 MOST_NODES = 20_000  # that a browser moves smoothly: measured, 40 000 triangles take 50 ms a frame
 BUDGET = 5_000_000  # bytes of the page that points, triangles and shapes may take; Plotly itself takes 4.8 MB of 12

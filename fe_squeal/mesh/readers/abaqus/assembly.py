@@ -9,6 +9,7 @@ from fe_squeal.errors import MeshError, suggest
 from ...checking import connect
 from ...raw import CellBlock, Floats, Ints, RawMesh, rows_of
 from .groups import with_groups
+from .loads import add_loaded_faces
 from .model import Instance, Model, Scope, nodes_of
 from .sets import Assembly, Placed
 
@@ -60,6 +61,7 @@ def place_model(model: Model, source: str) -> tuple[RawMesh, Assembly]:
             part,
         )
 
+    add_loaded_faces(model)
     own = place("", (model.assembly,), ())
     instances = {
         key: place(item.name, _scopes(model, item, source), item.place, item.part.upper())

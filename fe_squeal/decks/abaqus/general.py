@@ -1,0 +1,42 @@
+"""General contact: pairs that *Contact Inclusions names, with the interactions of *Contact Property Assignment."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...mesh.readers.abaqus.model import Statement
+from .content import Content, Pair, fields
+
+
+def read_inclusions(content: Content, statement: Statement) -> None:
+    """Take *Contact Inclusions: a pair on each data line that names two surfaces; the others are asked for."""
+    where = content.where(statement)
+    rows = [fields(line) for line in statement.block.lines]
+    pairs = [row[:2] for row in rows if len(row) > 1 and row[0] and row[1] and row[0].upper() != row[1].upper()]
+    content.general += [Pair(first, second, "", "", where) for first, second in pairs]
+    if len(pairs) < max(len(rows), 1):
+        text = (
+            "surfaces of general contact that touch are not searched for: give a [[contacts]] for each pair, with"
+            " surface, counterface, normal_stiffness and sliding"
+        )
+        content.draft.find("*Contact Inclusions", where, text, "missing")
+
+
+def read_assignment(content: Content, statement: Statement) -> None:
+    """Take *Contact Property Assignment: of several that fit a pair the last one counts."""
+    for line in statement.block.lines:
+        first, second, name = (fields(line) + [""] * 3)[:3]
+        wanted = {part.upper() for part in (first, second) if part}
+        for i, pair in enumerate(content.general):
+            if name and wanted <= {pair.first.upper(), pair.second.upper()}:
+                content.general[i] = replace(pair, interaction=name)
+
+
+def add_general_pairs(content: Content) -> None:
+    """Make contact pairs of those of general contact; one without an interaction is asked for."""
+    for pair in content.general:
+        if pair.interaction:
+            content.pairs.append(pair)
+        else:
+            text = f"{pair.first} on {pair.second} has no *Contact Property Assignment: give friction in [[contacts]]"
+            content.draft.find("*Contact Inclusions", pair.where, text, "missing")

@@ -1,0 +1,1 @@
+"""Ansys archives as scenes."""

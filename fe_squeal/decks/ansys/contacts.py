@@ -1,0 +1,145 @@
+"""CONTA174 and TARGE170 with real constants, KEYOPT(12) and MU, CMROTATE and CMOMEGA: contacts of the scene."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...mesh.measures import area_of
+from ..draft import Table, Value
+from .content import Content, clean, is_zero
+
+_FKN, _KIND = 2, 12  # place among the real constants; number of the key option
+_TIED = {1: "rough", 3: "bonded", 5: "bonded", 6: "bonded"}
+_TIE = 100.0  # times E/h of the softer side, as for *Tie
+_ALGORITHM, _MPC = 2, 2
+
+
+def write_contacts(content: Content) -> float | None:
+    """Write a contact for each pair of contact and target elements; return the largest friction coefficient."""
+    surfaces = content.loaded.mesh.boundaries or {}
+    pairs = sorted({int(n.rpartition("_")[2]) for n in surfaces if n.startswith("contact_")})
+    tied = {real: _tied(content, real) for real in pairs}
+    coefficients = {real: None if tied[real] else _friction(content, real) for real in pairs}
+    mu = max((m for m in coefficients.values() if m), default=None)
+    motions = _motions(content)
+    for real in pairs:
+        if f"target_{real}" not in surfaces:
+            text = f"contact_{real} has no target elements of the same real constant on solids"
+            content.draft.find("TARGE170", "", text, "missing")
+            continue
+        names, sliding = [f"contact_{real}", f"target_{real}"], None
+        for component, motion in motions:
+            moves = [_is_in(content, name, component) for name in names]
+            if moves[0] != moves[1]:
+                sliding = motion
+                names = names if moves[1] else names[::-1]  # the counterface is what moves
+        values: dict[str, Value] = {"name": f"contact_{real}", "surface": names[0], "counterface": names[1]}
+        table = content.draft.add("contacts", is_entry=True, values=values)
+        _write_stiffness(content, table, real, names, tied[real])
+        if tied[real]:
+            table.values["kind"] = "tied"
+            table.comments.append(f"{tied[real]} in the archive")
+            text = f"{tied[real]} contact is taken as tied, by stiff springs; compare with ten times as much"
+            content.draft.find("KEYOPT(12)", "", text)
+        elif not coefficients[real]:
+            table.values["kind"] = "frictionless"
+        elif sliding is not None:
+            table.values["sliding"] = sliding
+            if coefficients[real] != mu:
+                table.values["friction_ratio"] = clean((coefficients[real] or 0.0) / (mu or 1.0))
+        else:
+            table.open.append(("sliding = { axis = [0.0, 0.0, 1.0], centre = [0.0, 0.0, 0.0], speed = 1.0 }",
+                               "how the counterface moves (CMROTATE), or kind = \"tied\""))  # fmt: skip
+    return mu
+
+
+def _write_stiffness(content: Content, table: Table, real: int, names: list[str], tied: str) -> None:
+    constants = content.archive.reals.get(real, np.zeros(0))
+    factor = float(constants[_FKN]) if len(constants) > _FKN else 0.0
+    unit = content.units.pressure / content.units.length
+    soft = _softer(content, names) * unit
+    if factor < 0:
+        table.values["normal_stiffness"] = clean(-factor * unit)
+        table.comments.append(f"FKN = {factor:g}: absolute")
+    elif tied and soft:
+        table.values["normal_stiffness"] = clean(float(f"{_TIE * soft:.6g}"))
+    else:
+        value = float(f"{(factor or 1.0) * (soft or 1e12):.2g}")
+        table.open.append((
+            f"normal_stiffness = {value!r}",
+            f"FKN = {factor or 1.0:g} is a factor of the program's own stiffness; give N/m per m^2, e.g. FKN E/h ="
+            f" {value:.2g} of the softer side, and see how onsets move with it",
+        ))  # fmt: skip
+
+
+def _elements(content: Content, real: int) -> np.ndarray:
+    types = [int(row[0]) for row in content.archive.ekey if int(row[1]) in (173, 174)]
+    rows = content.archive.elem
+    return rows[(rows[:, 2] == real) & np.isin(rows[:, 1], types)]
+
+
+def _friction(content: Content, real: int) -> float | None:
+    used = np.unique(_elements(content, real)[:, 0])
+    return max((content.materials.get(int(m), {}).get("MU", 0.0) for m in used), default=0.0) or None
+
+
+def _tied(content: Content, real: int) -> str:
+    """Return what ties a contact by its key options, "" if it may slide."""
+    kinds = {str(int(t)) for t in np.unique(_elements(content, real)[:, 1])}
+    found = {}
+    for fields, where in content.lines:
+        if fields[0] in ("KEYOP", "KEYOPT") and len(fields) > 3 and fields[1] in kinds:
+            key, value = (content.number(text, where, fields) for text in fields[2:4])
+            found[int(key)] = int(value)
+    return _TIED.get(found.get(_KIND, 0), "bonded" if found.get(_ALGORITHM) == _MPC else "")
+
+
+def _softer(content: Content, names: list[str]) -> float:
+    """Return E/h of the softer side in the archive's units, 0 if no material says it."""
+    mesh, found = content.loaded.mesh, []
+    for name in names:
+        facets = np.asarray((mesh.boundaries or {})[name])
+        size = np.sqrt(area_of(mesh, facets)[0] / len(facets))
+        for number, values in content.materials.items():
+            cells = (mesh.subdomains or {}).get(f"material_{number}", np.zeros(0, int))
+            if values.get("EX", 0.0) > 0 and np.isin(cells, mesh.f2t[0, facets]).any():
+                found.append(min(values.get(key, values["EX"]) for key in ("EX", "EY", "EZ")) / size)
+    return min(found, default=0.0)
+
+
+def _is_in(content: Content, surface: str, component: str) -> bool:
+    mesh = content.loaded.mesh
+    cells = next((c for n, c in (mesh.subdomains or {}).items() if n.upper() == component), np.zeros(0, int))
+    facets = np.asarray((mesh.boundaries or {})[surface])
+    return bool(np.isin(mesh.f2t[0, facets], cells).mean() > 0.5)
+
+
+def _motions(content: Content) -> list[tuple[str, dict[str, Value]]]:
+    """Return the components that turn, with `sliding` of the scene.
+
+    ROTATX, Y, Z is the vector of the speed, about a line through X1, Y1, Z1; with X2, Y2, Z2 the line goes from one
+    point to the other, and ROTATX is the speed; a second point at zero is none (Mechanical APDL command reference,
+    CMROTATE).
+    """
+    found = []
+    known = {name.upper() for name in content.loaded.mesh.subdomains or {}}
+    for fields, where in content.lines:
+        if fields[0] not in ("CMROTATE", "CMOMEGA") or len(fields) < 3:
+            continue
+        texts = (fields[2:11] + [""] * 9)[:9]
+        v = np.array([content.number(text, where, fields) for text in texts])
+        is_line = not all(is_zero(text) for text in texts[6:])
+        way = v[6:] - v[3:6] if is_line else v[:3]
+        speed = float(v[0] if is_line else np.linalg.norm(v[:3]))
+        if not speed or not np.linalg.norm(way):
+            continue
+        if fields[1] not in known:
+            text = f'its component "{fields[1]}" has no solids; give sliding in [[contacts]]'
+            content.draft.find(fields[0], where, text)
+            continue
+        sliding: dict[str, Value] = {"axis": [clean(round(float(x), 15)) for x in way / np.linalg.norm(way)]}
+        if np.any(v[3:6]):
+            sliding["centre"] = [clean(float(x) * content.units.length) for x in v[3:6]]
+        sliding["speed"] = clean(speed / content.units.time)
+        found.append((fields[1], sliding))
+    return found

@@ -1,0 +1,140 @@
+"""From an Ansys archive to the draft of a scene: materials, bodies, supports, contacts, pressures, MODOPT."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...mesh.building import build_mesh
+from ...mesh.readers.ansys import mesh_of, read_archive, text_of
+from ...mesh.readers.ansys_faces import pressures
+from ...mesh.readers.sources import Sources
+from ..draft import Draft, Value, Weight
+from ..units import SI, recognise
+from .contacts import write_contacts
+from .content import Content, clean, commands, is_zero, read_materials
+from .ties import write_supports, write_ties
+
+LEFT_OUT: dict[str, tuple[str, Weight]] = {
+    **dict.fromkeys(("CE", "CP", "RBE3"), ("ties nodes and is not read; give [[rigid]] or [[averaged]]", "missing")),
+    **dict.fromkeys(("F", "SF", "SFA", "BF", "ACEL"),
+                    ("is a load that is not read; [effects.preload] takes pressures on surfaces", "changes")),
+    "OMEGA": ("turns the whole model: give [effects.rotation] for the body that turns", "changes"),
+    "DMPRAT": ("a constant damping ratio has no equivalent; give Rayleigh or structural damping", "changes"),
+    "DMPSTR": ("give loss_factor of the materials and [effects.structural_damping]", "changes"),
+}  # fmt: skip
+_ZERO_IS_NOTHING = ("ACEL", "OMEGA", "DMPRAT", "DMPSTR")  # CDWRITE writes them in any case
+BECOMES: dict[str, str] = {
+    "NBLOCK, EBLOCK": "nodes and SOLID185, 186, 187 and 285",
+    "CMBLOCK": "volume groups and node sets", "MP, MPDATA": "`[materials.material_N]`: EX, NUXY or PRXY, DENS;"
+    " isotropic ones; ALPD and BETD are `rayleigh` of the bodies; MU is `mu`, and so is `TB,FRIC`",
+    "D": "`[[supports]]` of the nodes that are held alike",
+    "CONTA173, CONTA174, TARGE170": "surfaces contact_N and target_N by real constant, and `[[contacts]]`; KEYOPT(12)"
+    " rough or bonded, and MPC: tied",
+    "RLBLOCK": "FKN of contacts: negative ones are `normal_stiffness`, factors are asked for with a suggestion",
+    "CMROTATE, CMOMEGA": "`sliding` of the contacts on the component, which is their counterface",
+    "SFE": "`[effects.preload] pressures` on surfaces pressure_N, on solids and SURF154; the mean of the corners",
+    "CERIG": "`[[rigid]]` where all translations are tied, node by node, with D and MASS21 at the reference",
+    "ALPHAD, BETAD": "`[effects.rayleigh]`", "MODOPT": "`[solve] modes`",
+}  # fmt: skip
+
+
+def draft_ansys(sources: Sources, mesh_file: str) -> Draft:
+    """Return the draft of the scene that an Ansys archive describes; the other parameters as of `draft_abaqus`.
+
+    Raises
+    ------
+    MeshError
+    """
+    source = sources.path.name
+    archive, text = read_archive(sources), text_of(sources)
+    raw = mesh_of(archive, text, source)
+    lines = commands(text)
+    draft = Draft(sources.path.stem)
+    content = Content(source, archive, raw, build_mesh(raw, source), draft, text, lines, read_materials(lines, source))
+    draft.head.append(f"Made by fe-squeal new from the Ansys archive {source}.")
+    _find_units(content)
+    draft.add("mesh", values={"file": mesh_file, "length_unit": content.units.length_unit, "order": 2})
+    _write_bodies(content)
+    write_ties(content)
+    write_supports(content)
+    mu = write_contacts(content)
+    _write_effects(content, mu)
+    for fields, _ in lines:
+        if fields[0] == "MODOPT" and len(fields) > 2 and fields[2].isdigit() and int(fields[2]):
+            draft.add("solve", values={"modes": int(fields[2])})
+            break
+    for fields, where in lines:
+        said, weight = LEFT_OUT.get(fields[0], ("", "harmless"))
+        if said and not (fields[0] in _ZERO_IS_NOTHING and all(is_zero(f) for f in fields[1:])):
+            draft.find(fields[0], where, said, weight)
+    return draft
+
+
+def _find_units(content: Content) -> None:
+    draft, materials = content.draft, content.materials.values()
+    numbers = [(m["EX"], m["DENS"]) for m in materials if m.get("EX", 0) > 0 and m.get("DENS", 0) > 0]
+    units, others = recognise(numbers, float(np.ptp(content.loaded.mesh.p, axis=1).max()))
+    if units is None:
+        draft.units = "any"
+        draft.head.append('Units: no usual system makes sense of these numbers; they are left, with units = "any".')
+    else:
+        more = f" (They could also be {' or '.join(u.name for u in others)}.)" if others else ""
+        draft.head.append(f"Units: the archive's numbers are taken as {units.name}.{more}")
+    content.units = units or SI
+
+
+def _write_bodies(content: Content) -> None:
+    for group in [g for g in content.raw.volume_groups if g.startswith("material_")]:
+        number = group.rpartition("_")[2]
+        values = content.materials.get(int(number), {}) if number.isdigit() else {}
+        table = content.draft.add("materials", group)
+        if any(key in values and values[key] != values.get("EX") for key in ("EY", "EZ")):
+            table.open.append(("youngs_modulus = [E1, E2, E3]", "orthotropic: give its lists, and axes of the body"))
+        elif "EX" in values:
+            table.values["youngs_modulus"] = clean(values["EX"] * content.units.pressure)
+        else:
+            table.open.append(("youngs_modulus = 2.1e11", "the archive has no EX for this material, Pa"))
+        ratio = values.get("PRXY", values.get("NUXY"))
+        if ratio is None:
+            table.open.append(("poisson_ratio = 0.3", "the archive has no NUXY or PRXY for this material"))
+        else:
+            table.values["poisson_ratio"] = ratio
+        if "DENS" in values:
+            table.values["density"] = clean(values["DENS"] * content.units.density)
+        else:
+            table.open.append(("density = 7800.0", "the archive has no DENS for this material, kg/m^3"))
+        body = content.draft.add("bodies", group, values={"material": group})
+        own = [values.get(label, 0.0) for label in ("ALPD", "BETD")]
+        if any(own):  # of the body, beside that of the whole model
+            alpha, beta = (a + b for a, b in zip(own, _whole_damping(content), strict=True))
+            table_of = {"alpha": clean(alpha / content.units.time), "beta": clean(beta * content.units.time)}
+            body.values["rayleigh"] = dict[str, Value](table_of)
+        for label in ("DMPR", "DMPS"):
+            if values.get(label):
+                text = f"{values[label]:g} of {group} is not read; give loss_factor and [effects.structural_damping]"
+                content.draft.find(f"MP,{label}", "", text)
+
+
+def _write_effects(content: Content, mu: float | None) -> None:
+    draft, units = content.draft, content.units
+    if mu:
+        draft.add("effects", "friction", values={"mu": mu})
+    sizes = list(pressures(content.text, content.source))
+    if sizes:
+        loads: dict[str, Value] = {f"pressure_{i}": clean(p * units.pressure) for i, p in enumerate(sizes, 1)}
+        draft.add("effects", "preload", values={"pressures": loads}).comments.append("SFE: Pa, onto the faces")
+    alpha, beta = _whole_damping(content)
+    if alpha or beta:
+        draft.add("effects", "rayleigh", values={"alpha": clean(alpha / units.time), "beta": clean(beta * units.time)})
+    if mu:
+        table = draft.add("sweep", values={"parameter": "mu", "from": 0.0, "to": mu, "points": 21})
+        table.comments.append("Not of the archive, which has one coefficient: the way up to it shows the onsets.")
+
+
+def _whole_damping(content: Content) -> tuple[float, float]:
+    """Return alpha and beta of ALPHAD and BETAD in the archive's units."""
+    found = {"ALPHAD": 0.0, "BETAD": 0.0}
+    for fields, where in content.lines:
+        if fields[0] in found and len(fields) > 1:
+            found[fields[0]] = content.number(fields[1], where, fields)
+    return found["ALPHAD"], found["BETAD"]

@@ -1,0 +1,66 @@
+"""Faces that *DLOAD names by element: they become surfaces, so that a pressure can stand on them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from .model import Model, Scope, Statement
+from .text import Block, entries, is_label
+
+
+@dataclass
+class LoadedFaces:
+    """Faces under one pressure.
+
+    Attributes
+    ----------
+    name
+        Of the surface: DLOAD_SET_P3 of an element set, DLOAD_2_1 of the single elements of the second *DLOAD, those of
+        its first pressure.
+    pressure
+        As the deck writes it.
+    lines
+        As of *SURFACE.
+    """
+
+    statement: Statement
+    name: str
+    pressure: str
+    lines: list[str]
+
+
+def loaded_faces(model: Model) -> Iterator[LoadedFaces]:
+    """Return the faces under P1 ... P6 of every *DLOAD; loads of other kinds have none."""
+    statements = [s for s in model.statements if s.block.keyword == "DLOAD"]
+    for i, statement in enumerate(statements, 1):
+        single: dict[str, LoadedFaces] = {}
+        for line in statement.block.lines:
+            fields = entries(line)
+            kind = fields[1].upper() if len(fields) > 2 else ""
+            if len(kind) != 2 or kind[0] != "P" or kind[1] not in "123456":
+                continue
+            row, pressure = f"{fields[0]}, S{kind[1]}", fields[2]
+            if not is_label(fields[0]):
+                yield LoadedFaces(statement, f"DLOAD_{fields[0]}_{kind}", pressure, [row])
+                continue
+            name = f"DLOAD_{i}_{len(single) + 1}"
+            single.setdefault(pressure, LoadedFaces(statement, name, pressure, [])).lines.append(row)
+        yield from single.values()
+
+
+def add_loaded_faces(model: Model) -> None:
+    """Give the model a surface for the faces of each load."""
+    seen: set[tuple[str, str]] = set()
+    for faces in loaded_faces(model):
+        scope = _scope(model, faces.statement.scope)
+        if (faces.statement.scope, faces.name) not in seen:  # a later step changes the pressure on the same faces
+            block = Block("SURFACE", {"NAME": faces.name}, faces.lines, faces.statement.block.where)
+            scope.surfaces.setdefault(scope.remember("SURFACE", faces.name), []).append(block)
+        seen.add((faces.statement.scope, faces.name))
+
+
+def _scope(model: Model, key: str) -> Scope:
+    if key in model.parts:
+        return model.parts[key]
+    return model.instances[key].scope if key in model.instances else model.assembly

@@ -1,0 +1,115 @@
+"""Surfaces of Ansys archives: those that contact elements cover, and those under the pressures of SFE."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from fe_squeal.errors import MeshError
+
+from ..raw import Ints, rows_of
+from .ansys_archive import Archive
+
+FIRST, LABEL = 10, 8  # where the nodes and the number of an element stand behind material, type, real constant
+_CONTACTS = {170: "target", 174: "contact", 173: "contact"}
+_SURFACE_LOAD = 154
+# Corners of faces 1 to 6 (Ansys element reference, SOLID186 and SOLID187).
+_HEXAHEDRON = ((1, 0, 3, 2), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7))
+_TETRAHEDRON = ((1, 0, 2), (0, 1, 3), (1, 2, 3), (2, 0, 3))
+_FACES = {185: _HEXAHEDRON, 186: _HEXAHEDRON, 187: _TETRAHEDRON, 285: _TETRAHEDRON, _SURFACE_LOAD: ((0, 1, 2, 3),)}
+
+
+def contact_surfaces(archive: Archive, numbers: Ints) -> dict[str, list[Ints]]:
+    """Return the corners of contact and target elements by real constant, as "contact_4" and "target_4"."""
+    types = {int(row[0]): int(row[1]) for row in archive.ekey}
+    found: dict[str, list[Ints]] = {}
+    for row in archive.elem:
+        word = _CONTACTS.get(types.get(int(row[1]), 0))
+        if word is None or len(row) < FIRST + 3:
+            continue
+        corners = _corners(row[FIRST : FIRST + 4], numbers)
+        if len(corners) in (3, 4):
+            found.setdefault(f"{word}_{int(row[2])}", []).append(corners)
+    return {name: _by_count(faces) for name, faces in found.items()}
+
+
+def pressures(lines: Sequence[str], source: str) -> dict[float, list[tuple[int, int, str]]]:
+    """Return element, face and place of the pressures that SFE gives, by pressure; imaginary parts are left out.
+
+    Raises
+    ------
+    MeshError
+    """
+    found: dict[float, list[tuple[int, int, str]]] = {}
+    for where, fields, values in _commands(lines):
+        try:
+            size = float(np.mean([float(v) for v in values if v] or [0.0]))
+            element, face = int(fields[1]), int(fields[2])
+        except ValueError:
+            raise MeshError(f'{source}: {where}: "{",".join(fields)[:60]}" gives no pressure on a face') from None
+        if size:
+            found.setdefault(size, []).append((element, face, where))
+    return found
+
+
+def _commands(lines: Sequence[str]) -> Iterator[tuple[str, list[str], list[str]]]:
+    for i, line in enumerate(lines):
+        if line[:3].upper() != "SFE" or line[3:4] not in (",", " "):
+            continue
+        fields = [part.strip().upper() for part in line.split(",")]
+        if len(fields) < 5 or not fields[3].startswith("PRES") or fields[4] in ("2", "4"):
+            continue
+        values = fields[5:9]
+        if values and values[0].startswith("R") and i + 1 < len(lines):  # as CDWRITE writes it, in columns of 16
+            values = lines[i + 1].replace(",", " ").split()[:4]
+        corners = [v for v in values if v]
+        if len(corners) > 1 and not any(float(v) for v in corners[1:] if _is_number(v)):
+            values = corners[:1]  # of an even pressure the first alone
+        yield f"line {i + 1}", fields, values
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def pressure_surfaces(archive: Archive, numbers: Ints, lines: Sequence[str], source: str) -> dict[str, list[Ints]]:
+    """Return the corners of the faces under each pressure, as "pressure_1", ... in the order of the archive.
+
+    Raises
+    ------
+    MeshError
+        A face that its element does not have.
+    """
+    found: dict[str, list[Ints]] = {}
+    given = pressures(lines, source)
+    types = {int(row[0]): int(row[1]) for row in archive.ekey}
+    rows = {int(row[LABEL]): row for row in archive.elem} if given else {}
+    for i, faces in enumerate(given.values(), 1):
+        for element, face, where in faces:
+            row = rows.get(element)
+            table = _FACES.get(types.get(int(row[1]), 0)) if row is not None else None
+            if row is None or table is None:
+                raise MeshError(f"{source}: {where}: SFE at element {element}, which is no solid and no SURF154")
+            if not 1 <= face <= len(table):
+                raise MeshError(f"{source}: {where}: element {element} has no face {face}; expected 1 to {len(table)}")
+            corners = _corners(row[FIRST:][list(table[face - 1])], numbers)
+            if len(corners) not in (3, 4):
+                raise MeshError(f"{source}: {where}: face {face} of element {element} has no area")
+            found.setdefault(f"pressure_{i}", []).append(corners)
+    return {name: _by_count(corners) for name, corners in found.items()}
+
+
+def _corners(nodes: Ints, numbers: Ints) -> Ints:
+    """Return the rows of the corners of a face; a triangle repeats a node. None where the archive lacks one."""
+    corners = rows_of(np.asarray(nodes, dtype=np.int64), numbers)
+    corners = corners[np.sort(np.unique(corners, return_index=True)[1])]
+    return corners if (corners >= 0).all() else corners[:0]
+
+
+def _by_count(faces: list[Ints]) -> list[Ints]:
+    return [np.array([f for f in faces if len(f) == n], dtype=np.int64).reshape(-1, n) for n in (3, 4)]
