@@ -84,13 +84,17 @@ def _partings(samples: Samples, growth: np.ndarray, blur: float, crossed: np.nda
     pairs = (~real & (growth > blur) & (samples.v.imag > 0)).sum(axis=1)
     found = []
     rest = np.diff(pairs + single) - crossed
-    for k in (int(jump) for jump in np.flatnonzero((np.diff(pairs) != 0) & (rest != 0))):
+    jumps = np.flatnonzero((np.diff(pairs) != 0) | (np.diff(single) != 0) | (crossed != 0))
+    for n, k in enumerate(jumps):
+        if pairs[k] == pairs[k + 1] or not rest[k]:
+            continue
         gains = int(rest[k])
-        there = k + 1 if pairs[k + 1] > pairs[k] else k  # where they are a pair
+        before = samples.t[jumps[n - 1] + 1] if n else 0.0
+        limits = (float(before), float(samples.t[jumps[n + 1]]) if n + 1 < len(jumps) else 1.0)
+        there = int(k + 1 if pairs[k + 1] > pairs[k] else k)  # where they are a pair
         upper = np.flatnonzero(~real[there] & (growth[there] > blur) & (samples.v[there].imag > 0))
         for i in upper[np.argsort(samples.v[there, upper].imag)][: abs(gains)]:
-            limits = (float(samples.t[max(k - 1, 0)]), float(samples.t[min(k + 2, len(samples.t) - 1)]))
-            found.append(samples.made("parting", int(np.sign(gains)), k, there, int(i), limits))
+            found.append(samples.made("parting", int(np.sign(gains)), int(k), there, int(i), limits))
     return found
 
 

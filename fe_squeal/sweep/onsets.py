@@ -15,6 +15,7 @@ from ..reduced import ReducedModel
 from .changes import Change
 from .onset import Onset
 from .refined import Refiner
+from .scale import LINEAR, Scale
 from .scan import Open, scan
 from .step import Step
 from .tracking import mirror_partners, modal_assurance
@@ -49,7 +50,7 @@ class Found:
 def find_step_onsets(
     problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
     branches: tuple[np.ndarray, np.ndarray], below: float, reduced_model: ReducedModel | None = None,
-    precise: bool = False, linear_solver: LinearSolver | str = "auto",
+    precise: bool = False, linear_solver: LinearSolver | str = "auto", scale: Scale = LINEAR,
 ) -> Found:  # fmt: skip
     """Return the onsets between two neighbouring values of a sweep, and what they leave unexplained.
 
@@ -65,14 +66,16 @@ def find_step_onsets(
     precise : bool
         Refine the onsets of a reduced model on the problem itself, whatever it costs.
     linear_solver : LinearSolver or str
+    scale : Scale
+        Of the sweep.
     """
     if not len(modes[0]) or not len(modes[1]):
         return Found()
     step = Step(problem, parameter, values, modes, reduced_model, linear_solver)
     limit = _BEYOND * below
-    seen = scan(step.end(0), step.end(1), step.between, limit)
+    seen = scan(step.end(0), step.end(1), step.between, limit, scale)
     if seen.open and problem.is_damped:  # two real eigenvalues for a pair: of these the decaying one may not be listed
-        seen = scan(step.between(values[0]), step.between(values[1]), step.between, limit)
+        seen = scan(step.between(values[0]), step.between(values[1]), step.between, limit, scale)
     found = Found(width=seen.width)
     refiner = Refiner(step, precise)
     for change in seen.changes:

@@ -134,7 +134,7 @@ class Refiner:
         def meeting(problem: Problem, p: float, x: np.ndarray, y: np.ndarray) -> Root:
             nonlocal theta
             x, y = (v if np.isrealobj(v) else real_direction(v[:, None]) for v in (x, y))
-            root = find_coalescence(problem, name, p, theta, x, y, solver)
+            root = find_coalescence(problem, name, p, theta, x, y, width, solver)
             theta = root.theta
             if (root.coefficient_sign > 0) != (change.gains > 0) and root.theta > 0:
                 raise NotConvergedError("Newton's method found the other end of a window")
@@ -158,7 +158,7 @@ class Refiner:
             nonlocal theta
             x, y = (v if np.isrealobj(v) else real_direction(v[:, None]) for v in (x, y))
             lam = float(change.v.real) if theta > 0 else float(np.sqrt(-theta))
-            root = find_coalescence(problem, name, p, lam, x, y, solver, damped=True)
+            root = find_coalescence(problem, name, p, lam, x, y, width, solver, damped=True)
             theta = root.theta
             if (root.coefficient_sign > 0) == (change.gains > 0):
                 raise NotConvergedError("Newton's method found another double eigenvalue")

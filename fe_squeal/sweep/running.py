@@ -24,6 +24,7 @@ from .forecast import is_reduced
 from .onset import Onset
 from .onsets import Found, find_step_onsets, two_mode_value, unbalanced, windows
 from .result import LiftedShapes, Sweep, SweepPoint
+from .scale import Scale
 from .state import Record, Store, SweepState, lifted
 from .tracking import match_modes, mirror_partners
 from .warnings import rounding_warnings, tie_warnings
@@ -36,12 +37,13 @@ class RunningSweep:
     """The state of a running sweep."""
 
     def __init__(
-        self, problem: Problem, parameter: str, request: Request, steps: int, precise: bool,
+        self, problem: Problem, parameter: str, request: Request, values: np.ndarray, precise: bool,
         linear_solver: LinearSolver | str = "auto",
     ) -> None:  # fmt: skip
         self.problem, self.parameter, self.request = problem, parameter, request
-        self._steps, self._precise, self._linear_solver = steps, precise, linear_solver
-        self._guarded = _with_guard(request) if steps else request
+        self._steps, self._precise, self._linear_solver = len(values) - 1, precise, linear_solver
+        self._scale = Scale.of(values)
+        self._guarded = _with_guard(request) if self._steps else request
         self.points: list[SweepPoint] = []
         self.onsets: list[Onset] = []
         stages = ("reduction", "eigenvalues", "tracking", "onsets", "completeness", "descriptors")
@@ -246,7 +248,7 @@ class RunningSweep:
                 self._next_branch = next(names)
                 self._value, self._previous, self._branches = value, modes, branches
                 return
-        middle = (self._value + value) / 2
+        middle = self._scale.middle(self._value, value)
         self._follow(middle, self._solve(middle), refinements - 1)
         self._follow(value, modes, refinements - 1)
 
@@ -269,7 +271,7 @@ class RunningSweep:
         below = max(self._previous.lam[:known].imag.max(initial=0.0), modes.lam[:wanted].imag.max(initial=0.0))
         found = find_step_onsets(
             self.problem, name, (self._value, value), (self._previous, modes), (self._branches, branches), float(below),
-            self._reduced_model, self._precise, self._linear_solver,
+            self._reduced_model, self._precise, self._linear_solver, self._scale,
         )  # fmt: skip
         # The branches of an onset are found by shape, which may err: well inside the range it is reported in any case.
         inside = _INSIDE * min(m.lam[:k].imag.max(initial=0.0) for m, k in ((self._previous, known), (modes, wanted)))

@@ -77,6 +77,8 @@ class Samples:
         if self.turned:
             H, dH = -1j * H, -1j * dH
         v, W = np.linalg.eig(H)
+        if self.turned:
+            v = _real_or_paired(v)
         m = v.shape[1]
         if m == 1:
             return v, dH[:, :, 0], np.full(len(t), np.inf), W, np.zeros(len(t)), np.ones((len(t), 1))
@@ -133,3 +135,19 @@ class Samples:
         """√|D| (s,) of a double eigenvalue that rounding has parted: D moves by rounding times the departure."""
         size = np.abs(self.v).max(axis=1)
         return np.asarray(np.sqrt(self.blur**2 + _ROUNDING * size * (self.departure + self.blur)))
+
+
+def _real_or_paired(v: np.ndarray) -> np.ndarray:
+    """Return eigenvalues (s, m) that are real or stand beside their conjugate, from those that only nearly do.
+
+    The cubic between two matrices of a gyroscopic group does not keep this symmetry, but the eigenvalues have it. Two
+    make a pair if each is the nearest to the other's conjugate, and that by less than its own distance from the axis.
+    """
+    distance = np.abs(v[:, :, None] - v[:, None, :].conj())
+    own = np.arange(v.shape[1])
+    distance[:, own, own] = np.inf
+    partner = distance.argmin(axis=2)
+    mutual = np.take_along_axis(partner, partner, axis=1) == own
+    near = np.take_along_axis(distance, partner[:, :, None], axis=2)[:, :, 0] < np.abs(v.imag)
+    other = np.take_along_axis(v, partner, axis=1)
+    return np.where(mutual & near, (v + other.conj()) / 2, v.real)
