@@ -79,7 +79,7 @@ def _partings(samples: Samples, growth: np.ndarray, blur: float, crossed: np.nda
     crossed : (s − 1,) int
         How many unstable modes are gained between two samples by crossings of the imaginary axis.
     """
-    real = np.abs(samples.v.imag) <= 1e-9 * np.abs(samples.v) + blur
+    real = np.abs(samples.v.imag) <= 1e-9 * np.abs(samples.v) + np.maximum(blur, samples.rounding)[:, None]
     single = (real & (growth > blur)).sum(axis=1)
     pairs = (~real & (growth > blur) & (samples.v.imag > 0)).sum(axis=1)
     found = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,11 +56,16 @@ class Refiner:
             lam = np.sqrt(-change.v + 0j)
             start = self.step.ends[0]
             return self._made(change, start, abs(lam.imag) or abs(lam), np.nan, self._doublet_width(change))
-        try:
+        around = self._around(change)
+        root = None
+        # Newton's method fails where several equal pairs meet at once, or where damping is so small that Re λ is lost
+        # in rounding on the stable side. Whether modes are unstable can still be told: bisection.
+        with suppress(NotConvergedError, ValueError, np.linalg.LinAlgError):
             root = self._root(change)
-        except (NotConvergedError, ValueError, np.linalg.LinAlgError):
-            # Newton's method fails where several equal pairs meet at once, or where damping is so small that Re λ is
-            # lost in rounding on the stable side. Whether modes are unstable can still be told: bisection.
+        if root is None or not around[0] <= root.value <= around[1]:  # it may be that of another change of the group
+            with suppress(NotConvergedError, ValueError, np.linalg.LinAlgError):
+                return self._bisected(replace(change, limits=around))
+        if root is None:
             return self._bisected(change)
         omega = float(np.sqrt(max(root.theta, 0.0)))
         slow = change.kind in ("zero", "parting") or omega <= 1e-6 * self._speed(change)
@@ -68,6 +74,12 @@ class Refiner:
     @property
     def _width(self) -> float:
         return abs(self.step.ends[1] - self.step.ends[0])
+
+    def _around(self, change: Change) -> tuple[float, float]:
+        """Return where a change is looked for first: between its samples and as far beyond, inside the limits."""
+        spread = abs(change.high - change.low) + FINEST * self._width
+        low, high = sorted(change.limits)
+        return max(low, change.low - spread), min(high, change.high + spread)
 
     def _speed(self, change: Change) -> float:
         """Return |λ| of the eigenvalue that changes; where that is zero, the largest |λ| at the start of the step."""

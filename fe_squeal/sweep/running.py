@@ -19,10 +19,11 @@ from ..problem.description import Describer, Description
 from ..problem.problem import Problem
 from ..problem.sensitivity import sensitivities
 from ..reduced import ReducedModel
+from .balance import unbalanced
 from .counting import count_apart
 from .forecast import is_reduced
 from .onset import Onset
-from .onsets import Found, find_step_onsets, two_mode_value, unbalanced, windows
+from .onsets import Found, find_step_onsets, two_mode_value, windows
 from .result import LiftedShapes, Sweep, SweepPoint
 from .scale import Scale
 from .state import Record, Store, SweepState, lifted
@@ -268,9 +269,9 @@ class RunningSweep:
         # A branch that is reported to turn unstable is followed until it is stable again, even if it leaves the range.
         reported_before = {name for o in self.onsets for name in (o.branch_a, o.branch_b)} - {None}
         reported = {*self._branches[:known], *branches[:wanted], *reported_before}
-        below = max(self._previous.lam[:known].imag.max(initial=0.0), modes.lam[:wanted].imag.max(initial=0.0))
+        below = max(_reach(self._previous, known), _reach(modes, wanted))
         found = find_step_onsets(
-            self.problem, name, (self._value, value), (self._previous, modes), (self._branches, branches), float(below),
+            self.problem, name, (self._value, value), (self._previous, modes), (self._branches, branches), below,
             self._reduced_model, self._precise, self._linear_solver, self._scale,
         )  # fmt: skip
         # The branches of an onset are found by shape, which may err: well inside the range it is reported in any case.
@@ -284,7 +285,8 @@ class RunningSweep:
                 predicted = two_mode_value(self._tracked, name, self._start, self._first, int(at[0][0]), int(at[1][0]))
                 onset = replace(onset, two_mode_value=predicted)
             onsets.append(onset)
-        imbalance = unbalanced(self._previous, modes, onsets, float(inside))
+        before, now = (m.lam[m.stability == "unstable"] for m in (self._previous, modes))
+        imbalance = unbalanced(before, now, onsets, float(inside))
         if imbalance and not found.warnings:
             found.warnings.append(f"between {name} = {self._value:.8g} and {value:.8g} {imbalance}")
         return replace(found, onsets=onsets)
@@ -293,6 +295,12 @@ class RunningSweep:
         now = time.perf_counter()
         self.seconds[stage] += now - since
         return now
+
+
+def _reach(modes: Modes, wanted: int) -> float:
+    """Return the highest frequency of the first modes, or |λ| of one that grows without oscillating, rad/s."""
+    lam, growing = modes.lam[:wanted], modes.stability[:wanted] == "unstable"
+    return float(np.where(growing, np.abs(lam), lam.imag).max(initial=0.0))
 
 
 def _with_guard(request: Request) -> Request:

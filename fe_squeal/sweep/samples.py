@@ -60,7 +60,7 @@ class Samples:
         while len(t) < _MOST:
             gap = np.diff(t)
             near = np.maximum(samples[2][:-1], samples[2][1:])  # the farther end of two decides
-            wide = (gap > _NEAR * near) & (gap > self.finest)
+            wide = ((gap > _NEAR * near) | self._is_change(samples)) & (gap > self.finest)
             if not wide.any():
                 break
             more = (t[:-1] + gap / 2)[wide]
@@ -70,6 +70,14 @@ class Samples:
             samples = tuple(np.concatenate([s, a])[order] for s, a in zip(samples, added, strict=True))
         self.t = t
         self.v, self.slope, _, self.W, self.departure, self.condition = samples
+
+    def _is_change(self, samples: tuple[np.ndarray, ...]) -> np.ndarray:
+        """Whether eigenvalues become a pair, or a pair two, between each sample and the next."""
+        v, departure = samples[0], samples[4]
+        if not (self.cluster.ends[0].paired or self.turned):
+            return np.zeros(len(v) - 1, bool)
+        pairs = (v.imag > self._parted(v, departure)[:, None]).sum(axis=1)
+        return np.asarray(np.diff(pairs) != 0)
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return v, slope, how far the next meeting may be, W, departure and condition."""
@@ -133,8 +141,11 @@ class Samples:
     @property
     def rounding(self) -> np.ndarray:
         """√|D| (s,) of a double eigenvalue that rounding has parted: D moves by rounding times the departure."""
-        size = np.abs(self.v).max(axis=1)
-        return np.asarray(np.sqrt(self.blur**2 + _ROUNDING * size * (self.departure + self.blur)))
+        return self._parted(self.v, self.departure)
+
+    def _parted(self, v: np.ndarray, departure: np.ndarray) -> np.ndarray:
+        size = np.abs(v).max(axis=1)
+        return np.asarray(np.sqrt(self.blur**2 + _ROUNDING * size * (departure + self.blur)))
 
 
 def _real_or_paired(v: np.ndarray) -> np.ndarray:
