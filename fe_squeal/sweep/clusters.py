@@ -212,6 +212,11 @@ class Cluster:
         rest = la.norm(b - a - (da + db) / 2, 2) + turned * la.norm(b - a, 2)
         return np.asarray(16 * rest * (t * (1 - t)) ** 2)
 
+    def remainder(self, t: np.ndarray) -> np.ndarray:
+        """Return the difference of the cubic from a parabola (len(t), m, m)."""
+        (a, b), (da, db), *_ = self._bases
+        return np.asarray(16 * (t * (1 - t))[:, None, None] ** 2 * (b - a - (da + db) / 2))
+
     @property
     def shapes(self) -> np.ndarray:
         """Right vectors (r, 2m) of the group at both ends."""
