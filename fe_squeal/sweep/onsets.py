@@ -14,6 +14,7 @@ from ..problem.problem import Problem
 from ..reduced import ReducedModel
 from .balance import unshown
 from .changes import FINEST, Change
+from .doubts import Doubt, lost_in_rounding, split_doubtful
 from .onset import Onset
 from .refined import Refiner
 from .scale import LINEAR, Scale
@@ -41,18 +42,21 @@ class Found:
         overlooked them at one of the values.
     width : float
         Every window of instability wider than this was found, in the parameter.
+    doubts : list of Doubt
+        Intervals in which rounding hides whether two modes turn unstable.
     """
 
     onsets: list[Onset] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     width: float = 0.0
+    doubts: list[Doubt] = field(default_factory=list)
 
 
 def find_step_onsets(
     problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
     branches: tuple[np.ndarray, np.ndarray], below: float, reduced_model: ReducedModel | None = None,
-    precise: bool = False, linear_solver: LinearSolver | str = "auto", scale: Scale = LINEAR,
+    precise: bool = False, linear_solver: LinearSolver | str = "auto", scale: Scale = LINEAR, starts: bool = True,
 ) -> Found:  # fmt: skip
     """Return the onsets between two neighbouring values of a sweep, and what they leave unexplained.
 
@@ -70,6 +74,8 @@ def find_step_onsets(
     linear_solver : LinearSolver or str
     scale : Scale
         Of the sweep.
+    starts : bool
+        Whether the first value is that of the sweep: two modes of equal frequency may couple as soon as it is left.
     """
     if not len(modes[0]) or not len(modes[1]):
         return Found()
@@ -79,7 +85,7 @@ def find_step_onsets(
     if seen.open and problem.is_damped:  # two real eigenvalues for a pair: of these the decaying one may not be listed
         seen = scan(step.between(values[0]), step.between(values[1]), step.between, limit, scale)
     found = Found(width=seen.width)
-    refiner = Refiner(step, precise)
+    refiner = Refiner(step, precise, starts)
     for changes in _told_apart(step, [c for c in seen.changes if _frequency(step, c) <= limit]):
         refined: list[Onset] = []
         failed: list[str] = []
@@ -87,6 +93,9 @@ def find_step_onsets(
             try:
                 onset = refiner.onset(change)
             except (NotConvergedError, ValueError, np.linalg.LinAlgError) as error:
+                if (doubt := lost_in_rounding(step, change)) is not None:
+                    found.doubts.append(doubt)
+                    continue
                 failed.append(
                     f"an onset between {parameter} = {change.low:.8g} and {change.high:.8g} was not refined: {error}"
                 )
@@ -103,6 +112,8 @@ def find_step_onsets(
                 f"between {parameter} = {a:.8g} and {b:.8g} modes near {omega / (2 * np.pi):.5g} Hz change too much for"
                 " their stability to be followed"
             )
+    found.onsets[:], unclear = split_doubtful(step, found.onsets)
+    found.doubts.extend(unclear)
     rim = _RIM * min(float(np.abs(m.lam).max(initial=0.0)) for m in modes)
     if not found.warnings and (told := unshown(step, found.onsets, min(rim, below))):
         found.warnings.append(told)

@@ -39,10 +39,13 @@ class Refiner:
     step : Step
     precise : bool
         Refine roots of a reduced model on the problem itself, whatever it costs.
+    starts : bool
+        Whether the step is the first of the sweep.
     """
 
     step: Step
     precise: bool
+    starts: bool
 
     def onset(self, change: Change) -> Onset:
         """Return the critical value that a change on the step model leads to.
@@ -52,7 +55,7 @@ class Refiner:
         NotConvergedError
             If there is none between the limits of the change.
         """
-        if change.at_start and change.kind == "meeting" and self._theta and self._is_doublet(change):
+        if self.starts and change.at_start and change.kind == "meeting" and self._theta and self._is_doublet(change):
             lam = np.sqrt(-change.v + 0j)
             start = self.step.ends[0]
             return self._made(change, start, abs(lam.imag) or abs(lam), np.nan, self._doublet_width(change))

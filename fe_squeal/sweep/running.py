@@ -21,6 +21,7 @@ from ..problem.sensitivity import sensitivities
 from ..reduced import ReducedModel
 from .balance import unbalanced
 from .counting import count_apart
+from .doubts import Doubt, joined
 from .forecast import is_reduced
 from .onset import Onset
 from .onsets import Found, find_step_onsets, two_mode_value, windows
@@ -52,6 +53,7 @@ class RunningSweep:
         self.warnings: list[str] = []
         self.window = 0.0  # every window of instability wider than this was found
         self.unsettled: list[str] = []  # those of the warnings that are about onsets
+        self._doubt: Doubt | None = None  # the last one told
         self.completeness = Completeness(0, None, False)
         self._first: Modes | None = None
         self._previous: Modes | None = None
@@ -245,6 +247,7 @@ class RunningSweep:
                 self.onsets += found.onsets
                 self.warnings += found.warnings
                 self.unsettled += found.warnings
+                self._tell(found.doubts)
                 self.window = max(self.window, found.width)
                 self._next_branch = next(names)
                 self._value, self._previous, self._branches = value, modes, branches
@@ -252,6 +255,17 @@ class RunningSweep:
         middle = self._scale.middle(self._value, value)
         self._follow(middle, self._solve(middle), refinements - 1)
         self._follow(value, modes, refinements - 1)
+
+    def _tell(self, doubts: list[Doubt]) -> None:
+        """Warn of intervals in which rounding hides onsets; of those of neighbouring steps about one pair once."""
+        for doubt in joined(doubts):
+            if self._doubt is not None and (both := self._doubt.joined(doubt)) is not None:
+                old, doubt = self._doubt.sentence(self.parameter), both
+                for told in (self.warnings, self.unsettled):
+                    told.remove(old)
+            self._doubt = doubt
+            for told in (self.warnings, self.unsettled):
+                told.append(doubt.sentence(self.parameter))
 
     def result(self) -> Sweep:
         """Return what was solved so far."""
@@ -273,6 +287,7 @@ class RunningSweep:
         found = find_step_onsets(
             self.problem, name, (self._value, value), (self._previous, modes), (self._branches, branches), below,
             self._reduced_model, self._precise, self._linear_solver, self._scale,
+            self._value == self._start,
         )  # fmt: skip
         # The branches of an onset are found by shape, which may err: well inside the range it is reported in any case.
         inside = _INSIDE * min(m.lam[:k].imag.max(initial=0.0) for m, k in ((self._previous, known), (modes, wanted)))
