@@ -187,11 +187,11 @@ def loss(rng: np.random.Generator) -> Family:
 
 
 def weak(rng: np.random.Generator) -> Family:
-    """Damping of 1e-11 … 1e-5, which hardly shows."""
+    """Damping of 1e-7 … 1e-5, which hardly shows."""
     base = (chain, sparse_mass, four)[int(rng.integers(3))](rng)
     parts = tuple(p for p in base.parts if p[0] != "C")
-    C = definite(rng, len(parts[0][1])) * 10 ** rng.uniform(-11, -5)
-    return Family(f"weakly damped {base.name}", (*parts, part("C", C)), base.values, base.planted)
+    C = definite(rng, len(parts[0][1])) * 10 ** rng.uniform(-7, -5)
+    return Family(f"weakly damped {base.name}", (*parts, part("C", C)), base.values, base.planted, growth=0.0)
 
 
 def cyclic(rng: np.random.Generator) -> Family:

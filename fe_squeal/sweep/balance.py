@@ -13,7 +13,7 @@ from .onset import Onset
 from .step import Step
 
 _APART = 0.02  # of a frequency: modes that lie farther than this from a limit do not pass it within a step
-_BESIDE = 4.0  # times its uncertainty: how far from an onset modes are counted
+_BESIDE = 4.0, 100.0, 2000.0  # times its uncertainty: how far from an onset modes are counted, until they can be told
 
 
 def unbalanced(before: np.ndarray, now: np.ndarray, onsets: Sequence[Onset], limit: float) -> str:
@@ -47,7 +47,8 @@ def unshown(step: Step, onsets: Sequence[Onset], limit: float) -> str:
     """Return a sentence if the modes of the step model on both sides of an onset do not differ by that one, else "".
 
     Modes are counted at some multiples of its uncertainty below and above each onset, or half way to the next one where
-    that is nearer. Together with the modes at both ends of the step this is a balance along the whole step.
+    that is nearer. Together with the modes at both ends of the step this is a balance along the whole step. Next to an
+    onset growth may still be lost in rounding, though its value is not: then modes are counted farther away.
 
     Parameters
     ----------
@@ -57,8 +58,16 @@ def unshown(step: Step, onsets: Sequence[Onset], limit: float) -> str:
         Up to where modes are counted.
     """
     ordered = sorted(onsets, key=lambda o: o.value)
-    places = _beside(step, ordered)
-    nodes = [step.end(0), *(step.between(p) for p in places), step.end(1)] if ordered else []
+    told = ""
+    for multiple in _BESIDE if ordered else ():
+        places = _beside(step, ordered, multiple)
+        told = _imbalance(step, ordered, [step.end(0), *(step.between(p) for p in places), step.end(1)], limit)
+        if not told:
+            break
+    return told
+
+
+def _imbalance(step: Step, ordered: list[Onset], nodes: list[Node], limit: float) -> str:
     for before, after in itertools.pairwise(nodes):
         first = before.value == step.ends[0]
         between = [o for o in ordered if before.value < o.value <= after.value or (first and o.value == before.value)]
@@ -67,10 +76,10 @@ def unshown(step: Step, onsets: Sequence[Onset], limit: float) -> str:
     return ""
 
 
-def _beside(step: Step, ordered: list[Onset]) -> list[float]:
+def _beside(step: Step, ordered: list[Onset], multiple: float) -> list[float]:
     """Return the values at which modes are counted: on both sides of each onset, inside the step."""
     least = FINEST * abs(step.ends[1] - step.ends[0])
-    reach = [max(_BESIDE * o.uncertainty, least) for o in ordered]
+    reach = [multiple * max(o.uncertainty, least / _BESIDE[0]) for o in ordered]
     places = [ordered[0].value - reach[0]] if ordered else []
     for (a, b), (before, after) in zip(itertools.pairwise(ordered), itertools.pairwise(reach), strict=True):
         if a.value + before < b.value - after:
