@@ -1,7 +1,8 @@
 """Onsets of random sweeps against dense scans: python benchmarks/onsets.py [--sweeps 5000] [--processes 2] [--write]
 
-The kinds of sweeps and the judge are those of tests/families.py; the seeds are others than those of the tests. What is
-finished is kept in results/onsets.jsonl: a run that was stopped goes on from there, unless the code has changed.
+The kinds of sweeps are those of tests/families.py and tests/structures.py; the seeds are others than those of the
+tests. What is finished is kept in results/onsets.jsonl: a run that was stopped goes on from there, unless the code has
+changed.
 """
 
 from __future__ import annotations
@@ -23,36 +24,39 @@ PAGE, KEPT = ROOT / "docs" / "onsets.md", ROOT / "results" / "onsets.jsonl"
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 import families  # noqa: E402
-from families import FAMILIES, judge, make  # noqa: E402
+import structures  # noqa: E402
+from families import FAMILIES, judge  # noqa: E402
 
 from fe_squeal import sweep  # noqa: E402
 from fe_squeal.errors import SquealError  # noqa: E402
 
 FIRST_SEED = 10_000  # tests use those below
 # The judge counts all eigenvalues, which a sweep that works on a few modes of many does not have.
-KINDS = tuple(kind for kind in FAMILIES if kind is not families.large)
+KINDS = (*(kind for kind in FAMILIES if kind is not families.large), *structures.KINDS)
 NOTE = """# Onsets of random sweeps
 
-Random problems of several kinds (`tests/families.py`), each swept with all its modes. The judge knows the matrices
-alone: it counts unstable eigenvalues by LAPACK at 1201 values and around what is known to be narrow, and bisects where
-the count changes. An onset of the judge must be in the list of the sweep, with its direction, within its uncertainty
-and 5e-6 of a step; one that is left over in that list is invented. "Silent" are sweeps with an onset missed or invented
-and no warning, "warned" those with a warning, whether their list is wrong or not, "no result" those that ended with an
-error. Seconds are those of one sweep, without the judge.
+Random problems of several kinds (`tests/families.py`, `tests/structures.py`), each swept with all its modes. The judge
+knows the matrices alone: it counts unstable eigenvalues by LAPACK at 1201 values and around what is known to be narrow,
+and bisects where the count changes. An onset of the judge must be in the list of the sweep, with its direction, within
+its uncertainty and 5e-6 of a step; one that is left over in that list is invented. "Silent" are sweeps with an onset
+missed or invented and no warning, "warned" those with a warning, whether their list is wrong or not, "no result" those
+that ended with an error. Seconds are those of one sweep, without the judge.
 
 Made by `python benchmarks/onsets.py --write`; """
 
 
 def fingerprint() -> str:
     """Return a hash of the code that results depend on."""
-    files = [*sorted((ROOT / "fe_squeal").rglob("*.py")), ROOT / "tests" / "families.py", Path(__file__)]
+    code = (ROOT / "fe_squeal" / room for room in ("eigen", "problem", "reduced", "sweep"))
+    files = [*(f for room in code for f in sorted(room.rglob("*.py"))), Path(__file__)]
+    files += [ROOT / "tests" / name for name in ("families.py", "structures.py")]
     return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest()[:16]
 
 
 def measure(number: int) -> dict:
     """Solve and judge one sweep."""
     kind, seed = KINDS[number % len(KINDS)], FIRST_SEED + number // len(KINDS)
-    family = make(kind, seed)
+    family = (families if kind in FAMILIES else structures).make(kind, seed)
     row: dict = {"number": number, "kind": kind.__name__, "seed": seed, "name": family.name, "error": ""}
     start = time.process_time()
     try:

@@ -15,9 +15,11 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
+from scipy.optimize import linear_sum_assignment
 from scipy.sparse.csgraph import connected_components
 
 from .nodes import Node
+from .scale import LINEAR, Scale
 
 _REACH = 2.0  # times how much nearer their slopes would bring two eigenvalues: if their distance is less, they may meet
 _ALIKE = 0.1  # MAC from which two modes at different values belong to one group
@@ -37,12 +39,31 @@ def groups(first: Node, second: Node) -> list[tuple[np.ndarray, np.ndarray]]:
     links[:k, :k], links[k:, k:] = _may_meet(first, width), _may_meet(second, width)
     alike = np.maximum(_likeness(first, second, "right"), _likeness(first, second, "left"))
     links[:k, k:] = alike > _ALIKE
-    count, label = connected_components(links, directed=False)
-    found = [(np.flatnonzero(label[:k] == i), np.flatnonzero(label[k:] == i)) for i in range(count)]
+    found = _components(links, k)
+    if len(first) == len(second) and any(len(s0) != len(s1) for s0, s1 in found):
+        # Nothing has come or gone, so shapes have misled: modes near to being one are like many others.
+        _link_across(links, first, second, found)
+        found = _components(links, k)
     single = [len(s0) == len(s1) == 1 and _is_idle(first, s0[0], second, s1[0], alike) for s0, s1 in found]
     found = [members for members, idle in zip(found, single, strict=True) if not idle]
     # Groups below the real axis are the mirror images of others above.
     return [(s0, s1) for s0, s1 in found if (first.lam[s0].imag >= 0).any() or (second.lam[s1].imag >= 0).any()]
+
+
+def _components(links: np.ndarray, k: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the connected groups of linked eigenvalues, the first k of one value and the others of the other."""
+    count, label = connected_components(links, directed=False)
+    return [(np.flatnonzero(label[:k] == i), np.flatnonzero(label[k:] == i)) for i in range(count)]
+
+
+def _link_across(
+    links: np.ndarray, first: Node, second: Node, found: list[tuple[np.ndarray, np.ndarray]]
+) -> None:  # fmt: skip
+    """Link the eigenvalues of groups with more members at one value than at the other, so that they move least."""
+    odd = [(s0, s1) for s0, s1 in found if len(s0) != len(s1)]
+    s0, s1 = (np.concatenate(side) for side in zip(*odd, strict=True))
+    rows, columns = linear_sum_assignment(np.abs(first.v[s0][:, None] - second.v[s1][None, :]))
+    links[s0[rows], len(first) + s1[columns]] = True
 
 
 def _is_idle(a: Node, i: int, b: Node, j: int, alike: np.ndarray) -> bool:
@@ -109,17 +130,20 @@ def _may_meet(node: Node, width: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Cluster:
-    """A group over an interval of the parameter, t = 0 … 1: H(t) is the cubic with the values and slopes at its ends.
+    """A group over an interval of x, t = 0 … 1: H(t) is the cubic with the values and slopes at its ends.
 
     Attributes
     ----------
     ends : (Node, Node)
     members : (m,) int each
         Positions of the group at both ends.
+    scale : Scale
+        Whether x is the parameter or its logarithm.
     """
 
     ends: tuple[Node, Node]
     members: tuple[np.ndarray, np.ndarray]
+    scale: Scale = LINEAR
 
     @property
     def m(self) -> int:
@@ -128,8 +152,8 @@ class Cluster:
 
     @property
     def width(self) -> float:
-        """Of the interval, in the parameter."""
-        return self.ends[1].value - self.ends[0].value
+        """Of the interval, in x."""
+        return self.scale.x(self.ends[1].value) - self.scale.x(self.ends[0].value)
 
     @cached_property
     def _bases(self) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray], list[np.ndarray], float]:
@@ -147,7 +171,8 @@ class Cluster:
 
         own = [la.inv(cross(i, i)) for i in (0, 1)]
         H = [b.H for b in bases]
-        slopes = [self.width * own[i] @ self.ends[i].push(bases[i]) for i in (0, 1)]
+        rates = [self.width * self.scale.slope(node.value) for node in self.ends]
+        slopes = [rates[i] * own[i] @ self.ends[i].push(bases[i]) for i in (0, 1)]
         right, left = [b.right for b in bases], [b.left @ o.conj().T for b, o in zip(bases, own, strict=True)]
         there, again = own[0] @ cross(0, 1), own[1] @ cross(1, 0)
         turned = there @ again
@@ -187,6 +212,11 @@ class Cluster:
         rest = la.norm(b - a - (da + db) / 2, 2) + turned * la.norm(b - a, 2)
         return np.asarray(16 * rest * (t * (1 - t)) ** 2)
 
+    def remainder(self, t: np.ndarray) -> np.ndarray:
+        """Return the difference of the cubic from a parabola (len(t), m, m)."""
+        (a, b), (da, db), *_ = self._bases
+        return np.asarray(16 * (t * (1 - t))[:, None, None] ** 2 * (b - a - (da + db) / 2))
+
     @property
     def shapes(self) -> np.ndarray:
         """Right vectors (r, 2m) of the group at both ends."""
@@ -199,7 +229,24 @@ class Cluster:
 
     def value(self, t: float) -> float:
         """Return the parameter at t."""
-        return self.ends[0].value + t * self.width
+        return self.scale.p(self.scale.x(self.ends[0].value) + t * self.width)
+
+    def extent(self, share: float) -> float:
+        """Return how far such a share of the interval reaches in the parameter, at most."""
+        return share * self.width * self.scale.slope(self.ends[1].value)
+
+
+def cluster_of(ends: tuple[Node, Node], members: tuple[np.ndarray, np.ndarray], scale: Scale) -> Cluster:
+    """Return a group along p, or on a logarithmic scale along ln p where its cubic has the smaller error there.
+
+    Where the group is most of what p acts on, H is nearly linear in p; where p stiffens what holds it from one limit to
+    another, H changes evenly with ln p.
+    """
+    plain = Cluster(ends, members)
+    if not scale.logarithmic or not plain.is_smooth:
+        return plain
+    other, middle = Cluster(ends, members, scale), np.array([0.5])
+    return min((plain, other), key=lambda c: float(c.error(middle)[0]))
 
 
 def _states(u: np.ndarray, H: np.ndarray, node: Node) -> np.ndarray:

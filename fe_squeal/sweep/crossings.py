@@ -10,6 +10,9 @@ from scipy.optimize import linear_sum_assignment
 from .changes import Asked, Change
 from .samples import Samples
 
+_SAFE = 4.0  # times the difference of H from a parabola: its error
+_VARIES = 8.0  # times its size: slope of an error of H, over an interval of length 1
+
 
 def _growth(samples: Samples, v: np.ndarray) -> np.ndarray:
     """Return Re λ of eigenvalues λ, or of θ = −λ²: of its two roots that with Im λ ≥ 0."""
@@ -37,6 +40,7 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
     amplified = error * (1 + samples.departure / np.maximum(apart, error + np.finfo(float).tiny))
     worst = np.sqrt(error * (error + samples.departure)) + error
     group = np.minimum(amplified, worst) if samples.cluster.m > 1 else error
+    hidden, shifts = samples.finest, _SAFE * _shifts(samples)
     found: list[tuple[int, int, Change]] = []
     for b in range(samples.cluster.m):
         g = growth[:, b]
@@ -57,6 +61,7 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
                 best = begin + int(np.argmax(g[inside]))
                 if 0 < best < len(t) - 1:
                     raise Asked(float(t[best]))
+        hidden = max(hidden, _hidden(samples, g, shifts[:, b], blur))
         for n, k in enumerate(jumps):
             limits = (t[jumps[n - 1] + 1] if n else 0.0, t[jumps[n + 1]] if n + 1 < len(jumps) else 1.0)
             gains = 1 if up[k + 1] else -1
@@ -68,7 +73,42 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
     for at_sample, _, change in found:
         crossed[at_sample] += change.gains
     partings = [] if samples.theta else _partings(samples, growth, blur, crossed)
-    return [*(c for _, _, c in found), *partings], samples.finest
+    return [*(c for _, _, c in found), *partings], hidden
+
+
+def _shifts(samples: Samples) -> np.ndarray:
+    """Return by how much the difference of the cubic H from a parabola moves each Re λ (s, m), to first order."""
+    with np.errstate(all="ignore"):
+        try:
+            inverse = np.linalg.inv(samples.W)
+        except np.linalg.LinAlgError:
+            inverse = np.linalg.pinv(samples.W)
+        shift = np.einsum("sij,sjk,ski->si", inverse, samples.cluster.remainder(samples.t), samples.W)
+        if samples.theta:
+            shift = shift / (2 * np.sqrt(-samples.v + 0j))
+    return np.nan_to_num(np.abs(shift.real), nan=np.inf)
+
+
+def _hidden(samples: Samples, growth: np.ndarray, unsure: np.ndarray, blur: float) -> float:
+    """Return the widest window, as share of the interval, that errors of Re λ may hide beside its zeros.
+
+    Where Re λ passes zero faster than an error that itself varies over the whole interval may, it passes once.
+
+    Raises
+    ------
+    Asked
+        If such a window may be wide.
+    """
+    near = (np.abs(growth) <= unsure) & (unsure > blur)
+    k, t, widest = np.flatnonzero(near), samples.t, 0.0
+    for run in np.split(k, np.flatnonzero(np.diff(k) > 1) + 1) if len(k) else []:
+        before, behind = max(int(run[0]) - 1, 0), min(int(run[-1]) + 1, len(t) - 1)
+        steepness = abs(growth[behind] - growth[before]) / (t[behind] - t[before])
+        if steepness <= _VARIES * unsure[run].max():
+            widest = max(widest, float(t[behind] - t[before]))
+            if widest > samples.settled:
+                raise Asked(float(t[(before + behind) // 2]))
+    return widest
 
 
 def _partings(samples: Samples, growth: np.ndarray, blur: float, crossed: np.ndarray) -> list[Change]:
@@ -79,18 +119,22 @@ def _partings(samples: Samples, growth: np.ndarray, blur: float, crossed: np.nda
     crossed : (s − 1,) int
         How many unstable modes are gained between two samples by crossings of the imaginary axis.
     """
-    real = np.abs(samples.v.imag) <= 1e-9 * np.abs(samples.v) + blur
+    real = np.abs(samples.v.imag) <= 1e-9 * np.abs(samples.v) + np.maximum(blur, samples.rounding)[:, None]
     single = (real & (growth > blur)).sum(axis=1)
     pairs = (~real & (growth > blur) & (samples.v.imag > 0)).sum(axis=1)
     found = []
     rest = np.diff(pairs + single) - crossed
-    for k in (int(jump) for jump in np.flatnonzero((np.diff(pairs) != 0) & (rest != 0))):
+    jumps = np.flatnonzero((np.diff(pairs) != 0) | (np.diff(single) != 0) | (crossed != 0))
+    for n, k in enumerate(jumps):
+        if pairs[k] == pairs[k + 1] or not rest[k]:
+            continue
         gains = int(rest[k])
-        there = k + 1 if pairs[k + 1] > pairs[k] else k  # where they are a pair
+        before = samples.t[jumps[n - 1] + 1] if n else 0.0
+        limits = (float(before), float(samples.t[jumps[n + 1]]) if n + 1 < len(jumps) else 1.0)
+        there = int(k + 1 if pairs[k + 1] > pairs[k] else k)  # where they are a pair
         upper = np.flatnonzero(~real[there] & (growth[there] > blur) & (samples.v[there].imag > 0))
         for i in upper[np.argsort(samples.v[there, upper].imag)][: abs(gains)]:
-            limits = (float(samples.t[max(k - 1, 0)]), float(samples.t[min(k + 2, len(samples.t) - 1)]))
-            found.append(samples.made("parting", int(np.sign(gains)), k, there, int(i), limits))
+            found.append(samples.made("parting", int(np.sign(gains)), int(k), there, int(i), limits))
     return found
 
 

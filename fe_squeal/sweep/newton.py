@@ -15,6 +15,7 @@ from ..problem.problem import Problem
 from ..problem.terms import Slot
 
 _STEPS = 12
+_SMALL = 1e-6  # of the value, or of the step of the sweep: Newton steps below that stop shrinking are rounding
 _SLOTS: tuple[Slot, ...] = "M", "C", "K"
 
 
@@ -47,7 +48,7 @@ class Root:
 
 
 def find_coalescence(
-    problem: Problem, parameter: str, value: float, v: float, x: np.ndarray, y: np.ndarray,
+    problem: Problem, parameter: str, value: float, v: float, x: np.ndarray, y: np.ndarray, width: float,
     linear_solver: LinearSolver | str = "auto", damped: bool = False,
 ) -> Root:  # fmt: skip
     """Return where an undamped pair meets, or a pair on the real axis with dampers: a double root of g(v, p) in v.
@@ -64,6 +65,8 @@ def find_coalescence(
         About θ, or about λ with dampers.
     x, y : (n,) real
         Approximate right and left mode near the meeting, for the borders.
+    width : float
+        Of the step of the sweep: beside the value itself the measure of how small a Newton step is.
 
     Raises
     ------
@@ -81,13 +84,13 @@ def find_coalescence(
         x, y = b.x, b.w
         size = abs(step[1])
         # Quadratic convergence ends at rounding level: stop where a step no longer shrinks.
-        if size <= b.p_rounding or (size < 1e-6 * max(abs(p), 1e-3) and size >= 0.25 * last):
+        if size <= b.p_rounding or (size < _SMALL * max(abs(p), width) and size >= 0.25 * last):
             coefficient = np.sqrt(2 * abs(b.g_p / b.g_v_v)) / (1.0 if damped else 2 * np.sqrt(abs(v)))
             # g = g_p dp + g_vv dv²/2 = 0: dv² < 0 for dp > 0 where both have one sign.
             sign = int(np.sign(b.g_p / b.g_v_v))
             theta = -(v**2) if damped else v
             return Root(float(p), float(theta), float(coefficient), float(size + b.p_rounding), x, y, sign)
-        if not np.isfinite(step).all() or size > 10 * (abs(value) + 1):
+        if not np.isfinite(step).all() or size > 10 * (abs(value) + width):
             break
         last = size
     raise NotConvergedError(f"coalescence near {parameter} = {value:.6g}: Newton's method did not converge")
@@ -116,7 +119,7 @@ def find_zero(
         p, x, y = p + step, b.x, b.w
         if abs(p - value) > width or b.p_rounding > 0.1 * width:
             break
-        if abs(step) <= b.p_rounding or (abs(step) < 1e-6 * max(abs(p), 1e-3) and abs(step) >= 0.25 * last):
+        if abs(step) <= b.p_rounding or (abs(step) < _SMALL * max(abs(p), width) and abs(step) >= 0.25 * last):
             coefficient = float(np.sqrt(abs(b.g_p / b.g_v)))
             return Root(float(p), 0.0, coefficient, float(abs(step) + b.p_rounding), x, y)
         last = abs(step)
@@ -172,7 +175,7 @@ def find_crossing(
         rounding = rounding / abs(speed) if speed else np.inf
         if abs(p - value) > width or rounding > 0.1 * width:
             break
-        if abs(step[1]) <= rounding or (abs(step[1]) < 1e-6 * max(abs(p), 1e-3) and abs(step[1]) >= 0.25 * last):
+        if abs(step[1]) <= rounding or (abs(step[1]) < _SMALL * max(abs(p), width) and abs(step[1]) >= 0.25 * last):
             return Root(float(p), float(omega**2), speed, float(abs(step[1]) + rounding), x, y)
         last = abs(step[1])
     raise NotConvergedError(f"crossing near {parameter} = {value:.6g}: Newton's method did not converge")

@@ -12,15 +12,19 @@ from ..eigen.pencil import Modes
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
 from ..reduced import ReducedModel
-from .changes import Change
+from .balance import unshown
+from .changes import FINEST, Change
+from .doubts import Doubt, lost_in_rounding, split_doubtful
 from .onset import Onset
 from .refined import Refiner
+from .scale import LINEAR, Scale
 from .scan import Open, scan
 from .step import Step
 from .tracking import mirror_partners, modal_assurance
 
 _BEYOND = 1.05  # of the frequency up to which modes matter: what is found just above it is listed
-_APART = 0.02  # of a frequency: modes that lie farther than this from a limit do not pass it within a step
+_TOGETHER = 4  # times `FINEST`: changes nearer to each other than this may be one, or none
+_SLOW = 1e-3  # of the largest |λ|: how far |λ| of such changes may differ
 _RIM = 0.9  # of the highest |λ| known: a mode above may vanish by leaving the range, which is no fault
 
 
@@ -38,18 +42,21 @@ class Found:
         overlooked them at one of the values.
     width : float
         Every window of instability wider than this was found, in the parameter.
+    doubts : list of Doubt
+        Intervals in which rounding hides whether two modes turn unstable.
     """
 
     onsets: list[Onset] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     width: float = 0.0
+    doubts: list[Doubt] = field(default_factory=list)
 
 
 def find_step_onsets(
     problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
     branches: tuple[np.ndarray, np.ndarray], below: float, reduced_model: ReducedModel | None = None,
-    precise: bool = False, linear_solver: LinearSolver | str = "auto",
+    precise: bool = False, linear_solver: LinearSolver | str = "auto", scale: Scale = LINEAR, starts: bool = True,
 ) -> Found:  # fmt: skip
     """Return the onsets between two neighbouring values of a sweep, and what they leave unexplained.
 
@@ -65,37 +72,79 @@ def find_step_onsets(
     precise : bool
         Refine the onsets of a reduced model on the problem itself, whatever it costs.
     linear_solver : LinearSolver or str
+    scale : Scale
+        Of the sweep.
+    starts : bool
+        Whether the first value is that of the sweep: two modes of equal frequency may couple as soon as it is left.
     """
     if not len(modes[0]) or not len(modes[1]):
         return Found()
     step = Step(problem, parameter, values, modes, reduced_model, linear_solver)
     limit = _BEYOND * below
-    seen = scan(step.end(0), step.end(1), step.between, limit)
+    seen = scan(step.end(0), step.end(1), step.between, limit, scale)
     if seen.open and problem.is_damped:  # two real eigenvalues for a pair: of these the decaying one may not be listed
-        seen = scan(step.between(values[0]), step.between(values[1]), step.between, limit)
+        seen = scan(step.between(values[0]), step.between(values[1]), step.between, limit, scale)
     found = Found(width=seen.width)
-    refiner = Refiner(step, precise)
-    for change in seen.changes:
-        if _frequency(step, change) > limit:
-            continue
-        try:
-            onset = refiner.onset(change)
-        except (NotConvergedError, ValueError, np.linalg.LinAlgError) as error:
-            found.warnings.append(
-                f"an onset between {parameter} = {change.low:.8g} and {change.high:.8g} was not refined: {error}"
-            )
-            continue
-        first, second = _names(step, change, branches)
-        found.onsets.append(replace(onset, branch_a=first, branch_b=second))
+    refiner = Refiner(step, precise, starts)
+    for changes in _told_apart(step, [c for c in seen.changes if _frequency(step, c) <= limit]):
+        refined: list[Onset] = []
+        failed: list[str] = []
+        for change in changes:
+            try:
+                onset = refiner.onset(change)
+            except (NotConvergedError, ValueError, np.linalg.LinAlgError) as error:
+                if (doubt := lost_in_rounding(step, change)) is not None:
+                    found.doubts.append(doubt)
+                    continue
+                failed.append(
+                    f"an onset between {parameter} = {change.low:.8g} and {change.high:.8g} was not refined: {error}"
+                )
+                continue
+            first, second = _names(step, change, branches)
+            refined.append(replace(onset, branch_a=first, branch_b=second))
+        if failed and len(changes) > 1:  # nearer to each other than can be told: only their sum is known
+            refined, failed = _sum(refined, sum(c.gains for c in changes), failed)
+        found.onsets.extend(refined)
+        found.warnings.extend(failed)
     for a, b, omega in seen.unsettled:
         if omega <= 1.02 * below:
             found.warnings.append(
                 f"between {parameter} = {a:.8g} and {b:.8g} modes near {omega / (2 * np.pi):.5g} Hz change too much for"
                 " their stability to be followed"
             )
+    found.onsets[:], unclear = split_doubtful(step, found.onsets)
+    found.doubts.extend(unclear)
+    rim = _RIM * min(float(np.abs(m.lam).max(initial=0.0)) for m in modes)
+    if not found.warnings and (told := unshown(step, found.onsets, min(rim, below))):
+        found.warnings.append(told)
     for group in seen.open:
         _tell_open(found, group, parameter, below)
     return found
+
+
+def _told_apart(step: Step, changes: list[Change]) -> list[list[Change]]:
+    """Return changes, by rising value, in runs of those that are too near to each other to be told apart."""
+    width = _TOGETHER * FINEST * abs(step.ends[1] - step.ends[0])
+    near = _SLOW * max(float(np.abs(m.lam).max(initial=0.0)) for m in step.modes_at_ends)
+    runs: list[list[Change]] = []
+    for change in changes:
+        for run in runs:
+            if change.low - run[-1].high <= width and abs(_frequency(step, change) - _frequency(step, run[-1])) <= near:
+                run.append(change)
+                break
+        else:
+            runs.append([change])
+    return runs
+
+
+def _sum(onsets: list[Onset], gains: int, failed: list[str]) -> tuple[list[Onset], list[str]]:
+    """Return as many of a run's onsets as the modes are that it gains or loses in all, the surest, and no warning.
+
+    Where too few could be refined, return them all, with the warnings.
+    """
+    direction = "into" if gains > 0 else "out of"
+    likely = sorted((o for o in onsets if o.direction == direction), key=lambda o: o.uncertainty)
+    return (likely[: abs(gains)], []) if len(likely) >= abs(gains) else (onsets, failed)
 
 
 def _frequency(step: Step, change: Change) -> float:
@@ -152,27 +201,6 @@ def _tell_open(found: Found, group: Open, parameter: str, below: float) -> None:
                 f"a mode at {node.lam[s[0]].imag / (2 * np.pi):.5g} Hz is unstable at {parameter} = {node.value:g} and"
                 " is not known on the other side: its onset is not found; ask for more modes or a finer sweep"
             )
-
-
-def unbalanced(before: Modes, now: Modes, onsets: Sequence[Onset], limit: float) -> str:
-    """Return a sentence if the onsets of a step do not explain how many modes are unstable behind it, else "".
-
-    The balance is: unstable before + onsets into − onsets out of instability = unstable now.
-
-    What lies above `limit`, rad/s, is not counted, since modes may enter and leave the range there. The limit is
-    lowered until no unstable mode and no onset is near it; where no such limit is left, nothing is said.
-    """
-    lam = [m.lam.imag[m.stability == "unstable"] for m in (before, now)]
-    known = np.concatenate([*lam, [2 * np.pi * o.frequency_hz for o in onsets]])
-    while np.any(near := np.abs(known - limit) < _APART * limit):
-        limit = float(known[near].min()) * (1 - 2 * _APART)
-        if limit <= 0:
-            return ""
-    counts = [int(np.count_nonzero(part < limit)) for part in lam]
-    gained = sum(1 if o.direction == "into" else -1 for o in onsets if 2 * np.pi * o.frequency_hz < limit)
-    if counts[0] + gained == counts[1]:
-        return ""
-    return f"{counts[0]} modes become {counts[1]} unstable ones, of which the onsets found explain {gained:+d}"
 
 
 def windows(onsets: Sequence[Onset], low: float, high: float) -> list[tuple[float, tuple[Onset, Onset]]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,10 +39,13 @@ class Refiner:
     step : Step
     precise : bool
         Refine roots of a reduced model on the problem itself, whatever it costs.
+    starts : bool
+        Whether the step is the first of the sweep.
     """
 
     step: Step
     precise: bool
+    starts: bool
 
     def onset(self, change: Change) -> Onset:
         """Return the critical value that a change on the step model leads to.
@@ -51,15 +55,20 @@ class Refiner:
         NotConvergedError
             If there is none between the limits of the change.
         """
-        if change.at_start and change.kind == "meeting" and self._theta and self._is_doublet(change):
+        if self.starts and change.at_start and change.kind == "meeting" and self._theta and self._is_doublet(change):
             lam = np.sqrt(-change.v + 0j)
             start = self.step.ends[0]
             return self._made(change, start, abs(lam.imag) or abs(lam), np.nan, self._doublet_width(change))
-        try:
+        around = self._around(change)
+        root = None
+        # Newton's method fails where several equal pairs meet at once, or where damping is so small that Re λ is lost
+        # in rounding on the stable side. Whether modes are unstable can still be told: bisection.
+        with suppress(NotConvergedError, ValueError, np.linalg.LinAlgError):
             root = self._root(change)
-        except (NotConvergedError, ValueError, np.linalg.LinAlgError):
-            # Newton's method fails where several equal pairs meet at once, or where damping is so small that Re λ is
-            # lost in rounding on the stable side. Whether modes are unstable can still be told: bisection.
+        if root is None or not around[0] <= root.value <= around[1]:  # it may be that of another change of the group
+            with suppress(NotConvergedError, ValueError, np.linalg.LinAlgError):
+                return self._bisected(replace(change, limits=around))
+        if root is None:
             return self._bisected(change)
         omega = float(np.sqrt(max(root.theta, 0.0)))
         slow = change.kind in ("zero", "parting") or omega <= 1e-6 * self._speed(change)
@@ -68,6 +77,12 @@ class Refiner:
     @property
     def _width(self) -> float:
         return abs(self.step.ends[1] - self.step.ends[0])
+
+    def _around(self, change: Change) -> tuple[float, float]:
+        """Return where a change is looked for first: between its samples and as far beyond, inside the limits."""
+        spread = abs(change.high - change.low) + FINEST * self._width
+        low, high = sorted(change.limits)
+        return max(low, change.low - spread), min(high, change.high + spread)
 
     def _speed(self, change: Change) -> float:
         """Return |λ| of the eigenvalue that changes; where that is zero, the largest |λ| at the start of the step."""
@@ -134,7 +149,7 @@ class Refiner:
         def meeting(problem: Problem, p: float, x: np.ndarray, y: np.ndarray) -> Root:
             nonlocal theta
             x, y = (v if np.isrealobj(v) else real_direction(v[:, None]) for v in (x, y))
-            root = find_coalescence(problem, name, p, theta, x, y, solver)
+            root = find_coalescence(problem, name, p, theta, x, y, width, solver)
             theta = root.theta
             if (root.coefficient_sign > 0) != (change.gains > 0) and root.theta > 0:
                 raise NotConvergedError("Newton's method found the other end of a window")
@@ -158,7 +173,7 @@ class Refiner:
             nonlocal theta
             x, y = (v if np.isrealobj(v) else real_direction(v[:, None]) for v in (x, y))
             lam = float(change.v.real) if theta > 0 else float(np.sqrt(-theta))
-            root = find_coalescence(problem, name, p, lam, x, y, solver, damped=True)
+            root = find_coalescence(problem, name, p, lam, x, y, width, solver, damped=True)
             theta = root.theta
             if (root.coefficient_sign > 0) == (change.gains > 0):
                 raise NotConvergedError("Newton's method found another double eigenvalue")

@@ -19,11 +19,14 @@ from ..problem.description import Describer, Description
 from ..problem.problem import Problem
 from ..problem.sensitivity import sensitivities
 from ..reduced import ReducedModel
+from .balance import unbalanced
 from .counting import count_apart
+from .doubts import Doubt, joined
 from .forecast import is_reduced
 from .onset import Onset
-from .onsets import Found, find_step_onsets, two_mode_value, unbalanced, windows
+from .onsets import Found, find_step_onsets, two_mode_value, windows
 from .result import LiftedShapes, Sweep, SweepPoint
+from .scale import Scale
 from .state import Record, Store, SweepState, lifted
 from .tracking import match_modes, mirror_partners
 from .warnings import rounding_warnings, tie_warnings
@@ -36,12 +39,13 @@ class RunningSweep:
     """The state of a running sweep."""
 
     def __init__(
-        self, problem: Problem, parameter: str, request: Request, steps: int, precise: bool,
+        self, problem: Problem, parameter: str, request: Request, values: np.ndarray, precise: bool,
         linear_solver: LinearSolver | str = "auto",
     ) -> None:  # fmt: skip
         self.problem, self.parameter, self.request = problem, parameter, request
-        self._steps, self._precise, self._linear_solver = steps, precise, linear_solver
-        self._guarded = _with_guard(request) if steps else request
+        self._steps, self._precise, self._linear_solver = len(values) - 1, precise, linear_solver
+        self._scale = Scale.of(values)
+        self._guarded = _with_guard(request) if self._steps else request
         self.points: list[SweepPoint] = []
         self.onsets: list[Onset] = []
         stages = ("reduction", "eigenvalues", "tracking", "onsets", "completeness", "descriptors")
@@ -49,6 +53,7 @@ class RunningSweep:
         self.warnings: list[str] = []
         self.window = 0.0  # every window of instability wider than this was found
         self.unsettled: list[str] = []  # those of the warnings that are about onsets
+        self._doubt: Doubt | None = None  # the last one told
         self.completeness = Completeness(0, None, False)
         self._first: Modes | None = None
         self._previous: Modes | None = None
@@ -242,13 +247,25 @@ class RunningSweep:
                 self.onsets += found.onsets
                 self.warnings += found.warnings
                 self.unsettled += found.warnings
+                self._tell(found.doubts)
                 self.window = max(self.window, found.width)
                 self._next_branch = next(names)
                 self._value, self._previous, self._branches = value, modes, branches
                 return
-        middle = (self._value + value) / 2
+        middle = self._scale.middle(self._value, value)
         self._follow(middle, self._solve(middle), refinements - 1)
         self._follow(value, modes, refinements - 1)
+
+    def _tell(self, doubts: list[Doubt]) -> None:
+        """Warn of intervals in which rounding hides onsets; of those of neighbouring steps about one pair once."""
+        for doubt in joined(doubts):
+            if self._doubt is not None and (both := self._doubt.joined(doubt)) is not None:
+                old, doubt = self._doubt.sentence(self.parameter), both
+                for told in (self.warnings, self.unsettled):
+                    told.remove(old)
+            self._doubt = doubt
+            for told in (self.warnings, self.unsettled):
+                told.append(doubt.sentence(self.parameter))
 
     def result(self) -> Sweep:
         """Return what was solved so far."""
@@ -266,10 +283,11 @@ class RunningSweep:
         # A branch that is reported to turn unstable is followed until it is stable again, even if it leaves the range.
         reported_before = {name for o in self.onsets for name in (o.branch_a, o.branch_b)} - {None}
         reported = {*self._branches[:known], *branches[:wanted], *reported_before}
-        below = max(self._previous.lam[:known].imag.max(initial=0.0), modes.lam[:wanted].imag.max(initial=0.0))
+        below = max(_reach(self._previous, known), _reach(modes, wanted))
         found = find_step_onsets(
-            self.problem, name, (self._value, value), (self._previous, modes), (self._branches, branches), float(below),
-            self._reduced_model, self._precise, self._linear_solver,
+            self.problem, name, (self._value, value), (self._previous, modes), (self._branches, branches), below,
+            self._reduced_model, self._precise, self._linear_solver, self._scale,
+            self._value == self._start,
         )  # fmt: skip
         # The branches of an onset are found by shape, which may err: well inside the range it is reported in any case.
         inside = _INSIDE * min(m.lam[:k].imag.max(initial=0.0) for m, k in ((self._previous, known), (modes, wanted)))
@@ -282,7 +300,8 @@ class RunningSweep:
                 predicted = two_mode_value(self._tracked, name, self._start, self._first, int(at[0][0]), int(at[1][0]))
                 onset = replace(onset, two_mode_value=predicted)
             onsets.append(onset)
-        imbalance = unbalanced(self._previous, modes, onsets, float(inside))
+        before, now = (m.lam[m.stability == "unstable"] for m in (self._previous, modes))
+        imbalance = unbalanced(before, now, onsets, float(inside))
         if imbalance and not found.warnings:
             found.warnings.append(f"between {name} = {self._value:.8g} and {value:.8g} {imbalance}")
         return replace(found, onsets=onsets)
@@ -291,6 +310,12 @@ class RunningSweep:
         now = time.perf_counter()
         self.seconds[stage] += now - since
         return now
+
+
+def _reach(modes: Modes, wanted: int) -> float:
+    """Return the highest frequency of the first modes, or |λ| of one that grows without oscillating, rad/s."""
+    lam, growing = modes.lam[:wanted], modes.stability[:wanted] == "unstable"
+    return float(np.where(growing, np.abs(lam), lam.imag).max(initial=0.0))
 
 
 def _with_guard(request: Request) -> Request:

@@ -60,7 +60,7 @@ class Samples:
         while len(t) < _MOST:
             gap = np.diff(t)
             near = np.maximum(samples[2][:-1], samples[2][1:])  # the farther end of two decides
-            wide = (gap > _NEAR * near) & (gap > self.finest)
+            wide = ((gap > _NEAR * near) | self._is_change(samples)) & (gap > self.finest)
             if not wide.any():
                 break
             more = (t[:-1] + gap / 2)[wide]
@@ -71,12 +71,22 @@ class Samples:
         self.t = t
         self.v, self.slope, _, self.W, self.departure, self.condition = samples
 
+    def _is_change(self, samples: tuple[np.ndarray, ...]) -> np.ndarray:
+        """Whether eigenvalues become a pair, or a pair two, between each sample and the next."""
+        v, departure = samples[0], samples[4]
+        if not (self.cluster.ends[0].paired or self.turned):
+            return np.zeros(len(v) - 1, bool)
+        pairs = (v.imag > self._parted(v, departure)[:, None]).sum(axis=1)
+        return np.asarray(np.diff(pairs) != 0)
+
     def at(self, t: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return v, slope, how far the next meeting may be, W, departure and condition."""
         H, dH = self.cluster.matrix(t)
         if self.turned:
             H, dH = -1j * H, -1j * dH
         v, W = np.linalg.eig(H)
+        if self.turned:
+            v = _real_or_paired(v)
         m = v.shape[1]
         if m == 1:
             return v, dH[:, :, 0], np.full(len(t), np.inf), W, np.zeros(len(t)), np.ones((len(t), 1))
@@ -131,5 +141,24 @@ class Samples:
     @property
     def rounding(self) -> np.ndarray:
         """√|D| (s,) of a double eigenvalue that rounding has parted: D moves by rounding times the departure."""
-        size = np.abs(self.v).max(axis=1)
-        return np.asarray(np.sqrt(self.blur**2 + _ROUNDING * size * (self.departure + self.blur)))
+        return self._parted(self.v, self.departure)
+
+    def _parted(self, v: np.ndarray, departure: np.ndarray) -> np.ndarray:
+        size = np.abs(v).max(axis=1)
+        return np.asarray(np.sqrt(self.blur**2 + _ROUNDING * size * (departure + self.blur)))
+
+
+def _real_or_paired(v: np.ndarray) -> np.ndarray:
+    """Return eigenvalues (s, m) that are real or stand beside their conjugate, from those that only nearly do.
+
+    The cubic between two matrices of a gyroscopic group does not keep this symmetry, but the eigenvalues have it. Two
+    make a pair if each is the nearest to the other's conjugate, and that by less than its own distance from the axis.
+    """
+    distance = np.abs(v[:, :, None] - v[:, None, :].conj())
+    own = np.arange(v.shape[1])
+    distance[:, own, own] = np.inf
+    partner = distance.argmin(axis=2)
+    mutual = np.take_along_axis(partner, partner, axis=1) == own
+    near = np.take_along_axis(distance, partner[:, :, None], axis=2)[:, :, 0] < np.abs(v.imag)
+    other = np.take_along_axis(v, partner, axis=1)
+    return np.where(mutual & near, (v + other.conj()) / 2, v.real)

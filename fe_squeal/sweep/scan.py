@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from .changes import FINEST, SETTLED, Asked, Change
-from .clusters import Cluster, groups
+from .clusters import cluster_of, groups
 from .crossings import find_crossings
 from .meetings import find_meetings
 from .nodes import Node
 from .samples import Samples
+from .scale import LINEAR, Scale
 
 _NODES = 24  # values besides the ends at which modes are asked for in a step
 _RIM = 0.9  # of the highest |λ| known: a mode above may be known at one value and not at the next
@@ -50,7 +51,9 @@ class Scan:
     nodes: int
 
 
-def scan(first: Node, second: Node, modes: Callable[[float], Node], below: float = np.inf) -> Scan:
+def scan(
+    first: Node, second: Node, modes: Callable[[float], Node], below: float = np.inf, scale: Scale = LINEAR
+) -> Scan:
     """Find the changes of stability between two values.
 
     Parameters
@@ -61,17 +64,20 @@ def scan(first: Node, second: Node, modes: Callable[[float], Node], below: float
         Returns the node of a value between.
     below : float, rad/s
         What lies above as a whole is left out.
+    scale : Scale
+        Of the sweep.
     """
-    step = abs(second.value - first.value)
-    result = Scan([], [], [], FINEST * step, 0)
-    width, count = FINEST * step, 0
+    step = scale.x(second.value) - scale.x(first.value)
+    width, count = FINEST * step * scale.slope(second.value), 0
+    result = Scan([], [], [], width, 0)
     todo = [(first, second)]
     while todo:
         a, b = todo.pop()
         asked: list[float] = []
         found: list[Change] = []
         opened: list[Open] = []
-        scale = abs(b.value - a.value) / step
+        begin, end = scale.x(a.value), scale.x(b.value)
+        share = (end - begin) / step
         unsettled = []
         for members in (_without_rim(a, b, *g) for g in groups(a, b)):
             if _is_idle(a, b, members) or _lowest(a, b, members) > below:
@@ -79,23 +85,23 @@ def scan(first: Node, second: Node, modes: Callable[[float], Node], below: float
             if len(members[0]) != len(members[1]):
                 opened.append(Open((a, b), members))
                 continue
-            cluster = Cluster((a, b), members)
+            cluster = cluster_of((a, b), members, scale)
             if not cluster.is_smooth:
-                asked.append(0.5)
+                asked.append((begin + end) / 2)
                 unsettled.append(members)
                 continue
             try:
-                samples = Samples(cluster, scale, a is first)
+                samples = Samples(cluster, share, a is first)
                 pairs = a.paired or a.conservative
                 changes, hidden = find_meetings(samples) if pairs else find_crossings(samples)
                 found += changes
-                width = max(width, hidden * abs(b.value - a.value))
+                width = max(width, cluster.extent(hidden))
             except Asked as more:
-                asked.append(more.t)
+                asked.append(scale.x(cluster.value(more.t)))
                 unsettled.append(members)
-        if asked and count < _NODES and scale > SETTLED:
-            t = float(np.clip(sorted(asked)[len(asked) // 2], 0.05, 0.95))
-            middle = modes(a.value + t * (b.value - a.value))
+        if asked and count < _NODES and share > SETTLED:
+            rim = 0.05 * (end - begin)
+            middle = modes(scale.p(float(np.clip(sorted(asked)[len(asked) // 2], begin + rim, end - rim))))
             count += 1
             todo += [(middle, b), (a, middle)]
             continue

@@ -82,7 +82,7 @@ def sweep(
         problem = replace(problem, parameters={**problem.parameters, parameter: float(values[0])})
     problem = problem.solved_with(solver).prepared(parameter, values)
     request = Request(None if max_frequency else modes or MODES, max_frequency, tolerance)
-    tracker = RunningSweep(problem, parameter, request, len(values) - 1, precise, solver)
+    tracker = RunningSweep(problem, parameter, request, values, precise, solver)
     known = None if store is None else store.load()
     tracker.reduce(values, method, store, known)
     if known is not None:

@@ -15,6 +15,8 @@ from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.problem.forms import collect_powers
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
+from fe_squeal.sweep.scale import Scale
+from fe_squeal.sweep.step import Step
 from meshes import STEEL, annulus, join, make_problem
 
 STIFFNESS = "contacts.belt.normal_stiffness"
@@ -106,13 +108,21 @@ def belt(youngs_modulus, abutment, guide, mu, loss_factor=0.0):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("start", [1e7, 2e7])
-def test_contact_stiffness_over_six_decades(start):
+def test_contact_stiffness_over_six_decades(start, monkeypatch):
     """Steps that change everything are halved again and again. A pair that is unstable already where such a part of a
-    step begins is no doublet that couples there."""
-    problem = belt(2.58687e9, 2.07246e6, 6.04594e8, 0.866197)
-    result = fe_squeal.sweep(problem, np.geomspace(start, 1e6 * start, 13), STIFFNESS, modes=10)
+    step begins is no doublet that couples there. Along ln p no more modes inside the steps are needed than along p."""
+    inside = []
+    between = Step.between
+    monkeypatch.setattr(Step, "between", lambda step, p: (inside.append(p), between(step, p))[1])
+    problem, values = belt(2.58687e9, 2.07246e6, 6.04594e8, 0.866197), np.geomspace(start, 1e6 * start, 13)
+    result = fe_squeal.sweep(problem, values, STIFFNESS, modes=10)
     assert len(result.onsets) == 7
     check_sides(problem, result, 14)
+    needed = len(inside)
+    monkeypatch.setattr(Scale, "of", lambda values: Scale())
+    linear = fe_squeal.sweep(problem, values, STIFFNESS, modes=10)
+    np.testing.assert_allclose([o.value for o in result.onsets], [o.value for o in linear.onsets], rtol=1e-9)
+    assert needed <= len(inside) - needed
 
 
 @pytest.mark.slow

@@ -8,11 +8,13 @@ are unknowns next to −1/β.
 from __future__ import annotations
 
 import importlib
+import re
 
 import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
+from selection import some
 
 from fe_squeal import sweep
 from fe_squeal.compare import SETUPS
@@ -46,6 +48,19 @@ def test_nearly_rigid_bodies(asked):
     assert onset.value == pytest.approx(exact, rel=1e-4)  # what is left falls with 1/E: tests/analytic/test_compare.py
     assert not result.unsettled
     assert sum(asked) < 20 * len(asked)
+
+
+@pytest.mark.parametrize("values", some([np.linspace(0, 2.5, 6), np.linspace(1.69, 1.73, 5)], lambda v: v[0] > 0))
+def test_two_modes_that_are_one_within_rounding(values):
+    """From μ = 1.69 to 1.73 two modes of the nearly rigid bodies are nearer to each other than rounding: whatever the
+    steps, no onset is listed there, and one sentence says where that is."""
+    setup = SETUPS["nine-dof"]
+    result = sweep(setup.make().problem(setup.modulus), values, modes=12)
+    assert all(o.uncertainty < 1e-3 for o in result.onsets)
+    [sentence] = result.unsettled
+    low, high = (float(word) for word in re.findall(r"[\d.]+(?= and| two)", sentence)[:2])
+    assert 1.68 < low < 1.691 and 1.729 < high < 1.74
+    assert "are one within rounding" in sentence
 
 
 @pytest.mark.parametrize("beta", [0.3, 3.0])
