@@ -15,7 +15,7 @@ from ..eigen.request import Request
 from ..problem.parameters import Place, paths_of
 from ..problem.problem import Problem
 from .basis import ReducedBasis
-from .estimate import Condensed, Estimate, OnlineModel, neighbours
+from .estimate import SLIGHT, Condensed, Estimate, OnlineModel, neighbours
 from .model import ReducedModel
 from .vectors import range_of, unit_columns
 
@@ -27,7 +27,6 @@ _MOST = 600  # vectors: with more, an eigenvalue problem of this size costs as m
 _LEAST = (1.0, 0.5, 0.3, 0.2, 0.15, 0.1)  # times √tolerance: singular values that a condensed basis leaves out
 _TRIALS = 30  # places at which it is tried
 _MARGIN = 2.0  # times the largest ratio of true errors to estimated ones there
-_SLIGHT = 0.1  # times the tolerance: smaller errors are compared with this
 _CHECKS = 4  # rounds of places that had no part in making the basis
 
 Places = Sequence[tuple[float, ...]]
@@ -140,7 +139,7 @@ class BoxModel(ReducedModel):
             W = np.hstack([exact, U[:, s > least * self.request.tolerance**0.5 * s[0]]])
             small = Condensed(self.basis.restricted(W))
             found = [small.modes(p, self.request, self.highest) for p in trials]
-            ratios = [_ratio(f, e, _SLIGHT * self.request.tolerance) for f, e in zip(found, exact_modes, strict=True)]
+            ratios = [_ratio(f, e, SLIGHT * self.request.tolerance) for f, e in zip(found, exact_modes, strict=True)]
             scale = min(_MARGIN * max(ratios), 1.0)
             missed = np.mean([scale * off.max(initial=0.0) > 1 for _, off, _ in found])
             cost = W.shape[1] ** 3 + missed * len(self.basis) ** 3

@@ -12,6 +12,7 @@ from ..problem.parameters import Place
 from .basis import ReducedBasis
 
 BESIDE = 1.1  # times the highest frequency asked for: modes up to there are in a condensed basis as well
+SLIGHT = 0.1  # times the tolerance: errors that need not be known better
 GUARDED = 1.2  # times the highest frequency of the basis: modes up to there are known
 _SAFETY = 0.5  # of the tolerance: what the estimated errors of eigenvalues are driven below
 _ILL = 10.0  # relative condition from which a mode is near a double eigenvalue
@@ -43,7 +44,8 @@ def estimated(
     modes = select_wanted(every, request, np.inf)
     assert modes is not None
     error, backward, condition, rounding = basis.errors(value, modes, highest)
-    error = scale * error
+    # Of errors that are slight anyway it is not known how much too large their estimates are.
+    error = np.minimum(error, np.maximum(scale * error, SLIGHT * request.tolerance * np.abs(modes.lam)))
     # The tolerance is meant for well-conditioned modes: next to a double eigenvalue no solver finds λ so closely.
     relative = error / np.maximum(np.abs(modes.lam), 1e-3 * highest)
     known = relative / np.maximum(condition / _ILL, 1.0) + np.finfo(float).eps
