@@ -329,6 +329,13 @@ class ReducedBasis(Projection):
         rounding = ROUNDING * share * float(np.sum(np.abs(y) * self._magnitude(value, lams, x)))
         return (both / abs(change), rounding / abs(change)) if change else (np.inf, np.inf)
 
+    def residual_product(
+        self, value: Place, lam: complex, right: np.ndarray, left: np.ndarray, highest: float
+    ) -> float:  # fmt: skip
+        """Return ‖η‖‖ρ‖, how far ψᴴQ(λ)φ may be off by the reduction, for φ, ψ (r,) of the projected Q(λ)."""
+        lams, phi, psi = np.array([lam]), right[:, None], left[:, None]
+        return float(self._product(*self._sampled(value, lams, phi, psi), np.abs(lams), highest)[0])
+
     def _sampled(
         self, value: Place, lam: np.ndarray, phi: np.ndarray, psi: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:

@@ -9,15 +9,16 @@ import numpy as np
 import scipy.linalg as la
 from scipy.optimize import linear_sum_assignment
 
+from ..eigen.blocks import combine
 from ..eigen.linear.factor import DefiniteFactor, LinearSolver
 from ..eigen.pencil import Modes
-from ..eigen.request import Request
+from ..eigen.request import Request, select_wanted
 from ..problem.parameters import Place, paths_of
 from ..problem.problem import Problem
 from .basis import ReducedBasis
 from .estimate import SLIGHT, Condensed, Estimate, OnlineModel, neighbours
 from .model import ReducedModel
-from .vectors import range_of, unit_columns
+from .vectors import unit_columns
 
 _NODES = 60  # places whose modes span the basis, at most
 # Times √tolerance: directions of new modes that include an angle with the basis whose sine is smaller are left out,
@@ -26,7 +27,7 @@ _TURNED = 0.3
 _MOST = 600  # vectors: with more, an eigenvalue problem of this size costs as much as a direct solve of a small brake
 _LEAST = (1.0, 0.5, 0.3, 0.2, 0.15, 0.1)  # times √tolerance: singular values that a condensed basis leaves out
 _TRIALS = 30  # places at which it is tried
-_MARGIN = 2.0  # times the largest ratio of true errors to estimated ones there
+_MARGIN = 3.0  # times the largest ratio of true errors to estimated ones there
 _CHECKS = 4  # rounds of places that had no part in making the basis
 
 Places = Sequence[tuple[float, ...]]
@@ -80,6 +81,7 @@ class BoxModel(ReducedModel):
         names = tuple(parameters)
         self._seen: dict[Place, np.ndarray] = {}  # right and left modes in coordinates of the basis
         definite = self._begin(problem, names, softest_corner(problem, names, low, high), request, linear_solver)
+        self._first = len(self.basis)
         self.places: list[Place] = []
         self._made_for(draw(0), definite, (softest_corner(problem, names, high, low),), progress)
         for i in range(1, _CHECKS + 1):
@@ -121,16 +123,16 @@ class BoxModel(ReducedModel):
     def _condense(self) -> Condensed | None:
         """Return that of some bases inside this one with which modes cost least; None where that is the whole one.
 
-        The basis holds guard modes at every place as well, which its errors rest on; the modes asked for and their
-        neighbours, at all places that it was made for, span far less (proper orthogonal decomposition).
+        Each has the modes of the softest corner, on which the errors rest, and the directions in which the modes asked
+        for at all places of the making reach furthest (proper orthogonal decomposition).
+
         """
         columns = np.zeros((len(self.basis), sum(x.shape[1] for x in self._seen.values())))
         at = 0
         for x in self._seen.values():  # of a smaller basis: the first vectors of this one
             columns[: len(x), at : at + x.shape[1]] = x
             at += x.shape[1]
-        free = self.basis.free_motions(self._start).motions
-        exact = range_of(np.zeros((len(self.basis), 1)), 1.0, free) if free.shape[1] else free
+        exact = np.eye(len(self.basis), self._first)
         U, s, _ = la.svd(columns - exact @ (exact.T @ columns), full_matrices=False)
         trials = list(self._seen)[:_TRIALS]
         exact_modes = [self._estimated(p)[0] for p in trials]
@@ -149,10 +151,14 @@ class BoxModel(ReducedModel):
 
     def _estimate(self, value: Place, basis: ReducedBasis, every: Modes) -> Estimate:
         if basis is self.basis:
-            near = neighbours(every, self.request)[0]
-            assert near.left is not None
-            self._seen[value] = unit_columns(near.right, near.left)
+            wanted = select_wanted(every, self.request, np.inf)
+            assert wanted is not None and wanted.left is not None
+            self._seen[value] = unit_columns(wanted.right, wanted.left)
         return super()._estimate(value, basis, every)
+
+    def residual_product(self, place: Place, lam: complex, right: np.ndarray, left: np.ndarray) -> float:
+        """Return how far ψᴴQ(λ)φ may be off by the reduction, for vectors (r,) of the projected problem."""
+        return self.basis.residual_product(place, lam, right, left, self.highest)
 
     def _made_for(
         self, places: Places, definite: DefiniteFactor, corners: Places, progress: Callable[[str], None]
@@ -173,7 +179,10 @@ class BoxModel(ReducedModel):
         if corners and self._add_missing([self._start, *corners], definite):
             self._made_for(places, definite, (), progress)
 
-    def _join(self, X: np.ndarray) -> None:
+    def _join(self, local: ReducedBasis, every: Modes) -> None:
+        """Add the modes asked for and their neighbours; those of the softest corner keep others far enough."""
+        near = neighbours(every, self.request)
+        X = combine(local.V, self._span(local, near))
         self.basis.append(X, _TURNED * self.request.tolerance**0.5, together=True)
 
     def _worst(self, off: dict[Place, float]) -> Place:

@@ -11,7 +11,7 @@ from ..eigen.request import Request, select_wanted
 from ..problem.parameters import Place
 from .basis import ReducedBasis
 
-BESIDE = 1.1  # times the highest frequency asked for: modes up to there are in a condensed basis as well
+_BESIDE = 1.1  # times the highest frequency asked for: modes up to there are its neighbours
 SLIGHT = 0.1  # times the tolerance: errors that need not be known better
 GUARDED = 1.2  # times the highest frequency of the basis: modes up to there are known
 _SAFETY = 0.5  # of the tolerance: what the estimated errors of eigenvalues are driven below
@@ -58,24 +58,24 @@ def estimated(
     return modes, off, relative
 
 
-def neighbours(every: Modes, request: Request) -> tuple[Modes, float]:
-    """Return the modes asked for with those next above them, and the frequency up to where these reach, rad/s."""
+def neighbours(every: Modes, request: Request) -> Modes:
+    """Return the modes asked for with those next above them."""
     wanted = select_wanted(every, request, np.inf)
     assert wanted is not None
-    limit = BESIDE * float(np.abs(wanted.lam).max(initial=0.0))
-    return every.select(np.flatnonzero(np.abs(every.lam) <= limit)), limit
+    limit = _BESIDE * float(np.abs(wanted.lam).max(initial=0.0))
+    return every.select(np.flatnonzero(np.abs(every.lam) <= limit))
 
 
 @dataclass(frozen=True)
 class Condensed:
-    """A smaller basis inside that of a reduced model, of the modes asked for and their neighbours alone.
+    """A smaller basis inside that of a reduced model, for the modes asked for alone.
 
     Attributes
     ----------
     basis : ReducedBasis
     scale : float
-        Of its estimated errors. What it leaves out begins above the neighbours, so that the estimates, which are
-        bounds, are large; how much too large is known from the whole basis, whose modes are more exact.
+        Of its estimated errors, which are bounds; how much too large they are is known from the whole basis, whose
+        modes are more exact.
     """
 
     basis: ReducedBasis
@@ -84,7 +84,7 @@ class Condensed:
     def modes(self, place: Place, request: Request, highest: float) -> Estimate:
         """Return modes with their errors, see `estimated`."""
         every = self.basis.modes(place, GUARDED * highest)
-        return estimated(self.basis, place, every, request, neighbours(every, request)[1], self.scale)
+        return estimated(self.basis, place, every, request, highest, self.scale)
 
 
 @dataclass(frozen=True)

@@ -279,13 +279,13 @@ class ReducedModel:
                 break
             self._correct(local, value, modes.select(np.flatnonzero(off > _CORRECTED)), inverse, factor is not None)
             every = local.modes(value, GUARDED * self.highest)
+        self._join(local, every)
+
+    def _join(self, local: ReducedBasis, every: Modes) -> None:
+        """Add the modes at a value, which are those of a basis of their own, to the basis."""
         # Modes above those asked for stay, too: what the basis lacks is then far from these, as its errors suppose.
         every = every.select(np.flatnonzero(np.abs(every.lam) <= self.highest))
-        self._join(combine(local.V, self._span(local, every)))
-
-    def _join(self, X: np.ndarray) -> None:
-        """Add the span X (n, k) of right and left modes, orthonormal in the P-norm, to the basis."""
-        self.basis.append(X, dependent=_ALIKE)
+        self.basis.append(combine(local.V, self._span(local, every)), dependent=_ALIKE)
 
     def _span(self, basis: ReducedBasis, modes: Modes) -> np.ndarray:
         """Return orthonormal coordinates (r, ·) that span right and left modes and the motions that nothing holds."""

@@ -15,6 +15,7 @@ from ..errors import NotConvergedError, SceneError
 from .models import Model, Solver
 from .outcome import COLUMNS, MODE_COLUMNS, Outcome
 
+_PATIENCE = 5  # s that a scheduler may take to answer
 CHUNK = 32  # places that are sent to a process, and kept, at once: a second or so on a reduced model
 
 Solved = list[Outcome | None]
@@ -68,8 +69,8 @@ def solve_places(
     start = time.perf_counter()
     left = [i for i in range(len(chunks)) if i not in done]
     work = ((i, places[chunks[i]]) for i in left)
-    with _pool(cluster) as solve:
-        for i, outcomes in solve(solver, work):
+    with spread(cluster) as call:
+        for i, outcomes in call(solve_chunk, solver.model, work):
             here = zip(outcomes, places[chunks[i]], strict=True)
             whole = [solver.outcome(place) if found is None else found for found, place in here]
             done[i] = _tables(whole, chunks[i])
@@ -94,14 +95,15 @@ def solve_chunk(model: Model, places: np.ndarray) -> Solved:
         return [model.outcome(p) for p in places]
 
 
-_Work = Iterable[tuple[int, np.ndarray]]
-
-
 @contextmanager
-def _pool(cluster: Cluster | None) -> Iterator[Callable[[Solver, _Work], Iterator[tuple[int, Solved]]]]:
-    """Yield what solves chunks, here or on a cluster, and returns them as they are finished."""
+def spread(cluster: Cluster | None) -> Iterator[Callable[..., Iterator[tuple[int, Any]]]]:
+    """Yield what calls function(shared, item) for every (number, item), here or on a cluster.
+
+    It is called with function, shared and the numbered items, and yields (number, result) as they are finished. What is
+    shared goes once to each worker.
+    """
     if cluster is None or not (cluster.workers or cluster.scheduler):
-        yield lambda solver, work: ((i, solve_chunk(solver.model, p)) for i, p in work)
+        yield lambda function, shared, work: ((i, function(shared, item)) for i, item in work)
         return
     try:
         import distributed
@@ -111,7 +113,7 @@ def _pool(cluster: Cluster | None) -> Iterator[Callable[[Solver, _Work], Iterato
             ' pip install "fe-squeal[cluster]"'
         ) from error
     with _client(distributed, cluster) as client:
-        yield lambda solver, work: _on_cluster(distributed, client, solver, work)
+        yield lambda function, shared, work: _on_cluster(distributed, client, function, shared, work)
 
 
 @contextmanager
@@ -119,7 +121,7 @@ def _client(distributed: Any, cluster: Cluster) -> Iterator[Any]:
     """Yield a client of the scheduler, or of processes that are ended afterwards."""
     if cluster.scheduler:
         try:
-            client = distributed.Client(cluster.scheduler, timeout=10)
+            client = distributed.Client(cluster.scheduler, timeout=_PATIENCE)
         except (OSError, ValueError) as error:
             raise NotConvergedError(
                 f"--scheduler: no scheduler of Dask answers at {cluster.scheduler} ({type(error).__name__})"
@@ -132,12 +134,15 @@ def _client(distributed: Any, cluster: Cluster) -> Iterator[Any]:
         yield client
 
 
-def _on_cluster(distributed: Any, client: Any, solver: Solver, work: _Work) -> Iterator[tuple[int, Solved]]:
-    """Yield chunks as workers finish them; a chunk of a worker that dies is solved by another one."""
+def _on_cluster(
+    distributed: Any, client: Any, function: Callable[[Any, Any], Any], shared: Any, work: Iterable[tuple[int, Any]]
+) -> Iterator[tuple[int, Any]]:  # fmt: skip
+    """Yield results as workers finish them; what a worker had that dies is done by another one."""
+    gone = (OSError, TimeoutError, distributed.core.CommClosedError, distributed.client.FuturesCancelledError)
     try:
-        model = client.scatter(solver.model, broadcast=True, hash=False)
-        futures = {client.submit(solve_chunk, model, p, pure=False, retries=2): i for i, p in work}
+        sent = client.scatter(shared, broadcast=True, hash=False)
+        futures = {client.submit(function, sent, item, pure=False, retries=2): i for i, item in work}
         for future in distributed.as_completed(futures):
             yield futures[future], future.result()
-    except (OSError, distributed.core.CommClosedError, distributed.client.FuturesCancelledError, TimeoutError) as error:
+    except gone as error:
         raise NotConvergedError(f"the scheduler is gone ({type(error).__name__}): {error}") from error

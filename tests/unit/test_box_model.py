@@ -35,7 +35,8 @@ def draw(i):
     return [tuple(map(float, LOW + (HIGH - LOW) * u)) for u in sobol_points(20, 2, i)]
 
 
-@pytest.mark.parametrize("kind", ["nonsymmetric", pytest.param("quadratic", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["nonsymmetric", "quadratic"])
 def test_every_mode_all_over_the_box(kind):
     problem = problem_of(kind)
     model = BoxModel(problem, NAMES, LOW, HIGH, draw, Request(MODES, None, TOLERANCE))
