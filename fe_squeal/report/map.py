@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
+from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 
 from fe_squeal.report.branches import figure_text
@@ -33,7 +34,8 @@ def plot_map(
     x, y = np.unique(grid["x"]), np.unique(grid["y"])
     growth = np.maximum(grid.sort_values(["y", "x"])["worst_re"].to_numpy(float).reshape(len(y), len(x)), 0.0)
     top = float(np.nanmax(growth, initial=0.0)) or 1.0
-    shades = axes.pcolormesh(x, y, growth, cmap=_GROWTH, vmin=0.0, vmax=1.25 * top, shading="nearest", rasterized=True)
+    norm = PowerNorm(0.5, 0.0, 1.25 * top)
+    shades = axes.pcolormesh(x, y, growth, cmap=_GROWTH, norm=norm, shading="nearest", rasterized=True)
     figure.colorbar(shades, ax=axes, label="largest Re λ (1/s)", pad=0.02)
     axes.set_xscale("log" if logs[0] else "linear")
     axes.set_yscale("log" if logs[1] else "linear")
