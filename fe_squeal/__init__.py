@@ -11,6 +11,9 @@
                                     sensitivities_dataframe() are the others
     find_onsets(problem, values)    the critical values alone, to full precision
     result.plot_stability()         figures, also in notebooks: plot_damping(value), and show(branch), a shape in 3-D
+    scatter(problem, parameters)    how probable instability is where several numbers are known by distributions alone
+    stability_map(problem, x, y)    the boundaries of stability over two numbers, followed exactly
+    run_many(scenes)                modes and onsets of many scenes, such as design variants, in several processes
     export_shapes(result, folder)   shapes of the unstable modes for ParaView
     SquealError                     what all of these raise: SceneError, MeshError and OutputError for what you can
                                     mend, NotConvergedError, which carries what did converge
@@ -64,6 +67,9 @@ if TYPE_CHECKING:
     from .run.outputs import export_shapes
     from .scene import Scene as Scene
     from .scene.file import load_scene, parse_scene
+    from .study.many import run_many
+    from .study.map import stability_map
+    from .study.scatter import scatter
     from .sweep.result import Sweep
     from .version import __version__ as __version__
 
@@ -79,6 +85,9 @@ __all__ = [
     "load_mesh",
     "load_scene",
     "parse_scene",
+    "run_many",
+    "scatter",
+    "stability_map",
     "sweep",
 ]
 
@@ -95,6 +104,9 @@ _PLACES = {
     "load_mesh": "mesh",
     "load_scene": "scene.file",
     "parse_scene": "scene.file",
+    "run_many": "study.many",
+    "scatter": "study.scatter",
+    "stability_map": "study.map",
 }
 
 

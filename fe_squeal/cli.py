@@ -11,7 +11,7 @@ from .commands.info import info
 from .commands.prepare import check, mesh, new
 from .commands.references import compare, lumped_models
 from .commands.show import animate, diff, report
-from .commands.solve import accuracy, onset, run
+from .commands.solve import accuracy, onset, run, study
 from .errors import INTERRUPTED, InputError, NotConvergedError, SquealError, one_line
 from .process.isolation import import_matplotlib
 from .process.signals import stopped_by_signals
@@ -42,7 +42,7 @@ def _options(
 
 
 # In the order of the help.
-for _command in (run, new, check, mesh, onset, compare, accuracy):
+for _command in (run, new, check, mesh, onset, study, compare, accuracy):
     app.command()(_command)
 app.command("lumped")(lumped_models)
 app.command()(report)

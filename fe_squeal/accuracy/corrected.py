@@ -53,6 +53,7 @@ class CorrectedModel:
             Of the sweep.
         """
         coarse, parameter = model.basis.problem, model.parameter
+        assert isinstance(parameter, str)
         metric = {t.name: c for t, c in zip(coarse.terms, model.basis.metric, strict=True)}
         start = coarse.value(parameter)
         collected = collect_powers(fine, parameter).at({parameter: start})

@@ -56,6 +56,24 @@ def onset(scene: SceneOrDeck) -> int:
     return 0
 
 
+def study(
+    scene: SceneOrDeck,
+    out: Out = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from what an interrupted study left there.")] = False,
+    workers: Annotated[
+        int, typer.Option(metavar="N", help="Solve in so many processes, by dask.distributed.", show_default=False)
+    ] = 0,
+    scheduler: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Solve on a running cluster of Dask.", show_default=False)
+    ] = "",
+) -> int:
+    """Do the scene's [study]: how probable squeal is where numbers scatter, or where it lies in a map over two."""
+    from ..run.study import study as study_of_scene
+
+    loaded = load_scene_or_deck(scene)
+    return study_of_scene(loaded, out or Path(f"{scene.stem}_study"), make_console(), resume, workers, scheduler)
+
+
 def accuracy(
     scene: SceneOrDeck,
     out: Out = None,

@@ -18,13 +18,15 @@ from .terms import Slot, Term, sum_terms
 from .unheld import ROUNDING_OF_FORCES
 
 
-def collect_powers(problem: Problem, parameter: str) -> Problem:
-    """Return the same problem over one parameter as few terms: one for each slot, power of it and symmetry.
+def collect_powers(problem: Problem, parameter: str | tuple[str, ...]) -> Problem:
+    """Return the same problem over one parameter, or over several, as few terms.
+
+    There is one for each slot, powers of the parameters and symmetry; the other parameters stay at their values.
 
     Raises
     ------
     SceneError
-        If the parameter does more than change coefficients.
+        If a parameter does more than change coefficients.
 
     Examples
     --------
@@ -34,29 +36,34 @@ def collect_powers(problem: Problem, parameter: str) -> Problem:
     >>> [(t.name, float(t.matrix[0, 0])) for t in collect_powers(problem, "s").terms]
     [('M0', 1.0), ('K0', 1.0), ('K1', 2.0)]
     """
-    paths = paths_of(parameter)
-    if not problem.is_affine(parameter):
-        raise SceneError(f"{parameter} changes matrices, not coefficients alone")
-    groups: dict[tuple[Slot, int, bool, bool], list[tuple[Term, float]]] = {}
+    several = (parameter,) if isinstance(parameter, str) else parameter
+    together = [paths_of(p) for p in several]
+    moved = [p for paths in together for p in paths]
+    for p in several:
+        if not problem.is_affine(p):
+            raise SceneError(f"{p} changes matrices, not coefficients alone")
+    groups: dict[tuple[Slot, tuple[int, ...], bool, bool], list[tuple[Term, float]]] = {}
     for t in problem.terms:
-        others = replace(t, powers={p: e for p, e in t.powers.items() if p not in paths})
+        others = replace(t, powers={p: e for p, e in t.powers.items() if p not in moved})
         c = others.coefficient(problem.parameters)
         if c:
-            key = (t.slot, sum(t.powers.get(p, 0) for p in paths), t.symmetric, t.imaginary)
+            powers = tuple(sum(t.powers.get(p, 0) for p in paths) for paths in together)
+            key = (t.slot, powers, t.symmetric, t.imaginary)
             groups.setdefault(key, []).append((replace(t, imaginary=False), c))
     terms = []
-    for (slot, power, symmetric, imaginary), parts in groups.items():
+    for (slot, powers, symmetric, imaginary), parts in groups.items():
         matrix = sum_terms(parts)
         assert matrix is not None
         skew = all(t.skew for t, _ in parts)
-        name = f"{slot}{power}" + ("" if symmetric else "n") + ("i" if imaginary else "")
-        terms.append(Term(name, slot, matrix, symmetric, {paths[0]: power}, skew, imaginary))
+        name = f"{slot}{'.'.join(map(str, powers))}" + ("" if symmetric else "n") + ("i" if imaginary else "")
+        exponents = {paths[0]: e for paths, e in zip(together, powers, strict=True)}
+        terms.append(Term(name, slot, matrix, symmetric, exponents, skew, imaginary))
     own = problem.parameters
 
     def free(values: Mapping[str, float]) -> FreeMotions:
-        return replace(problem, parameters={**own, **{p: values[p] for p in paths}}).free_motions()
+        return replace(problem, parameters={**own, **{p: values[p] for p in moved}}).free_motions()
 
-    return Problem(tuple(terms), dict.fromkeys(paths, problem.value(parameter)), free=free)
+    return Problem(tuple(terms), {p: problem.value(q) for q in several for p in paths_of(q)}, free=free)
 
 
 def project(problem: Problem, V: np.ndarray) -> Problem:

@@ -10,6 +10,7 @@ from ..errors import SceneError
 
 MU = "mu"
 _LONG = "effects.friction.mu"
+Place = float | tuple[float, ...]  # the value of one parameter, or the values of several
 _SHOWN = 80  # characters of a wrong value that a message shows
 
 
@@ -29,6 +30,23 @@ def paths_of(parameter: str) -> list[str]:
     if not isinstance(parameter, str):
         raise SceneError(f'given {_short(parameter)} as the name of a parameter; expected a text, as "{MU}"')
     return [p.strip() for p in parameter.split(",")]
+
+
+def values_at(parameter: str | tuple[str, ...], place: Place) -> dict[str, float]:
+    """Return the values of one parameter, or of several, at a place.
+
+    Examples
+    --------
+    >>> values_at("mu", 0.3)
+    {'mu': 0.3}
+    >>> values_at(("mu", "springs.left.damping"), (0.3, 2.0))
+    {'mu': 0.3, 'springs.left.damping': 2.0}
+    """
+    if isinstance(parameter, str):
+        assert not isinstance(place, tuple)
+        return {parameter: place}
+    assert isinstance(place, tuple)
+    return dict(zip(parameter, place, strict=True))
 
 
 def values_by_path(

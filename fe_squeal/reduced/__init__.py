@@ -1,6 +1,8 @@
-"""The reduced model: a projection of the problem that holds over an interval of a parameter."""
+"""The reduced model: a projection of the problem that holds over an interval or a box of parameters."""
 
+from .box import BoxModel
+from .estimate import OnlineModel
 from .model import ReducedModel
 from .vectors import SlowMotions, lift
 
-__all__ = ["ReducedModel", "SlowMotions", "lift"]
+__all__ = ["BoxModel", "OnlineModel", "ReducedModel", "SlowMotions", "lift"]

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 
 from ..eigen.blocks import combine, cross, times
 from ..eigen.linear.factor import LinearSolver
-from ..eigen.pencil import Modes
+from ..eigen.pencil import FreeMotions, Modes
 from ..eigen.quality import ROUNDING
+from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from ..problem.terms import POWER
 from .projection import Projection
@@ -39,6 +42,16 @@ class _Products(NamedTuple):
     ZATX: np.ndarray
 
 
+@dataclass(frozen=True)
+class _Held:
+    """The motions that nothing holds in a problem of n unknowns where everything is held: none."""
+
+    n: int
+
+    def __call__(self, values: Mapping[str, float]) -> FreeMotions:
+        return FreeMotions.none(self.n)
+
+
 class ReducedBasis(Projection):
     """Vectors V (n, r) with VᵀPV = 1, the terms VᵀAV, and random samples of the residuals of their modes.
 
@@ -59,7 +72,7 @@ class ReducedBasis(Projection):
     """
 
     def __init__(
-        self, problem: Problem, parameter: str, metric: Sequence[float], sigma: float,
+        self, problem: Problem, parameter: str | tuple[str, ...], metric: Sequence[float], sigma: float,
         half_solve: Callable[[np.ndarray], np.ndarray] | None, linear_solver: LinearSolver | str = "auto",
     ) -> None:  # fmt: skip
         super().__init__(problem, parameter, metric, sigma, linear_solver)
@@ -84,8 +97,8 @@ class ReducedBasis(Projection):
 
     @classmethod
     def restored(
-        cls, problem: Problem, parameter: str, arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any],
-        linear_solver: LinearSolver | str = "auto",
+        cls, problem: Problem, parameter: str | tuple[str, ...], arrays: Mapping[str, np.ndarray],
+        numbers: Mapping[str, Any], linear_solver: LinearSolver | str = "auto",
     ) -> ReducedBasis:  # fmt: skip
         """Return the basis that gave `stored`, of the same problem; it cannot be extended any more."""
         basis = cls.__new__(cls)
@@ -111,7 +124,9 @@ class ReducedBasis(Projection):
         numbers = {"cancels": self._cancels, "sigma": self.sigma, "has_slow": self.has_slow}
         return arrays, {"metric": [float(c) for c in self.metric], **numbers}
 
-    def append(self, X: np.ndarray, threshold: float = 0.0, dependent: float = DEPENDENT) -> int:
+    def append(
+        self, X: np.ndarray, threshold: float = 0.0, dependent: float = DEPENDENT, together: bool = False
+    ) -> int:  # fmt: skip
         """Add the directions of X (n, k) real whose part outside the basis is longer than a threshold in the P-norm.
 
         P is a sum of the terms, so that the products of the terms with X, needed for the projection, also give lengths
@@ -119,6 +134,12 @@ class ReducedBasis(Projection):
 
         Directions in which the parts outside depend on each other are left out: those with an eigenvalue of their Gram
         matrix, scaled to unit vectors, below `dependent`.
+
+        Parameters
+        ----------
+        together : bool
+            X is orthonormal in the P-norm, and the threshold is one of its directions instead of its columns: of those
+            that include an angle with the basis whose sine is less, none is added.
 
         Returns
         -------
@@ -131,6 +152,10 @@ class ReducedBasis(Projection):
             whole = self._in_metric(parts, lambda p: (p.XAX + p.XAX.T) / 2)
             gram = whole - inside.T @ inside
             outside = gram.diagonal() / np.maximum(whole.diagonal(), np.finfo(float).tiny)
+            if together:
+                w, turn = la.eigh(gram)
+                X, threshold, together = combine(X, turn[:, w > threshold**2]), 0.0, False
+                continue
             long = np.flatnonzero((outside > _RANK) & (gram.diagonal() > threshold**2))
             if not (outside[long] > _CLEAR).all():
                 X = X[:, long] - combine(self.V, inside[:, long])  # first, or `gram` would lose digits
@@ -186,6 +211,24 @@ class ReducedBasis(Projection):
         other._projected, other._right, other._left = list(self._projected), list(self._right), list(self._left)
         return other
 
+    def without_vectors(self) -> ReducedBasis:
+        """Return a copy that gives modes and their errors and holds no vector of the problem's length.
+
+        It takes every motion as held, and cannot be extended.
+        """
+        small = copy.copy(self)
+        small.V = np.zeros((0, len(self)))
+        small._store = small._Z = np.zeros((0, 0))
+        small._units = self._units[self._lines]
+        small._lines = np.arange(len(self._lines))
+        small.__dict__.pop("_acting", None)
+        small._slow, small._contained = (small.V, self.slow), None
+        n = self.problem.unknowns
+        empty = sp.csr_array((n, n))
+        terms = tuple(replace(t, matrix=empty) for t in self.problem.terms)
+        small.problem = Problem(terms, self.problem.parameters, free=_Held(n))
+        return small
+
     def restricted(self, W: np.ndarray) -> ReducedBasis:
         """Return the basis of the span of VW alone, W (r, k) orthonormal."""
         smaller = copy.copy(self)
@@ -196,7 +239,7 @@ class ReducedBasis(Projection):
         smaller._sampled_rows = self._sampled_rows @ W
         return smaller
 
-    def calibrate(self, value: float, modes: Modes) -> None:
+    def calibrate(self, value: Place, modes: Modes) -> None:
         """Set the factor between the size of the sums that cancel in Q(λ)φ and the estimate of it in `errors`.
 
         The estimate takes the diagonals of the matrices alone; the factor is the least among some of the modes.
@@ -208,9 +251,9 @@ class ReducedBasis(Projection):
         known = np.linalg.norm(self._size[:, None] * u[self._lines], axis=0)
         self._cancels = float((np.linalg.norm(exact, axis=0) / known).min())
 
-    def _magnitude(self, value: float, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
+    def _magnitude(self, value: Place, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return the sampled rows of (|λ|²|M| + |λ||C| + |K|)|u|, see `Pencil.magnitude`."""
-        at = self.problem.at({self.parameter: value})
+        at = self.at(value)
         total = np.zeros((len(self._lines), len(lam)))
         for term in at.terms:
             root = np.sqrt(np.abs(term.matrix.diagonal()))
@@ -222,7 +265,7 @@ class ReducedBasis(Projection):
         return total
 
     def errors(
-        self, value: float, modes: Modes, highest: float
+        self, value: Place, modes: Modes, highest: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
         """Return how far λ may be off by the reduction, backward errors, condition, and how far λ is off by rounding.
 
@@ -257,22 +300,28 @@ class ReducedBasis(Projection):
 
     def _weights(self) -> np.ndarray:
         """Return what turns products of sampled rows of two vectors into parts of |ψ|ᵀ(|λ|²|M| + |λ||C| + |K|)|φ|."""
-        share = np.sqrt(len(self.V) / len(self._lines))
+        share = np.sqrt(self.problem.unknowns / len(self._lines))
         return np.asarray(share / np.maximum(self._size * self._units[self._lines], np.finfo(float).tiny))
 
     def root_error(
-        self, value: float, lam: complex, right: np.ndarray, left: np.ndarray, highest: float
+        self, value: Place, lam: complex, right: np.ndarray, left: np.ndarray, highest: float, parameter: str = ""
     ) -> tuple[float, float]:  # fmt: skip
         """Return how far a parameter at which Q(λ)φ = 0, ψᴴQ(λ) = 0 may be off, ‖η‖‖ρ‖/|ψᴴ(∂Q/∂p)φ|, and by rounding.
 
         The second number is what rounding of the problem's own entries makes of that parameter.
+
+        Parameters
+        ----------
+        parameter : str, optional
+            Which of several parameters p is.
         """
         lams, phi, psi = np.array([lam]), right[:, None], left[:, None]
         rho, eta = self._sampled(value, lams, phi, psi)
         both = float(self._product(rho, eta, np.array([abs(lam)]), highest)[0])
+        along = parameter or (self.parameter if isinstance(self.parameter, str) else self.parameter[0])
         projected, change = self.collected(), 0j
         for slot, power in POWER.items():
-            d = projected.derivative(self.parameter, slot, {self.parameter: value})
+            d = projected.derivative(along, slot, values_at(self.parameter, value))
             if d is not None:
                 change += lam**power * complex(np.vdot(left, d @ right))
         x, y = lift(self.V, phi), lift(self.V[self._lines], psi)
@@ -280,11 +329,18 @@ class ReducedBasis(Projection):
         rounding = ROUNDING * share * float(np.sum(np.abs(y) * self._magnitude(value, lams, x)))
         return (both / abs(change), rounding / abs(change)) if change else (np.inf, np.inf)
 
+    def residual_product(
+        self, value: Place, lam: complex, right: np.ndarray, left: np.ndarray, highest: float
+    ) -> float:  # fmt: skip
+        """Return ‖η‖‖ρ‖, how far ψᴴQ(λ)φ may be off by the reduction, for φ, ψ (r,) of the projected Q(λ)."""
+        lams, phi, psi = np.array([lam]), right[:, None], left[:, None]
+        return float(self._product(*self._sampled(value, lams, phi, psi), np.abs(lams), highest)[0])
+
     def _sampled(
-        self, value: float, lam: np.ndarray, phi: np.ndarray, psi: np.ndarray
+        self, value: Place, lam: np.ndarray, phi: np.ndarray, psi: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the samples of Q(λ)φ and of Q(λ)ᴴψ."""
-        at = self.problem.at({self.parameter: value})
+        at = self.at(value)
         rho = np.zeros((2 * _SAMPLES, len(lam)), complex)
         eta = np.zeros_like(rho)
         for term, right, left in zip(at.terms, self._right, self._left, strict=True):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..eigen.blocks import times
 from ..eigen.linear.factor import DefiniteFactor
 from ..eigen.pencil import Modes
 from ..eigen.request import Request, select_wanted
+from ..problem.parameters import Place
 from .basis import ReducedBasis
 from .vectors import lift, real_columns
 
@@ -17,7 +20,7 @@ SEARCH_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
 
 
 def missing_modes(
-    basis: ReducedBasis, values: np.ndarray, request: Request, highest: float, definite: DefiniteFactor
+    basis: ReducedBasis, values: Sequence[Place], request: Request, highest: float, definite: DefiniteFactor
 ) -> list[np.ndarray]:
     """Return vectors (n, ·) of modes in the range that was asked for, which the basis lacks.
 
@@ -26,7 +29,7 @@ def missing_modes(
 
     Parameters
     ----------
-    values : (m,) float
+    values : sequence of float, or of tuples of them
         Of the parameter, at which modes are compared.
     request : Request
     highest : float, rad/s
@@ -45,7 +48,7 @@ def missing_modes(
         block = trial.V[:, size:]
     found = []
     for p in values:
-        known, every = (b.modes(float(p), highest) for b in (basis, trial))
+        known, every = (b.modes(p, highest) for b in (basis, trial))
         wanted = select_wanted(every, request, np.inf)
         assert wanted is not None
         limit = _FOUND * np.abs(wanted.lam).max(initial=0.0)

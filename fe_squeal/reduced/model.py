@@ -21,11 +21,13 @@ from ..eigen.linear.choice import choose, factorize
 from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
 from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
-from ..eigen.request import Request, select_wanted
+from ..eigen.request import Request
 from ..errors import NotConvergedError
 from ..problem.forms import collect_powers
+from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from .basis import ReducedBasis
+from .estimate import GUARDED, Estimate, estimated
 from .missing import SEARCH_SOLVES, missing_modes
 from .shapes import corrected
 from .undamped import factorize_undamped
@@ -35,20 +37,15 @@ _GUARD = 1.25  # times the modes asked for: how many of the undamped problem the
 _ROUGH = 1e-4  # accuracy of these modes: the corrections that follow mend the rest
 _LANCZOS = 8  # times their number: vectors that the Lanczos iteration keeps at first
 _SLOW = 0.1  # of −σ: a θ below this, found roughly, may be that of a motion that is hardly held
-_GUARDED = 1.2  # times the highest frequency of the basis: modes up to there are known
 _ROUNDS = 8  # corrections of the modes at one value
 _NODES = 24  # values whose modes span the basis, at most
 _CANDIDATES = 5  # values of which the worst is the next of these
 _CORRECTED = 0.3  # times the tolerance: modes with a larger error are corrected along with those that miss it
-_SAFETY = 0.5  # of the tolerance: what the estimated errors of eigenvalues are driven below
 _MIDDLE = 0.6  # of the square of the highest frequency of the basis: where Q is factorised
 _FINE = 1e-7  # of the largest singular value: directions of modes at a value that are left out
 _ALIKE = 1e-8  # of a Gram matrix of unit vectors: directions in which new modes depend on each other
 _SHORT = 1e-4  # of √tolerance times the length of a mode: shorter corrections are left out
 _SUPPLEMENTS = 6  # how often the basis is extended for values that were no candidates
-_ILL = 10.0  # relative condition from which a mode is near a double eigenvalue
-
-_Estimate = tuple[Modes, np.ndarray, np.ndarray]
 
 
 class ReducedModel:
@@ -57,7 +54,7 @@ class ReducedModel:
     Attributes
     ----------
     problem : Problem
-    parameter : str
+    parameter : str or tuple of str
     basis : ReducedBasis
     highest : float, rad/s
         Frequency up to which the basis holds the modes of the problem without damping and friction.
@@ -88,15 +85,32 @@ class ReducedModel:
         NotConvergedError
             If the tolerance is not met, or the problem without damping and friction is not positive semidefinite.
         """
+        self._values = values = np.asarray(values, float)
+        definite = self._begin(problem, parameter, float(values[np.argmin(np.abs(values))]), request, linear_solver)
+        if modal:
+            self._without = self.basis.undamped_values(self._sigma)
+        else:
+            self._grow(values, definite)
+            self._without = self.basis.undamped_values(self._sigma)
+            for _ in range(_SUPPLEMENTS):
+                missed = self._missed(values)
+                if not missed:
+                    return
+                self._grow(np.array(missed), definite)
+            raise NotConvergedError(f"the reduced model misses the tolerance at {parameter} = {missed[0]:g}")
+
+    def _begin(
+        self, problem: Problem, parameter: str | tuple[str, ...], start: Place, request: Request,
+        linear_solver: LinearSolver | str,
+    ) -> DefiniteFactor:  # fmt: skip
+        """Put the modes without damping and friction at one place into the basis, and return the factors of P."""
         self.linear_solver = choose(linear_solver)
         self.problem = problem = problem.solved_with(self.linear_solver)
-        self.parameter, self.request = parameter, request
+        self.parameter, self.request, self._start = parameter, request, start
         self.factorizations = self.solves = 0
-        self._known: dict[float, _Estimate] = {}
+        self._known: dict[Place, Estimate] = {}
         self._known_with: np.ndarray | None = None  # the basis that these belong to
-        self._values = values = np.asarray(values, float)
-        start = float(values[np.argmin(np.abs(values))])
-        collected = collect_powers(problem, parameter).at({parameter: start})
+        collected = collect_powers(problem, parameter).at(values_at(parameter, start))
         limit = request.max_frequency_hz
         band = None if limit is None else 2 * np.pi * limit
         base, self._sigma, metric, definite = factorize_undamped(collected, band, self.linear_solver)
@@ -126,17 +140,7 @@ class ReducedModel:
         if not len(first):
             raise NotConvergedError("the reduced model has no modes in the range that was asked for")
         self.basis.calibrate(start, first)
-        if modal:
-            self._without = self.basis.undamped_values(self._sigma)
-        else:
-            self._grow(values, definite)
-            self._without = self.basis.undamped_values(self._sigma)
-            for _ in range(_SUPPLEMENTS):
-                missed = self._missed(values)
-                if not missed:
-                    return
-                self._grow(np.array(missed), definite)
-            raise NotConvergedError(f"the reduced model misses the tolerance at {parameter} = {missed[0]:g}")
+        return definite
 
     @classmethod
     def restored(
@@ -149,7 +153,7 @@ class ReducedModel:
         model.problem = problem = problem.solved_with(model.linear_solver)
         model.parameter, model.request = parameter, request
         model.factorizations, model.solves = numbers["factorizations"], numbers["solves"]
-        model._known, model._known_with = {}, None
+        model._known, model._known_with, model._start = {}, None, numbers["start"]
         model._values = np.asarray(values, float)
         model._sigma, model.highest, model._without = numbers["sigma"], numbers["highest"], arrays["without"]
         collected = collect_powers(problem, parameter).at({parameter: numbers["start"]})
@@ -161,7 +165,7 @@ class ReducedModel:
         arrays, numbers = self.basis.stored()
         return arrays | {"without": self._without}, {
             "basis": numbers, "sigma": self._sigma, "highest": self.highest, "factorizations": self.factorizations,
-            "solves": self.solves, "start": self.basis.problem.value(self.parameter),
+            "solves": self.solves, "start": self._start,
         }  # fmt: skip
 
     @property
@@ -170,7 +174,7 @@ class ReducedModel:
         found = [float(self._estimated(float(p))[2].max(initial=0.0)) for p in self._values]
         return max(found, default=0.0)
 
-    def modes(self, value: float) -> Modes:
+    def modes(self, value: Place) -> Modes:
         """Return the modes asked for at one value, with vectors of length r and the errors of the projection."""
         return self._estimated(value)[0]
 
@@ -195,16 +199,16 @@ class ReducedModel:
         """Return vectors of the reduced model as ones of the problem."""
         return lift(self.basis.V, vectors)
 
-    def shapes(self, value: float, positions: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    def shapes(self, value: Place, positions: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Return shapes (n, k) of modes at a value, as exact as the tolerance asks, and their backward errors (k,).
 
         Those of `modes` lifted are only as exact as their eigenvalues need.
         """
-        every = self.basis.modes(value, _GUARDED * self.highest)
+        every = self.basis.modes(value, GUARDED * self.highest)
         wanted = self._estimated(value)[0].lam[list(positions)]
         _, at = linear_sum_assignment(np.abs(wanted[:, None] - every.lam[None, :]))
         lifted = replace(every, right=self.lift(every.right), left=None)
-        pencil = self.basis.problem.pencil({self.parameter: value})
+        pencil = self.basis.problem.pencil(values_at(self.parameter, value))
         return corrected(pencil, lifted, at, self._factorize(value), self.request.tolerance)
 
     @cached_property
@@ -217,64 +221,56 @@ class ReducedModel:
         """The projected problem with its terms collected by powers of the parameter, the others at their values."""
         return self.basis.collected()
 
-    def root_error(self, value: float, theta: float, right: np.ndarray, left: np.ndarray) -> tuple[float, float]:
+    def root_error(self, value: Place, theta: float, right: np.ndarray, left: np.ndarray) -> tuple[float, float]:
         """Return how far a critical value may be off by the reduction, and how far by rounding."""
         return self.basis.root_error(value, 1j * np.sqrt(theta), right, left, self.highest)
 
-    def _estimated(self, value: float) -> _Estimate:
+    def _estimated(self, value: Place) -> Estimate:
         """Return the modes asked for, for each how far it is from meeting the tolerance (1: just met), and |Δλ/λ|."""
         if self._known_with is not self.basis.V:
             self._known, self._known_with = {}, self.basis.V
         if value not in self._known:
-            every = self.basis.modes(value, _GUARDED * self.highest)
+            every = self.basis.modes(value, GUARDED * self.highest)
             self._known[value] = self._estimate(value, self.basis, every)
         return self._known[value]
 
-    def _estimate(self, value: float, basis: ReducedBasis, every: Modes) -> _Estimate:
-        modes = select_wanted(every, self.request, np.inf)
-        assert modes is not None
-        error, backward, condition, rounding = basis.errors(value, modes, self.highest)
-        # The tolerance is meant for well-conditioned modes: next to a double eigenvalue no solver finds λ so closely.
-        relative = error / np.maximum(np.abs(modes.lam), 1e-3 * self.highest)
-        known = relative / np.maximum(condition / _ILL, 1.0) + np.finfo(float).eps
-        off = known / (_SAFETY * self.request.tolerance)
-        modes = replace(
-            modes, re_uncertainty=modes.re_uncertainty + error + rounding,
-            backward_error=np.fmax(modes.backward_error, backward),
-            method=f"reduced model of {len(basis)} vectors", exhaustive=False,
-        )  # fmt: skip
-        return modes, off, relative
+    def _off(self, value: Place) -> float:
+        """Return how far the worst mode at a value is from meeting the tolerance: 1 where it just does."""
+        return float(self._estimated(value)[1].max(initial=0.0))
+
+    def _estimate(self, value: Place, basis: ReducedBasis, every: Modes) -> Estimate:
+        return estimated(basis, value, every, self.request, self.highest)
 
     def _grow(self, values: np.ndarray, definite: DefiniteFactor) -> None:
         """Add the modes at a few values, each the worst of the candidates, until all meet the tolerance there."""
-        start = self.basis.problem.value(self.parameter)
+        start = self._start
         candidates = values[np.unique(np.round(np.linspace(0, len(values) - 1, _CANDIDATES)).astype(int))].tolist()
-        if self._estimated(start)[1].max(initial=0.0) > 1:
+        if self._off(start) > 1:
             self._add_modes(start, definite)
         searched = None  # the basis in which no mode was missing
         for _ in range(_NODES):
-            found = {p: float(self._estimated(p)[1].max(initial=0.0)) for p in candidates}
+            found = {p: self._off(p) for p in candidates}
             worst = max(found, key=lambda p: found[p])
             if found[worst] <= 1 and searched is self.basis.V:
                 return
             if found[worst] > 1:
                 self._add_modes(worst, None)
             if searched is None or found[worst] <= 1:
-                self._add_missing(np.array([candidates[0], candidates[-1]]), definite)
+                self._add_missing([candidates[0], candidates[-1]], definite)
                 searched = self.basis.V
         raise NotConvergedError(
             f"the reduced model misses the tolerance {found[worst]:.2g} times at {self.parameter} = {worst:g} with"
             f" {len(self.basis)} vectors"
         )
 
-    def _add_modes(self, value: float, factor: DefiniteFactor | None) -> None:
+    def _add_modes(self, value: Place, factor: DefiniteFactor | None) -> None:
         """Add the right and left modes at a value, corrected on a basis of their own until they meet the tolerance.
 
         Of the corrections on the way nothing stays. Between the values whose modes the basis has an eigenvalue is off
         by the product of what right and left modes lack, so that few values do.
         """
         inverse: Factor | DefiniteFactor = self._factorize(value) if factor is None else factor
-        local, every = self.basis, self.basis.modes(value, _GUARDED * self.highest)
+        local, every = self.basis, self.basis.modes(value, GUARDED * self.highest)
         for more in reversed(range(_ROUNDS)):
             W = self._span(local, every)
             local, every = local.restricted(W), _on(every, W)
@@ -282,7 +278,11 @@ class ReducedModel:
             if off.max(initial=0.0) <= 1 or not more:
                 break
             self._correct(local, value, modes.select(np.flatnonzero(off > _CORRECTED)), inverse, factor is not None)
-            every = local.modes(value, _GUARDED * self.highest)
+            every = local.modes(value, GUARDED * self.highest)
+        self._join(local, every)
+
+    def _join(self, local: ReducedBasis, every: Modes) -> None:
+        """Add the modes at a value, which are those of a basis of their own, to the basis."""
         # Modes above those asked for stay, too: what the basis lacks is then far from these, as its errors suppose.
         every = every.select(np.flatnonzero(np.abs(every.lam) <= self.highest))
         self.basis.append(combine(local.V, self._span(local, every)), dependent=_ALIKE)
@@ -290,12 +290,12 @@ class ReducedModel:
     def _span(self, basis: ReducedBasis, modes: Modes) -> np.ndarray:
         """Return orthonormal coordinates (r, ·) that span right and left modes and the motions that nothing holds."""
         assert modes.left is not None
-        free = basis.free_motions(basis.problem.value(self.parameter)).motions
+        free = basis.free_motions(self._start).motions
         return range_of(unit_columns(modes.right, modes.left), _FINE, free)
 
-    def _factorize(self, value: float) -> Factor:
+    def _factorize(self, value: Place) -> Factor:
         """Factorise Q(iω) at a value, with ω in the middle of the band."""
-        pencil = self.basis.problem.pencil({self.parameter: value})
+        pencil = self.basis.problem.pencil(values_at(self.parameter, value))
         square = _MIDDLE * self.highest**2
         shifted = pencil.K - square * pencil.M
         if pencil.C is not None:
@@ -303,14 +303,14 @@ class ReducedModel:
         self.factorizations += 1
         return factorize(sp.csr_array(shifted), pencil.symmetric and pencil.C is None, self.linear_solver)
 
-    def _add_missing(self, values: np.ndarray, definite: DefiniteFactor) -> bool:
+    def _add_missing(self, values: Sequence[Place], definite: DefiniteFactor) -> bool:
         """Add modes that the basis does not hold, if there are any, and return whether there were."""
         found = missing_modes(self.basis, values, self.request, self.highest, definite)
         self.solves += SEARCH_SOLVES
         return bool(found) and self.basis.append(np.hstack(found)) > 0
 
     def _correct(
-        self, basis: ReducedBasis, value: float, modes: Modes, factor: Factor | DefiniteFactor, real: bool
+        self, basis: ReducedBasis, value: Place, modes: Modes, factor: Factor | DefiniteFactor, real: bool
     ) -> int:
         """Add the corrections of some modes at a value to a basis: their residuals, solved for with a factor."""
         groups = [modes]
@@ -334,7 +334,7 @@ class ReducedModel:
     def _missed(self, values: np.ndarray) -> list[float]:
         """Return the first value at which a mode misses the tolerance and all values after it, which were not tried."""
         for i, p in enumerate(values.tolist()):
-            if self._estimated(p)[1].max(initial=0.0) > 1:
+            if self._off(p) > 1:
                 return [float(q) for q in values[i:]]
         return []
 

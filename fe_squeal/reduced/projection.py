@@ -16,6 +16,7 @@ from ..eigen.kernel import null_columns
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes, Pencil
 from ..problem.forms import project
+from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from ..problem.terms import Slot, Term
 from .undamped import weighted
@@ -34,7 +35,8 @@ class Projection:
     ----------
     problem : Problem
         Affine in the parameter, its terms collected by powers: few of them.
-    parameter : str
+    parameter : str or tuple of str
+        Of several, a value is the tuple of theirs.
     metric : (terms,) float
         The coefficients of the terms in P, see `factorize_undamped`.
     sigma : float, rad²/s²
@@ -43,7 +45,7 @@ class Projection:
     """
 
     def __init__(
-        self, problem: Problem, parameter: str, metric: Sequence[float], sigma: float,
+        self, problem: Problem, parameter: str | tuple[str, ...], metric: Sequence[float], sigma: float,
         linear_solver: LinearSolver | str = "auto",
     ) -> None:  # fmt: skip
         self.problem, self.parameter, self.metric, self.sigma = problem, parameter, metric, sigma
@@ -66,9 +68,13 @@ class Projection:
 
         return replace(project(problem, self.V), free=free)
 
-    def pencil(self, value: float) -> Pencil:
+    def at(self, value: Place) -> Problem:
+        """Return the problem at a value of the parameter."""
+        return self.problem.at(values_at(self.parameter, value))
+
+    def pencil(self, value: Place) -> Pencil:
         """Return the projected matrices at a value of the parameter."""
-        at = self.problem.at({self.parameter: value})
+        at = self.at(value)
         sums: dict[Slot, np.ndarray | None] = {"M": None, "C": None, "K": None}
         symmetric = True
         for term, A in zip(at.terms, self._projected, strict=True):
@@ -84,9 +90,9 @@ class Projection:
         slow = self.slow
         return Pencil(M, K, C, symmetric, None if slow is None else slow.cancelled, self.free_motions(value))
 
-    def free_motions(self, value: float) -> FreeMotions:
+    def free_motions(self, value: Place) -> FreeMotions:
         """Return the motions that nothing holds at a value of the parameter, in the coordinates of the basis."""
-        return self._coordinates(self.problem.at({self.parameter: value}).free_motions())
+        return self._coordinates(self.at(value).free_motions())
 
     def _coordinates(self, known: FreeMotions) -> FreeMotions:
         """Return those motions of the problem that lie in the span of the basis, in its coordinates."""
@@ -125,7 +131,7 @@ class Projection:
             self._slow = self.V, SlowMotions.of(K, lift(self.V, Y), Y.T @ M) if slow.any() else None
         return self._slow[1]
 
-    def modes(self, value: float, highest: float) -> Modes:
+    def modes(self, value: Place, highest: float) -> Modes:
         """Return the modes of the projected problem up to |λ| = highest, rad/s, with vectors of length r."""
         return solve_dense(self.pencil(value), highest, self._linear_solver)
 
@@ -157,7 +163,7 @@ class Projection:
     def _acting(self) -> list[_Acting]:
         return [_acting(t) for t in self.problem.terms]
 
-    def residuals(self, value: float, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
+    def residuals(self, value: Place, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
         """Return Q(λ)φ and Q(λ)ᴴψ of each mode as real columns.
 
         Returns
@@ -166,7 +172,7 @@ class Projection:
             Real parts, and imaginary ones behind them where there are any.
         """
         assert modes.left is not None
-        at = self.problem.at({self.parameter: value})
+        at = self.at(value)
         factors = [t.factor(modes.lam, at.parameters) for t in at.terms]
         real = not any(x.imag.any() for x in (modes.right, modes.left, *factors))
         found = []

@@ -35,9 +35,21 @@ REPORT = "report.html"
 MAC_TABLE, MAC_FIGURE = MEASURED_FILES = "mac.csv", "mac.png"
 DIFFERENCE_TABLE, DIFFERENCE_FIGURE, DIFFERENCE_RECORD = "diff.csv", "diff.png", "diff.json"
 DIFFERENCE_FILES = (DIFFERENCE_TABLE, DIFFERENCE_FIGURE, DIFFERENCE_RECORD, REPORT)
+STUDY_RECORD, BANDS_TABLE, INDICES_TABLE, SAMPLES_TABLE, UNSTABLE_TABLE = (
+    "study.json", "bands.csv", "indices.csv", "samples.csv", "unstable_modes.csv",
+)  # fmt: skip
+PROBABILITY_FIGURE, SCATTER_FIGURE, INDICES_FIGURE = "probability.png", "scatter.png", "indices.png"
+MAP_TABLE, BOUNDARIES_TABLE, MAP_FIGURE = "map.csv", "boundaries.csv", "map.png"
+SCATTER_FILES = (
+    STUDY_RECORD, BANDS_TABLE, INDICES_TABLE, SAMPLES_TABLE, UNSTABLE_TABLE, PROBABILITY_FIGURE, SCATTER_FIGURE,
+    INDICES_FIGURE, REPORT,
+)  # fmt: skip
+MAP_FILES = (STUDY_RECORD, MAP_TABLE, BOUNDARIES_TABLE, MAP_FIGURE, REPORT)
+DANGEROUS, PARTS = "dangerous", "parts"
+PARTS_INPUTS = f"{PARTS}/inputs.json"
 RUN_FILES = (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES, *MEASURED_FILES, REPORT)
 STUDY_FILES = (ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, REPORT)
-FOLDERS = (SHAPES, CHECKPOINT, MEASUREMENTS)
+FOLDERS = (SHAPES, CHECKPOINT, MEASUREMENTS, DANGEROUS, PARTS)
 CHECKPOINT_INPUTS = f"{CHECKPOINT}/inputs.json"
 _CHECKPOINT_FILES = (CHECKPOINT_INPUTS, *(f"{CHECKPOINT}/{name}.npz" for name in ("model", "first", "state")))
 _LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}  # of the systems' file browsers
@@ -116,6 +128,16 @@ def is_result(name: str) -> bool:
     return name in RUN_FILES or name.startswith(f"{SHAPES}/")
 
 
+def is_study_result(name: str) -> bool:
+    """Return whether a file of the folder is one of the results of a scatter or a map."""
+    return name in (*SCATTER_FILES, *MAP_FILES) or name.startswith(f"{DANGEROUS}/")
+
+
+def is_part(name: str) -> bool:
+    """Return whether a file of the folder is a finished part of a study that goes on."""
+    return name.startswith(f"{PARTS}/")
+
+
 def is_shape(name: str) -> bool:
     """Return whether a file of the folder belongs to a shape."""
     return name.startswith(f"{SHAPES}/")
@@ -166,7 +188,7 @@ def _refuse_foreign(folder: Path) -> None:
 def _refuse_names(manifest: Manifest) -> None:
     """Refuse to begin where files that this program did not write have names that will be written."""
     listed = set(manifest.names(lambda name: True))
-    for name in {*RUN_FILES, *STUDY_FILES, *DIFFERENCE_FILES, *_CHECKPOINT_FILES} - listed:
+    for name in {*RUN_FILES, *STUDY_FILES, *SCATTER_FILES, *MAP_FILES, *DIFFERENCE_FILES, *_CHECKPOINT_FILES} - listed:
         if manifest.state(name) != MISSING:
             raise OutputError(
                 f"{manifest.folder / name}: is no file that fe-squeal wrote; move it, or give another folder by -o"

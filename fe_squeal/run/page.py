@@ -11,16 +11,26 @@ from rich.console import Console
 from ..errors import OutputError
 from .folder import (
     ACCURACY_TABLE,
+    BANDS_TABLE,
+    BOUNDARIES_TABLE,
     CONTRIBUTIONS_TABLE,
     DIFFERENCE_RECORD,
     DIFFERENCE_TABLE,
+    INDICES_FIGURE,
+    INDICES_TABLE,
     MAC_TABLE,
+    MAP_FIGURE,
+    MAP_TABLE,
     MODES_TABLE,
     ONSETS_TABLE,
+    PROBABILITY_FIGURE,
     RECORD,
     REPORT,
+    SAMPLES_TABLE,
+    SCATTER_FIGURE,
     SENSITIVITIES_TABLE,
     SHAPES,
+    STUDY_RECORD,
     hold_folder,
 )
 
@@ -31,6 +41,8 @@ _TABLES = {
     "modes": MODES_TABLE, "onsets": ONSETS_TABLE, "contributions": CONTRIBUTIONS_TABLE,
     "sensitivities": SENSITIVITIES_TABLE,
 }  # fmt: skip
+_SCATTER_TABLES = {"bands": BANDS_TABLE, "indices": INDICES_TABLE, "samples": SAMPLES_TABLE}
+_SCATTER_FIGURES = {"probability": PROBABILITY_FIGURE, "scatter": SCATTER_FIGURE, "indices": INDICES_FIGURE}
 _MARK = b'<meta name="generator" content="fe-squeal">'
 
 
@@ -60,6 +72,8 @@ def write_report(folder: Path, path: Path) -> tuple[str, ...]:
     """
     if (folder / RECORD).exists() or (folder / MODES_TABLE).exists():
         return write_run_report(folder, path)
+    if (folder / STUDY_RECORD).exists():
+        return write_study_report(folder, path)
     if (folder / ACCURACY_TABLE).exists():
         return write_accuracy_report(folder, path)
     if (folder / DIFFERENCE_TABLE).exists():
@@ -68,6 +82,17 @@ def write_report(folder: Path, path: Path) -> tuple[str, ...]:
         f"{folder}: holds no results to show; expected a folder with {RECORD} and {MODES_TABLE}, with {ACCURACY_TABLE},"
         f" or with {DIFFERENCE_TABLE}"
     )
+
+
+def write_study_report(folder: Path, path: Path) -> tuple[str, ...]:
+    """Write the page of a scatter or a map."""
+    from ..report.page.study import write_study_page
+
+    is_map = (folder / MAP_TABLE).exists()
+    tables = {"boundaries": BOUNDARIES_TABLE, "map": MAP_TABLE} if is_map else _SCATTER_TABLES
+    figures = {"map": MAP_FIGURE} if is_map else _SCATTER_FIGURES
+    read, shown = ({name: folder / file for name, file in files.items()} for files in (tables, figures))
+    return write_study_page(folder / STUDY_RECORD, read, shown, path)
 
 
 def write_accuracy_report(folder: Path, path: Path) -> tuple[str, ...]:

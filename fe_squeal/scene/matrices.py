@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, get_args
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from ..errors import suggest
@@ -12,6 +13,7 @@ from ..schema.section import Section, Text
 from .base import BaseScene
 from .control import Output, Solve, SweepSection
 from .measured import Measured
+from .study import StudySection
 
 Role = Literal["mass", "damping", "stiffness"]
 
@@ -78,6 +80,8 @@ class MatrixScene(BaseScene):
         The matrices, all of one size.
     sweep : table
         Where to solve; without it once, at the nominal values.
+    study : table
+        What `fe-squeal study` does: the scatter of several numbers, or a map over two.
     solve : table
         Number of modes and accuracy.
     output : table
@@ -90,6 +94,7 @@ class MatrixScene(BaseScene):
     parameters: dict[str, float] = {}
     terms: Annotated[list[TermSection], Field(min_length=1)]
     sweep: SweepSection | None = None
+    study: StudySection | None = None
     solve: Solve = Solve()
     output: Output = Output()
     measured: list[Measured] = []
@@ -117,7 +122,18 @@ class MatrixScene(BaseScene):
             raise ValueError('terms: expected at least one of role = "mass" and one of role = "stiffness"')
         if self.sweep is not None:
             self._check_sweep(self.sweep)
+        if self.study is not None:
+            self._check_study(self.study)
         return self
+
+    def _check_study(self, study: StudySection) -> None:
+        for name, ends in zip(study.names, study.ends, strict=True):
+            low, high = (np.inf * s if end is None else end for s, end in zip((-1, 1), ends, strict=True))
+            for path in paths_of(name):
+                if path not in self.parameters:
+                    raise ValueError(f'study: given "{path}", which is no parameter{suggest(path, self.parameters)}')
+                if low <= 0 <= high and any(t.powers.get(path, 0) < 0 for t in self.terms):
+                    raise ValueError(f"study: given 0 among the values of {path}, of which a term has a negative power")
 
     def _check_sweep(self, sweep: SweepSection) -> None:
         for path in paths_of(sweep.parameter):

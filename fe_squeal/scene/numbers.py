@@ -10,7 +10,9 @@ from ..problem.parameters import MU
 from .base import BaseScene
 from .faults import validated
 
-NOT_PHYSICS = ("mesh", "sweep", "solve", "output", "measured")  # tables whose numbers no problem moves with
+# Tables whose numbers no problem moves with.
+NOT_PHYSICS = ("mesh", "sweep", "study", "solve", "output", "measured")
+GEOMETRY = ("mesh.disc_pad.", "mesh.block.")  # beginnings of paths that another mesh belongs to
 _LONG = {MU: "effects.friction.mu"}  # paths by the short names that stand for them
 _Scene = TypeVar("_Scene", bound=BaseScene)
 
@@ -33,7 +35,7 @@ def number_at(scene: BaseScene, path: str) -> float:
 
 
 def with_numbers(scene: _Scene, numbers: Mapping[str, float]) -> _Scene:
-    """Return the scene with other numbers, validated as if they stood in its file; it has no sweep.
+    """Return the scene with other numbers, validated as if they stood in its file; it has no sweep and no study.
 
     Raises
     ------
@@ -41,6 +43,7 @@ def with_numbers(scene: _Scene, numbers: Mapping[str, float]) -> _Scene:
     """
     data = scene.model_dump(by_alias=True, exclude_unset=True)
     data.pop("sweep", None)
+    data.pop("study", None)
     for path, value in numbers.items():
         holder, key = _find(scene, data, path)
         # Whole numbers stay whole where they are asked for (mesh.order, solve.modes).

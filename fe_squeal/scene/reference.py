@@ -41,7 +41,7 @@ _MATRICES = """\
 # A scene of matrices
 
 Matrices from another program instead of a mesh: a file that has `[[terms]]` in place of `[mesh]`, `[materials]`, `[bodies]`,
-`[[supports]]`, `[[springs]]`, `[[contacts]]` and `[effects]`. `[sweep]`, `[solve]`, `[output]` and `[[measured]]` are the same; shapes are
+`[[supports]]`, `[[springs]]`, `[[contacts]]` and `[effects]`. `[sweep]`, `[study]`, `[solve]`, `[output]` and `[[measured]]` are the same; shapes are
 written as arrays.
 """
 
@@ -54,7 +54,7 @@ def reference() -> str:
     LookupError
         A key has no description in its section's docstring.
     """
-    return "\n".join([_HEAD, *_section(scene_with(known_effects()), ""), _MATRICES, *_section(MatrixScene, "", ("sweep", "solve", "output", "measured"))])
+    return "\n".join([_HEAD, *_section(scene_with(known_effects()), ""), _MATRICES, *_section(MatrixScene, "", ("sweep", "study", "solve", "output", "measured"))])
 
 
 def _section(section: type[BaseModel], where: str, known: tuple[str, ...] = ()) -> list[str]:

@@ -23,7 +23,8 @@ from .control import Output, Solve, SweepSection
 from .effects import effects_table, with_own_tables
 from .measured import Measured
 from .mesh import MeshSection
-from .numbers import NOT_PHYSICS, number_at, plain, with_numbers
+from .numbers import GEOMETRY, NOT_PHYSICS, number_at, plain, with_numbers
+from .study import StudySection
 
 if TYPE_CHECKING:
     from .bodies import BodyTable as Body
@@ -63,6 +64,8 @@ class Scene(BaseScene):
         What is simulated beyond elasticity and contact stiffness.
     sweep : table
         Where to solve; without it once, at the friction coefficient of `[effects.friction]`.
+    study : table
+        What `fe-squeal study` does: the scatter of several numbers, or a map over two.
     solve : table
         Number of modes and accuracy.
     output : table
@@ -83,6 +86,7 @@ class Scene(BaseScene):
     contacts: list[Contact] = []
     effects: Effects = Effects()
     sweep: SweepSection | None = None
+    study: StudySection | None = None
     solve: Solve = Solve()
     output: Output = Output()
     measured: list[Measured] = []
@@ -189,6 +193,29 @@ class Scene(BaseScene):
                 with_numbers(self, dict.fromkeys(paths_of(self.sweep.parameter), value))
             except SceneError as error:
                 raise ValueError(f"sweep: {error}") from error
+        return self
+
+    @model_validator(mode="after")
+    def _can_be_studied(self) -> Scene:
+        if self.study is None:
+            return self
+        for name, ends in zip(self.study.names, self.study.ends, strict=True):
+            for path in paths_of(name):
+                if path.split(".")[0] in NOT_PHYSICS and not path.startswith(GEOMETRY):
+                    raise ValueError(
+                        f'study: given "{path}"; expected a number of the physics, of [mesh.disc_pad] or [mesh.block]'
+                    )
+                if path == MU and MU not in {p for effect in self.effects.on.values() for p in effect.parameters()}:
+                    raise ValueError('study: given "mu", but no friction; expected [effects.friction] with mu')
+                try:
+                    number_at(self, path)
+                except SceneError as error:
+                    raise ValueError(f"study: {error}") from error
+            for value in {end for end in ends if end is not None}:
+                try:
+                    with_numbers(self, dict.fromkeys(paths_of(name), value))
+                except SceneError as error:
+                    raise ValueError(f"study: {error}") from error
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:

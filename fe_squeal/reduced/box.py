@@ -1,0 +1,240 @@
+"""A reduced model that stands for a problem over a box of several parameters, within a tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy.linalg as la
+from scipy.optimize import linear_sum_assignment
+
+from ..eigen.blocks import combine
+from ..eigen.linear.factor import DefiniteFactor, LinearSolver
+from ..eigen.pencil import Modes
+from ..eigen.request import Request, select_wanted
+from ..problem.parameters import Place, paths_of
+from ..problem.problem import Problem
+from .basis import ReducedBasis
+from .estimate import SLIGHT, Condensed, Estimate, OnlineModel, neighbours
+from .model import ReducedModel
+from .vectors import unit_columns
+
+_NODES = 60  # places whose modes span the basis, at most
+# Times √tolerance: directions of new modes that include an angle with the basis whose sine is smaller are left out,
+# since λ is off by the square of such an angle.
+_TURNED = 0.3
+_MOST = 600  # vectors: with more, an eigenvalue problem of this size costs as much as a direct solve of a small brake
+_LEAST = (1.0, 0.5, 0.3, 0.2, 0.15, 0.1)  # times √tolerance: singular values that a condensed basis leaves out
+_TRIALS = 30  # places at which it is tried
+_MARGIN = 3.0  # times the largest ratio of true errors to estimated ones there
+_CHECKS = 4  # rounds of places that had no part in making the basis
+
+Places = Sequence[tuple[float, ...]]
+
+
+class BoxModel(ReducedModel):
+    """The projection of a problem on right and left modes at few places of a box, chosen by the estimated error of λ.
+
+    It begins with the modes without damping and friction at the softest corner. Wherever else in the box, stiffness is
+    larger and mass smaller, so that by the minimum principle what the basis leaves out has higher frequencies still,
+    and its P-norm bounds those of other places: the estimated errors need no constant that depends on the place.
+    (Greedy choice: Veroy, Prud'homme, Rovas, Patera, AIAA 2003-3847.)
+
+    Attributes
+    ----------
+    places : list of tuple of float
+        Whose modes are in the basis.
+    checked : int
+        Number of places that had no part in making the basis, at which it was checked last.
+    missed : int
+        At how many of these a mode misses the tolerance.
+    error : float
+        The largest estimated |Δλ/λ| there.
+    """
+
+    def __init__(
+        self, problem: Problem, parameters: Sequence[str], low: np.ndarray, high: np.ndarray,
+        draw: Callable[[int], Places], request: Request, linear_solver: LinearSolver | str = "auto",
+        progress: Callable[[str], None] = lambda text: None,
+    ) -> None:  # fmt: skip
+        """Build the model.
+
+        Parameters
+        ----------
+        problem : Problem
+            Affine in every parameter.
+        parameters : sequence of str
+        low, high : (d,) float
+            The box.
+        draw : callable of int
+            Returns places in the box, different ones for each number: those of 0 the basis is made for, at those of 1
+            and so on it is checked.
+        request : Request
+        progress : callable of str
+
+        Raises
+        ------
+        NotConvergedError
+            If the problem without damping and friction is not positive semidefinite.
+        """
+        names = tuple(parameters)
+        self._seen: dict[Place, np.ndarray] = {}  # right and left modes in coordinates of the basis
+        definite = self._begin(problem, names, softest_corner(problem, names, low, high), request, linear_solver)
+        self._first = len(self.basis)
+        self.places: list[Place] = []
+        self._made_for(draw(0), definite, (softest_corner(problem, names, high, low),), progress)
+        for i in range(1, _CHECKS + 1):
+            self.condensed = self._condense()
+            places, online = draw(i), self._online()
+            found = {p: online.modes(p) for p in places}
+            missed = [p for p in places if found[p][1].max(initial=0.0) > 1]
+            self.checked, self.missed = len(places), len(missed)
+            self.error = max(float(found[p][2].max(initial=0.0)) for p in places)
+            progress(f"{len(self.basis)} vectors, largest error {self.error:.1e} at {self.checked} other places")
+            if not missed or i == _CHECKS or not self._has_room():
+                break
+            self._made_for(missed, definite, (), progress)
+        self._without = self.basis.undamped_values(self._sigma)
+        self._known, self._seen = {}, {}
+
+    def online(self) -> OnlineModel | None:
+        """Return what gives modes and errors without vectors of the problem's length.
+
+        None where motions that nothing holds have to be followed, which takes these vectors.
+        """
+        if self.basis.problem.free_motions().motions.shape[1]:
+            return None
+        small = self.condensed
+        condensed = None if small is None else replace(small, basis=small.basis.without_vectors())
+        return OnlineModel(self.basis.without_vectors(), self.request, self.highest, condensed)
+
+    def modes(self, value: Place) -> Modes:
+        """Return the modes asked for at one place, with vectors of length r and the errors of the projection."""
+        return self.estimate(value)[0]
+
+    def estimate(self, place: Place) -> Estimate:
+        """Return the modes asked for at a place, for each how far it misses the tolerance, and |Δλ/λ|."""
+        return self._online().modes(place)
+
+    def _online(self) -> OnlineModel:
+        return OnlineModel(self.basis, self.request, self.highest, self.condensed)
+
+    def _condense(self) -> Condensed | None:
+        """Return that of some bases inside this one with which modes cost least; None where that is the whole one.
+
+        Each has the modes of the softest corner, on which the errors rest, and the directions in which the modes asked
+        for at all places of the making reach furthest (proper orthogonal decomposition).
+
+        """
+        columns = np.zeros((len(self.basis), sum(x.shape[1] for x in self._seen.values())))
+        at = 0
+        for x in self._seen.values():  # of a smaller basis: the first vectors of this one
+            columns[: len(x), at : at + x.shape[1]] = x
+            at += x.shape[1]
+        exact = np.eye(len(self.basis), self._first)
+        U, s, _ = la.svd(columns - exact @ (exact.T @ columns), full_matrices=False)
+        trials = list(self._seen)[:_TRIALS]
+        exact_modes = [self._estimated(p)[0] for p in trials]
+        best, least_cost = None, float(len(self.basis)) ** 3
+        for least in _LEAST:
+            W = np.hstack([exact, U[:, s > least * self.request.tolerance**0.5 * s[0]]])
+            small = Condensed(self.basis.restricted(W))
+            found = [small.modes(p, self.request, self.highest) for p in trials]
+            ratios = [_ratio(f, e, SLIGHT * self.request.tolerance) for f, e in zip(found, exact_modes, strict=True)]
+            scale = min(_MARGIN * max(ratios), 1.0)
+            missed = np.mean([scale * off.max(initial=0.0) > 1 for _, off, _ in found])
+            cost = W.shape[1] ** 3 + missed * len(self.basis) ** 3
+            if cost < least_cost:
+                best, least_cost = replace(small, scale=scale), cost
+        return best
+
+    def _estimate(self, value: Place, basis: ReducedBasis, every: Modes) -> Estimate:
+        if basis is self.basis:
+            wanted = select_wanted(every, self.request, np.inf)
+            assert wanted is not None and wanted.left is not None
+            self._seen[value] = unit_columns(wanted.right, wanted.left)
+        return super()._estimate(value, basis, every)
+
+    def residual_product(self, place: Place, lam: complex, right: np.ndarray, left: np.ndarray) -> float:
+        """Return how far ψᴴQ(λ)φ may be off by the reduction, for vectors (r,) of the projected problem."""
+        return self.basis.residual_product(place, lam, right, left, self.highest)
+
+    def _made_for(
+        self, places: Places, definite: DefiniteFactor, corners: Places, progress: Callable[[str], None]
+    ) -> None:
+        """Add modes at one place after another, each the worst that is left, until all meet the tolerance."""
+        off: dict[Place, float] = dict.fromkeys(places, np.inf)
+        if corners and self._off(self._start) > 1:
+            self._add_modes(self._start, definite)
+            self._add_missing([self._start, *corners], definite)
+            self.places.append(self._start)
+        while self._has_room():
+            worst = self._worst(off)
+            if off[worst] <= 1:
+                break
+            progress(f"{len(self.basis)} vectors, {off[worst]:.1e} times the tolerance")
+            self._add_modes(worst, None)
+            self.places.append(worst)
+        if corners and self._add_missing([self._start, *corners], definite):
+            self._made_for(places, definite, (), progress)
+
+    def _join(self, local: ReducedBasis, every: Modes) -> None:
+        """Add the modes asked for and their neighbours; those of the softest corner keep others far enough."""
+        near = neighbours(every, self.request)
+        X = combine(local.V, self._span(local, near))
+        self.basis.append(X, _TURNED * self.request.tolerance**0.5, together=True)
+
+    def _worst(self, off: dict[Place, float]) -> Place:
+        """Return the place that misses the tolerance most.
+
+        Errors fall as the basis grows, so that an earlier error bounds one that was not estimated anew.
+        """
+        fresh: set[Place] = set()
+        while True:
+            worst = max(off, key=lambda p: off[p])
+            if worst in fresh:
+                return worst
+            off[worst] = self._off(worst)
+            fresh.add(worst)
+
+    def _has_room(self) -> bool:
+        return len(self.places) < _NODES and len(self.basis) < min(_MOST, self.problem.unknowns // 2)
+
+
+def _ratio(found: Estimate, exact: Modes, slight: float) -> float:
+    """Return the largest ratio of an error of λ to its estimate, or to a slight one; infinite for other modes."""
+    modes, _, relative = found
+    if len(modes) != len(exact) or not len(modes):
+        return np.inf
+    _, at = linear_sum_assignment(np.abs(modes.lam[:, None] - exact.lam[None, :]))
+    off = np.abs(modes.lam - exact.lam[at]) / np.maximum(np.abs(modes.lam), np.finfo(float).tiny)
+    return float((off / np.maximum(relative, slight)).max())
+
+
+def softest_corner(
+    problem: Problem, parameters: Sequence[str], low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarray
+) -> tuple[float, ...]:
+    """Return the corner of a box with the least stiffness and the most mass; the middle for other parameters.
+
+    Examples
+    --------
+    >>> import scipy.sparse as sp
+    >>> from fe_squeal.problem.terms import Term
+    >>> one, skew = sp.csr_array(np.eye(2)), sp.csr_array(np.array([[0.0, 1.0], [0.0, 0.0]]))
+    >>> terms = (Term("m", "M", one, True, {"density": 1}), Term("k", "K", one, True, {"modulus": 1}))
+    >>> terms += (Term("friction", "K", skew, False, {"mu": 1}),)
+    >>> problem = Problem(terms, {"density": 1.0, "modulus": 1.0, "mu": 0.3})
+    >>> softest_corner(problem, ("density", "modulus", "mu"), (0.9, 0.8, 0.0), (1.1, 1.2, 0.6))
+    (1.1, 0.8, 0.3)
+    """
+    corner, plain = [], [t for t in problem.terms if t.symmetric and not t.imaginary]
+    for p, least, most in zip(parameters, low, high, strict=True):
+        moved: Mapping[str, set[int]] = {
+            slot: {int(np.sign(t.powers.get(q, 0))) for t in plain if t.slot == slot for q in paths_of(p)} - {0}
+            for slot in "MK"
+        }
+        wanted = moved["K"] | {-sign for sign in moved["M"]}
+        corner.append(float(least if wanted == {1} else most if wanted == {-1} else (least + most) / 2))
+    return tuple(corner)
+

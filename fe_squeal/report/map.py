@@ -1,0 +1,67 @@
+"""Figure of a map: the largest growth in colour, and the boundaries as lines with their frequency."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.colors import PowerNorm
+from matplotlib.figure import Figure
+
+from fe_squeal.report.branches import figure_text
+from fe_squeal.report.files import save_figure
+from fe_squeal.report.study import short_name
+
+_GROWTH, _LINES = "Reds", "viridis"
+_LABELLED = 12  # curves with their number
+
+
+def plot_map(
+    grid: pd.DataFrame, boundaries: pd.DataFrame, names: Sequence[str], logs: Sequence[bool],
+    path: str | os.PathLike[str], title: str = "",
+) -> Path:  # fmt: skip
+    """Draw the largest growth rate on the grid, and every boundary coloured by its frequency."""
+    figure = Figure(figsize=(9.2, 5.6), dpi=130, layout="constrained")
+    FigureCanvasAgg(figure)
+    if title:
+        figure.suptitle(figure_text(title), fontsize=12)
+    axes = figure.subplots()
+    x, y = np.unique(grid["x"]), np.unique(grid["y"])
+    growth = np.maximum(grid.sort_values(["y", "x"])["worst_re"].to_numpy(float).reshape(len(y), len(x)), 0.0)
+    top = float(np.nanmax(growth, initial=0.0)) or 1.0
+    norm = PowerNorm(0.5, 0.0, 1.25 * top)
+    shades = axes.pcolormesh(x, y, growth, cmap=_GROWTH, norm=norm, shading="nearest", rasterized=True)
+    figure.colorbar(shades, ax=axes, label="largest Re λ (1/s)", pad=0.02)
+    axes.set_xscale("log" if logs[0] else "linear")
+    axes.set_yscale("log" if logs[1] else "linear")
+    axes.set_xlim(x[0], x[-1])
+    axes.set_ylim(y[0], y[-1])
+    if len(boundaries):
+        khz = boundaries["frequency_hz"] / 1e3
+        lines = None
+        low, high = float(khz.min()), float(khz.max())
+        for number, rows in boundaries.groupby("curve"):
+            points = rows[["x", "y"]].to_numpy(float)
+            parts = np.stack([points[:-1], points[1:]], axis=1)
+            lines = LineCollection(list(parts), cmap=_LINES, linewidths=2.2)
+            hz = rows["frequency_hz"].to_numpy(float)
+            lines.set_array((hz[:-1] + hz[1:]) / 2e3)
+            lines.set_clim(low, high if high > low else low + 1.0)
+            axes.add_collection(lines)
+            if int(str(number)) <= _LABELLED:
+                middle = points[len(points) // 2]
+                at = float(rows["frequency_hz"].iloc[len(points) // 2]) / 1e3
+                axes.annotate(
+                    f"{at:.2f} kHz", middle, (4, 4), textcoords="offset points", fontsize=8,
+                    bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75},
+                )  # fmt: skip
+        assert lines is not None
+        figure.colorbar(lines, ax=axes, label="frequency on the boundary (kHz)", pad=0.02)
+    axes.set_xlabel(figure_text(short_name(names[0])))
+    axes.set_ylabel(figure_text(short_name(names[1])))
+    return save_figure(figure, path)

@@ -1,0 +1,116 @@
+"""The page of a study: the answer of a scatter or a map, its pictures and tables."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from fe_squeal.errors import OutputError
+from fe_squeal.report.page.build import Section, write_page
+from fe_squeal.report.page.markup import bullets, paragraph, table, text
+
+_MOST = 200  # rows of a table
+
+
+def write_study_page(record: Path, tables: dict[str, Path], figures: dict[str, Path], page: Path) -> tuple[str, ...]:
+    """Write the page of a study from what is in its folder; return sentences on what could not be shown.
+
+    Parameters
+    ----------
+    record : Path
+        study.json.
+    tables, figures : mapping of name to path
+        "bands", "indices", "samples"; "boundaries", "map"; "probability", "scatter", "indices", "map".
+
+    Raises
+    ------
+    OutputError
+        study.json cannot be read, or a table is missing.
+    """
+    try:
+        said: dict[str, Any] = json.loads(record.read_text(encoding="utf-8"))
+        frames = {name: pd.read_csv(path) for name, path in tables.items() if path.exists()}
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{record}: cannot be read ({error}); expected what fe-squeal study writes") from error
+    lacks = [f"{path.name} is missing, so it is not shown." for path in (*tables.values(), *figures.values())
+             if not path.exists()]  # fmt: skip
+    if said.get("status") != "complete":
+        lacks.append(f"The study is {said.get('status', 'not complete')}.")
+    make = _map_sections if said.get("kind") == "map" else _scatter_sections
+    sections = [*make(said, frames, figures), ("rests", "What it rests on", _rests(said) + bullets(lacks))]
+    write_page(str(said.get("title") or "A study"), sections, page)
+    return tuple(lacks)
+
+
+def _scatter_sections(said: dict[str, Any], frames: dict[str, pd.DataFrame], figures: dict[str, Path]) -> list[Section]:
+    bands, indices = frames.get("bands", pd.DataFrame()), frames.get("indices", pd.DataFrame())
+    answer, rows = [], []
+    for r in bands.to_dict("records"):
+        low, high = (f"{100 * r[k]:.3g}" for k in ("lower", "upper"))
+        rows.append((f"{r['low_hz']:g} to {r['high_hz']:g} Hz", f"{100 * r['probability']:.3g}", f"{low} to {high}"))
+    if rows:
+        _, value, interval = rows.pop()
+        rows.append(("all", value, interval))
+        answer.append(f"Unstable with a probability of {value} % (95 % interval {interval} %).")
+    if said.get("driver") and 0 < said.get("probability", 0) < 1:
+        answer.append(f"What drives it most is {said['driver']}.")
+    words = "".join(f'<p class="answer">{text(sentence)}</p>' for sentence in answer)
+    shares = [
+        (r["parameter"], r["output"], *(_share(r[k], r[f"{k}_error"]) for k in ("first", "total")))
+        for r in indices.to_dict("records")
+    ]
+    dangerous = bullets(said.get("dangerous") or [])
+    return [
+        ("answer", "The answer", words + table("Probability by band", ("band", "%", "95 % interval, %"), rows)),
+        ("bands", "Probability", _image(figures["probability"], "Probability of instability by band")),
+        ("scatter", "Every unstable mode", _image(figures["scatter"], "Damping ratio against frequency")),
+        ("indices", "What drives it", _image(figures["indices"], "Sobol indices") + table(
+            "Sobol indices with 95 % intervals", ("parameter", "of", "alone", "with all others"), shares, 2)),
+        ("dangerous", "Samples that grow most, as scenes", dangerous or "<p>No sample is unstable.</p>"),
+    ]  # fmt: skip
+
+
+def _map_sections(said: dict[str, Any], frames: dict[str, pd.DataFrame], figures: dict[str, Path]) -> list[Section]:
+    boundaries = frames.get("boundaries", pd.DataFrame({"curve": []}))
+    rows = [
+        (f"{number}", r["kind"].iloc[0], f"{r['frequency_hz'].min():.0f} to {r['frequency_hz'].max():.0f}",
+         f"{r['x'].min():.5g} to {r['x'].max():.5g}", f"{r['y'].min():.5g} to {r['y'].max():.5g}", len(r),
+         f"{r['uncertainty'].max():.0e}")
+        for number, r in boundaries.groupby("curve")
+    ]  # fmt: skip
+    names = [*said.get("parameters", ("x", "y"))]
+    heads = ("boundary", "kind", "frequency, Hz", names[0], names[1], "points", "uncertainty, of the width")
+    share = f"{100 * said.get('unstable_share', np.nan):.3g} % of the places on the grid are unstable."
+    words = f'<p class="answer">{text(share)}</p>'
+    left = said.get("not_followed") or []
+    return [
+        ("answer", "The map", words + _image(figures["map"], "Largest growth, and the boundaries of stability")),
+        ("boundaries", "Boundaries", (table("Boundaries", heads, rows[:_MOST], 2) or "<p>There are none.</p>")
+         + (("<h3>What could not be followed</h3>" + bullets(left[:_MOST])) if left else "")),
+    ]  # fmt: skip
+
+
+def _rests(said: dict[str, Any]) -> str:
+    facts = [
+        f"{said.get('unknowns')} unknowns, {said.get('problem_class')} problem.", f"Method: {said.get('method')}.",
+        f"Tolerance of every eigenvalue {said.get('tolerance')}; largest estimated error {said.get('largest_error')}.",
+    ]  # fmt: skip
+    if said.get("solved_directly") is not None:
+        facts.append(f"{said['solved_directly']} of {said.get('samples')} samples were solved directly.")
+    return paragraph(*facts)
+
+
+def _share(value: float, error: float) -> str:
+    return "–" if not np.isfinite(value) else f"{value:.2f} ± {error:.2f}"
+
+
+def _image(path: Path, words: str) -> str:
+    if not path.exists():
+        return ""
+    data = base64.b64encode(path.read_bytes()).decode()
+    return f'<img src="data:image/png;base64,{data}" alt="{text(words)}" style="max-width:100%">'

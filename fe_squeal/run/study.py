@@ -1,0 +1,170 @@
+"""What `fe-squeal study` does."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from ..assembly.assembly import assemble
+from ..assembly.bodies import scene_mesh
+from ..eigen.memory import peak_memory_mib
+from ..errors import INTERRUPTED, NotConvergedError, SceneError
+from ..report.files import write_json
+from ..scene import MatrixScene, Scene
+from ..scene.study import StudySection
+from ..version import __version__
+from .checkpoint import read_json
+from .folder import (
+    REPORT,
+    STUDY_RECORD,
+    hold_folder,
+    is_part,
+    is_study_result,
+)
+from .inputs import differences, input_files, listed, run_inputs
+from .manifest import Manifest
+from .mapped import mapped
+from .page import write_study_report
+from .parts import StudyParts
+from .scattered import scattered
+from .solver import solver_of
+
+_TELLING = 10.0  # s between lines of progress where there is no terminal
+
+
+def study(
+    scene: Scene | MatrixScene, out: Path, console: Console, resume: bool = False, workers: int = 0, scheduler: str = ""
+) -> int:
+    """Do what `[study]` of a scene asks for, and write it into a folder.
+
+    Raises
+    ------
+    SceneError, NotConvergedError
+    """
+    if scene.study is None:
+        raise SceneError(f"{scene.source}: study: is missing; expected a table, written [study]")
+    if workers < 0:
+        raise SceneError(f"--workers: given {workers}; expected 0 or more")
+    if workers and scheduler:
+        raise SceneError("--workers: given with --scheduler; expected one of them")
+    with hold_folder(out, input_files(scene)) as held:
+        return _study(scene, scene.study, held, console, resume, workers, scheduler)
+
+
+def _study(
+    scene: Scene | MatrixScene, section: StudySection, held: Manifest, console: Console, resume: bool, workers: int,
+    scheduler: str,
+) -> int:  # fmt: skip
+    start, out, solver = time.perf_counter(), held.folder, solver_of(scene)
+    clock = StageClock()
+    mesh = scene_mesh(scene)
+    inputs, parts = run_inputs(scene, mesh), StudyParts(held)
+    record = read_json(out / STUDY_RECORD)
+    if resume and isinstance(record, dict) and record.get("status") == "complete":
+        found = differences(record.get("inputs"), inputs)
+        if found:
+            raise SceneError(f"{out}: the finished study is another one: {listed(found)}; expected the same one")
+        console.print(f"results in {out} are complete: nothing is left to resume", markup=False)
+        return 0
+    held.check(is_study_result)
+    problem = assemble(scene, mesh)
+    if resume and parts.exists:
+        parts.check(inputs)
+        console.print("going on from what was finished", markup=False)
+    else:
+        held.check(is_part)
+        held.remove(is_study_result, first=STUDY_RECORD)
+        parts.begin(inputs)
+    about = {
+        "version": __version__, "title": scene.title, "scene": str(scene.source) if scene.source else None,
+        "kind": "scatter" if section.parameters else "map", "unknowns": problem.unknowns,
+        "problem_class": problem.problem_class, "effects": list(scene.effect_names), "linear_solver": solver.name,
+        "inputs": inputs,
+    }  # fmt: skip
+    options: dict[str, Any] = {
+        "modes": scene.solve.modes, "max_frequency": scene.solve.max_frequency, "tolerance": section.tolerance,
+        "workers": workers, "scheduler": scheduler, "linear_solver": solver, "parts": parts.stage,
+        "scene": scene if isinstance(scene, Scene) else None,
+    }  # fmt: skip
+    write_json({**about, "status": "running"}, out / STUDY_RECORD)
+    try:
+        with _shown(console) as progress:
+            finish = scattered if section.parameters else mapped
+            said = finish(scene, section, problem, {**options, "progress": clock.beside(progress)}, out, console)
+    except KeyboardInterrupt:
+        write_json({**about, "status": "interrupted"}, out / STUDY_RECORD)
+        print(f"interrupted: what was finished is in {out}; --resume goes on from there", file=sys.stderr)
+        return INTERRUPTED
+    except NotConvergedError as error:
+        write_json({**about, "status": "not converged"}, out / STUDY_RECORD)
+        raise NotConvergedError(f"{error}; what was finished is in {out}, --resume goes on from there") from error
+    except SceneError as error:
+        held.remove(is_study_result, first=STUDY_RECORD)
+        parts.remove()
+        where = f"{scene.source}: " if scene.source is not None else ""
+        raise SceneError(f"{where}{str(error).removeprefix(where)}") from error
+    seconds = time.perf_counter() - start
+    write_json(
+        {**about, "status": "complete", **said, "seconds": seconds, "cpu_seconds": clock.seconds(),
+         "peak_memory_mib": peak_memory_mib()},
+        out / STUDY_RECORD,
+    )
+    if scene.output.report:
+        write_study_report(out, out / REPORT)
+    parts.remove()
+    console.print(f"results in {out}: {REPORT if scene.output.report else STUDY_RECORD}; {seconds:.0f} s", markup=False)
+    return 0
+
+
+class StageClock:
+    """CPU seconds of this process by stage; those of other processes of a cluster do not count."""
+
+    def __init__(self) -> None:
+        self._begun = [("model", time.process_time())]
+
+    def beside(self, progress: Callable[[str, int, int, float], None]) -> Callable[[str, int, int, float], None]:
+        """Return what tells progress and takes the time where a stage with a number of places ends."""
+
+        def tell(stage: str, done: int, total: int, rate: float) -> None:
+            name = stage.split(" ")[0]
+            if total and self._begun[-1][0] != name:
+                self._begun.append((name, time.process_time()))
+            progress(stage, done, total, rate)
+
+        return tell
+
+    def seconds(self) -> dict[str, float]:
+        """Return the seconds by stage."""
+        ends = [t for _, t in self._begun[1:]] + [time.process_time()]
+        return {name: end - t for (name, t), end in zip(self._begun, ends, strict=True)}
+
+
+@contextmanager
+def _shown(console: Console) -> Iterator[Callable[[str, int, int, float], None]]:
+    """Yield what shows progress with rate and time left: a bar on a terminal, plain lines elsewhere."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    last_stage, told_at = "", 0.0
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("begins", total=None)
+
+        def tell(stage: str, done: int, total: int, rate: float) -> None:
+            nonlocal last_stage, told_at
+            speed = f", {rate:.3g} a second" if rate else ""
+            bar.update(task, completed=done, total=total or None, description=f"{stage}{speed}")
+            now = time.perf_counter()
+            last = done == total and total > 0
+            if console.is_terminal or (last_stage == stage and now - told_at < _TELLING and not last):
+                return
+            last_stage, told_at = stage, now
+            left = f", {(total - done) / rate:.0f} s left" if rate and not last else ""
+            text = f"{stage}: {done} of {total}{speed}{left}" if total else stage
+            console.print(text, markup=False)
+
+        yield tell

@@ -1,0 +1,1 @@
+"""Studies of a problem over several numbers: scatter and maps."""

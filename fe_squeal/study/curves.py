@@ -1,0 +1,180 @@
+"""Following a stability boundary: pseudo-arclength continuation with Newton's method."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import NotConvergedError
+from .boundary import Boundary, Residual
+
+_STEP, _LEAST, _MOST = 0.01, 1e-6, 0.03  # lengths of steps in u, first, least and largest
+_TURN = 0.97  # cosine of the angle between tangents of two points, at least
+_ROUNDS = 8  # of Newton's method
+_POINTS = 4000  # of one curve, at most
+_SMALL = 1e-10  # Newton step in u below which its convergence is left to rounding
+_SAME = 1e-6  # in u: two points nearer to each other are one
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """A point of a boundary.
+
+    Attributes
+    ----------
+    u : (2,) or (3,) float
+        See `Boundary`.
+    tangent : of the same shape
+    residual : Residual
+        There.
+    uncertainty : float
+        How far the curve may be off across itself, as a share of the map's width; rounding and the last Newton step.
+    """
+
+    u: np.ndarray
+    tangent: np.ndarray
+    residual: Residual
+    uncertainty: float
+
+
+def corrected(boundary: Boundary, u: np.ndarray, fixed: np.ndarray) -> CurvePoint:
+    """Return the point of the boundary in the plane through u across a direction, by Newton's method.
+
+    Raises
+    ------
+    NotConvergedError
+    """
+    start, last = u, np.inf
+    for _ in range(_ROUNDS):
+        try:
+            residual = boundary.at(u)
+            step = np.linalg.solve(
+                np.vstack([residual.J, fixed]), np.append(-residual.F, -float(fixed @ (u - start)))
+            )
+        except np.linalg.LinAlgError as error:
+            raise NotConvergedError("boundary: the equations are singular") from error
+        size = float(np.linalg.norm(step))
+        if not np.isfinite(size) or size > 1.0:
+            break
+        u = u + step
+        if boundary.kind != "divergence" and u[0] <= 0:
+            break
+        if size < _SMALL or (size < 1e-7 and size > 0.25 * last):
+            residual = boundary.at(u)
+            boundary.rebase(residual.right, residual.left)
+            slope = float(np.hypot(*residual.slopes))
+            rounding = residual.rounding / slope if slope else np.inf
+            return CurvePoint(u, _tangent(residual.J), residual, size + rounding)
+        last = size
+    raise NotConvergedError("boundary: Newton's method did not converge")
+
+
+def _tangent(J: np.ndarray) -> np.ndarray:
+    """Return the unit vector that J maps to zero."""
+    return np.asarray(np.linalg.svd(J)[2][-1])
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A boundary from end to end.
+
+    Attributes
+    ----------
+    boundary : Boundary
+    points : list of CurvePoint
+    closed : bool
+        Whether it ends where it begins.
+    ends : tuple of two str
+        Why it ends at each side: "box" or "closed", or a sentence.
+    """
+
+    boundary: Boundary
+    points: list[CurvePoint]
+    closed: bool
+    ends: tuple[str, str]
+
+    @property
+    def u(self) -> np.ndarray:
+        """(m, ·) float: the points."""
+        return np.stack([p.u for p in self.points])
+
+    def passes(self, u: np.ndarray, fixed: int) -> bool:
+        """Return whether the curve goes through a point of the boundary, found for one coordinate at its value."""
+        U = self.u
+        if U.shape[1] != len(u):
+            return False
+        near = int(np.argmin(np.linalg.norm(U - u, axis=1)))
+        if np.linalg.norm(U[near] - u) > 2 * _MOST:
+            return False
+        across = np.zeros(len(u))
+        across[fixed] = 1.0
+        start = U[near].copy()
+        start[fixed] = u[fixed]
+        try:
+            return bool(np.linalg.norm(corrected(self.boundary, start, across).u - u) < _SAME)
+        except NotConvergedError:
+            return False
+
+
+def follow(boundary: Boundary, start: CurvePoint, told: Callable[[str], None] = lambda text: None) -> Curve:
+    """Follow a boundary from a point of it in both directions, until it leaves the box or comes back."""
+    ahead, end = _one_way(boundary, start, start.tangent)
+    if end == "closed":
+        return Curve(boundary, [start, *ahead, start], True, (end, end))
+    boundary.rebase(start.residual.right, start.residual.left)
+    behind, begin = _one_way(boundary, start, -start.tangent)
+    return Curve(boundary, [*reversed(behind), start, *ahead], False, (begin, end))
+
+
+def _one_way(boundary: Boundary, start: CurvePoint, tangent: np.ndarray) -> tuple[list[CurvePoint], str]:
+    points: list[CurvePoint] = []
+    here, step, away = start, _STEP, False
+    while len(points) < _POINTS:
+        try:
+            new = corrected(boundary, here.u + step * tangent, tangent)
+            forward = new.tangent * np.sign(new.tangent @ tangent or 1.0)
+            good = forward @ tangent > _TURN and np.linalg.norm(new.u - here.u) < 1.5 * step
+        except NotConvergedError:
+            good = False
+        if not good:
+            boundary.rebase(here.residual.right, here.residual.left)
+            step /= 2
+            if step < _LEAST:
+                return points, "the curve could not be followed further"
+            continue
+        s = new.u[-2:]
+        if (s < 0).any() or (s > 1).any():
+            last = _at_the_edge(boundary, here, new)
+            return (points if last is None else [*points, last]), "box"
+        points.append(new)
+        gap = np.linalg.norm(new.u - start.u)
+        if away and gap < step and (new.u - start.u) @ (here.u - start.u) <= 0.5 * gap**2:
+            return points, "closed"
+        away = away or bool(gap > 2 * step)
+        here, tangent, step = new, forward, min(1.5 * step, _MOST)
+    return points, f"more than {_POINTS} points"
+
+
+def _at_the_edge(boundary: Boundary, here: CurvePoint, beyond: CurvePoint) -> CurvePoint | None:
+    """Return the point of the boundary on the edge of the box between two points; None if there is none."""
+    best = None
+    for i in (-2, -1):
+        for edge in (0.0, 1.0):
+            a, b = here.u[i] - edge, beyond.u[i] - edge
+            if a * b >= 0:
+                continue
+            u = here.u + (a / (a - b)) * (beyond.u - here.u)
+            u[i] = edge
+            across = np.zeros(len(u))
+            across[i] = 1.0
+            try:
+                point = corrected(boundary, u, across)
+            except NotConvergedError:
+                continue
+            point.u[i] = edge
+            other = point.u[-1 if i == -2 else -2]
+            if -1e-12 <= other <= 1 + 1e-12 and best is None:
+                best = point
+    return best

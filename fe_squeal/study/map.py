@@ -1,0 +1,219 @@
+"""A map of stability over two parameters: a grid for the colours, and the boundaries followed exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..eigen.dense import DENSE_LIMIT, solve_dense
+from ..eigen.pencil import Modes
+from ..eigen.request import Request, select_wanted
+from ..problem.problem import Problem
+from ..scene import Scene
+from ..scene.faults import validated
+from ..scene.study import Axis
+from ..sweep.sweep import MODES
+from .boundary import Scaled
+from .curves import Curve, follow
+from .engine import Cluster, Parts, solve_places
+from .models import Solver, make_solver
+from .points import sobol_points
+from .scatter import Progress
+from .seeds import islands, seeds_on_lines
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..eigen.linear.factor import LinearSolver
+
+_TRAINED, _SEED = 200, 7
+_COLUMNS_AT = 6  # lines of the grid along the second axis on which onsets are looked for; along the first one, all
+
+
+@dataclass(frozen=True)
+class StabilityMap:
+    """Result of a map.
+
+    Attributes
+    ----------
+    axes : two Scaled
+    places : (m, 2) float
+        The grid, row by row: the first parameter changes fastest.
+    rows : (m, columns) float
+        `COLUMNS` of the outcomes.
+    curves : list of Curve
+    errors : list of (k,) float
+        Uncertainty of the points of each curve, with that of the reduced model.
+    told : list of str
+        Sentences on what could not be followed.
+    solver : Solver
+    """
+
+    axes: tuple[Scaled, Scaled]
+    places: np.ndarray
+    rows: np.ndarray
+    curves: list[Curve]
+    errors: list[np.ndarray]
+    told: list[str]
+    solver: Solver = field(repr=False)
+
+    @property
+    def grid(self) -> pd.DataFrame:
+        """One row per place of the grid: the columns of map.csv."""
+        import pandas as pd
+
+        frame = pd.DataFrame(self.places, columns=["x", "y"])
+        for name, at in (("unstable", 0), ("worst_re", 1), ("worst_frequency_hz", 2), ("error", 5)):
+            frame[name] = self.rows[:, at]
+        frame["unstable"] = frame["unstable"].astype(int)
+        return frame
+
+    @property
+    def boundaries(self) -> pd.DataFrame:
+        """One row per point of each boundary, in order: the columns of boundaries.csv.
+
+        `uncertainty` is how far the boundary may be off across itself, as a share of the map's width on its axes.
+        """
+        import pandas as pd
+
+        rows = []
+        for number, (curve, errors) in enumerate(zip(self.curves, self.errors, strict=True), 1):
+            kind = "divergence" if curve.boundary.kind == "divergence" else "flutter"
+            for point, error in zip(curve.points, errors, strict=True):
+                hz = curve.boundary.eigenvalue(point.u).imag / (2 * np.pi)
+                rows.append((number, *curve.boundary.place(point.u), hz, kind, error))
+        return pd.DataFrame(rows, columns=["curve", "x", "y", "frequency_hz", "kind", "uncertainty"])
+
+
+def stability_map(
+    problem: Problem,
+    x: Axis | Mapping[str, Any],
+    y: Axis | Mapping[str, Any],
+    modes: int | None = None,
+    max_frequency: float | None = None,
+    tolerance: float = 1e-6,
+    workers: int = 0,
+    scheduler: str = "",
+    linear_solver: LinearSolver | str = "auto",
+    scene: Scene | None = None,
+    parts: Callable[[str], Parts] | None = None,
+    progress: Progress = lambda stage, done, total, rate: None,
+) -> StabilityMap:
+    """Solve for the modes on a grid of two parameters, and follow the boundaries of stability between its places.
+
+    Parameters
+    ----------
+    x, y : mapping
+        As `[study.x]` and `[study.y]`: {"parameter": "mu", "from": 0.0, "to": 0.7, "points": 29}, and "scale".
+    modes, max_frequency, tolerance, workers, scheduler, linear_solver, scene, parts, progress
+        As of `scatter`.
+
+    Raises
+    ------
+    SceneError, NotConvergedError
+
+    Examples
+    --------
+    >>> import scipy.sparse as sp
+    >>> from fe_squeal.problem.terms import Term
+    >>> M, K, G, F = (np.eye(2), np.eye(2), np.diag([0.0, 1.0]), np.array([[0, 1.0], [-1, 0]]))
+    >>> parts = ("m", "M", M, {}), ("k", "K", K, {}), ("gap", "K", G, {"delta": 1}), ("f", "K", F, {"mu": 1})
+    >>> terms = tuple(Term(n, slot, sp.csr_array(A), n != "f", powers) for n, slot, A, powers in parts)
+    >>> problem = Problem(terms, {"delta": 0.1, "mu": 0.1})
+    >>> axes = ({"parameter": p, "from": 0.01, "to": 0.4, "points": 5} for p in ("mu", "delta"))
+    >>> found = stability_map(problem, *axes, modes=2).boundaries  # flutter where delta < 2 mu
+    >>> bool(abs(found["y"] - 2 * found["x"]).max() < 1e-12)
+    True
+    """
+    tables = [a if isinstance(a, Axis) else validated(Axis, dict(a), key) for key, a in (("x", x), ("y", y))]
+    first, second = (Scaled(a.parameter, a.start, a.stop, a.scale == "log") for a in tables)
+    axes, grids = (first, second), (tables[0].grid, tables[1].grid)
+    names = (first.name, second.name)
+    places = np.stack(np.meshgrid(*grids), axis=-1).reshape(-1, 2)
+
+    def draw(i: int) -> list[tuple[float, ...]]:
+        u = sobol_points(_TRAINED, 2, _SEED + i)
+        return [tuple(a.value(float(s)) for a, s in zip(axes, point, strict=True)) for point in u]
+
+    request = Request(None if max_frequency else modes or MODES, max_frequency, tolerance)
+    low, high = (np.array([getattr(a, end) for a in axes]) for end in ("low", "high"))
+    solver = make_solver(
+        problem, names, low, high, draw, request, linear_solver, scene, lambda text: progress(text, 0, 0, 0.0)
+    )
+    kept = None if parts is None else parts("grid")
+    rows, _ = solve_places(
+        solver, places, Cluster(workers, scheduler), kept, lambda *numbers: progress("grid", *numbers)
+    )
+    told: list[str] = []
+    small = _small_problem(problem, names, solver)
+    if small is None:
+        told.append(f"boundaries are not followed: {solver.why}")
+        return StabilityMap(axes, places, rows, [], [], told, solver)
+    curves = _boundaries(small, axes, grids, request, told, progress)
+    errors = [_uncertainties(curve, solver) for curve in curves]
+    return StabilityMap(axes, places, rows, curves, errors, list(dict.fromkeys(told)), solver)
+
+
+def _small_problem(problem: Problem, names: tuple[str, ...], solver: Solver) -> Problem | None:
+    """Return the problem on which boundaries are followed: the projected one, or itself where it is small."""
+    if solver.box is not None:
+        return solver.box.collected
+    affine = all(problem.is_affine(n) for n in names)
+    return problem if affine and problem.unknowns <= DENSE_LIMIT else None
+
+
+def _boundaries(
+    problem: Problem, axes: tuple[Scaled, Scaled], grids: tuple[np.ndarray, np.ndarray], request: Request,
+    told: list[str], progress: Progress,
+) -> list[Curve]:  # fmt: skip
+    """Follow the boundary through every seed that is on none yet."""
+    curves: list[Curve] = []
+
+    def modes_at(x: float, y: float) -> Modes:
+        every = solve_dense(problem.pencil({axes[0].name: x, axes[1].name: y}))
+        wanted = select_wanted(every, request, np.inf)
+        assert wanted is not None
+        return wanted
+
+    columns = grids[0][np.unique(np.round(np.linspace(0, len(grids[0]) - 1, _COLUMNS_AT)).astype(int))]
+    count, limit = request.count, request.max_frequency_hz
+    total = len(grids[1]) + len(columns)
+    stages = [
+        *(seeds_on_lines(problem, axes, grids, 0, np.array([y]), count, limit, told.append) for y in grids[1]),
+        *(seeds_on_lines(problem, axes, grids, 1, np.array([x]), count, limit, told.append) for x in columns),
+        islands(problem, axes, grids, modes_at),
+    ]
+    progress("boundaries", 0, total, 0.0)
+    for i, stage in enumerate(stages):
+        for boundary, point, held in stage:
+            alike = [c for c in curves if c.boundary.kind == boundary.kind]
+            if any(c.passes(_rescaled(point.u, boundary, c), held) for c in alike):
+                continue
+            curve = follow(boundary, point)
+            curves.append(curve)
+            told += [f"curve {len(curves)}: {end}" for end in curve.ends if end not in ("box", "closed")]
+        progress("boundaries", min(i + 1, total), total, 0.0)
+    return curves
+
+
+def _rescaled(u: np.ndarray, boundary: Any, curve: Curve) -> np.ndarray:
+    """Return u of one boundary with θ or ω in the unit of another one."""
+    if boundary.kind == "divergence":
+        return u
+    return np.append(u[0] * boundary.unit / curve.boundary.unit, u[1:])
+
+
+def _uncertainties(curve: Curve, solver: Solver) -> np.ndarray:
+    """Return the uncertainty of each point: Newton's last step, rounding, and the reduction ‖η‖‖ρ‖ / |ψᴴ (∂Q/∂s) φ|."""
+    found = []
+    for point in curve.points:
+        error = point.uncertainty
+        if solver.box is not None:
+            place, lam = curve.boundary.place(point.u), curve.boundary.eigenvalue(point.u)
+            product = solver.box.residual_product(place, lam, point.residual.right, point.residual.left)
+            error += product / max(float(np.hypot(*point.residual.slopes)), np.finfo(float).tiny)
+        found.append(error)
+    return np.array(found)

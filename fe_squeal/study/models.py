@@ -1,0 +1,193 @@
+"""What solves a study's places: a certified reduced model over the box, or the problem itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from ..assembly.assembly import assemble
+from ..eigen.dense import DENSE_LIMIT
+from ..eigen.linear.factor import LinearSolver
+from ..eigen.request import Request
+from ..eigen.solve import solve_modes
+from ..errors import SceneError
+from ..problem.parameters import paths_of
+from ..problem.problem import Problem
+from ..reduced import BoxModel, OnlineModel
+from ..scene import Scene
+from ..scene.numbers import GEOMETRY, with_numbers
+from .outcome import Outcome, outcome_of
+
+_DIRECT = 1e-8  # backward error of direct solves
+Values = Sequence[float] | np.ndarray
+
+
+class Model(Protocol):
+    """Says what becomes of a place, given the values of the parameters; can be sent to another process."""
+
+    def outcome(self, values: Values) -> Outcome | None:
+        """Return the outcome; None where only a direct solve of the problem can tell."""
+
+
+@dataclass(frozen=True)
+class CertifiedModel:
+    """The reduced model: where its estimated error misses the tolerance, it gives no outcome."""
+
+    online: OnlineModel
+
+    def outcome(self, values: Values) -> Outcome | None:
+        """Return the outcome; None where the estimated error of a mode is above the tolerance."""
+        modes, off, relative = self.online.modes(tuple(float(v) for v in values))
+        if off.max(initial=0.0) > 1:
+            return None
+        return outcome_of(modes, float(relative.max(initial=0.0)), direct=False)
+
+
+@dataclass(frozen=True)
+class DirectModel:
+    """The problem itself, solved at every place."""
+
+    problem: Problem
+    names: tuple[str, ...]
+    request: Request
+    linear_solver: LinearSolver | str = "auto"
+
+    def outcome(self, values: Values) -> Outcome:
+        """Return the outcome; its error is that of the backward error times the condition of each mode."""
+        at = self.problem.at({n: float(v) for n, v in zip(self.names, values, strict=True)})
+        return _solved(at, self.request, self.linear_solver)
+
+
+@dataclass(frozen=True)
+class RemeshedModel:
+    """A scene whose geometry is meshed anew at every place."""
+
+    scene: Scene
+    names: tuple[str, ...]
+    request: Request
+    linear_solver: LinearSolver | str = "auto"
+
+    def outcome(self, values: Values) -> Outcome:
+        """Return the outcome, of a mesh of its own."""
+        moved = {p: float(v) for n, v in zip(self.names, values, strict=True) for p in paths_of(n)}
+        scene = with_numbers(self.scene, moved)
+        scene = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"file": None})})
+        return _solved(assemble(scene, linear_solver=self.linear_solver), self.request, self.linear_solver)
+
+
+def _solved(problem: Problem, request: Request, linear_solver: LinearSolver | str) -> Outcome:
+    exact = replace(request, tolerance=min(request.tolerance, _DIRECT))
+    modes = solve_modes(problem.pencil(), exact, linear_solver=linear_solver)
+    with np.errstate(invalid="ignore", over="ignore"):
+        error = np.minimum(modes.backward_error * modes.condition, 1.0)
+    return outcome_of(modes, float(np.nan_to_num(error, nan=0.0).max(initial=0.0)), direct=True)
+
+
+@dataclass(frozen=True)
+class Solver:
+    """How a study is solved.
+
+    Attributes
+    ----------
+    model : Model
+    direct : Model or None
+        What solves places at which `model` gives no outcome; None where it always does.
+    box : BoxModel or None
+        The reduced model with all its vectors.
+    why : str
+        A sentence on the method.
+    """
+
+    model: Model
+    direct: Model | None
+    box: BoxModel | None
+    why: str
+
+    def outcome(self, values: Values) -> Outcome:
+        """Return the outcome at a place, in this process."""
+        with threadpool_limits(limits=1, user_api="blas"):
+            found = self.model.outcome(values)
+        if found is None:
+            assert self.direct is not None
+            found = self.direct.outcome(values)
+            assert found is not None
+        return found
+
+
+def make_solver(
+    problem: Problem, names: Sequence[str], low: np.ndarray, high: np.ndarray,
+    draw: Callable[[int], list[tuple[float, ...]]], request: Request, linear_solver: LinearSolver | str = "auto",
+    scene: Scene | None = None, progress: Callable[[str], None] = lambda text: None,
+) -> Solver:  # fmt: skip
+    """Return what solves a study: a reduced model where every parameter is a power in coefficients.
+
+    Parameters
+    ----------
+    low, high : (d,) float
+        The box.
+    draw : callable of int
+        As of `BoxModel`.
+    scene : Scene, optional
+        Meshed anew where a parameter is a number of its geometry.
+
+    Raises
+    ------
+    SceneError
+        There is no such parameter, or nothing depends on it.
+    """
+    names = tuple(names)
+    meshed = [p for n in names for p in paths_of(n) if p.startswith(GEOMETRY)]
+    if meshed:
+        if scene is None:
+            raise SceneError(f'given "{meshed[0]}"; expected a scene, which is meshed anew for every value')
+        why = f"direct solves: {meshed[0]} changes the mesh, which is made anew at every place"
+        return Solver(RemeshedModel(scene, names, request, linear_solver), None, None, why)
+    for name, least, most in zip(names, low, high, strict=True):
+        _require_effect(problem, name, float(least), float(most))
+    problem = problem.solved_with(linear_solver)
+    for name, least, most in zip(names, low, high, strict=True):
+        problem = problem.prepared(name, np.array([least, most]))
+    direct = DirectModel(problem, names, request, linear_solver)
+    others = [n for n in names if not problem.is_affine(n)]
+    if others:
+        why = f"direct solves: {others[0]} changes matrices, not their coefficients alone"
+        return Solver(direct, None, None, why)
+    if problem.unknowns <= DENSE_LIMIT:
+        why = f"direct solves: {problem.unknowns} unknowns are few enough for LAPACK on the whole matrices"
+        return Solver(direct, None, None, why)
+    with threadpool_limits(limits=1, user_api="blas"):
+        box = BoxModel(problem, names, low, high, draw, request, linear_solver, progress)
+    online = box.online()
+    small = 0 if box.condensed is None else len(box.condensed.basis)
+    why = (
+        f"reduced model of {len(box.basis)} vectors{f', condensed to {small}' if small else ''}, from modes at"
+        f" {len(box.places)} places; largest error {box.error:.1e} at {box.checked} other places, {box.missed} of which"
+        " miss the tolerance"
+    )
+    if online is None:
+        online = OnlineModel(box.basis, request, box.highest, box.condensed)
+    return Solver(CertifiedModel(online), direct, box, why)
+
+
+def _require_effect(problem: Problem, name: str, low: float, high: float) -> None:
+    """Refuse a parameter that nothing depends on.
+
+    Raises
+    ------
+    SceneError
+    """
+    problem.value(name)  # raises where there is none
+    if problem.is_affine(name):
+        depends = any(t.powers.get(p, 0) and t.matrix.nnz for t in problem.terms for p in paths_of(name))
+    else:
+        a, b = (problem.pencil({name: v}) for v in (low, high))
+        depends = any(
+            (x is None) != (y is None) or (x is not None and abs(x - y).max() > 0)
+            for x, y in ((a.M, b.M), (a.C, b.C), (a.K, b.K))
+        )
+    if not depends:
+        raise SceneError(f'study: given "{name}", on which nothing in the problem depends; expected another parameter')

@@ -1,0 +1,59 @@
+"""What a study keeps of the modes at one place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..eigen.pencil import Modes
+
+COLUMNS = (
+    "unstable", "worst_re", "worst_frequency_hz", "worst_damping_ratio", "worst_re_uncertainty", "error", "direct",
+)  # fmt: skip
+MODE_COLUMNS = ("frequency_hz", "re", "re_uncertainty", "damping_ratio")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Verdict at one place, as numbers that can be sent and stored.
+
+    Attributes
+    ----------
+    row : (7,) float
+        `COLUMNS`: whether a mode is unstable beyond the uncertainty of its growth rate, 0 or 1; growth rate, frequency,
+        damping ratio and uncertainty of the mode that grows most (of those alike the most uncertain one); the largest
+        estimated |Δλ/λ|; whether it was solved directly, 0 or 1.
+    modes : (k, 4) float
+        `MODE_COLUMNS` of the unstable modes.
+    """
+
+    row: np.ndarray
+    modes: np.ndarray
+
+    @property
+    def unstable(self) -> bool:
+        """Whether a mode is unstable."""
+        return bool(self.row[0])
+
+
+def outcome_of(modes: Modes, error: float, direct: bool) -> Outcome:
+    """Return what is kept of the modes at one place.
+
+    Parameters
+    ----------
+    error : float
+        The largest estimated |Δλ/λ|.
+    direct : bool
+        Whether they come from a direct solve.
+    """
+    lam, u = modes.lam, modes.re_uncertainty
+    size = np.where(lam == 0, 1.0, np.abs(lam))
+    ratio = -lam.real / size + 0.0
+    grows = modes.stability == "unstable"
+    kept = np.stack([modes.frequency_hz[grows], lam.real[grows], u[grows], ratio[grows]], axis=1)
+    if not len(lam):
+        return Outcome(np.array([0.0, np.nan, np.nan, np.nan, np.nan, error, float(direct)]), kept)
+    worst = max(range(len(lam)), key=lambda i: (lam.real[i], u[i]))
+    row = [grows.any(), lam.real[worst], modes.frequency_hz[worst], ratio[worst], u[worst], error, direct]
+    return Outcome(np.array(row, float), kept)

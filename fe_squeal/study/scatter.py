@@ -1,0 +1,295 @@
+"""Scatter: what becomes of squeal where several numbers are known by their distributions alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..eigen.request import Request
+from ..errors import SceneError
+from ..problem.problem import Problem
+from ..scene import Scene
+from ..scene.faults import validated
+from ..scene.study import Distribution, StudySection
+from ..sweep.noise import classify_noise
+from ..sweep.sweep import MODES
+from .engine import Cluster, Parts, solve_places
+from .indices import index_rows
+from .models import Solver, make_solver
+from .outcome import COLUMNS, MODE_COLUMNS
+from .points import Scatter, sobol_points
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..eigen.linear.factor import LinearSolver
+
+SAMPLES = 1000  # where nothing is said
+_TRAINED = 200  # points for which a reduced model is made, and at which it is checked
+_SEEDS = 1_000_003  # apart: seeds of points for other purposes
+
+Progress = Callable[[str, int, int, float], None]  # stage, places done, places in all, places per second
+
+
+@dataclass(frozen=True)
+class ScatterResult:
+    """Result of a scatter.
+
+    Attributes
+    ----------
+    names : tuple of str
+    points : (m, d) float
+        Values of the parameters.
+    rows : (m, columns) float
+        `COLUMNS` of the outcomes.
+    modes : (k, 1 + columns) float
+        Number of the sample from 0 and `MODE_COLUMNS`, of every unstable mode.
+    edges : (b + 1,) float, Hz
+        Of the bands.
+    again : (d, q, columns) float
+        Outcomes of the first q samples with one parameter after the other drawn anew.
+    again_modes : list of d (k, 1 + columns)
+    solver : Solver
+    """
+
+    names: tuple[str, ...]
+    points: np.ndarray
+    rows: np.ndarray
+    modes: np.ndarray
+    edges: np.ndarray
+    again: np.ndarray
+    again_modes: list[np.ndarray]
+    solver: Solver = field(repr=False)
+
+    @property
+    def probability(self) -> float:
+        """The share of unstable samples."""
+        return float(self.rows[:, 0].mean())
+
+    @property
+    def samples(self) -> pd.DataFrame:
+        """One row per sample: the columns of samples.csv."""
+        import pandas as pd
+
+        frame = pd.DataFrame(self.rows, columns=list(COLUMNS))
+        frame.insert(0, "sample", np.arange(1, len(frame) + 1))
+        for i, name in enumerate(self.names):
+            frame.insert(1 + i, name, self.points[:, i])
+        frame["unstable"] = frame["unstable"].astype(int)
+        frame["method"] = np.where(frame.pop("direct") > 0, "direct", "reduced")
+        frame["worst_re_uncertainty"] = frame.pop("worst_re_uncertainty")  # behind the columns that it adds to
+        frame["unstable_modes"] = np.bincount(self.modes[:, 0].astype(int), minlength=len(frame))
+        return frame
+
+    @property
+    def unstable_modes(self) -> pd.DataFrame:
+        """One row per unstable mode: the columns of unstable_modes.csv."""
+        import pandas as pd
+
+        frame = pd.DataFrame(self.modes, columns=["sample", *MODE_COLUMNS])
+        frame["sample"] = frame["sample"].astype(int) + 1
+        frame["noise"] = [classify_noise(f) for f in frame["frequency_hz"]]
+        return frame
+
+    @property
+    def bands(self) -> pd.DataFrame:
+        """Probability of instability by band, with its 95 % interval: the columns of bands.csv.
+
+        The interval is that of Clopper and Pearson, which holds for any number of samples and is a little too wide for
+        Sobol points. The last row is the whole range.
+        """
+        import pandas as pd
+        from scipy.stats import binomtest
+
+        count = len(self.rows)
+        rows = []
+        for low, high, hit in self._by_band():
+            k = int(hit.sum())
+            interval = binomtest(k, count).proportion_ci(0.95, method="exact")
+            rows.append((low, high, k / count, interval.low, interval.high, count))
+        return pd.DataFrame(rows, columns=["low_hz", "high_hz", "probability", "lower", "upper", "samples"])
+
+    @property
+    def indices(self) -> pd.DataFrame:
+        """Sobol indices with the half widths of their 95 % intervals: the columns of indices.csv."""
+        import pandas as pd
+
+        outputs = {"unstable": self.rows[:, 0], "worst_re": self.rows[:, 1]}
+        again = {"unstable": self.again[:, :, 0], "worst_re": self.again[:, :, 1]}
+        for low, high, hit in self._by_band()[:-1]:
+            if 0 < hit.sum() < len(hit):
+                name = f"unstable_{low:g}_{high:g}_hz"
+                outputs[name] = hit.astype(float)
+                changed = [_in_band(m, self.again.shape[1], low, high) for m in self.again_modes]
+                again[name] = np.array(changed, float).reshape(len(self.names), -1)
+        rows = index_rows(self.names, self.points, outputs, again)
+        return pd.DataFrame(rows, columns=["parameter", "output", "first", "first_error", "total", "total_error"])
+
+    def dangerous(self, count: int) -> list[int]:
+        """Return the positions of the unstable samples that grow most, at most so many."""
+        grows = np.flatnonzero(self.rows[:, 0] > 0)
+        return [int(i) for i in grows[np.argsort(-self.rows[grows, 1], kind="stable")][:count]]
+
+    def _by_band(self) -> list[tuple[float, float, np.ndarray]]:
+        """Return the bands, and for each which samples have an unstable mode there; the whole range comes last."""
+        count = len(self.rows)
+        found = [(float(a), float(b), _in_band(self.modes, count, a, b)) for a, b in pairwise(self.edges)]
+        return [*found, (float(self.edges[0]), float(self.edges[-1]), self.rows[:, 0] > 0)]
+
+
+def _in_band(modes: np.ndarray, count: int, low: float, high: float) -> np.ndarray:
+    inside = (modes[:, 1] >= low) & (modes[:, 1] < high)
+    return np.bincount(modes[inside, 0].astype(int), minlength=count)[:count] > 0
+
+
+def scatter(
+    problem: Problem,
+    parameters: Mapping[str, Distribution | Mapping[str, Any]],
+    samples: int = SAMPLES,
+    seed: int = 0,
+    correlation: Sequence[tuple[str, str, float]] = (),
+    bands: Sequence[float] | None = None,
+    modes: int | None = None,
+    max_frequency: float | None = None,
+    tolerance: float = 1e-6,
+    indices: bool = True,
+    workers: int = 0,
+    scheduler: str = "",
+    linear_solver: LinearSolver | str = "auto",
+    scene: Scene | None = None,
+    parts: Callable[[str], Parts] | None = None,
+    progress: Progress = lambda stage, done, total, rate: None,
+) -> ScatterResult:
+    """Solve for the modes at many points of scattered parameters: how probable is instability, and what drives it?
+
+    Parameters
+    ----------
+    parameters : mapping of parameter to distribution
+        As in the tables of `[study.parameters]`: {"mu": {"normal": {"mean": 0.4, "deviation": 0.06}}}.
+    samples : int
+        Scrambled Sobol points.
+    seed : int
+        Of their scrambling.
+    correlation : sequence of (parameter, parameter, coefficient)
+        Of normal numbers, of the logarithms of lognormal ones.
+    bands : sequence of float, Hz, optional
+        Edges; octaves over the range of the unstable modes by default.
+    modes, max_frequency
+        As of `sweep`.
+    tolerance : float
+        Relative error of every λ, next to a double one times its condition.
+    indices : bool
+        Whether as many samples are solved again for total Sobol indices (not where every sample is solved directly).
+    workers : int
+        Processes on this machine, by dask.distributed; 0 for none.
+    scheduler : str
+        Address of a running scheduler of Dask.
+    scene : Scene, optional
+        Of the problem, where numbers of its geometry are scattered.
+    parts : callable of str, optional
+        Returns where finished chunks of a stage are kept.
+    progress : callable of (stage, places done, places in all, places per second)
+
+    Raises
+    ------
+    SceneError
+        A parameter that is not there or has no effect, a distribution that leaves what the scene allows.
+    NotConvergedError
+        A direct solve failed, or the scheduler is gone.
+
+    Examples
+    --------
+    >>> import scipy.sparse as sp
+    >>> from fe_squeal.problem.terms import Term
+    >>> M, K, F = (sp.csr_array(np.array(a)) for a in (np.eye(2), np.diag([1.0, 1.2]), [[0, 1.0], [-1, 0]]))
+    >>> terms = (Term("m", "M", M, True), Term("k", "K", K, True), Term("f", "K", F, False, {"mu": 1}))
+    >>> problem = Problem(terms, {"mu": 0.1})
+    >>> result = scatter(problem, {"mu": {"uniform": {"low": 0.0, "high": 0.4}}}, samples=64)
+    >>> result.probability  # unstable where 2 mu > 0.2
+    0.75
+    """
+    if not parameters or samples < 8:
+        raise SceneError(f"scatter: given {len(parameters)} parameters, {samples} samples; expected at least 1 and 8")
+    tables = {
+        name: table if isinstance(table, Distribution) else validated(Distribution, dict(table), name)
+        for name, table in parameters.items()
+    }
+    section = validated(StudySection, {"parameters": tables, "correlation": [list(c) for c in correlation]}, "scatter")
+    whole = Scatter.of(section.parameters, section.correlation)
+    names, d = whole.names, len(whole.names)
+    z = whole.normals(sobol_points(samples, d, seed))
+    points = whole.values(z)
+    _check_values(problem if scene is None else scene, names, points, tables)
+    redrawn = np.zeros((d, 0, d))
+
+    def draw(i: int) -> list[tuple[float, ...]]:
+        u = sobol_points(_TRAINED, d, seed + _SEEDS * (i + 1))
+        return [tuple(map(float, x)) for x in whole.values(whole.normals(u))]
+
+    request = Request(None if max_frequency else modes or MODES, max_frequency, tolerance)
+    solver = make_solver(
+        problem, names, points.min(axis=0), points.max(axis=0), draw, request, linear_solver, scene,
+        lambda text: progress(text, 0, 0, 0.0),
+    )  # fmt: skip
+    cluster = Cluster(workers, scheduler)
+
+    def solve(stage: str, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        kept = None if parts is None else parts(stage.replace(" ", "_"))
+        return solve_places(solver, places, cluster, kept, lambda *numbers: progress(stage, *numbers))
+
+    rows, found = solve("samples", points)
+    cheap = solver.box is not None or problem.unknowns <= 100
+    if indices and cheap:
+        q = min(samples, max(samples // d, 64))
+        # Independent of the samples, as other Sobol points would not be.
+        again = np.random.default_rng([seed, _SEEDS]).random((q, d))
+        redrawn = np.stack([whole.values(whole.redrawn(z[:q], i, again[:, i])) for i in range(d)])
+    more = [solve(f"indices {i + 1}", places) for i, places in enumerate(redrawn)] if redrawn.shape[1] else []
+    columns = rows.shape[1]
+    return ScatterResult(
+        names, points, rows, found, _edges(bands, found), np.array([r for r, _ in more]).reshape(d, -1, columns),
+        [m for _, m in more] or [np.zeros((0, 1 + len(MODE_COLUMNS)))] * d, solver,
+    )  # fmt: skip
+
+
+def _edges(bands: Sequence[float] | None, modes: np.ndarray) -> np.ndarray:
+    """Return the edges of the bands, Hz: by default octaves from 1 kHz down and up that hold all unstable modes."""
+    if bands is not None:
+        return np.asarray(bands, float)
+    hz = modes[:, 1]
+    if not len(hz):
+        return np.array([1000.0, 2000.0])
+    low = np.floor(np.log2(max(float(hz.min()), 62.5) / 1000.0))
+    high = np.floor(np.log2(max(float(hz.max()), 62.5) / 1000.0)) + 1
+    edges = 1000.0 * 2.0 ** np.arange(low, high + 1)
+    return np.concatenate([[0.0], edges]) if hz.min() < edges[0] else edges
+
+
+def _check_values(
+    of: Problem | Scene, names: Sequence[str], points: np.ndarray, tables: Mapping[str, Distribution]
+) -> None:
+    """Refuse a distribution that leaves what is allowed, at its least and its largest sample.
+
+    Raises
+    ------
+    SceneError
+    """
+    from ..problem.parameters import paths_of
+    from ..scene.numbers import with_numbers
+
+    for i, name in enumerate(names):
+        for value in (float(points[:, i].min()), float(points[:, i].max())):
+            try:
+                if isinstance(of, Problem):
+                    of.at({name: value}) if of.has(name) else of.value(name)
+                else:
+                    with_numbers(of, dict.fromkeys(paths_of(name), value))
+            except SceneError as error:
+                raise SceneError(
+                    f"study.parameters: the distribution of {name} reaches {value:.6g}: {error}; expected one that"
+                    " stays in the allowed range, cut off by low and high"
+                ) from error

@@ -1,0 +1,207 @@
+"""Points from which boundaries are followed: onsets along the lines of the grid, and islands between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from scipy.optimize import minimize
+
+from ..eigen.dense import solve_dense
+from ..eigen.pencil import Modes
+from ..errors import NotConvergedError, SquealError
+from ..problem.problem import Problem
+from ..sweep.sweep import sweep
+from .boundary import Boundary, Kind, Scaled
+from .curves import CurvePoint, corrected
+
+_NEAR = 1e-4  # relative, of θ: how near an eigenvalue is to that of an onset
+_PROMISING = 0.2  # times the squared gap at a node: an interpolated minimum below it is looked into
+_CALLS = 80  # of the modes, for one minimum
+_FINE = 1e-4  # of the map's width: how close a minimum is looked for
+_HALVINGS = 14
+
+Axes = tuple[Scaled, Scaled]
+Seed = tuple[Boundary, CurvePoint, int]  # an equation, a point of its boundary, which coordinate of u was held
+
+
+def seeds_on_lines(
+    problem: Problem, axes: Axes, grids: tuple[np.ndarray, np.ndarray], along: int, lines: np.ndarray,
+    modes: int | None, max_frequency: float | None, told: Callable[[str], None],
+) -> Iterator[Seed]:  # fmt: skip
+    """Yield a point of a boundary for each onset along the lines of the grid in one direction.
+
+    Parameters
+    ----------
+    along : 0 or 1
+        The axis along which the lines run.
+    lines : (k,) float
+        Their places on the other axis.
+    told : callable of str
+        Gets a sentence on what could not be refined.
+    """
+    name, other = axes[along].name, axes[1 - along].name
+    for line in lines:
+        here = problem.at({other: float(line)})
+        try:
+            found = sweep(here, grids[along], name, modes, max_frequency, precise=True, method="direct")
+        except SquealError as error:
+            told(f"{other} = {line:g}: {error}")
+            continue
+        for text in found.unsettled:
+            told(f"{other} = {line:g}: {text}")
+        for onset in found.onsets:
+            s = np.zeros(2)
+            s[along], s[1 - along] = axes[along].at(onset.value), axes[1 - along].at(float(line))
+            seed = point_near(problem, axes, s, onset.frequency_hz, 1 - along)
+            if seed is None:
+                told(f"{name} = {onset.value:.6g}, {other} = {line:g}: the onset could not be followed")
+            else:
+                yield seed
+
+
+def point_near(problem: Problem, axes: Axes, s: np.ndarray, frequency_hz: float, held: int) -> Seed | None:
+    """Return the point of a boundary near a place, at about a frequency, with one axis held; None if there is none."""
+    place = {a.name: a.value(float(x)) for a, x in zip(axes, s, strict=True)}
+    omega = 2 * np.pi * frequency_hz
+    kind: Kind = "divergence" if omega == 0 else "hopf" if problem.is_damped else "flutter"
+    modes = solve_dense(problem.pencil(place))
+    assert modes.left is not None
+    lam = modes.lam
+    order = np.argsort(np.abs(lam - 1j * omega), kind="stable")
+    first = order[0]
+    right, left = modes.right[:, first], modes.left[:, first]
+    unit = omega or 1.0
+    if kind == "flutter":
+        unit = omega**2
+        right, left = _real(right), _real(left)
+    elif kind == "divergence":
+        right, left = _real(right), _real(left)
+    boundary = Boundary(problem, axes, kind, unit, right, left)
+    u = s if kind == "divergence" else np.append(1.0, s)
+    fixed = np.zeros(len(u))
+    coordinate = len(u) - 2 + held
+    fixed[coordinate] = 1.0
+    try:
+        point = corrected(boundary, u, fixed)
+    except NotConvergedError:
+        return None
+    if np.linalg.norm(point.u - u) > 0.05:
+        return None
+    return boundary, point, coordinate
+
+
+def _real(vector: np.ndarray) -> np.ndarray:
+    """Return the larger of real and imaginary part: near a coalescence both have its shape."""
+    if not np.iscomplexobj(vector):
+        return vector
+    return vector.real if np.linalg.norm(vector.real) >= np.linalg.norm(vector.imag) else vector.imag.copy()
+
+
+class Gap:
+    """The squared gap (θ_i − θ_j)² of the pair nearest to each other about a frequency; below zero where it flutters.
+
+    With dampers it is −Re λ of the mode about that frequency that grows most: below zero inside an island as well.
+    """
+
+    def __init__(self, problem: Problem, axes: Axes, modes_at: Callable[[float, float], Modes]) -> None:
+        self._damped, self._axes, self._modes_at = problem.is_damped, axes, modes_at
+
+    def values(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return gaps (k,) of neighbouring modes and their frequencies, rad/s, at a place."""
+        modes = self._modes_at(*(a.value(float(x)) for a, x in zip(self._axes, s, strict=True)))
+        lam = modes.lam
+        if self._damped:
+            return -lam.real, lam.imag
+        theta = np.sort((-(lam**2)).real[lam.real == 0])
+        pairs = lam[(lam.real > 0) & (lam.imag > 0)]
+        gaps, omega = np.diff(theta) ** 2, np.sqrt(np.abs(theta[1:] + theta[:-1]) / 2)
+        return np.append(gaps, -4 * (pairs**2).imag ** 2), np.append(omega, np.abs(pairs))
+
+    def about(self, s: np.ndarray, omega: float, width: float) -> float:
+        """Return the least gap about a frequency."""
+        if (s < 0).any() or (s > 1).any():
+            return float(np.inf)
+        gaps, where = self.values(s)
+        return float(gaps[np.abs(where - omega) <= width * omega].min(initial=np.inf))
+
+
+def islands(
+    problem: Problem, axes: Axes, grids: tuple[np.ndarray, np.ndarray], modes_at: Callable[[float, float], Modes],
+    most: int = 40,
+) -> Iterator[Seed]:  # fmt: skip
+    """Yield points of boundaries around unstable islands that no line of the grid meets.
+
+    From every node at which the gap of a pair is least among its neighbours the minimum between nodes is looked for; a
+    parabola through the neighbours says whether that may get below zero.
+    """
+    gap = Gap(problem, axes, modes_at)
+    sx, sy = ([a.at(float(v)) for v in grid] for a, grid in zip(axes, grids, strict=True))
+    table = [[gap.values(np.array([x, y])) for y in sy] for x in sx]
+    tried = 0
+    for i in range(len(sx)):
+        for j in range(len(sy)):
+            for g, omega in zip(*table[i][j], strict=True):
+                if g <= 0 or omega <= 0:
+                    continue
+                around = {}
+                for di in (-1, 0, 1):
+                    for dj in (-1, 0, 1):
+                        if 0 <= i + di < len(sx) and 0 <= j + dj < len(sy):
+                            gaps, where = table[i + di][j + dj]
+                            near = np.abs(where - omega) <= 0.03 * omega
+                            around[di, dj] = float(gaps[near].min(initial=np.inf))
+                if min(around.values()) < g or not _promising(g, around) or tried >= most:
+                    continue
+                tried += 1
+                yield from _island(problem, axes, gap, np.array([sx[i], sy[j]]), float(omega), _spacing(sx, sy))
+
+
+def _promising(g: float, around: dict[tuple[int, int], float]) -> bool:
+    """Return whether a parabola along either axis says that the gap comes close to zero between the nodes."""
+    least = g
+    for step in ((1, 0), (0, 1)):
+        a, b = around.get((-step[0], -step[1])), around.get(step)
+        if a is None or b is None or not np.isfinite([a, b]).all():
+            continue
+        slope, bend = (b - a) / 2, a + b - 2 * g
+        if bend > 0:
+            least -= slope**2 / (2 * bend)
+    return least < _PROMISING * g
+
+
+def _spacing(sx: list[float], sy: list[float]) -> tuple[float, float]:
+    return float(np.diff(sx).mean()), float(np.diff(sy).mean())
+
+
+def _island(
+    problem: Problem, axes: Axes, gap: Gap, start: np.ndarray, omega: float, spacing: tuple[float, float]
+) -> Iterator[Seed]:  # fmt: skip
+    simplex = start + np.array([[0.0, 0.0], [0.4 * spacing[0], 0.0], [0.0, 0.4 * spacing[1]]])
+    simplex = np.where(simplex > 1, 2 * start - simplex, simplex)
+    found = minimize(
+        lambda s: gap.about(s, omega, 0.05), start, method="Nelder-Mead",
+        options={"initial_simplex": simplex, "maxfev": _CALLS, "xatol": _FINE, "fatol": 0.0},
+    )  # fmt: skip
+    if not found.fun < 0:
+        return
+    inside = np.asarray(found.x)
+    for axis in (0, 1):
+        outside = inside.copy()
+        for sign in (1, -1):
+            outside[axis] = np.clip(inside[axis] + sign * spacing[axis], 0.0, 1.0)
+            if gap.about(outside, omega, 0.05) > 0:
+                break
+        else:
+            continue
+        low, high = inside.copy(), outside.copy()
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            low, high = (middle, high) if gap.about(middle, omega, 0.05) < 0 else (low, middle)
+        gaps, where = gap.values(low)
+        near = np.flatnonzero(np.abs(where - omega) <= 0.05 * omega)
+        frequency = float(where[near[np.argmin(gaps[near])]]) / (2 * np.pi)
+        seed = point_near(problem, axes, low, frequency, 1 - axis)
+        if seed is not None:
+            yield seed
+            return

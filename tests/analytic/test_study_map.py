@@ -1,0 +1,114 @@
+"""Boundaries of stability whose equations are known: coalescence, Hopf points, a cusp, an island between the lines."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from fe_squeal.errors import SceneError
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
+from fe_squeal.study.map import stability_map
+from tests.studies import STIFFNESS, two_modes
+
+
+def axis(parameter, low, high, points=5, **more):
+    return {"parameter": parameter, "from": low, "to": high, "points": points, **more}
+
+
+def problem_of(values, **matrices):
+    """K of matrices that count with parameters of their names, beside "always", and M = 1."""
+    n = len(next(iter(matrices.values())))
+    terms = [Term("m", "M", sp.csr_array(np.eye(n)), True)]
+    for name, A in matrices.items():
+        powers = {} if name == "always" else {name: 1}
+        terms.append(Term(name, "K", sp.csr_array(np.asarray(A, float)), bool((np.transpose(A) == A).all()), powers))
+    return Problem(tuple(terms), values)
+
+
+def test_two_modes_flutter_where_the_gap_is_less_than_twice_the_coupling():
+    found = stability_map(two_modes(), axis("mu", 0.01, 0.2, 3), axis("delta", 0.01, 0.3, 3, scale="log"), modes=2)
+    curve = found.boundaries
+    assert set(curve["curve"]) == {1} and set(curve["kind"]) == {"flutter"}
+    assert curve["y"].to_numpy() == pytest.approx(2 * curve["x"].to_numpy(), rel=1e-12)
+    theta = STIFFNESS * (1 + curve["y"] / 2)
+    assert curve["frequency_hz"].to_numpy() == pytest.approx(np.sqrt(theta) / (2 * np.pi), rel=1e-12)
+    assert curve["uncertainty"].max() < 1e-9
+    # from edge to edge of the box, without gaps
+    assert curve[["x", "y"]].iloc[[0, -1]].min().to_numpy() == pytest.approx([0.01, 0.02])
+    assert curve[["x", "y"]].iloc[[0, -1]].max().to_numpy() == pytest.approx([0.15, 0.3])
+    grid = found.grid
+    assert (grid["unstable"].to_numpy() == (grid["y"] < 2 * grid["x"] - 1e-12).to_numpy()).all()
+    assert found.told == []
+
+
+@pytest.mark.slow
+def test_hopf_curve_of_two_damped_modes():
+    """With C = c √k the Hopf points of θ = a ± ib are at b² = c²k a: μ² − δ²/4 = c² (1 + δ/2)."""
+    c = 0.02
+    found = stability_map(two_modes(damping=c), axis("mu", 0.01, 0.1, 6), axis("delta", 0.0, 0.15, 6), modes=2)
+    x, y, hz = found.boundaries[["x", "y", "frequency_hz"]].to_numpy().T
+    assert found.boundaries["curve"].nunique() == 1 and found.told == []
+    assert x**2 - y**2 / 4 == pytest.approx(c**2 * (1 + y / 2), rel=1e-9)
+    assert hz == pytest.approx(np.sqrt(STIFFNESS * (1 + y / 2)) / (2 * np.pi), rel=1e-9)
+    grid = found.grid
+    assert (grid["unstable"] == (grid["x"] ** 2 - grid["y"] ** 2 / 4 > c**2 * (1 + grid["y"] / 2))).all()
+
+
+@pytest.mark.slow
+def test_the_curve_turns_at_a_cusp_where_three_modes_meet():
+    """θ = 10 + t with t³ + pt + q = 0: two of three meet where 4p³ + 27q² = 0, all three at p = q = 0."""
+    low, shift = np.zeros((3, 3)), np.diag([1.0, 1.0], 1) + 10 * np.eye(3)
+    p, q = low.copy(), low.copy()
+    p[2, 1], q[2, 0] = -1.0, -1.0
+    found = stability_map(
+        problem_of({"p": -0.1, "q": 0.01}, always=shift, p=p, q=q), axis("p", -0.5, 0.1), axis("q", -0.1, 0.12), modes=3
+    )
+    curve = found.boundaries
+    assert curve["curve"].nunique() == 1
+    x, y = curve[["x", "y"]].to_numpy().T
+    assert 4 * x**3 + 27 * y**2 == pytest.approx(np.zeros(len(x)), abs=1e-9)
+    near = np.argmin(np.abs(x))
+    assert 0 < near < len(x) - 1 and abs(x[near]) < 1e-2 and np.sign(y[0]) == -np.sign(y[-1])
+    assert x.max() < 1e-9  # none beyond the cusp
+
+
+@pytest.mark.slow
+def test_an_island_that_no_line_meets_is_found():
+    """θ = 1 ± √((x − x₀)² + (y − y₀)² − r²): flutter inside a circle between the lines of the grid."""
+    x0, y0, r = 0.47, 0.33, 0.04
+    always = np.array([[1 + x0, r - y0], [-r - y0, 1 - x0]])
+    x, y = np.diag([-1.0, 1.0]), np.array([[0.0, 1.0], [1.0, 0.0]])
+    problem = problem_of({"x": 0.0, "y": 0.0}, always=3 * np.eye(2) + always, x=x, y=y)
+    found = stability_map(problem, axis("x", 0.0, 1.0, 6), axis("y", 0.0, 1.0, 6), modes=2)
+    assert not found.grid["unstable"].any()
+    curve = found.boundaries
+    assert curve["curve"].nunique() == 1 and found.curves[0].closed
+    assert np.hypot(curve["x"] - x0, curve["y"] - y0).to_numpy() == pytest.approx(np.full(len(curve), r), rel=1e-9)
+    angle = np.unwrap(np.arctan2(curve["y"] - y0, curve["x"] - x0))
+    assert abs(angle[-1] - angle[0]) == pytest.approx(2 * np.pi)
+
+
+def test_divergence_is_followed():
+    """K = [[1 − x, 0], [0, 2 + y]] loses its stiffness at x = 1."""
+    problem = problem_of(
+        {"x": 0.5, "y": 0.1}, always=np.diag([1.0, 2.0]), x=np.diag([-1.0, 0.0]), y=np.diag([0.3, 1.0])
+    )
+    found = stability_map(problem, axis("x", 0.5, 1.7, 4), axis("y", 0.1, 1.0, 4), modes=2)
+    curve = found.boundaries
+    assert set(curve["kind"]) == {"divergence"} and (curve["frequency_hz"] == 0).all()
+    assert (curve["x"] - 0.3 * curve["y"]).to_numpy() == pytest.approx(np.ones(len(curve)), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("x", "message"),
+    [
+        (axis("mu", 0.3, 0.1), "from < to"),
+        (axis("mu", 0.0, 0.1, scale="log"), "from > 0"),
+        (axis("nu", 0.0, 0.1), "no parameter"),
+    ],
+)
+def test_bad_input_is_told(x, message):
+    with pytest.raises(SceneError, match=message):
+        stability_map(two_modes(), x, axis("delta", 0.0, 0.3), modes=2)

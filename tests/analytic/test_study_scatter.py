@@ -1,0 +1,111 @@
+"""Scatter of two modes with gap δ and coupling μ, unstable where δ < 2μc: verdicts, probability and Sobol indices."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fe_squeal.errors import SceneError
+from fe_squeal.scene.study import Distribution
+from fe_squeal.study.indices import first_order, total_order
+from fe_squeal.study.points import Scatter, quantiles, sobol_points
+from fe_squeal.study.scatter import scatter
+from tests.studies import STIFFNESS, two_modes
+
+UNIFORM = {"mu": {"uniform": {"low": 0.0, "high": 0.1}}, "delta": {"uniform": {"low": 0.0, "high": 0.3}}}
+
+
+@pytest.fixture(scope="module")
+def result():
+    return scatter(two_modes(), UNIFORM, samples=512, seed=3)
+
+
+def test_every_verdict_is_that_of_the_closed_form(result):
+    mu, delta = result.points.T
+    exact = delta < 2 * mu
+    grows = np.sqrt(STIFFNESS * (1 + delta / 2 + 1j * np.sqrt(np.maximum(mu**2 - delta**2 / 4, 0.0)))).imag
+    frame = result.samples
+    assert (frame["unstable"].to_numpy() == exact).all()
+    assert frame["worst_re"].to_numpy() == pytest.approx(grows, rel=1e-6, abs=1e-6)
+    assert list(frame.columns[:3]) == ["sample", "mu", "delta"]
+
+
+def test_probability_lies_in_its_interval_and_is_nearly_exact(result):
+    exact = 1 / 3  # of the rectangle 0.1 × 0.3 the triangle δ < 2μ has 0.1 · 0.2 / 2
+    band = result.bands.iloc[-1]
+    assert band["lower"] < exact < band["upper"]
+    assert band["probability"] == pytest.approx(exact, abs=0.01)  # Sobol points: far less than 1/√512
+    assert band["upper"] - band["lower"] < 0.1
+
+
+def test_sobol_indices_are_those_of_the_closed_form(result):
+    """Y = 1 where δ < 2μ: E[Y|μ] = 2μ/0.3, E[Y|δ] = 1 − δ/0.2 or 0; variances by integration."""
+    mean = 1 / 3
+    variance = mean * (1 - mean)
+    by_mu = (2 / 3) ** 2 / 3 - mean**2
+    by_delta = (0.2 / 0.3) / 3 - mean**2
+    first = {"mu": by_mu / variance, "delta": by_delta / variance}
+    total = {"mu": 1 - first["delta"], "delta": 1 - first["mu"]}
+    rows = result.indices
+    assert set(rows["output"]) >= {"unstable", "worst_re"}
+    for row in rows[rows["output"] == "unstable"].to_dict("records"):
+        assert row["first"] == pytest.approx(first[row["parameter"]], abs=1.5 * row["first_error"])
+        assert row["total"] == pytest.approx(total[row["parameter"]], abs=1.5 * row["total_error"])
+        assert 0.01 < row["first_error"] < 0.15 and 0.01 < row["total_error"] < 0.15
+
+
+def test_indices_of_correlated_numbers():
+    """Y = a + b with correlation r: Var(E[Y|a]) = (1 + r)², Var(Y) = 2 + 2r, E[Var(Y|b)] = 1 − r²."""
+    r = 0.6
+    tables = {n: Distribution.model_validate({"normal": {"mean": 0.0, "deviation": 1.0}}) for n in "ab"}
+    whole = Scatter.of(tables, [("a", "b", r)])
+    z = whole.normals(sobol_points(8192, 2, 4))
+    changed = whole.redrawn(z, 0, np.random.default_rng(5).random(8192))
+    first, total = first_order(z[:, 0], z.sum(axis=1)), total_order(z.sum(axis=1), changed.sum(axis=1))
+    assert np.corrcoef(z.T)[0, 1] == pytest.approx(r, abs=0.01)
+    assert first[0] == pytest.approx((1 + r) / 2, abs=0.02)
+    assert total[0] == pytest.approx((1 - r) / 2, abs=0.02)
+
+
+def test_distributions_have_the_quantiles_that_they_promise():
+    u = (np.arange(200_000) + 0.5) / 200_000
+    normal = {"mean": 1.0, "deviation": 0.5, "low": 0.5, "high": 2.0}
+    cut = quantiles(Distribution.model_validate({"normal": normal}), u)
+    assert cut.min() >= 0.5 and cut.max() <= 2.0
+    assert cut.mean() == pytest.approx(1 + 0.5 * 0.22964, abs=1e-4)  # (φ(−1) − φ(2)) / (Φ(2) − Φ(−1)) = 0.22964
+    wide = quantiles(Distribution.model_validate({"lognormal": {"median": 3.0, "factor": 1.5}}), u)
+    assert np.mean((wide > 2.0) & (wide < 4.5)) == pytest.approx(0.6827, abs=1e-3)
+    angle = quantiles(Distribution.model_validate({"triangular": {"low": 0.0, "mode": 1.0, "high": 4.0}}), u)
+    assert angle.mean() == pytest.approx(5 / 3, abs=1e-4)
+    assert np.mean(angle < 1.0) == pytest.approx(0.25, abs=1e-4)
+
+
+def test_samples_do_not_depend_on_how_many_there_are(result):
+    again = scatter(two_modes(), UNIFORM, samples=100, seed=3, indices=False)
+    assert (again.points == result.points[:100]).all()
+    assert np.isnan(again.indices["total"]).all() and np.isfinite(again.indices["first"]).all()
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"nu": {"uniform": {"low": 0.0, "high": 1.0}}}, "no parameter"),
+        ({"mu": {"uniform": {"low": 1.0, "high": 0.5}}}, "low < high"),
+        ({"mu": {"normal": {"mean": 0.3, "deviation": -1.0}}}, "deviation"),
+        ({"mu": {"uniform": {"low": 0.0, "high": 1.0}, "values": [1.0, 2.0]}}, "one of"),
+        ({"unused": {"uniform": {"low": 1.0, "high": 2.0}}}, "nothing in the problem depends"),
+    ],
+)
+def test_bad_input_is_told(parameters, message):
+    problem = two_modes()
+    problem = type(problem)(problem.terms, {**problem.parameters, "unused": 1.0})
+    with pytest.raises(SceneError, match=message):
+        scatter(problem, parameters, samples=16)
+
+
+def test_correlations_that_contradict_each_other_are_refused():
+    tables = {n: {"normal": {"mean": 0.1, "deviation": 0.01}} for n in ("mu", "delta")}
+    three = {**{n: Distribution.model_validate(t) for n, t in tables.items()}}
+    three["c"] = three["mu"]
+    with pytest.raises(SceneError, match="contradict"):
+        Scatter.of(three, [("mu", "delta", 0.9), ("delta", "c", 0.9), ("mu", "c", -0.9)])

@@ -1,0 +1,25 @@
+"""Two modes of which everything is known: where they flutter, with which probability, and what drives it."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
+
+STIFFNESS = 1.0e8  # rad²/s²: modes at some 1.6 kHz
+
+
+def two_modes(coupling: float = 1.0, damping: float = 0.0) -> Problem:
+    """Return K = k [[1, mu c], [−mu c, 1 + delta]], M = 1: θ = k (1 + δ/2 ± √(δ²/4 − μ²c²)), flutter where δ < 2μc."""
+    matrices = {
+        "m": ("M", np.eye(2), True, {}),
+        "k": ("K", STIFFNESS * np.eye(2), True, {}),
+        "gap": ("K", STIFFNESS * np.diag([0.0, 1.0]), True, {"delta": 1}),
+        "friction": ("K", STIFFNESS * coupling * np.array([[0.0, 1.0], [-1.0, 0.0]]), False, {"mu": 1}),
+        "dampers": ("C", np.sqrt(STIFFNESS) * np.eye(2), True, {"c": 1}),
+    }  # fmt: skip
+    terms = [Term(n, slot, sp.csr_array(A), symmetric, p) for n, (slot, A, symmetric, p) in matrices.items()]
+    kept = terms if damping else terms[:-1]
+    return Problem(tuple(kept), {"delta": 0.1, "mu": 0.1, **({"c": damping} if damping else {})})

@@ -1,0 +1,267 @@
+"""fe-squeal study: files and their columns, messages, resuming, several processes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+import scipy.sparse as sp
+
+import fe_squeal
+from fe_squeal.cli import main
+from fe_squeal.errors import NotConvergedError
+from fe_squeal.scene.file import load_scene
+from fe_squeal.study import engine
+from tests.studies import STIFFNESS
+
+TERMS = """
+title = "two modes"
+[parameters]
+mu = 0.1
+delta = 0.1
+[[terms]]
+role = "mass"
+file = "M.mtx"
+[[terms]]
+role = "stiffness"
+file = "K.mtx"
+[[terms]]
+role = "stiffness"
+file = "gap.mtx"
+powers = { delta = 1 }
+[[terms]]
+role = "stiffness"
+file = "friction.mtx"
+powers = { mu = 1 }
+[output]
+report = false
+"""
+SCATTER = """
+[study]
+samples = SAMPLES
+bands = [0, 1610, 3000]
+[study.parameters]
+mu = { uniform = { low = 0.0, high = 0.1 } }
+delta = { uniform = { low = 0.0, high = 0.3 } }
+"""
+MAP = """
+[study.x]
+parameter = "mu"
+from = 0.01
+to = 0.1
+points = 3
+[study.y]
+parameter = "delta"
+from = 0.01
+to = 0.3
+points = 3
+"""
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """Write a scene of two modes with a study, and return its path."""
+    matrices = {"M": np.eye(2), "K": STIFFNESS * np.eye(2), "gap": STIFFNESS * np.diag([0.0, 1.0]),
+                "friction": STIFFNESS * np.array([[0.0, 1.0], [-1.0, 0.0]])}  # fmt: skip
+    for name, A in matrices.items():
+        scipy.io.mmwrite(tmp_path / f"{name}.mtx", sp.coo_array(A))
+
+    def write(study, samples=64):
+        path = tmp_path / "scene.toml"
+        path.write_text(TERMS + study.replace("SAMPLES", str(samples)))
+        return path
+
+    return write
+
+
+@pytest.mark.slow
+def test_a_scatter_writes_what_the_interface_promises(scene, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["study", str(scene(SCATTER)), "-o", str(out)]) == 0
+    samples, modes, bands, indices = (
+        pd.read_csv(out / f"{name}.csv") for name in ("samples", "unstable_modes", "bands", "indices")
+    )
+    head = ["sample", "mu", "delta", "unstable", "worst_re", "worst_frequency_hz", "worst_damping_ratio", "error"]
+    assert list(samples.columns)[:9] == [*head, "method"] and len(samples) == 64
+    assert list(modes.columns) == ["sample", "frequency_hz", "re", "re_uncertainty", "damping_ratio", "noise"]
+    assert list(bands.columns) == ["low_hz", "high_hz", "probability", "lower", "upper", "samples"]
+    assert list(indices.columns) == ["parameter", "output", "first", "first_error", "total", "total_error"]
+    assert (samples["unstable"] == (samples["delta"] < 2 * samples["mu"])).all()
+    assert len(modes) == samples["unstable"].sum() and set(modes["noise"]) == {"squeal"}
+    assert bands["probability"].iloc[-1] == pytest.approx(samples["unstable"].mean())
+    assert bands["probability"].iloc[:-1].sum() == pytest.approx(bands["probability"].iloc[-1])
+    record = json.loads((out / "study.json").read_text())
+    assert record["status"] == "complete" and "LAPACK" in record["method"]
+    assert all((out / f"{name}.png").stat().st_size > 5000 for name in ("probability", "scatter", "indices"))
+    # The samples that grow most run as scenes, and give the same growth.
+    dangerous = load_scene(out / record["dangerous"][0])
+    worst = samples.loc[samples["worst_re"].idxmax()]
+    assert dangerous.parameters["mu"] == worst["mu"] and dangerous.study is None
+    assert main(["run", str(out / record["dangerous"][0]), "-o", str(tmp_path / "run")]) == 0
+    assert pd.read_csv(tmp_path / "run" / "modes.csv")["re"].max() == pytest.approx(worst["worst_re"])
+    assert main(["study", str(tmp_path / "scene.toml"), "-o", str(out), "--resume"]) == 0
+    assert "nothing is left to resume" in capsys.readouterr().out
+
+
+def test_a_map_writes_what_the_interface_promises(scene, tmp_path):
+    out = tmp_path / "out"
+    path = scene(MAP)
+    path.write_text(path.read_text().replace("report = false", "report = true"))
+    assert main(["study", str(path), "-o", str(out)]) == 0
+    grid, boundaries = pd.read_csv(out / "map.csv"), pd.read_csv(out / "boundaries.csv")
+    assert list(grid.columns) == ["x", "y", "unstable", "worst_re", "worst_frequency_hz", "error"] and len(grid) == 9
+    assert list(boundaries.columns) == ["curve", "x", "y", "frequency_hz", "kind", "uncertainty"]
+    assert boundaries["y"].to_numpy() == pytest.approx(2 * boundaries["x"].to_numpy(), rel=1e-8)
+    assert (out / "map.png").stat().st_size > 5000
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "data:image/png" in page and "flutter" in page
+
+
+@pytest.mark.parametrize(
+    ("study", "message"),
+    [
+        ("", "study: is missing"),
+        (SCATTER.replace("mu =", "nu ="), 'given "nu", which is no parameter'),
+        (SCATTER.replace("low = 0.0, high = 0.1", "low = 0.2, high = 0.1"), "expected low < high"),
+        (SCATTER.replace("uniform = { low = 0.0, high = 0.1 }", "normal = { mean = 0.1 }"), "deviation"),
+        (SCATTER + "correlation = 1", "correlation"),
+        (SCATTER + MAP, "given both"),
+        (MAP.replace("to = 0.1\n", "to = 0.01\n"), "expected from < to"),
+        (MAP.replace('parameter = "delta"', 'parameter = "mu"'), 'given "mu" twice'),
+    ],
+)
+def test_bad_input_is_one_sentence(scene, tmp_path, capsys, study, message):
+    assert main(["study", str(scene(study)), "-o", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert message in said and said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_resuming_gives_the_same_samples(scene, tmp_path, monkeypatch):
+    """Stopped after its first chunk, and gone on with; nothing that was finished is solved again."""
+    path, whole, parts = scene(SCATTER, 96), tmp_path / "whole", tmp_path / "parts"
+    assert main(["study", str(path), "-o", str(whole)]) == 0
+    solve, solved = engine.solve_chunk, []
+
+    def stop(model, places):
+        if solved:
+            raise KeyboardInterrupt
+        solved.append(len(places))
+        return solve(model, places)
+
+    monkeypatch.setattr(engine, "solve_chunk", stop)
+    assert main(["study", str(path), "-o", str(parts)]) == 130
+    assert json.loads((parts / "study.json").read_text())["status"] == "interrupted"
+
+    def go_on(model, places):
+        solved.append(len(places))
+        return solve(model, places)
+
+    monkeypatch.setattr(engine, "solve_chunk", go_on)
+    assert main(["study", str(path), "-o", str(parts), "--resume"]) == 0
+    assert sum(solved) == 96 + 2 * 64  # samples, and those of the indices: none twice
+    for name in ("samples.csv", "indices.csv", "bands.csv"):
+        assert (parts / name).read_text() == (whole / name).read_text()
+    assert not (parts / "parts").exists()
+
+
+def test_parts_of_another_study_are_refused(scene, tmp_path, capsys, monkeypatch):
+    out = tmp_path / "out"
+    monkeypatch.setattr(engine, "solve_chunk", lambda model, places: (_ for _ in ()).throw(KeyboardInterrupt))
+    assert main(["study", str(scene(SCATTER)), "-o", str(out)]) == 130
+    assert main(["study", str(scene(SCATTER, 65)), "-o", str(out), "--resume"]) == 2
+    assert "study.samples is 64 there and 65 here" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_any_number_of_workers_gives_the_same_samples(scene, tmp_path):
+    pytest.importorskip("distributed")
+    path = scene(SCATTER, 128)
+    for workers in (0, 2):
+        arguments = ["study", str(path), "-o", str(tmp_path / f"{workers}")]
+        assert main([*arguments, "--workers", str(workers)]) == 0
+    assert (tmp_path / "0" / "samples.csv").read_text() == (tmp_path / "2" / "samples.csv").read_text()
+
+
+@pytest.mark.slow
+def test_a_worker_that_dies_costs_nothing_but_time(scene, tmp_path):
+    """A scheduler and three workers, as on a cluster; one is killed while the study goes on."""
+    pytest.importorskip("distributed")
+    path, out, address = scene(SCATTER, 1024), tmp_path / "out", tmp_path / "scheduler.json"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    scheduler = subprocess.Popen(
+        [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--no-dashboard",
+         "--scheduler-file", str(address)], env=environment, **quiet)  # fmt: skip
+    started = [scheduler]
+    try:
+        for _ in range(300):
+            if address.exists() and address.stat().st_size:
+                break
+            time.sleep(0.1)
+        where = json.loads(address.read_text())["address"]
+        workers = [
+            subprocess.Popen(
+                [sys.executable, "-m", "distributed.cli.dask_worker", where, "--nthreads", "1", "--no-nanny",
+                 "--no-dashboard"], env=environment, **quiet)
+            for _ in range(3)
+        ]  # fmt: skip
+        started += workers
+        study = subprocess.Popen(
+            [sys.executable, "-m", "fe_squeal", "study", str(path), "-o", str(out), "--scheduler", where],
+            env=environment, **quiet,
+        )  # fmt: skip
+        started.append(study)
+        for _ in range(600):
+            if len(list((out / "parts").glob("samples_*.npz"))) >= 2:
+                break
+            time.sleep(0.05)
+        assert study.poll() is None  # it goes on
+        workers[0].send_signal(signal.SIGKILL)
+        assert study.wait(120) == 0
+        samples = pd.read_csv(out / "samples.csv")
+        assert (samples["sample"] == np.arange(1, 1025)).all()
+        assert (samples["unstable"] == (samples["delta"] < 2 * samples["mu"])).all()
+        assert study.returncode == 0 and workers[0].poll() is not None
+    finally:
+        for process in reversed(started):
+            process.kill()
+            process.wait()
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_does_not_answer_is_told(scene, tmp_path, capsys):
+    pytest.importorskip("distributed")
+    out = tmp_path / "out"
+    assert main(["study", str(scene(SCATTER)), "-o", str(out), "--scheduler", "tcp://127.0.0.1:9"]) == 3
+    assert "no scheduler of Dask answers" in capsys.readouterr().err
+    assert NotConvergedError.exit_code == 3
+
+
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
+def test_many_scenes(scene, tmp_path, workers):
+    """Two modes with gaps of 0.1 and 0.2 flutter at μ of half the gap."""
+    sweep = '[sweep]\nparameter = "mu"\nfrom = 0.0\nto = 0.3\npoints = 4\n'
+    text = scene(sweep).read_text()
+    for name, gap in (("narrow", 0.1), ("wide", 0.2)):
+        (tmp_path / f"{name}.toml").write_text(text.replace("delta = 0.1", f"delta = {gap}"))
+    modes, onsets = fe_squeal.run_many({n: tmp_path / f"{n}.toml" for n in ("narrow", "wide")}, workers=workers)
+    assert onsets["scene"].tolist() == ["narrow", "wide"]
+    assert onsets["value"].to_numpy() == pytest.approx([0.05, 0.1], rel=1e-10)
+    assert modes["scene"].value_counts().to_dict() == {"narrow": 8, "wide": 8}
+    with pytest.raises(fe_squeal.SceneError, match="no such file"):
+        fe_squeal.run_many([tmp_path / "missing.toml"])
+
+
+def test_without_dask_the_message_says_what_to_install(scene, tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert main(["study", str(scene(SCATTER)), "-o", str(tmp_path / "out"), "--workers", "2"]) == 2
+    assert "fe-squeal[cluster]" in capsys.readouterr().err
