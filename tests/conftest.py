@@ -10,8 +10,10 @@ from hypothesis import settings
 # Before NumPy is imported: the dense references are small, and OpenBLAS's threads wait for those of MKL and of whatever
 # else runs on the machine, which makes them up to twenty times slower.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# PARDISO's threads sleep between its calls instead of spinning, since the other processes of pytest want the cores.
+# PARDISO's threads sleep between its calls instead of spinning, since the other processes of pytest want the cores. MKL
+# takes GNU's OpenMP instead of Intel's where gmsh was imported first; its threads take thrice as long spinning.
 os.environ.setdefault("KMP_BLOCKTIME", "0")
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 # Formulas and smallest rungs of the benchmarks are tested; names of the tests' own modules come first.
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 

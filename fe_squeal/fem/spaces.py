@@ -1,4 +1,7 @@
-"""Displacement spaces: unknowns, and interpolation on surfaces."""
+"""Displacement spaces: unknowns, and interpolation on surfaces.
+
+In one file, since every map between nodes, unknowns and points of surfaces depends on the same order of unknowns.
+"""
 
 from __future__ import annotations
 

@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from fe_squeal.report.axes import branch_styles, frequency_unit, growth_limits, parameter_label, set_parameter_axis
 from fe_squeal.report.branches import (
-    PARAMETER_LABELS,
     Branch,
     Floats,
     collect_branches,
@@ -39,7 +38,6 @@ MAX_LABELLED_ONSETS = 12
 MAX_LEGEND_ENTRIES = 26
 MAX_MEASURED = 8  # frequencies with an entry in the legend
 MAX_DESCRIBED = 12  # branches in the legend that have a second line: what they look like
-_DASHES = ("-", "--", ":")
 # mode coupling into and out of instability, and divergence, are told apart by the marker
 _MARKERS = {("flutter", "into"): ("o", "black"), ("flutter", "out of"): ("o", "white"),
             ("divergence", "into"): ("s", "black"), ("divergence", "out of"): ("s", "white")}
@@ -82,8 +80,8 @@ def stability_figure(
     """Return the figure that `plot_stability` writes."""
     branches = collect_branches(modes, onsets)
     growing = sorted((branch for branch in branches if branch.grows), key=lambda b: -b.frequency_hz[b.peak])
-    styles = {branch.number: style for branch, style in zip(growing, _styles(len(growing)), strict=True)}
-    unit, per_unit = _frequency_unit(modes)
+    styles = {branch.number: style for branch, style in zip(growing, branch_styles(len(growing)), strict=True)}
+    unit, per_unit = frequency_unit(modes)
 
     figure = NotebookFigure(figsize=(10, 8), dpi=150, layout="constrained")
     canvas = FigureCanvasAgg(figure)
@@ -97,8 +95,8 @@ def stability_figure(
 
     top.set_ylabel(f"frequency ({unit})")
     bottom.set_ylabel("growth rate Re λ (1/s)")
-    bottom.set_xlabel(_parameter_label(parameter_name(modes)))
-    _set_parameter_axis(bottom, numbers(modes, "value"))
+    bottom.set_xlabel(parameter_label(parameter_name(modes)))
+    set_parameter_axis(bottom, numbers(modes, "value"))
     top.set_ylim(*padded(numbers(modes, "frequency_hz") / per_unit, floor=0.0))
     _mark_range(top, covered_hz, per_unit)
     markers += _mark_measured(top, measured, per_unit)
@@ -133,20 +131,20 @@ def plot_root_locus(
     covered_hz, measured : optional
         As of `plot_stability`.
     """
-    unit, per_unit = _frequency_unit(modes)
+    unit, per_unit = frequency_unit(modes)
     value, re, frequency = numbers(modes, "value"), numbers(modes, "re"), numbers(modes, "frequency_hz")
     figure = Figure(figsize=(9, 7), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()
     figure.suptitle(figure_text(title))
 
-    limits, notes = _growth_limits(modes)
+    limits, notes = growth_limits(modes)
     for branch in collect_branches(modes, onsets):
         ends = np.column_stack([branch.re, branch.frequency_hz / per_unit])
         axes.add_collection(LineCollection(list(segments(ends)[branch.joined]), colors="0.8", linewidths=0.7, zorder=1))
     points = axes.scatter(re, frequency / per_unit, c=value, s=14, cmap="viridis", zorder=3, linewidths=0)
     if len(np.unique(value)) > 1:
-        figure.colorbar(points, ax=axes, label=_parameter_label(parameter_name(modes)), pad=0.02)
+        figure.colorbar(points, ax=axes, label=parameter_label(parameter_name(modes)), pad=0.02)
     elif len(value):
         notes.append(f"{figure_text(parameter_symbol(parameter_name(modes)))} = {value[0]:.6g}")
     markers = _mark_onsets(axes, onsets, np.zeros(len(onsets)), numbers(onsets, "frequency_hz") / per_unit, 3.5)
@@ -254,58 +252,3 @@ def _looks(modes: pd.DataFrame, branch: Branch) -> str:
     count = short_diameters(row)
     around = "" if count == "–" else "1 nodal diameter" if count == "1" else f"{count} nodal diameters"
     return figure_text(", ".join(text for text in (around, body_text(row)) if text))
-
-
-def _growth_limits(modes: pd.DataFrame) -> tuple[tuple[float, float], list[str]]:
-    """Return the x range of the root locus, and a note about eigenvalues outside of it."""
-    re, frequency = numbers(modes, "re"), numbers(modes, "frequency_hz")
-    uncertainty = np.nan_to_num(numbers(modes, "re_uncertainty"))
-    magnitude = np.hypot(re, 2 * np.pi * frequency)
-    finite = np.isfinite(re)
-    if not finite.any():
-        return (-1.0, 1.0), ["no eigenvalues"]
-    # 1e-9 |λ| is rounding; what is beyond it and still marginal is covered by the uncertainty
-    if np.all(np.abs(re[finite]) <= np.maximum(uncertainty, 1e-9 * magnitude)[finite]):
-        width = max(1.0, 2.0 * float(np.abs(re[finite]).max()))
-        return (-width, width), ["Re λ = 0 within its uncertainty for all modes: neither damped nor growing"]
-    shown = finite & (frequency > 0)
-    if not shown.any():
-        shown = finite
-    low, high = padded(np.append(re[shown], 0.0))
-    high = max(high, -0.15 * low)  # some of the unstable half plane is always seen
-    low = min(low, -0.15 * high)
-    outside = int(np.count_nonzero((re[finite] < low) | (re[finite] > high)))
-    return (low, high), [f"{outside} real eigenvalues lie outside of the picture"] if outside else []
-
-
-def _styles(count: int) -> list[dict[str, Any]]:
-    """Return a colour and dash pattern for each of `count` branches, all different up to thirty."""
-    if count <= 9:
-        # tab10 without its grey, which stands for stable
-        colours = [colormaps["tab10"](i) for i in (3, 0, 2, 1, 4, 5, 6, 8, 9)]
-        return [{"color": colour, "ls": "-"} for colour in colours[:count]]
-    hues = colormaps["turbo"](np.linspace(0.04, 0.96, -(-count // len(_DASHES))))
-    return [{"color": tuple(hues[i // len(_DASHES)]), "ls": _DASHES[i % len(_DASHES)]} for i in range(count)]
-
-
-def _frequency_unit(modes: pd.DataFrame) -> tuple[str, float]:
-    frequency = numbers(modes, "frequency_hz")
-    return ("kHz", 1000.0) if np.nanmax(frequency, initial=0.0) >= 2000.0 else ("Hz", 1.0)
-
-
-def _parameter_label(name: str) -> str:
-    return PARAMETER_LABELS.get(name, figure_text(name))
-
-
-def _set_parameter_axis(axes: Axes, values: Floats) -> None:
-    low, high = float(np.nanmin(values, initial=np.inf)), float(np.nanmax(values, initial=-np.inf))
-    if not np.isfinite([low, high]).all():
-        axes.set_xlim(0.0, 1.0)
-    elif low == high:
-        half = 0.1 * abs(low) or 0.1
-        axes.set_xlim(low - half, high + half)
-    elif low > 0 and high / low > 50:
-        axes.set_xscale("log")
-        axes.set_xlim(low, high)
-    else:
-        axes.set_xlim(low, high)
