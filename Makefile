@@ -3,7 +3,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test types fast test-all test-again test-lowest clean
+.PHONY: run run-mpi test test-mpi types fast test-all test-again test-lowest clean
 
 run: .venv/installed
 	$(BIN)/fe-squeal run examples/disc_pad.toml -o results/disc_pad
@@ -42,6 +42,26 @@ NEWEST_ALONE := checkpoint counting effects_on_demand eigen eigen_complex estima
 test-lowest: .venv-lowest/installed
 	.venv-lowest/bin/pytest $(PYTEST_OPTIONS) -m "not slow" tests/unit tests/regression $(NEWEST_ALONE:%=--ignore=tests/unit/test_%.py)
 
+# On several processes, by MPI and MUMPS: Debian's packages, and NumPy 1.26, for which these were built. make run needs none.
+MPI := OMP_NUM_THREADS=1 mpiexec -q --oversubscribe --mca mpi_yield_when_idle 1 $(if $(filter 0,$(shell id -u)),--allow-run-as-root)
+PETSC ?= $(firstword $(wildcard /usr/lib/petscdir/petsc*/*-real/lib/python3/dist-packages))
+
+run-mpi: .venv-mpi/installed
+	$(MPI) -n 2 .venv-mpi/bin/fe-squeal run examples/disc_pad.toml -o results/disc_pad_mpi
+
+# The solver on one, two and three processes, then whole commands under mpiexec.
+test-mpi: .venv-mpi/installed
+	for count in 1 2 3; do $(MPI) -n $$count .venv-mpi/bin/python tests/pytest_mpi.py -q tests/unit/test_mumps.py || exit 1; done
+	.venv-mpi/bin/pytest tests/mpi
+
+.venv-mpi/installed: pyproject.toml
+	@test -d "$(PETSC)/petsc4py" || { echo "no petsc4py: apt-get install python3-petsc4py python3-mpi4py libopenblas0-pthread"; exit 1; }
+	/usr/bin/python3 -m venv .venv-mpi
+	.venv-mpi/bin/pip install --quiet --disable-pip-version-check -e ".[test]" "numpy<2"
+	echo "$(PETSC)" > $$(.venv-mpi/bin/python -c "import site; print(site.getsitepackages()[0])")/petsc4py.pth
+	ln -sfn /usr/lib/python3/dist-packages/mpi4py $$(.venv-mpi/bin/python -c "import site; print(site.getsitepackages()[0])")/mpi4py
+	@touch $@
+
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet --disable-pip-version-check -e .
@@ -57,7 +77,7 @@ test-lowest: .venv-lowest/installed
 	@touch $@
 
 clean:
-	rm -rf .venv .venv-lowest results build *.egg-info
+	rm -rf .venv .venv-lowest .venv-mpi results build *.egg-info
 
 # Every page of docs/ but architecture.md is made, or has its numbers made, by `make docs/PAGE.md`: by the file of benchmarks/
 # of that name, scene.md and lumped.md by the package. Their pictures come with them.

@@ -12,6 +12,7 @@ from .commands.prepare import check, mesh, new
 from .commands.references import compare, lumped_models
 from .commands.show import animate, diff, report
 from .commands.solve import accuracy, onset, run, study
+from .eigen.linear.processes import dismiss, help_out, is_helper, prepare
 from .errors import INTERRUPTED, InputError, NotConvergedError, SquealError, one_line
 from .process.isolation import import_matplotlib
 from .process.signals import stopped_by_signals
@@ -52,7 +53,22 @@ app.command()(info)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command; never shows a traceback for bad input."""
+    """Run the command; never shows a traceback for bad input.
+
+    Under mpiexec the first process runs it, and the others take part in its factorisations.
+    """
+    if is_helper():
+        return help_out()
+    code = InputError.exit_code
+    try:
+        prepare()
+        code = _run(arguments)
+    finally:
+        dismiss(code)
+    return code
+
+
+def _run(arguments: list[str] | None) -> int:
     with lasting_streams() as (out, err):
         with stopped_by_signals():
             code = _main(arguments)

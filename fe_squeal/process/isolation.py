@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 _KEYS = ("PYTHONSAFEPATH", "PYTHONPATH")
+_OF_MPIEXEC = ("OMPI_", "PMIX_", "PMI_")  # a child is none of the processes that mpiexec has started
 
 
 def isolated_environment() -> dict[str, str]:
@@ -16,11 +17,12 @@ def isolated_environment() -> dict[str, str]:
     `python -m` and `python -c` look for modules in the working folder first, where a file `json.py` of a stranger may
     lie; PYTHONSAFEPATH forbids that (Python 3.11). What PYTHONPATH names stays, behind the folder of this package, but
     for empty and relative entries, which mean the working folder again.
+    What mpiexec tells the processes that it starts stays here.
     """
     named = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     home = str(Path(__file__).resolve().parents[2])
     return {
-        **os.environ,
+        **{key: value for key, value in os.environ.items() if not key.startswith(_OF_MPIEXEC)},
         "PYTHONSAFEPATH": "1",
         "PYTHONPATH": os.pathsep.join([home, *(entry for entry in named if os.path.isabs(entry))]),
     }

@@ -97,7 +97,8 @@ class Solve(Section):
         of direct solves, have this backward error as well.
     linear_solver : "auto", "pardiso", "superlu" or "mumps"
         What factorises sparse matrices: "pardiso" is MKL's, "superlu" is SciPy's, which is always there, but
-        slower; "auto" takes "pardiso" where it can be loaded, else "superlu". "mumps" is not available in this version.
+        slower; "mumps" comes with petsc4py (docs/cluster.md). "auto" takes "mumps" where mpiexec has started several
+        processes, else "pardiso" where it can be loaded, else "superlu".
     """
 
     modes: Annotated[int, Field(ge=1)] | None = None  # 20, or as many as there are, where max_frequency is not given

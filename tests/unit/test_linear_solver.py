@@ -151,12 +151,15 @@ def test_auto_is_pardiso_where_it_is_there(monkeypatch):
     [
         ("pardiso", False, "MKL's PARDISO cannot be loaded on this machine (package pypardiso); expected \"auto\" or"
                            ' "superlu"'),
-        ("mumps", True, 'MUMPS is not available in this version; expected "auto", "pardiso" or "superlu"'),
-        ("mumps", False, 'MUMPS is not available in this version; expected "auto" or "superlu"'),
+        ("mumps", True, "MUMPS cannot be loaded on this machine (petsc4py with MUMPS and real numbers; see"
+                        ' docs/cluster.md); expected "auto", "pardiso" or "superlu"'),
+        ("mumps", False, "MUMPS cannot be loaded on this machine (petsc4py with MUMPS and real numbers; see"
+                         ' docs/cluster.md); expected "auto" or "superlu"'),
     ],
 )  # fmt: skip
 def test_a_solver_that_is_not_there_is_bad_input(tmp_path, monkeypatch, capsys, word, pardiso, told):
     monkeypatch.setattr(choice, "has_pardiso", lambda: pardiso)
+    monkeypatch.setattr(choice, "has_mumps", lambda: False)
     path = write_scene(tmp_path, asking_for(word))
     for command in (["run", str(path), "-o", str(tmp_path / "out")], ["check", str(path)], ["onset", str(path)],
                     ["run", str(path), "--accuracy", "0.1", "-o", str(tmp_path / "out")],

@@ -13,19 +13,23 @@ import scipy.sparse as sp
 from ...errors import NotConvergedError, SceneError
 from .dense import DenseFactor
 from .factor import DefiniteFactor, Factor, LinearSolver, Solve
+from .mumps import MUMPS, has_mumps
 from .pardiso import PARDISO, has_pardiso
+from .processes import process_count
 from .superlu import SUPERLU
 
 SolverName = Literal["auto", "pardiso", "superlu", "mumps"]
 _MISSING = {
     "pardiso": "MKL's PARDISO cannot be loaded on this machine (package pypardiso)",
-    "mumps": "MUMPS is not available in this version",
+    "mumps": "MUMPS cannot be loaded on this machine (petsc4py with MUMPS and real numbers; see docs/cluster.md)",
 }
 _FULL = 1000  # unknowns up to which a full matrix goes to LAPACK
 
 
 def choose(linear_solver: LinearSolver | str = "auto") -> LinearSolver:
-    """Return the solver that a word stands for; "auto" is PARDISO where it can be loaded, else SuperLU.
+    """Return the solver that a word stands for.
+
+    "auto" is MUMPS where mpiexec has started several processes; else PARDISO where it can be loaded, else SuperLU.
 
     Raises
     ------
@@ -39,7 +43,12 @@ def choose(linear_solver: LinearSolver | str = "auto") -> LinearSolver:
     """
     if not isinstance(linear_solver, str):
         return linear_solver
-    solvers = _available()
+    if process_count() > 1 and not has_mumps():
+        raise SceneError(
+            f"solve.linear_solver: {process_count()} processes take part by MUMPS alone, and {_MISSING['mumps']};"
+            " expected one process, or that package"
+        )
+    solvers = _available(linear_solver)
     if linear_solver == "auto":
         return next(iter(solvers.values()))
     if linear_solver in solvers:
@@ -51,10 +60,14 @@ def choose(linear_solver: LinearSolver | str = "auto") -> LinearSolver:
     )
 
 
-def _available() -> dict[str, LinearSolver]:
+def _available(word: str) -> dict[str, LinearSolver]:
     """Return the solvers that can be loaded on this machine, the one that "auto" takes first."""
-    superlu: dict[str, LinearSolver] = {"superlu": SUPERLU}
-    return {"pardiso": PARDISO, **superlu} if has_pardiso() else superlu
+    found: dict[str, LinearSolver] = {"superlu": SUPERLU}
+    found = {"pardiso": PARDISO, **found} if has_pardiso() else found
+    if process_count() > 1:
+        return {"mumps": MUMPS, **found}
+    # PETSc starts MPI, so that it is not loaded unless it is asked for.
+    return {**found, "mumps": MUMPS} if word == "mumps" and has_mumps() else found
 
 
 def factorize(A: sp.csr_array, symmetric: bool, linear_solver: LinearSolver | str = "auto") -> Factor:

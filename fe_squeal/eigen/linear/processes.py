@@ -1,0 +1,206 @@
+"""Several processes under mpiexec: one runs the program, the others take part where matrices are factorised and solved.
+
+Process 0 does everything that a single one does. Before a step that all take part in it sends the others what to do.
+They wait for that asleep most of the time, so that they take no core from it.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from .petsc import PetscMatrix, Told, petsc
+
+# How many processes there are, and which one this is, by Open MPI, and by MPICH and Intel MPI.
+_SIZES, _RANKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE"), ("OMPI_COMM_WORLD_RANK", "PMI_RANK")
+_LOCAL = ("OMPI_COMM_WORLD_LOCAL_SIZE", "MPI_LOCALNRANKS")
+_COMMAND, _END = 7, "end"  # tag of messages; the last one
+_FIRST_WAIT, _LONGEST_WAIT = 1e-5, 2e-3  # s, between two looks for a message
+_PATIENCE = 20  # s, for which a process that is to end waits for the first one
+_matrices: dict[int, PetscMatrix] = {}
+_given_up: list[int] = []  # handles that no factor uses any more: released with the next command
+_state = {"handle": 0, "broken": False}
+
+
+def process_count() -> int:
+    """Return how many processes mpiexec has started; 1 without it. Nothing is imported for that."""
+    return next((int(os.environ[key]) for key in _SIZES if os.environ.get(key, "").isdigit()), 1)
+
+
+def local_count() -> int:
+    """Return how many of them run on this machine."""
+    return next((int(os.environ[key]) for key in _LOCAL if os.environ.get(key, "").isdigit()), 1)
+
+
+def is_helper() -> bool:
+    """Whether this is a process that takes part in factorisations alone."""
+    rank = next((os.environ[key] for key in _RANKS if os.environ.get(key, "").isdigit()), "0")
+    return process_count() > 1 and rank != "0"
+
+
+def _comm() -> Any:
+    if process_count() == 1:
+        return None
+    petsc()  # which starts MPI
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+def _factorize(comm: Any, what: dict[str, Any], A: sp.csr_array | None) -> Told:
+    """Spread the rows over the processes, and factorise."""
+    if comm is None:
+        assert A is not None
+        rows = A
+    else:
+        rows = _scattered_rows(comm, what["n"], A)
+    matrix = PetscMatrix(rows, what["n"], what["symmetric"], what["definite"], comm)
+    told = matrix.factorize(what["megabytes"], what["analyse_only"])
+    if what["analyse_only"] or told.error:
+        matrix.destroy()
+    else:
+        _matrices[what["handle"]] = matrix
+    return told
+
+
+def _solve(comm: Any, what: dict[str, Any], b: np.ndarray | None) -> np.ndarray | None:
+    """Return A⁻¹ b or A⁻ᵀ b (n, k) on process 0."""
+    matrix = _matrices[what["handle"]]
+    if comm is None:
+        assert b is not None
+        return matrix.solve(b, what["transposed"])
+    k = what["columns"]
+    ends = _ends(what["n"], comm.size)
+    counts = np.diff(ends) * k
+    own = np.empty((int(np.diff(ends)[comm.rank]), k))
+    comm.Scatterv([None if b is None else np.ascontiguousarray(b, dtype=float), counts], own, root=0)
+    x = np.ascontiguousarray(matrix.solve(own, what["transposed"]))
+    whole = np.empty((what["n"], k)) if comm.rank == 0 else None
+    comm.Gatherv(x, [whole, counts], root=0)
+    return whole
+
+
+def _ends(n: int, parts: int) -> np.ndarray:
+    return np.array([n * i // parts for i in range(parts + 1)])
+
+
+def _scattered_rows(comm: Any, n: int, A: sp.csr_array | None) -> sp.csr_array:
+    ends = _ends(n, comm.size)
+    if comm.rank == 0:
+        assert A is not None
+        for other in range(1, comm.size):
+            part = sp.csr_array(A[ends[other] : ends[other + 1]])
+            comm.send((part.indptr, len(part.data)), dest=other, tag=_COMMAND)
+            comm.Send(part.indices.astype(part.indptr.dtype), dest=other, tag=_COMMAND)
+            comm.Send(part.data, dest=other, tag=_COMMAND)
+        return sp.csr_array(A[: ends[1]])
+    indptr, count = comm.recv(source=0, tag=_COMMAND)
+    indices, data = np.empty(count, indptr.dtype), np.empty(count)
+    comm.Recv(indices, source=0, tag=_COMMAND)
+    comm.Recv(data, source=0, tag=_COMMAND)
+    return sp.csr_array((data, indices, indptr), shape=(len(indptr) - 1, n))
+
+
+_STEPS: dict[str, Callable[..., Any]] = {"factorize": _factorize, "solve": _solve}
+
+
+def _take_part(comm: Any, name: str, what: dict[str, Any], data: Any) -> Any:
+    for handle in what["given_up"]:
+        if handle in _matrices:
+            _matrices.pop(handle).destroy()
+    return _STEPS[name](comm, what, data)
+
+
+def together(name: str, data: Any, **what: Any) -> Any:
+    """Do a step on all processes; called by process 0, which has the data and gets the result."""
+    comm = _comm()
+    what["given_up"] = _given_up[:]
+    del _given_up[: len(what["given_up"])]
+    if comm is None:
+        return _take_part(comm, name, what, data)
+    if _state["broken"]:
+        raise KeyboardInterrupt  # the others are in the middle of a step that was interrupted
+    _state["broken"] = True
+    for other in range(1, comm.size):
+        comm.send((name, what), dest=other, tag=_COMMAND)
+    result = _take_part(comm, name, what, data)
+    _state["broken"] = False
+    return result
+
+
+def new_handle() -> int:
+    """Return a number for a matrix."""
+    _state["handle"] += 1
+    return _state["handle"]
+
+
+def give_up(handle: int) -> None:
+    """Let a matrix go. Any moment may call this, also one within another step, so that it happens with the next one."""
+    _given_up.append(handle)
+
+
+def help_out() -> int:
+    """Take part in what process 0 does until it ends; the exit code is for mpiexec."""
+    import signal
+
+
+    def last_call(number: int, frame: Any) -> None:
+        """Process 0 is told as well, writes what is finished, and ends all; if it does not, the alarm does."""
+        if hasattr(signal, "alarm"):
+            signal.alarm(_PATIENCE)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, last_call)
+    parent = os.getppid()
+    comm, wait = None, _FIRST_WAIT
+    try:
+        if petsc() is None:
+            return 0  # process 0 says what is missing
+        comm = _comm()
+        while True:
+            if not comm.iprobe(source=0, tag=_COMMAND):
+                time.sleep(wait)
+                wait = min(2 * wait, _LONGEST_WAIT)
+                if os.getppid() != parent:  # mpiexec is gone
+                    os._exit(1)
+                continue
+            wait = _FIRST_WAIT
+            name, what = comm.recv(source=0, tag=_COMMAND)
+            if name == _END:
+                return int(what)
+            _take_part(comm, name, what, None)
+    except BaseException as error:  # whatever it is, the others wait for this process
+        lines = traceback.format_exception_only(error)
+        rank = comm.rank if comm is not None else "?"
+        print(f"error: process {rank} of {process_count()} failed: {''.join(lines).strip()[:300]}", file=sys.stderr)
+        sys.stderr.flush()
+        if comm is None:
+            return 1
+        comm.Abort(1)
+        raise
+
+
+def prepare() -> None:
+    """Start MPI on process 0, for which the others wait."""
+    if process_count() > 1:
+        petsc()
+
+
+def dismiss(code: int) -> None:
+    """Let the other processes end, as the last thing that process 0 does."""
+    if process_count() == 1 or is_helper() or petsc() is None:
+        return
+    comm = _comm()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    if _state["broken"]:  # the others wait for a step that does not come
+        comm.Abort(code)
+    for other in range(1, comm.size):
+        comm.send((_END, 0), dest=other, tag=_COMMAND)

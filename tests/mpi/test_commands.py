@@ -1,0 +1,125 @@
+"""Commands under mpiexec: results of one process, one message where something is wrong, and no process left."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+from scene_texts import replaced
+
+from fe_squeal.eigen.linear.mumps import has_mumps
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not shutil.which("mpiexec") or not has_mumps(), reason="no mpiexec, or no petsc4py with MUMPS"),
+]
+SCENE = replaced("size = 0.02", "size = 0.01", replaced('file = "block.msh"\n', ""))
+
+
+def started(count, *arguments):
+    """The command on so many processes; mpiexec's own words on a failure are left out by -q."""
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OMPI_ALLOW_RUN_AS_ROOT": "1",
+                   "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_mpi_yield_when_idle": "1"}  # fmt: skip
+    command = ["mpiexec", "-q", "--oversubscribe", "-n", str(count), sys.executable, "-m", "fe_squeal", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+
+
+def ended(process, seconds=200):
+    out, err = process.communicate(timeout=seconds)
+    return process.returncode, out, err
+
+
+def table(folder):
+    with (folder / "modes.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    return np.array([[float(row[key]) for key in ("value", "re", "im")] for row in rows])
+
+
+def test_results_are_those_of_one_process(tmp_path):
+    scene = tmp_path / "block.toml"
+    scene.write_text(SCENE)
+    found = {}
+    for count in (1, 2, 3):
+        word = "superlu" if count == 1 else "auto"
+        scene.write_text(replaced("modes = 8", f'modes = 8\nlinear_solver = "{word}"', SCENE))
+        code, _, err = ended(started(count, "run", str(scene), "-o", str(tmp_path / f"out{count}")))
+        assert code == 0, err
+        found[count] = table(tmp_path / f"out{count}")
+        record = json.loads((tmp_path / f"out{count}" / "run.json").read_text())
+        assert count == 1 or record["linear_solver"] == f"MUMPS (PETSc), {count} processes"
+    for count in (2, 3):
+        scale = np.abs(found[1]).max()
+        np.testing.assert_allclose(found[count], found[1], rtol=0, atol=1e-8 * scale)
+    assert len(found[1]) > 20 and sorted(p.name for p in (tmp_path / "out3").iterdir()) == sorted(
+        p.name for p in (tmp_path / "out1").iterdir()
+    )
+
+
+def test_bad_input_is_one_message(tmp_path):
+    scene = tmp_path / "block.toml"
+    scene.write_text(SCENE.replace("modes = 8", "modes = many"))
+    code, _, err = ended(started(3, "run", str(scene), "-o", str(tmp_path / "out")))
+    assert code == 2 and err.count("error:") == 1
+
+
+def helpers_of(process):
+    """The processes of the command, by rank, once all run."""
+    for _ in range(200):
+        ranks = {}
+        for child in psutil.Process(process.pid).children(recursive=True):
+            try:
+                rank = child.environ().get("OMPI_COMM_WORLD_RANK")
+                if rank and "fe_squeal" in " ".join(child.cmdline()):
+                    ranks[int(rank)] = child
+            except psutil.Error:
+                continue
+        if len(ranks) == 3:
+            return ranks
+        time.sleep(0.1)
+    raise AssertionError("the processes did not start")
+
+
+def long_scene(tmp_path):
+    path: Path = tmp_path / "block.toml"
+    text = replaced("order = 1", "order = 2", SCENE)
+    path.write_text(replaced("modes = 8", 'modes = 8\nmethod = "direct"', text))
+    return path
+
+
+@pytest.mark.parametrize("rank", [1, 0])
+def test_the_death_of_a_process_ends_all(tmp_path, rank):
+    process = started(3, "run", str(long_scene(tmp_path)), "-o", str(tmp_path / "out"))
+    ranks = helpers_of(process)
+    time.sleep(4)
+    ranks[rank].send_signal(signal.SIGKILL)
+    code, _, _ = ended(process, 60)
+    assert code != 0
+    _, alive = psutil.wait_procs(list(ranks.values()), timeout=40)
+    assert not [child for child in alive if child.status() != psutil.STATUS_ZOMBIE]
+
+
+def test_what_was_finished_is_kept_and_goes_on(tmp_path):
+    """Ctrl-C reaches mpiexec, which ends its processes; --resume goes on from there, on another number of them."""
+    scene, out = long_scene(tmp_path), tmp_path / "out"
+    process = started(3, "run", str(scene), "-o", str(out))
+    deadline = time.time() + 120
+    while time.time() < deadline and not ((out / "modes.csv").is_file() and len(table(out))):
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    code, _, err = ended(process, 60)
+    assert code != 0 and err.count("interrupted") <= 1
+    before = len(table(out))
+    assert before
+    code, _, err = ended(started(2, "run", str(scene), "-o", str(out), "--resume"), 300)
+    assert code == 0, err
+    assert len(table(out)) > before

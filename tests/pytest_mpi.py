@@ -1,0 +1,17 @@
+"""Pytest under mpiexec, on process 0, while the others take part in factorisations; see make test-mpi."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from fe_squeal.eigen.linear.processes import dismiss, help_out, is_helper, prepare
+
+if __name__ == "__main__":
+    if is_helper():
+        sys.exit(help_out())
+    prepare()
+    code = int(pytest.main([*sys.argv[1:], "-p", "no:cacheprovider"]))
+    dismiss(code)
+    sys.exit(code)
