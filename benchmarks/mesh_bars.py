@@ -217,7 +217,8 @@ def _apart(points: np.ndarray) -> np.ndarray:
 
 def _paired(result: Sweep, own: list[Any], levels: list[Any]) -> Pairs:
     rows, lost = [], 0
-    for point, (lam, shape), (once, shape_1), (twice, shape_2) in zip(result.points, own, *levels, strict=True):
+    points = [p for p in result.points if not p.between]
+    for point, (lam, shape), (once, shape_1), (twice, shape_2) in zip(points, own, *levels, strict=True):
         assert point.discretisation is not None
         top = _COMPARED * point.modes.lam.imag.max()
         same, before = same_modes(shape, lam, shape_2, twice), same_modes(shape_2, twice, shape_1, once)

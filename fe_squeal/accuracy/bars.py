@@ -3,12 +3,13 @@
 Halving the elements leaves 2^-q of an error: q = 4 for smooth modes of order 2, 2 for those of order 1, down to 1 where
 stresses are singular (edges of contacts, clamped edges, re-entrant corners). The exact value lies s = 1/(1 − 2^-q)
 times the change Δλ away: between 16/15 and 2. Linear elements that are as thick as what they bend are too stiff to be
-at their rate yet; for order 1 s goes up to 4, q = 0.4. Three things keep this from being the bar as it stands:
+at their rate yet; for order 1 s goes up to 4, q = 0.4. Four things keep this from being the bar as it stands:
 
 - An error has parts of different q. Where they cancel in the real part of Δλ it vanishes, and the error does not. So
   both parts of a bar have a floor, a `SHARE` of what |Δλ| itself would make.
 - Two modes that nearly meet move like m ± √D, and D is what changes linearly. So m and D of each mode and the one next
   to it are extrapolated, over all these s, and the bar holds where this leads to.
+- A pair λ, −λ* may be two modes without growth on the refined mesh, with a change each. The larger one counts for both.
 - Along the parameter a change passes through zero where errors do not. So a bar is the largest of its own and those of
   the same branch at the neighbouring values.
 
@@ -81,6 +82,29 @@ def bent_change(lam: np.ndarray, refined: np.ndarray, order: int) -> np.ndarray:
             re, im = max(re, abs(here.real - lam[i].real)), max(im, abs(here.imag - lam[i].imag))
         found[i] = re + 1j * im
     return found
+
+
+def mirrored(bars: np.ndarray, partner: np.ndarray) -> np.ndarray:
+    """Return for each bar the larger of its own and that of its mirror image, where both are known.
+
+    Without damping λ and −λ* have the same error. Where the refined mesh takes the two apart, into modes that do not
+    grow, each is compared with another of these and sees its change alone.
+
+    Parameters
+    ----------
+    bars : (k,) complex
+    partner : (k,) int
+        Positions of the mirror images, or −1.
+
+    Examples
+    --------
+    >>> mirrored(np.array([1 + 4j, 2 + 3j, 9]), np.array([1, 0, -1]))
+    array([2.+4.j, 2.+4.j, 9.+0.j])
+    """
+    other = np.where(partner >= 0, bars[partner], bars)
+    other = np.where(np.isfinite(other), other, bars)
+    wide: np.ndarray = np.maximum(bars.real, other.real) + 1j * np.maximum(bars.imag, other.imag)
+    return wide
 
 
 def enveloped(bars: Sequence[np.ndarray], branches: Sequence[np.ndarray]) -> list[np.ndarray]:

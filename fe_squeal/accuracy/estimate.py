@@ -22,8 +22,8 @@ from ..reduced import ReducedModel
 from ..sweep.onsets import Onset
 from ..sweep.result import Sweep, SweepPoint
 from ..sweep.sweep import sweep
-from ..sweep.tracking import match_modes
-from .bars import BARS, bar_of, bent_change, enveloped
+from ..sweep.tracking import match_modes, mirror_partners
+from .bars import BARS, bar_of, bent_change, enveloped, mirrored
 from .corrected import CorrectedModel
 from .two_level import prolongation
 
@@ -93,7 +93,8 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
         bent = bent_change(lam, refined, order)[modes]
         still = np.abs(point.modes.lam.real) <= point.modes.re_uncertainty
         moved = np.abs(np.nan_to_num(change).real) > point.modes.re_uncertainty
-        bars.append(bar_of(change, bent, still & ~moved & (not result.problem.is_damped), order))
+        bar = bar_of(change, bent, still & ~moved & (not result.problem.is_damped), order)
+        bars.append(mirrored(bar, mirror_partners(point.modes)))
     bars = enveloped(bars, [point.branches for point in result.points])
     onsets = [
         replace(onset, discretisation=np.inf if np.isnan(c) else BARS[order] * abs(c))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .changes import Change
+from .changes import FINEST, Change
 from .nodes import Node
 from .onset import Onset
 from .step import Step
@@ -72,7 +72,8 @@ def lost_in_rounding(step: Step, change: Change) -> Doubt | None:
 def split_doubtful(step: Step, onsets: Sequence[Onset]) -> tuple[list[Onset], list[Doubt]]:
     """Return the onsets of a step that are sure, and doubts for windows narrower than the uncertainty of their ends.
 
-    Of a window that reaches beyond the step the end of the step tells whether its modes are unstable.
+    Of a window that reaches beyond the step the end of the step tells whether its modes are unstable. Windows so narrow
+    that steps are not searched for them are left out.
     """
     kept: list[Onset] = []
     doubts: list[Doubt] = []
@@ -89,7 +90,8 @@ def split_doubtful(step: Step, onsets: Sequence[Onset]) -> tuple[list[Onset], li
         narrow = out.value - into.value <= into.uncertainty + out.uncertainty
         if into in kept and out in kept and pair and narrow and {into.direction, out.direction} == {"into", "out of"}:
             kept = [o for o in kept if o is not into and o is not out]
-            doubts.append(Doubt(into.value, out.value, into.frequency_hz))
+            if out.value - into.value > FINEST * (step.ends[1] - step.ends[0]):  # else nobody looked for it
+                doubts.append(Doubt(into.value, out.value, into.frequency_hz))
     return kept, doubts
 
 

@@ -148,7 +148,8 @@ class Sweep:
         return {
             "sure": not self.unsettled,
             "what": f"onsets for {self.parameter} from {self.points[0].value:g} to {self.points[-1].value:g}",
-            "how": "eigenvalues that may meet, as one smooth matrix between values, with values added where in doubt",
+            "how": "eigenvalues that may meet, as one smooth matrix between values, with values added where in doubt;"
+            " modes counted on both sides of each onset",
             "width": self.window,
             "open": list(self.unsettled),
         }

@@ -301,7 +301,9 @@ class RunningSweep:
                 onset = replace(onset, two_mode_value=predicted)
             onsets.append(onset)
         before, now = (m.lam[m.stability == "unstable"] for m in (self._previous, modes))
-        imbalance = unbalanced(before, now, onsets, float(inside))
+        # Where no more modes are found than asked for these are all, and none enters or leaves the range.
+        complete = all(m.exhaustive and len(m) <= (self.request.count or 0) for m in (self._previous, modes))
+        imbalance = unbalanced(before, now, onsets, np.inf if complete else float(inside))
         if imbalance and not found.warnings:
             found.warnings.append(f"between {name} = {self._value:.8g} and {value:.8g} {imbalance}")
         return replace(found, onsets=onsets)
