@@ -63,6 +63,7 @@ def _study(
     scheduler: str,
 ) -> int:  # fmt: skip
     start, out, solver = time.perf_counter(), held.folder, solver_of(scene)
+    clock = StageClock()
     mesh = scene_mesh(scene)
     inputs, parts = run_inputs(scene, mesh), StudyParts(held)
     record = read_json(out / STUDY_RECORD)
@@ -96,7 +97,7 @@ def _study(
     try:
         with _shown(console) as progress:
             finish = scattered if section.parameters else mapped
-            said = finish(scene, section, problem, {**options, "progress": progress}, out, console)
+            said = finish(scene, section, problem, {**options, "progress": clock.beside(progress)}, out, console)
     except KeyboardInterrupt:
         write_json({**about, "status": "interrupted"}, out / STUDY_RECORD)
         print(f"interrupted: what was finished is in {out}; --resume goes on from there", file=sys.stderr)
@@ -111,7 +112,8 @@ def _study(
         raise SceneError(f"{where}{str(error).removeprefix(where)}") from error
     seconds = time.perf_counter() - start
     write_json(
-        {**about, "status": "complete", **said, "seconds": seconds, "peak_memory_mib": peak_memory_mib()},
+        {**about, "status": "complete", **said, "seconds": seconds, "cpu_seconds": clock.seconds(),
+         "peak_memory_mib": peak_memory_mib()},
         out / STUDY_RECORD,
     )
     if scene.output.report:
@@ -119,6 +121,29 @@ def _study(
     parts.remove()
     console.print(f"results in {out}: {REPORT if scene.output.report else STUDY_RECORD}; {seconds:.0f} s", markup=False)
     return 0
+
+
+class StageClock:
+    """CPU seconds of this process by stage; those of other processes of a cluster do not count."""
+
+    def __init__(self) -> None:
+        self._begun = [("model", time.process_time())]
+
+    def beside(self, progress: Callable[[str, int, int, float], None]) -> Callable[[str, int, int, float], None]:
+        """Return what tells progress and takes the time where a stage with a number of places ends."""
+
+        def tell(stage: str, done: int, total: int, rate: float) -> None:
+            name = stage.split(" ")[0]
+            if total and self._begun[-1][0] != name:
+                self._begun.append((name, time.process_time()))
+            progress(stage, done, total, rate)
+
+        return tell
+
+    def seconds(self) -> dict[str, float]:
+        """Return the seconds by stage."""
+        ends = [t for _, t in self._begun[1:]] + [time.process_time()]
+        return {name: end - t for (name, t), end in zip(self._begun, ends, strict=True)}
 
 
 @contextmanager

@@ -67,6 +67,7 @@ def solve_places(
     done = {} if parts is None else {i: part for i, part in parts.load().items() if i < len(chunks)}
     before = finished = sum(len(chunks[i]) for i in done)
     start = time.perf_counter()
+    progress(finished, len(places), 0.0)
     left = [i for i in range(len(chunks)) if i not in done]
     work = ((i, places[chunks[i]]) for i in left)
     with spread(cluster) as call:

@@ -186,6 +186,7 @@ def _boundaries(
         *(seeds_on_lines(problem, axes, grids, 1, np.array([x]), count, limit, told.append) for x in columns),
         islands(problem, axes, grids, modes_at),
     ]
+    progress("boundaries", 0, total, 0.0)
     for i, stage in enumerate(stages):
         for boundary, point, held in stage:
             alike = [c for c in curves if c.boundary.kind == boundary.kind]
