@@ -59,7 +59,7 @@ clean:
 # Every page of docs/ but architecture.md is made, or has its numbers made, by `make docs/PAGE.md`: by the file of benchmarks/
 # of that name, scene.md and lumped.md by the package. Their pictures come with them.
 PAGES := $(filter-out docs/architecture.md,$(wildcard docs/*.md))
-MEASURED := accuracy_and_cost effects_cost near_incompressible onsets performance sweep_cost
+MEASURED := accuracy_and_cost effects_cost near_incompressible onsets performance studies sweep_cost
 .PHONY: docs benchmarks hard-cases trust $(PAGES)
 
 # What follows from the program alone: keys of the scene, lumped models, pictures of README.md.
