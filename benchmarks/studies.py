@@ -71,7 +71,8 @@ def scatter_lines(out: Path, checks: int) -> list[str]:
         f"`examples/disc_pad_scatter.toml`: five numbers, {record['samples']} samples of {record['unknowns']} unknowns."
         f" Unstable with a probability of {100 * whole['probability']:.3g} % (95 % interval"
         f" {100 * whole['lower']:.3g} to"
-        f" {100 * whole['upper']:.3g} %); what drives it most is `{record['driver']}`.",
+        f" {100 * whole['upper']:.3g} %);"
+        f" what drives {'it' if 0 < whole['probability'] < 1 else 'the largest growth'} most is `{record['driver']}`.",
         "",
         "![Damping ratio against frequency of every unstable mode](images/study_scatter.png)",
         "",
@@ -85,7 +86,8 @@ def scatter_lines(out: Path, checks: int) -> list[str]:
         solved, seconds = record["samples"] + again, cpu.get("samples", 0.0) + cpu.get("indices", 0.0)
         lines.append(
             f"- One thread: {cpu['model']:.0f} CPU seconds until the model is there, then"
-            f" {solved / seconds:.0f} samples a CPU second, {solved} with those for the indices; at most {record['peak_memory_mib']:.0f} MiB."
+            f" {solved / seconds:.0f} samples a CPU second, {solved} with those for the indices; at most"
+            f" {record['peak_memory_mib']:.0f} MiB."
         )
     return lines
 

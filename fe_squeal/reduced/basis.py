@@ -222,7 +222,7 @@ class ReducedBasis(Projection):
         small._units = self._units[self._lines]
         small._lines = np.arange(len(self._lines))
         small.__dict__.pop("_acting", None)
-        small._slow, small._contained = (small.V, self.slow), None
+        small._slow, small._contained, small._last = (small.V, self.slow), None, None
         n = self.problem.unknowns
         empty = sp.csr_array((n, n))
         terms = tuple(replace(t, matrix=empty) for t in self.problem.terms)

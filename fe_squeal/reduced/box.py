@@ -28,6 +28,7 @@ _MOST = 600  # vectors: with more, an eigenvalue problem of this size costs as m
 _LEAST = (1.0, 0.5, 0.3, 0.2, 0.15, 0.1)  # times √tolerance: singular values that a condensed basis leaves out
 _TRIALS = 30  # places at which it is tried
 _MARGIN = 3.0  # times the largest ratio of true errors to estimated ones there
+_FAR = 100.0  # times the tolerance: beyond it the next place is the farthest from all others
 _CHECKS = 4  # rounds of places that had no part in making the basis
 
 Places = Sequence[tuple[float, ...]]
@@ -169,6 +170,8 @@ class BoxModel(ReducedModel):
             self._add_modes(self._start, definite)
             self._add_missing([self._start, *corners], definite)
             self.places.append(self._start)
+        if corners:
+            self._spread_over(places, progress)
         while self._has_room():
             worst = self._worst(off)
             if off[worst] <= 1:
@@ -178,6 +181,24 @@ class BoxModel(ReducedModel):
             self.places.append(worst)
         if corners and self._add_missing([self._start, *corners], definite):
             self._made_for(places, definite, (), progress)
+
+    def _spread_over(self, places: Places, progress: Callable[[str], None]) -> None:
+        """Add modes at places as far apart as possible while these miss the tolerance by far.
+
+        As long as that is so, an estimate at every place would cost more than it tells.
+        """
+        width = np.maximum(np.ptp(np.array([self._start, *places]), axis=0), np.finfo(float).tiny)
+        spots = np.array(places) / width
+        distance = np.linalg.norm(spots - np.array(self._start) / width, axis=1)
+        while self._has_room():
+            far = int(np.argmax(distance))
+            off = self._off(places[far])
+            if off <= _FAR:
+                return
+            progress(f"{len(self.basis)} vectors, {off:.1e} times the tolerance")
+            self._add_modes(places[far], None)
+            self.places.append(places[far])
+            distance = np.minimum(distance, np.linalg.norm(spots - spots[far], axis=1))
 
     def _join(self, local: ReducedBasis, every: Modes) -> None:
         """Add the modes asked for and their neighbours; those of the softest corner keep others far enough."""

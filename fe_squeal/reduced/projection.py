@@ -53,6 +53,7 @@ class Projection:
         self.V = np.zeros((problem.unknowns, 0))
         self._projected = [np.zeros((0, 0)) for _ in problem.terms]
         self.has_slow = False
+        self._last: tuple[Place, np.ndarray, Pencil] | None = None  # with the V that the pencil belongs to
         self._slow: tuple[np.ndarray, SlowMotions | None] | None = None  # with the V that they belong to
         # Of the last call of `_coordinates`: the motions, the basis, and what was found for them.
         self._contained: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
@@ -73,7 +74,12 @@ class Projection:
         return self.problem.at(values_at(self.parameter, value))
 
     def pencil(self, value: Place) -> Pencil:
-        """Return the projected matrices at a value of the parameter."""
+        """Return the projected matrices at a value of the parameter; those of the last one are kept."""
+        if self._last is None or self._last[0] != value or self._last[1] is not self.V:
+            self._last = value, self.V, self._pencil(value)
+        return self._last[2]
+
+    def _pencil(self, value: Place) -> Pencil:
         at = self.at(value)
         sums: dict[Slot, np.ndarray | None] = {"M": None, "C": None, "K": None}
         symmetric = True
@@ -115,7 +121,7 @@ class Projection:
 
     def expect_slow_motions(self) -> None:
         """From now on look for motions that are hardly held whenever the basis has changed."""
-        self.has_slow = True
+        self.has_slow, self._last = True, None
 
     @property
     def slow(self) -> SlowMotions | None:

@@ -139,11 +139,12 @@ def _on_cluster(
     distributed: Any, client: Any, function: Callable[[Any, Any], Any], shared: Any, work: Iterable[tuple[int, Any]]
 ) -> Iterator[tuple[int, Any]]:  # fmt: skip
     """Yield results as workers finish them; what a worker had that dies is done by another one."""
-    gone = (OSError, TimeoutError, distributed.core.CommClosedError, distributed.client.FuturesCancelledError)
+    lost = distributed.client
+    gone = (OSError, TimeoutError, distributed.core.CommClosedError, lost.CancelledError, lost.FuturesCancelledError)
     try:
         sent = client.scatter(shared, broadcast=True, hash=False)
         futures = {client.submit(function, sent, item, pure=False, retries=2): i for i, item in work}
         for future in distributed.as_completed(futures):
             yield futures[future], future.result()
     except gone as error:
-        raise NotConvergedError(f"the scheduler is gone ({type(error).__name__}): {error}") from error
+        raise NotConvergedError(f"the scheduler is gone ({type(error).__name__})") from error

@@ -145,6 +145,7 @@ def test_bad_input_is_one_sentence(scene, tmp_path, capsys, study, message):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_resuming_gives_the_same_samples(scene, tmp_path, monkeypatch):
     """Stopped after its first chunk, and gone on with; nothing that was finished is solved again."""
     path, whole, parts = scene(SCATTER, 96), tmp_path / "whole", tmp_path / "parts"
@@ -192,8 +193,9 @@ def test_any_number_of_workers_gives_the_same_samples(scene, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_worker_that_dies_costs_nothing_but_time(scene, tmp_path):
-    """A scheduler and three workers, as on a cluster; one is killed while the study goes on."""
+@pytest.mark.parametrize("victim", ["worker", "scheduler"])
+def test_a_cluster_that_loses_a_part(scene, tmp_path, victim):
+    """Three workers: without one of them the study goes on; without the scheduler it ends, and keeps what is done."""
     pytest.importorskip("distributed")
     path, out, address = scene(SCATTER, 1024), tmp_path / "out", tmp_path / "scheduler.json"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
@@ -217,7 +219,7 @@ def test_a_worker_that_dies_costs_nothing_but_time(scene, tmp_path):
         started += workers
         study = subprocess.Popen(
             [sys.executable, "-m", "fe_squeal", "study", str(path), "-o", str(out), "--scheduler", where],
-            env=environment, **quiet,
+            env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, encoding="utf-8",
         )  # fmt: skip
         started.append(study)
         for _ in range(600):
@@ -225,12 +227,16 @@ def test_a_worker_that_dies_costs_nothing_but_time(scene, tmp_path):
                 break
             time.sleep(0.05)
         assert study.poll() is None  # it goes on
-        workers[0].send_signal(signal.SIGKILL)
-        assert study.wait(120) == 0
+        (workers[0] if victim == "worker" else scheduler).send_signal(signal.SIGKILL)
+        assert study.wait(120) == (0 if victim == "worker" else 3)
+        if victim == "scheduler":
+            assert "the scheduler is gone" in study.stderr.read()
+            assert json.loads((out / "study.json").read_text())["status"] == "not converged"
+            assert len(list((out / "parts").glob("samples_*.npz"))) >= 2
+            return
         samples = pd.read_csv(out / "samples.csv")
         assert (samples["sample"] == np.arange(1, 1025)).all()
         assert (samples["unstable"] == (samples["delta"] < 2 * samples["mu"])).all()
-        assert study.returncode == 0 and workers[0].poll() is not None
     finally:
         for process in reversed(started):
             process.kill()

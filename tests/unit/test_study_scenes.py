@@ -1,0 +1,95 @@
+"""Studies of scenes on a mesh: what is refused, and numbers that change matrices or the mesh itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fe_squeal
+from fe_squeal.errors import SceneError
+from fe_squeal.scene.file import load_scene, parse_scene
+from fe_squeal.scene.writing import scene_text
+
+# A block on a belt that flutters from mu = 0.40 on.
+SPRINGS = [
+    ("inclined_1", "front", [-1.0, 0.0, 1.0], 4e5), ("inclined_2", "back", [-1.0, 0.0, 1.0], 4e5),
+    ("up_1", "left", [0.0, 0.0, 1.0], 4.3e6), ("up_2", "right", [0.0, 0.0, 1.0], 4.3e6),
+    ("along_1", "left", [1.0, 0.0, 0.0], 4.8e6), ("along_2", "right", [1.0, 0.0, 0.0], 4.8e6),
+    ("across", "front", [0.0, 1.0, 0.0], 2e7),
+]  # fmt: skip
+SCENE = {
+    "mesh": {"order": 1, "block": {"length": 0.08, "width": 0.04, "height": 0.02, "size": 0.02}},
+    "materials": {"steel": {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 7800.0}},
+    "bodies": {"block": {"material": "steel"}},
+    "springs": [dict(zip(("name", "surface", "direction", "stiffness"), s, strict=True)) for s in SPRINGS],
+    "contacts": [{"name": "belt", "surface": "bottom", "counterface": "rigid", "normal_stiffness": 3.125e8,
+                  "sliding": {"direction": [1.0, 0.0, 0.0], "speed": 1.0}}],
+    "effects": {"friction": {"mu": 0.3}},
+    "solve": {"modes": 4},
+}  # fmt: skip
+MU = {"mu": {"uniform": {"low": 0.2, "high": 0.6}}}
+
+
+def study(parameters, **more):
+    return {**SCENE, "study": {"parameters": parameters, **more}}
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"materials.stel.density": {"values": [1.0, 2.0]}}, 'did you mean "materials.steel.density"'),
+        ({"materials.steel.youngs_modulus": {"uniform": {"low": -1e9, "high": 1e9}}}, "expected a number > 0"),
+        ({"solve.modes": {"values": [1.0, 2.0]}}, "expected a number of the physics"),
+        ({"mesh.size": {"values": [1.0, 2.0]}}, "expected a number of the physics"),
+        ({"mu": {"triangular": {"low": 0.1, "mode": 0.6, "high": 0.5}}}, "low ≤ mode ≤ high"),
+        ({"mu": {"lognormal": {"median": 0.3, "factor": 0.9}}}, "factor"),
+        ({"mu, mu": {"values": [0.1, 0.2]}}, 'given "mu" twice'),
+    ],
+)
+def test_what_a_scene_refuses(parameters, message):
+    with pytest.raises(SceneError, match=message.replace("(", r"\(")):
+        parse_scene(study(parameters))
+
+
+def test_numbers_without_effect_and_distributions_that_leave_the_range_are_refused():
+    scene = parse_scene(SCENE)
+    problem = fe_squeal.assemble(scene)
+    with pytest.raises(SceneError, match="nothing in the problem depends"):
+        fe_squeal.scatter(problem, {"contacts.belt.sliding.speed": {"uniform": {"low": 1.0, "high": 2.0}}}, samples=8)
+    wide = {"materials.steel.density": {"normal": {"mean": 7800.0, "deviation": 8000.0}}}
+    with pytest.raises(SceneError, match=r"materials.steel.density reaches -.*cut off by low and high"):
+        fe_squeal.scatter(problem, wide, samples=64, scene=scene)
+
+
+def test_a_scene_is_written_as_it_was(tmp_path):
+    path = tmp_path / "a" / "scene.toml"
+    path.parent.mkdir()
+    path.write_text(scene_text(parse_scene(study(MU, correlation=[])), path.parent), encoding="utf-8")
+    assert load_scene(path).model_dump() == parse_scene(study(MU, correlation=[])).model_dump()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("path", "low", "high", "why"),
+    [
+        ("materials.steel.poisson_ratio", 0.2, 0.4, "changes matrices"),
+        ("mesh.block.height", 0.0195, 0.0205, "changes the mesh"),
+    ],
+)
+def test_numbers_that_change_matrices_are_solved_directly(path, low, high, why):
+    """Each sample is what a scene with these numbers gives."""
+    scene = parse_scene(SCENE)
+    parameters = {**MU, path: {"uniform": {"low": low, "high": high}}}
+    result = fe_squeal.scatter(fe_squeal.assemble(scene), parameters, samples=8, modes=4, indices=False, scene=scene)
+    assert why in result.solver.why
+    frame = result.samples
+    assert set(frame["method"]) == {"direct"} and frame["worst_re"].max() > 0
+    for row in frame.iloc[[1, 6]].to_dict("records"):
+        tables = {**SCENE, "effects": {"friction": {"mu": row["mu"]}}}
+        if "mesh" in path:
+            tables["mesh"] = {"order": 1, "block": {**SCENE["mesh"]["block"], "height": row[path]}}
+        else:
+            tables["materials"] = {"steel": {**SCENE["materials"]["steel"], "poisson_ratio": row[path]}}
+        alone = fe_squeal.sweep(fe_squeal.assemble(parse_scene(tables)), [row["mu"]], modes=4).points[0].modes
+        assert row["worst_re"] == pytest.approx(alone.lam.real.max(), rel=1e-6, abs=1e-3)
+        assert bool(row["unstable"]) == bool(np.any(alone.stability == "unstable"))
