@@ -17,7 +17,7 @@ _RIGID_SHIFT = 1e-9
 _PENALTY = 1e6  # a ratio so many times the median is that of a penalty, which stands for an infinite stiffness
 # Damping ratio up to which every mode below the wanted frequency is found. Of more heavily damped modes those alone are
 # found that happen to lie near the shift: to reach for all of them would take many more modes than are asked for.
-_LIGHT = 0.2
+LIGHT = 0.2
 BELOW = 0.05  # how far below zero the shift lies, as a frequency, in parts of the frequency where the wanted modes end
 
 
@@ -58,7 +58,8 @@ def known_radius(pencil: Pencil, modes: Modes, sigma: float) -> float:
     """
     if not len(modes):
         return 0.0
-    tilt = _tilt(pencil, modes) if pencil.is_complex else _light(modes) if pencil.C is not None else 0.0
+    swinging = modes.lam[~is_beside(modes)]
+    tilt = loss_tilt(pencil, swinging) if pencil.is_complex else light_tilt(modes.lam) if pencil.C is not None else 0.0
     if pencil.C is not None:
         # On the ray |λ − σ|² = (1 + tilt²) (Im λ)² + 2 tilt σ Im λ + σ², which is the radius squared of the circle.
         a, b, c = 1 + tilt**2, tilt * sigma, np.abs(modes.lam - sigma).max() ** 2 - sigma**2
@@ -69,22 +70,22 @@ def known_radius(pencil: Pencil, modes: Modes, sigma: float) -> float:
     return float(np.sqrt(max(reach - abs(sigma), 0.0) / (1 + tilt**2)))
 
 
-def _tilt(pencil: Pencil, modes: Modes) -> float:
-    """Return the largest −Re λ / Im λ of the modes found, or what the largest loss angle of the stiffness allows.
+def loss_tilt(pencil: Pencil, lam: np.ndarray) -> float:
+    """Return the largest −Re λ / Im λ of eigenvalues, or what the largest loss angle of the stiffness allows.
 
     An undamped mass on a stiffness of loss angle δ has −λ² of argument δ, and so −Re λ / Im λ = tan(δ/2). The angle is
     taken as at most π/2, beyond which the real part of the stiffness would be negative.
     """
-    damped = modes.select(np.flatnonzero(~is_beside(modes) & (modes.lam.imag > 0))).lam
+    damped = lam[lam.imag > 0]
     by_loss = np.tan(np.clip(np.angle(pencil.K.diagonal()), 0.0, np.pi / 2) / 2)
     return float(np.max(np.append(-damped.real / damped.imag, by_loss)))
 
 
-def _light(modes: Modes) -> float:
-    """Return the largest |Re λ| / Im λ of the modes that grow or are lightly damped."""
-    oscillating = modes.lam[modes.lam.imag > 0]
+def light_tilt(lam: np.ndarray) -> float:
+    """Return the largest |Re λ| / Im λ of the eigenvalues that grow or are lightly damped."""
+    oscillating = lam[lam.imag > 0]
     ratio = oscillating.real / oscillating.imag
-    return float(np.abs(ratio[ratio > -_LIGHT]).max(initial=0.0))
+    return float(np.abs(ratio[ratio > -LIGHT]).max(initial=0.0))
 
 
 def symmetric_part(pencil: Pencil) -> Pencil:

@@ -46,7 +46,7 @@ class ShiftInverted:
 
     Parameters
     ----------
-    sigma : float
+    sigma : float, or complex with C
         A shift of θ, rad²/s², with C one of λ, rad/s.
     free : FreeModes, optional
         What is known of motions that nothing holds. Their eigenvalues, multiple and with damping defective, are taken
@@ -66,7 +66,7 @@ class ShiftInverted:
     """
 
     def __init__(
-        self, pencil: Pencil, sigma: float, free: FreeModes | None = None, linear_solver: LinearSolver | str = "auto"
+        self, pencil: Pencil, sigma: complex, free: FreeModes | None = None, linear_solver: LinearSolver | str = "auto"
     ) -> None:
         d, omega0 = pencil.units
         self._d = d if d.max() > _ALIKE * d.min() else None
@@ -92,23 +92,31 @@ class ShiftInverted:
             Z, MW = own[0], pencil.M @ other[0]
             self._free_motions = Z, np.linalg.pinv(MW.conj().T @ Z) @ MW.conj().T
 
-    def largest(self, count: int, adjoint: bool = False) -> Pairs:
+    def largest(self, count: int, adjoint: bool = False, restarts: int | None = None) -> Pairs:
         """Return the θ or λ nearest the shift and the vectors u; fewer where there are no more.
 
         Parameters
         ----------
         adjoint : bool
-            Of the adjoint problem, whose vectors are the left modes of λ*.
+            Of the adjoint problem, whose vectors are the left modes of λ*, nearest the conjugate of the shift.
+        restarts : int, optional
+            Of the Krylov space, at most.
+
+        Raises
+        ------
+        NotConvergedError
+            `partial` has the values 1/(θ − σ), 1/(λ − σ) that converged.
         """
         solve = self._factor.solve_adjoint if adjoint else self._factor.solve
         respond = (self._undamped if self.pencil.C is None else self._damped)(solve, adjoint)
-        dtype, k = self.pencil.K.dtype, len(self._active)
+        shift = np.conj(self._shift) if adjoint else self._shift
+        dtype, k = np.result_type(self.pencil.K.dtype, type(self._shift)), len(self._active)
 
         def step(z: np.ndarray) -> np.ndarray:
             u = respond(z)
             if self.pencil.C is None:
                 return u[self._active]
-            return np.concatenate([u[self._active], u[self._mass] + z[:k][self._moving] / self._shift])
+            return np.concatenate([u[self._active], u[self._mass] + z[:k][self._moving] / shift])
 
         remain = None if self._free is None else self._free[adjoint]
 
@@ -124,9 +132,11 @@ class ShiftInverted:
             v0, basis = _start(self.size).astype(dtype), _basis_size(count, self.size)
             v0 = v0 if remain is None else remain(v0)
             require_vectors(self.size, basis + 2 * count, v0.itemsize)
-            nu, z = _run(lambda: eigs(operator, count, which="LM", tol=_TOLERANCE, v0=v0, ncv=basis), count)
+            nu, z = _run(
+                lambda: eigs(operator, count, which="LM", tol=_TOLERANCE, v0=v0, ncv=basis, maxiter=restarts), count
+            )
         nu, z = _nonzero(nu, z, self.size)
-        return self._unit * (self._shift + 1 / nu), self._in_units(z[:k] if k == self.pencil.n else respond(z))
+        return self._unit * (shift + 1 / nu), self._in_units(z[:k] if k == self.pencil.n else respond(z))
 
     def largest_symmetric(self, count: int, which: str) -> Pairs:
         """Return θ and φ of an undamped symmetric pencil: those nearest the shift ("LM"), or those below it ("SA")."""
@@ -171,7 +181,7 @@ class ShiftInverted:
             theta[i], x[:, i] = y @ (K @ y) / (y @ (M @ y)), y
         return self._unit * theta, self._in_units(x)
 
-    def _factorized(self, sigma: float) -> Factor:
+    def _factorized(self, sigma: complex) -> Factor:
         M, C, K = self.pencil.M, self.pencil.C, self.pencil.K
         if C is not None:
             return factorize(sp.csr_array(sigma**2 * M + sigma * C + K), False, self.linear_solver)
@@ -189,7 +199,7 @@ class ShiftInverted:
         assert self.pencil.C is not None
         M = _columns(self.pencil.M, self._mass)
         C = _columns(sp.csr_array(self.pencil.C.T) if adjoint else self.pencil.C, self._active)
-        sigma, k = self._shift, len(self._active)
+        sigma, k = np.conj(self._shift) if adjoint else self._shift, len(self._active)
         return lambda z: -solve(M @ (z[k:] * sigma + sigma * z[:k][self._moving]) + C @ z[:k])
 
     def _own_units(self, states: States, d: np.ndarray, omega0: float) -> States:
@@ -207,8 +217,9 @@ class ShiftInverted:
             S, L = u[self._active], (pencil.M @ a)[self._active]
         else:
             C = pencil.C if adjoint else sp.csr_array(pencil.C.T)
-            S = np.vstack([u[self._active], v[self._mass] / self._shift])
-            L = np.vstack([(C @ a + pencil.M @ b)[self._active], self._shift * (pencil.M @ a)[self._mass]])
+            shift = np.conj(self._shift) if adjoint else self._shift
+            S = np.vstack([u[self._active], v[self._mass] / shift])
+            L = np.vstack([(C @ a + pencil.M @ b)[self._active], np.conj(shift) * (pencil.M @ a)[self._mass]])
         S = S / np.linalg.norm(S, axis=0)
         weights = np.linalg.pinv(L.conj().T @ S) @ L.conj().T
         return lambda z: z - S @ (weights @ z)

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..errors import NotConvergedError
 from .arpack import nonsymmetric_modes, quadratic_modes, symmetric_modes
+from .band import band_modes
 from .dense import DENSE_LIMIT, solve_dense
 from .free_modes import FreeModes, split_off
 from .inertia import count_below, finite_below
@@ -18,6 +19,8 @@ from .shift_invert import ShiftInverted
 # A shift nearer to an eigenvalue than this, relatively, makes its 1/(θ − σ) so large that rounding of it costs the
 # other eigenvalues digits. The shift is then multiplied by a factor, at most so many times.
 _CLEAR, _MOVE, _MOVES = 1e-4, 1.15, 3
+# Times as many eigenvalues as modes are wanted around a real shift, and more: strong dampers crowd there.
+_CROWD = 2.5
 
 
 def solve_modes(
@@ -99,7 +102,7 @@ def _solve_sparse(
         # Friction and damping change the number of modes in a band by a few at most: start from the symmetric part's.
         below = count_below(symmetric_part(pencil), band, linear_solver)
         count = below if below is not None else 20
-    sought = count + max(4, count // 10)
+    sought = first = count + max(4, count // 10)
     if pencil.C is not None:
         # A real positive shift sees both half planes alike, and no mode is near it. In the middle of the band it takes
         # a quarter less solves than at the top, and costs the upper modes no accuracy.
@@ -109,10 +112,14 @@ def _solve_sparse(
     moves, free = 0, split_off(pencil, linear_solver)
     operator, divergent = _shifted(pencil, sigma, free, linear_solver)
     while True:
+        sigma = float(operator.sigma.real)
         sought = min(sought, operator.most)
         try:
             if pencil.C is not None:
-                modes, every = quadratic_modes(pencil, operator, sought, free)
+                try:
+                    modes, every = quadratic_modes(pencil, operator, sought, free)
+                except NotConvergedError:  # equal eigenvalues, or too many of them, around a real shift
+                    return band_modes(pencil, request, 2 * sigma, free, linear_solver)
             elif pencil.problem_class == "symmetric":
                 modes, every = symmetric_modes(pencil, operator, sought, divergent, free)
             else:
@@ -121,13 +128,12 @@ def _solve_sparse(
             if moves == _MOVES:
                 raise
             moves += 1
-            operator, divergent = _shifted(pencil, operator.sigma * _MOVE, free, linear_solver)
+            operator, divergent = _shifted(pencil, sigma * _MOVE, free, linear_solver)
             continue
-        if moves < _MOVES and distance_to_nearest(pencil, modes, operator.sigma) < _CLEAR * abs(operator.sigma):
+        if moves < _MOVES and distance_to_nearest(pencil, modes, sigma) < _CLEAR * abs(sigma):
             moves += 1
-            operator, divergent = _shifted(pencil, operator.sigma * _MOVE, free, linear_solver)
+            operator, divergent = _shifted(pencil, sigma * _MOVE, free, linear_solver)
             continue
-        sigma = operator.sigma
         radius = np.inf if every else known_radius(pencil, modes, sigma)
         wanted = select_wanted(modes, request, radius)
         if wanted is not None:
@@ -137,6 +143,8 @@ def _solve_sparse(
         limit = band or float(modes.lam.imag.max(initial=0.0))
         growth = (limit / radius) ** 1.5 if 0 < radius < limit else 1.4
         sought = int(np.clip(growth, 1.2, 3.0) * sought) + 4
+        if pencil.C is not None and sought > _CROWD * first:
+            return band_modes(pencil, request, 2 * sigma, free, linear_solver)
 
 
 def _shifted(

@@ -5,15 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..eigen.request import Request, is_beside
+from ..eigen.shift import LIGHT
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
 from ..reduced import ReducedModel
 
 _CLEAR = 1e-5  # of a frequency: how wide a gap must be for a count to end in it
+_SAME = 1e-5  # of |λ|: eigenvalues nearer to each other than this are those of one mode
 _VALUE = "value"
 
 
@@ -43,8 +46,7 @@ def count_apart(
     gaps = np.flatnonzero(np.diff(swinging) > _CLEAR * swinging[1:])
     if not len(gaps):
         return None
-    below = int(gaps[-1]) + 1
-    end = float(swinging[below - 1] + swinging[below]) / 2
+    end = float(swinging[gaps[-1]] + swinging[gaps[-1] + 1]) / 2
     frozen = replace(problem, parameters={**problem.parameters, _VALUE: 0.0}, coupled=frozenset())
     try:
         model = ReducedModel(frozen, _VALUE, [0.0], request, linear_solver=linear_solver)
@@ -53,5 +55,8 @@ def count_apart(
         others = model.modes(0.0)
     except NotConvergedError:
         return None
-    counted = int(np.count_nonzero((others.lam.imag > 0) & (others.lam.imag < end) & ~is_beside(others)))
-    return None if counted < below else len(modes) - below + counted
+    light = (others.lam.imag > 0) & (others.lam.imag < end) & (others.lam.real > -LIGHT * others.lam.imag)
+    lam = others.lam[light & ~is_beside(others)]
+    alike = np.abs(lam[:, None] - modes.lam[None, :]) <= _SAME * np.abs(lam)[:, None]
+    i, j = linear_sum_assignment(alike, maximize=True)  # every mode found stands for one of the model
+    return len(modes) + len(lam) - int(np.count_nonzero(alike[i, j]))
