@@ -15,7 +15,8 @@ from pathlib import Path
 
 import fe_squeal
 from fe_squeal.eigen.linear.mumps import told_of
-from fe_squeal.eigen.linear.processes import dismiss, help_out, is_helper, prepare, process_count
+from fe_squeal.eigen.linear.processes import dismiss, help_out, prepare
+from fe_squeal.process.ranks import is_helper, process_count
 
 ROOT = Path(__file__).parents[1]
 EXAMPLE, PAGE = ROOT / "examples/disc_pad.toml", ROOT / "docs/cluster.md"

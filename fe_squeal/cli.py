@@ -12,9 +12,9 @@ from .commands.prepare import check, mesh, new
 from .commands.references import compare, lumped_models
 from .commands.show import animate, diff, report
 from .commands.solve import accuracy, onset, run, study
-from .eigen.linear.processes import dismiss, help_out, is_helper, prepare
 from .errors import INTERRUPTED, InputError, NotConvergedError, SquealError, one_line
 from .process.isolation import import_matplotlib
+from .process.ranks import is_helper, process_count
 from .process.signals import stopped_by_signals
 from .process.streams import lasting_streams
 
@@ -57,6 +57,10 @@ def main(arguments: list[str] | None = None) -> int:
 
     Under mpiexec the first process runs it, and the others take part in its factorisations.
     """
+    if process_count() == 1:
+        return _run(arguments)
+    from .eigen.linear.processes import dismiss, help_out, prepare
+
     if is_helper():
         return help_out()
     code = InputError.exit_code

@@ -6,7 +6,8 @@ import sys
 
 import pytest
 
-from fe_squeal.eigen.linear.processes import dismiss, help_out, is_helper, prepare
+from fe_squeal.eigen.linear.processes import dismiss, help_out, prepare
+from fe_squeal.process.ranks import is_helper
 
 if __name__ == "__main__":
     if is_helper():

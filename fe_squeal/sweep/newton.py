@@ -115,6 +115,8 @@ def find_zero(
     p, last = value, np.inf
     for _ in range(_STEPS):
         b = _Bordered(problem, parameter, p, 0.0, x, y, linear_solver, rigid)
+        if not b.g_p:  # the stiffness does not depend on the parameter
+            break
         step = -b.g / b.g_p
         p, x, y = p + step, b.x, b.w
         if abs(p - value) > width or b.p_rounding > 0.1 * width:

@@ -32,7 +32,7 @@ def oscillators(damper: float) -> tuple[Pencil, np.ndarray]:
     return mixed(np.ones(N), c, k), lam[lam.imag > 0]
 
 
-@pytest.mark.parametrize("damper", some([60.0, 3e3, 1e6], lambda damper: damper > 100))
+@pytest.mark.parametrize("damper", some([60.0, 3e3], lambda damper: damper < 100))
 def test_swinging_modes_among_overdamped_ones(damper):
     pencil, lam = oscillators(damper)
     light = np.sort_complex(lam[lam.real > -0.2 * lam.imag])

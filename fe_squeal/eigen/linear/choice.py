@@ -11,11 +11,11 @@ from typing import Literal
 import scipy.sparse as sp
 
 from ...errors import NotConvergedError, SceneError
+from ...process.ranks import process_count
 from .dense import DenseFactor
 from .factor import DefiniteFactor, Factor, LinearSolver, Solve
 from .mumps import MUMPS, has_mumps
 from .pardiso import PARDISO, has_pardiso
-from .processes import process_count
 from .superlu import SUPERLU
 
 SolverName = Literal["auto", "pardiso", "superlu", "mumps"]

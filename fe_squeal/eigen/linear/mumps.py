@@ -8,11 +8,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...errors import NotConvergedError, TooLargeError
+from ...process.ranks import local_count, process_count
 from ..memory import available_memory, memory_text, require_memory
 from .factor import DefiniteFactor, Factor, SingularError, Solve, solve_real_parts
 from .half import inverse_root
 from .petsc import Told, petsc
-from .processes import give_up, local_count, new_handle, process_count, together
+from .processes import give_up, new_handle, together
 
 _NO_ROOM = {-8, -9, -11, -13, -14, -17, -18, -19, -20, -22}  # MUMPS' errors of workspace that is too small
 _SINGULAR = {-6, -10}

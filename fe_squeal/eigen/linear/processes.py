@@ -16,33 +16,15 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from ...process.ranks import is_helper, process_count
 from .petsc import PetscMatrix, Told, petsc
 
-# How many processes there are, and which one this is, by Open MPI, and by MPICH and Intel MPI.
-_SIZES, _RANKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE"), ("OMPI_COMM_WORLD_RANK", "PMI_RANK")
-_LOCAL = ("OMPI_COMM_WORLD_LOCAL_SIZE", "MPI_LOCALNRANKS")
 _COMMAND, _END = 7, "end"  # tag of messages; the last one
 _FIRST_WAIT, _LONGEST_WAIT = 1e-5, 2e-3  # s, between two looks for a message
 _PATIENCE = 20  # s, for which a process that is to end waits for the first one
 _matrices: dict[int, PetscMatrix] = {}
 _given_up: list[int] = []  # handles that no factor uses any more: released with the next command
 _state = {"handle": 0, "broken": False}
-
-
-def process_count() -> int:
-    """Return how many processes mpiexec has started; 1 without it. Nothing is imported for that."""
-    return next((int(os.environ[key]) for key in _SIZES if os.environ.get(key, "").isdigit()), 1)
-
-
-def local_count() -> int:
-    """Return how many of them run on this machine."""
-    return next((int(os.environ[key]) for key in _LOCAL if os.environ.get(key, "").isdigit()), 1)
-
-
-def is_helper() -> bool:
-    """Whether this is a process that takes part in factorisations alone."""
-    rank = next((os.environ[key] for key in _RANKS if os.environ.get(key, "").isdigit()), "0")
-    return process_count() > 1 and rank != "0"
 
 
 def _comm() -> Any:
