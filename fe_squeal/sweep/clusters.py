@@ -121,10 +121,10 @@ def _may_meet(node: Node, width: float) -> np.ndarray:
     reach = _REACH * width * (approach + 2 * np.sqrt(plain * plain.T))
     blur = node.blur[:, None] + node.blur[None, :]
     near = np.abs(node.v[:, None] - node.v[None, :]) <= reach + blur
-    if node.paired:  # a complex eigenvalue and its conjugate part and meet together
-        size = np.abs(node.v)
-        mirrored = np.abs(node.v[:, None] - node.v[None, :].conj()) <= 4 * blur + 1e-9 * size[:, None]
-        near |= mirrored & (np.abs(node.v.imag) > 0)[:, None]
+    if node.paired or node.conservative:  # a growing mode and its decaying mirror image part and meet together
+        v = node.v if node.paired else -1j * node.v
+        mirrored = np.abs(v[:, None] - v[None, :].conj()) <= 4 * blur + 1e-9 * np.abs(v)[:, None]
+        near |= mirrored & (np.abs(v.imag) > 0)[:, None]
     return np.asarray(near)
 
 

@@ -28,7 +28,8 @@ def find_meetings(samples: Samples) -> tuple[list[Change], float]:
         node, s = samples.cluster.ends[end], samples.cluster.members[end]
         swinging = node.lam[s].imag >= 0 if samples.turned else node.lam[s].imag > 0
         pairs[at] = np.count_nonzero(node.unstable[s] & swinging)
-        negative[at] = np.count_nonzero(node.unstable[s] & ~swinging)
+        # Of a gyroscopic system the others are mirror images, Im λ < 0.
+        negative[at] = 0 if samples.turned else np.count_nonzero(node.unstable[s] & ~swinging)
     jumps = np.flatnonzero((np.diff(pairs) != 0) | (np.diff(negative) != 0))
     found = []
     for n, k in enumerate(jumps):
