@@ -119,6 +119,8 @@ def _solve_sparse(
                 try:
                     modes, every = quadratic_modes(pencil, operator, sought, free)
                 except NotConvergedError:  # equal eigenvalues, or too many of them, around a real shift
+                    if pencil.is_complex:  # strongly damped modes count as well, and complex shifts may miss them
+                        raise
                     return band_modes(pencil, request, 2 * sigma, free, linear_solver)
             elif pencil.problem_class == "symmetric":
                 modes, every = symmetric_modes(pencil, operator, sought, divergent, free)
@@ -143,7 +145,7 @@ def _solve_sparse(
         limit = band or float(modes.lam.imag.max(initial=0.0))
         growth = (limit / radius) ** 1.5 if 0 < radius < limit else 1.4
         sought = int(np.clip(growth, 1.2, 3.0) * sought) + 4
-        if pencil.C is not None and sought > _CROWD * first:
+        if pencil.C is not None and not pencil.is_complex and sought > _CROWD * first:
             return band_modes(pencil, request, 2 * sigma, free, linear_solver)
 
 
