@@ -14,7 +14,7 @@ from ...mesh.readers.nastran.text import Card, real
 from ..draft import Draft
 from ..units import SI, Units
 
-_SELECTS = re.compile(r"^\s*(SPC|METHOD|CMETHOD|LOAD)\s*(?:\([^)]*\))?\s*=\s*(\d+)", re.IGNORECASE)
+_SELECTS = re.compile(r"^\s*(SPC|METHOD|CMETHOD|LOAD|BCONTACT)\s*(?:\([^)]*\))?\s*=\s*(\d+)", re.IGNORECASE)
 
 
 @dataclass

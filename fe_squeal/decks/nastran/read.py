@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...mesh import LoadedMesh
 from ...mesh.building import build_mesh
 from ...mesh.elements import SHAPE
 from ...mesh.raw import CellBlock
@@ -14,6 +13,7 @@ from ...mesh.readers.nastran.text import Card, read_cards, read_lines
 from ...mesh.readers.sources import Sources
 from ..draft import Draft, Value, Weight
 from .cards import Deck, selections
+from .contacts import write_contacts
 from .holding import find_held, find_ties, write_springs, write_supports, write_ties
 from .materials import clean, find_units, read_materials, write_bodies
 
@@ -29,7 +29,7 @@ LEFT_OUT: dict[str, tuple[str, Weight]] = {
     **dict.fromkeys(("CONM1", "CMASS1", "CMASS2", "CMASS3", "CMASS4"),
                     ("adds inertia that is left out: frequencies come out too high", "changes")),
     **dict.fromkeys(("MAT2", "MAT3", "MAT8", "MAT10", "MATHE", "MATS1"), ("this law is not simulated", "changes")),
-    **dict.fromkeys(("BCTABLE", "BCTABL1", "BCBODY", "BCBODY1", "BCONPRG", "BCONECT", "BSURF", "BGSET"),
+    **dict.fromkeys(("BGSET", "BCONP", "BCHANGE", "BCMOVE"),
                     ("contact: give [[contacts]] with surface, counterface, normal_stiffness and sliding", "missing")),
     "SUPORT": ("nothing has to be supported for modes of free bodies", "harmless"),
 }  # fmt: skip
@@ -48,7 +48,11 @@ BECOMES: dict[str, str] = {
     "RBE2": "`[[rigid]]`, with what acts on its grid point", "RBE3": "`[[averaged]]`, all with the same weight",
     "CONM2": "`mass` and `inertia` at the reference of RBE2 and RBE3",
     "PLOAD4": "`[effects.preload] pressures` on the surface group PLOAD4_N",
-    "BSURFS, BCTSET": "surface group BSURFS_N and `[[contacts]]` with `mu`; stiffness and motion are asked for",
+    "BSURF, BSURFS": "surface groups BSURF_N (shells, or all free faces of solids) and BSURFS_N",
+    "BCTSET": "`[[contacts]]` with `mu`; stiffness, with 10 E/h as a suggestion, and motion are asked for",
+    "BCTABLE, BCTABL1, BCONECT": "`[[contacts]]` likewise, of the table that BCONTACT selects; IGLUE: `tied`",
+    "BCBODY, BCBODY1, BCONPRG, BCONPRP, BCBDPRP": "which BSURF a body is, IGLUE and FRIC; bodies of BCPROP, rigid"
+    " bodies, and friction that is a table or stands at the bodies alone are asked for",
     "EIGRL, EIGR, EIGC": "`[solve] modes` or `max_frequency`",
 }  # fmt: skip
 
@@ -84,7 +88,7 @@ def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
     write_supports(deck, held)
     write_springs(deck, held, references)
     write_ties(deck, ties, held, references)
-    mu = _write_contacts(deck, loaded)
+    mu = write_contacts(deck, loaded, materials)
     _write_effects(deck, materials, mu)
     _write_solution(deck)
     for name, (text, weight) in LEFT_OUT.items():
@@ -103,37 +107,9 @@ def _on_solids(blocks: tuple[CellBlock, ...], count: int) -> np.ndarray:
     return used
 
 
-def _write_contacts(deck: Deck, loaded: LoadedMesh) -> float | None:
-    """Write a contact for each pair of BCTSET; return the largest friction coefficient."""
-    pairs = []
-    for card in deck.of("BCTSET"):
-        for i in range(1, len(card.fields), 8):
-            if card.text(i):
-                pairs.append((card, deck.whole(card, i), deck.whole(card, i + 1), deck.number(card, i + 2)))
-    mu = max((friction for *_, friction in pairs), default=0.0) or None
-    known = loaded.mesh.boundaries or {}
-    for i, (card, first, second, friction) in enumerate(pairs, 1):
-        names = [f"BSURFS_{first}", f"BSURFS_{second}"]
-        if any(name not in known for name in names):
-            deck.find(card, f"its regions {first} and {second} are no BSURFS of solids; give [[contacts]]", "missing")
-            continue
-        values: dict[str, Value] = {"name": f"contact_{i}", "surface": names[0], "counterface": names[1]}
-        if mu and friction and friction != mu:
-            values["friction_ratio"] = clean(friction / mu)
-        if not friction:
-            values["kind"] = "frictionless"
-        table = deck.draft.add("contacts", is_entry=True, values=values)
-        table.comments.append(f"BCTSET, {deck.where(card)}")
-        table.open.append(("normal_stiffness = 1.0e13", "the deck has no contact stiffness, N/m per m^2; some 10 E/h"))
-        if friction:
-            table.open.append(("sliding = { axis = [0.0, 0.0, 1.0], centre = [0.0, 0.0, 0.0], speed = 1.0 }",
-                               "how the counterface moves: rad/s about an axis, or direction and m/s"))  # fmt: skip
-    return mu
-
-
 def _write_effects(deck: Deck, materials: dict[int, tuple[Card, dict[str, list[float]]]], mu: float | None) -> None:
     if mu:
-        deck.draft.add("effects", "friction", values={"mu": mu}).comments.append("BCTSET: the largest coefficient")
+        deck.draft.add("effects", "friction", values={"mu": mu}).comments.append("the contacts' largest coefficient")
     named = deck.selected.get("LOAD", set())
     by_set: dict[int, list[float]] = {}
     for card in deck.of("PLOAD4"):

@@ -18,7 +18,7 @@ from ...checking import connect
 from ...raw import CellBlock, Ints, RawMesh, check_unique_nodes
 from ..sources import Sources
 from .coordinates import SYSTEMS, System, read_system, to_global
-from .faces import named_faces
+from .faces import faces_of_elements, named_faces
 from .text import Card, read_cards, read_lines, real
 
 T = TypeVar("T")
@@ -58,6 +58,7 @@ def read_nastran(sources: Sources) -> RawMesh:
     systems: dict[int, System] = {}
     skipped: dict[str, int] = {}
     faced: list[Card] = []
+    listed: list[Card] = []
     default = 0
     for card in read_cards(lines):
         if card.name == "GRID":
@@ -69,6 +70,8 @@ def read_nastran(sources: Sources) -> RawMesh:
             systems[number] = system
         elif card.name in ("PLOAD4", "BSURFS"):
             faced.append(card)
+        elif card.name == "BSURF":
+            listed.append(card)
         elif card.name == "GRDSET":
             default = _whole(card, 1, source)
         elif card.name.startswith(("C", "RBE", "RBAR")) and card.text(0).isdigit() and not card.name.startswith("CORD"):
@@ -79,11 +82,13 @@ def read_nastran(sources: Sources) -> RawMesh:
     volumes: dict[str, list[Ints]] = {}
     surfaces: dict[str, list[Ints]] = {}
     blocks: list[CellBlock] = []
+    shells: dict[int, Ints] = {}
     at = 0
     for name, cards in cells.items():
         if name in _SHELLS:
-            for pid, corners in _shells(cards, _SHELLS[name], labels, source):
+            for pid, own, corners in _shells(cards, _SHELLS[name], labels, source):
                 surfaces.setdefault(str(pid), []).append(corners)
+                shells.update(zip(own.tolist(), corners, strict=True))
             continue
         for block, pids in _solids(cards, *_SOLIDS[name], labels=labels, source=source):
             blocks.append(block)
@@ -91,6 +96,7 @@ def read_nastran(sources: Sources) -> RawMesh:
                 volumes.setdefault(str(pid), []).append(at + np.flatnonzero(pids == pid))
             at += len(block)
     surfaces |= named_faces(faced, blocks, labels, source)
+    surfaces |= faces_of_elements(listed, RawMesh(points, labels, tuple(blocks), {}, {}), shells, source)
     notes = [f"{count} entries {name} are no solids or shells and are left out" for name, count in skipped.items()]
     groups = {name: np.concatenate(parts) for name, parts in volumes.items()}
     for key, title in _titles(lines).items():
@@ -159,7 +165,8 @@ def _solids(
     return out
 
 
-def _shells(cards: list[Card], corners: int, labels: Ints, source: str) -> list[tuple[int, Ints]]:
+def _shells(cards: list[Card], corners: int, labels: Ints, source: str) -> list[tuple[int, Ints, Ints]]:
+    """Return property, numbers and corners of the shells, by property."""
     table = np.array(
         [
             [_whole(card, 0, source), _pid(card, source), *(_whole(card, i, source) for i in range(2, 2 + corners))]
@@ -174,7 +181,8 @@ def _shells(cards: list[Card], corners: int, labels: Ints, source: str) -> list[
             f"{source}: {card.where}: {card.name} {card.text(0)} needs {corners} corner nodes; some are blank"
         )
     nodes = connect(table[:, 2:], labels, table[:, 0], "shell", source)
-    return [(int(pid), nodes[table[:, 1] == pid]) for pid in np.unique(table[:, 1])]
+    rows = [(int(pid), table[:, 1] == pid) for pid in np.unique(table[:, 1])]
+    return [(pid, table[own, 0], nodes[own]) for pid, own in rows]
 
 
 def _pid(card: Card, source: str) -> int:

@@ -1,4 +1,4 @@
-"""Faces of solids that cards name by grid points: PLOAD4 and BSURFS make surface groups."""
+"""Faces of solids that cards name: PLOAD4 and BSURFS by grid points, BSURF by elements; they make surface groups."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 from fe_squeal.errors import MeshError
 
 from ...elements import FACES, SHAPE, corner_count
-from ...raw import CellBlock, Ints, rows_of
-from .text import Card, real
+from ...raw import CellBlock, Ints, RawMesh, rows_of
+from ...surfaces import faces_of
+from .text import Card, ranges, real
 
 
 def named_faces(cards: Sequence[Card], blocks: Sequence[CellBlock], labels: Ints, source: str) -> dict[str, list[Ints]]:
@@ -77,3 +78,55 @@ def _face(shape: str, corners: Ints, given: Ints, opposite: bool) -> Ints:
     if len(fits) != 1:
         raise ValueError
     return fits[0]
+
+
+def faces_of_elements(
+    cards: Sequence[Card], raw: RawMesh, shells: dict[int, Ints], source: str
+) -> dict[str, list[Ints]]:
+    """Return the corners of the faces by group, BSURF_5: shells as they are, of solids the faces at no other solid.
+
+    Parameters
+    ----------
+    shells : dict
+        Corners of each shell, by its number.
+
+    Raises
+    ------
+    MeshError
+        An element that is neither a solid nor a shell of the file.
+    """
+    if not cards:
+        return {}
+    solids = np.concatenate([np.empty(0, np.int64), *(block.labels for block in raw.blocks)])
+    there = {*solids.tolist(), *shells}
+    wanted: dict[str, set[int]] = {}
+    for card in cards:
+        try:
+            own = wanted.setdefault(f"BSURF_{int(card.text(0))}", set())
+            for some in ranges(card, 1):
+                if len(some) > 1:
+                    own |= {e for e in there if e in some}  # THRU passes over numbers that are not used
+                    continue
+                if some[0] not in there:
+                    raise MeshError(
+                        f"{source}: {card.where}: BSURF {card.text(0)} names element {some[0]}, which is no solid or"
+                        " shell of the file"
+                    )
+                own.add(some[0])
+        except (ValueError, OverflowError):
+            raise MeshError(
+                f"{source}: {card.where}: BSURF {card.text(0)[:20]} is not readable; expected a number, and elements"
+                " singly or as first THRU last BY step"
+            ) from None
+    faces = faces_of(raw)
+    groups: dict[str, list[Ints]] = {}
+    for name, elements in wanted.items():
+        chosen = np.isin(solids, list(elements))
+        parts = []
+        for n in (3, 4):
+            free = faces[n].corners[faces[n].boundary & chosen[faces[n].cells]]
+            thin = [corners for label, corners in shells.items() if label in elements and len(corners) == n]
+            parts.append(np.vstack([free, *thin]).astype(np.int64))
+        if any(len(part) for part in parts):
+            groups[name] = parts
+    return groups

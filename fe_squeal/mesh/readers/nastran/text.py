@@ -25,6 +25,29 @@ class Card:
         return self.fields[i] if i < len(self.fields) else ""
 
 
+def ranges(card: Card, start: int) -> Iterator[range]:
+    """Yield the numbers that a card lists from a field on; those of THRU and BY as one range, the others singly.
+
+    Raises
+    ------
+    ValueError
+        What stands there is no such list.
+    """
+    given = [text.upper() for text in card.fields[start:] if text]
+    i = 0
+    while i < len(given):
+        first, step = int(given[i]), 0
+        last, i = first, i + 1
+        if given[i : i + 1] == ["THRU"]:
+            last, i = int("".join(given[i + 1 : i + 2])), i + 2
+            if given[i : i + 1] == ["BY"]:
+                step, i = abs(int("".join(given[i + 1 : i + 2]))), i + 2
+                if not step:
+                    raise ValueError("BY 0")
+        step = (step or 1) * (1 if last >= first else -1)
+        yield range(first, last + (1 if step > 0 else -1), step)
+
+
 def read_lines(sources: Sources, path: Path | None = None, depth: int = 0) -> Iterator[tuple[str, str]]:
     """Yield (line, where it stands), includes followed.
 
