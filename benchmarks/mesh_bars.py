@@ -1,5 +1,7 @@
 """Whether the bars of the mesh hold: python benchmarks/mesh_bars.py [--write] [--fit]
 
+In one file, since the scenes, their truth and the page are read together.
+
 The true errors of some hundred modes stand beside what --estimate says of them, in docs/accuracy_and_cost.md. True
 values are those of order 2 on meshes two levels finer, extrapolated from the last two (Richardson) with the rate 2 of
 elements whose edges are singular; how far that may be off is shown as well. What is not derived in

@@ -1,4 +1,7 @@
-"""The basis of a reduced model, to which vectors are added, and the errors of the modes of the projection on it."""
+"""The basis of a reduced model, to which vectors are added, and the errors of the modes of the projection on it.
+
+In one file, since the errors need all that is kept of the products when vectors are added.
+"""
 
 from __future__ import annotations
 

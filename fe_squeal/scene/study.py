@@ -1,4 +1,7 @@
-"""What a study is asked for: scatter of several numbers, or a map over two."""
+"""What a study is asked for: scatter of several numbers, or a map over two.
+
+In one file, since scatter and map share their checks of paths and ranges.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The state of a running sweep: modes of the last value, branches, onsets and warnings so far."""
+"""The state of a running sweep: modes of the last value, branches, onsets and warnings so far.
+
+In one file, since every step reads and changes the same state, which is stored and restored as a whole.
+"""
 
 from __future__ import annotations
 
