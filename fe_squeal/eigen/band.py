@@ -23,7 +23,7 @@ from .linear.factor import LinearSolver, SingularError
 from .pencil import Modes, Pencil
 from .quality import in_upper_half, modes_from_lambda
 from .request import Request, is_beside, select_wanted
-from .shift import light_tilt, loss_tilt, symmetric_part
+from .shift import light_tilt, symmetric_part
 from .shift_invert import ShiftInverted
 
 _FULL = 150  # eigenvalues of a disc: more are left to another one
@@ -100,8 +100,7 @@ class _Band:
                 continue
             self.method, self.every = method_of(operator), not np.isfinite(radius)
             self._add(lam, right, left)
-            tilt = loss_tilt(self.pencil, lam) if self.pencil.is_complex else light_tilt(lam)
-            whole = _on_ray(abs(sigma), radius, tilt)
+            whole = _on_ray(abs(sigma), radius, light_tilt(lam))
             if whole[0] < whole[1]:
                 return whole
             self.thin = True
@@ -129,8 +128,7 @@ class _Band:
 
     def _add(self, lam: np.ndarray, right: np.ndarray, left: np.ndarray) -> None:
         """Add eigenpairs that are not known yet."""
-        if not self.pencil.is_complex:
-            lam = np.where(np.abs(lam.imag) <= _ROUNDING * np.abs(lam), lam.real, lam)
+        lam = np.where(np.abs(lam.imag) <= _ROUNDING * np.abs(lam), lam.real, lam)
         if self.right is None or self.left is None:
             self.lam, self.right, self.left = lam, right, left
             return
@@ -170,7 +168,7 @@ def _some(expected: float) -> int:
 def band_modes(
     pencil: Pencil, request: Request, band: float, free: FreeModes | None, linear_solver: LinearSolver | str
 ) -> Modes:
-    """Return the wanted modes of a pencil with C: oscillating ones, and real ones that do not decay.
+    """Return the wanted modes of a real pencil with C: oscillating ones, and real ones that do not decay.
 
     Of heavily damped modes, and of real decaying ones, those alone are found that happen to lie in a disc.
 
@@ -200,7 +198,7 @@ def band_modes(
         density = max(len(upper), 1) / (0.5 * top)
         band = top + float(np.clip(1.3 * (missing + 2) / density, 0.05 * top, top))
         known.cover(top, band, missing + 4)
-    if not known.every and not pencil.is_complex:
+    if not known.every:
         _add_growing(known, float(np.abs(wanted.lam).max(initial=0.0)) or top)
         wanted = select_wanted(known.modes(), request, top)
         assert wanted is not None
@@ -225,8 +223,8 @@ def _add_growing(band: _Band, top: float) -> None:
     """Add real eigenvalues λ > 0 up to `top`.
 
     For real λ > 0 and its real vector x, λ²xᵀMx + λxᵀCx + xᵀKx = 0 needs xᵀKx < 0 or xᵀCx < 0. So there is none where
-    the symmetric parts of K and C are positive semidefinite. Otherwise a few eigenvalues
-    around a small positive shift are looked at: a divergence begins at zero.
+    the symmetric parts of K and C are positive semidefinite. Otherwise a few eigenvalues around
+    a small positive shift are looked at, since a divergence begins at zero; where none converges, `method` says so.
     """
     pencil = band.pencil
     assert pencil.C is not None
@@ -235,6 +233,7 @@ def _add_growing(band: _Band, top: float) -> None:
     operator = ShiftInverted(pencil, _NEAR * top, band.free, band.linear_solver)
     found = band._nearest(operator, _REAL)
     if found is None:
+        band.method += ", without a search for real eigenvalues that grow"
         return
     lam, right, left, _ = found
     growing = (lam.real > 0) & (np.abs(lam.imag) <= 1e-6 * np.abs(lam))
