@@ -56,9 +56,9 @@ def count_apart(
     except NotConvergedError:
         return None
     # Structural damping reaches every mode; of a problem with dampers the lightly damped modes alone are promised.
-    steepest = np.inf if any(t.imaginary for t in problem.terms) else LIGHT
+    every = any(t.imaginary for t in problem.terms)
     lam, found = (
-        m.lam[(m.lam.imag > 0) & (m.lam.imag < end) & (m.lam.real > -steepest * m.lam.imag) & ~is_beside(m)]
+        m.lam[(m.lam.imag > 0) & (m.lam.imag < end) & (every | (m.lam.real > -LIGHT * m.lam.imag)) & ~is_beside(m)]
         for m in (others, modes)
     )
     alike = np.abs(lam[:, None] - modes.lam[None, :]) <= _SAME * np.abs(lam)[:, None]
