@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,8 @@ from ..eigen.memory import TooLargeError
 from ..errors import MeshError, NotConvergedError, SceneError
 from ..mesh import LoadedMesh
 from ..scene import Scene
-from ..sweep.result import Sweep
+from ..sweep.onset import Onset
+from ..sweep.result import Sweep, SweepPoint
 from ..sweep.sweep import sweep
 from .bars import BARS
 from .estimate import COMPARED, EXTRAPOLATED, SMALLEST, with_discretisation
@@ -173,29 +174,43 @@ def _search(
 def estimated_error(result: Sweep) -> float:
     """Return the largest estimated error of a sweep with bars, relative; NaN where one is not known.
 
-    Of the frequencies at all values, up to 0.8 of the highest; of the growth rates relative to the largest one; of
-    critical values relative to themselves, or to a tenth of the sweep where they are smaller than that. It is the
+    Of the frequencies at all values; of the growth rates relative to the largest one, but for those closer to an onset
+    of their branch than its error: there the error of the onset says how far the mode grows, or does not; of critical
+    values relative to themselves, or to a tenth of the sweep where they are smaller than that. Above 0.8 of the highest
+    frequency what the refined mesh does not have does not count: it may have left the range. It is the
     likely error, not the error bar, which is wider so that it nearly always holds the error.
     """
     highest = max(float(p.modes.lam.imag.max(initial=0.0)) for p in result.points)
     fastest = max(float(p.modes.lam.real.max(initial=0.0)) for p in result.points)
     found: list[float] = []
+
+    def add(error: np.ndarray, frequency: np.ndarray) -> None:
+        """Take the errors of what both meshes have; above, a mode may have left the range."""
+        found.extend(error[np.isfinite(error) | (frequency <= COMPARED * highest)].tolist())
+
     for point in result.points:
         assert point.discretisation is not None
         lam, bar = point.modes.lam, point.discretisation
-        swinging = (lam.imag > 0) & (lam.imag <= COMPARED * highest)
-        found += (bar.imag[swinging] / lam.imag[swinging]).tolist()
-        growing = swinging & (point.modes.stability == "unstable")
-        found += (bar.real[growing] / fastest).tolist()
+        swinging = lam.imag > 0
+        add((bar.imag / np.where(swinging, lam.imag, 1.0))[swinging], lam.imag[swinging])
+        growing = swinging & (point.modes.stability == "unstable") & ~_at_onset(point, result.onsets)
+        add(bar.real[growing] / fastest, lam.imag[growing])
     width = float(np.ptp([p.value for p in result.points]))
-    found += [
-        o.discretisation / max(abs(o.value), SMALLEST * width)
-        for o in result.onsets
-        if 2 * np.pi * o.frequency_hz <= COMPARED * highest
-    ]
+    for o in result.onsets:
+        relative = np.array(o.discretisation / max(abs(o.value), SMALLEST * width))
+        add(relative[None], np.array([2 * np.pi * o.frequency_hz]))
     source = result.problem.source
     assert isinstance(source, Assembly)
     return float(np.max(found) * EXTRAPOLATED / BARS[source.space.order]) if found else 0.0
+
+
+def _at_onset(point: SweepPoint, onsets: Sequence[Onset]) -> np.ndarray:
+    """Return (k,) which modes are closer to an onset of their branch than its error."""
+    found = np.zeros(len(point.modes), dtype=bool)
+    for o in onsets:
+        if abs(point.value - o.value) <= o.discretisation:
+            found |= np.isin(point.branches, [b for b in (o.branch_a, o.branch_b) if b])
+    return found
 
 
 def _work(trial: Trial, target: float) -> float:

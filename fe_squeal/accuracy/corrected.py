@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..eigen.blocks import cross, times
-from ..eigen.linear.choice import factorize_definite
 from ..eigen.pencil import Modes
-from ..problem.forms import collect_powers
-from ..problem.problem import Problem
 from ..reduced import ReducedModel
 from ..reduced.basis import ReducedBasis
-from ..reduced.undamped import weighted
 from ..reduced.vectors import interior_nodes, range_of, real_columns, unit_columns
+from .refined import Refined
 from .two_level import TwoLevelSolver
 
 _CORRECTED = 2  # values of the parameter at which modes are corrected: the ends of the sweep
@@ -38,44 +34,27 @@ class CorrectedModel:
         Of conjugate gradients, on blocks.
     """
 
-    def __init__(self, model: ReducedModel, fine: Problem, E: sp.csr_array, values: np.ndarray) -> None:
-        """Build the model.
-
-        Parameters
-        ----------
-        model : ReducedModel
-            Of the coarse problem; its linear solver factorises here, too.
-        fine : Problem
-            On the refined mesh.
-        E : (n_fine, n_coarse) sparse
-            Prolongation.
-        values : (m,) float
-            Of the sweep.
-        """
-        coarse, parameter = model.basis.problem, model.parameter
-        assert isinstance(parameter, str)
-        metric = {t.name: c for t, c in zip(coarse.terms, model.basis.metric, strict=True)}
-        start = coarse.value(parameter)
-        collected = collect_powers(fine, parameter).at({parameter: start})
-        weights = [metric.get(t.name, 0.0) for t in collected.terms]
-        factor = factorize_definite(weighted(coarse, model.basis.metric), model.linear_solver)
-        P = weighted(collected, weights)
-        solver = TwoLevelSolver(P, E, factor.solve)
-        basis = ReducedBasis(collected, parameter, weights, model.basis.sigma, None, model.linear_solver)
+    def __init__(self, refined: Refined) -> None:
+        model, collected, parameter = refined.model, refined.problem, refined.parameter
+        values, start = refined.values, collected.value(refined.parameter)
+        basis = ReducedBasis(collected, parameter, refined.metric, model.basis.sigma, None, model.linear_solver)
         if model.basis.has_slow:
             basis.expect_slow_motions()
         unheld = collected.free_motions().motions
         if unheld.shape[1]:
             basis.append(unheld)
-        EV = times(E, model.basis.V)
+        EV = times(refined.prolongation, model.basis.V)
         basis.append(EV)
         chosen = values[np.unique(np.round(np.linspace(0, len(values) - 1, _CORRECTED)).astype(int))].tolist()
         for value in chosen:
+            asked = self._asked(basis, value, model)
             for _ in range(_ROUNDS):
-                if not self._correct(basis, solver, value, self._asked(basis, value, model)):
+                long = self._correct(basis, refined.solver, value, asked)
+                if not long.any():
                     break
-        self.iterations = solver.iterations
-        self._coordinates = cross(basis.V, times(P, EV))
+                asked = _nearest(self._asked(basis, value, model), asked.lam[long])
+        self.iterations = refined.solver.iterations
+        self._coordinates = cross(basis.V, times(refined.P, EV))
         spanned = []
         for value in interior_nodes(float(values[0]), float(values[-1]), _NODES if len(values) > 1 else 1).tolist():
             modes = self._asked(basis, value, model)
@@ -85,17 +64,18 @@ class CorrectedModel:
         self._coordinates = W.T @ self._coordinates
         self.projected = basis.restricted(W).collected()
 
-    def _correct(self, basis: ReducedBasis, solver: TwoLevelSolver, value: float, modes: Modes) -> bool:
-        """Add the corrections of modes at a value; return whether one is so long that a second round is needed."""
+    def _correct(self, basis: ReducedBasis, solver: TwoLevelSolver, value: float, modes: Modes) -> np.ndarray:
+        """Add the corrections of modes at a value; return (k,) which were so long that a second round is needed."""
         right, left = basis.residuals(value, modes)
         one_side = basis.pencil(value).problem_class == "symmetric"
-        long = False
+        long = np.zeros(len(modes), dtype=bool)
         for residual in (right,) if one_side else (right, left):
             columns = real_columns(residual)
             z = solver.solve(columns)
             basis.append(z)
             length = np.linalg.norm(modes.right, axis=0).min()  # in the norm of P
-            long |= bool((np.einsum("ij,ij->j", columns, z) > _LONG * length**2).any())
+            found = np.einsum("ij,ij->j", columns, z) > _LONG * length**2
+            long |= found.reshape(-1, len(modes)).any(axis=0)
         return long
 
     def coordinates(self, shapes: np.ndarray) -> np.ndarray:
@@ -109,3 +89,9 @@ class CorrectedModel:
         if not basis.problem.is_damped:
             modes = modes.select(np.flatnonzero(modes.lam.real >= 0))
         return modes
+
+
+def _nearest(modes: Modes, lam: np.ndarray) -> Modes:
+    """Return the modes that are nearest to eigenvalues."""
+    distance = np.abs(modes.lam[None, :] - lam[:, None])
+    return modes.select(np.unique(distance.argmin(axis=1)))

@@ -11,21 +11,14 @@ from scipy.optimize import linear_sum_assignment
 from ..assembly.assembly import Assembly
 from ..eigen.dense import solve_dense
 from ..eigen.linear.factor import LinearSolver
-from ..eigen.memory import require_memory
 from ..eigen.pencil import Modes
-from ..eigen.request import Request
-from ..errors import SceneError
-from ..mesh.refining import refine
-from ..problem.forms import interpolate
-from ..problem.problem import Problem
-from ..reduced import ReducedModel
 from ..sweep.onsets import Onset
 from ..sweep.result import Sweep, SweepPoint
 from ..sweep.sweep import sweep
 from ..sweep.tracking import match_modes, mirror_partners
 from .bars import BARS, bar_of, bent_change, enveloped, mirrored
 from .corrected import CorrectedModel
-from .two_level import prolongation
+from .refined import Refined, refine_problem
 
 # Times the change from the mesh to the one refined once, see `bars`: EXTRAPOLATED is in the middle of where the error
 # lies, and UNSURE is how far from the middle it may be.
@@ -36,11 +29,6 @@ SMALLEST = 0.1  # of the sweep: errors of onsets at smaller values are relative 
 # as much as another pair of branches does; from _LOST on they are different onsets.
 _FAR = 0.2
 _LOST = 2.0
-_VALUE = "value"
-_CHILDREN = 8  # elements into which one is cut, and about as many times the unknowns
-_COPIES = 4  # of the refined matrices: those of the terms, and their sums
-_VECTORS = 24  # on the refined mesh for each mode, besides the coarse basis and a copy of it: those of the corrections
-_BASIS = 10  # vectors for each mode that a coarse basis is taken to have where there is none yet
 
 
 @dataclass(frozen=True)
@@ -158,26 +146,17 @@ def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -
     TooLargeError
         The refined mesh does not fit into memory.
     """
-    problem, parameter = result.problem.solved_with(linear_solver), result.parameter
-    assembly = problem.source
-    if not isinstance(assembly, Assembly):
-        raise SceneError("the error of a mesh is asked for (--estimate), and the scene has matrices instead of a mesh")
-    require_memory(_refined_memory(result), _CHILDREN * problem.unknowns, "modes on the refined mesh")
-    values = np.array([p.value for p in result.points])
-    refined = Assembly(assembly.scene, refine(assembly.loaded)).solved_with(linear_solver)
-    E = prolongation(assembly.space, refined.space)
-    fine = refined.problem(problem.changed).prepared(parameter, values)
-    affine = [_affine(p, parameter, values) for p in (problem, fine)]
-    axis, at = (parameter, values) if len(values) > 1 else (_VALUE, np.zeros(1))
-    model = result.reduced_model
-    if model is None or len(values) == 1 or not problem.is_affine(parameter):
-        request = Request(count=max(len(p.modes) for p in result.points) + 2)
-        model = ReducedModel(affine[0], axis, at, request, linear_solver=linear_solver)
-    corrected = CorrectedModel(model, affine[1], E, at)
+    return changes_by(result, refine_problem(result, linear_solver), linear_solver)
+
+
+def changes_by(result: Sweep, refined: Refined, linear_solver: LinearSolver | str = "auto") -> Changes:
+    """Return the same where the problem on the refined mesh is there already."""
+    parameter, values, model = result.parameter, refined.values, refined.model
+    corrected = CorrectedModel(refined)
     first: dict[int, int] | None = None
     pairs = []
-    for point, value in zip(result.points, at.tolist(), strict=True):
-        before, refined_pencil = model.modes(value), corrected.projected.pencil({axis: value})
+    for point, value in zip(result.points, values.tolist(), strict=True):
+        before, refined_pencil = model.modes(value), corrected.projected.pencil({refined.parameter: value})
         now = solve_dense(refined_pencil, 1.5 * model.highest, linear_solver)
         same = _same(corrected, before, now)
         first = same if first is None else first
@@ -185,9 +164,9 @@ def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -
     onsets: list[float] = []
     appeared: list[Onset] = []
     if len(values) > 1:
-        modes = len(model.modes(float(at[0])))
+        modes = len(model.modes(float(values[0])))
         found = sweep(
-            corrected.projected, at, axis, modes=modes, method="direct", linear_solver=linear_solver
+            corrected.projected, values, refined.parameter, modes=modes, method="direct", linear_solver=linear_solver
         ).onsets
         paired = pair_onsets(result.onsets, found, first or {}, float(np.ptp(values)))
         onsets = [
@@ -201,24 +180,6 @@ def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -
             for j, o in enumerate(found) if j not in paired and o.frequency_hz < COMPARED * top
         ]  # fmt: skip
     return Changes(tuple(c for c, _ in pairs), tuple(onsets), tuple(b for _, b in pairs), tuple(appeared))
-
-
-def _refined_memory(result: Sweep) -> int:
-    """Return about how many bytes `refined_changes` takes besides those of the sweep."""
-    pencil = result.problem.pencil()
-    entries = sum(A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)
-    modes = max((len(p.modes) for p in result.points), default=0)
-    basis = _BASIS * modes if result.reduced_model is None else len(result.reduced_model.basis)
-    vectors = 2 * basis + _VECTORS * modes
-    return _CHILDREN * (_COPIES * 12 * entries + 8 * vectors * result.problem.unknowns)
-
-
-def _affine(problem: Problem, parameter: str, values: np.ndarray) -> Problem:
-    """Return the problem with a parameter that changes coefficients alone; at one value it changes nothing."""
-    if len(values) > 1:
-        return interpolate(problem, parameter, float(values[0]), float(values[-1]))
-    here = problem.at({parameter: float(values[0])}) if problem.has(parameter) else problem
-    return replace(here, parameters={**here.parameters, _VALUE: 0.0}, coupled=frozenset())
 
 
 def _same(corrected: CorrectedModel, before: Modes, now: Modes) -> dict[int, int]:

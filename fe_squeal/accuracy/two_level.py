@@ -42,14 +42,14 @@ def prolongation(coarse: DisplacementSpace, fine: DisplacementSpace) -> sp.csr_a
         )
     parent = np.empty(fine.nodes, int)
     parent[fine.dofs.element_dofs] = np.arange(fine.mesh.nelements) // _CHILDREN
-    values = interpolate(coarse, parent, _reference(coarse, parent, fine.coordinates.T))
+    values = interpolate(coarse, parent, reference_coordinates(coarse, parent, fine.coordinates.T))
     nodal = sp.csr_array(sp.kron(values, sp.eye_array(3), format="csr"))
     if coarse.ties or fine.ties:
         return sp.csr_array(fine.nodal_inverse @ nodal @ coarse.nodal_map)
     return sp.csr_array(nodal[fine.free][:, coarse.free])
 
 
-def _reference(space: DisplacementSpace, elements: np.ndarray, x: np.ndarray) -> np.ndarray:
+def reference_coordinates(space: DisplacementSpace, elements: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return the reference coordinates (3, k) of points x (3, k) in their elements, by Newton's method."""
     X = np.repeat(np.asarray(space.mesh.elem().doflocs).mean(axis=0)[:, None], len(elements), axis=1)
     for _ in range(_NEWTON):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -11,6 +13,28 @@ Length = Annotated[float, Field(gt=0.0)]
 LengthOrZero = Annotated[float, Field(ge=0.0)]
 Count = Annotated[int, Field(ge=1, le=1_000_000)]
 OneOrTwo = Annotated[int, Field(ge=1, le=2)]  # not Literal[1, 2], which lets True through
+
+
+@dataclass(frozen=True)
+class Line:
+    """One direction of a structured mesh in which the number of elements can be chosen by itself.
+
+    Attributes
+    ----------
+    groups : tuple of str
+        Volume groups whose elements are cut.
+    axis : "radial", "around", "axial", "x", "y" or "z"
+    elements : int
+        Along it now.
+    multiple, least : int
+        Of what the number has to be a multiple, and the smallest one.
+    """
+
+    groups: tuple[str, ...]
+    axis: str
+    elements: int
+    multiple: int = 1
+    least: int = 1
 
 
 class Geometry(BaseModel):
@@ -47,6 +71,23 @@ class Geometry(BaseModel):
         if factor < 1:
             raise ValueError(f"factor = {factor}: expected 1 or more")
         return self.model_copy(update={"refinement": self.refinement * factor})
+
+    def with_counts(self, counts: Mapping[str, int]) -> Self:
+        """Return this geometry with other numbers of elements along some of its `lines`; the others stay as they are.
+
+        Examples
+        --------
+        >>> from fe_squeal.geometry import Block
+        >>> Block(length=0.08, width=0.04, height=0.015, size=0.01).with_counts({"layers": 3}).block_counts
+        (8, 4, 3)
+        """
+        every = {key: line.elements for key, line in self.lines.items()} | dict(counts)
+        return type(self).model_validate({**self.model_dump(), "refinement": 1, **every})
+
+    @property
+    def lines(self) -> dict[str, Line]:
+        """What can be cut finer by itself, by the key that says into how many elements."""
+        raise NotImplementedError
 
     @property
     def edge_length(self) -> float:

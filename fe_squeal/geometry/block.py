@@ -7,7 +7,10 @@ from typing import Self
 
 from pydantic import model_validator
 
-from fe_squeal.geometry.base import Count, Geometry, Length, LengthOrZero, OneOrTwo
+from fe_squeal.geometry.base import Count, Geometry, Length, LengthOrZero, Line, OneOrTwo
+
+_COUNTS = ("layers", "elements_x", "elements_y")
+_BELT_COUNTS = tuple(f"belt_{key}" for key in _COUNTS)
 
 
 class Block(Geometry):
@@ -33,6 +36,8 @@ class Block(Geometry):
         How far the belt reaches beyond the row of blocks on each side (default 0).
     layers, belt_layers : int, optional
         Elements through the height and the belt's thickness, hex only (default: from `size`).
+    elements_x, elements_y, belt_elements_x, belt_elements_y : int, optional
+        Elements along and across each block and the belt, hex only (default: from `size`).
     geometry_order : 1 or 2
         Default 1: straight edges need no mid-nodes, and the displacement order is the scene's own choice.
 
@@ -53,6 +58,10 @@ class Block(Geometry):
     belt_margin_y: LengthOrZero = 0.0
     layers: Count | None = None
     belt_layers: Count | None = None
+    elements_x: Count | None = None
+    elements_y: Count | None = None
+    belt_elements_x: Count | None = None
+    belt_elements_y: Count | None = None
     geometry_order: OneOrTwo = 1
 
     @property
@@ -83,7 +92,8 @@ class Block(Geometry):
     def block_counts(self) -> tuple[int, int, int]:
         """Elements of one block along x, y and z."""
         layers = self.layers or self.elements_along(self.height)
-        n_x, n_y = self.elements_along(self.length), self.elements_along(self.width)
+        n_x = self.elements_x or self.elements_along(self.length)
+        n_y = self.elements_y or self.elements_along(self.width)
         return n_x * self.refinement, n_y * self.refinement, layers * self.refinement
 
     @property
@@ -92,8 +102,20 @@ class Block(Geometry):
         if not self.has_belt:
             return (0, 0, 0)
         layers = self.belt_layers or self.elements_along(self.belt_thickness)
-        n_x, n_y = self.elements_along(self.belt_length), self.elements_along(self.belt_width)
+        n_x = self.belt_elements_x or self.elements_along(self.belt_length)
+        n_y = self.belt_elements_y or self.elements_along(self.belt_width)
         return n_x * self.refinement, n_y * self.refinement, layers * self.refinement
+
+    @property
+    def lines(self) -> dict[str, Line]:
+        """What can be cut finer by itself, by the key that says into how many elements."""
+        blocks = tuple(f"block{self.suffix(i)}" for i in range(1, self.count + 1))
+        keys = ("elements_x", "elements_y", "layers")
+        found = {k: Line(blocks, axis, n) for k, axis, n in zip(keys, "xyz", self.block_counts, strict=True)}
+        if self.has_belt:
+            counts = zip(keys, "xyz", self.belt_counts, strict=True)
+            found |= {f"belt_{k}": Line(("belt",), axis, n) for k, axis, n in counts}
+        return found
 
     @property
     def cells(self) -> int:
@@ -113,8 +135,8 @@ class Block(Geometry):
         if self.spacing is not None and self.count == 1:
             raise ValueError("spacing: there is one block; give count = 2 or more, or leave the spacing out")
         if not self.has_belt:
-            for name in ("belt_margin_x", "belt_margin_y", "belt_layers"):
+            for name in ("belt_margin_x", "belt_margin_y", *_BELT_COUNTS):
                 if getattr(self, name):
                     raise ValueError(f"{name}: there is no belt; give belt_thickness or leave {name} out")
-        self.forbid_layers(layers=self.layers, belt_layers=self.belt_layers)
+        self.forbid_layers(**{key: getattr(self, key) for key in (*_COUNTS, *_BELT_COUNTS)})
         return self

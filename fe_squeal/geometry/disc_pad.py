@@ -7,7 +7,12 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from fe_squeal.geometry.base import Count, Geometry, Length, LengthOrZero, OneOrTwo
+from fe_squeal.geometry.base import Count, Geometry, Length, LengthOrZero, Line, OneOrTwo
+
+_COUNTS = (
+    *("disc_layers", "pad_layers", "back_plate_layers"),
+    *("disc_elements_radial", "disc_elements_around", "pad_elements_radial", "pad_elements_around"),
+)
 
 
 class DiscPad(Geometry):
@@ -38,6 +43,9 @@ class DiscPad(Geometry):
         Clearance between disc and lining (default 0).
     disc_layers, pad_layers, back_plate_layers : int, optional
         Elements through these thicknesses, hex only (default: from `size`).
+    disc_elements_radial, disc_elements_around, pad_elements_radial, pad_elements_around : int, optional
+        Elements along the radius and around, hex only (default: from `size`). Around a full ring it is a multiple of 4,
+        at least 12; a pad has an element at least for every 30 degrees.
     geometry_order : 1 or 2
         2 (default): edges follow the circles by mid-nodes (27-node hexahedra, 10-node tetrahedra), which leaves a
         relative volume error of h^4/30, h half an element's angle. 1: straight edges (8 or 4 nodes), 2 h^2/3.
@@ -63,6 +71,10 @@ class DiscPad(Geometry):
     disc_layers: Count | None = None
     pad_layers: Count | None = None
     back_plate_layers: Count | None = None
+    disc_elements_radial: Count | None = None
+    disc_elements_around: Count | None = None
+    pad_elements_radial: Count | None = None
+    pad_elements_around: Count | None = None
     geometry_order: OneOrTwo = 2
 
     @property
@@ -82,26 +94,51 @@ class DiscPad(Geometry):
     @property
     def disc_counts(self) -> tuple[int, int, int]:
         """Elements of the disc along the radius, around, and through its thickness."""
-        n_r = self.elements_along(self.outer_radius - self.inner_radius)
-        n_theta = self.elements_around(0.5 * (self.inner_radius + self.outer_radius))
+        n_r = self.disc_elements_radial or self.elements_along(self.outer_radius - self.inner_radius)
+        n_theta = self.disc_elements_around or self.elements_around(0.5 * (self.inner_radius + self.outer_radius))
         n_z = self.disc_layers or self.elements_along(self.thickness)
         return n_r * self.refinement, n_theta * self.refinement, n_z * self.refinement
 
     @property
     def pad_counts(self) -> tuple[int, int, int, int]:
         """Elements of one pad along the radius, around, through the lining, and through the back plate (0: none)."""
-        n_r = self.elements_along(self.pad_outer_radius - self.pad_inner_radius)
+        n_r = self.pad_elements_radial or self.elements_along(self.pad_outer_radius - self.pad_inner_radius)
         mean_radius = 0.5 * (self.pad_inner_radius + self.pad_outer_radius)
-        if self.is_ring:
+        if self.pad_elements_around:
+            n_theta = self.pad_elements_around
+        elif self.is_ring:
             n_theta = self.elements_around(mean_radius)
-        else:  # at most 30 degrees to an element, as in a ring
-            n_theta = max(math.ceil(self.pad_angle_deg / 30.0), self.elements_along(self.pad_angle * mean_radius))
+        else:
+            n_theta = max(self._fewest_around, self.elements_along(self.pad_angle * mean_radius))
         n_lining = self.pad_layers or self.elements_along(self.pad_thickness)
         n_plate = 0
         if self.has_back_plate:
             n_plate = self.back_plate_layers or self.elements_along(self.back_plate_thickness)
         fine = self.refinement
         return n_r * fine, n_theta * fine, n_lining * fine, n_plate * fine
+
+    @property
+    def _fewest_around(self) -> int:
+        """Elements around a pad at least: at most 30 degrees to an element, as in a ring."""
+        return math.ceil(self.pad_angle_deg / 30.0)
+
+    @property
+    def lines(self) -> dict[str, Line]:
+        """What can be cut finer by itself, by the key that says into how many elements."""
+        linings = tuple(f"pad_{i}" for i in range(1, self.pads + 1))
+        plates = tuple(f"back_plate_{i}" for i in range(1, self.pads + 1)) if self.has_back_plate else ()
+        pads, ring = linings + plates, 4 if self.is_ring else 1
+        n_r, n_theta, n_lining, n_plate = self.pad_counts
+        found = {
+            "disc_elements_radial": Line(("disc",), "radial", self.disc_counts[0]),
+            "disc_elements_around": Line(("disc",), "around", self.disc_counts[1], 4, 12),
+            "disc_layers": Line(("disc",), "axial", self.disc_counts[2]),
+            "pad_elements_radial": Line(pads, "radial", n_r),
+            "pad_elements_around": Line(pads, "around", n_theta, ring, 12 if self.is_ring else self._fewest_around),
+            "pad_layers": Line(linings, "axial", n_lining),
+            "back_plate_layers": Line(plates, "axial", n_plate),
+        }
+        return {key: line for key, line in found.items() if line.groups}
 
     @property
     def cells(self) -> int:
@@ -124,7 +161,20 @@ class DiscPad(Geometry):
             raise ValueError(
                 "back_plate_layers: there is no back plate; give back_plate_thickness or leave the layers out"
             )
-        self.forbid_layers(
-            disc_layers=self.disc_layers, pad_layers=self.pad_layers, back_plate_layers=self.back_plate_layers
-        )
+        self._check_counts()
+        self.forbid_layers(**{key: getattr(self, key) for key in _COUNTS})
         return self
+
+    def _check_counts(self) -> None:
+        around, ring = self.disc_elements_around, self.is_ring
+        if around is not None and (around % 4 or around < 12):
+            raise ValueError(f"disc_elements_around = {around}: expected a multiple of 4, at least 12")
+        around = self.pad_elements_around
+        if around is None:
+            return
+        if ring and (around % 4 or around < 12):
+            raise ValueError(f"pad_elements_around = {around}: expected a multiple of 4, at least 12, for a full ring")
+        if not ring and around < self._fewest_around:
+            raise ValueError(
+                f"pad_elements_around = {around}: expected at least {self._fewest_around}, one for every 30 degrees"
+            )

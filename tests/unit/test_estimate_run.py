@@ -10,7 +10,7 @@ import pytest
 from scene_texts import CRITICAL_MU, SCENE, write_scene
 
 from fe_squeal import load_scene
-from fe_squeal.accuracy import estimate
+from fe_squeal.accuracy import estimate, refined
 from fe_squeal.accuracy.measure import measure
 from fe_squeal.accuracy.settings import Setting
 from fe_squeal.cli import main
@@ -46,7 +46,7 @@ def test_bars_in_the_tables_and_after_a_resume(tmp_path, capsys):
 def test_refined_mesh_that_does_not_fit(tmp_path, capsys, monkeypatch):
     """The results are there without bars, and why is told; a study keeps the rest of the measurement."""
     scene, out = write_scene(tmp_path, SCENE), tmp_path / "out"
-    monkeypatch.setattr(estimate, "_refined_memory", lambda result: 10**18)
+    monkeypatch.setattr(refined, "_memory", lambda result: 10**18)
     assert main(["run", str(scene), "-o", str(out), "--estimate"]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "the error of the mesh is not known" in said and "GiB are free" in said and "would fit" in said

@@ -1,0 +1,166 @@
+"""What refining the mesh changes in frequencies, growth rates and onsets, split by where it comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..eigen.blocks import combine, times
+from ..eigen.pencil import Modes
+from ..sweep.onset import Onset
+from ..sweep.result import Sweep
+from .estimate import SMALLEST
+from .refined import Refined
+from .shares import shares
+
+KINDS = ("frequencies", "growth", "onsets")
+_STEP = 1e-4  # of the sweep: how far apart the values are that ∂Q/∂p is formed from
+_ROUNDED = 1e-6
+_SLOW = 0.02  # of the fastest growth rate: modes that grow more slowly are not looked at by themselves
+
+
+@dataclass(frozen=True)
+class Split:
+    """Changes by refinement of the quantities of a sweep, and their parts.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Such as "growth at mu = 0.7, 2705 Hz".
+    kinds : tuple of str
+        Of `KINDS`.
+    scales : (q,) float
+        What the changes are relative to: the frequency, the largest growth rate, the critical value.
+    parts : (q, m, a) float
+        Of each quantity's change, by element and its axes (three of a hexahedron, one of a tetrahedron).
+    """
+
+    names: tuple[str, ...]
+    kinds: tuple[str, ...]
+    scales: np.ndarray
+    parts: np.ndarray
+
+    @property
+    def changes(self) -> np.ndarray:
+        """(q,) what refinement changes in all, to first order."""
+        return np.asarray(self.parts.sum(axis=(1, 2)))
+
+    @property
+    def relative(self) -> np.ndarray:
+        """(q, m, a) the parts relative to the scales."""
+        return np.asarray(self.parts / self.scales[:, None, None])
+
+    def of(self, kinds: Sequence[str]) -> Split:
+        """Return that of some kinds alone."""
+        keep = [i for i, kind in enumerate(self.kinds) if kind in kinds]
+        pick = tuple(self.names[i] for i in keep), tuple(self.kinds[i] for i in keep)
+        return Split(*pick, self.scales[keep], self.parts[keep])
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """One quantity: the real part of a factor times ρᴴz of a mode, a column of all that are looked at."""
+
+    name: str
+    kind: str
+    scale: float
+    column: int
+    factor: complex
+
+
+def split_changes(result: Sweep, refined: Refined) -> Split:
+    """Return the first-order changes of frequencies and growth at both ends of the sweep and of onsets, by parts.
+
+    Parameters
+    ----------
+    result : Sweep
+    refined : Refined
+        Of this sweep, see `refine_problem`.
+
+    Raises
+    ------
+    NotConvergedError
+        The conjugate gradients on the refined mesh do not settle.
+    """
+    values = refined.values
+    at: dict[float, list[Onset]] = {float(v): [] for v in (values[0], values[-1])}
+    for onset in result.onsets if len(values) > 1 else ():
+        at.setdefault(float(onset.value), []).append(onset)
+    asked: list[_Asked] = []
+    residuals: list[np.ndarray] = []
+    adjoint: list[np.ndarray] = []
+    for value, onsets in at.items():
+        modes = _swinging(refined.model.modes(value), refined.problem.is_damped)
+        here = _asked(result, refined, value, modes, onsets)
+        first = sum(r.shape[1] for r in residuals)
+        wanted = np.unique([a.column for a in here]).astype(int)
+        asked += [replace(a, column=first + int(np.searchsorted(wanted, a.column))) for a in here]
+        right, left = _residuals(refined, value, modes.select(wanted))
+        residuals.append(right)
+        adjoint.append(left)
+    if not asked:
+        return Split((), (), np.zeros(0), np.zeros((0, refined.coarse.space.mesh.nelements, 1)))
+    r, rho = np.hstack(residuals), np.hstack(adjoint)
+    z = refined.solver.solve(np.hstack([r.real, r.imag]) if r.imag.any() else r.real)
+    if r.imag.any():
+        z = z[:, : r.shape[1]] + 1j * z[:, r.shape[1] :]
+    sizes = shares(refined.coarse.space, refined.fine.space, refined.prolongation, rho, z)
+    parts = np.stack([np.real(a.factor * sizes[a.column]) for a in asked])
+    names, kinds, scales = (tuple(getattr(a, key) for a in asked) for key in ("name", "kind", "scale"))
+    return Split(names, kinds, np.array(scales), parts)
+
+
+def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: Sequence[Onset]) -> list[_Asked]:
+    """Return what is looked at at a value: frequencies and growth at the ends of the sweep, and onsets."""
+    fastest = max(float(p.modes.lam.real.max(initial=0.0)) for p in result.points)
+    width = float(np.ptp(refined.values))
+    assert modes.left is not None
+    pencil = refined.model.basis.pencil(value)
+    turn = np.einsum("ij,ij->j", modes.left.conj(), pencil.derivative(modes.lam, modes.right))
+    name = f" at {result.parameter} = {value:.6g}" if width else ""
+    asked: list[_Asked] = []
+    for i, point in ((0, result.points[0]), (-1, result.points[-1])):
+        if value != refined.values[i] or (asked and not width):
+            continue
+        highest = float(point.modes.lam.imag.max(initial=0.0))
+        for k, lam in enumerate(modes.lam.tolist()):
+            if lam.imag > (1 + _ROUNDED) * highest:
+                continue
+            told = f"{lam.imag / (2 * np.pi):.5g} Hz{name}"
+            asked.append(_Asked(f"frequency {told}", "frequencies", lam.imag, k, -1j / turn[k]))
+            if lam.real > _SLOW * fastest:
+                asked.append(_Asked(f"growth of {told}", "growth", fastest, k, 1 / turn[k]))
+    if onsets:
+        rate = _by_parameter(refined, value, modes, width)
+        for onset in onsets:
+            k = int(np.argmin(np.abs(modes.lam.imag - 2 * np.pi * onset.frequency_hz)))
+            met = onset.branch_b is not None and not refined.problem.is_damped
+            # Two modes meet: ψᴴ(δQ + ∂Q/∂p δp)φ = 0. One crosses alone: Re(δλ + ∂λ/∂p δp) = 0.
+            factor = 1 / rate[k] if met else (1 / turn[k]) / (rate[k] / turn[k]).real
+            told = f"onset{name}, {onset.frequency_hz:.5g} Hz"
+            asked.append(_Asked(told, "onsets", max(abs(onset.value), SMALLEST * width), k, factor))
+    return asked
+
+
+def _swinging(modes: Modes, is_damped: bool) -> Modes:
+    """Return the modes with Im λ > 0; without damping of λ and −λ*, whose errors are alike, the one that grows."""
+    return modes.select(np.flatnonzero((modes.lam.imag > 0) & (is_damped | (modes.lam.real >= 0))))
+
+
+def _by_parameter(refined: Refined, value: float, modes: Modes, width: float) -> np.ndarray:
+    """Return ψᴴ ∂Q/∂p φ (k,) of modes of the model."""
+    h = _STEP * width
+    high, low = (refined.model.basis.pencil(value + s * h).apply(modes.lam, modes.right) for s in (0.5, -0.5))
+    assert modes.left is not None
+    return np.asarray(np.einsum("ij,ij->j", modes.left.conj(), high - low) / h)
+
+
+def _residuals(refined: Refined, value: float, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
+    """Return Q(λ)φ and Q(λ)ᴴψ (n_fine, k) of modes of the mesh itself on the refined one."""
+    assert modes.left is not None
+    V, E = refined.model.basis.V, refined.prolongation
+    pencil = refined.problem.pencil({refined.parameter: value})
+    right, left = (times(E, combine(V, side)) for side in (modes.right, modes.left))
+    return pencil.apply(modes.lam, right), pencil.transposed().apply(modes.lam.conj(), left)
