@@ -1,32 +1,33 @@
-"""Pick mesh size, order, modes and method for a target, from quick runs."""
+"""Find the mesh for a target: solve, see where the error comes from, refine there."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..assembly.assembly import Assembly
 from ..assembly.swept import swept
-from ..eigen.memory import TooLargeError
-from ..errors import MeshError, NotConvergedError, SceneError
+from ..eigen.memory import TooLargeError, memory_text, require_memory
+from ..errors import NotConvergedError, SceneError
 from ..mesh import LoadedMesh
 from ..scene import Scene
 from ..sweep.onset import Onset
 from ..sweep.result import Sweep, SweepPoint
 from ..sweep.sweep import sweep
 from .bars import BARS
-from .estimate import COMPARED, EXTRAPOLATED, SMALLEST, with_discretisation
-from .settings import Setting, own_setting, scene_at
+from .candidates import Candidate, first_candidate, next_candidate
+from .estimate import COMPARED, EXTRAPOLATED, SMALLEST, changes_by, with_changes, with_discretisation
+from .quantities import KINDS, split_changes
+from .refined import refine_problem, refined_memory
 
-_START = 2.0  # times the scene's size: where the search begins
-_RATES = (1.0, 4.0)  # powers of the size with which errors fall, from singular stresses to smooth ones
-_EXPECTED = {1: 1.5, 2: 2.5}  # the rate that each order is taken to have, until two runs tell
-_STEP = (0.4, 0.8)  # of the size of a mesh: between these lies that of the next one
 _MARGIN = 0.8  # of the target: the error that is aimed at
+_SURELY = 1.5  # times the target: beyond it the changes to first order suffice, and bars are not worth their time
 _RUNS = 8
+_GROWTH = 1.2  # power of the unknowns with which times grow
+_SLACK = 1.02  # times the unknowns: less is no finer mesh
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,8 @@ class Trial:
 
     Attributes
     ----------
-    setting : Setting
+    mesh : str
+        In words.
     unknowns : int
     error : float
         The largest estimated error of what is wanted, relative.
@@ -43,14 +45,14 @@ class Trial:
         With the estimate.
     """
 
-    setting: Setting
+    mesh: str
     unknowns: int
     error: float
     seconds: float
 
     def __str__(self) -> str:
         error = f"error about {100 * self.error:.2g} %" if np.isfinite(self.error) else "error not known"
-        return f"{self.setting}: {self.unknowns} unknowns, {error}, {self.seconds:.1f} s"
+        return f"{self.mesh}: {self.unknowns} unknowns, {error}, {self.seconds:.1f} s"
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ class Choice:
     Attributes
     ----------
     scene : Scene
-        With the size and order that meet the target.
+        With the order and the numbers of elements that meet the target.
     mesh : LoadedMesh
     result : Sweep
         With the errors of the mesh.
@@ -74,27 +76,34 @@ class Choice:
     trials: tuple[Trial, ...]
 
 
-_Results = dict[Trial, tuple[Scene, LoadedMesh, Sweep]]
+@dataclass(frozen=True)
+class _Nearest:
+    trial: Trial
+    candidate: Candidate
+    result: Sweep
 
 
-def choose(scene: Scene, target: float, tell: Callable[[str], None] = lambda text: None) -> Choice:
-    """Find the coarsest mesh on which frequencies, growth rates and critical values meet a target.
+def choose(
+    scene: Scene, target: float, tell: Callable[[str], None] = lambda text: None, kinds: Sequence[str] = KINDS
+) -> Choice:
+    """Find a mesh on which frequencies, growth rates and critical values meet a target.
 
-    Both orders are tried on a coarse mesh; the one that would reach the target with less work goes on, with sizes that
-    follow from the errors estimated so far. The number of modes is the scene's: the error of each is estimated by
-    itself, and to ask for more would not change it. The method is the reduced one where the parameter allows it.
+    The first mesh is the scene's own; each next one is finer where the error of the one before came from, see `shares`.
+    The number of modes is the scene's: the error of each is estimated by itself, and to ask for more would not change
+    it.
 
     Parameters
     ----------
     target : float
         Relative error, see `estimated_error`.
     tell : callable of str
-        Gets a line about each run.
+        Gets a line about each run, and a forecast of the next one.
+    kinds : sequence of "frequencies", "growth", "onsets"
+        What is to meet the target.
 
     Raises
     ------
     SceneError
-        The mesh is a file without a geometry.
     NotConvergedError
         The target is not met by the finest mesh that fits; `partial` is the choice nearest to it.
     KeyboardInterrupt
@@ -102,76 +111,64 @@ def choose(scene: Scene, target: float, tell: Callable[[str], None] = lambda tex
     """
     if not 0 < target < 1:
         raise SceneError(f"--accuracy: given {target:g}; expected a relative error between 0 and 1")
-    if scene.mesh.geometry is None:
-        raise SceneError("--accuracy: a mesh file has one size; expected [mesh.disc_pad] or [mesh.block]")
-    own = replace(own_setting(scene), method=scene.solve.method)
     trials: list[Trial] = []
-    results: _Results = {}
-
-    def run(setting: Setting) -> Trial:
-        start = time.perf_counter()
-        changed, loaded = scene_at(scene, setting)
-        if scene.solve.max_frequency is not None:
-            changed = changed.model_copy(update={"solve": scene.solve})
-        problem = Assembly(changed, loaded).problem({})
-        parameter, grid = swept(changed, problem)
-        solve = changed.solve
-        result = sweep(
-            problem, grid, parameter, modes=solve.modes, max_frequency=solve.max_frequency, tolerance=solve.tolerance,
-            keep_shapes=scene.output.shapes == "all", method=solve.method, linear_solver=solve.linear_solver,
-        )  # fmt: skip
-        result = with_discretisation(result, solve.linear_solver)
-        trial = Trial(setting, problem.unknowns, estimated_error(result), time.perf_counter() - start)
-        trials.append(trial)
-        results[trial] = (changed, loaded, result)
-        tell(str(trial))
-        return trial
-
+    nearest: _Nearest | None = None
+    candidate = first_candidate(scene)
     try:
-        return _search(run, own, target, trials, results, tell)
+        while True:
+            start = time.perf_counter()
+            result = _swept(candidate)
+            solver = candidate.scene.solve.linear_solver
+            refined = refine_problem(result, solver)
+            split = split_changes(result, refined).of(kinds)
+            error = first = EXTRAPOLATED * float(np.abs(split.changes / split.scales).max(initial=0.0))
+            if first <= _SURELY * target:
+                result = with_changes(result, changes_by(result, refined, solver))
+                error = estimated_error(result, kinds)
+            trial = Trial(candidate.told, candidate.unknowns, error, time.perf_counter() - start)
+            trials.append(trial)
+            tell(str(trial))
+            if nearest is None or not nearest.trial.error <= error:
+                nearest = _Nearest(trial, candidate, result)
+            if error <= target:
+                return _picked(nearest, trials)
+            if len(trials) == _RUNS:
+                raise _missed(target, nearest, trials, f"after {_RUNS} runs")
+            # Bars may be wider than the changes to first order say; these are what the next mesh is to bring down.
+            aim = _MARGIN * target * min(1.0, first / error if np.isfinite(error) else 1.0) / EXTRAPOLATED
+            before, spent = candidate, trial.seconds
+            candidate = next_candidate(candidate, refined.coarse, split, aim)
+            ratio = candidate.unknowns / before.unknowns
+            del refined
+            if ratio < _SLACK:
+                raise _missed(target, nearest, trials, "nothing that could be cut finer brings it down")
+            memory = int(refined_memory(result) * ratio)
+            tell(
+                f"next: {candidate.told}: {candidate.unknowns} unknowns, about {spent * ratio**_GROWTH:.0f} s, "
+                f"{memory_text(memory)}"
+            )
+            try:
+                require_memory(memory, 8 * candidate.unknowns, "modes on the refined mesh")
+            except TooLargeError as error_:
+                raise _missed(target, nearest, trials, str(error_)) from error_
     except KeyboardInterrupt as stop:
-        if not trials:
+        if nearest is None:
             raise
-        nearest = min(results, key=lambda trial: np.nan_to_num(trial.error, nan=np.inf))
-        raise KeyboardInterrupt(_picked(nearest, trials, results)) from stop
+        raise KeyboardInterrupt(_picked(nearest, trials, bars=False)) from stop
 
 
-def _search(
-    run: Callable[[Setting], Trial], own: Setting, target: float, trials: list[Trial], results: _Results,
-    tell: Callable[[str], None],
-) -> Choice:  # fmt: skip
-    """Return the choice; `run` adds to trials and results."""
-    first: list[Trial] = []
-    for order in (1, 2):
-        setting = replace(own, order=order, size=_START * own.size / (3 - order))
-        try:
-            first.append(run(setting))
-        except (TooLargeError, NotConvergedError, MeshError) as error:
-            if order == 2 and not first:
-                raise
-            tell(f"{setting}: {error}")
-    last, before = min(first, key=lambda trial: _work(trial, target)), None
-    while not last.error <= target:
-        rate = _EXPECTED[last.setting.order]
-        if before is not None and np.isfinite(before.error * last.error):
-            seen = np.log(before.error / last.error) / np.log(before.setting.size / last.setting.size)
-            rate = np.sqrt(rate * np.clip(seen, *_RATES))  # the largest error changes from one quantity to another
-        known = last.error if np.isfinite(last.error) else 1.0
-        step = float(np.clip((_MARGIN * target / known) ** (1 / rate), *_STEP))
-        nearest = min(trials, key=lambda trial: np.nan_to_num(trial.error, nan=np.inf))
-        for other in [t for t in results if t is not nearest]:  # to free their memory
-            del results[other]
-        if len(trials) == _RUNS:
-            raise _missed(target, trials, results, f"after {_RUNS} runs")
-        before = last
-        try:
-            last = run(replace(last.setting, size=step * last.setting.size))
-        except (TooLargeError, NotConvergedError) as error:
-            raise _missed(target, trials, results, str(error)) from error
-    return _picked(last, trials, results)
+def _swept(candidate: Candidate) -> Sweep:
+    scene = candidate.scene
+    problem = Assembly(scene, candidate.loaded).problem({})
+    parameter, grid = swept(scene, problem)
+    solve = scene.solve
+    return sweep(
+        problem, grid, parameter, modes=solve.modes, max_frequency=solve.max_frequency, tolerance=solve.tolerance,
+        keep_shapes=scene.output.shapes == "all", method=solve.method, linear_solver=solve.linear_solver,
+    )  # fmt: skip
 
 
-def estimated_error(result: Sweep) -> float:
+def estimated_error(result: Sweep, kinds: Sequence[str] = KINDS) -> float:
     """Return the largest estimated error of a sweep with bars, relative; NaN where one is not known.
 
     Of the frequencies at all values; of the growth rates relative to the largest one, but for those closer to an onset
@@ -184,21 +181,23 @@ def estimated_error(result: Sweep) -> float:
     fastest = max(float(p.modes.lam.real.max(initial=0.0)) for p in result.points)
     found: list[float] = []
 
-    def add(error: np.ndarray, frequency: np.ndarray) -> None:
+    def add(kind: str, error: np.ndarray, frequency: np.ndarray) -> None:
         """Take the errors of what both meshes have; above, a mode may have left the range."""
+        if kind not in kinds:
+            return
         found.extend(error[np.isfinite(error) | (frequency <= COMPARED * highest)].tolist())
 
     for point in result.points:
         assert point.discretisation is not None
         lam, bar = point.modes.lam, point.discretisation
         swinging = lam.imag > 0
-        add((bar.imag / np.where(swinging, lam.imag, 1.0))[swinging], lam.imag[swinging])
+        add("frequencies", (bar.imag / np.where(swinging, lam.imag, 1.0))[swinging], lam.imag[swinging])
         growing = swinging & (point.modes.stability == "unstable") & ~_at_onset(point, result.onsets)
-        add(bar.real[growing] / fastest, lam.imag[growing])
+        add("growth", bar.real[growing] / fastest, lam.imag[growing])
     width = float(np.ptp([p.value for p in result.points]))
     for o in result.onsets:
         relative = np.array(o.discretisation / max(abs(o.value), SMALLEST * width))
-        add(relative[None], np.array([2 * np.pi * o.frequency_hz]))
+        add("onsets", relative[None], np.array([2 * np.pi * o.frequency_hz]))
     source = result.problem.source
     assert isinstance(source, Assembly)
     return float(np.max(found) * EXTRAPOLATED / BARS[source.space.order]) if found else 0.0
@@ -213,19 +212,16 @@ def _at_onset(point: SweepPoint, onsets: Sequence[Onset]) -> np.ndarray:
     return found
 
 
-def _work(trial: Trial, target: float) -> float:
-    """Return about how many unknowns an order needs for a target; infinity where its error is not known."""
-    rate = {1: 2.0, 2: 3.0}[trial.setting.order]
-    return float(np.nan_to_num(trial.unknowns * (trial.error / target) ** (3 / rate), nan=np.inf))
+def _picked(nearest: _Nearest, trials: list[Trial], bars: bool = True) -> Choice:
+    """Return the choice, with bars unless there is no time for them."""
+    result, (scene, loaded) = nearest.result, (nearest.candidate.scene, nearest.candidate.loaded)
+    if bars and result.points[0].discretisation is None:
+        result = with_discretisation(result, scene.solve.linear_solver)
+    return Choice(scene, loaded, result, (*(t for t in trials if t is not nearest.trial), nearest.trial))
 
 
-def _picked(trial: Trial, trials: list[Trial], results: _Results) -> Choice:
-    return Choice(*results[trial], (*(t for t in trials if t is not trial), trial))
-
-
-def _missed(target: float, trials: list[Trial], results: _Results, why: str) -> NotConvergedError:
-    [nearest] = results
+def _missed(target: float, nearest: _Nearest, trials: list[Trial], why: str) -> NotConvergedError:
     return NotConvergedError(
-        f"the target of {100 * target:g} % is not met; nearest: {nearest} ({why})",
-        partial=_picked(nearest, trials, results),
+        f"the target of {100 * target:g} % is not met; nearest: {nearest.trial} ({why})",
+        partial=_picked(nearest, trials),
     )

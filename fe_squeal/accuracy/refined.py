@@ -86,7 +86,7 @@ def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") ->
     assembly = problem.source
     if not isinstance(assembly, Assembly):
         raise SceneError("the error of a mesh is asked for (--estimate), and the scene has matrices instead of a mesh")
-    require_memory(_memory(result), _CHILDREN * problem.unknowns, "modes on the refined mesh")
+    require_memory(refined_memory(result), _CHILDREN * problem.unknowns, "modes on the refined mesh")
     values = np.array([p.value for p in result.points])
     fine = Assembly(assembly.scene, refine(assembly.loaded)).solved_with(linear_solver)
     E = prolongation(assembly.space, fine.space)
@@ -106,7 +106,7 @@ def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") ->
     return Refined(assembly, fine, collected, model, axis, at, E, metric, P, solver)
 
 
-def _memory(result: Sweep) -> int:
+def refined_memory(result: Sweep) -> int:
     """Return about how many bytes modes on the refined mesh take besides those of the sweep."""
     pencil = result.problem.pencil()
     entries = sum(A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)

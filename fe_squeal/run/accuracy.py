@@ -165,12 +165,12 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
 
 def _print_trials(choice: Choice, target: float, console: Console) -> None:
     table = Table(title=f"Meshes tried for {100 * target:g} %", title_justify="left", box=SIMPLE_HEAD)
-    for head in ("order", "size, mm", "unknowns", "error, %", "seconds"):
+    table.add_column("mesh")
+    for head in ("unknowns", "error, %", "seconds"):
         table.add_column(head, justify="right")
     for t in choice.trials:
         error = f"{100 * t.error:.2g}" if np.isfinite(t.error) else "not known"
-        row = (str(t.setting.order), f"{1e3 * t.setting.size:.3g}", str(t.unknowns), error)
-        table.add_row(*row, f"{t.seconds:.1f}")
+        table.add_row(t.mesh, str(t.unknowns), error, f"{t.seconds:.1f}")
     print_table(table, console)
 
 

@@ -46,7 +46,7 @@ def test_bars_in_the_tables_and_after_a_resume(tmp_path, capsys):
 def test_refined_mesh_that_does_not_fit(tmp_path, capsys, monkeypatch):
     """The results are there without bars, and why is told; a study keeps the rest of the measurement."""
     scene, out = write_scene(tmp_path, SCENE), tmp_path / "out"
-    monkeypatch.setattr(refined, "_memory", lambda result: 10**18)
+    monkeypatch.setattr(refined, "refined_memory", lambda result: 10**18)
     assert main(["run", str(scene), "-o", str(out), "--estimate"]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "the error of the mesh is not known" in said and "GiB are free" in said and "would fit" in said

@@ -1,0 +1,116 @@
+"""Meshes that go where the error is: lines of parametric hexahedra by themselves, tetrahedra where marked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..assembly.assembly import Assembly
+from ..assembly.bodies import read_mesh
+from ..fem.spaces import make_space
+from ..mesh import LoadedMesh
+from ..mesh.refining import refine
+from ..scene import Scene
+from .adapt import LineErrors, counts_for, line_errors, told
+from .quantities import Split
+
+ORDER = 2  # on every scene measured order 1 needs many times as long for the same error
+_FALLS = 0.8  # part of an element's share in the error that goes where it is cut into eight
+_LEAST, _ALL = 0.3, 0.9  # parts of the error whose elements are marked: at least, and beyond which all are
+_SHARP = 4.0  # power with which the quantities that miss the target most count most
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A mesh to be tried.
+
+    Attributes
+    ----------
+    scene : Scene
+        With the order, and for a parametric mesh the numbers of elements.
+    loaded : LoadedMesh
+    told : str
+        What it is, in words.
+    unknowns : int
+    errors : LineErrors or None
+        Of the mesh before, where both are parametric hexahedra.
+    """
+
+    scene: Scene
+    loaded: LoadedMesh
+    told: str
+    unknowns: int
+    errors: LineErrors | None = None
+
+
+def first_candidate(scene: Scene) -> Candidate:
+    """Return the scene's own mesh with elements of order 2; a parametric one for order 1 with half as many each way."""
+    geometry = scene.mesh.geometry
+    if geometry is None or scene.mesh.order == ORDER:
+        words = "the scene's own mesh"
+        mesh = scene.mesh.model_copy(update={"order": ORDER} | ({} if geometry is None else {"file": None}))
+    else:
+        words = "the scene's own mesh, elements twice as long"
+        twice = geometry.model_copy(update={"size": 2 * geometry.size})
+        mesh = scene.mesh.model_copy(update={"order": ORDER, "file": None, _key(scene): twice})
+    changed = scene.model_copy(update={"mesh": mesh})
+    return _candidate(changed, read_mesh(changed), words)
+
+
+def next_candidate(candidate: Candidate, assembly: Assembly, split: Split, target: float) -> Candidate:
+    """Return a mesh that is expected to meet a target.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        The mesh that the changes are those of.
+    assembly : Assembly
+        On this mesh.
+    split : Split
+        What refining it changes, by element and axis.
+    target : float
+        For each of these changes, relative.
+    """
+    scene, geometry = candidate.scene, candidate.scene.mesh.geometry
+    if geometry is not None and geometry.element == "hex":
+        errors = line_errors(split, assembly, candidate.errors)
+        counts = counts_for(errors, geometry, target)
+        finer = geometry.with_counts(counts)
+        changed = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={_key(scene): finer})})
+        found = _candidate(changed, read_mesh(changed), told(counts, errors.lines))
+        return replace(found, errors=errors)
+    if candidate.loaded.mesh.elem.refdom.p.shape[1] == 8:
+        return _candidate(scene, refine(candidate.loaded), "every element into eight")
+    marked = marked_elements(split, target)
+    if len(marked) == split.parts.shape[1]:
+        return _candidate(scene, refine(candidate.loaded), "every element into eight")
+    from ..mesh.marked import refine_marked
+    loaded, _ = refine_marked(candidate.loaded, marked)
+    return _candidate(scene, loaded, f"{len(marked)} of {split.parts.shape[1]} elements into eight")
+
+
+def marked_elements(split: Split, target: float) -> np.ndarray:
+    """Return the elements whose refinement is expected to bring every change below a target: those of largest share.
+
+    An element's share is the sum of its parts of all quantities, each with a weight that grows with what it misses.
+    """
+    relative = np.abs(split.relative.sum(axis=2))
+    missed = relative.sum(axis=1) / target
+    share = (missed**_SHARP) @ relative
+    order = np.argsort(-share)
+    worst = max(float(missed.max(initial=0.0)), 1.0)
+    part = max(_LEAST, (1 - 1 / worst) / _FALLS)
+    if part > _ALL:
+        return np.arange(len(share))
+    held = np.cumsum(share[order])
+    return np.sort(order[: 1 + int(np.searchsorted(held, part * held[-1]))])
+
+
+def _candidate(scene: Scene, loaded: LoadedMesh, words: str) -> Candidate:
+    unknowns = 3 * make_space(loaded.mesh, ORDER, []).nodes
+    return Candidate(scene, loaded, words, unknowns)
+
+
+def _key(scene: Scene) -> str:
+    return "disc_pad" if scene.mesh.disc_pad is not None else "block"
