@@ -236,6 +236,8 @@ def _nodes(
         found = np.unique(place[rows][place[rows] >= 0])
         if len(found):
             groups[name] = node_set(mesh, found, added)
+            if name in raw.held_nodes:
+                groups[name] = NodeSet(found, np.union1d(groups[name].held, place[raw.held_nodes[name]]))
     numbers = {}
     ends = [first for first, _ in raw.node_prefixes[1:]] + [len(known)]
     for (first, prefix), end in zip(raw.node_prefixes, ends, strict=True):

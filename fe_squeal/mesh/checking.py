@@ -208,6 +208,7 @@ def drop_orphans(raw: RawMesh) -> RawMesh:
         node_prefixes=prefixes,
         surfaces={name: [new[part] for part in parts] for name, parts in raw.surfaces.items()},
         node_groups={name: new[rows][new[rows] >= 0] for name, rows in raw.node_groups.items()},
+        held_nodes={name: new[rows][new[rows] >= 0] for name, rows in raw.held_nodes.items()},
         notes=(*raw.notes, note),
     )
 

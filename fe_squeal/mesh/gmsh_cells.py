@@ -21,9 +21,12 @@ SOLIDS: dict[int, tuple[str, list[int] | None]] = {
     14: ("pyramid14", [0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12, 13]),
     19: ("pyramid13", [0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12]),
 }  # fmt: skip
+POINT = 15
 SURFACES = {2: 3, 9: 3, 3: 4, 10: 4, 16: 4}  # number of corners
 NODES = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1, 16: 8,
           17: 20, 18: 15, 19: 13}  # fmt: skip
+# Behind the name of a node set: the nodes that rest where the set is held, see `NodeSet`.
+HELD = " (held)"
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,8 @@ def raw_mesh(
     labels, points : (n,) int, (n, 3) float
         Numbers of the nodes, and where they are.
     names : mapping of (dimension, tag) to str
-        Of the physical groups; one without a name is called by its tag.
+        Of the physical groups; a volume or surface without a name is called by its tag. Points with a name are node
+        sets; without one they are none, since numbers mean nodes.
     repeats : bool
         Whether a cell is listed once for each of its groups.
     """
@@ -55,6 +59,7 @@ def raw_mesh(
     blocks: list[CellBlock] = []
     volumes: dict[str, list[Ints]] = {}
     surfaces: dict[str, list[Ints]] = {}
+    sets: dict[str, list[Ints]] = {}
     at = 0
     for some in cells:
         if some.type in SOLIDS:
@@ -70,9 +75,16 @@ def raw_mesh(
             nodes = connect(some.nodes[:, : SURFACES[some.type]], labels, some.labels, "surface element", source)
             for tag in some.physical:
                 surfaces.setdefault(names.get((2, abs(tag)), str(abs(tag))), []).append(nodes)
+        elif some.type == POINT:
+            for tag in some.physical:
+                if (0, abs(tag)) in names:
+                    nodes = connect(some.nodes, labels, some.labels, "point", source)
+                    sets.setdefault(names[0, abs(tag)], []).append(nodes.ravel())
+    node_groups = {name: np.unique(np.concatenate(parts)) for name, parts in sets.items()}
+    held = {name: node_groups.pop(name + HELD) for name in list(node_groups) if name + HELD in node_groups}
     groups = {name: np.unique(np.concatenate(parts)) for name, parts in volumes.items()}
     merged, groups = merge_copies(tuple(blocks), groups) if repeats else (tuple(blocks), groups)
-    return RawMesh(points, labels, merged, groups, surfaces)
+    return RawMesh(points, labels, merged, groups, surfaces, node_groups, held_nodes=held)
 
 
 def merge_copies(

@@ -61,6 +61,8 @@ class LoadedMesh:
         (columns,) which nodes the file does not have.
     length_unit
         What the file says of its coordinates, "mm", "" where it says nothing.
+    bisection
+        (n_elements, 7), how tetrahedra are cut next, where marked ones were refined; see `marked`.
     """
 
     mesh: skfem.Mesh
@@ -74,6 +76,7 @@ class LoadedMesh:
     node_numbers: dict[str, tuple[Ints, Ints]] = field(default_factory=dict)
     added: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
     length_unit: str = ""
+    bisection: Ints = field(default_factory=lambda: np.empty((0, 7), np.int64))
 
 
 def volume_group(loaded: LoadedMesh, name: str) -> Ints:

@@ -60,6 +60,8 @@ class RawMesh:
         Names of the file that give no group, with the reason.
     length_unit
         What the file says of its coordinates, "mm", "" where it says nothing.
+    held_nodes
+        By group name, all nodes that rest where the group is held, where the file says so; see `NodeSet`.
     """
 
     points: Floats
@@ -73,6 +75,7 @@ class RawMesh:
     node_prefixes: tuple[tuple[int, str], ...] = ((0, ""),)
     ignore_case: bool = False
     length_unit: str = ""
+    held_nodes: dict[str, Ints] = field(default_factory=dict)
 
     def node_name(self, row: int) -> str:
         """Return the node's number as the file has it, with its instance in front."""
