@@ -18,6 +18,7 @@ _RATES = {1: 1.5, 2: 3.0}
 _LIMITS = {1: (0.7, 2.0), 2: (1.0, 4.0)}
 _SHARP = 8.0  # power with which the quantities that miss the target most count most
 _FINER, _COARSER = 4.0, 0.5  # times the elements along a line, at most and at least, from one mesh to the next
+_AT_ONCE, _WIDER = 3.5, 1.2  # times the elements in all, at most; times the target where these do not suffice
 _TRIES = 4000
 _UNITS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -117,15 +118,30 @@ def axis_names(assembly: Assembly) -> np.ndarray:
 def counts_for(errors: LineErrors, geometry: DiscPad | Block, target: float) -> dict[str, int]:
     """Return the numbers of elements with which every error is expected below a target, for few elements in all.
 
+    Where that takes many times as many elements as there are, rates are not known well enough to go there at once: a
+    wider target is then taken, whose mesh tells them.
+    """
+    cells = geometry.cells
+    while True:
+        counts = _fewest(errors, lambda of: geometry.with_counts(of).cells, target)
+        if geometry.with_counts(counts).cells <= _AT_ONCE * cells or target >= errors.at(_own(errors)).max(initial=0.0):
+            return counts
+        target *= _WIDER
+
+
+def _own(errors: LineErrors) -> dict[str, int]:
+    return {key: line.elements for key, line in errors.lines.items()}
+
+
+def _fewest(errors: LineErrors, size: Callable[[Mapping[str, int]], int], target: float) -> dict[str, int]:
+    """Return the counts of a target.
+
     From half as many elements on, the line is cut finer whose elements buy most, until all errors are small enough or
     no line may be cut finer.
     """
     lines = errors.lines
     counts = {key: _rounded(line, int(np.ceil(_COARSER * line.elements))) for key, line in lines.items()}
     most = {key: _rounded(line, int(_FINER * line.elements)) for key, line in lines.items()}
-
-    def size(of: Mapping[str, int]) -> int:
-        return geometry.with_counts(of).cells
 
     def lack(of: Mapping[str, int]) -> float:
         return float(((errors.at(of) / target) ** _SHARP).sum())

@@ -84,6 +84,42 @@ def bent_change(lam: np.ndarray, refined: np.ndarray, order: int) -> np.ndarray:
     return found
 
 
+def extrapolated(lam: np.ndarray, refined: np.ndarray, factor: float) -> np.ndarray:
+    """Return where each mode together with the one next to it leads to at s = factor, (k,) complex, rad/s.
+
+    See `bent_change`: m and D of the two modes are extrapolated, not λ, whose change is that of a square root where
+    they nearly meet.
+
+    Parameters
+    ----------
+    lam, refined : (k,) complex, rad/s
+        The same modes on the mesh and on the refined one; NaN where a mode is not found again, and it is NaN then.
+
+    Examples
+    --------
+    >>> extrapolated(np.array([10j, 99j]), np.array([9j, 99j]), 1.5).round(6)
+    array([0. +8.5j, 0.+99.j ])
+    """
+    found = lam + factor * (refined - lam)
+    known = np.flatnonzero(np.isfinite(refined) & (lam.imag > 0))
+    for i in known.tolist():
+        others = known[known != i]
+        if not len(others):
+            continue
+        apart = np.minimum(np.abs(lam[others] - lam[i]), np.abs(refined[others] - refined[i]))
+        j = int(others[np.argmin(apart)])
+        (m0, m1), (D0, D1) = (
+            [(x[i] + x[j]) / 2 for x in (lam, refined)], [((x[i] - x[j]) / 2) ** 2 for x in (lam, refined)]
+        )  # fmt: skip
+        here = lam[i]
+        for s in np.linspace(0.0, factor, _STEPS + 1)[1:]:
+            root = np.sqrt(D0 + s * (D1 - D0) + 0j)
+            ends = m0 + s * (m1 - m0) + np.array([root, -root])
+            here = ends[np.argmin(np.abs(ends - here))]
+        found[i] = here
+    return np.asarray(found)
+
+
 def mirrored(bars: np.ndarray, partner: np.ndarray) -> np.ndarray:
     """Return for each bar the larger of its own and that of its mirror image, where both are known.
 

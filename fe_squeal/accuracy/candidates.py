@@ -10,6 +10,7 @@ from ..assembly.assembly import Assembly
 from ..assembly.bodies import read_mesh
 from ..fem.spaces import make_space
 from ..mesh import LoadedMesh
+from ..mesh.marked import refine_marked
 from ..mesh.refining import refine
 from ..scene import Scene
 from .adapt import LineErrors, counts_for, line_errors, told
@@ -85,7 +86,6 @@ def next_candidate(candidate: Candidate, assembly: Assembly, split: Split, targe
     marked = marked_elements(split, target)
     if len(marked) == split.parts.shape[1]:
         return _candidate(scene, refine(candidate.loaded), "every element into eight")
-    from ..mesh.marked import refine_marked
     loaded, _ = refine_marked(candidate.loaded, marked)
     return _candidate(scene, loaded, f"{len(marked)} of {split.parts.shape[1]} elements into eight")
 

@@ -16,7 +16,7 @@ from ..sweep.onsets import Onset
 from ..sweep.result import Sweep, SweepPoint
 from ..sweep.sweep import sweep
 from ..sweep.tracking import match_modes, mirror_partners
-from .bars import BARS, bar_of, bent_change, enveloped, mirrored
+from .bars import BARS, bar_of, bent_change, enveloped, extrapolated, mirrored
 from .corrected import CorrectedModel
 from .refined import Refined, refine_problem
 
@@ -85,13 +85,19 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
         bars.append(mirrored(bar, mirror_partners(point.modes)))
     bars = enveloped(bars, [point.branches for point in result.points])
     onsets = [
-        replace(onset, discretisation=np.inf if np.isnan(c) else BARS[order] * abs(c))
+        replace(
+            onset, discretisation=np.inf if np.isnan(c) else BARS[order] * abs(c),
+            extrapolated=onset.value + EXTRAPOLATED * c,
+        )
         for onset, c in zip(result.onsets, changes.onsets, strict=True)
-    ]
+    ]  # fmt: skip
     points = [
-        replace(point, discretisation=near_onsets(point, bar, onsets))
-        for point, bar in zip(result.points, bars, strict=True)
-    ]
+        replace(
+            point, discretisation=near_onsets(point, bar, onsets),
+            extrapolated=_extrapolated(point, lam, refined, modes, result.problem.is_damped),
+        )
+        for point, bar, (lam, refined, modes) in zip(result.points, bars, changes.spectra, strict=True)
+    ]  # fmt: skip
     warnings, name = list(result.warnings), result.parameter
     unknown = sum(int(np.isnan(c).sum()) for c in changes.modes)
     if unknown:
@@ -102,6 +108,16 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
     warnings += [f"an onset at {_told(onset, name)}, appears on the refined mesh alone" for onset in changes.appeared]
     listed = sorted([*onsets, *changes.appeared], key=lambda o: o.value)
     return replace(result, points=tuple(points), onsets=tuple(listed), warnings=tuple(warnings))
+
+
+def _extrapolated(
+    point: SweepPoint, lam: np.ndarray, refined: np.ndarray, modes: np.ndarray, is_damped: bool
+) -> np.ndarray:
+    """Return the λ (k,) that the modes of a point are likely to tend to; no growth where neither mesh has any."""
+    found = point.modes.lam + (extrapolated(lam, refined, EXTRAPOLATED) - lam)[modes]
+    uncertain = point.modes.re_uncertainty
+    still = (np.abs(point.modes.lam.real) <= uncertain) & (np.abs((refined - lam)[modes].real) <= uncertain)
+    return np.where(still & (not is_damped), 1j * found.imag, found)
 
 
 def _told(onset: Onset, name: str) -> str:

@@ -43,6 +43,8 @@ class Refined:
         That of the sweep; where it has one value, one that nothing depends on.
     values : (m,) float
         Of that parameter.
+    highest : float, rad/s
+        Of the modes that were asked for.
     prolongation : (n_fine, n_coarse) sparse
     metric : list of float
         Coefficients of the terms in P = K − σM, the part of Q(λ) without friction and damping.
@@ -57,6 +59,7 @@ class Refined:
     model: ReducedModel
     parameter: str
     values: np.ndarray
+    highest: float
     prolongation: sp.csr_array
     metric: list[float]
     P: sp.csr_array
@@ -103,7 +106,8 @@ def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") ->
     metric = [own.get(t.name, 0.0) for t in collected.terms]
     P = weighted(collected, metric)
     solver = TwoLevelSolver(P, E, factorize_definite(weighted(basis.problem, basis.metric), model.linear_solver).solve)
-    return Refined(assembly, fine, collected, model, axis, at, E, metric, P, solver)
+    highest = max(float(p.modes.lam.imag.max(initial=0.0)) for p in result.points)
+    return Refined(assembly, fine, collected, model, axis, at, highest, E, metric, P, solver)
 
 
 def refined_memory(result: Sweep) -> int:

@@ -20,6 +20,9 @@ def run(
         float | None,
         typer.Option(metavar="TARGET", help="Choose the mesh for this relative error.", show_default=False),
     ] = None,
+    accuracy_of: Annotated[
+        str, typer.Option(metavar="WHAT", help="What --accuracy is for: onsets, growth, frequencies or all.")
+    ] = "all",
 ) -> int:
     """Solve for the complex modes over the sweep and write tables, figures and shapes into a folder."""
     loaded = load_scene_or_deck(scene)
@@ -29,7 +32,9 @@ def run(
             raise SceneError("--accuracy: given with --resume; expected one of them")
         from ..run.accuracy import run_to_accuracy
 
-        return run_to_accuracy(loaded, folder, make_console(), accuracy)
+        return run_to_accuracy(loaded, folder, make_console(), accuracy, accuracy_of)
+    if accuracy_of != "all":
+        raise SceneError(f"--accuracy-of: given {accuracy_of} without --accuracy; expected a target, too")
     from ..run.run import run_scene
 
     return run_scene(loaded, folder, make_console(), resume, estimate)

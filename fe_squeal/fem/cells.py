@@ -21,10 +21,46 @@ def geometry_map(mesh: skfem.Mesh, elements: np.ndarray, X: np.ndarray) -> tuple
     J : (3, 3, k) float, m
         J[i, j] = ∂x_i/∂X_j.
     """
-    element, nodes = mesh.elem(), mesh.dofs.element_dofs[:, elements]
+    nodes = mesh.dofs.element_dofs[:, elements]
+    places = np.asarray(mesh.elem.doflocs)
+    if mesh.elem.refdom is skfem.refdom.RefHex and len(places) in (8, 27):
+        return _tensor_map(places, mesh.doflocs[:, nodes], X)
+    element = mesh.elem()
     x, J = np.zeros((3, X.shape[1])), np.zeros((3, 3, X.shape[1]))
     for i, node in enumerate(nodes):
         phi, dphi = element.lbasis(X, i)
         x += mesh.doflocs[:, node] * phi
         J += mesh.doflocs[:, node][:, None] * np.asarray(dphi)[None]
     return x, J
+
+
+def _tensor_map(places: np.ndarray, points: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions and Jacobians in hexahedra, whose functions are products of one along each axis.
+
+    Parameters
+    ----------
+    places : (n, 3) float
+        Reference coordinates of the nodes.
+    points : (3, n, k) float, m
+        Of the nodes.
+    X : (3, k) float
+    """
+    order = 1 if len(places) == 8 else 2
+    place = np.rint(order * places).astype(int)
+    lattice = np.empty((3, *(order + 1,) * 3, X.shape[1]))
+    lattice[:, place[:, 0], place[:, 1], place[:, 2]] = points
+    if order == 1:
+        N = np.stack([1 - X, X])
+        dN = np.stack([-np.ones_like(X), np.ones_like(X)])
+    else:
+        N = np.stack([(1 - X) * (1 - 2 * X), 4 * X * (1 - X), X * (2 * X - 1)])
+        dN = np.stack([4 * X - 3, 4 - 8 * X, 4 * X - 1])
+
+    def contract(values: np.ndarray, along: np.ndarray) -> np.ndarray:
+        """Sum over the last axis of the lattice."""
+        return np.asarray(sum(values[..., j, :] * along[j] for j in range(order + 1)))
+
+    z, dz = (contract(lattice, of[:, 2]) for of in (N, dN))
+    yz, dyz, ydz = contract(z, N[:, 1]), contract(z, dN[:, 1]), contract(dz, N[:, 1])
+    J = np.stack([contract(yz, dN[:, 0]), contract(dyz, N[:, 0]), contract(ydz, N[:, 0])], axis=1)
+    return contract(yz, N[:, 0]), J

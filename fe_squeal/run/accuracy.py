@@ -13,10 +13,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from ..accuracy.choose import Choice, choose
+from ..accuracy.quantities import KINDS
 from ..accuracy.study import Study, run_study
 from ..assembly.bodies import find_bodies, scene_mesh
 from ..assembly.units import require_si
 from ..errors import INTERRUPTED, NotConvergedError, SceneError
+from ..mesh.writing import write_loaded
 from ..report.accuracy import accuracy_page, plot_accuracy
 from ..report.advice import QUANTITIES, advice
 from ..report.files import replace_atomically, write_csv
@@ -27,6 +29,7 @@ from .folder import (
     ACCURACY_PAGE,
     ACCURACY_TABLE,
     MEASUREMENTS,
+    MESH,
     REPORT,
     STAGES_TABLE,
     STUDY_FILES,
@@ -111,8 +114,15 @@ def uncertainty(study: Study) -> dict[str, float]:
     return {"error_frequency": own.frequency, "error_growth": own.growth, "error_onset": own.onset}
 
 
-def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, target: float) -> int:
-    """Choose the mesh for a target, and write the results with what it cost.
+def run_to_accuracy(
+    scene: Scene | MatrixScene, out: Path, console: Console, target: float, what: str = "all"
+) -> int:  # fmt: skip
+    """Choose the mesh for a target, and write the results with what it cost, and the mesh.
+
+    Parameters
+    ----------
+    what : "onsets", "growth", "frequencies" or "all"
+        What is to meet the target.
 
     Raises
     ------
@@ -121,6 +131,9 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
         The target is not met; what comes nearest is in the folder.
     """
     whole = _with_mesh(scene, "--accuracy")
+    if what not in ("all", *KINDS):
+        raise SceneError(f"--accuracy-of: given {what}; expected one of onsets, growth, frequencies, all")
+    kinds = KINDS if what == "all" else (what,)
     solver, measured = solver_of(whole), read_measured(whole)
     check_units(whole)
     start = time.perf_counter()
@@ -133,7 +146,7 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
         held.check(is_kept)
         failure, stopped = None, False
         try:
-            choice = choose(whole, target, tell)
+            choice = choose(whole, target, tell, kinds)
         except NotConvergedError as error:
             if not isinstance(error.partial, Choice):
                 raise
@@ -145,6 +158,8 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
         remove_results(held)
         held.remove(is_kept)
         said = write_results(choice.scene, choice.result, held, measured)
+        with replace_atomically(out / MESH) as temporary:
+            write_loaded(choice.mesh, temporary, choice.scene.mesh.length_unit)
         seconds = {f"trial {i}": trial.seconds for i, trial in enumerate(choice.trials, 1)}
         seconds |= {**choice.result.seconds, "total": time.perf_counter() - start}
         status = "interrupted" if stopped else "complete" if failure is None else "not converged"
@@ -155,6 +170,7 @@ def run_to_accuracy(scene: Scene | MatrixScene, out: Path, console: Console, tar
             write_run_report(out, out / REPORT)
         report_sweep(choice.scene, choice.result, out, console, seconds["total"])
         _print_trials(choice, target, console)
+        console.print(_used_again(choice, out), markup=False)
     if stopped:
         print(f"interrupted: what came nearest to the target until then is in {out}", file=sys.stderr)
         return INTERRUPTED
@@ -172,6 +188,16 @@ def _print_trials(choice: Choice, target: float, console: Console) -> None:
         error = f"{100 * t.error:.2g}" if np.isfinite(t.error) else "not known"
         table.add_row(t.mesh, str(t.unknowns), error, f"{t.seconds:.1f}")
     print_table(table, console)
+
+
+def _used_again(choice: Choice, out: Path) -> str:
+    """Return how a scene takes the mesh that was chosen."""
+    geometry = choice.scene.mesh.geometry
+    text = f'the mesh is {out / MESH}; with order = {choice.scene.mesh.order}, [mesh] takes it as its file'
+    if geometry is None or geometry.element != "hex":
+        return text
+    counts = ", ".join(f"{key} = {line.elements}" for key, line in geometry.lines.items())
+    return f"{text}, or the scene's own table of the geometry with {counts}"
 
 
 def check_units(scene: Scene) -> None:

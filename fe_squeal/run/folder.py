@@ -31,7 +31,7 @@ SHAPES, CHECKPOINT = "shapes", "checkpoint"
 ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, MEASUREMENTS = (
     "accuracy.csv", "accuracy_stages.csv", "accuracy.png", "accuracy.md", "measurements",
 )  # fmt: skip
-REPORT = "report.html"
+REPORT, MESH = "report.html", "mesh.msh"
 MAC_TABLE, MAC_FIGURE = MEASURED_FILES = "mac.csv", "mac.png"
 DIFFERENCE_TABLE, DIFFERENCE_FIGURE, DIFFERENCE_RECORD = "diff.csv", "diff.png", "diff.json"
 DIFFERENCE_FILES = (DIFFERENCE_TABLE, DIFFERENCE_FIGURE, DIFFERENCE_RECORD, REPORT)
@@ -47,7 +47,7 @@ SCATTER_FILES = (
 MAP_FILES = (STUDY_RECORD, MAP_TABLE, BOUNDARIES_TABLE, MAP_FIGURE, REPORT)
 DANGEROUS, PARTS = "dangerous", "parts"
 PARTS_INPUTS = f"{PARTS}/inputs.json"
-RUN_FILES = (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES, *MEASURED_FILES, REPORT)
+RUN_FILES = (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES, *MEASURED_FILES, REPORT, MESH)
 STUDY_FILES = (ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, REPORT)
 FOLDERS = (SHAPES, CHECKPOINT, MEASUREMENTS, DANGEROUS, PARTS)
 CHECKPOINT_INPUTS = f"{CHECKPOINT}/inputs.json"
@@ -57,7 +57,7 @@ _UNFINISHED = re.compile(re.escape(UNFINISHED).replace(re.escape("{}"), "[0-9a-f
 _NAMED = 3  # files in one message
 # Names of files of the version that wrote no manifest: a folder with such files alone holds its results.
 _EARLIER = re.compile(
-    "|".join(map(re.escape, {*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES} - {*MEASURED_FILES, REPORT}))
+    "|".join(map(re.escape, {*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES} - {*MEASURED_FILES, REPORT, MESH}))
     + rf"|{CHECKPOINT}/point_\d+\.npz|{MEASUREMENTS}/[\w.+-]+\.np[yz]"
     rf"|{SHAPES}/(branch|mode)_\d+\w*[\w.+-]*Hz(\.(vtu|pvd|png|npz)|_frames/[\w.+-]+\.vtu)"
 )

@@ -28,6 +28,8 @@ class Onset:
         What the two branches' modes at the start of the sweep alone would predict; NaN if they never meet.
     discretisation : float
         Error of `value` by the mesh; NaN where it is not estimated.
+    extrapolated : float
+        The value that meshes finer and finer are likely to tend to; NaN where it is not estimated.
     """
 
     parameter: str
@@ -41,3 +43,4 @@ class Onset:
     uncertainty: float
     two_mode_value: float = np.nan
     discretisation: float = np.nan
+    extrapolated: float = np.nan

@@ -69,6 +69,9 @@ class SweepPoint:
         Pressed area, force and the like in the static state under preload, see `contact_summary`.
     discretisation : (k,) complex or None
         Errors of Re λ and Im λ by the mesh, where they are estimated.
+    extrapolated : (k,) complex or None, rad/s
+        The λ that meshes finer and finer are likely to tend to, where that is estimated; NaN for a mode that the
+        refined mesh does not have.
     above : tuple of complex, rad/s
         Unstable λ beyond the modes that were asked for, as far as the solver happened to find any.
     between : bool
@@ -84,6 +87,7 @@ class SweepPoint:
     sensitivities: Mapping[int, Mapping[str, tuple[float, complex]]] = field(default_factory=dict)
     pressed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     discretisation: np.ndarray | None = None
+    extrapolated: np.ndarray | None = None
     above: tuple[complex, ...] = ()
     between: bool = False
     description: Mapping[str, Sequence[object]] = field(default_factory=dict)
@@ -155,7 +159,7 @@ class Sweep:
         }
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return one row per mode and value, the columns of modes.csv."""
+        """Return one row per mode and value, the columns of modes.csv, and those extrapolated where they are known."""
         import pandas as pd
 
         rows = []
@@ -173,12 +177,17 @@ class Sweep:
                     *looks[i],
                 ))  # fmt: skip
         frame = pd.DataFrame(rows, columns=list(MODE_COLUMNS))
+        if any(point.extrapolated is not None for point in self.points):
+            unknown = np.nan * (1 + 1j)
+            lam = np.concatenate([np.full(len(p.modes), unknown) if p.extrapolated is None else p.extrapolated
+                                  for p in self.points])  # fmt: skip
+            frame["re_extrapolated"], frame["im_extrapolated"] = lam.real, lam.imag
         counts = ["nodal_diameters", "nodal_circles", "other_nodal_diameters"]
         shares = ["out_of_plane", "body_share", "nodal_diameters_share", "other_share", "travelling"]
         return frame.astype(dict.fromkeys(counts, "Int64") | dict.fromkeys(shares, float) | {"body": object})
 
     def onsets_dataframe(self) -> pd.DataFrame:
-        """Return one row per onset, the columns of onsets.csv."""
+        """Return one row per onset, the columns of onsets.csv, and the value extrapolated where it is known."""
         import pandas as pd
 
         rows = [
@@ -187,6 +196,8 @@ class Sweep:
             for o in self.onsets
         ]  # fmt: skip
         frame = pd.DataFrame(rows, columns=list(ONSET_COLUMNS))
+        if any(point.extrapolated is not None for point in self.points):
+            frame["value_extrapolated"] = [o.extrapolated for o in self.onsets]
         return frame.astype({"branch_a": "Int64", "branch_b": "Int64"})
 
     def balance(self, point: SweepPoint, i: int) -> dict[str, Share]:
