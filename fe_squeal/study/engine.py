@@ -131,7 +131,12 @@ def _client(distributed: Any, cluster: Cluster) -> Iterator[Any]:
             yield client
         return
     settings = {"n_workers": cluster.workers, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
-    with distributed.LocalCluster(**settings, silence_logs=50) as local, distributed.Client(local) as client:
+    # Without a dashboard too, Dask serves HTTP, at port 8787 unless it is told another one: here any free port.
+    free = {"dashboard_address": "127.0.0.1:0"}
+    with (
+        distributed.LocalCluster(**settings, scheduler_kwargs=free, silence_logs=50) as local,
+        distributed.Client(local) as client,
+    ):
         yield client
 
 
