@@ -12,6 +12,7 @@ TRUST = Path(__file__).parents[2] / "benchmarks" / "trust.py"
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="looks for the memory of processes in /proc")
 @pytest.mark.parametrize("options", [
     ("--inputs", "200", "--signals", "0", "--pairs-step", "0"),
