@@ -29,6 +29,14 @@ from scene_texts import environment, write_scene
 from fe_squeal.cli import main
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
+STUDY = """
+[study]
+samples = 128
+indices = false
+[study.parameters]
+mu = { uniform = { low = 0.1, high = 0.5 } }
+"springs.across.stiffness" = { uniform = { low = 1e7, high = 2e7 } }
+"""
 _PAST = 0.75  # share of the signals that come when all is imported
 _IMPORTS = 1.5  # s that these take
 # Where the search runs in the background, signals may be ignored, which the command respects.
@@ -101,6 +109,7 @@ def tasks(place: Path) -> list[Task]:
         write_scene(place, sweep_text(12, method), f"{method}.toml")
     shown = sweep_text(4).replace('shapes = "none"\nreport = false', 'shapes = "unstable"')
     write_scene(place, shown, "shapes.toml")
+    write_scene(place, sweep_text(4) + STUDY, "study.toml")
     return [
         Task("run, direct", ("run", "direct.toml", "-o", "{}/out"), same_run, ("--resume",), 5),
         Task("run, reduced", ("run", "reduced.toml", "-o", "{}/out"), same_run, ("--resume",), 5),
@@ -110,6 +119,7 @@ def tasks(place: Path) -> list[Task]:
         Task("mesh", ("mesh", "direct.toml", "-o", "{}/out.msh"), same_mesh),
         Task("compare", ("compare", "minimal"), nothing_to_compare),
         Task("lumped", ("lumped", "oscillator", "--study", "all", "-o", "{}/out"), same_files, (), 2),
+        Task("study", ("study", "study.toml", "-o", "{}/out"), same_files, ("--resume",), 2),
         Task("accuracy", ("accuracy", "shapes.toml", "-o", "{}/out", "--budget", "10"), same_study, (), 1, (0, 3)),
     ]
 
@@ -273,10 +283,11 @@ def both_at_once(place: Path, step: int = 1, first: int = 0) -> dict[str, str]:
     """
     write_scene(place, sweep_text(6, "direct"), "direct.toml")
     write_scene(place, sweep_text(6, "reduced"), "reduced.toml")
+    write_scene(place, sweep_text(4) + STUDY, "study.toml")
     commands = {
         "run": ("run", "direct.toml"), "run of another scene": ("run", "reduced.toml"),
         "run --resume": ("run", "direct.toml", "--resume"), "lumped": ("lumped", "oscillator", "--study", "noise-map"),
-        "accuracy": ("accuracy", "direct.toml", "--budget", "5"),
+        "accuracy": ("accuracy", "direct.toml", "--budget", "5"), "study": ("study", "study.toml"),
     }  # fmt: skip
     found = {}
     pairs = list(itertools.combinations_with_replacement(commands, 2))
