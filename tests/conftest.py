@@ -28,6 +28,11 @@ def pytest_configure(config: pytest.Config) -> None:
     variations.vary(os.environ)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the longest tests: one of them at the end leaves all cores but one idle."""
+    items.sort(key=lambda item: item.get_closest_marker("long") is None)  # the others keep their order
+
+
 @pytest.fixture(scope="session")
 def other_seed() -> int:
     """Return what random inputs of tests without Hypothesis add to their seeds: 0, but in `make test-again`."""

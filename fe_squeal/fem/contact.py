@@ -186,19 +186,22 @@ def _meet(
     edges = np.stack([ref[:, facet_corners[:, 1]] - origin, ref[:, facet_corners[:, 2]] - origin], axis=1)
     triangle = len(mesh.refdom.facets[0]) == 3
     xi = np.full((2, len(elements)), 1 / 3 if triangle else 0.5)
-    s = np.zeros(len(elements))
+    s, singular = np.zeros(len(elements)), np.zeros(len(elements), bool)
     scale = np.linalg.norm(np.ptp(mesh.p, axis=1))
+    # Pairs that have not converged yet. Nearly all need two or three steps; rounding keeps a few from ending for more.
+    going = np.arange(len(elements))
     for _ in range(_NEWTON_STEPS):
-        Y = origin + np.einsum("iak,ak->ik", edges, xi)
-        x, J = geometry_map(mesh, elements, Y)
-        residual = x.T + s[:, None] * normals - points
-        A = np.concatenate([np.einsum("ijk,jak->kia", J, edges), normals[:, :, None]], axis=2)
-        singular = np.abs(np.linalg.det(A)) <= 1e-12 * np.prod(np.linalg.norm(A, axis=1), axis=1)
-        A[singular] = np.eye(3)  # the line lies in the facet: no meeting
+        e, n = edges[:, :, going], normals[going]
+        x, J = geometry_map(mesh, elements[going], origin[:, going] + np.einsum("iak,ak->ik", e, xi[:, going]))
+        residual = x.T + s[going, None] * n - points[going]
+        A = np.concatenate([np.einsum("ijk,jak->kia", J, e), n[:, :, None]], axis=2)
+        singular[going] = flat = np.abs(np.linalg.det(A)) <= 1e-12 * np.prod(np.linalg.norm(A, axis=1), axis=1)
+        A[flat] = np.eye(3)  # the line lies in the facet: no meeting
         step = np.linalg.solve(A, residual[:, :, None])[:, :, 0]
-        xi = np.clip(xi - step[:, :2].T, -1.0, 2.0)
-        s = s - step[:, 2]
-        if np.abs(step[:, 2]).max(initial=0.0) <= 1e-15 * scale and np.abs(step[:, :2]).max(initial=0.0) <= 1e-13:
+        xi[:, going] = np.clip(xi[:, going] - step[:, :2].T, -1.0, 2.0)
+        s[going] -= step[:, 2]
+        going = going[(np.abs(step[:, 2]) > 1e-15 * scale) | (np.abs(step[:, :2]) > 1e-13).any(axis=1)]
+        if not len(going):
             break
     Y = origin + np.einsum("iak,ak->ik", edges, xi)
     x, J = geometry_map(mesh, elements, Y)

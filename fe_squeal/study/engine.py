@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..errors import NotConvergedError, SceneError
+from ..process.isolation import isolated_children
 from .models import Model, Solver
 from .outcome import COLUMNS, MODE_COLUMNS, Outcome
 
@@ -131,7 +133,17 @@ def _client(distributed: Any, cluster: Cluster) -> Iterator[Any]:
             yield client
         return
     settings = {"n_workers": cluster.workers, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
-    with distributed.LocalCluster(**settings, silence_logs=50) as local, distributed.Client(local) as client:
+    # Without a dashboard too, Dask serves HTTP, at port 8787 unless it is told another one: here any free port.
+    free = {"dashboard_address": "127.0.0.1:0"}
+    import dask
+
+    with (
+        tempfile.TemporaryDirectory(prefix="fe_squeal_", ignore_cleanup_errors=True) as scratch,
+        dask.config.set(temporary_directory=scratch),
+        isolated_children(),  # for as long as the cluster is there: Dask starts workers again that have died
+        distributed.LocalCluster(**settings, scheduler_kwargs=free, silence_logs=50) as local,
+        distributed.Client(local) as client,
+    ):
         yield client
 
 

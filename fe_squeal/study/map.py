@@ -2,34 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
 from ..eigen.dense import DENSE_LIMIT, solve_dense
 from ..eigen.pencil import Modes
-from ..eigen.request import Request, select_wanted
+from ..eigen.request import select_wanted
 from ..problem.problem import Problem
-from ..scene import Scene
 from ..scene.faults import validated
 from ..scene.study import Axis
-from ..sweep.sweep import MODES
 from .boundary import Scaled
 from .curves import Curve, follow
-from .engine import Cluster, Parts, solve_places
-from .models import Solver, make_solver
+from .models import Solver
 from .points import sobol_points
-from .scatter import Progress
 from .seeds import islands, seeds_on_lines
+from .solving import TRAINED, Options, Solving
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ..eigen.linear.factor import LinearSolver
-
-_TRAINED, _SEED = 200, 7
+_SEED = 7
 _COLUMNS_AT = 6  # lines of the grid along the second axis on which onsets are looked for; along the first one, all
 
 
@@ -92,15 +87,7 @@ def stability_map(
     problem: Problem,
     x: Axis | Mapping[str, Any],
     y: Axis | Mapping[str, Any],
-    modes: int | None = None,
-    max_frequency: float | None = None,
-    tolerance: float = 1e-6,
-    workers: int = 0,
-    scheduler: str = "",
-    linear_solver: LinearSolver | str = "auto",
-    scene: Scene | None = None,
-    parts: Callable[[str], Parts] | None = None,
-    progress: Progress = lambda stage, done, total, rate: None,
+    **options: Unpack[Options],
 ) -> StabilityMap:
     """Solve for the modes on a grid of two parameters, and follow the boundaries of stability between its places.
 
@@ -108,12 +95,15 @@ def stability_map(
     ----------
     x, y : mapping
         As `[study.x]` and `[study.y]`: {"parameter": "mu", "from": 0.0, "to": 0.7, "points": 29}, and "scale".
-    modes, max_frequency, tolerance, workers, scheduler, linear_solver, scene, parts, progress
-        As of `scatter`.
+    **options
+        modes, max_frequency, tolerance, workers, scheduler, linear_solver, scene, parts and progress: `Options`.
 
     Raises
     ------
-    SceneError, NotConvergedError
+    SceneError
+        A parameter that is not there or has no effect.
+    NotConvergedError
+        A direct solve failed, or the scheduler is gone.
 
     Examples
     --------
@@ -134,25 +124,20 @@ def stability_map(
     names = (first.name, second.name)
     places = np.stack(np.meshgrid(*grids), axis=-1).reshape(-1, 2)
 
-    def draw(i: int) -> list[tuple[float, ...]]:
-        u = sobol_points(_TRAINED, 2, _SEED + i)
-        return [tuple(a.value(float(s)) for a, s in zip(axes, point, strict=True)) for point in u]
+    def draw(i: int) -> np.ndarray:
+        u = sobol_points(TRAINED, 2, _SEED + i)
+        return np.array([[a.value(float(s)) for a, s in zip(axes, point, strict=True)] for point in u])
 
-    request = Request(None if max_frequency else modes or MODES, max_frequency, tolerance)
     low, high = (np.array([getattr(a, end) for a in axes]) for end in ("low", "high"))
-    solver = make_solver(
-        problem, names, low, high, draw, request, linear_solver, scene, lambda text: progress(text, 0, 0, 0.0)
-    )
-    kept = None if parts is None else parts("grid")
-    rows, _ = solve_places(
-        solver, places, Cluster(workers, scheduler), kept, lambda *numbers: progress("grid", *numbers)
-    )
+    solving = Solving(problem, names, low, high, draw, **options)
+    solver = solving.solver
+    rows, _ = solving.places("grid", places)
     told: list[str] = []
     small = _small_problem(problem, names, solver)
     if small is None:
         told.append(f"boundaries are not followed: {solver.why}")
         return StabilityMap(axes, places, rows, [], [], told, solver)
-    curves = _boundaries(small, axes, grids, request, told, progress)
+    curves = _boundaries(small, axes, grids, solving, told)
     errors = [_uncertainties(curve, solver) for curve in curves]
     return StabilityMap(axes, places, rows, curves, errors, list(dict.fromkeys(told)), solver)
 
@@ -166,11 +151,12 @@ def _small_problem(problem: Problem, names: tuple[str, ...], solver: Solver) -> 
 
 
 def _boundaries(
-    problem: Problem, axes: tuple[Scaled, Scaled], grids: tuple[np.ndarray, np.ndarray], request: Request,
-    told: list[str], progress: Progress,
+    problem: Problem, axes: tuple[Scaled, Scaled], grids: tuple[np.ndarray, np.ndarray], solving: Solving,
+    told: list[str],
 ) -> list[Curve]:  # fmt: skip
-    """Follow the boundary through every seed that is on none yet."""
+    """Follow the boundary through every seed that lies on no boundary found before."""
     curves: list[Curve] = []
+    request = solving.request
 
     def modes_at(x: float, y: float) -> Modes:
         every = solve_dense(problem.pencil({axes[0].name: x, axes[1].name: y}))
@@ -186,7 +172,7 @@ def _boundaries(
         *(seeds_on_lines(problem, axes, grids, 1, np.array([x]), count, limit, told.append) for x in columns),
         islands(problem, axes, grids, modes_at),
     ]
-    progress("boundaries", 0, total, 0.0)
+    solving.tell("boundaries", 0, total)
     for i, stage in enumerate(stages):
         for boundary, point, held in stage:
             alike = [c for c in curves if c.boundary.kind == boundary.kind]
@@ -195,7 +181,7 @@ def _boundaries(
             curve = follow(boundary, point)
             curves.append(curve)
             told += [f"curve {len(curves)}: {end}" for end in curve.ends if end not in ("box", "closed")]
-        progress("boundaries", min(i + 1, total), total, 0.0)
+        solving.tell("boundaries", min(i + 1, total), total)
     return curves
 
 

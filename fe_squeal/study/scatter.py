@@ -2,37 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from ..eigen.request import Request
 from ..errors import SceneError
 from ..problem.problem import Problem
 from ..scene import Scene
 from ..scene.faults import validated
 from ..scene.study import Distribution, StudySection
 from ..sweep.noise import classify_noise
-from ..sweep.sweep import MODES
-from .engine import Cluster, Parts, solve_places
 from .indices import index_rows
-from .models import Solver, make_solver
+from .models import Solver
 from .outcome import COLUMNS, MODE_COLUMNS
 from .points import Scatter, sobol_points
+from .solving import TRAINED, Options, Solving
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ..eigen.linear.factor import LinearSolver
-
 SAMPLES = 1000  # where nothing is said
-_TRAINED = 200  # points for which a reduced model is made, and at which it is checked
 _SEEDS = 1_000_003  # apart: seeds of points for other purposes
-
-Progress = Callable[[str, int, int, float], None]  # stage, places done, places in all, places per second
 
 
 @dataclass(frozen=True)
@@ -153,16 +146,8 @@ def scatter(
     seed: int = 0,
     correlation: Sequence[tuple[str, str, float]] = (),
     bands: Sequence[float] | None = None,
-    modes: int | None = None,
-    max_frequency: float | None = None,
-    tolerance: float = 1e-6,
     indices: bool = True,
-    workers: int = 0,
-    scheduler: str = "",
-    linear_solver: LinearSolver | str = "auto",
-    scene: Scene | None = None,
-    parts: Callable[[str], Parts] | None = None,
-    progress: Progress = lambda stage, done, total, rate: None,
+    **options: Unpack[Options],
 ) -> ScatterResult:
     """Solve for the modes at many points of scattered parameters: how probable is instability, and what drives it?
 
@@ -178,21 +163,10 @@ def scatter(
         Of normal numbers, of the logarithms of lognormal ones.
     bands : sequence of float, Hz, optional
         Edges; octaves over the range of the unstable modes by default.
-    modes, max_frequency
-        As of `sweep`.
-    tolerance : float
-        Relative error of every λ, next to a double one times its condition.
     indices : bool
         Whether as many samples are solved again for total Sobol indices (not where every sample is solved directly).
-    workers : int
-        Processes on this machine, by dask.distributed; 0 for none.
-    scheduler : str
-        Address of a running scheduler of Dask.
-    scene : Scene, optional
-        Of the problem, where numbers of its geometry are scattered.
-    parts : callable of str, optional
-        Returns where finished chunks of a stage are kept.
-    progress : callable of (stage, places done, places in all, places per second)
+    **options
+        modes, max_frequency, tolerance, workers, scheduler, linear_solver, scene, parts and progress: `Options`.
 
     Raises
     ------
@@ -223,36 +197,25 @@ def scatter(
     names, d = whole.names, len(whole.names)
     z = whole.normals(sobol_points(samples, d, seed))
     points = whole.values(z)
-    _check_values(problem if scene is None else scene, names, points, tables)
+    _check_values(options.get("scene") or problem, names, points, tables)
     redrawn = np.zeros((d, 0, d))
 
-    def draw(i: int) -> list[tuple[float, ...]]:
-        u = sobol_points(_TRAINED, d, seed + _SEEDS * (i + 1))
-        return [tuple(map(float, x)) for x in whole.values(whole.normals(u))]
+    def draw(i: int) -> np.ndarray:
+        return whole.values(whole.normals(sobol_points(TRAINED, d, seed + _SEEDS * (i + 1))))
 
-    request = Request(None if max_frequency else modes or MODES, max_frequency, tolerance)
-    solver = make_solver(
-        problem, names, points.min(axis=0), points.max(axis=0), draw, request, linear_solver, scene,
-        lambda text: progress(text, 0, 0, 0.0),
-    )  # fmt: skip
-    cluster = Cluster(workers, scheduler)
-
-    def solve(stage: str, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        kept = None if parts is None else parts(stage.replace(" ", "_"))
-        return solve_places(solver, places, cluster, kept, lambda *numbers: progress(stage, *numbers))
-
-    rows, found = solve("samples", points)
-    cheap = solver.box is not None or problem.unknowns <= 100
+    solving = Solving(problem, names, points.min(axis=0), points.max(axis=0), draw, **options)
+    rows, found = solving.places("samples", points)
+    cheap = solving.solver.box is not None or problem.unknowns <= 100
     if indices and cheap:
         q = min(samples, max(samples // d, 64))
         # Independent of the samples, as other Sobol points would not be.
         again = np.random.default_rng([seed, _SEEDS]).random((q, d))
         redrawn = np.stack([whole.values(whole.redrawn(z[:q], i, again[:, i])) for i in range(d)])
-    more = [solve(f"indices {i + 1}", places) for i, places in enumerate(redrawn)] if redrawn.shape[1] else []
+    more = [solving.places(f"indices {i + 1}", places) for i, places in enumerate(redrawn)] if redrawn.shape[1] else []
     columns = rows.shape[1]
     return ScatterResult(
         names, points, rows, found, _edges(bands, found), np.array([r for r, _ in more]).reshape(d, -1, columns),
-        [m for _, m in more] or [np.zeros((0, 1 + len(MODE_COLUMNS)))] * d, solver,
+        [m for _, m in more] or [np.zeros((0, 1 + len(MODE_COLUMNS)))] * d, solving.solver,
     )  # fmt: skip
 
 

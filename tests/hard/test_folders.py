@@ -85,6 +85,25 @@ def test_folder_of_somebody_else(name: str, tmp_path: Path, capsys: pytest.Captu
     assert content(tmp_path) == before
 
 
+@pytest.mark.parametrize("command", ["study", "study --resume", "report", "animate", "diff", "new"])
+def test_no_command_takes_what_is_somebody_elses(
+    command: str, place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene, foreign = place / "block.toml", place / "foreign"
+    study = "[study]\nsamples = 8\n[study.parameters]\nmu = { uniform = { low = 0.1, high = 0.2 } }\n"
+    scene.write_text(scene.read_text() + study)
+    foreign.mkdir()
+    (foreign / "notes.toml").write_text("mine")
+    before = content(place)
+    arguments = {
+        "study": [scene, "-o", foreign], "study --resume": [scene, "-o", foreign], "report": [foreign],
+        "animate": [foreign], "diff": [place / "out", place / "out", "-o", foreign],
+        "new": [place / "block.msh", "-o", foreign / "notes.toml"],
+    }[command]  # fmt: skip
+    assert "foreign" in refused([*command.split(), *map(str, arguments)], capsys)
+    assert content(place) == before
+
+
 def test_scene_beside_its_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Called like a file of the results, and with these in its own folder."""
     scene = write_sweep(tmp_path, 3).rename(tmp_path / "run.json")

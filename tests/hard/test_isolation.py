@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import psutil
 import pytest
 from accuracy_cases import belt_scene
 from scene_texts import environment, replaced, write_scene
@@ -17,6 +19,7 @@ from fe_squeal.accuracy.measure import measure_apart
 from fe_squeal.accuracy.settings import Setting
 from fe_squeal.errors import MeshError
 from fe_squeal.process.isolation import isolated_children, isolated_environment
+from fe_squeal.study.engine import Cluster, spread
 
 MODULES = ("json", "queue", "pickle", "socket", "numpy", "selectors", "sitecustomize", "fe_squeal", "fe_squeal_start")
 
@@ -66,6 +69,22 @@ def test_measurements_in_processes_of_their_own(strange: Path) -> None:
     scene = belt_scene(supports=[{"surface": "nowhere", "fixed": "z"}])
     with pytest.raises(MeshError, match='no surface group "nowhere"'):
         measure_apart(scene, Setting(1, 0.04, 6, "direct", 1e-8), None, False, None)
+
+
+@pytest.mark.slow
+def test_workers_of_a_study(strange: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """They run nothing of the working folder either, listen to this machine alone, and leave no temporary folder."""
+    pytest.importorskip("distributed")
+    temporary = tmp_path_factory.mktemp("temporary")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tempfile, "tempdir", str(temporary))
+        with spread(Cluster(workers=2)) as call:
+            assert sorted(call(pow, 2, [(0, 3), (1, 5)])) == [(0, 8), (1, 32)]
+            own = psutil.Process()
+            sockets = [s for p in (own, *own.children(recursive=True)) for s in p.net_connections("tcp")]
+            addresses = {s.laddr.ip for s in sockets if s.status == psutil.CONN_LISTEN}
+    assert addresses == {"127.0.0.1"}
+    assert not list(temporary.iterdir())
 
 
 @pytest.mark.slow

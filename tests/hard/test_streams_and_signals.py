@@ -29,6 +29,7 @@ HEARING = [
     "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); from fe_squeal_start import main;"
     "sys.exit(main())",
 ]  # fmt: skip
+SHOWN = sweep_text(3).replace('shapes = "none"', 'shapes = "unstable"')
 
 
 @pytest.fixture
@@ -36,11 +37,20 @@ def scene(tmp_path: Path) -> Path:
     return write_sweep(tmp_path, 3)
 
 
-def whole(scene: Path) -> Path:
-    out = scene.parent / "whole"
-    if not out.exists():
-        assert main(["run", str(scene), "-o", str(out)]) == 0
-    return out
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of results of the scene, which no other test has touched."""
+    folder = tmp_path_factory.mktemp("whole")
+    assert main(["run", str(write_sweep(folder, 3)), "-o", str(folder / "out")]) == 0
+    return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def whole_with_shapes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of results of the same scene with pictures of shapes."""
+    folder = tmp_path_factory.mktemp("whole_with_shapes")
+    assert main(["run", str(write_scene(folder, SHOWN)), "-o", str(folder / "out")]) == 0
+    return folder / "out"
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "latin-1"])
@@ -79,7 +89,7 @@ def test_a_loss_is_told_and_a_reader_that_went_is_none(
 @POSIX
 @pytest.mark.slow
 @pytest.mark.parametrize("where", ["full", "reader gone", "closed", "all closed", "error full", "reading end"])
-def test_run_outlives_its_output(where: str, scene: Path) -> None:
+def test_run_outlives_its_output(where: str, scene: Path, whole: Path) -> None:
     """A full device, closed streams, a reader that went: the results are those of any run."""
     out = scene.parent / "out"
     redirected = {
@@ -95,7 +105,7 @@ def test_run_outlives_its_output(where: str, scene: Path) -> None:
     assert (scene.parent / "code").read_text() == ("2\n" if "full" in where else "0\n")
     lost = "error: standard output: No space left on device; what belongs into files is written\n"
     assert done.stderr == (lost if where == "full" else "")
-    assert_same_results(out, whole(scene))
+    assert_same_results(out, whole)
 
 
 def test_streams_are_put_back(capsys: pytest.CaptureFixture[str]) -> None:
@@ -185,10 +195,9 @@ def test_signal_while_importing(number: signal.Signals, scene: Path) -> None:
 @POSIX
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_signal_while_drawing(number: signal.Signals, tmp_path: Path) -> None:
+def test_signal_while_drawing(number: signal.Signals, tmp_path: Path, whole_with_shapes: Path) -> None:
     """The process that draws ends with its parent, nothing half drawn stays, and --resume finishes."""
-    text = sweep_text(3).replace('shapes = "none"', 'shapes = "unstable"')
-    path, out = write_scene(tmp_path, text), tmp_path / "out"
+    path, out = write_scene(tmp_path, SHOWN), tmp_path / "out"
     (tmp_path / "tmp").mkdir()
     child = subprocess.Popen(
         [*HEARING, "run", str(path), "-o", str(out)], env=environment(TMPDIR=str(tmp_path / "tmp")),
@@ -205,8 +214,7 @@ def test_signal_while_drawing(number: signal.Signals, tmp_path: Path) -> None:
     assert not psutil.wait_procs(drawing, timeout=10)[1]
     assert not list((tmp_path / "tmp").iterdir()) and not list(out.rglob(".*"))
     assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
-    assert main(["run", str(path), "-o", str(tmp_path / "whole")]) == 0
-    assert_same_results(out, tmp_path / "whole")
+    assert_same_results(out, whole_with_shapes)
 
 
 @POSIX

@@ -12,6 +12,7 @@ TRUST = Path(__file__).parents[2] / "benchmarks" / "trust.py"
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="looks for the memory of processes in /proc")
 @pytest.mark.parametrize("options", [
     ("--inputs", "200", "--signals", "0", "--pairs-step", "0"),
@@ -23,8 +24,8 @@ def test_no_promise_is_broken(options: tuple[str, ...], other_seed: int) -> None
     command = [sys.executable, str(TRUST), *options, "--seed", str(other_seed)]
     done = subprocess.run(command, capture_output=True, encoding="utf-8", timeout=3600)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
-    if options[-1] == "7":  # 15 pairs
-        assert "\n3 pairs" in f"\n{done.stdout}" or "\n2 pairs" in f"\n{done.stdout}"
+    if options[-1] == "7":  # of 21 pairs
+        assert "\n3 pairs" in f"\n{done.stdout}"
     if "200" in options:  # else everything may have been refused at once, or nothing
         lines = [line for line in done.stdout.splitlines() if line.startswith("| ") and "broken" not in line]
         rows = [line.split("|")[2:5] for line in lines]

@@ -1,7 +1,4 @@
-"""The study of accuracy and the choice of a mesh: on tables with known rates, and on the smallest scenes there are.
-
-In one file, since all share one small scene and what was measured of it once.
-"""
+"""The study of accuracy and the choice of a mesh, on the smallest scenes there are."""
 
 from __future__ import annotations
 
@@ -13,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from accuracy_scene import TINY, fake
 from rich.console import Console
 
 from fe_squeal import load_scene
@@ -21,60 +19,15 @@ from fe_squeal.accuracy import study as study_module
 from fe_squeal.accuracy import with_discretisation
 from fe_squeal.accuracy.choose import choose, estimated_error
 from fe_squeal.accuracy.forecast import by_information, forecast_of
-from fe_squeal.accuracy.measure import Measurement, measure
-from fe_squeal.accuracy.reference import errors_of, reference_of, same_modes
+from fe_squeal.accuracy.measure import measure
+from fe_squeal.accuracy.reference import errors_of, reference_of
 from fe_squeal.accuracy.settings import own_setting, plan, scene_at
 from fe_squeal.accuracy.study import COLUMNS, run_study
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.cli import main
 from fe_squeal.errors import MeshError, NotConvergedError, SceneError
-from fe_squeal.report.advice import advice, fitted, pareto
 from fe_squeal.run.accuracy import run_to_accuracy, study_scene
 from fe_squeal.run.measurements import Measurements
-
-TINY = """
-title = "pad on a belt"
-[mesh.block]
-length = 0.08
-width = 0.04
-height = 0.02
-size = 0.02
-[materials.lining]
-youngs_modulus = 2.0e9
-poisson_ratio = 0.25
-density = 2600.0
-[bodies.block]
-material = "lining"
-[[springs]]
-name = "back"
-surface = "top"
-direction = [0, 0, 1]
-stiffness = 2.0e7
-[[springs]]
-name = "side"
-surface = "right"
-direction = [1, 0, 0]
-stiffness = 5.0e7
-[[springs]]
-name = "guide"
-surface = "right"
-direction = [0, 1, 0]
-stiffness = 1.0e7
-[[contacts]]
-surface = "bottom"
-counterface = "rigid"
-normal_stiffness = 1.0e10
-sliding = { direction = [1, 0, 0], speed = 1.0 }
-[effects.friction]
-mu = 0.4
-[sweep]
-parameter = "mu"
-from = 0.0
-to = 0.6
-points = 3
-[solve]
-modes = 8
-"""
 
 
 @pytest.fixture(scope="module")
@@ -82,44 +35,6 @@ def tiny(tmp_path_factory):
     path = tmp_path_factory.mktemp("scene") / "belt.toml"
     path.write_text(TINY)
     return path
-
-
-def table(rates=(2.0, 4.0), work=(1.0, 2.0)):
-    """Errors that follow powers of the size exactly, and times of half a second and what grows with the elements."""
-    rows = []
-    for order, rate, at_once in zip((1, 2), rates, work, strict=True):
-        for size in (0.02, 0.014, 0.01, 0.007):
-            error = (0.5 if order == 1 else 0.1) * (size / 0.02) ** rate
-            seconds = 0.5 + at_once * (size / 0.02) ** -3.5
-            rows.append((order, size, "size", seconds, error, error, error))
-    columns = ["order", "size", "knob", "seconds", "error_frequency", "error_growth", "error_onset"]
-    return pd.DataFrame(rows, columns=columns)
-
-
-def test_fits_find_the_powers():
-    for order, rate in ((1, 2.0), (2, 4.0)):
-        assert fitted(table(), order, "error_onset") == pytest.approx(rate)
-
-
-def test_advice_says_what_the_table_shows():
-    """Of order 2, with 0.1 (h/20 mm)^4, 14 mm has 2.4 %, 10 mm 0.63 %; of order 1, with 0.5 (h/20 mm)², 7 mm 6.1 %."""
-    [five, two, one] = advice(table(), "error_onset")
-    assert five.startswith("5 % on critical values: order 2, 14 mm, 7.5 s (2.4 %); order 1 does not have it")
-    for text, target in ((two, 2), (one, 1)):
-        assert text.startswith(f"{target} % on critical values: order 2, 10 mm, 23 s (0.62 %); order 1 does not")
-    both = advice(table((4.0, 4.0)), "error_onset")[0]
-    assert "order 2, 14 mm, 7.5 s (2.4 %); order 1, 10 mm, 12 s (3.1 %) has it as well." in both
-    none = advice(table((0.1, 0.1)), "error_onset")[2]
-    assert none.startswith("1 % on critical values: no mesh that was measured has it; nearest is order 2, 7 mm")
-    assert not any("extrapolated" in text for text in (five, two, one, both, none))
-
-
-def test_advice_names_the_order_that_its_table_has():
-    """Order 1 falls faster by a fit, and is not there; order 2 is there with 1.1 %: that is what is advised for 2 %."""
-    rows = [(1, 0.02, "size", 1.0, 0.5), (1, 0.01, "size", 4.0, 0.06),
-            (2, 0.02, "size", 6.0, 0.011)]
-    frame = pd.DataFrame(rows, columns=["order", "size", "knob", "seconds", "error_growth"])
-    assert advice(frame, "error_growth")[1].startswith("2 % on growth rates: order 2, 20 mm, 6 s (1.1 %); order 1")
 
 
 def test_what_tells_most_for_its_time_comes_first(tiny):
@@ -219,55 +134,6 @@ def test_accuracy_interrupted_keeps_the_nearest_choice(tiny, tmp_path, monkeypat
     assert len(pd.read_csv(out / "modes.csv"))
 
 
-def test_pareto_front():
-    frame = pd.DataFrame({"seconds": [1.0, 2.0, 3.0, 2.5], "error_onset": [0.1, 0.05, 0.06, np.nan]})
-    assert pareto(frame, "error_onset").tolist() == [True, True, False, False]
-
-
-def fake(lam, shapes, onsets=(), changes=()):
-    lam = np.array([lam, lam], complex)
-    rows = np.array(onsets, float).reshape(-1, 6)
-    return Measurement(
-        1, {"assembly": 1.0}, 1.0, np.array([0.0, 1.0]), lam, shapes, shapes, rows,
-        np.array(changes, complex).reshape(-1, lam.shape[1]), np.zeros(len(rows)),
-    )  # fmt: skip
-
-
-def test_modes_are_paired_by_shape():
-    """Two modes that changed places: by number they would be 5 % off, by shape 1 and 5 %; that of 400 rad/s is beyond
-    what is compared."""
-    shapes = np.linalg.qr(np.random.default_rng(0).standard_normal((12, 4)))[0]
-    reference = reference_of(fake([100j, 110j, 200j, 400j], shapes))
-    found = fake([101j, 104.5j, 202j, 500j], shapes[:, [0, 1, 2, 3]])
-    assert errors_of(found, reference).frequency == pytest.approx(0.05)
-    swapped = fake([101j, 104.5j, 202j, 500j], shapes[:, [1, 0, 2, 3]])
-    assert errors_of(swapped, reference).frequency == pytest.approx(9 / 110)
-    three, lam = shapes[:, :3], np.array([100j, 110j, 200j])
-    assert same_modes(three, lam, three[:, [1, 0, 2]], np.array([101j, 109j, 202j])) == {0: 1, 1: 0, 2: 2}
-
-
-def test_errors_of_growth_and_onsets():
-    shapes = np.eye(6)[:, :3] + 0j
-    onset = (0.4, 100 / (2 * np.pi), 1, 1, 1, 2)
-    reference = reference_of(fake([5 + 100j, 150j, 300j], shapes, [onset]))
-    off = errors_of(fake([4 + 100j, 150j, 300j], shapes, [(0.42, *onset[1:])]), reference)
-    assert (off.growth, off.onset) == pytest.approx((0.2, 0.05))
-    none = errors_of(fake([100j, 150j, 300j], shapes), reference)
-    assert (none.growth, none.onset) == (1.0, 1.0)  # an instability that is not found counts whole
-    extra = errors_of(fake([5 + 100j, 2 + 150j, 300j], shapes, [onset]), reference)  # one that should not be there
-    assert extra.growth == pytest.approx(0.4)
-    quiet = reference_of(fake([100j, 150j, 300j], shapes))
-    assert np.isnan(errors_of(fake([100j, 150j, 300j], shapes), quiet).growth)
-
-
-def test_reference_is_extrapolated_and_says_how_sure_it_is():
-    shapes = np.eye(6)[:, :3] + 0j
-    changes = [[-1j, -1j, -1j]] * 2
-    reference = reference_of(fake([100j, 200j, 400j], shapes, changes=changes))
-    np.testing.assert_allclose(reference.lam.imag, [98.6, 198.6, 398.6])
-    assert reference.uncertainty.frequency == pytest.approx(0.4 / 98.6)
-
-
 def test_settings_of_a_file_are_its_refinements(tiny, tmp_path):
     assert main(["mesh", str(tiny), "-o", str(tmp_path / "belt.msh")]) == 0
     text = TINY.replace("[mesh.block]", '[mesh]\nfile = "belt.msh"\n[ignored]').split("[ignored]")
@@ -295,7 +161,7 @@ def test_modes_up_to_a_frequency_are_counted(tiny):
 def measured(tiny, tmp_path_factory):
     """Folder of measurements of some settings, the settings, and their study."""
     scene, folder = load_scene(tiny), tmp_path_factory.mktemp("measured")
-    settings = [s for s in plan(scene) if s.size > 0.019 and s.method != "direct" and s.modes == 8]
+    settings = [s for s in plan(scene) if s.size > 0.019 and s.knob in ("size", "modes") and s.modes == 8]
     return folder, settings, run_study(scene, Measurements(folder), None, settings)
 
 

@@ -36,7 +36,7 @@ def oscillators(damper: float) -> tuple[Pencil, np.ndarray]:
 def test_swinging_modes_among_overdamped_ones(damper):
     pencil, lam = oscillators(damper)
     light = np.sort_complex(lam[lam.real > -0.2 * lam.imag])
-    for request in (Request(count=30), Request(max_frequency_hz=2.0)):
+    for request in (Request(count=24), Request(max_frequency_hz=1.6)):
         modes = solve_modes(pencil, request)
         found = modes.lam[(modes.lam.imag > 0) & (modes.lam.real > -0.2 * modes.lam.imag)]
         said = re.search(r"above (\S+) Hz", modes.method)  # below nothing is promised
@@ -44,8 +44,8 @@ def test_swinging_modes_among_overdamped_ones(damper):
         assert low < 1.5
         expected = light[(light.imag >= low) & (light.imag <= max(found.imag.max(), 0.0) * (1 + 1e-9))]
         found = found[found.imag >= low]
-        assert len(found) == len(expected) >= 19
-        assert request.count or light.imag[light.imag <= 4 * np.pi].max() == pytest.approx(found.imag.max(), rel=1e-9)
+        assert len(found) == len(expected) >= 15
+        assert request.count or light.imag[light.imag <= 3.2 * np.pi].max() == pytest.approx(found.imag.max(), rel=1e-9)
         np.testing.assert_allclose(np.sort(found.imag), np.sort(expected.imag), rtol=1e-9)
         assert modes.backward_error.max() < 1e-10
         left = pencil.transposed().apply(modes.lam.conj(), modes.left)

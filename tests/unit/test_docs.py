@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pkgutil
 import re
 import shutil
 import subprocess
@@ -56,6 +57,31 @@ def test_every_page_is_made_by_a_target(page: str) -> None:
     assert found is not None, done.stdout
     script = ROOT / (found[1] if found[1].endswith(".py") else found[1].replace(".", "/") + ".py")
     assert page in script.stem or f"{page}.md" in script.read_text(encoding="utf-8") + done.stdout
+
+
+def test_architecture_names_what_is_there() -> None:
+    """Every room has its row, and every path, module, function and class in the text exists."""
+    text = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    package = ROOT / "fe_squeal"
+    rooms = [p.name for p in package.iterdir() if (p / "__init__.py").exists()]
+    assert len(rooms) > 15 and all(f"`{room}/`" in text.partition("## ")[0] for room in rooms)
+    sources = {p: p.read_text(encoding="utf-8") for p in package.rglob("*.py")}
+    places = [f"/{p.relative_to(ROOT).as_posix()}{'/' if p.is_dir() else ''}" for p in package.rglob("*")]
+    missing, seen = [], 0
+    for name in set(re.findall(r"`([A-Za-z_/.]+)`", text)) - {"fe_squeal", "mpiexec", "report.html"}:
+        if "/" in name or name.endswith((".py", ".toml")):
+            there = (ROOT / name).exists() or any(place.endswith(f"/{name}") for place in places)
+        elif "." in name:
+            try:
+                there = pkgutil.resolve_name(f"fe_squeal.{name}") is not None
+            except (ImportError, AttributeError):
+                there = False
+        else:
+            defined = re.compile(rf"^(?:def|class) {name}\b", re.MULTILINE)
+            there = any(p.stem == name or defined.search(source) for p, source in sources.items())
+        missing += [] if there else [name]
+        seen += 1
+    assert seen > 80 and not missing
 
 
 def test_every_picture_is_shown() -> None:

@@ -29,11 +29,17 @@ def end_step(content: Content, statement: Statement) -> None:
     content.perturbation = False
 
 
+def _excites(content: Content, keyword: str, where: str) -> bool:
+    """Return whether a load stands in a perturbation step, where it is no preload, and say so in the draft."""
+    if content.perturbation:
+        content.draft.find(keyword, where, "in a perturbation step excites vibrations and is no preload", "harmless")
+    return content.perturbation
+
+
 def read_surface_load(content: Content, statement: Statement) -> None:
     """Take *Dsload: pressures on surfaces."""
     block, where = statement.block, content.where(statement)
-    if content.perturbation:
-        content.draft.find("*Dsload", where, "in a perturbation step excites vibrations and is no preload", "harmless")
+    if _excites(content, "*Dsload", where):
         return
     if block.value("OP").upper() == "NEW":
         content.pressures.clear()
@@ -53,8 +59,7 @@ def read_surface_load(content: Content, statement: Statement) -> None:
 def read_face_load(content: Content, statement: Statement) -> None:
     """Take *Dload: pressures on faces of elements, which the reader has made surfaces."""
     block, where = statement.block, content.where(statement)
-    if content.perturbation:
-        content.draft.find("*Dload", where, "in a perturbation step excites vibrations and is no preload", "harmless")
+    if _excites(content, "*Dload", where):
         return
     if block.value("OP").upper() == "NEW":
         content.loaded_elements.clear()
