@@ -82,7 +82,7 @@ def refine_marked(loaded: LoadedMesh, marked: Ints) -> tuple[LoadedMesh, Ints]:
     Raises
     ------
     MeshError
-        The mesh has hexahedra, or there is no such element.
+        The mesh has hexahedra, there is no such element, or a curved one is so distorted that a part of it is inverted.
 
     Examples
     --------
@@ -98,7 +98,10 @@ def refine_marked(loaded: LoadedMesh, marked: Ints) -> tuple[LoadedMesh, Ints]:
             f"{loaded.source}: marked elements are refined where all are tetrahedra, and these are hexahedra; refine"
             " them by direction or as a whole"
         )
-    marked = np.asarray(marked, dtype=np.int64)
+    marked = np.asarray(marked)
+    if marked.size and marked.dtype.kind not in "iu":
+        raise MeshError(f"{loaded.source}: elements to refine are of type {marked.dtype}; expected their numbers")
+    marked = marked.astype(np.int64)
     bad = marked[(marked < 0) | (marked >= len(nodes))]
     if len(bad):
         raise MeshError(f"{loaded.source}: no element {bad[0]} to refine; expected 0 to {len(nodes) - 1}")

@@ -93,8 +93,9 @@ def subdivide(
         name: [_cut_faces(mesh, SHAPE[kind], np.asarray(facets), corners, parents, pattern, weights, children)]
         for name, facets in (mesh.boundaries or {}).items()
     }
-    own = np.arange(len(children))
-    block = CellBlock(kind, children, own)
+    # Messages name the parents.
+    labels = loaded.element_labels[parents] if len(loaded.element_labels) else np.arange(len(children))
+    block = CellBlock(kind, children, labels)
     raw = RawMesh(places.reshape(-1, 3)[first], np.arange(len(first)), (block,), groups, surfaces)
     fine = build_mesh(raw, loaded.source)
     _, column = fine.node_numbers[""]
@@ -106,7 +107,6 @@ def subdivide(
 
     refined = replace(
         fine, notes=loaded.notes, warnings=loaded.warnings, unusable=loaded.unusable, ignore_case=loaded.ignore_case,
-        element_labels=loaded.element_labels[parents] if len(loaded.element_labels) else own.astype(str),
         node_groups={
             name: NodeSet(renewed(group.nodes, False), renewed(group.held, True))
             for name, group in loaded.node_groups.items()

@@ -25,9 +25,9 @@ _FACET_TYPES = {3: 2, 6: 9, 4: 3, 9: 10}  # nodes of a facet -> Gmsh's type numb
 def write_loaded(loaded: LoadedMesh, path: str | Path, length_unit: str = "m") -> Path:
     """Write a mesh with its volume groups, surfaces and node sets.
 
-    Nodes keep their numbers where these are known and belong to the whole mesh. Elements are numbered anew, and what is
-    said of the file that the mesh came from (labels, notes, warnings) is not written. The file appears at once, when it
-    is complete.
+    Nodes keep their numbers where these are known and belong to the whole mesh. Elements are numbered anew. What is
+    said of the file that the mesh came from (labels, notes, warnings) is not written, nor is `LoadedMesh.bisection`.
+    The file appears at once, when it is complete.
 
     Parameters
     ----------

@@ -19,6 +19,7 @@ from fe_squeal.fem.contact import interpolate
 from fe_squeal.geometry import Block, make_mesh
 from fe_squeal.mesh import load_mesh
 from fe_squeal.mesh.building import build_mesh
+from fe_squeal.mesh.elements import REFERENCE
 from fe_squeal.mesh.groups import NodeSet
 from fe_squeal.mesh.marked import refine_marked
 from fe_squeal.mesh.measures import area_of, volume_of
@@ -326,6 +327,27 @@ def test_elements_that_do_not_exist(bad):
     loaded = from_skfem(skfem.MeshTet().refined(1))
     with pytest.raises(MeshError, match=rf"no element {bad} to refine; expected 0 to 39"):
         refine_marked(loaded, np.array([0, bad]))
+
+
+def test_an_element_that_folds_between_its_corners_is_named():
+    """Its Jacobian is positive at corners and quadrature points, which are all that is checked of a mesh."""
+    mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet1(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]).T,
+                                                   np.arange(4)[:, None]))  # fmt: skip
+    middles = REFERENCE["tetra10"][4:]
+    moved = [[0.04, -0.08, 0.09], [0.06, -0.11, -0.14], [0.03, 0.08, 0.08], [-0.08, 0.05, 0.34], [-0.05, 0.24, -0.29],
+             [0.26, 0.31, -0.17]]  # fmt: skip
+    x = mesh.doflocs.copy()
+    for at, by in zip(middles, moved, strict=True):
+        x[:, int(np.linalg.norm(mesh.doflocs.T - at, axis=1).argmin())] += by
+    loaded = replace(from_skfem(replace(mesh, doflocs=x)), element_labels=np.array(["PAD-1.7"]))
+    with pytest.raises(MeshError, match=r"PAD-1\.7.* inverted or too distorted"):
+        refine_marked(loaded, np.array([0]))
+
+
+def test_a_mask_is_no_list_of_elements():
+    loaded = from_skfem(skfem.MeshTet().refined(1))
+    with pytest.raises(MeshError, match="of type bool; expected their numbers"):
+        refine_marked(loaded, np.ones(40, bool))
 
 
 def test_right_handed_nodes():
