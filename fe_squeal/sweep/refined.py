@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 
 from ..eigen.pencil import Modes
 from ..eigen.request import Request
@@ -20,10 +21,11 @@ from .step import Step, real_direction
 from .tracking import modal_assurance
 
 _BISECTED = 1e-7  # of the step: the width at which a bisection ends
-_CHEAP = 20_000  # unknowns up to which an onset of a reduced model is refined on the problem itself in any case
-_SURE = 1e-7  # relative uncertainty at which an onset of a reduced model is left as it is
+_CHEAP = 20_000  # unknowns up to which factorisations cost little
+_SURE = 1e-7, 1e-8  # relative uncertainty at which an onset of a reduced model is left as it is; where they cost little
 _MOVED = 0.1  # of the step: how far a root of the problem may lie from that of the step model
 _ONE_SHAPE = 0.999  # MAC of two modes of equal frequency from which they are one defective mode and no doublet
+_SAME_SHAPE = 0.9  # MAC of the modes of two roots, of the step model and of the problem, from which they are the same
 _WITHIN = 0.5  # of a mode's energy: with more of it in the span of a group's shapes the mode belongs to the group
 _ASIDE = 1e-3  # of the step: how far from a bisected onset its growth rate is measured
 
@@ -60,12 +62,12 @@ class Refiner:
             start = self.step.ends[0]
             return self._made(change, start, abs(lam.imag) or abs(lam), np.nan, self._doublet_width(change))
         around = self._around(change)
-        root = None
+        root, sure = None, False
         # Newton's method fails where several equal pairs meet at once, or where damping is so small that Re λ is lost
         # in rounding on the stable side. Whether modes are unstable can still be told: bisection.
         with suppress(NotConvergedError, ValueError, np.linalg.LinAlgError):
-            root = self._root(change)
-        if root is None or not around[0] <= root.value <= around[1]:  # it may be that of another change of the group
+            root, sure = self._root(change)
+        if not sure:  # it may be that of another change of the group
             with suppress(NotConvergedError, ValueError, np.linalg.LinAlgError):
                 return self._bisected(replace(change, limits=around))
         if root is None:
@@ -126,21 +128,28 @@ class Refiner:
 
     # Newton's method, on the step model first.
 
-    def _root(self, change: Change) -> Root:
+    def _root(self, change: Change) -> tuple[Root, bool]:
+        """Return the root of the problem, and whether it is sure to be that of this change and of no other.
+
+        It is where the root of the step model lies between the samples of the change or close to them, and the problem
+        has the same mode there.
+        """
         if change.kind == "meeting" and not self._theta:
             raise NotConvergedError("two λ that meet on the imaginary axis: left to bisection")
         near = 0.5 * (change.low + change.high)
         newton = self._newton(change)
         step, slack = self.step, FINEST * self._width
         root = self._between(change, newton(step.model, near, change.right, change.left), slack)
+        low, high = self._around(change)
+        sure = low <= root.value <= high
         x, y = (step.V @ v for v in (root.right, root.left))
         if step.problem.unknowns == step.model.unknowns and step.reduced_model is None:
-            return root
-        better = self._on_problem(newton, root, x, y)
+            return root, sure
+        better, same = self._on_problem(newton, root, x, y)
         shift = abs(better.value - root.value)
         if shift > _MOVED * self._width:
             raise NotConvergedError("Newton's method left the step")
-        return self._between(change, better, slack + 2 * shift)
+        return self._between(change, better, slack + 2 * shift), sure and (same or low <= better.value <= high)
 
     def _newton(self, change: Change) -> _Newton:
         name, solver, width = self.step.parameter, self.step.linear_solver, _MOVED * self._width
@@ -194,23 +203,25 @@ class Refiner:
             raise NotConvergedError("Newton's method left the interval of the change")
         return root
 
-    def _on_problem(self, newton: _Newton, root: Root, x: np.ndarray, y: np.ndarray) -> Root:
-        """Return a root of the problem, starting from one of the step model.
+    def _on_problem(self, newton: _Newton, root: Root, x: np.ndarray, y: np.ndarray) -> tuple[Root, bool]:
+        """Return a root of the problem, starting from one of the step model, and whether their modes are the same.
 
         Without a reduced model Newton's method goes on with the problem itself. With one it goes on with the reduced
         model, and the residuals tell how far that root may be off. Newton's method on the problem itself follows only
         where that is more than rounding and too much, or where a few factorisations cost little.
         """
-        step, reduced = self.step, self.step.reduced_model
+        step, reduced, first = self.step, self.step.reduced_model, x
         root = newton(step.problem, root.value, x, y)
         if reduced is None:
-            return root
+            return root, _is_one_shape(first, root.right, step.problem.mass)
         error, rounding = reduced.root_error(root.value, root.theta, root.right, root.left)
-        cheap = self.precise or step.full.unknowns <= _CHEAP
-        if error <= max(rounding, _SURE * abs(root.value)) and not cheap:
-            return replace(root, uncertainty=root.uncertainty + error + rounding)
-        x, y = (reduced.lift(v) for v in (root.right, root.left))
-        return newton(step.full, root.value, x, y)
+        sure = _SURE[step.full.unknowns <= _CHEAP] * abs(root.value)
+        if error <= max(rounding, sure) and not self.precise:
+            same = _is_one_shape(first, root.right, step.problem.mass)
+            return replace(root, uncertainty=root.uncertainty + error + rounding), same
+        first, x, y = (reduced.lift(v) for v in (first, root.right, root.left))
+        root = newton(step.full, root.value, x, y)
+        return root, _is_one_shape(first, root.right, step.full.mass)
 
     # Bisection, where Newton's method fails.
 
@@ -252,12 +263,21 @@ class Refiner:
         speed = growing.lam[i].real / aside**power
         # A mode counts as unstable once Re λ exceeds its uncertainty, so that the onset itself lies a little before.
         # Twice that distance is allowed for, since growth is no straight line.
-        unseen = float(2 * growing.re_uncertainty[i] / speed) ** (1 / power)
-        return self._made(change, value, lam.imag, float(speed * np.sign(change.gains)), abs(high - low) + unseen)
+        unseen = float(2 * growing.re_uncertainty[i] / speed) ** (1 / power) + abs(high - low)
+        if step.reduced_model is not None and growing.left is not None:
+            pair = growing.right[:, i], growing.left[:, i]
+            right, left = (real_direction(u[:, None]) for u in pair) if change.kind == "meeting" else pair
+            error = step.reduced_model.root_error(value, lam.imag**2, right, left)[0]
+            unseen += error if error < self._width else 0.0  # no use as a bound: a modal projection tells by itself
+        return self._made(change, value, lam.imag, float(speed * np.sign(change.gains)), unseen)
 
     def _highest(self, change: Change) -> float:
         lam = change.v if not self._theta else np.sqrt(-change.v + 0j)
         return max(abs(lam.imag), abs(lam.real)) or self._speed(change)
+
+
+def _is_one_shape(first: np.ndarray, second: np.ndarray, M: sp.csr_array) -> bool:
+    return bool(modal_assurance(first[:, None], second[:, None], M)[0, 0] > _SAME_SHAPE)
 
 
 def _share_within(group: np.ndarray, u: np.ndarray, M: np.ndarray) -> np.ndarray:

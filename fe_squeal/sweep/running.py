@@ -35,6 +35,7 @@ from .tracking import match_modes, mirror_partners
 from .warnings import rounding_warnings, tie_warnings
 
 _INSIDE = 0.95  # of the highest frequency reported: a mode below belongs to the range whatever branch it is on
+_CHECKED = 4  # equal steps of a sweep, at whose ends at least a reduced model meets the tolerance
 _REFINEMENTS = 4  # how often a step is halved while it is not clear which mode continues which
 
 
@@ -76,6 +77,8 @@ class RunningSweep:
             return
         clock = time.perf_counter()
         stored = None if store is None else store.load_model()
+        # Steps are halved and onsets lie between the values: the model has to hold there, too.
+        values = self._scale.filled(values, _CHECKED)
         try:
             with one_openblas_thread():
                 if stored is not None:

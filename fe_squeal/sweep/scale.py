@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,6 +50,25 @@ class Scale:
     def slope(self, p: float) -> float:
         """Return dp/dx."""
         return p if self.logarithmic else 1.0
+
+    def filled(self, values: np.ndarray, steps: int) -> np.ndarray:
+        """Return values with others between them, so that none lies farther from the next than 1/steps of all.
+
+        Examples
+        --------
+        >>> Scale().filled(np.array([0.0, 0.5, 2.0]), 4).tolist()
+        [0.0, 0.5, 1.0, 1.5, 2.0]
+        """
+        if len(values) < 2:
+            return values
+        x = np.array([self.x(float(p)) for p in values])
+        widest = (x[-1] - x[0]) / steps * (1 + 1e-9)
+        between = [
+            self.p(float(c))
+            for a, b in itertools.pairwise(x)
+            for c in np.linspace(a, b, int(np.ceil((b - a) / widest)) + 1)[1:-1]
+        ]
+        return np.sort(np.concatenate([values, between]))
 
     def middle(self, a: float, b: float) -> float:
         """Return the parameter half way between two others."""

@@ -9,7 +9,7 @@ from chains import CLASSES, MODES, N, chain, dense
 from selection import some
 
 import fe_squeal.reduced.model as reduced_model
-from fe_squeal import sweep
+from fe_squeal import assemble, parse_scene, sweep
 from fe_squeal.eigen import blocks
 from fe_squeal.eigen.block_lanczos import lowest_modes
 from fe_squeal.eigen.blocks import _TALL
@@ -246,3 +246,44 @@ def test_a_mode_that_vanishes_inside_the_range_is_an_error(monkeypatch):
     with pytest.raises(NotConvergedError, match="missing between") as caught:
         sweep(problem, VALUES, modes=MODES, method="direct")
     assert len(caught.value.partial.points) >= 2
+
+
+@pytest.mark.slow
+def test_onsets_far_from_the_values_of_a_sweep_are_those_of_the_problem():
+    """Strong coupling between two values: the model has to hold there, and Newton's root on the problem to count."""
+    pad = {"material": "lining", "groups": ["pad_1", "pad_2"]}
+    scene = {
+        "mesh": {"disc_pad": {
+            "inner_radius": 0.06, "outer_radius": 0.118, "thickness": 0.02, "pad_inner_radius": 0.076,
+            "pad_outer_radius": 0.115, "pad_angle_deg": 84.0, "pad_thickness": 0.012, "back_plate_thickness": 0.006,
+            "size": 0.03, "element": "hex", "pads": 2,
+        }},
+        "materials": {
+            "iron": {"youngs_modulus": 1.1e11, "poisson_ratio": 0.26, "density": 7100.0},
+            "steel": {"youngs_modulus": 2.05e11, "poisson_ratio": 0.29, "density": 7800.0},
+            "lining": {"youngs_modulus": 9.0e9, "poisson_ratio": 0.2, "density": 2400.0},
+        },
+        "bodies": {
+            "disc": {"material": "iron"}, "linings": pad,
+            "plates": {"material": "steel", "groups": ["back_plate_1", "back_plate_2"]},
+        },
+        "supports": [{"surface": "hub", "fixed": "xyz"}],
+        "springs": [
+            {"name": f"{name}_{i}", "surface": f"pad_back_{i}", "direction": axis, "stiffness": stiffness}
+            for i in (1, 2)
+            for name, axis, stiffness in (("x", [1, 0, 0], 2e7), ("y", [0, 1, 0], 6e7), ("z", [0, 0, 1], 8e7))
+        ],
+        "contacts": [
+            {"name": f"pad_{i}", "surface": f"pad_face_{i}", "counterface": f"disc_face_{i}",
+             "normal_stiffness": 3.0e12, "sliding": {"axis": [0, 0, 1], "speed": 8.0}}
+            for i in (1, 2)
+        ],
+        "effects": {"friction": {"mu": 0.3}},
+    }  # fmt: skip
+    problem = assemble(parse_scene(scene))
+    found = sweep(problem, [0.0, 1.0], modes=20, method="reduced").onsets
+    exact = sweep(problem, [0.15, 0.25], modes=20, method="direct").onsets
+    assert len(exact) == 2
+    for onset in exact:
+        near = min(found, key=lambda o: abs(o.value - onset.value))
+        assert abs(near.value - onset.value) <= near.uncertainty + onset.uncertainty <= 1e-6
