@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -57,6 +59,16 @@ def first_candidate(scene: Scene) -> Candidate:
         mesh = scene.mesh.model_copy(update={"order": ORDER, "file": None, _key(scene): twice})
     changed = scene.model_copy(update={"mesh": mesh})
     return _candidate(changed, read_mesh(changed), words)
+
+
+def restored(scene: Scene, loaded: LoadedMesh, geometry: Mapping[str, Any] | None, words: str) -> Candidate:
+    """Return a candidate from what was kept of it: its mesh, and the numbers of a parametric geometry."""
+    update: dict[str, object] = {"order": ORDER}
+    if geometry is not None:
+        assert scene.mesh.geometry is not None
+        update |= {"file": None, _key(scene): type(scene.mesh.geometry).model_validate(dict(geometry))}
+    mesh = scene.mesh.model_copy(update=update)
+    return _candidate(scene.model_copy(update={"mesh": mesh}), loaded, words)
 
 
 def next_candidate(candidate: Candidate, assembly: Assembly, split: Split, target: float) -> Candidate:

@@ -84,8 +84,10 @@ class _Nearest:
 
 
 def choose(
-    scene: Scene, target: float, tell: Callable[[str], None] = lambda text: None, kinds: Sequence[str] = KINDS
-) -> Choice:
+    scene: Scene, target: float, tell: Callable[[str], None] = lambda text: None, kinds: Sequence[str] = KINDS,
+    earlier: tuple[list[Trial], Candidate] | None = None,
+    keep: Callable[[list[Trial], Candidate], None] = lambda trials, candidate: None,
+) -> Choice:  # fmt: skip
     """Find a mesh on which frequencies, growth rates and critical values meet a target.
 
     The first mesh is the scene's own; each next one is finer where the error of the one before came from, see `shares`.
@@ -100,6 +102,10 @@ def choose(
         Gets a line about each run, and a forecast of the next one.
     kinds : sequence of "frequencies", "growth", "onsets"
         What is to meet the target.
+    earlier : (trials, candidate), optional
+        Those of an interrupted search, and the mesh that it was at.
+    keep : callable of trials and candidate
+        Gets the trials so far and the mesh that comes next, before it is tried.
 
     Raises
     ------
@@ -111,11 +117,11 @@ def choose(
     """
     if not 0 < target < 1:
         raise SceneError(f"--accuracy: given {target:g}; expected a relative error between 0 and 1")
-    trials: list[Trial] = []
+    trials, candidate = earlier if earlier is not None else ([], first_candidate(scene))
     nearest: _Nearest | None = None
-    candidate = first_candidate(scene)
     try:
-        while True:
+        for _ in range(_RUNS):
+            keep(trials, candidate)
             start = time.perf_counter()
             result = _swept(candidate)
             solver = candidate.scene.solve.linear_solver
@@ -132,8 +138,6 @@ def choose(
                 nearest = _Nearest(trial, candidate, result)
             if error <= target:
                 return _picked(nearest, trials)
-            if len(trials) == _RUNS:
-                raise _missed(target, nearest, trials, f"after {_RUNS} runs")
             # Bars may be wider than the changes to first order say; these are what the next mesh is to bring down.
             aim = _MARGIN * target * min(1.0, first / error if np.isfinite(error) else 1.0) / EXTRAPOLATED
             before, spent = candidate, trial.seconds
@@ -151,6 +155,8 @@ def choose(
                 require_memory(memory, 8 * candidate.unknowns, "modes on the refined mesh")
             except TooLargeError as error_:
                 raise _missed(target, nearest, trials, str(error_)) from error_
+        assert nearest is not None
+        raise _missed(target, nearest, trials, f"after {_RUNS} runs")
     except KeyboardInterrupt as stop:
         if nearest is None:
             raise

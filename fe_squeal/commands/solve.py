@@ -28,11 +28,9 @@ def run(
     loaded = load_scene_or_deck(scene)
     folder = out or Path(f"{scene.stem}_results")
     if accuracy is not None:
-        if resume:
-            raise SceneError("--accuracy: given with --resume; expected one of them")
         from ..run.accuracy import run_to_accuracy
 
-        return run_to_accuracy(loaded, folder, make_console(), accuracy, accuracy_of)
+        return run_to_accuracy(loaded, folder, make_console(), accuracy, accuracy_of, resume)
     if accuracy_of != "all":
         raise SceneError(f"--accuracy-of: given {accuracy_of} without --accuracy; expected a target, too")
     from ..run.run import run_scene

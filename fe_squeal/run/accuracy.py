@@ -44,6 +44,7 @@ from .measurements import Measurements
 from .page import write_accuracy_report, write_run_report
 from .record import write_record
 from .run import report_sweep, write_results
+from .search import KeptSearch
 from .solver import solver_of
 
 
@@ -115,7 +116,7 @@ def uncertainty(study: Study) -> dict[str, float]:
 
 
 def run_to_accuracy(
-    scene: Scene | MatrixScene, out: Path, console: Console, target: float, what: str = "all"
+    scene: Scene | MatrixScene, out: Path, console: Console, target: float, what: str = "all", resume: bool = False
 ) -> int:  # fmt: skip
     """Choose the mesh for a target, and write the results with what it cost, and the mesh.
 
@@ -123,6 +124,8 @@ def run_to_accuracy(
     ----------
     what : "onsets", "growth", "frequencies" or "all"
         What is to meet the target.
+    resume : bool
+        Go on from the mesh that an interrupted search was at.
 
     Raises
     ------
@@ -145,8 +148,12 @@ def run_to_accuracy(
         held.check(is_result)
         held.check(is_kept)
         failure, stopped = None, False
+        kept = KeptSearch(held, run_inputs(whole, scene_mesh(whole) if whole.mesh.geometry is None else None))
+        earlier = kept.load(whole) if resume else None
+        for trial in earlier[0] if earlier is not None else ():
+            tell(str(trial))
         try:
-            choice = choose(whole, target, tell, kinds)
+            choice = choose(whole, target, tell, kinds, earlier, kept.save)
         except NotConvergedError as error:
             if not isinstance(error.partial, Choice):
                 raise
@@ -156,7 +163,8 @@ def run_to_accuracy(
                 raise
             choice, stopped = stop.args[0], True
         remove_results(held)
-        held.remove(is_kept)
+        if not stopped:
+            held.remove(is_kept)
         said = write_results(choice.scene, choice.result, held, measured)
         with replace_atomically(out / MESH) as temporary:
             write_loaded(choice.mesh, temporary, choice.scene.mesh.length_unit)
