@@ -1,4 +1,4 @@
-"""What marked refinement of tetrahedra gains: python benchmarks/marked_refinement.py [--rounds N] [CASE ...]
+"""What marked refinement of tetrahedra gains: python benchmarks/marked_refinement.py [--help] [CASE ...]
 
 Frequencies of a body, on meshes that are refined as a whole and on meshes refined where the stresses jump (Zienkiewicz
 and Zhu, Int. J. Numer. Meth. Eng. 24, 1987: stresses less the continuous ones nearest to them), half of the error at a
@@ -11,6 +11,8 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -45,6 +47,15 @@ def block(counts: tuple[int, int, int], size: tuple[float, float, float]) -> Loa
     return from_skfem(mesh.with_subdomains({"body": np.arange(mesh.nelements)}).with_boundaries(sides))
 
 
+def half_ring(counts: tuple[int, int, int], inner: float, outer: float, height: float) -> LoadedMesh:
+    """Return one half of an annular disc, of curved tetrahedra: (radial, around, through) cells of six each."""
+    flat = block(counts, (outer - inner, np.pi, height)).mesh
+    curved = skfem.MeshTet2.from_mesh(flat)
+    r, angle, z = curved.doflocs + np.array([[inner], [0.0], [0.0]])
+    x = np.stack([r * np.cos(angle), r * np.sin(angle), z])
+    return from_skfem(replace(curved, doflocs=x, _subdomains=flat.subdomains, _boundaries=flat.boundaries))
+
+
 def walls() -> list[dict[str, str]]:
     """Return supports that let all sides slide: modes are products of cosines, without singularities."""
     sides = {"x": ("left", "right"), "y": ("front", "back"), "z": ("bottom", "top")}
@@ -53,6 +64,10 @@ def walls() -> list[dict[str, str]]:
 
 CASES: dict[str, tuple[Callable[[], LoadedMesh], list[dict[str, str]]]] = {
     "clamped thick plate": (lambda: block((3, 3, 1), (1.0, 1.0, 0.3)), [{"surface": "left", "fixed": "xyz"}]),
+    "half a disc, clamped inside": (
+        lambda: half_ring((2, 6, 1), 0.5, 1.0, 0.1),
+        [{"surface": "left", "fixed": "xyz"}, {"surface": "front", "fixed": "y"}, {"surface": "back", "fixed": "y"}],
+    ),
     "block between walls": (lambda: block((2, 2, 2), (1.0, 0.83, 0.71)), walls()),
 }
 
@@ -98,8 +113,8 @@ def solved(loaded: LoadedMesh, supports: list[dict[str, str]]) -> tuple[int, np.
     return problem.unknowns, theta, shares
 
 
-def where_stresses_jump(loaded: LoadedMesh, shares: np.ndarray) -> LoadedMesh:
-    return refine_marked(loaded, doerfler(shares, PART))[0]
+def where_stresses_jump(loaded: LoadedMesh, shares: np.ndarray, halvings: int = 3) -> LoadedMesh:
+    return refine_marked(loaded, doerfler(shares, PART), halvings)[0]
 
 
 def refined(
@@ -118,13 +133,14 @@ def refined(
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=8)
+    parser.add_argument("--halvings", type=int, default=3, help="of a marked element in a round")
     parser.add_argument("--levels", type=int, default=3)
     parser.add_argument("cases", nargs="*", default=list(CASES))
     given = parser.parse_args()
     for name in given.cases:
         rows = {
             "as a whole": list(refined(*CASES[name], given.levels, lambda loaded, shares: refine(loaded))),
-            "marked": list(refined(*CASES[name], given.rounds, where_stresses_jump)),
+            "marked": list(refined(*CASES[name], given.rounds, partial(where_stresses_jump, halvings=given.halvings))),
         }
         (n, _, last), (m, _, before) = rows["marked"][-1], rows["marked"][-2]
         rate = 4 / 3  # of smooth modes in the unknowns

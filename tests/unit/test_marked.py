@@ -106,6 +106,9 @@ def test_marked_elements_become_eight_and_far_ones_stay(kind):
     assert counts[0] == 8 and (counts > 1).sum() < 0.15 * len(counts)
     _, parents = refine_marked(coarse, np.arange(len(counts)))
     assert (np.bincount(parents) == 8).all()
+    for halvings in (1, 2):
+        few, parents = refine_marked(coarse, np.array([0]), halvings)
+        assert np.bincount(parents)[0] == 2**halvings and few.mesh.nelements < fine.mesh.nelements
     same, parents = refine_marked(coarse, np.array([], int))
     np.testing.assert_array_equal(parents, np.arange(len(counts)))
     for mesh in (fine, same):  # nodes of elements that are not cut stay where they are to the last bit
@@ -188,7 +191,8 @@ def test_one_tetrahedron_has_parts_of_finitely_many_shapes():
     loaded, found = from_skfem(skfem.MeshTet1(point, np.arange(4)[:, None])), []
     for seed in range(8):
         many = loaded.mesh.nelements
-        loaded, _ = refine_marked(loaded, np.random.default_rng(seed).choice(many, min(4, many), replace=False))
+        four = np.random.default_rng(seed).choice(many, min(4, many), replace=False)
+        loaded, _ = refine_marked(loaded, four, 3 + seed % 2)
         x = loaded.mesh.p[:, loaded.mesh.t].transpose(2, 1, 0)
         sides = np.sort([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a in range(4) for b in range(a)], axis=0)
         size = np.cbrt(np.abs(np.linalg.det(x[:, 1:] - x[:, :1])))
@@ -273,9 +277,9 @@ def test_patch():
 def test_frequencies_fall_under_refinement():
     """Each space holds the one before, so that no frequency rises."""
     loaded, found = from_skfem(box("tet1", (3, 2, 1), (1.0, 0.5, 0.2))), []
-    for _ in range(4):
+    for halvings in (3, 1, 1, 2):
         found.append(frequencies(make_problem(loaded.mesh, 1, supports=SUPPORTS[:1]), 4))
-        loaded, _ = refine_marked(loaded, near_edge(loaded.mesh))
+        loaded, _ = refine_marked(loaded, near_edge(loaded.mesh), halvings)
     assert (np.diff(found, axis=0) < 0).all() and (found[-1] > 0.5 * found[0]).all()
 
 
