@@ -10,6 +10,7 @@ import numpy as np
 from ..assembly.assembly import Assembly
 from ..geometry import Block, DiscPad
 from ..geometry.base import Line
+from .directions import axis_names
 from .quantities import Split
 
 # Error along a line falls as its number of elements to this power: 4 and 2 where modes are smooth, by the order of the
@@ -20,7 +21,6 @@ _SHARP = 8.0  # power with which the quantities that miss the target most count 
 _FINER, _COARSER = 4.0, 0.5  # times the elements along a line, at most and at least, from one mesh to the next
 _AT_ONCE, _WIDER = 3.5, 1.2  # times the elements in all, at most; times the target where these do not suffice
 _TRIES = 4000
-_UNITS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 @dataclass(frozen=True)
@@ -83,36 +83,6 @@ def line_errors(split: Split, assembly: Assembly, before: LineErrors | None = No
             seen = float(np.clip(-np.log(worst / was) / np.log(grown), *_LIMITS[order]))
             rates[key] = float(np.sqrt(seen * before.rates[key]))
     return LineErrors(geometry.lines, errors, rates)
-
-
-def axis_names(assembly: Assembly) -> np.ndarray:
-    """Return (m, 3) along which direction of the geometry each axis of each hexahedron runs.
-
-    An axis of an element is named after the direction that it is closest to: "radial", "around" and "axial" for a
-    brake, whose disc turns about z, and "x", "y" and "z" for blocks.
-    """
-    mesh = assembly.loaded.mesh
-    corners = mesh.p[:, mesh.t]  # (3, 8, m)
-    at = np.asarray(mesh.elem.refdom.p)  # (3, 8)
-    middle = corners.mean(axis=1)
-    if isinstance(assembly.scene.mesh.geometry, DiscPad):
-        radius = np.hypot(middle[0], middle[1])
-        zero = np.zeros_like(radius)
-        radial = np.stack([middle[0] / radius, middle[1] / radius, zero])
-        frame = {
-            "radial": radial,
-            "around": np.stack([-radial[1], radial[0], zero]),
-            "axial": np.stack([zero, zero, zero + 1]),
-        }
-    else:
-        frame = {name: np.repeat(np.array(unit)[:, None], len(middle.T), axis=1) for name, unit in _UNITS.items()}
-    names = np.array(list(frame))
-    directions = np.stack(list(frame.values()))  # (3 names, 3, m)
-    found = []
-    for a in range(3):
-        edge = corners[:, at[a] > 0.5].mean(axis=1) - corners[:, at[a] < 0.5].mean(axis=1)
-        found.append(names[np.abs(np.einsum("nim,im->nm", directions, edge)).argmax(axis=0)])
-    return np.stack(found, axis=1)
 
 
 def counts_for(errors: LineErrors, geometry: DiscPad | Block, target: float) -> dict[str, int]:

@@ -14,13 +14,12 @@ from ..eigen.memory import TooLargeError, memory_text, require_memory
 from ..errors import NotConvergedError, SceneError
 from ..mesh import LoadedMesh
 from ..scene import Scene
-from ..sweep.onset import Onset
-from ..sweep.result import Sweep, SweepPoint
+from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
 from .bars import BARS
-from .candidates import Candidate, first_candidate, next_candidate
-from .estimate import COMPARED, EXTRAPOLATED, SMALLEST, changes_by, with_changes, with_discretisation
-from .quantities import KINDS, split_changes
+from .candidates import ORDER, Candidate, first_candidate, next_candidate
+from .estimate import COMPARED, SMALLEST, changes_by, with_changes, with_discretisation
+from .quantities import KINDS, Split, split_changes
 from .refined import refine_problem, refined_memory
 
 _MARGIN = 0.8  # of the target: the error that is aimed at
@@ -68,12 +67,15 @@ class Choice:
         With the errors of the mesh.
     trials : tuple of Trial
         The last is that of the result.
+    split : Split or None
+        Where the errors come from.
     """
 
     scene: Scene
     mesh: LoadedMesh
     result: Sweep
     trials: tuple[Trial, ...]
+    split: Split | None = None
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,7 @@ class _Nearest:
     trial: Trial
     candidate: Candidate
     result: Sweep
+    split: Split
 
 
 def choose(
@@ -127,7 +130,7 @@ def choose(
             solver = candidate.scene.solve.linear_solver
             refined = refine_problem(result, solver)
             split = split_changes(result, refined).of(kinds)
-            error = first = EXTRAPOLATED * float(np.abs(split.changes / split.scales).max(initial=0.0))
+            error = first = BARS[ORDER] * float(np.abs(split.changes / split.scales).max(initial=0.0))
             if first <= _SURELY * target:
                 result = with_changes(result, changes_by(result, refined, solver))
                 error = estimated_error(result, kinds)
@@ -135,11 +138,11 @@ def choose(
             trials.append(trial)
             tell(str(trial))
             if nearest is None or not nearest.trial.error <= error:
-                nearest = _Nearest(trial, candidate, result)
+                nearest = _Nearest(trial, candidate, result, split)
             if error <= target:
                 return _picked(nearest, trials)
             # Bars may be wider than the changes to first order say; these are what the next mesh is to bring down.
-            aim = _MARGIN * target * min(1.0, first / error if np.isfinite(error) else 1.0) / EXTRAPOLATED
+            aim = _MARGIN * target * min(1.0, first / error if np.isfinite(error) else 1.0) / BARS[ORDER]
             before, spent = candidate, trial.seconds
             candidate = next_candidate(candidate, refined.coarse, split, aim)
             ratio = candidate.unknowns / before.unknowns
@@ -175,47 +178,38 @@ def _swept(candidate: Candidate) -> Sweep:
 
 
 def estimated_error(result: Sweep, kinds: Sequence[str] = KINDS) -> float:
-    """Return the largest estimated error of a sweep with bars, relative; NaN where one is not known.
+    """Return the largest error of a sweep by its bars, relative; NaN where one is not known.
 
-    Of the frequencies at all values; of the growth rates relative to the largest one, but for those closer to an onset
-    of their branch than its error: there the error of the onset says how far the mode grows, or does not; of critical
-    values relative to themselves, or to a tenth of the sweep where they are smaller than that. Above 0.8 of the highest
-    frequency what the refined mesh does not have does not count: it may have left the range. It is the
-    likely error, not the error bar, which is wider so that it nearly always holds the error.
+    Of the frequencies at all values; of the growth rate of each branch where it grows fastest, relative to the largest
+    of all; of critical values relative to themselves, or to a tenth of the sweep where they are smaller than that.
+    Above 0.8 of the highest frequency what the refined mesh does not have does not count: it may have left the range.
+    Close to an onset growth is as unsure as the onset, which stands for it.
     """
     highest = max(float(p.modes.lam.imag.max(initial=0.0)) for p in result.points)
-    fastest = max(float(p.modes.lam.real.max(initial=0.0)) for p in result.points)
     found: list[float] = []
 
     def add(kind: str, error: np.ndarray, frequency: np.ndarray) -> None:
         """Take the errors of what both meshes have; above, a mode may have left the range."""
-        if kind not in kinds:
-            return
-        found.extend(error[np.isfinite(error) | (frequency <= COMPARED * highest)].tolist())
+        if kind in kinds:
+            found.extend(error[np.isfinite(error) | (frequency <= COMPARED * highest)].tolist())
 
+    peaks: dict[int, tuple[float, float, float]] = {}  # growth, its bar and the frequency, by branch
     for point in result.points:
         assert point.discretisation is not None
         lam, bar = point.modes.lam, point.discretisation
         swinging = lam.imag > 0
         add("frequencies", (bar.imag / np.where(swinging, lam.imag, 1.0))[swinging], lam.imag[swinging])
-        growing = swinging & (point.modes.stability == "unstable") & ~_at_onset(point, result.onsets)
-        add("growth", bar.real[growing] / fastest, lam.imag[growing])
+        for i in np.flatnonzero(swinging & (point.modes.stability == "unstable")).tolist():
+            branch, own = int(point.branches[i]), (float(lam[i].real), float(bar[i].real), float(lam[i].imag))
+            peaks[branch] = max(peaks.get(branch, own), own)
+    if peaks:
+        growth, bars, frequencies = np.array(list(peaks.values())).T
+        add("growth", bars / growth.max(), frequencies)
     width = float(np.ptp([p.value for p in result.points]))
     for o in result.onsets:
-        relative = np.array(o.discretisation / max(abs(o.value), SMALLEST * width))
-        add("onsets", relative[None], np.array([2 * np.pi * o.frequency_hz]))
-    source = result.problem.source
-    assert isinstance(source, Assembly)
-    return float(np.max(found) * EXTRAPOLATED / BARS[source.space.order]) if found else 0.0
-
-
-def _at_onset(point: SweepPoint, onsets: Sequence[Onset]) -> np.ndarray:
-    """Return (k,) which modes are closer to an onset of their branch than its error."""
-    found = np.zeros(len(point.modes), dtype=bool)
-    for o in onsets:
-        if abs(point.value - o.value) <= o.discretisation:
-            found |= np.isin(point.branches, [b for b in (o.branch_a, o.branch_b) if b])
-    return found
+        relative = np.array([o.discretisation / max(abs(o.value), SMALLEST * width)])
+        add("onsets", relative, np.array([2 * np.pi * o.frequency_hz]))
+    return float(np.max(found)) if found else 0.0
 
 
 def _picked(nearest: _Nearest, trials: list[Trial], bars: bool = True) -> Choice:
@@ -223,7 +217,7 @@ def _picked(nearest: _Nearest, trials: list[Trial], bars: bool = True) -> Choice
     result, (scene, loaded) = nearest.result, (nearest.candidate.scene, nearest.candidate.loaded)
     if bars and result.points[0].discretisation is None:
         result = with_discretisation(result, scene.solve.linear_solver)
-    return Choice(scene, loaded, result, (*(t for t in trials if t is not nearest.trial), nearest.trial))
+    return Choice(scene, loaded, result, (*(t for t in trials if t is not nearest.trial), nearest.trial), nearest.split)
 
 
 def _missed(target: float, nearest: _Nearest, trials: list[Trial], why: str) -> NotConvergedError:

@@ -20,6 +20,7 @@ _NEEDED = {
     "sensitivities": ("value", "mode", "number", "at", "dre"),
 }
 _MAC = ("measured", "value", "branch", "frequency_hz", "mac")
+_MESH_ERROR = ("quantity", "kind", "change", "scale", "body", "direction", "part")
 _STATUS = {
     "running": "The run is still going on, or was killed: what is shown is what was finished until then.",
     "interrupted": "The run was interrupted: what is shown is what was finished until then. fe-squeal run --resume goes"
@@ -48,6 +49,8 @@ class Results:
         Empty where the file is missing.
     mac : DataFrame
         mac.csv; empty where no shape was measured.
+    mesh_error : DataFrame
+        mesh_error.csv; empty where the error of the mesh was not estimated.
     grid : ShapeGrid or None
     shapes : tuple of Shape
     lacks : tuple of str
@@ -60,6 +63,7 @@ class Results:
     contributions: pd.DataFrame
     sensitivities: pd.DataFrame
     mac: pd.DataFrame = field(default_factory=pd.DataFrame)
+    mesh_error: pd.DataFrame = field(default_factory=pd.DataFrame)
     grid: ShapeGrid | None = None
     shapes: tuple[Shape, ...] = ()
     lacks: tuple[str, ...] = field(default=())
@@ -70,7 +74,10 @@ class Results:
         return str(self.modes["parameter"].iloc[0]) if len(self.modes) and "parameter" in self.modes else "mu"
 
 
-def read_results(folder: Path, record_name: str, tables: dict[str, str], shapes: str, mac: str = "mac.csv") -> Results:
+def read_results(
+    folder: Path, record_name: str, tables: dict[str, str], shapes: str, mac: str = "mac.csv",
+    mesh_error: str = "mesh_error.csv",
+) -> Results:  # fmt: skip
     """Read a folder of results; what is missing or cannot be read becomes a sentence in `lacks`.
 
     Parameters
@@ -80,8 +87,8 @@ def read_results(folder: Path, record_name: str, tables: dict[str, str], shapes:
     tables : mapping of "modes", "onsets", "contributions" and "sensitivities" to names of files
     shapes : str
         Name of the folder of shapes.
-    mac : str
-        Name of the table that is there only where shapes were measured.
+    mac, mesh_error : str
+        Names of the tables that are there only where shapes were measured, or the error of the mesh estimated.
     """
     record, lacks = _read_record(folder / record_name)
     frames = {}
@@ -89,10 +96,11 @@ def read_results(folder: Path, record_name: str, tables: dict[str, str], shapes:
         frames[key], why = _read_table(folder / name, _NEEDED[key])
         if why:
             lacks.append(why)
-    compared = pd.DataFrame()
-    if (folder / mac).exists():
-        compared, why = _read_table(folder / mac, _MAC)
-        lacks += [why] if why else []
+    more = {mac: pd.DataFrame(), mesh_error: pd.DataFrame()}
+    for name, columns in ((mac, _MAC), (mesh_error, _MESH_ERROR)):
+        if (folder / name).exists():
+            more[name], why = _read_table(folder / name, columns)
+            lacks += [why] if why else []
     status = _STATUS.get(str(record.get("status")))
     if status:
         lacks.insert(0, status)
@@ -104,7 +112,10 @@ def read_results(folder: Path, record_name: str, tables: dict[str, str], shapes:
     elif len(modes := frames["modes"]) and modes["body"].notna().any() and modes["nodal_diameters"].isna().all():
         lacks.append("No body with a mesh turns about an axis, so modes have no nodal diameters.")
     grid, found, why_not = read_shapes(folder / shapes)
-    return Results(record, **frames, mac=compared, grid=grid, shapes=tuple(found), lacks=(*lacks, *why_not))
+    return Results(
+        record, **frames, mac=more[mac], mesh_error=more[mesh_error], grid=grid, shapes=tuple(found),
+        lacks=(*lacks, *why_not),
+    )  # fmt: skip
 
 
 def _read_record(path: Path) -> tuple[dict[str, Any], list[str]]:

@@ -84,7 +84,8 @@ def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "") -> N
     """Print where modes turn unstable or stable again, in the order of the parameter.
 
     Beside each value stands what the pair's own two modes at the start of the sweep predict in closed form: where the
-    two agree, a two-mode picture of the brake suffices. Where the error of the mesh is known, it stands there instead.
+    two agree, a two-mode picture of the brake suffices. Where the error of the mesh is known, it stands there instead,
+    and beside it the value that finer meshes are likely to tend to.
 
     Parameters
     ----------
@@ -102,7 +103,9 @@ def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "") -> N
     mesh = numbers(ordered, "discretisation") if "discretisation" in ordered else np.full(len(ordered), np.nan)
     estimated = bool((~np.isnan(mesh)).any())
     beside = "mesh" if estimated else "two modes"
-    for head in (f"{symbol} at onset", "uncertainty", beside, "frequency, Hz", "kind", "direction", "branches"):
+    beyond = numbers(ordered, "value_extrapolated") if "value_extrapolated" in ordered else None
+    more = () if beyond is None else ("extrapolated",)
+    for head in (f"{symbol} at onset", "uncertainty", beside, *more, "frequency, Hz", "kind", "direction", "branches"):
         table.add_column(head, justify="left" if head in ("kind", "direction") else "right")
     value, uncertainty = numbers(ordered, "value"), numbers(ordered, "uncertainty")
     frequency, two_modes = numbers(ordered, "frequency_hz"), numbers(ordered, "two_mode_value")
@@ -116,7 +119,8 @@ def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "") -> N
             other = "refined only" if partners[i][0] == 0 else "vanishes"
             guess = "?" if np.isnan(mesh[i]) else other if np.isinf(mesh[i]) else f"± {mesh[i]:.2g}"
         words = (str(row["kind"]), str(row["direction"]))
-        table.add_row(f"{value[i]:.8g}", known, guess, f"{frequency[i]:.6g}", *words, pair)
+        tends = () if beyond is None else ("" if np.isnan(beyond[i]) else f"{beyond[i]:.4g}",)
+        table.add_row(f"{value[i]:.8g}", known, guess, *tends, f"{frequency[i]:.6g}", *words, pair)
     print_table(table, console)
     if len(ordered) > MAX_ROWS:
         console.print(Text(f"... {len(ordered) - MAX_ROWS} more in onsets.csv"))

@@ -41,6 +41,7 @@ from .folder import (
 from .inputs import input_files, run_inputs
 from .measured import read_measured
 from .measurements import Measurements
+from .mesh_error import write_mesh_error
 from .page import write_accuracy_report, write_run_report
 from .record import write_record
 from .run import report_sweep, write_results
@@ -166,6 +167,7 @@ def run_to_accuracy(
         if not stopped:
             held.remove(is_kept)
         said = write_results(choice.scene, choice.result, held, measured)
+        write_mesh_error(choice.split, choice.result, out, whole.title)
         with replace_atomically(out / MESH) as temporary:
             write_loaded(choice.mesh, temporary, choice.scene.mesh.length_unit)
         seconds = {f"trial {i}": trial.seconds for i, trial in enumerate(choice.trials, 1)}

@@ -32,6 +32,9 @@ ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, MEASUREMENTS = (
     "accuracy.csv", "accuracy_stages.csv", "accuracy.png", "accuracy.md", "measurements",
 )  # fmt: skip
 REPORT, MESH = "report.html", "mesh.msh"
+MESH_ERROR_TABLE, MESH_ERROR_FIGURE, MESH_ERROR_GRID = MESH_ERROR_FILES = (
+    "mesh_error.csv", "mesh_error.png", "mesh_error.vtu",
+)  # fmt: skip
 MAC_TABLE, MAC_FIGURE = MEASURED_FILES = "mac.csv", "mac.png"
 DIFFERENCE_TABLE, DIFFERENCE_FIGURE, DIFFERENCE_RECORD = "diff.csv", "diff.png", "diff.json"
 DIFFERENCE_FILES = (DIFFERENCE_TABLE, DIFFERENCE_FIGURE, DIFFERENCE_RECORD, REPORT)
@@ -47,7 +50,7 @@ SCATTER_FILES = (
 MAP_FILES = (STUDY_RECORD, MAP_TABLE, BOUNDARIES_TABLE, MAP_FIGURE, REPORT)
 DANGEROUS, PARTS = "dangerous", "parts"
 PARTS_INPUTS = f"{PARTS}/inputs.json"
-RUN_FILES = (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES, *MEASURED_FILES, REPORT, MESH)
+RUN_FILES = (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES, *MEASURED_FILES, *MESH_ERROR_FILES, REPORT, MESH)
 STUDY_FILES = (ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, REPORT)
 FOLDERS = (SHAPES, CHECKPOINT, MEASUREMENTS, DANGEROUS, PARTS)
 CHECKPOINT_INPUTS = f"{CHECKPOINT}/inputs.json"
@@ -56,9 +59,10 @@ _CHECKPOINT_FILES = (CHECKPOINT_INPUTS, *(f"{CHECKPOINT}/{name}.npz" for name in
 _LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}  # of the systems' file browsers
 _UNFINISHED = re.compile(re.escape(UNFINISHED).replace(re.escape("{}"), "[0-9a-f]{32}"))
 _NAMED = 3  # files in one message
+_LATER = {*MEASURED_FILES, *MESH_ERROR_FILES, REPORT, MESH}  # that came with the manifest
 # Names of files of the version that wrote no manifest: a folder with such files alone holds its results.
 _EARLIER = re.compile(
-    "|".join(map(re.escape, {*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES} - {*MEASURED_FILES, REPORT, MESH}))
+    "|".join(map(re.escape, {*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES} - _LATER))
     + rf"|{CHECKPOINT}/point_\d+\.npz|{MEASUREMENTS}/[\w.+-]+\.np[yz]"
     rf"|{SHAPES}/(branch|mode)_\d+\w*[\w.+-]*Hz(\.(vtu|pvd|png|npz)|_frames/[\w.+-]+\.vtu)"
 )

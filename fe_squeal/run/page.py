@@ -21,6 +21,7 @@ from .folder import (
     MAC_TABLE,
     MAP_FIGURE,
     MAP_TABLE,
+    MESH_ERROR_TABLE,
     MODES_TABLE,
     ONSETS_TABLE,
     PROBABILITY_FIGURE,
@@ -50,7 +51,7 @@ def read_run(folder: Path) -> Results:
     """Read the results of a run from its folder."""
     from ..report.results import read_results
 
-    return read_results(folder, RECORD, _TABLES, SHAPES, MAC_TABLE)
+    return read_results(folder, RECORD, _TABLES, SHAPES, MAC_TABLE, MESH_ERROR_TABLE)
 
 
 def write_run_report(folder: Path, path: Path) -> tuple[str, ...]:

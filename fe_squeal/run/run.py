@@ -6,6 +6,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -36,12 +37,16 @@ from .forecast import Forecast
 from .inputs import input_files, run_inputs
 from .manifest import Manifest
 from .measured import NOTHING_MEASURED, Measurements, read_measured
+from .mesh_error import write_mesh_error
 from .outputs import export_shapes, write_figures, write_mac, write_modes, write_tables
 from .page import write_run_report
 from .preload import write_preload
 from .record import write_record
 from .resume import is_estimated, is_finished, show_finished
 from .solver import solver_of
+
+if TYPE_CHECKING:
+    from ..accuracy.quantities import Split
 
 
 def run_scene(
@@ -119,7 +124,7 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
         record(result, "running")
 
     checkpoint.report = keep_tables
-    status, result, failure = "complete", None, None
+    status, result, failure, split = "complete", None, None, None
     try:
         if checkpoint.is_empty:
             record(None, "running")
@@ -138,12 +143,13 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
     if result is not None:
         if estimate and status == "complete":
             try:
-                result = _estimated(result, solver, console)
+                result, split = _estimated(result, solver, console)
             except KeyboardInterrupt:
                 status = "interrupted"  # all values are finished; --resume goes on with the estimate
         seconds |= dict(result.seconds)
         clock = time.perf_counter()
         said += write_results(scene, result, held, measured)
+        write_mesh_error(split, result, out, scene.title)
         seconds["output"] = time.perf_counter() - clock
     record(result, status)
     if result is not None and scene.output.report:
@@ -237,17 +243,22 @@ def _explained(result: Sweep, scene: Scene | MatrixScene) -> Sweep:
     return replace(result, warnings=(*result.warnings, warning))
 
 
-def _estimated(result: Sweep, solver: LinearSolver, console: Console) -> Sweep:
-    """Add the errors of the mesh, or where that fails a warning."""
-    from ..accuracy import with_discretisation
+def _estimated(result: Sweep, solver: LinearSolver, console: Console) -> tuple[Sweep, Split | None]:
+    """Add the errors of the mesh, and tell where they come from; or where that fails a warning."""
+    from ..accuracy.estimate import changes_by, with_changes
+    from ..accuracy.quantities import split_changes
+    from ..accuracy.refined import refine_problem
 
     clock = time.perf_counter()
     console.print("the error of the mesh is estimated on the mesh refined once")
+    split = None
     try:
-        result = with_discretisation(result, solver)
+        refined = refine_problem(result, solver)
+        result = with_changes(result, changes_by(result, refined, solver))
+        split = split_changes(result, refined)
     except (NotConvergedError, InputError) as error:
         result = replace(result, warnings=(*result.warnings, f"the error of the mesh is not known: {error}"))
-    return replace(result, seconds={**result.seconds, "estimate": time.perf_counter() - clock})
+    return replace(result, seconds={**result.seconds, "estimate": time.perf_counter() - clock}), split
 
 
 def _partial(error: NotConvergedError) -> Sweep | None:

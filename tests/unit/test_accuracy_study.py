@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 from dataclasses import replace
@@ -14,19 +13,15 @@ from accuracy_scene import TINY, fake
 from rich.console import Console
 
 from fe_squeal import load_scene
-from fe_squeal.accuracy import choose as choosing
 from fe_squeal.accuracy import study as study_module
-from fe_squeal.accuracy import with_discretisation
-from fe_squeal.accuracy.choose import choose, estimated_error
 from fe_squeal.accuracy.forecast import by_information, forecast_of
 from fe_squeal.accuracy.measure import measure
-from fe_squeal.accuracy.reference import errors_of, reference_of
 from fe_squeal.accuracy.settings import own_setting, plan, scene_at
 from fe_squeal.accuracy.study import COLUMNS, run_study
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.cli import main
-from fe_squeal.errors import MeshError, NotConvergedError, SceneError
-from fe_squeal.run.accuracy import run_to_accuracy, study_scene
+from fe_squeal.errors import NotConvergedError, SceneError
+from fe_squeal.run.accuracy import study_scene
 from fe_squeal.run.measurements import Measurements
 
 
@@ -116,24 +111,6 @@ def test_the_command_interrupted_writes_its_tables(tiny, tmp_path, monkeypatch, 
     assert len(pd.read_csv(tmp_path / "out" / "accuracy.csv")) == 3
 
 
-def test_accuracy_interrupted_keeps_the_nearest_choice(tiny, tmp_path, monkeypatch, capsys):
-    """The second run is stopped: what the first one gave is in the folder, marked as interrupted."""
-    runs = []
-
-    def second_stops(*args, **kwargs):
-        runs.append(args)
-        if len(runs) == 2:
-            raise KeyboardInterrupt
-        return with_discretisation(*args, **kwargs)
-
-    monkeypatch.setattr("fe_squeal.accuracy.choose.with_discretisation", second_stops)
-    out = tmp_path / "out"
-    assert main(["run", str(tiny), "-o", str(out), "--accuracy", "0.001"]) == 130
-    assert "interrupted: what came nearest" in capsys.readouterr().err
-    assert json.loads((out / "run.json").read_text())["status"] == "interrupted"
-    assert len(pd.read_csv(out / "modes.csv"))
-
-
 def test_settings_of_a_file_are_its_refinements(tiny, tmp_path):
     assert main(["mesh", str(tiny), "-o", str(tmp_path / "belt.msh")]) == 0
     text = TINY.replace("[mesh.block]", '[mesh]\nfile = "belt.msh"\n[ignored]').split("[ignored]")
@@ -205,61 +182,6 @@ def test_command_writes_its_files(tiny, measured, tmp_path, capsys):
     page = (out / "accuracy.md").read_text()
     assert "## What to choose" in page and "## Left out" in page
     assert (out / "accuracy.png").read_bytes()[:4] == b"\x89PNG"
-
-
-@pytest.mark.slow
-def test_a_target_is_met(tiny, tmp_path):
-    """The choice's own estimate meets the target, and so does its error against a mesh of half the size."""
-    scene = load_scene(tiny)
-    choice = choose(scene, 0.05)
-    last = choice.trials[-1]
-    assert last.error <= 0.05 and estimated_error(choice.result) == last.error
-    chosen = replace(last.setting, method="reduced")
-    best, probes = measure(scene, replace(chosen, size=chosen.size / 2, order=2), None, True)
-    there, _ = measure(scene, chosen, probes, False)
-    errors = errors_of(there, reference_of(best))
-    assert np.nanmax([errors.frequency, errors.growth, errors.onset]) <= 0.05
-    out = tmp_path / "chosen"
-    easy = choose(scene, 0.9)  # both orders meet it on their first meshes: the result is that of the trial picked
-    picked = easy.trials[-1]
-    assert (easy.scene.mesh.order, easy.result.problem.unknowns) == (picked.setting.order, picked.unknowns)
-    assert len(easy.trials) == 2 and picked.error <= 0.9
-    assert run_to_accuracy(scene, out, Console(quiet=True), 0.3) == 0
-    modes = pd.read_csv(out / "modes.csv")
-    assert modes["im_discretisation"].notna().mean() > 0.8
-
-
-@pytest.mark.slow
-def test_a_target_that_is_missed(tiny, tmp_path, capsys, monkeypatch):
-    """The nearest result is written and marked; an order that fails on its first mesh leaves the other."""
-    monkeypatch.setattr(choosing, "_RUNS", 1)
-    at_once = choosing.scene_at
-
-    def only_order_1(scene, setting):
-        if setting.order == 2:
-            raise MeshError("too coarse for gmsh")
-        return at_once(scene, setting)
-
-    monkeypatch.setattr(choosing, "scene_at", only_order_1)
-    out = tmp_path / "out"
-    assert main(["run", str(tiny), "-o", str(out), "--accuracy", "1e-6"]) == 3
-    printed = capsys.readouterr()
-    assert "too coarse for gmsh" in printed.out and "not met; nearest: order 1" in " ".join(printed.err.split())
-    assert "Traceback" not in printed.err
-    record = json.loads((out / "run.json").read_text("utf-8"))
-    assert record["status"] == "not converged" and record["seconds"]["trial 1"] > 0
-    assert len(pd.read_csv(out / "modes.csv"))
-    monkeypatch.setattr(choosing, "scene_at", lambda scene, setting: only_order_1(scene, replace(setting, order=2)))
-    assert main(["run", str(tiny), "-o", str(tmp_path / "none"), "--accuracy", "0.1"]) == 2
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [(["--accuracy", "2"], "between 0 and 1"), (["--accuracy", "0.1", "--resume"], "expected one of them")],
-)
-def test_bad_targets(tiny, tmp_path, capsys, arguments, words):
-    assert main(["run", str(tiny), "-o", str(tmp_path / "out"), *arguments]) == 2
-    assert words in capsys.readouterr().err
 
 
 def test_bad_budget(tiny, tmp_path, capsys):

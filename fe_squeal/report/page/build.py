@@ -17,6 +17,7 @@ from fe_squeal.report.page.sections import (
     certificate,
     interval_table,
     mac_table,
+    mesh_error_section,
     mode_sections,
     onset_table,
     scene_section,
@@ -50,12 +51,14 @@ def write_run_page(results: Results, path: Path) -> Path:
         data["shapes"]["axis"] = [float(a) for a in axis]
     charts, shapes = _template("charts.html"), _template("shapes.html")
     no_shapes = "".join(f"<p>{text(lack)}</p>" for lack in results.lacks if "hape" in lack)
+    mesh = mesh_error_section(results)
     drawn = charts + interval_table(results) + onset_table(results) + mac_table(results)
     sections: list[Section] = [
         ("verdict", "The answer", verdict_section(results)),
         ("charts", "Stability", drawn if data["charts"] else "<p>There are no modes to draw.</p>"),
         ("shapes", "Shapes", shapes + bullets(said) if data["shapes"] else no_shapes or "<p>There are no shapes.</p>"),
         ("modes", "Unstable modes", mode_sections(results)),
+        *((("mesh", "Where the error of the mesh comes from", mesh),) if mesh else ()),
         ("certificate", "What it rests on", certificate(results)),
         ("scene", "The scene", scene_section(results)),
     ]  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Iterable, Sequence
 from html import escape
 
@@ -22,6 +23,12 @@ def bullets(items: Iterable[str]) -> str:
     """Return texts as a list; "" without any."""
     rows = "".join(f"<li>{text(item)}</li>" for item in items)
     return f"<ul>{rows}</ul>" if rows else ""
+
+
+def image(png: bytes, words: str) -> str:
+    """Return a picture that is part of the page, with words for those who cannot see it."""
+    data = base64.b64encode(png).decode()
+    return f'<img src="data:image/png;base64,{data}" alt="{text(words)}" style="max-width:100%">'
 
 
 def table(caption: str, heads: Sequence[str], rows: Iterable[Sequence[object]], names: int = 1) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import pandas as pd
 
 from fe_squeal.errors import OutputError
 from fe_squeal.report.page.build import Section, write_page
-from fe_squeal.report.page.markup import bullets, paragraph, table, text
+from fe_squeal.report.page.markup import bullets, image, paragraph, table, text
 
 _MOST = 200  # rows of a table
 
@@ -112,5 +111,4 @@ def _share(value: float, error: float) -> str:
 def _image(path: Path, words: str) -> str:
     if not path.exists():
         return ""
-    data = base64.b64encode(path.read_bytes()).decode()
-    return f'<img src="data:image/png;base64,{data}" alt="{text(words)}" style="max-width:100%">'
+    return image(path.read_bytes(), words)

@@ -1,0 +1,228 @@
+"""`run --accuracy`: a mesh for a target, its true error, what is written, what is kept when it is stopped."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from fe_squeal import assemble, load_mesh, sweep
+from fe_squeal.accuracy import choose as choosing
+from fe_squeal.accuracy.choose import choose, estimated_error
+from fe_squeal.cli import main
+from fe_squeal.mesh.refining import refine
+from fe_squeal.run.accuracy import run_to_accuracy
+from fe_squeal.scene.file import load_scene
+
+BLOCK = """
+title = "A clamped block on a rigid belt"
+[mesh]
+order = {order}
+[mesh.block]
+length = 0.08
+width = 0.04
+height = 0.02
+size = 0.02
+element = "{element}"
+[materials.steel]
+youngs_modulus = 2e11
+poisson_ratio = 0.3
+density = 7800.0
+[bodies.block]
+material = "steel"
+[[supports]]
+surface = "left"
+fixed = "xyz"
+[[contacts]]
+name = "belt"
+surface = "bottom"
+counterface = "rigid"
+normal_stiffness = 1e12
+sliding = {{ direction = [1.0, 0.0, 0.0], speed = 1.0 }}
+[effects.friction]
+mu = 0.3
+[sweep]
+parameter = "mu"
+from = 0.0
+to = 0.3
+points = 2
+[solve]
+modes = 5
+"""
+
+
+def write(folder, element="hex", order=2):
+    path = folder / "block.toml"
+    path.write_text(BLOCK.format(element=element, order=order), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def truth(tmp_path_factory):
+    """Frequencies at both values from two meshes far finer than any chosen, extrapolated; clamped corners: rate 1.4."""
+    scene = load_scene(write(tmp_path_factory.mktemp("fine")))
+    found = []
+    for along in ((10, 5, 3), (20, 10, 6)):
+        table = scene.mesh.block.with_counts(dict(zip(("elements_x", "elements_y", "layers"), along, strict=True)))
+        fine = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"block": table})})
+        result = sweep(assemble(fine), [0.0, 0.3], modes=5)
+        found.append(np.array([p.modes.frequency_hz[:5] for p in result.points]))
+    return found[1] + (found[1] - found[0]) / (2**1.4 - 1)
+
+
+def true_error(result, truth):
+    return max(float(np.abs(p.modes.frequency_hz[:5] / t - 1).max()) for p, t in zip(result.points, truth, strict=True))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("element", "target"), [("hex", 0.006), ("tet", 0.01)])
+def test_a_target_is_met(tmp_path, truth, element, target):
+    """The choice's own estimate meets it, its true error, too, and the written mesh gives the same frequencies."""
+    scene, out = load_scene(write(tmp_path, element)), tmp_path / "out"
+    choice = choose(scene, target)
+    assert len(choice.trials) > 1 and choice.trials[-1].error <= target < choice.trials[0].error
+    assert estimated_error(choice.result) == choice.trials[-1].error
+    assert true_error(choice.result, truth) <= target
+    bars = [p.discretisation.imag / p.modes.lam.imag for p in choice.result.points]
+    for point, bar, exact in zip(choice.result.points, bars, truth, strict=True):
+        assert (np.abs(point.modes.frequency_hz[:5] / exact - 1) <= bar[:5]).all()
+        beyond = np.abs(point.extrapolated.imag[:5] / (2 * np.pi * exact) - 1)
+        assert beyond.max() < np.abs(point.modes.frequency_hz[:5] / exact - 1).max()
+    if element == "hex":
+        first, last = scene.mesh.block, choice.scene.mesh.block
+        assert last.cells < 8 * first.cells and last.layers * last.elements_x * last.elements_y == last.cells
+    assert run_to_accuracy(scene, out, Console(quiet=True), target) == 0
+    again = load_mesh(out / "mesh.msh")
+    plain = scene.model_copy(update={"mesh": choice.scene.mesh})
+    point = sweep(assemble(plain, again), [0.3], modes=5).points[0]
+    table = pd.read_csv(out / "modes.csv").query("value == 0.3")
+    np.testing.assert_allclose(np.sort(point.modes.lam.imag), np.sort(table["im"]), rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_what_is_written_besides(tmp_path, capsys):
+    """Columns that are extrapolated, the parts of the error, the page's section; parts add up to the changes."""
+    scene, out = write(tmp_path), tmp_path / "out"
+    assert main(["run", str(scene), "-o", str(out), "--accuracy", "0.03", "--accuracy-of", "frequencies"]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "mesh.msh" in printed and "elements_x = " in printed
+    modes = pd.read_csv(out / "modes.csv")
+    assert list(modes.columns[-2:]) == ["re_extrapolated", "im_extrapolated"]
+    assert (modes["im_extrapolated"] < modes["im"]).all()  # supports and functions fewer than all: too stiff
+    assert pd.read_csv(out / "onsets.csv").columns[-1] == "value_extrapolated"
+    parts = pd.read_csv(out / "mesh_error.csv")
+    assert set(parts["kind"]) == {"frequencies"} and set(parts["direction"]) == {"x", "y", "z"}
+    for _, own in parts.groupby("quantity"):
+        assert own["part"].sum() == pytest.approx(own["change"].iloc[0], rel=1e-9)
+    page = (out / "report.html").read_text("utf-8")
+    assert "Where the error of the mesh comes from" in page and "Cut finer there first" in page
+    assert (out / "mesh_error.png").read_bytes()[:4] == b"\x89PNG" and (out / "mesh_error.vtu").exists()
+    # A plain run into the same folder leaves nothing of it behind.
+    assert main(["run", str(scene), "-o", str(out)]) == 0
+    assert not any((out / name).exists() for name in ("mesh.msh", "mesh_error.csv", "mesh_error.vtu"))
+    assert "re_extrapolated" not in pd.read_csv(out / "modes.csv")
+
+
+def test_a_target_that_is_missed(tmp_path, capsys, monkeypatch):
+    """The nearest result is written, with bars, and marked."""
+    monkeypatch.setattr(choosing, "_RUNS", 1)
+    scene, out = write(tmp_path), tmp_path / "out"
+    assert main(["run", str(scene), "-o", str(out), "--accuracy", "1e-6"]) == 3
+    printed = capsys.readouterr()
+    assert "not met; nearest: the scene's own mesh" in " ".join(printed.err.split())
+    assert "Traceback" not in printed.err
+    record = json.loads((out / "run.json").read_text("utf-8"))
+    assert record["status"] == "not converged" and record["seconds"]["trial 1"] > 0
+    assert pd.read_csv(out / "modes.csv")["im_discretisation"].notna().all()
+    assert not (out / "checkpoint").exists()
+
+
+@pytest.mark.slow
+def test_a_mesh_too_large_is_not_begun(tmp_path, capsys, monkeypatch):
+    """What the next mesh needs is compared with the memory before it is assembled; what there is is written."""
+    whole = choosing.require_memory
+    monkeypatch.setattr(choosing, "require_memory", lambda needed, *rest: whole(10**18, *rest))
+    scene, out = write(tmp_path), tmp_path / "out"
+    assert main(["run", str(scene), "-o", str(out), "--accuracy", "0.002"]) == 3
+    printed = capsys.readouterr()
+    assert "next: " in printed.out and "GiB are free" in " ".join(printed.err.split())
+    assert len(pd.read_csv(out / "modes.csv"))
+
+
+def test_a_search_goes_on_where_it_was_stopped(tmp_path, capsys, monkeypatch):
+    """Stopped in its second trial: what the first gave is there; resumed, the first is not repeated."""
+    scene, out = write(tmp_path), tmp_path / "out"
+    run = ["run", str(scene), "-o", str(out), "--accuracy", "0.012"]
+    swept, meshes = choosing._swept, []
+
+    def stops(candidate):
+        meshes.append(candidate.unknowns)
+        if len(meshes) == 2:
+            raise KeyboardInterrupt
+        return swept(candidate)
+
+    monkeypatch.setattr(choosing, "_swept", stops)
+    assert main(run) == 130
+    assert "interrupted: what came nearest" in capsys.readouterr().err
+    assert json.loads((out / "run.json").read_text("utf-8"))["status"] == "interrupted"
+    assert len(pd.read_csv(out / "modes.csv"))
+    assert main([*run, "--resume"]) == 0
+    assert meshes[2] == meshes[1] > meshes[0]
+    printed = capsys.readouterr().out
+    assert printed.index("the scene's own mesh: ") < printed.index(f": {meshes[1]} unknowns, error about")
+    assert json.loads((out / "run.json").read_text("utf-8"))["status"] == "complete"
+    assert not (out / "checkpoint").exists()
+
+
+def test_a_search_of_another_scene_is_not_resumed(tmp_path, capsys, monkeypatch):
+    scene, out = write(tmp_path), tmp_path / "out"
+    run = ["run", str(scene), "-o", str(out), "--accuracy", "0.012"]
+
+    def stops(candidate):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(choosing, "_swept", stops)
+    assert main(run) == 130
+    scene.write_text(scene.read_text("utf-8").replace("7800.0", "7900.0"), encoding="utf-8")
+    assert main([*run, "--resume"]) == 2
+    assert "the interrupted run was another one" in " ".join(capsys.readouterr().err.split())
+
+
+def test_order_1_begins_with_as_many_unknowns(tmp_path):
+    """Elements of order 2 twice as long, since their nodes are half as far apart."""
+    one, two = (choosing.first_candidate(load_scene(write(tmp_path, order=k))) for k in (1, 2))
+    assert one.scene.mesh.order == two.scene.mesh.order == 2 and one.unknowns < two.unknowns
+
+
+@pytest.mark.slow
+def test_imported_hexahedra_are_refined_as_a_whole(tmp_path):
+    """A file of hexahedra has no lines: every element is cut into eight, and the target is met all the same."""
+    scene = load_scene(write(tmp_path))
+    loaded = assemble(scene).source.loaded
+    from fe_squeal.mesh.writing import write_loaded
+
+    write_loaded(loaded, tmp_path / "block.msh")
+    text = BLOCK.format(element="hex", order=2)
+    head, _, tail = text.partition("[mesh.block]")
+    path = tmp_path / "file.toml"
+    path.write_text(head + 'file = "block.msh"\n[materials.steel]' + tail.partition("[materials.steel]")[2], "utf-8")
+    choice = choose(load_scene(path), 0.015)
+    assert choice.mesh.mesh.nelements == refine(loaded).mesh.nelements and choice.trials[-1].error <= 0.015
+    assert choice.trials[-1].mesh == "every element into eight"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--accuracy", "2"], "between 0 and 1"), (["--accuracy", "0.1", "--accuracy-of", "mass"], "one of onsets"),
+        (["--accuracy-of", "onsets"], "without --accuracy"),
+    ],
+)  # fmt: skip
+def test_bad_targets(tmp_path, capsys, arguments, words):
+    assert main(["run", str(write(tmp_path)), "-o", str(tmp_path / "out"), *arguments]) == 2
+    assert words in " ".join(capsys.readouterr().err.split())
+
+
