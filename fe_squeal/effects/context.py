@@ -113,7 +113,7 @@ class ContactPart:
 
     @property
     def key(self) -> object:
-        """What `closed` depends on, as part of a key for the cache."""
+        """What the property `closed` depends on, as part of a key for the cache."""
         return Same(self.operators), None if self.state is None else self.state.closed.tobytes()
 
     @cached_property

@@ -1,0 +1,1 @@
+"""Eigenpairs of plain matrices, with backward errors, conditions and counts of modes."""

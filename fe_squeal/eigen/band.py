@@ -26,16 +26,16 @@ from .request import Request, is_beside, select_wanted
 from .shift import light_tilt, symmetric_part
 from .shift_invert import ShiftInverted
 
-_FULL = 150  # eigenvalues of a disc: more are left to another one
+_FULL = 150  # eigenvalues of a disc; where it holds more, several smaller ones take its place
 _SPARE = 1.15  # times as many as are expected in a disc are asked for
 _DISCS = 24  # at most
 _RESTARTS = 12  # of a Krylov space; a usual disc takes two to four
 _FEWER = 0.9  # of the eigenvalues that converge where not all do are asked for once more
 _CLEAR, _MOVE, _MOVES = 1e-4, 1.03, 3  # a shift closer than this to an eigenvalue is moved by so much, so often at most
-_OVERLAP = 1.2  # of the lower end of a disc: up to there the next one below reaches, whose own end is no clear cut
+_OVERLAP = 1.2  # times the lower end of a disc: the next one below reaches up to here, since discs have no sharp rim
 _SLIVER = 1e-3  # of the band: creeping motions may crowd so near zero that no disc reaches farther down than to here
 _ROUNDING = 1e-12  # what rounding may leave of zero: of |λ|, and of the largest ratio of stiffness to mass
-_REAL, _NEAR = 8, 0.05  # so many eigenvalues are looked at around this part of the band where some may be real and grow
+_REAL, _NEAR = 8, 0.05  # real growth is looked for among so many eigenvalues around this part of the band
 
 
 @dataclass

@@ -42,8 +42,8 @@ def _negative_at_infinity(pencil: Pencil, linear_solver: LinearSolver | str) -> 
     With Z the null space of M ≥ 0, every positive or negative eigenvalue of ZᵀKZ is an infinite eigenvalue of the
     pencil that keeps this sign at all s. Every zero one belongs to a Jordan block [[m, 0], [0, 0]], [[k, b], [b, 0]] of
     it, whose determinant −b² says that it has one negative eigenvalue at all s; an independent constraint by a Lagrange
-    multiplier makes one such block. So it is the number of those that are not positive. Z are the rows of M that are
-    zero; without any, which is usual, there is nothing to do.
+    multiplier makes one such block. So the number sought is that of the eigenvalues of ZᵀKZ that are not positive. Z
+    are the unknowns whose rows of M are zero; without any, which is usual, there is nothing to do.
     """
     rows = np.flatnonzero(pencil.M.diagonal() == 0)
     if not len(rows):

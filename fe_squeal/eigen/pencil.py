@@ -31,7 +31,7 @@ class FreeMotions:
 
     @classmethod
     def none(cls, n: int) -> FreeMotions:
-        """Return those of a problem of n unknowns in which every motion is held."""
+        """Return the free motions of n unknowns in which every motion is held: none."""
         return cls(np.zeros((n, 0)), np.zeros((n, 0)))
 
 
@@ -115,7 +115,7 @@ class Pencil:
         return r if self.C is None else r + self.C @ u
 
     def dense(self) -> Pencil:
-        """Return the same with full arrays, whose products are faster where the matrices are small and full."""
+        """Return the pencil with full arrays, whose products are faster where the matrices are small and full."""
         C = None if self.C is None else self.C.toarray()
         return replace(self, M=self.M.toarray(), K=self.K.toarray(), C=C)
 

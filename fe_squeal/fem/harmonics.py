@@ -152,13 +152,13 @@ def _to_unit(x: np.ndarray) -> np.ndarray:
 
 
 def _independent(A: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-    """Return the columns (k,) int of which those of earlier blocks, and others of their own, leave enough."""
+    """Return the columns (k,) int that are far from combinations of earlier blocks and of each other."""
     size = np.linalg.norm(A, axis=0)
     Q, kept = np.zeros((len(A), 0)), []
     for block in np.unique(blocks):
         columns = np.flatnonzero((blocks == block) & (size > 1e-9 * size.max(initial=0.0)))
         rest = A[:, columns] / size[columns]
-        for _ in range(2):  # once more, for what rounding has left
+        for _ in range(2):  # twice, since rounding leaves something the first time
             rest = rest - Q @ (Q.T @ rest)
         q, r, order = la.qr(rest, mode="economic", pivoting=True)
         count = int(np.count_nonzero(np.abs(np.diag(r)) > _DEPENDENT))

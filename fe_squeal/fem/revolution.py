@@ -141,7 +141,7 @@ def _check_even(angle: np.ndarray, weight: np.ndarray, width: float, what: str, 
 def is_transversal(stiffness: np.ndarray, rotation: SteadyMotion) -> bool:
     """Return whether turning about the axis leaves a stiffness tensor (3, 3, 3, 3) as it is."""
     axis = _axis(rotation)
-    # No turn of a crystal into itself is one by 1 rad.
+    # A turn by 1 rad is no symmetry of any crystal: what it leaves as it is, every turn does.
     K = np.cross(axis, np.eye(3)).T
     R = np.eye(3) + np.sin(1.0) * K + (1.0 - np.cos(1.0)) * K @ K
     turned = np.einsum("ip,jq,kr,ls,pqrs->ijkl", R, R, R, R, stiffness, optimize=True)

@@ -42,7 +42,7 @@ def rigid_motions(space: DisplacementSpace) -> np.ndarray:
 
 
 def _held_by(tie: Tie, nodes: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """Return what motions R (3 nodes, 6) of some nodes move of the freedoms that a tie's reference point has held."""
+    """Return how far motions R (3 nodes, 6) of some nodes move the held freedoms of a tie's reference point."""
     place = np.full(max(int(nodes.max()), int(tie.nodes.max())) + 1, -1)
     place[nodes] = np.arange(len(nodes))
     at = place[tie.nodes]

@@ -28,7 +28,7 @@ _ELEMENTS = {
     (False, 1): skfem.ElementHex1,
     (False, 2): skfem.ElementHex2,
 }
-CANCELLED = 1e-12  # of the sum of sizes: a sum of thousands of products, each rounded, that is zero but for that
+CANCELLED = 1e-12  # of Σ|products|: thousands of rounded products that cancel leave less than that
 ROUNDED = 1e-13  # size below which shape functions and direction components, of order 1, are rounding
 
 
@@ -78,9 +78,9 @@ class Surface(Patch):
 class DisplacementSpace:
     """Continuous piecewise polynomial displacements on a mesh.
 
-    Unknowns are the components of the nodes' displacements, 3 j + c being component c at node j, less those that are
-    held or tied, behind them those of the ties, and last those of the bubbles between elements of the mixed
-    formulation, which vanish at all nodes.
+    The unknowns are, in this order: the displacements of nodes that are neither held nor tied (3 j + c is component c
+    at node j), the unknowns of the ties, and those of the bubbles between elements of the mixed formulation, which
+    vanish at all nodes.
 
     Attributes
     ----------
@@ -189,9 +189,10 @@ class DisplacementSpace:
         return sp.csr_array(P.T @ A @ P) - self._rounding(A)
 
     def _rounding(self, A: sp.csr_array) -> sp.csr_array:
-        """Return what a form on rigid bodies has of rounding alone: of the stiffness of elements that are wholly rigid.
+        """Return the part of a form that is rounding alone: the stiffness of elements all of whose nodes are rigid.
 
-        It is removed, since such a body has no other stiffness beside which it would vanish.
+        In exact arithmetic it is zero. It is removed, since a rigid body may have no other stiffness, beside which
+        rounding would be small.
         """
         columns = [np.arange(0)]
         for tie, at in zip(self.ties, self._starts, strict=True):

@@ -156,8 +156,9 @@ def mean_tie(name: str, nodes: np.ndarray, x: np.ndarray, weights: np.ndarray, h
 def _clusters(L: np.ndarray, x: np.ndarray, active: np.ndarray) -> tuple[sp.csr_array, np.ndarray]:
     """Return an orthonormal basis of L u = 0, (3 m, 3 m − f) sparse, and of what it leaves, (3 m, f), f the rows of L.
 
-    Each cluster of nodes is turned so that f of its directions carry its part of L; the others are done with. These f
-    go on to the cluster above, where they meet those of the neighbour. Displacements that are not active are zero.
+    The displacements of each cluster of nodes are rotated so that f directions carry its part of L. The other
+    directions belong to the basis; the f are passed to the cluster above, which joins them with those of its other
+    half. Displacements that are not active are zero.
     """
     parts: list[tuple[np.ndarray, np.ndarray]] = []  # unknowns that a column has, and its entries
 

@@ -19,7 +19,7 @@ Description = dict[str, list[Any]]
 
 
 class Describer(Protocol):
-    """Describes shapes; an algebraic problem does not know what its unknowns mean, whoever made it does."""
+    """Describes shapes. Whoever made a problem hands it in, since algebra does not know what the unknowns mean."""
 
     def describe(self, terms: Iterable[Term], parameters: Mapping[str, float], shapes: np.ndarray) -> Description:
         """Return the columns of `DESCRIPTOR_COLUMNS` for shapes (n, k) complex; None where there is nothing to say.

@@ -49,23 +49,23 @@ class Problem:
     parameters : mapping of name to value
         Values of those that are powers in coefficients, e.g. {"mu": 0.3}.
     discretisation : object or None
-        Where the terms come from, for whoever made them: a problem carries it along and does not look into it.
+        Where the terms come from. The problem carries it along for its maker, and does not look into it.
     source : Source or None
     coupled : frozenset of str
         Parameters that the terms' matrices depend on as well, through the static state.
     changed : mapping of path to value
         What differs from the scene.
     motions : (n, r) float or None
-        The motions among which those are that nothing holds, such as the rigid motions of each body. Where they are not
+        Motions whose span contains all that nothing holds, such as the rigid motions of each body. Where they are not
         known the kernel of K is looked for.
     free : function of the parameters' values, or None
-        Returns the motions that nothing holds, of a problem made from another one, which knows.
+        Returns the motions that nothing holds; of a problem that was made from another one, which is asked.
     kernel : function of a Pencil
         Looks for the kernel of K where motions are not known; see `solved_with`.
     describer : Describer or None
-        Says what a mode looks like, for whoever made the terms.
+        Says what a mode looks like; whoever makes the terms hands it in.
     state : mapping of place to {quantity: number}
-        What the state is like about which the terms are linearised; a sweep keeps it beside the modes.
+        Quantities of the static state about which the terms are linearised; a sweep keeps them beside the modes.
     """
 
     terms: tuple[Term, ...]

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import scipy.sparse as sp
 
 Slot = Literal["M", "C", "K"]
-POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}  # of λ, of what stands in the slot
+POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}  # the power of λ that multiplies the matrix of a slot in Q(λ)
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Term:
         return prod((parameters[p] ** e for p, e in self.powers.items()), start=1.0)
 
     def unit(self, lam: Any = 1.0) -> Any:
-        """Return λ to the power of the slot, times i where the term is imaginary; without λ what counts in M, C, K."""
+        """Return λ², λ or 1 by the slot, times i where the term is imaginary; without λ its factor in M, C or K."""
         power = lam ** POWER[self.slot]
         return 1j * power if self.imaginary else power
 

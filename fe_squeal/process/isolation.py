@@ -46,7 +46,7 @@ def import_matplotlib() -> None:
 
 @contextmanager
 def isolated_children() -> Iterator[None]:
-    """Give the processes that multiprocessing starts inside the block that environment."""
+    """Start the processes of multiprocessing inside the block in the environment of `isolated_environment`."""
     before = {key: os.environ.get(key) for key in _KEYS}
     os.environ.update({key: value for key, value in isolated_environment().items() if key in _KEYS})
     try:

@@ -95,7 +95,7 @@ class LastingStream:
 
 @contextmanager
 def lasting_streams() -> Iterator[tuple[LastingStream, LastingStream]]:
-    """Put such streams in the place of stdout and stderr inside the block."""
+    """Put lasting streams in the place of stdout and stderr inside the block."""
     _occupy_closed()
     before = sys.stdout, sys.stderr
     with open(os.devnull, "w", encoding="utf-8") as nowhere:

@@ -33,7 +33,7 @@ from .folder import CHECKPOINT, CHECKPOINT_INPUTS, is_kept
 from .manifest import Manifest
 
 _SHARE = 0.03  # of the time: what writing may take; values that are fast to solve are written several at once
-_JSON = "json"  # name of the array that holds the rest
+_JSON = "json"  # name of the array that holds, as JSON, what is no array
 # Number of the layout of these files. Raise it when a name, a unit or a meaning in them changes: a checkpoint of
 # another layout is refused.
 LAYOUT = 4

@@ -6,7 +6,7 @@ import time
 
 from rich.console import Console
 
-_SAMPLE = 5  # values that are timed, after the first one, with which work is done that does not come again
+_SAMPLE = 5  # values that are timed, from the second on: the first includes work that is done only once
 _LONG = 30.0  # s: a shorter rest is not worth a line
 
 

@@ -110,7 +110,7 @@ class Manifest:
                 )
 
     def remove(self, chosen: Callable[[str], bool], first: str = "") -> None:
-        """Remove the chosen files that are as they were written, `first` of all one, and folders that this empties.
+        """Remove the chosen files that are as they were written, `first` before all others, and folders left empty.
 
         Raises
         ------

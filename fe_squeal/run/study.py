@@ -130,7 +130,7 @@ class StageClock:
         self._begun = [("model", time.process_time())]
 
     def beside(self, progress: Callable[[str, int, int, float], None]) -> Callable[[str, int, int, float], None]:
-        """Return what tells progress and takes the time where a stage with a number of places ends."""
+        """Return a callable that tells progress, and notes the time whenever another stage of places begins."""
 
         def tell(stage: str, done: int, total: int, rate: float) -> None:
             name = stage.split(" ")[0]

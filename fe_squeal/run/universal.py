@@ -67,7 +67,7 @@ def _shape(shapes: list[dict[str, Any]], frequency_hz: float | None, path: Path,
 
 
 def _hertz(s: dict[str, Any]) -> float:
-    """Return the frequency of a data set 55: of a real normal mode, or |λ|'s imaginary part of a complex one."""
+    """Return the frequency of a data set 55, Hz: as it stands there for a real mode, |Im λ|/2π of a complex one."""
     if s.get("freq") is not None:
         return float(np.real(s["freq"]))
     return float(abs(np.imag(s["eig"])) / (2 * np.pi)) if s.get("eig") is not None else np.nan

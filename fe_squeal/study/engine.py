@@ -100,10 +100,17 @@ def solve_chunk(model: Model, places: np.ndarray) -> Solved:
 
 @contextmanager
 def spread(cluster: Cluster | None) -> Iterator[Callable[..., Iterator[tuple[int, Any]]]]:
-    """Yield what calls function(shared, item) for every (number, item), here or on a cluster.
+    """Yield a callable that applies a function to many items, here or on a cluster.
 
-    It is called with function, shared and the numbered items, and yields (number, result) as they are finished. What is
-    shared goes once to each worker.
+    It takes (function, shared, work), where `work` yields pairs (number, item), and yields (number, function(shared,
+    item)) in the order in which items are finished. `shared` is sent to each worker once.
+
+    Raises
+    ------
+    SceneError
+        A cluster is asked for, and dask.distributed is not installed.
+    NotConvergedError
+        The scheduler does not answer, or is gone.
     """
     if cluster is None or not (cluster.workers or cluster.scheduler):
         yield lambda function, shared, work: ((i, function(shared, item)) for i, item in work)
@@ -150,7 +157,7 @@ def _client(distributed: Any, cluster: Cluster) -> Iterator[Any]:
 def _on_cluster(
     distributed: Any, client: Any, function: Callable[[Any, Any], Any], shared: Any, work: Iterable[tuple[int, Any]]
 ) -> Iterator[tuple[int, Any]]:  # fmt: skip
-    """Yield results as workers finish them; what a worker had that dies is done by another one."""
+    """Yield results as workers finish them; if a worker dies, another one does its items."""
     lost = distributed.client
     gone = (OSError, TimeoutError, distributed.core.CommClosedError, lost.CancelledError, lost.FuturesCancelledError)
     try:

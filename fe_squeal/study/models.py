@@ -57,7 +57,7 @@ class DirectModel:
     linear_solver: LinearSolver | str = "auto"
 
     def outcome(self, values: Values) -> Outcome:
-        """Return the outcome; its error is that of the backward error times the condition of each mode."""
+        """Return the outcome; its error is the largest product of backward error and condition of a mode."""
         at = self.problem.at({n: float(v) for n, v in zip(self.names, values, strict=True)})
         return _solved(at, self.request, self.linear_solver)
 

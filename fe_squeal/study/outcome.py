@@ -33,7 +33,7 @@ class Outcome:
 
     @property
     def unstable(self) -> bool:
-        """Whether a mode is unstable."""
+        """Whether any mode is unstable at the place."""
         return bool(self.row[0])
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SAMPLES = 1000  # where nothing is said
-_SEEDS = 1_000_003  # apart: seeds of points for other purposes
+_SEEDS = 1_000_003  # distance between seeds: each purpose has points of its own
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class ScatterResult:
             frame.insert(1 + i, name, self.points[:, i])
         frame["unstable"] = frame["unstable"].astype(int)
         frame["method"] = np.where(frame.pop("direct") > 0, "direct", "reduced")
-        frame["worst_re_uncertainty"] = frame.pop("worst_re_uncertainty")  # behind the columns that it adds to
+        frame["worst_re_uncertainty"] = frame.pop("worst_re_uncertainty")  # to the end
         frame["unstable_modes"] = np.bincount(self.modes[:, 0].astype(int), minlength=len(frame))
         return frame
 

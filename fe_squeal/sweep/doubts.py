@@ -39,7 +39,7 @@ class Doubt:
         )
 
     def joined(self, other: Doubt) -> Doubt | None:
-        """Return both as one, if another one about the same pair begins where this one ends, or before."""
+        """Return one doubt over both intervals if they are about the same pair and lie close together, else None."""
         apart = abs(self.frequency_hz - other.frequency_hz) > _ONE * self.frequency_hz
         if apart or other.low > self.high + (self.high - self.low) + (other.high - other.low):
             return None
@@ -90,7 +90,7 @@ def split_doubtful(step: Step, onsets: Sequence[Onset]) -> tuple[list[Onset], li
         narrow = out.value - into.value <= into.uncertainty + out.uncertainty
         if into in kept and out in kept and pair and narrow and {into.direction, out.direction} == {"into", "out of"}:
             kept = [o for o in kept if o is not into and o is not out]
-            if out.value - into.value > FINEST * (step.ends[1] - step.ends[0]):  # else nobody looked for it
+            if out.value - into.value > FINEST * (step.ends[1] - step.ends[0]):  # narrower ones are not looked for
                 doubts.append(Doubt(into.value, out.value, into.frequency_hz))
     return kept, doubts
 

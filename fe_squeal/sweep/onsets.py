@@ -82,7 +82,7 @@ def find_step_onsets(
     step = Step(problem, parameter, values, modes, reduced_model, linear_solver)
     limit = _BEYOND * below
     seen = scan(step.end(0), step.end(1), step.between, limit, scale)
-    if seen.open and problem.is_damped:  # two real eigenvalues for a pair: of these the decaying one may not be listed
+    if seen.open and problem.is_damped:  # a pair that parts into two real ones: the decaying one may not be listed
         seen = scan(step.between(values[0]), step.between(values[1]), step.between, limit, scale)
     found = Found(width=seen.width)
     refiner = Refiner(step, precise, starts)
@@ -138,9 +138,9 @@ def _told_apart(step: Step, changes: list[Change]) -> list[list[Change]]:
 
 
 def _sum(onsets: list[Onset], gains: int, failed: list[str]) -> tuple[list[Onset], list[str]]:
-    """Return as many of a run's onsets as the modes are that it gains or loses in all, the surest, and no warning.
+    """Return the surest onsets of a run of changes, as many as it gains or loses modes in all, and no warning.
 
-    Where too few could be refined, return them all, with the warnings.
+    Where fewer onsets than that could be refined, return all of them, with the warnings.
     """
     direction = "into" if gains > 0 else "out of"
     likely = sorted((o for o in onsets if o.direction == direction), key=lambda o: o.uncertainty)

@@ -24,7 +24,7 @@ def read_interaction(content: Content, statement: Statement) -> None:
 
 
 def read_change_friction(content: Content, statement: Statement) -> None:
-    """Take *Change Friction: the *Friction that follows is of an interaction of before."""
+    """Take *Change Friction: the *Friction that follows changes an interaction that was defined before."""
     name = statement.block.value("INTERACTION").upper()
     content.interaction = content.interactions.get(name)
 
@@ -95,7 +95,7 @@ def read_motion(content: Content, statement: Statement) -> None:
 
 
 def write_contacts(content: Content) -> float | None:
-    """Write a contact for each pair and tie; return the friction coefficient that their ratios are of."""
+    """Write a contact for each pair and tie; return the friction coefficient that their friction ratios multiply."""
     add_general_pairs(content)
     coefficients = [i.mu for p in content.pairs if (i := content.interactions.get(p.interaction.upper())) and i.mu]
     mu = max(coefficients, default=None)

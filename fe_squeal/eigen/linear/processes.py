@@ -124,7 +124,7 @@ def new_handle() -> int:
 
 
 def give_up(handle: int) -> None:
-    """Let a matrix go. Any moment may call this, also one within another step, so that it happens with the next one."""
+    """Release a matrix, with the next step: this may be called at any moment, also in the middle of a step."""
     _given_up.append(handle)
 
 
