@@ -82,7 +82,7 @@ clean:
 # Every page of docs/ but architecture.md is made, or has its numbers made, by `make docs/PAGE.md`: by the file of benchmarks/
 # of that name, scene.md and lumped.md by the package. Their pictures come with them.
 PAGES := $(filter-out docs/architecture.md,$(wildcard docs/*.md))
-MEASURED := accuracy_and_cost effects_cost near_incompressible onsets performance studies sweep_cost
+MEASURED := accuracy_and_cost effects_cost mesh_targets near_incompressible onsets performance studies sweep_cost
 .PHONY: docs benchmarks hard-cases trust $(PAGES)
 
 # What follows from the program alone: keys of the scene, lumped models, pictures of README.md.
@@ -97,8 +97,8 @@ docs/scene.md: .venv/installed
 docs/lumped.md: .venv/installed
 	$(BIN)/python -m lumped.document docs
 
-# What accuracy, effects and sweeps cost, with the times of this machine, onsets of random sweeps, and nearly incompressible
-# linings: hours.
+# What accuracy, effects and sweeps cost, with the times of this machine, meshes for targets, onsets of random sweeps, and
+# nearly incompressible linings: hours.
 benchmarks: $(MEASURED:%=docs/%.md)
 	$(BIN)/python benchmarks/mesh_bars.py --write  # a section of docs/accuracy_and_cost.md
 

@@ -1,15 +1,14 @@
 """What accuracy costs: python benchmarks/accuracy_and_cost.py [--write] [--folder FOLDER] [--budget SECONDS]
 
 Errors and times of solids with exact or extrapolated frequencies, of the disc with two pads, without and with damping,
-how well the bars of the mesh hold the errors, and whether `--accuracy` reaches its target on scenes that its rules were
-not fitted to. What was measured is kept in the folder, and taken from there the next time; some twenty minutes in all.
+and how well the bars of the mesh hold the errors.
+What was measured is kept in the folder, and taken from there the next time; some twenty minutes in all.
 Within a budget what does not fit is left out, and said.
 """
 
 from __future__ import annotations
 
 import argparse
-import functools
 import itertools
 import json
 import os
@@ -17,16 +16,12 @@ import shutil
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from accuracy_cases import SOLIDS, Rung, belt_scene, brake_scene, extrapolated, solve
+from accuracy_cases import SOLIDS, Rung, brake_scene, extrapolated, solve
 
-from fe_squeal.accuracy.choose import choose
-from fe_squeal.accuracy.measure import measure_apart
-from fe_squeal.accuracy.reference import errors_of, reference_of
 from fe_squeal.accuracy.settings import Setting, plan
 from fe_squeal.accuracy.study import Study, run_study
 from fe_squeal.compare import compare
@@ -134,46 +129,6 @@ def plot_projection(study: Study, path: Path) -> None:
     figure.savefig(path, dpi=130)
 
 
-def targets() -> list[tuple[str, Scene, float]]:
-    """Return scenes that no rule was fitted to, with targets."""
-    brake = brake_scene()
-    assert brake.mesh.disc_pad is not None
-    one = brake.mesh.model_copy(update={"disc_pad": brake.mesh.disc_pad.model_copy(update=ONE_PAD)})
-    kept = [c.model_dump(mode="json", by_alias=True, exclude_unset=True) for c in brake.contacts[:1]]
-    springs = [s.model_dump(mode="json", by_alias=True, exclude_unset=True) for s in brake.springs if "2" not in s.name]
-    bodies = {n: b.model_dump(mode="json", exclude_unset=True) for n, b in brake.bodies.items()}
-    for body in bodies.values():
-        if "groups" in body:
-            body["groups"] = [group for group in body["groups"] if "2" not in group]
-    mesh = one.model_dump(mode="json", by_alias=True, exclude_unset=True)
-    soft = {"lining": {"youngs_modulus": 8e8, "poisson_ratio": 0.35, "density": 2200.0}}
-    return [
-        ("disc with one long pad", brake_scene(mesh=mesh, contacts=kept, springs=springs, bodies=bodies), 0.2),
-        ("disc with two pads, damped", brake_scene(effects=DAMPED), 0.1),
-        ("soft pad on a belt", belt_scene(materials=soft), 0.02),
-    ]
-
-
-def reach(name: str, scene: Scene, target: float) -> str:
-    """Return a row: what `--accuracy` chose, estimated, and its true error against a finer mesh, extrapolated."""
-    start = time.perf_counter()
-    print(name, file=sys.stderr)
-    choice = choose(scene, target, lambda text: print(text, file=sys.stderr))
-    seconds = time.perf_counter() - start
-    last = choice.trials[-1]
-    chosen = replace(last.setting, method="reduced")
-    finer = replace(chosen, order=2, size=chosen.size / (2.0 if chosen.order == 1 else 1.6))
-    best, probes = measure_apart(scene, finer, None, True, None) or (None, None)
-    there, _ = measure_apart(scene, chosen, probes, False, None) or (None, None)
-    assert best is not None and there is not None
-    errors = errors_of(there, reference_of(best))
-    true = np.nanmax([errors.frequency, errors.growth, errors.onset])
-    return (
-        f"| {name} | {100 * target:g} % | order {last.setting.order}, {1e3 * last.setting.size:.3g} mm |"
-        f" {last.unknowns} | {100 * last.error:.2g} % | {100 * true:.2g} % | {len(choice.trials)} | {seconds:.0f} |"
-    )
-
-
 def kept(path: Path, make: Callable[[], Any]) -> Any:
     """Return what stands in a JSON file, or make it and write it there."""
     if not path.exists():
@@ -210,20 +165,13 @@ def main() -> None:
         body = "\n".join(line for line in lines if not line.startswith(("# ", "!["))).replace("## ", "### ")
         parts.append(f"## {name.capitalize()}\n\n![error against time](images/{picture})\n{body}\n")
     plot_projection(studies["disc with two pads"], given.folder / "modal_or_reduced.png")
-    rows = []
-    for i, case in enumerate(targets()):
-        path = given.folder / f"target_{i}.json"
-        if path.exists() or time.perf_counter() - start < given.budget:
-            rows.append(kept(path, functools.partial(reach, *case)))
-        else:
-            rows.append(f"| {case[0]} | {100 * case[2]:g} % | not measured | | | | | |")
     frame = compare("all")
     lumped = ["| case | quantity | lumped | FE | difference |", "|---|---|---|---|---|"]
     for case, quantity, a, b, d in frame.astype(object).itertuples(index=False, name=None):
         lumped.append(f"| {case} | {quantity} | {a:.9g} | {b:.9g} | {d:.1e} |")
     page = PAGE.format(
         when=f"{os.cpu_count()} cores, shared with other work, {time.strftime('%Y-%m-%d')}", table="\n".join(table),
-        rates="\n".join(rates), words="\n".join(f"- {w}" for w in words), parts="\n".join(parts), rows="\n".join(rows),
+        rates="\n".join(rates), words="\n".join(f"- {w}" for w in words), parts="\n".join(parts),
         lumped="\n".join(lumped),
     )  # fmt: skip
     print(page)
@@ -272,13 +220,7 @@ is grown until every residual meets the tolerance.
 
 ## Meeting a target
 
-`fe-squeal run SCENE.toml --accuracy TARGET` on scenes that its rules were not fitted to. The true error is that
-against a mesh finer by 1.6 (order 1: 2), extrapolated where its refinement fits into memory: the largest of
-frequencies, growth rates and critical values.
-
-| scene | target | chosen | unknowns | estimated | true | runs | seconds |
-|---|---|---|---|---|---|---|---|
-{rows}
+[Meshes for a target](mesh_targets.md): what `fe-squeal run SCENE.toml --accuracy TARGET` chooses, and how far off.
 
 ## Beside the lumped models
 

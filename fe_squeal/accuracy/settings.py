@@ -115,7 +115,7 @@ def scene_at(scene: Scene, setting: Setting) -> tuple[Scene, LoadedMesh]:
     if scene.mesh.geometry is not None:
         size = setting.size / scene.mesh.scale
         key = "disc_pad" if scene.mesh.disc_pad is not None else "block"
-        geometry = scene.mesh.geometry.model_copy(update={"size": size, "refinement": 1})
+        geometry = scene.mesh.geometry.resized(size)
         mesh = mesh.model_copy(update={key: geometry, "file": None})
     solve = scene.solve.model_copy(
         update={"modes": setting.modes, "max_frequency": None, "method": setting.method, "tolerance": setting.tolerance}

@@ -84,6 +84,24 @@ class Geometry(BaseModel):
         every = {key: line.elements for key, line in self.lines.items()} | dict(counts)
         return type(self).model_validate({**self.model_dump(), "refinement": 1, **every})
 
+    def resized(self, size: float) -> Self:
+        """Return this geometry with elements of another size; numbers of elements that are given change in proportion.
+
+        Examples
+        --------
+        >>> from fe_squeal.geometry import Block
+        >>> block = Block(length=0.08, width=0.04, height=0.015, size=0.01, layers=3)
+        >>> block.resized(0.005).block_counts
+        (16, 8, 6)
+        """
+        finer = self.edge_length / size
+        counts = {}
+        for key, line in self.lines.items() if self.element == "hex" else ():
+            if getattr(self, key) is not None:
+                steps = max(1, round(finer * line.elements / line.multiple))
+                counts[key] = max(line.least, steps * line.multiple)
+        return type(self).model_validate({**self.model_dump(), "size": size, "refinement": 1, **counts})
+
     @property
     def lines(self) -> dict[str, Line]:
         """What can be cut finer by itself, by the key that says into how many elements."""

@@ -1,0 +1,162 @@
+"""Meshes for a target: python benchmarks/mesh_targets.py [--write] [--folder FOLDER] [--only NAME ...] [--random N]
+
+What `fe-squeal run --accuracy` chooses on scenes that its rules were not fitted to, and how far the result is from the
+truth: the same mesh with 1.5 times as many elements along every line, extrapolated. What was measured is kept in the
+folder, and taken from there the next time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from accuracy_cases import belt_scene, brake_scene
+
+from fe_squeal.accuracy.choose import Choice, choose
+from fe_squeal.accuracy.measure import measure_apart
+from fe_squeal.accuracy.reference import errors_of, reference_of
+from fe_squeal.accuracy.settings import own_setting
+from fe_squeal.scene import Scene
+
+DOCS = Path(__file__).parents[1] / "docs"
+FINER = 1.5  # times the elements along every line, for the truth
+DAMPED: dict[str, Any] = {"friction": {"mu": 0.3}, "rayleigh": {"alpha": 20.0, "beta": 1e-8}}
+ONE_PAD: dict[str, Any] = {"pads": 1, "pad_angle_deg": 70.0}
+SOFT = {"lining": {"youngs_modulus": 8e8, "poisson_ratio": 0.35, "density": 2200.0}}
+
+
+def one_long_pad() -> Scene:
+    """Return the brake of the examples with one pad, 70 degrees long."""
+    brake = brake_scene()
+    assert brake.mesh.disc_pad is not None
+    data = brake.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    data["mesh"]["disc_pad"] |= ONE_PAD
+    data["contacts"], data["springs"] = data["contacts"][:1], [s for s in data["springs"] if "2" not in s["name"]]
+    bodies = {
+        name: body | ({"groups": [g for g in body["groups"] if "2" not in g]} if "groups" in body else {})
+        for name, body in data["bodies"].items()
+    }
+    return brake_scene(mesh=data["mesh"], contacts=data["contacts"], springs=data["springs"], bodies=bodies)
+
+
+def random_brake(seed: int) -> Scene:
+    """Return a brake of other dimensions, materials, stiffnesses and, every third one, damping."""
+    rng = np.random.default_rng(seed)
+    data = brake_scene().model_dump(mode="json", by_alias=True, exclude_unset=True)
+    table = data["mesh"]["disc_pad"]
+    table |= {
+        "thickness": rng.uniform(0.008, 0.02), "pad_angle_deg": rng.uniform(30, 80), "size": 0.025,
+        "pad_thickness": rng.uniform(0.008, 0.015), "pad_inner_radius": rng.uniform(0.08, 0.095),
+    }  # fmt: skip
+    data["materials"]["lining"]["youngs_modulus"] *= float(rng.uniform(0.3, 3))
+    stiffness = 2e11 * 10 ** rng.uniform(-1, 0.5)
+    for contact in data["contacts"]:
+        contact["normal_stiffness"] = stiffness
+    for spring in data["springs"]:
+        spring["stiffness"] *= float(10 ** rng.uniform(-0.5, 0.5))
+    data["sweep"]["points"], data["solve"] = 8, {"max_frequency": 4000.0}
+    effects = DAMPED if seed % 3 == 2 else data["effects"]
+    more = {key: data[key] for key in ("mesh", "materials", "contacts", "springs", "sweep", "solve")}
+    return brake_scene(**more, effects=effects)
+
+
+def cases(count: int) -> dict[str, tuple[Scene, float]]:
+    """Return scenes and targets by name."""
+    found = {
+        "soft pad on a belt": (belt_scene(materials=SOFT), 0.02),
+        "disc with two pads": (brake_scene(), 0.05),
+        "disc with two pads, 2 %": (brake_scene(), 0.02),
+        "disc with one long pad": (one_long_pad(), 0.05),
+        "disc with two pads, damped": (brake_scene(effects=DAMPED), 0.05),
+    }
+    return found | {f"random brake {seed}": (random_brake(seed), 0.1) for seed in range(count)}
+
+
+def reach(name: str, scene: Scene, target: float) -> dict[str, Any]:
+    """Return what was chosen for a target, and its true error."""
+    start = time.perf_counter()
+    print(name, file=sys.stderr)
+    choice = choose(scene, target, lambda text: print(text, file=sys.stderr))
+    seconds = time.perf_counter() - start
+    errors = true_errors(choice)
+    last = choice.trials[-1]
+    return {
+        "name": name, "target": target, "first": choice.trials[0].unknowns, "unknowns": last.unknowns,
+        "bar": last.error, "true": float(np.nanmax(list(errors.values()))), **errors, "runs": len(choice.trials),
+        "seconds": seconds,
+    }  # fmt: skip
+
+
+def true_errors(choice: Choice) -> dict[str, float]:
+    """Return the errors of a choice against a finer mesh, extrapolated."""
+    own = replace(own_setting(choice.scene), method="reduced")
+    best, probes = measure_apart(choice.scene, replace(own, size=own.size / FINER), None, True, None) or (None, None)
+    there, _ = measure_apart(choice.scene, own, probes, False, None) or (None, None)
+    assert best is not None and there is not None
+    errors = errors_of(there, reference_of(best))
+    return {"frequency": errors.frequency, "growth": errors.growth, "onset": errors.onset}
+
+
+def row(found: dict[str, Any]) -> str:
+    """Return a row of the table."""
+    parts = " | ".join(
+        f"{100 * found[key]:.2g} %" if np.isfinite(found[key]) else "–" for key in ("frequency", "growth", "onset")
+    )
+    return (
+        f"| {found['name']} | {100 * found['target']:g} % | {found['first']} | {found['unknowns']} |"
+        f" {100 * found['bar']:.2g} % | {parts} | {found['runs']} | {found['seconds']:.0f} |"
+    )
+
+
+def main() -> None:
+    """Print the page, or write it into docs."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--write", action="store_true")
+    parser.add_argument("--folder", type=Path, default=Path("results/mesh_targets"))
+    parser.add_argument("--only", nargs="*")
+    parser.add_argument("--random", type=int, default=20)
+    given = parser.parse_args()
+    given.folder.mkdir(parents=True, exist_ok=True)
+    found = []
+    for name, (scene, target) in cases(given.random).items():
+        path = given.folder / f"{name.replace(' ', '_').replace(',', '').replace('%', 'percent')}.json"
+        if not path.exists() and (given.only is None or name in given.only):
+            path.write_text(json.dumps(reach(name, scene, target)), encoding="utf-8")
+        if path.exists():
+            found.append(json.loads(path.read_text(encoding="utf-8")))
+    within = sum(f["true"] <= f["target"] for f in found)
+    page = PAGE.format(
+        when=f"{os.cpu_count()} cores, shared with other work, {time.strftime('%Y-%m-%d')}", within=within,
+        all=len(found), rows="\n".join(row(f) for f in found),
+    )  # fmt: skip
+    print(page)
+    if given.write:
+        (DOCS / "mesh_targets.md").write_text(page, encoding="utf-8")
+
+
+PAGE = """# Meshes for a target
+
+`fe-squeal run SCENE.toml --accuracy TARGET` solves on the scene's own mesh, finds out by body, direction and element
+where the error comes from, cuts there finer, and ends when the bars of frequencies, growth rates and onsets meet the
+target. Made by `python benchmarks/mesh_targets.py --write`; {when}. The true errors are those against a mesh with 1.5 times as
+many elements along every line, extrapolated: of the frequencies at the first value, of growth at the last one relative
+to the fastest, of the critical values. Seconds are those of the whole search; other work on the machine makes them
+longer.
+
+{within} of {all} are within their targets.
+
+| scene | target | first unknowns | last unknowns | bar | frequencies | growth | onsets | runs | seconds |
+|---|---|---|---|---|---|---|---|---|---|
+{rows}
+"""
+
+
+if __name__ == "__main__":
+    main()
