@@ -7,6 +7,7 @@ BIN := .venv/bin
 
 run: .venv/installed
 	$(BIN)/fe-squeal run examples/disc_pad.toml -o results/disc_pad
+	@echo "The mesh of this example is coarse. With errors below 2 %: $(BIN)/fe-squeal run examples/disc_pad.toml --accuracy 0.02"
 	@echo "Pictures: results/disc_pad/stability.png, results/disc_pad/root_locus.png, results/disc_pad/shapes/*.png"
 
 # Most tests of a module stay in one process, and so do the fixtures that they share.
@@ -90,6 +91,8 @@ docs: docs/scene.md docs/lumped.md run
 	mkdir -p docs/images
 	cp results/disc_pad/stability.png docs/images/stability.png
 	cp results/disc_pad/shapes/branch_16_*.png docs/images/shape.png
+	$(BIN)/fe-squeal run examples/disc_pad.toml -o results/disc_pad_estimate --estimate
+	cp results/disc_pad_estimate/mesh_error.png docs/images/mesh_error.png
 
 docs/scene.md: .venv/installed
 	$(BIN)/python -m fe_squeal.scene.reference > $@

@@ -145,10 +145,10 @@ PAGE = """# Meshes for a target
 
 `fe-squeal run SCENE.toml --accuracy TARGET` solves on the scene's own mesh, finds out by body, direction and element
 where the error comes from, cuts there finer, and ends when the bars of frequencies, growth rates and onsets meet the
-target. Made by `python benchmarks/mesh_targets.py --write`; {when}. The true errors are those against a mesh with 1.5 times as
-many elements along every line, extrapolated: of the frequencies at the first value, of growth at the last one relative
-to the fastest, of the critical values. Seconds are those of the whole search; other work on the machine makes them
-longer.
+target. Made by `python benchmarks/mesh_targets.py --write`; {when}. The true errors are those against a mesh with 1.5
+times as many elements along every line, extrapolated: of the frequencies at the first value, of growth at the last one
+relative to the fastest, of the critical values. Seconds are those of the whole search; other work on the machine makes
+them longer.
 
 {within} of {all} are within their targets.
 
