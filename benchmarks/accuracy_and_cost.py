@@ -45,7 +45,6 @@ FINE = 0.009  # m, of the annular disc's reference
 THEORY = {1: 2, 2: 4}
 EQUAL = 0.01  # the error at which orders are compared
 DAMPED: dict[str, Any] = {"friction": {"mu": 0.3}, "rayleigh": {"alpha": 20.0, "beta": 1e-8}}
-ONE_PAD: dict[str, Any] = {"pads": 1, "pad_angle_deg": 70.0}
 
 
 def rate(rung: Rung) -> float:

@@ -36,6 +36,7 @@ class Candidate:
     told : str
         What it is, in words.
     unknowns : int
+        With those that supports hold.
     errors : LineErrors or None
         Of the mesh before, where both are parametric hexahedra.
     """

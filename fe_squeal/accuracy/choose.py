@@ -134,7 +134,7 @@ def choose(
             if first <= _SURELY * target:
                 result = with_changes(result, changes_by(result, refined, solver))
                 error = estimated_error(result, kinds)
-            trial = Trial(candidate.told, candidate.unknowns, error, time.perf_counter() - start)
+            trial = Trial(candidate.told, result.problem.unknowns, error, time.perf_counter() - start)
             trials.append(trial)
             tell(str(trial))
             if nearest is None or not nearest.trial.error <= error:
@@ -146,16 +146,17 @@ def choose(
             before, spent = candidate, trial.seconds
             candidate = next_candidate(candidate, refined.coarse, split, aim)
             ratio = candidate.unknowns / before.unknowns
+            unknowns = int(ratio * trial.unknowns)
             del refined
             if ratio < _SLACK:
                 raise _missed(target, nearest, trials, "nothing that could be cut finer brings it down")
             memory = int(refined_memory(result) * ratio)
             tell(
-                f"next: {candidate.told}: {candidate.unknowns} unknowns, about {spent * ratio**_GROWTH:.0f} s, "
+                f"next: {candidate.told}: about {unknowns} unknowns, {spent * ratio**_GROWTH:.0f} s, "
                 f"{memory_text(memory)}"
             )
             try:
-                require_memory(memory, 8 * candidate.unknowns, "modes on the refined mesh")
+                require_memory(memory, 8 * unknowns, "modes on the refined mesh")
             except TooLargeError as error_:
                 raise _missed(target, nearest, trials, str(error_)) from error_
         assert nearest is not None
