@@ -8,16 +8,26 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from fe_squeal.report.branches import figure_text
 from fe_squeal.report.files import save_figure
+from fe_squeal.report.shapes import ShapeGrid
 
 MAX_QUANTITIES = 4
 MAX_ROWS = 16
+MAX_BODIES = 6
 _COLOURS = ("#1b4965", "#d1495b", "#edae49", "#66a182")
 _WHOLE = "all"
+# By whether cells are hexahedra: how many corners they have, and the faces between these, in VTK's order.
+_FACES = {
+    True: (8, ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))),
+    False: (4, ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3))),
+}
 
 
 def plot_mesh_error(parts: pd.DataFrame, path: str | os.PathLike[str], title: str = "") -> Path:
@@ -82,3 +92,71 @@ def mesh_error_figure(parts: pd.DataFrame, title: str = "") -> Figure:
     axes.set_title("\n".join([*heads, "Where the error of the mesh comes from"]), loc="left", fontsize=11)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", fontsize=9, frameon=False)
     return figure
+
+
+def plot_mesh_shares(
+    grid: ShapeGrid, share: np.ndarray, path: str | os.PathLike[str], quantity: str, title: str = ""
+) -> Path:
+    """Draw each body's surface, every element coloured by its part of the error of one quantity.
+
+    Parameters
+    ----------
+    grid : ShapeGrid
+    share : (ne,) float
+        Sizes of the parts, relative to the quantity.
+    path : path
+        Where to write; the suffix chooses the format.
+    quantity : str
+        Its name.
+
+    Returns
+    -------
+    Path
+        The file written.
+    """
+    return save_figure(mesh_shares_figure(grid, share, quantity, title), path)
+
+
+def mesh_shares_figure(grid: ShapeGrid, share: np.ndarray, quantity: str, title: str = "") -> Figure:
+    """Return the figure that `plot_mesh_shares` writes: at most six bodies, those with most of the error."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    held = np.bincount(grid.body, weights=share, minlength=len(grid.body_names))
+    bodies = sorted(np.argsort(-held, kind="stable")[:MAX_BODIES].tolist())
+    columns = min(3, len(bodies))
+    rows = -(-len(bodies) // columns)
+    figure = Figure(figsize=(3.6 * columns + 1.2, 3.4 * rows + 0.9), layout="constrained")
+    FigureCanvasAgg(figure)
+    scale = Normalize(0.0, 100 * float(share.max(initial=0.0)) or 1.0)
+    colours = colormaps["magma_r"]
+    panels = []
+    for place, body in enumerate(bodies, 1):
+        axes = figure.add_subplot(rows, columns, place, projection="3d")
+        faces, owners = _surface(grid, np.flatnonzero(grid.body == body))
+        axes.add_collection3d(Poly3DCollection(
+            faces, facecolors=colours(scale(100 * share[owners])), edgecolors="0.4", linewidths=0.2))  # fmt: skip
+        points = faces.reshape(-1, 3)
+        low, high = points.min(axis=0), points.max(axis=0)
+        for set_limits, a, b in zip((axes.set_xlim, axes.set_ylim, axes.set_zlim), low, high, strict=True):
+            set_limits(a, b)
+        axes.set_box_aspect(np.maximum(high - low, 0.02 * (high - low).max()), zoom=1.1)
+        axes.view_init(elev=40, azim=-60)
+        axes.set_axis_off()
+        axes.set_title(f"{figure_text(grid.body_names[body])}: {100 * held[body] / max(held.sum(), 1e-300):.0f} %",
+                       fontsize=10)  # fmt: skip
+        panels.append(axes)
+    bar = figure.colorbar(ScalarMappable(scale, colours), ax=panels, shrink=0.7, pad=0.02)
+    bar.set_label("part of an element, % of the quantity")
+    heads = [textwrap.fill(figure_text(title), 90)] if title else []
+    figure.suptitle("\n".join([*heads, figure_text(f"Error of the mesh in the {quantity}")]), fontsize=11)
+    return figure
+
+
+def _surface(grid: ShapeGrid, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners (f, c, 3) of the faces on the surface of some cells, and whose they are (f,)."""
+    corners, faces = _FACES[grid.vtk_cell_type in (12, 29)]
+    nodes = np.concatenate([grid.cells[cells][:, :corners][:, list(face)] for face in faces])
+    owners = np.tile(cells, len(faces))
+    _, index, count = np.unique(np.sort(nodes, axis=1), axis=0, return_index=True, return_counts=True)
+    outside = index[count == 1]
+    return np.asarray(grid.points[nodes[outside]]), owners[outside]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -51,6 +52,8 @@ class Results:
         mac.csv; empty where no shape was measured.
     mesh_error : DataFrame
         mesh_error.csv; empty where the error of the mesh was not estimated.
+    mesh_picture : bytes
+        mesh_error_elements.png; empty likewise.
     grid : ShapeGrid or None
     shapes : tuple of Shape
     lacks : tuple of str
@@ -64,6 +67,7 @@ class Results:
     sensitivities: pd.DataFrame
     mac: pd.DataFrame = field(default_factory=pd.DataFrame)
     mesh_error: pd.DataFrame = field(default_factory=pd.DataFrame)
+    mesh_picture: bytes = b""
     grid: ShapeGrid | None = None
     shapes: tuple[Shape, ...] = ()
     lacks: tuple[str, ...] = field(default=())
@@ -76,7 +80,7 @@ class Results:
 
 def read_results(
     folder: Path, record_name: str, tables: dict[str, str], shapes: str, mac: str = "mac.csv",
-    mesh_error: str = "mesh_error.csv",
+    mesh_error: str = "mesh_error.csv", picture: str = "mesh_error_elements.png",
 ) -> Results:  # fmt: skip
     """Read a folder of results; what is missing or cannot be read becomes a sentence in `lacks`.
 
@@ -89,6 +93,8 @@ def read_results(
         Name of the folder of shapes.
     mac, mesh_error : str
         Names of the tables that are there only where shapes were measured, or the error of the mesh estimated.
+    picture : str
+        Name of the picture that comes with the latter.
     """
     record, lacks = _read_record(folder / record_name)
     frames = {}
@@ -101,6 +107,10 @@ def read_results(
         if (folder / name).exists():
             more[name], why = _read_table(folder / name, columns)
             lacks += [why] if why else []
+    drawn = b""
+    if (folder / picture).is_file():
+        with suppress(OSError):
+            drawn = (folder / picture).read_bytes()
     status = _STATUS.get(str(record.get("status")))
     if status:
         lacks.insert(0, status)
@@ -113,8 +123,8 @@ def read_results(
         lacks.append("No body with a mesh turns about an axis, so modes have no nodal diameters.")
     grid, found, why_not = read_shapes(folder / shapes)
     return Results(
-        record, **frames, mac=more[mac], mesh_error=more[mesh_error], grid=grid, shapes=tuple(found),
-        lacks=(*lacks, *why_not),
+        record, **frames, mac=more[mac], mesh_error=more[mesh_error], mesh_picture=drawn, grid=grid,
+        shapes=tuple(found), lacks=(*lacks, *why_not),
     )  # fmt: skip
 
 

@@ -32,8 +32,8 @@ ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, MEASUREMENTS = (
     "accuracy.csv", "accuracy_stages.csv", "accuracy.png", "accuracy.md", "measurements",
 )  # fmt: skip
 REPORT, MESH = "report.html", "mesh.msh"
-MESH_ERROR_TABLE, MESH_ERROR_FIGURE, MESH_ERROR_GRID = MESH_ERROR_FILES = (
-    "mesh_error.csv", "mesh_error.png", "mesh_error.vtu",
+MESH_ERROR_TABLE, MESH_ERROR_FIGURE, MESH_ERROR_PICTURE, MESH_ERROR_GRID = MESH_ERROR_FILES = (
+    "mesh_error.csv", "mesh_error.png", "mesh_error_elements.png", "mesh_error.vtu",
 )  # fmt: skip
 MAC_TABLE, MAC_FIGURE = MEASURED_FILES = "mac.csv", "mac.png"
 DIFFERENCE_TABLE, DIFFERENCE_FIGURE, DIFFERENCE_RECORD = "diff.csv", "diff.png", "diff.json"

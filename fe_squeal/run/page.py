@@ -21,6 +21,7 @@ from .folder import (
     MAC_TABLE,
     MAP_FIGURE,
     MAP_TABLE,
+    MESH_ERROR_PICTURE,
     MESH_ERROR_TABLE,
     MODES_TABLE,
     ONSETS_TABLE,
@@ -51,7 +52,7 @@ def read_run(folder: Path) -> Results:
     """Read the results of a run from its folder."""
     from ..report.results import read_results
 
-    return read_results(folder, RECORD, _TABLES, SHAPES, MAC_TABLE, MESH_ERROR_TABLE)
+    return read_results(folder, RECORD, _TABLES, SHAPES, MAC_TABLE, MESH_ERROR_TABLE, MESH_ERROR_PICTURE)
 
 
 def write_run_report(folder: Path, path: Path) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import meshio
 import numpy as np
 import pandas as pd
 import pytest
@@ -119,7 +120,10 @@ def test_what_is_written_besides(tmp_path, capsys):
         assert own["part"].sum() == pytest.approx(own["change"].iloc[0], rel=1e-9)
     page = (out / "report.html").read_text("utf-8")
     assert "Where the error of the mesh comes from" in page and "Cut finer there first" in page
-    assert (out / "mesh_error.png").read_bytes()[:4] == b"\x89PNG" and (out / "mesh_error.vtu").exists()
+    assert all((out / f"mesh_error{n}.png").read_bytes()[:4] == b"\x89PNG" for n in ("", "_elements"))
+    drawn = meshio.read(out / "mesh_error.vtu").cell_data["part_0"][0]
+    worst = parts.assign(size=(parts["change"] / parts["scale"]).abs()).sort_values("size").iloc[-1]
+    assert drawn.sum() >= worst["size"] and page.count("data:image/png") >= 2
     # A plain run into the same folder leaves nothing of it behind.
     assert main(["run", str(scene), "-o", str(out)]) == 0
     assert not any((out / name).exists() for name in ("mesh.msh", "mesh_error.csv", "mesh_error.vtu"))

@@ -170,7 +170,9 @@ def mesh_error_section(results: Results) -> str:
     )
     data = io.BytesIO()
     mesh_error_figure(parts).savefig(data, format="png", dpi=110)
-    return paragraph(words) + image(data.getvalue(), "Bars: parts of the error of the mesh by body and direction")
+    bars = image(data.getvalue(), "Bars: parts of the error of the mesh by body and direction")
+    drawn = image(results.mesh_picture, "The bodies, elements coloured by their parts of the error")
+    return paragraph(words) + bars + (drawn if results.mesh_picture else "")
 
 
 def certificate(results: Results) -> str:
