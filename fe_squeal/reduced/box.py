@@ -200,7 +200,7 @@ class BoxModel(ReducedModel):
             self.places.append(places[far])
             distance = np.minimum(distance, np.linalg.norm(spots - spots[far], axis=1))
 
-    def _join(self, local: ReducedBasis, every: Modes) -> None:
+    def _join(self, local: ReducedBasis, every: Modes, again: int) -> None:
         """Add the modes asked for and their neighbours; those of the softest corner keep others far enough."""
         near = neighbours(every, self.request)
         X = combine(local.V, self._span(local, near))

@@ -20,8 +20,9 @@ SEARCH_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
 
 
 def missing_modes(
-    basis: ReducedBasis, values: Sequence[Place], request: Request, highest: float, definite: DefiniteFactor
-) -> list[np.ndarray]:
+    basis: ReducedBasis, values: Sequence[Place], before: Sequence[Modes], request: Request, highest: float,
+    definite: DefiniteFactor,
+) -> list[np.ndarray]:  # fmt: skip
     """Return vectors (n, ·) of modes in the range that was asked for, which the basis lacks.
 
     A few steps of block Krylov iteration with P⁻¹M, from random vectors, find the lowest modes outside the basis. A
@@ -31,6 +32,8 @@ def missing_modes(
     ----------
     values : sequence of float, or of tuples of them
         Of the parameter, at which modes are compared.
+    before : sequence of Modes
+        Those of the basis at these values, at least up to `highest`.
     request : Request
     highest : float, rad/s
         Frequency up to which the basis holds the modes of the problem without damping and friction.
@@ -47,16 +50,16 @@ def missing_modes(
             break
         block = trial.V[:, size:]
     found = []
-    for p in values:
-        known, every = (b.modes(p, highest) for b in (basis, trial))
+    for p, known in zip(values, before, strict=True):
+        every = trial.modes(p, highest)
         wanted = select_wanted(every, request, np.inf)
         assert wanted is not None
         limit = _FOUND * np.abs(wanted.lam).max(initial=0.0)
-        now, before = _inside(every, limit), _inside(known, limit)
-        if len(now) > len(before):
+        now, then = _inside(every, limit), _inside(known, limit)
+        if len(now) > len(then):
             # The new modes are those farthest from any that was known.
-            far = np.abs(every.lam[now, None] - known.lam[before]).min(axis=1, initial=np.inf)
-            new = now[np.argsort(far)[len(before) - len(now) :]]
+            far = np.abs(every.lam[now, None] - known.lam[then]).min(axis=1, initial=np.inf)
+            new = now[np.argsort(far)[len(then) - len(now) :]]
             found.append(real_columns(lift(trial.V, every.right[:, new])))
     return found
 

@@ -5,6 +5,7 @@ In one file, since all that makes the basis grow shares what is known of its err
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -42,7 +43,8 @@ _NODES = 24  # values whose modes span the basis, at most
 _CANDIDATES = 5  # values of which the worst is the next of these
 _CORRECTED = 0.3  # times the tolerance: modes with a larger error are corrected along with those that miss it
 _MIDDLE = 0.6  # of the square of the highest frequency of the basis: where Q is factorised
-_FINE = 1e-7  # of the largest singular value: directions of modes at a value that are left out
+_FINE = 0.01  # times √tolerance of the largest singular value: directions of modes at a value that are left out
+_KEPT = 0.1  # times √tolerance of a mode's length: parts of modes outside the basis that are left out
 _ALIKE = 1e-8  # of a Gram matrix of unit vectors: directions in which new modes depend on each other
 _SHORT = 1e-4  # of √tolerance times the length of a mode: shorter corrections are left out
 _SUPPLEMENTS = 6  # how often the basis is extended for values that were no candidates
@@ -108,7 +110,9 @@ class ReducedModel:
         self.problem = problem = problem.solved_with(self.linear_solver)
         self.parameter, self.request, self._start = parameter, request, start
         self.factorizations = self.solves = 0
+        self._added: Counter[Place] = Counter()  # how often the modes at a place were added
         self._known: dict[Place, Estimate] = {}
+        self._last: dict[Place, Modes] = {}
         self._known_with: np.ndarray | None = None  # the basis that these belong to
         collected = collect_powers(problem, parameter).at(values_at(parameter, start))
         limit = request.max_frequency_hz
@@ -153,7 +157,7 @@ class ReducedModel:
         model.problem = problem = problem.solved_with(model.linear_solver)
         model.parameter, model.request = parameter, request
         model.factorizations, model.solves = numbers["factorizations"], numbers["solves"]
-        model._known, model._known_with, model._start = {}, None, numbers["start"]
+        model._known, model._last, model._known_with, model._start = {}, {}, None, numbers["start"]
         model._values = np.asarray(values, float)
         model._sigma, model.highest, model._without = numbers["sigma"], numbers["highest"], arrays["without"]
         collected = collect_powers(problem, parameter).at({parameter: numbers["start"]})
@@ -204,7 +208,7 @@ class ReducedModel:
 
         Those of `modes` lifted are only as exact as their eigenvalues need.
         """
-        every = self.basis.modes(value, GUARDED * self.highest)
+        every = self._every(value)
         wanted = self._estimated(value)[0].lam[list(positions)]
         _, at = linear_sum_assignment(np.abs(wanted[:, None] - every.lam[None, :]))
         lifted = replace(every, right=self.lift(every.right), left=None)
@@ -227,12 +231,24 @@ class ReducedModel:
 
     def _estimated(self, value: Place) -> Estimate:
         """Return the modes asked for, for each how far it is from meeting the tolerance (1: just met), and |Δλ/λ|."""
-        if self._known_with is not self.basis.V:
-            self._known, self._known_with = {}, self.basis.V
+        self._forget()
         if value not in self._known:
-            every = self.basis.modes(value, GUARDED * self.highest)
-            self._known[value] = self._estimate(value, self.basis, every)
+            self._known[value] = self._estimate(value, self.basis, self._every(value))
         return self._known[value]
+
+    def _forget(self) -> None:
+        """Drop what is known of modes if the basis has changed."""
+        if self._known_with is not self.basis.V:
+            self._known, self._last, self._known_with = {}, {}, self.basis.V
+
+    def _every(self, value: Place) -> Modes:
+        """Return the modes at a value up to above the highest frequency of the basis; the last few are kept."""
+        self._forget()
+        if value not in self._last:
+            for place in list(self._last)[: 1 - _CANDIDATES]:
+                del self._last[place]
+            self._last[value] = self.basis.modes(value, GUARDED * self.highest)
+        return self._last[value]
 
     def _off(self, value: Place) -> float:
         """Return how far the worst mode at a value is from meeting the tolerance: 1 where it just does."""
@@ -248,8 +264,12 @@ class ReducedModel:
         if self._off(start) > 1:
             self._add_modes(start, definite)
         searched = None  # the basis in which no mode was missing
+        found = dict.fromkeys(candidates, np.inf)
         for _ in range(_NODES):
-            found = {p: self._off(p) for p in candidates}
+            # Errors fall as the basis grows: where they were small enough they are computed again at the end alone.
+            found = {p: self._off(p) if off > 1 else off for p, off in found.items()}
+            if max(found.values()) <= 1:
+                found = {p: self._off(p) for p in candidates}
             worst = max(found, key=lambda p: found[p])
             if found[worst] <= 1 and searched is self.basis.V:
                 return
@@ -270,7 +290,9 @@ class ReducedModel:
         by the product of what right and left modes lack, so that few values do.
         """
         inverse: Factor | DefiniteFactor = self._factorize(value) if factor is None else factor
-        local, every = self.basis, self.basis.modes(value, GUARDED * self.highest)
+        again = self._added[value]
+        self._added[value] += 1
+        local, every = self.basis, self._every(value)
         for more in reversed(range(_ROUNDS)):
             W = self._span(local, every)
             local, every = local.restricted(W), _on(every, W)
@@ -279,19 +301,25 @@ class ReducedModel:
                 break
             self._correct(local, value, modes.select(np.flatnonzero(off > _CORRECTED)), inverse, factor is not None)
             every = local.modes(value, GUARDED * self.highest)
-        self._join(local, every)
+        self._join(local, every, again)
 
-    def _join(self, local: ReducedBasis, every: Modes) -> None:
-        """Add the modes at a value, which are those of a basis of their own, to the basis."""
+    def _join(self, local: ReducedBasis, every: Modes, again: int) -> None:
+        """Add the modes at a value, which are those of a basis of their own, to the basis.
+
+        An eigenvalue is off by the product of what right and left modes lack, so that the root of the tolerance is left
+        out of each. Where this was done before and did not do, a tenth of that.
+        """
         # Modes above those asked for stay, too: what the basis lacks is then far from these, as its errors suppose.
         every = every.select(np.flatnonzero(np.abs(every.lam) <= self.highest))
-        self.basis.append(combine(local.V, self._span(local, every)), dependent=_ALIKE)
+        assert every.left is not None
+        least = _KEPT * self.request.tolerance**0.5 * 0.1**again
+        self.basis.append(combine(local.V, unit_columns(every.right, every.left)), least, _ALIKE, together=True)
 
     def _span(self, basis: ReducedBasis, modes: Modes) -> np.ndarray:
         """Return orthonormal coordinates (r, ·) that span right and left modes and the motions that nothing holds."""
         assert modes.left is not None
         free = basis.free_motions(self._start).motions
-        return range_of(unit_columns(modes.right, modes.left), _FINE, free)
+        return range_of(unit_columns(modes.right, modes.left), _FINE * self.request.tolerance**0.5, free)
 
     def _factorize(self, value: Place) -> Factor:
         """Factorise Q(iω) at a value, with ω in the middle of the band."""
@@ -305,7 +333,8 @@ class ReducedModel:
 
     def _add_missing(self, values: Sequence[Place], definite: DefiniteFactor) -> bool:
         """Add modes that the basis does not hold, if there are any, and return whether there were."""
-        found = missing_modes(self.basis, values, self.request, self.highest, definite)
+        known = [self._every(p) for p in values]
+        found = missing_modes(self.basis, values, known, self.request, self.highest, definite)
         self.solves += SEARCH_SOLVES
         return bool(found) and self.basis.append(np.hstack(found)) > 0
 
