@@ -199,7 +199,8 @@ class Cluster:
         there, again = own[0] @ cross(0, 1), own[1] @ cross(1, 0)
         turned = there @ again
         w, W = la.eig(turned)
-        root = W @ np.diag(1 / np.sqrt(w)) @ la.inv(W)
+        with np.errstate(all="ignore"):  # what is not finite is no smooth group
+            root = W @ np.diag(1 / np.sqrt(w)) @ la.inv(W)
         if np.isrealobj(turned):
             root = root.real
         into, out = root @ there, again @ root
