@@ -168,7 +168,9 @@ def section(rows: list[dict], models: list[Model], limit: float) -> str:
     about = "\n".join(f"- {m.name}: {m.about}" for m in models)
     when = f"{models[0].modes} modes, limit {limit:g} s; {os.cpu_count()} cores; {time.strftime('%Y-%m-%d')}."
     made = f"Made by `python benchmarks/gallery/compare.py --write`; {when}"
-    return f"{HEAD}\n\n{NOTE}\n{made}\n\n{about}\n\n{table(rows)}\n"
+    rest = ", ".join(m.name for m in MODELS if m not in models)
+    rest = f"\nNot measured in this run: {rest}.\n" if rest else ""
+    return f"{HEAD}\n\n{NOTE}\n{made}\n\n{about}\n{rest}\n{table(rows)}\n"
 
 
 def main() -> None:
