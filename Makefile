@@ -111,5 +111,9 @@ trust: docs/trust.md
 # The hard cases, from the tests' own results.
 hard-cases: docs/hard_cases.md
 
-$(filter-out docs/scene.md docs/lumped.md,$(PAGES)): docs/%.md: benchmarks/%.py .venv/installed-test
+docs/performance.md: .venv/installed-test
+	$(BIN)/python benchmarks/performance.py --write
+	$(BIN)/python benchmarks/gallery/compare.py --write  # its section on models of other kinds
+
+$(filter-out docs/scene.md docs/lumped.md docs/performance.md,$(PAGES)): docs/%.md: benchmarks/%.py .venv/installed-test
 	$(BIN)/python $< --write

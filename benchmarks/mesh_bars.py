@@ -329,10 +329,15 @@ def main() -> None:
 
 def with_section(text: str, section: str) -> str:
     """Return a page with the section in place of the one of the same heading, or at its end."""
-    start = text.find(_HEAD)
+    return with_section_of(_HEAD, text, section)
+
+
+def with_section_of(head: str, text: str, section: str) -> str:
+    """Return a page with the section in place of the one under a heading, or at its end."""
+    start = text.find(head)
     if start < 0:
         return f"{text.rstrip()}\n\n{section}"
-    after = text.find("\n## ", start + len(_HEAD))
+    after = text.find("\n## ", start + len(head))
     return text[:start] + section + (text[after:] if after >= 0 else "")
 
 

@@ -86,7 +86,10 @@ def main() -> None:
             f"{given.modes} modes, {given.values} values; {os.cpu_count()} cores, shared with other work, "
             f"{time.strftime('%Y-%m-%d')}."
         )
-        PAGE.write_text(f"# How a sweep grows with the problem\n\n{NOTE}{when}\n\n{table(rows)}\n", encoding="utf-8")
+        # Behind it is the section of benchmarks/gallery/compare.py.
+        gallery = "".join(PAGE.read_text(encoding="utf-8").partition("\n## ")[1:])
+        text = f"# How a sweep grows with the problem\n\n{NOTE}{when}\n\n{table(rows)}\n"
+        PAGE.write_text(text + gallery, encoding="utf-8")
 
 
 if __name__ == "__main__":

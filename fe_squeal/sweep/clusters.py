@@ -25,7 +25,8 @@ _REACH = 2.0  # times how much nearer their slopes would bring two eigenvalues: 
 _ALIKE = 0.1  # MAC from which two modes at different values belong to one group
 _SAME = 0.5  # MAC from which the only two modes of a group continue each other
 _DEFECTIVE = 10.0  # condition from which the slope of a single eigenvalue says little
-_INSIDE = 1e-6  # how much of real and imaginary parts of a group's vectors may lie outside as many directions as it has
+_LARGE = 8  # eigenvalues of a group from which real bases are looked for: that of a smaller one costs little
+_INSIDE = 1e-9  # of the shortest direction: how much of a group's vectors may lie outside as many real directions
 _TURNED = 0.5  # how far a group may have turned over an interval, as |LᴴBR·LᴴBR − 1|
 
 
@@ -178,7 +179,7 @@ class Cluster:
         bases = []
         for node, s in self._both():
             basis = node.basis(s)
-            real = _real_changes(basis, node) if node.paired else None
+            real = _real_changes(basis, node) if node.paired and len(s) >= _LARGE else None
             if real is not None:
                 bases.append(basis.changed(*real).real)
                 continue
@@ -198,7 +199,8 @@ class Cluster:
         there, again = own[0] @ cross(0, 1), own[1] @ cross(1, 0)
         turned = there @ again
         w, W = la.eig(turned)
-        root = W @ np.diag(1 / np.sqrt(w)) @ la.inv(W)
+        with np.errstate(all="ignore"):  # what is not finite is no smooth group
+            root = W @ np.diag(1 / np.sqrt(w)) @ la.inv(W)
         if np.isrealobj(turned):
             root = root.real
         into, out = root @ there, again @ root

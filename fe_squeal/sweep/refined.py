@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
+from ..eigen.dense import solve_dense
 from ..eigen.pencil import Modes
 from ..eigen.request import Request
 from ..eigen.solve import solve_modes
@@ -27,6 +28,7 @@ _MOVED = 0.1  # of the step: how far a root of the problem may lie from that of 
 _ONE_SHAPE = 0.999  # MAC of two modes of equal frequency from which they are one defective mode and no doublet
 _SAME_SHAPE = 0.9  # MAC of the modes of two roots, of the step model and of the problem, from which they are the same
 _WITHIN = 0.5  # of a mode's energy: with more of it in the span of a group's shapes the mode belongs to the group
+_FAST = 4.0  # times the highest frequency: |λ| up to which modes may grow
 _ASIDE = 1e-3  # of the step: how far from a bisected onset its growth rate is measured
 
 _Newton = Callable[[Problem, float, np.ndarray, np.ndarray], Root]
@@ -227,11 +229,16 @@ class Refiner:
 
     def _bisected(self, change: Change) -> Onset:
         """Return the onset between two ever closer values with different numbers of unstable modes of the group."""
-        step = self.step
-        request = Request(max_frequency_hz=1.1 * self._highest(change) / (2 * np.pi))
+        step, highest = self.step, 1.1 * self._highest(change)
+        request = Request(max_frequency_hz=highest / (2 * np.pi))
 
         def unstable(p: float) -> Modes:
-            modes = solve_modes(step.problem.pencil({step.parameter: p}), request, linear_solver=step.linear_solver)
+            pencil = step.problem.pencil({step.parameter: p})
+            if step.reduced_model is None:
+                modes = solve_modes(pencil, request, linear_solver=step.linear_solver)
+            else:  # its matrices are full
+                modes = solve_dense(pencil, _FAST * highest, step.linear_solver)
+                modes = modes.select(np.flatnonzero(modes.lam.imag <= highest))
             growing = modes.select(np.flatnonzero(modes.stability == "unstable"))
             u, _ = step.shapes(growing)
             return growing.select(np.flatnonzero(_share_within(change.group, u, step.model.mass) > _WITHIN))

@@ -1,0 +1,42 @@
+"""The smallest rung of benchmarks/gallery: peers and the program's own ways find the same modes, as the table says."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+sys.path[:0] = [str(BENCHMARKS), str(BENCHMARKS / "gallery")]
+import compare  # noqa: E402
+from gallery_models import MODELS  # noqa: E402
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["weak", "Rayleigh"])
+def test_every_way_finds_the_same_modes(name):
+    model = replace(next(m for m in MODELS if m.name == name), modes=8, stop=0.2)
+    group = [{"model": name, "way": w, "values": 2} | compare.measure(w, model, 0.04, 2, 0.0) for w in compare.OWN]
+    exact = compare._lam(group[1])
+    group.append({"model": name, "way": "scipy", "values": 2})
+    group[-1] |= compare.measure("scipy", model, 0.04, 2, float(exact.imag.max()))
+    rows = compare.judged(group, exact)
+    assert len(exact) >= 8 and [r["found"] for r in rows] == [len(exact)] * 4
+    assert max(r["error"] for r in rows) <= 1e-8
+    assert rows[-1]["ratio"] == 1.0 and rows[0]["ratio"] == pytest.approx(rows[-1]["seconds"] / rows[0]["seconds"])
+    lines = compare.table(rows).splitlines()
+    assert len({line.count("|") for line in lines}) == 1 and len(lines) == 6
+    assert f"| {len(exact)} of {len(exact)} |" in lines[2]
+
+
+def test_modes_that_a_way_misses_do_not_count():
+    exact = np.array([1j, 2j, -0.5 + 0j])
+    assert compare.agreement(np.array([1j * (1 + 1e-9), 3j]), exact) == (1, pytest.approx(1e-9, rel=1e-6))
+    failed = {"model": "a", "way": "direct", "values": 2, "failed": "over 1 s"}
+    peer = {"model": "a", "way": "scipy", "values": 2, "unknowns": 9, "MiB": 1.0, "lam": [[0.0, 1.0]], "seconds": 1.0}
+    lines = compare.table(compare.judged([failed, peer], exact)).splitlines()
+    assert "over 1 s" in lines[2] and "1 of 2" in lines[3]
+    assert len({line.count("|") for line in lines}) == 1
