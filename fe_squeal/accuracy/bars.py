@@ -29,6 +29,8 @@ BARS = {1: 4.0, 2: 2.0}
 # Of BARS |Δλ|. Chosen: the scenes `FITTED` do with none, and one of a single layer of linear tetrahedra needed 0.18.
 SHARE = 0.25
 _STEPS = 16  # of s in which m and D are followed
+_APART = 10.0  # times how far two modes move
+_TOLD = 1e-6  # of two distances: a difference that tells
 
 
 def bar_of(change: np.ndarray, bent: np.ndarray, balanced: np.ndarray, order: int) -> np.ndarray:
@@ -87,8 +89,8 @@ def bent_change(lam: np.ndarray, refined: np.ndarray, order: int) -> np.ndarray:
 def extrapolated(lam: np.ndarray, refined: np.ndarray, factor: float) -> np.ndarray:
     """Return where each mode together with the one next to it leads to at s = factor, (k,) complex, rad/s.
 
-    See `bent_change`: m and D of the two modes are extrapolated, not λ, whose change is that of a square root where
-    they nearly meet.
+    See `bent_change`: where two modes nearly meet, m and D are extrapolated, not λ, which changes like a square root.
+    Where they are `_APART` times as far from each other as they move, λ itself is.
 
     Parameters
     ----------
@@ -99,6 +101,8 @@ def extrapolated(lam: np.ndarray, refined: np.ndarray, factor: float) -> np.ndar
     --------
     >>> extrapolated(np.array([10j, 99j]), np.array([9j, 99j]), 1.5).round(6)
     array([0. +8.5j, 0.+99.j ])
+    >>> extrapolated(np.array([10j, 10.1j]), np.array([-0.1 + 10j, 0.1 + 10j]), 1.5).round(3)  # D: -0.0025, 0.01
+    array([-0.127+9.975j,  0.127+9.975j])
     """
     found = lam + factor * (refined - lam)
     known = np.flatnonzero(np.isfinite(refined) & (lam.imag > 0))
@@ -108,15 +112,16 @@ def extrapolated(lam: np.ndarray, refined: np.ndarray, factor: float) -> np.ndar
             continue
         apart = np.minimum(np.abs(lam[others] - lam[i]), np.abs(refined[others] - refined[i]))
         j = int(others[np.argmin(apart)])
+        if apart.min() > _APART * np.abs(refined - lam)[[i, j]].max():
+            continue
         (m0, m1), (D0, D1) = (
             [(x[i] + x[j]) / 2 for x in (lam, refined)], [((x[i] - x[j]) / 2) ** 2 for x in (lam, refined)]
         )  # fmt: skip
-        here = lam[i]
-        for s in np.linspace(0.0, factor, _STEPS + 1)[1:]:
-            root = np.sqrt(D0 + s * (D1 - D0) + 0j)
-            ends = m0 + s * (m1 - m0) + np.array([root, -root])
-            here = ends[np.argmin(np.abs(ends - here))]
-        found[i] = here
+        # Of both roots the one on the side where the refined mesh has it; if that does not tell, each mode takes one.
+        root, side = np.sqrt(D0 + factor * (D1 - D0) + 0j), (refined[i] - refined[j]) / 2
+        same, other = abs(root - side), abs(root + side)
+        told = abs(same - other) > _TOLD * (same + other)
+        found[i] = m0 + factor * (m1 - m0) + (root if (same < other if told else i < j) else -root)
     return np.asarray(found)
 
 
