@@ -18,36 +18,21 @@ import scipy.linalg as la
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse.csgraph import connected_components
 
-from .nodes import Basis, Node
+from .nodes import Node
 from .scale import LINEAR, Scale
 
 _REACH = 2.0  # times how much nearer their slopes would bring two eigenvalues: if their distance is less, they may meet
 _ALIKE = 0.1  # MAC from which two modes at different values belong to one group
 _SAME = 0.5  # MAC from which the only two modes of a group continue each other
 _DEFECTIVE = 10.0  # condition from which the slope of a single eigenvalue says little
-_LARGE = 8  # eigenvalues of a group from which real bases are looked for: that of a smaller one costs little
-_INSIDE = 1e-9  # of the shortest direction: how much of a group's vectors may lie outside as many real directions
 _TURNED = 0.5  # how far a group may have turned over an interval, as |LᴴBR·LᴴBR − 1|
 
 
-@dataclass(frozen=True)
-class Group:
-    """Eigenvalues that may meet between two values or have changed places, and no others with them.
+def groups(first: Node, second: Node) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the groups: positions, at both values, of eigenvalues that may meet between them or have changed places.
 
-    Attributes
-    ----------
-    members : (int array, int array)
-        Positions at both values.
-    idle : bool
-        Whether their stability cannot change between the two values, or they mirror others above the real axis.
+    Eigenvalues whose stability cannot change between the two values are left out.
     """
-
-    members: tuple[np.ndarray, np.ndarray]
-    idle: bool = False
-
-
-def groups(first: Node, second: Node) -> list[Group]:
-    """Return all eigenvalues of two values in groups."""
     k = len(first)
     links = np.zeros((k + len(second),) * 2, bool)
     width = abs(second.value - first.value)
@@ -59,13 +44,10 @@ def groups(first: Node, second: Node) -> list[Group]:
         # Nothing has come or gone, so shapes have misled: modes near to being one are like many others.
         _link_across(links, first, second, found)
         found = _components(links, k)
-
-    def idle(s0: np.ndarray, s1: np.ndarray) -> bool:
-        if len(s0) == len(s1) == 1 and _is_idle(first, s0[0], second, s1[0], alike):
-            return True
-        return not ((first.lam[s0].imag >= 0).any() or (second.lam[s1].imag >= 0).any())
-
-    return [Group(members, idle(*members)) for members in found]
+    single = [len(s0) == len(s1) == 1 and _is_idle(first, s0[0], second, s1[0], alike) for s0, s1 in found]
+    found = [members for members, idle in zip(found, single, strict=True) if not idle]
+    # Groups below the real axis are the mirror images of others above.
+    return [(s0, s1) for s0, s1 in found if (first.lam[s0].imag >= 0).any() or (second.lam[s1].imag >= 0).any()]
 
 
 def _components(links: np.ndarray, k: int) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -179,10 +161,6 @@ class Cluster:
         bases = []
         for node, s in self._both():
             basis = node.basis(s)
-            real = _real_changes(basis, node) if node.paired and len(s) >= _LARGE else None
-            if real is not None:
-                bases.append(basis.changed(*real).real)
-                continue
             # Orthonormal combinations, since eigenvectors next to a meeting are nearly dependent.
             S, T = (la.qr(_states(u, H, node), mode="r")[0][: len(s)] for u, H in
                     ((basis.right, basis.H), (basis.left, basis.HL.conj().T)))  # fmt: skip
@@ -199,10 +177,7 @@ class Cluster:
         there, again = own[0] @ cross(0, 1), own[1] @ cross(1, 0)
         turned = there @ again
         w, W = la.eig(turned)
-        with np.errstate(all="ignore"):  # what is not finite is no smooth group
-            root = W @ np.diag(1 / np.sqrt(w)) @ la.inv(W)
-        if np.isrealobj(turned):
-            root = root.real
+        root = W @ np.diag(1 / np.sqrt(w)) @ la.inv(W)
         into, out = root @ there, again @ root
         H[1], slopes[1] = into @ H[1] @ out, into @ slopes[1] @ out
         right[1], left[1] = right[1] @ out, left[1] @ into.conj().T
@@ -272,23 +247,6 @@ def cluster_of(ends: tuple[Node, Node], members: tuple[np.ndarray, np.ndarray], 
         return plain
     other, middle = Cluster(ends, members, scale), np.array([0.5])
     return min((plain, other), key=lambda c: float(c.error(middle)[0]))
-
-
-def _real_changes(basis: Basis, node: Node) -> list[np.ndarray] | None:
-    """Return the changes to real orthonormal bases of a group that holds with every eigenvalue its conjugate.
-
-    None where the group does not, or where rounding hides how many directions its vectors have.
-    """
-    changes, m = [], basis.right.shape[1]
-    for u in (basis.right, basis.left):
-        u = node.weighted(u)
-        unit = u / np.linalg.norm(u, axis=0)
-        Q, R = la.qr(np.hstack([unit.real, unit.imag]), mode="economic", pivoting=True)[:2]
-        sizes = np.abs(R.diagonal())
-        if len(sizes) < m or (len(sizes) > m and not sizes[m] <= _INSIDE * sizes[m - 1]):
-            return None
-        changes.append(Q[:, :m].T @ u)
-    return changes
 
 
 def _states(u: np.ndarray, H: np.ndarray, node: Node) -> np.ndarray:

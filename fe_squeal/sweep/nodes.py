@@ -42,11 +42,6 @@ class Basis:
         H, HL = S @ self.H @ inverse, other.conj().T @ self.HL @ T.conj().T
         return Basis(self.right @ inverse, self.left @ other, H, HL)
 
-    @property
-    def real(self) -> Basis:
-        """The same group where all that is imaginary is rounding."""
-        return Basis(self.right.real, self.left.real, self.H.real, self.HL.real)
-
 
 @dataclass(frozen=True)
 class Node:
@@ -178,13 +173,13 @@ class Node:
 
     def push(self, own: Basis) -> np.ndarray:
         """Return Wᴴ(∂K U − ∂M U H), or −Wᴴ(∂M U H² + ∂C U H + ∂K U): how the parameter moves the eigenvalues."""
-        total = np.zeros((own.left.shape[1], own.right.shape[1]), own.H.dtype)
+        total = np.zeros((own.left.shape[1], own.right.shape[1]), complex)
         for slot, A in self.slopes.items():
             moved = own.left.conj().T @ (A @ own.right)
             if self.C is None:
-                total = total + (moved if slot == "K" else -moved @ own.H)
+                total += moved if slot == "K" else -moved @ own.H
             else:
-                total = total - moved @ np.linalg.matrix_power(own.H, POWER[slot])
+                total -= moved @ np.linalg.matrix_power(own.H, POWER[slot])
         return total
 
 

@@ -84,7 +84,7 @@ class Samples:
         H, dH = self.cluster.matrix(t)
         if self.turned:
             H, dH = -1j * H, -1j * dH
-        v, W = (x.astype(complex) for x in np.linalg.eig(H))
+        v, W = np.linalg.eig(H)
         if self.turned:
             v = _real_or_paired(v)
         m = v.shape[1]
@@ -95,7 +95,7 @@ class Samples:
                 inverse = np.linalg.inv(W)
             except np.linalg.LinAlgError:
                 inverse = np.linalg.pinv(W)
-            slope = ((inverse @ dH) * W.transpose(0, 2, 1)).sum(axis=2)
+            slope = np.einsum("tij,tjk,tki->ti", inverse, dH, W)
             i, j = np.triu_indices(m, 1)
             apart, drift = np.abs(v[:, i] - v[:, j]), np.abs(slope[:, i] - slope[:, j])
             reach = np.where(drift > 0, apart / (2 * drift), np.inf)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from .changes import FINEST, SETTLED, Asked, Change
-from .clusters import Group, cluster_of
+from .clusters import cluster_of, groups
 from .crossings import find_crossings
-from .intervals import Interval, MixedError, State
 from .meetings import find_meetings
 from .nodes import Node
 from .samples import Samples
@@ -68,105 +67,51 @@ def scan(
     scale : Scale
         Of the sweep.
     """
-    try:
-        return _Scanner(first, second, modes, below, scale, shared=True).run()
-    except MixedError:
-        return _Scanner(first, second, modes, below, scale, shared=False).run()
-
-
-@dataclass
-class _Part:
-    """What a group of an interval holds: its changes, or a value at which modes are asked for."""
-
-    group: Group
-    changes: list[Change] = field(default_factory=list)
-    open: Open | None = None
-    hidden: float = 0.0
-    asked: float | None = None
-
-    @property
-    def state(self) -> State:
-        """Whether the group is settled over the interval."""
-        if self.asked is not None:
-            return "open"
-        return "found" if self.changes or self.open else "idle"
-
-
-class _Scanner:
-    """Divides a step into ever smaller intervals, as far as their groups ask for.
-
-    Attributes
-    ----------
-    shared : bool
-        Whether a group that is settled over an interval stays so where others have that interval divided.
-    """
-
-    def __init__(
-        self, first: Node, second: Node, modes: Callable[[float], Node], below: float, scale: Scale, shared: bool
-    ) -> None:  # fmt: skip
-        self.ends, self.modes, self.below, self.scale, self.shared = (first, second), modes, below, scale, shared
-        self.step = scale.x(second.value) - scale.x(first.value)
-
-    def run(self) -> Scan:
-        """Return the changes of stability of the step.
-
-        Raises
-        ------
-        MixedError
-            If groups cannot be told apart any more that were settled one by one.
-        """
-        first, second = self.ends
-        result = Scan([], [], [], 0.0, 0)
-        width, count = FINEST * self.step * self.scale.slope(second.value), 0
-        todo = [Interval.whole(first, second)]
-        while todo:
-            interval = todo.pop()
-            begin, end = (self.scale.x(n.value) for n in interval.ends)
-            share = (end - begin) / self.step
-            parts = [self._look(interval, group, share) for group in interval.groups]
-            asked = sorted(p.asked for p in parts if p.asked is not None)
-            if asked and count < _NODES and share > SETTLED:
-                rim = 0.05 * (end - begin)
-                middle = self.modes(self.scale.p(float(np.clip(asked[len(asked) // 2], begin + rim, end - rim))))
-                count += 1
-                left, right, states = interval.divided(middle, [p.state if self.shared else "open" for p in parts])
-                todo += [right, left]
-                parts = [p for p, state in zip(parts, states, strict=True) if state != "open"]
-            for p in parts:
-                if p.asked is not None:
-                    a, b = interval.ends
-                    lam = np.concatenate([n.lam[s] for n, s in zip(interval.ends, p.group.members, strict=True)])
-                    result.unsettled.append((a.value, b.value, float(lam.imag.mean())))
-                result.changes.extend(p.changes)
-                result.open.extend([p.open] if p.open else [])
-                width = max(width, p.hidden)
-        changes = sorted(result.changes, key=lambda c: (c.low, c.high))
-        return replace(result, changes=changes, width=width, nodes=count)
-
-    def _look(self, interval: Interval, group: Group, share: float) -> _Part:
-        """Look for changes of a group over an interval, which is a share of the step."""
-        a, b = interval.ends
-        part = _Part(group)
-        if group.idle:
-            return part
-        members = _without_rim(a, b, *group.members)
-        if _is_idle(a, b, members) or _lowest(a, b, members) > self.below:
-            return part
-        if len(members[0]) != len(members[1]):
-            part.open = Open((a, b), members)
-            return part
-        cluster = cluster_of((a, b), members, self.scale)
-        if not cluster.is_smooth:
-            part.asked = (self.scale.x(a.value) + self.scale.x(b.value)) / 2
-            return part
-        try:
-            samples = Samples(cluster, share, a is self.ends[0])
-            pairs = a.paired or a.conservative
-            part.changes, hidden = find_meetings(samples) if pairs else find_crossings(samples)
-            part.hidden = cluster.extent(hidden)
-        except Asked as more:
-            part.asked = self.scale.x(cluster.value(more.t))
-        return part
+    step = scale.x(second.value) - scale.x(first.value)
+    width, count = FINEST * step * scale.slope(second.value), 0
+    result = Scan([], [], [], width, 0)
+    todo = [(first, second)]
+    while todo:
+        a, b = todo.pop()
+        asked: list[float] = []
+        found: list[Change] = []
+        opened: list[Open] = []
+        begin, end = scale.x(a.value), scale.x(b.value)
+        share = (end - begin) / step
+        unsettled = []
+        for members in (_without_rim(a, b, *g) for g in groups(a, b)):
+            if _is_idle(a, b, members) or _lowest(a, b, members) > below:
+                continue
+            if len(members[0]) != len(members[1]):
+                opened.append(Open((a, b), members))
+                continue
+            cluster = cluster_of((a, b), members, scale)
+            if not cluster.is_smooth:
+                asked.append((begin + end) / 2)
+                unsettled.append(members)
+                continue
+            try:
+                samples = Samples(cluster, share, a is first)
+                pairs = a.paired or a.conservative
+                changes, hidden = find_meetings(samples) if pairs else find_crossings(samples)
+                found += changes
+                width = max(width, cluster.extent(hidden))
+            except Asked as more:
+                asked.append(scale.x(cluster.value(more.t)))
+                unsettled.append(members)
+        if asked and count < _NODES and share > SETTLED:
+            rim = 0.05 * (end - begin)
+            middle = modes(scale.p(float(np.clip(sorted(asked)[len(asked) // 2], begin + rim, end - rim))))
+            count += 1
+            todo += [(middle, b), (a, middle)]
+            continue
+        for s0, s1 in unsettled:
+            lam = np.concatenate([a.lam[s0], b.lam[s1]])
+            result.unsettled.append((a.value, b.value, float(lam.imag.mean())))
+        result.changes.extend(found)
+        result.open.extend(opened)
+    changes = sorted(result.changes, key=lambda c: (c.low, c.high))
+    return Scan(changes, result.open, result.unsettled, width, count)
 
 
 def _lowest(a: Node, b: Node, members: tuple[np.ndarray, np.ndarray]) -> float:

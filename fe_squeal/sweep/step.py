@@ -16,7 +16,7 @@ from ..problem.problem import Problem
 from ..reduced import ReducedModel, SlowMotions
 from .nodes import Node, node_of
 
-_DEPENDENT = 1e-10  # of the largest eigenvalue of a Gram matrix: directions below are left out of the basis of a step
+_DEPENDENT = 1e-12  # of the largest eigenvalue of a Gram matrix: directions below are left out of the basis of a step
 _BALANCED = 1e-11  # of |K||z|: what rounding leaves of the forces Kz of a rigid motion, which cancel
 _SPANNED = 1e-4  # of a vector's length: a part outside the rigid motions that is shorter is rounding
 _ALIKE = 1e-6  # of θ, or of λ: how far those of the ends may lie from those of the step model
@@ -83,14 +83,14 @@ class Step:
             slow = reduced_model.basis.slow.on(self.V)
         self._cancelled = None if slow is None else slow.cancelled
 
-    def modes(self, p: float, highest: float = np.inf) -> Modes:
-        """Return all modes of the step model at a value, or those up to |λ| = highest, rad/s."""
+    def modes(self, p: float) -> Modes:
+        """Return all modes of the step model at a value."""
         known = self._inside.at({self.parameter: p}).free_motions()
         if len(self.V) > self.V.shape[1]:
             damping = None if known.damping is None else self.V.T @ known.damping
             known = FreeMotions(self.MV.T @ known.motions, damping)
         pencil = replace(self.model.pencil({self.parameter: p}), cancelled=self._cancelled, free=known)
-        return solve_dense(pencil, highest, self.linear_solver)
+        return solve_dense(pencil, linear_solver=self.linear_solver)
 
     def shapes(self, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
         """Return right and left modes of `problem` in the coordinates of the step model, (r, k)."""
@@ -124,7 +124,8 @@ class Step:
         the ends that lie nearest to it.
         """
         reach = 1.2 * max(float(np.abs(m.lam).max(initial=0.0)) for m in self.modes_at_ends)
-        modes = self.modes(p, reach)
+        modes = self.modes(p)
+        modes = modes.select(np.flatnonzero(np.abs(modes.lam) <= reach))
         left = modes.right if modes.left is None else modes.left
         node = node_of(self.model, self.parameter, p, modes, (modes.right, left))
         at, blur = (np.concatenate([getattr(n, name) for n in self._known]) for name in ("v", "blur"))

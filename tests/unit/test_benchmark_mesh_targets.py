@@ -10,12 +10,12 @@ from fe_squeal.accuracy.settings import own_setting, scene_at
 
 def test_scenes_differ_and_can_be_made_finer():
     cases = page.cases(3)
-    tables = [scene.mesh.geometry.model_dump_json() for scene, _ in cases.values()]
+    tables = [scene.mesh.geometry.model_dump_json() for scene, _, _ in cases.values()]
     assert len({t for t in tables if "thickness" in t}) >= 5  # the example, with one pad, and three random ones
-    assert all(0 < target < 1 for _, target in cases.values())
+    assert all(0 < target < 1 for _, target, _ in cases.values())
     assert page.random_brake(1) == page.random_brake(1) != page.random_brake(2)
     assert page.random_brake(2).effects.rayleigh is not None and page.random_brake(1).effects.rayleigh is None
-    scene, _ = cases["random brake 0"]
+    scene, _, _ = cases["random brake 0, onsets"]
     own = own_setting(scene)
     counts = scene.model_copy(
         update={"mesh": scene.mesh.model_copy(update={"disc_pad": scene.mesh.disc_pad.with_counts({})})}
@@ -26,7 +26,7 @@ def test_scenes_differ_and_can_be_made_finer():
 
 @pytest.mark.slow
 def test_a_row():
-    scene, _ = page.cases(0)["soft pad on a belt"]
+    scene, _, _ = page.cases(0)["soft pad on a belt"]
     scene = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"block": scene.mesh.block.resized(0.02)})})
     found = page.reach("soft pad", scene, 0.05)
     assert found["true"] <= found["bar"] <= 0.05 and found["unknowns"] >= found["first"]
