@@ -21,6 +21,7 @@ from .quantities import Split
 ORDER = 2  # on every scene measured order 1 needs many times as long for the same error
 _FALLS = 0.8  # part of an element's share in the error that goes where it is cut into eight
 _LEAST, _ALL = 0.3, 0.9  # parts of the error whose elements are marked: at least, and beyond which all are
+_EVERYWHERE = 1.5  # times the elements along every line
 _SHARP = 4.0  # power with which the quantities that miss the target most count most
 
 
@@ -101,6 +102,20 @@ def next_candidate(candidate: Candidate, assembly: Assembly, split: Split, targe
         return _candidate(scene, refine(candidate.loaded), "every element into eight")
     loaded, _ = refine_marked(candidate.loaded, marked)
     return _candidate(scene, loaded, f"{len(marked)} of {split.parts.shape[1]} elements into eight")
+
+
+def finer_candidate(candidate: Candidate) -> Candidate:
+    """Return a mesh that is finer everywhere, for errors that no part of the mesh explains, such as onsets it lacks."""
+    scene, geometry = candidate.scene, candidate.scene.mesh.geometry
+    if geometry is None or geometry.element != "hex":
+        return _candidate(scene, refine(candidate.loaded), "every element into eight")
+    counts = {}
+    for key, line in geometry.lines.items():
+        steps = line.elements // line.multiple
+        counts[key] = line.multiple * max(round(_EVERYWHERE * steps), steps + 1)
+    finer = geometry.with_counts(counts)
+    changed = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={_key(scene): finer})})
+    return _candidate(changed, read_mesh(changed), "more elements along every line")
 
 
 def marked_elements(split: Split, target: float) -> np.ndarray:

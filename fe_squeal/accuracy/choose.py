@@ -17,7 +17,7 @@ from ..scene import Scene
 from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
 from .bars import BARS
-from .candidates import ORDER, Candidate, first_candidate, next_candidate
+from .candidates import ORDER, Candidate, finer_candidate, first_candidate, next_candidate
 from .estimate import COMPARED, SMALLEST, changes_by, with_changes, with_discretisation
 from .quantities import KINDS, Split, split_changes
 from .refined import refine_problem, refined_memory
@@ -145,11 +145,11 @@ def choose(
             aim = _MARGIN * target * min(1.0, first / error if np.isfinite(error) else 1.0) / BARS[ORDER]
             before, spent = candidate, trial.seconds
             candidate = next_candidate(candidate, refined.coarse, split, aim)
+            if candidate.unknowns < _SLACK * before.unknowns:
+                candidate = finer_candidate(before)
             ratio = candidate.unknowns / before.unknowns
             unknowns = int(ratio * trial.unknowns)
             del refined
-            if ratio < _SLACK:
-                raise _missed(target, nearest, trials, "nothing that could be cut finer brings it down")
             memory = int(refined_memory(result) * ratio)
             tell(
                 f"next: {candidate.told}: about {unknowns} unknowns, {spent * ratio**_GROWTH:.0f} s, "

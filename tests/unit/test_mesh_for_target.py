@@ -195,6 +195,16 @@ def test_a_search_of_another_scene_is_not_resumed(tmp_path, capsys, monkeypatch)
     assert "the interrupted run was another one" in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.parametrize("element", ["hex", "tet"])
+def test_what_no_part_explains_makes_the_mesh_finer_everywhere(tmp_path, element):
+    first = choosing.first_candidate(load_scene(write(tmp_path, element)))
+    finer = choosing.finer_candidate(first)
+    assert finer.unknowns > 1.5 * first.unknowns
+    if element == "hex":
+        before, after = (c.scene.mesh.block.lines for c in (first, finer))
+        assert all(after[key].elements > line.elements for key, line in before.items())
+
+
 def test_order_1_begins_with_as_many_unknowns(tmp_path):
     """Elements of order 2 twice as long, since their nodes are half as far apart."""
     one, two = (choosing.first_candidate(load_scene(write(tmp_path, order=k))) for k in (1, 2))
