@@ -1,4 +1,9 @@
-"""How many elements along each line of a parametric mesh an error needs, from where the error comes from."""
+"""Choose the number of elements along each line of a parametric mesh so that every error meets a target.
+
+A line is a direction of a part of the geometry along which the number of elements can be chosen, such as the layers of
+the disc. The choice starts from what each line adds to the errors now (`line_errors`) and from the power law by which
+these errors fall as the line gets more elements.
+"""
 
 from __future__ import annotations
 
@@ -13,27 +18,30 @@ from ..geometry.base import Line
 from .directions import axis_names
 from .quantities import Split
 
-# Error along a line falls as its number of elements to this power: 4 and 2 where modes are smooth, by the order of the
-# elements; less towards edges of contacts and clamps. Two meshes tell which it is, between the limits.
+# By the order of the elements: the error along a line falls like 1/(number of elements)^rate. In theory the rate is 2
+# for order 1 and 4 for order 2 where modes are smooth, and less at the edges of contacts and clamps. The first mesh is
+# given the rate between these; once two meshes are known, their errors tell the rate, which is kept within the limits.
 _RATES = {1: 1.5, 2: 3.0}
 _LIMITS = {1: (0.7, 2.0), 2: (1.0, 4.0)}
-_SHARP = 8.0  # power with which the quantities that miss the target most count most
+_SHARP = 8.0  # power of error/target, summed over all quantities: the larger, the more the worst quantity decides
 _FINER, _COARSER = 4.0, 0.5  # times the elements along a line, at most and at least, from one mesh to the next
-_AT_ONCE, _WIDER = 3.5, 1.2  # times the elements in all, at most; times the target where these do not suffice
-_TRIES = 4000
+_AT_ONCE = 3.5  # times the elements of the whole mesh: the next mesh has at most so many
+_WIDER = 1.2  # times the target: how it is relaxed, again and again, until _AT_ONCE times the elements suffice
+_TRIES = 4000  # steps of the search for counts, at most
 
 
 @dataclass(frozen=True)
 class LineErrors:
-    """What each line of a parametric mesh adds to the relative errors of quantities.
+    """What each line of a parametric mesh adds to the relative errors of q quantities.
 
     Attributes
     ----------
     lines : mapping of str to Line
+        The lines by their names, with the numbers of elements of the mesh on which the errors were found.
     errors : mapping of str to (q,) float
-        Changes by refinement, relative.
+        By the name of the line: the relative change of each quantity that comes from refinement along this line.
     rates : mapping of str to float
-        With which these fall.
+        By the name of the line: r where the errors fall like 1/(number of elements)^r.
     """
 
     lines: Mapping[str, Line]
@@ -41,9 +49,10 @@ class LineErrors:
     rates: Mapping[str, float]
 
     def at(self, counts: Mapping[str, int]) -> np.ndarray:
-        """Return the changes (q,) that other numbers of elements would leave.
+        """Return the relative errors (q,) that are expected for other numbers of elements, by the names of the lines.
 
-        Parts of opposite sign cancel, and do so less reliably than they add up: the mean of both sums is taken.
+        Errors of opposite sign from different lines cancel now, but may not on the next mesh. So the mean of two sums
+        is returned: that with the signs, and that of the absolute values.
         """
         found = np.array(
             [self.errors[key] * (line.elements / counts[key]) ** self.rates[key] for key, line in self.lines.items()]
@@ -52,15 +61,17 @@ class LineErrors:
 
 
 def line_errors(split: Split, assembly: Assembly, before: LineErrors | None = None) -> LineErrors:
-    """Sum the parts of changes by the lines of the scene's geometry.
+    """Add up the parts of each change by the lines of the scene's geometry, and find the rates.
 
     Parameters
     ----------
     split : Split
+        The changes of q quantities by refinement, by element and axis.
     assembly : Assembly
-        Of a parametric mesh of hexahedra.
+        The problem on the mesh of these elements: a parametric mesh of hexahedra.
     before : LineErrors, optional
-        Of another mesh of the same geometry, which tells the rates.
+        The same for the previous mesh of this geometry. Where a line had another number of elements there, the two
+        errors give its rate.
     """
     geometry = assembly.scene.mesh.geometry
     assert geometry is not None
@@ -86,10 +97,19 @@ def line_errors(split: Split, assembly: Assembly, before: LineErrors | None = No
 
 
 def counts_for(errors: LineErrors, geometry: DiscPad | Block, target: float) -> dict[str, int]:
-    """Return the numbers of elements with which every error is expected below a target, for few elements in all.
+    """Return numbers of elements, by line, with which every error is expected below a target; as few as possible.
 
-    Where that takes many times as many elements as there are, rates are not known well enough to go there at once: a
-    wider target is then taken, whose mesh tells them.
+    If that takes more than `_AT_ONCE` times the present elements, the rates are not known well enough to foresee such a
+    mesh. The target is then relaxed until fewer elements do, and the errors on that mesh give better rates.
+
+    Parameters
+    ----------
+    errors : LineErrors
+        On the present mesh.
+    geometry : DiscPad or Block
+        The geometry that the present mesh was made from.
+    target : float
+        For the relative error of every quantity.
     """
     cells = geometry.cells
     while True:
@@ -104,10 +124,17 @@ def _own(errors: LineErrors) -> dict[str, int]:
 
 
 def _fewest(errors: LineErrors, size: Callable[[Mapping[str, int]], int], target: float) -> dict[str, int]:
-    """Return the counts of a target.
+    """Return the counts that meet a target.
 
-    From half as many elements on, the line is cut finer whose elements buy most, until all errors are small enough or
-    no line may be cut finer.
+    It starts from half as many elements along every line as now. In each step that line gets more elements where they
+    reduce the errors most for each element added, until all errors meet the target or no line may have more.
+
+    Parameters
+    ----------
+    errors : LineErrors
+    size : callable
+        Gives the number of elements of the whole mesh for counts by line.
+    target : float
     """
     lines = errors.lines
     counts = {key: _rounded(line, int(np.ceil(_COARSER * line.elements))) for key, line in lines.items()}
@@ -138,7 +165,7 @@ def _fewest(errors: LineErrors, size: Callable[[Mapping[str, int]], int], target
 def _pruned(
     errors: LineErrors, counts: dict[str, int], size: Callable[[Mapping[str, int]], int], target: float
 ) -> dict[str, int]:
-    """Return counts without the elements that turned out not to be needed when other lines were cut finer."""
+    """Return counts with fewer elements along those lines that no longer need them after others got more."""
     if errors.at(counts).max(initial=0.0) > target:
         return counts
     while True:
@@ -153,7 +180,7 @@ def _pruned(
 
 
 def _rounded(line: Line, elements: int) -> int:
-    """Return the next number of elements that the line can have."""
+    """Return the smallest number of elements, from the given one upwards, that the line can have."""
     return max(line.least, -(-elements // line.multiple) * line.multiple)
 
 

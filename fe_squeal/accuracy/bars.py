@@ -1,20 +1,24 @@
-"""From what refining a mesh once changes to bars that hold the error of every eigenvalue.
+"""Error bars: from the change of an eigenvalue when the mesh is refined once to a bound of its error.
 
-Halving the elements leaves 2^-q of an error: q = 4 for smooth modes of order 2, 2 for those of order 1, down to 1 where
-stresses are singular (edges of contacts, clamped edges, re-entrant corners). The exact value lies s = 1/(1 − 2^-q)
-times the change Δλ away: between 16/15 and 2. Linear elements that are as thick as what they bend are too stiff to be
-at their rate yet; for order 1 s goes up to 4, q = 0.4. Four things keep this from being the bar as it stands:
+Halving the size of the elements multiplies an error by 2^-q. For smooth modes q is 4 with elements of order 2 and 2
+with elements of order 1; it falls to 1 where stresses are singular (edges of contacts, clamped edges, re-entrant
+corners). With Δλ the change by refining, the exact eigenvalue is λ + sΔλ, s = 1/(1 − 2^-q): between 16/15 and 2. Linear
+elements that are as thick as the part that they bend are so stiff that the error does not fall at its rate yet; so s
+goes up to 4 for order 1, which is q = 0.4. The bar is the largest s times |Δλ|, separately for the real and the
+imaginary part, with four corrections:
 
-- An error has parts of different q. Where they cancel in the real part of Δλ it vanishes, and the error does not. So
-  both parts of a bar have a floor, a `SHARE` of what |Δλ| itself would make.
-- Two modes that nearly meet move like m ± √D, and D is what changes linearly. So m and D of each mode and the one next
-  to it are extrapolated, over all these s, and the bar holds where this leads to.
-- A pair λ, −λ* may be two modes without growth on the refined mesh, with a change each. The larger one counts for both.
-- Along the parameter a change passes through zero where errors do not. So a bar is the largest of its own and those of
-  the same branch at the neighbouring values.
+- The error is a sum of parts with different q. They may cancel in the real part of Δλ without cancelling in the error.
+  So the real and the imaginary part of a bar are at least `SHARE` times the bar that |Δλ| would give.
+- Two modes that nearly meet have λ = m ± √D, and m and D change linearly with the mesh where λ does not. So m and D of
+  each mode and the nearest other one are extrapolated for all s in the range, and the bar reaches as far as λ then
+  does.
+- A pair λ, −λ* may become two modes without growth on the refined mesh, each with a change of its own. The larger of
+  the two changes counts for both.
+- Along the parameter the change may pass through zero at a value where the error does not. So a bar is the largest of
+  its own and those of the same branch at the neighbouring values of the parameter.
 
-A mode without growth on either mesh has none by symmetry, and no bar of it, unless an onset is that close (see
-`near_onsets`).
+Where Re λ is zero by symmetry on both meshes it has no error and its bar is zero, unless an onset is so near that the
+mode may lie on the other side of it (see `near_onsets`).
 """
 
 from __future__ import annotations
@@ -23,24 +27,27 @@ from collections.abc import Sequence
 
 import numpy as np
 
-# Times the change, by the order: the largest s. That of order 2 is derived. That of order 1 is the smallest of 2, 3 and
-# 4 that holds 97 % of the errors, and of those of growing modes, on the scenes `FITTED` of benchmarks/mesh_bars.py.
+# Times the change, by the order of the elements: the largest s. For order 2 it is derived above. For order 1 it is the
+# smallest of 2, 3 and 4 for which the bars contain the true error of at least 97 % of the modes, and of the growing
+# modes too, on the scenes `FITTED` of benchmarks/mesh_bars.py.
 BARS = {1: 4.0, 2: 2.0}
-# Of BARS |Δλ|. Chosen: the scenes `FITTED` do with none, and one of a single layer of linear tetrahedra needed 0.18.
+# Times BARS |Δλ|: the least that either part of a bar is. Chosen: the scenes `FITTED` would do without it, and a scene
+# with a single layer of linear tetrahedra needed 0.18.
 SHARE = 0.25
-_STEPS = 16  # of s in which m and D are followed
-_APART = 10.0  # times how far two modes move
-_TOLD = 1e-6  # of two distances: a difference that tells
+_STEPS = 16  # equal steps of s in which m and D are extrapolated, so that the root √D can be followed
+_APART = 10.0  # times the change of either mode: modes farther apart than this are extrapolated each by itself
+_ROUNDING = 1e-6  # of the sum of two distances: a smaller difference between them is taken for rounding
 
 
 def bar_of(change: np.ndarray, bent: np.ndarray, balanced: np.ndarray, order: int) -> np.ndarray:
-    """Return bars (k,) complex, of Re λ and Im λ, of modes at one value.
+    """Return the bars (k,) complex, rad/s, of the modes at one value: that of Re λ plus i times that of Im λ.
 
     Parameters
     ----------
     change : (k,) complex, rad/s
+        Δλ by refining the mesh once; NaN where it is not known, and the bar is NaN then.
     bent : (k,) complex, rad/s
-        See `bent_change`.
+        How far the extrapolation of pairs leads, see `bent_change`.
     balanced : (k,) bool
         Modes whose Re λ is zero on both meshes, by symmetry.
     order : int
@@ -54,10 +61,11 @@ def bar_of(change: np.ndarray, bent: np.ndarray, balanced: np.ndarray, order: in
 
 
 def bent_change(lam: np.ndarray, refined: np.ndarray, order: int) -> np.ndarray:
-    """Return how far, in Re λ and Im λ, extrapolating each mode together with the one next to it leads, (k,) complex.
+    """Return how far each λ moves if it is extrapolated together with the nearest other mode, (k,) complex, rad/s.
 
-    With m = (λ_i + λ_j)/2 and D = ((λ_i − λ_j)/2)² on both meshes, λ(s) = m(s) ± √D(s), m(s) = m₀ + s (m₁ − m₀) and D
-    likewise; s goes from 1 to that of `BARS`.
+    The real part is the largest |Re λ(s) − Re λ| over all s from 1 to `BARS`, the imaginary part that of Im λ. With
+    m = (λ_i + λ_j)/2 and D = ((λ_i − λ_j)/2)², index 0 for the mesh and 1 for the refined one, λ(s) = m(s) ± √D(s),
+    m(s) = m₀ + s (m₁ − m₀), D(s) = D₀ + s (D₁ − D₀).
 
     Parameters
     ----------
@@ -87,15 +95,19 @@ def bent_change(lam: np.ndarray, refined: np.ndarray, order: int) -> np.ndarray:
 
 
 def extrapolated(lam: np.ndarray, refined: np.ndarray, factor: float) -> np.ndarray:
-    """Return where each mode together with the one next to it leads to at s = factor, (k,) complex, rad/s.
+    """Return the eigenvalues extrapolated to s = factor, (k,) complex, rad/s.
 
-    See `bent_change`: where two modes nearly meet, m and D are extrapolated, not λ, which changes like a square root.
-    Where they are `_APART` times as far from each other as they move, λ itself is.
+    Where two modes nearly meet, λ changes like a square root, so m and D of `bent_change` are extrapolated instead of
+    λ. A mode whose distance from all others is more than `_APART` times its change is extrapolated by itself:
+    λ + factor (refined − λ).
 
     Parameters
     ----------
     lam, refined : (k,) complex, rad/s
-        The same modes on the mesh and on the refined one; NaN where a mode is not found again, and it is NaN then.
+        The same modes on the mesh and on the refined one. `refined` is NaN where a mode is not found again; the result
+        is NaN there too.
+    factor : float
+        s: 1 gives the eigenvalues on the refined mesh.
 
     Examples
     --------
@@ -117,25 +129,28 @@ def extrapolated(lam: np.ndarray, refined: np.ndarray, factor: float) -> np.ndar
         (m0, m1), (D0, D1) = (
             [(x[i] + x[j]) / 2 for x in (lam, refined)], [((x[i] - x[j]) / 2) ** 2 for x in (lam, refined)]
         )  # fmt: skip
-        # Of both roots the one on the side where the refined mesh has it; if that does not tell, each mode takes one.
+        # Mode i takes that of the roots ±√D which lies on its side of m on the refined mesh. If both are equally near,
+        # the mode with the lower number takes +√D and the other one −√D, so that the two still differ.
         root, side = np.sqrt(D0 + factor * (D1 - D0) + 0j), (refined[i] - refined[j]) / 2
         same, other = abs(root - side), abs(root + side)
-        told = abs(same - other) > _TOLD * (same + other)
-        found[i] = m0 + factor * (m1 - m0) + (root if (same < other if told else i < j) else -root)
+        is_clear = abs(same - other) > _ROUNDING * (same + other)
+        is_positive = same < other if is_clear else i < j
+        found[i] = m0 + factor * (m1 - m0) + (root if is_positive else -root)
     return np.asarray(found)
 
 
 def mirrored(bars: np.ndarray, partner: np.ndarray) -> np.ndarray:
-    """Return for each bar the larger of its own and that of its mirror image, where both are known.
+    """Return for each mode the larger bar of λ and its mirror image −λ*, where both are known.
 
-    Without damping λ and −λ* have the same error. Where the refined mesh takes the two apart, into modes that do not
-    grow, each is compared with another of these and sees its change alone.
+    Without damping both have the same error. Where the pair becomes two modes without growth on the refined mesh, λ is
+    compared with one of these and −λ* with the other, so that each of the two bars comes from one change alone.
 
     Parameters
     ----------
-    bars : (k,) complex
+    bars : (k,) complex, rad/s
+        Of Re λ and of Im λ.
     partner : (k,) int
-        Positions of the mirror images, or −1.
+        Positions of the mirror images; −1 for a mode that has none.
 
     Examples
     --------
@@ -149,13 +164,14 @@ def mirrored(bars: np.ndarray, partner: np.ndarray) -> np.ndarray:
 
 
 def enveloped(bars: Sequence[np.ndarray], branches: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Return for each bar the largest of itself and those of the same branch at the values before and after.
+    """Return each bar, made at least as large as those of the same branch at the values before and after.
 
     Parameters
     ----------
-    bars : (k,) complex for each value
-        NaN where a bar is not known; it stays so, and does not count beside others.
+    bars : (k,) complex for each value, rad/s
+        NaN where a bar is not known. It stays NaN, and bars at the neighbouring values are compared without it.
     branches : (k,) int for each value
+        Numbers of the branches that the bars belong to.
 
     Examples
     --------

@@ -1,4 +1,8 @@
-"""Meshes that go where the error is: lines of parametric hexahedra by themselves, tetrahedra where marked."""
+"""The next mesh of a search for a target: finer where the error comes from.
+
+A parametric mesh of hexahedra gets more elements along some of its lines, a mesh of tetrahedra is cut finer where its
+elements are marked, and hexahedra from a file are all cut into eight.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +22,12 @@ from ..scene import Scene
 from .adapt import LineErrors, counts_for, line_errors, told
 from .quantities import Split
 
-ORDER = 2  # on every scene measured order 1 needs many times as long for the same error
-_FALLS = 0.8  # part of an element's share in the error that goes where it is cut into eight
-_LEAST, _ALL = 0.3, 0.9  # parts of the error whose elements are marked: at least, and beyond which all are
-_EVERYWHERE = 1.5  # times the elements along every line
-_SHARP = 4.0  # power with which the quantities that miss the target most count most
+ORDER = 2  # of the elements: on every scene that was measured, order 1 takes many times as long for the same error
+_FALLS = 0.8  # part of an element's share in the error that is expected to vanish when it is cut into eight
+_LEAST = 0.3  # of the whole error: the marked elements have at least this part of it
+_ALL = 0.9  # of the whole error: if the marked elements had to have more, all elements are cut
+_EVERYWHERE = 1.5  # times the elements along every line, where no line explains the error
+_SHARP = 4.0  # power of error/target that weighs each quantity: the larger, the more the worst quantity decides
 
 
 @dataclass(frozen=True)
@@ -32,14 +37,15 @@ class Candidate:
     Attributes
     ----------
     scene : Scene
-        With the order, and for a parametric mesh the numbers of elements.
+        The scene with elements of order `ORDER` and, for a parametric mesh, with its numbers of elements.
     loaded : LoadedMesh
+        The mesh.
     told : str
-        What it is, in words.
+        What the mesh is, in words, such as "disc_layers 1 to 2".
     unknowns : int
-        With those that supports hold.
+        Three for each node, those that supports hold included.
     errors : LineErrors or None
-        Of the mesh before, where both are parametric hexahedra.
+        The errors on the previous mesh by line, where both meshes are parametric ones of hexahedra.
     """
 
     scene: Scene
@@ -50,7 +56,10 @@ class Candidate:
 
 
 def first_candidate(scene: Scene) -> Candidate:
-    """Return the scene's own mesh with elements of order 2; a parametric one for order 1 with half as many each way."""
+    """Return the first mesh: the scene's own with elements of order 2.
+
+    A parametric mesh that the scene has with order 1 gets elements twice as long, and so about as many nodes as before.
+    """
     geometry = scene.mesh.geometry
     if geometry is None or scene.mesh.order == ORDER:
         words = "the scene's own mesh"
@@ -64,7 +73,19 @@ def first_candidate(scene: Scene) -> Candidate:
 
 
 def restored(scene: Scene, loaded: LoadedMesh, geometry: Mapping[str, Any] | None, words: str) -> Candidate:
-    """Return a candidate from what was kept of it: its mesh, and the numbers of a parametric geometry."""
+    """Return a candidate from what an interrupted search has saved of it.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene of the search, as the user wrote it.
+    loaded : LoadedMesh
+        The mesh of the candidate.
+    geometry : mapping, optional
+        The table of the candidate's parametric geometry.
+    words : str
+        What the mesh is, see `Candidate.told`.
+    """
     update: dict[str, object] = {"order": ORDER}
     if geometry is not None:
         assert scene.mesh.geometry is not None
@@ -74,18 +95,18 @@ def restored(scene: Scene, loaded: LoadedMesh, geometry: Mapping[str, Any] | Non
 
 
 def next_candidate(candidate: Candidate, assembly: Assembly, split: Split, target: float) -> Candidate:
-    """Return a mesh that is expected to meet a target.
+    """Return a mesh on which every change by refinement is expected to be below a target.
 
     Parameters
     ----------
     candidate : Candidate
-        The mesh that the changes are those of.
+        The present mesh.
     assembly : Assembly
-        On this mesh.
+        The problem on the present mesh.
     split : Split
-        What refining it changes, by element and axis.
+        What refining the present mesh changes, by element and axis.
     target : float
-        For each of these changes, relative.
+        For each of these changes, relative to the scale of its quantity.
     """
     scene, geometry = candidate.scene, candidate.scene.mesh.geometry
     if geometry is not None and geometry.element == "hex":
@@ -105,7 +126,10 @@ def next_candidate(candidate: Candidate, assembly: Assembly, split: Split, targe
 
 
 def finer_candidate(candidate: Candidate) -> Candidate:
-    """Return a mesh that is finer everywhere, for errors that no part of the mesh explains, such as onsets it lacks."""
+    """Return a mesh that is finer everywhere.
+
+    It is tried where the errors cannot be traced to elements, for instance because an onset is missing on this mesh.
+    """
     scene, geometry = candidate.scene, candidate.scene.mesh.geometry
     if geometry is None or geometry.element != "hex":
         return _candidate(scene, refine(candidate.loaded), "every element into eight")
@@ -119,9 +143,10 @@ def finer_candidate(candidate: Candidate) -> Candidate:
 
 
 def marked_elements(split: Split, target: float) -> np.ndarray:
-    """Return the elements whose refinement is expected to bring every change below a target: those of largest share.
+    """Return the elements (e,) int, ascending, whose refinement is expected to bring every change below a target.
 
-    An element's share is the sum of its parts of all quantities, each with a weight that grows with what it misses.
+    An element's share is Σ_q w_q |its part of the relative change of quantity q|. The weight w_q = (change/target)^4
+    grows with how far the quantity misses the target. The elements with the largest shares are taken.
     """
     relative = np.abs(split.relative.sum(axis=2))
     missed = relative.sum(axis=1) / target

@@ -1,4 +1,4 @@
-"""Find the mesh for a target: solve, see where the error comes from, refine there."""
+"""Find a mesh that meets a target for the error: solve, see which elements the error comes from, and refine there."""
 
 from __future__ import annotations
 
@@ -22,26 +22,28 @@ from .estimate import COMPARED, SMALLEST, changes_by, with_changes, with_discret
 from .quantities import KINDS, Split, split_changes
 from .refined import refine_problem, refined_memory
 
-_MARGIN = 0.8  # of the target: the error that is aimed at
-_SURELY = 1.5  # times the target: beyond it the changes to first order suffice, and bars are not worth their time
-_RUNS = 8
-_GROWTH = 1.2  # power of the unknowns with which times grow
-_SLACK = 1.02  # times the unknowns: less is no finer mesh
+_MARGIN = 0.8  # of the target: the error that the next mesh is made for
+_SURELY = 1.5  # times the target: where the error to first order is larger, bars are not worth their time
+_RUNS = 8  # meshes tried, at most
+_GROWTH = 1.2  # power of the unknowns by which times grow, for forecasts alone
+_SLACK = 1.02  # times the unknowns of the mesh before: a mesh with fewer does not count as finer
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One of the runs.
+    """One mesh that was tried.
 
     Attributes
     ----------
     mesh : str
-        In words.
+        What the mesh is, in words.
     unknowns : int
+        Of the problem on this mesh.
     error : float
-        The largest estimated error of what is wanted, relative.
-    seconds : float
-        With the estimate.
+        The largest estimated error of the kinds of quantities that are to meet the target, relative; infinite or NaN
+        where it is not known.
+    seconds : float, s
+        For the sweep and the estimate of its errors.
     """
 
     mesh: str
@@ -56,19 +58,20 @@ class Trial:
 
 @dataclass(frozen=True)
 class Choice:
-    """What was picked.
+    """The mesh that a search has found, and the sweep on it.
 
     Attributes
     ----------
     scene : Scene
-        With the order and the numbers of elements that meet the target.
+        The scene with the order and the numbers of elements of this mesh.
     mesh : LoadedMesh
+        The mesh.
     result : Sweep
-        With the errors of the mesh.
+        The sweep on this mesh, with the error of the mesh on modes and onsets (unless the search was interrupted).
     trials : tuple of Trial
-        The last is that of the result.
+        All meshes that were tried; the last one is the mesh found.
     split : Split or None
-        Where the errors come from.
+        The changes by refinement, by element and axis: where the errors come from.
     """
 
     scene: Scene
@@ -80,6 +83,8 @@ class Choice:
 
 @dataclass(frozen=True)
 class _Nearest:
+    """The trial with the smallest error so far, and what a `Choice` is made from."""
+
     trial: Trial
     candidate: Candidate
     result: Sweep
@@ -93,30 +98,34 @@ def choose(
 ) -> Choice:  # fmt: skip
     """Find a mesh on which frequencies, growth rates and critical values meet a target.
 
-    The first mesh is the scene's own; each next one is finer where the error of the one before came from, see `shares`.
-    The number of modes is the scene's: the error of each is estimated by itself, and to ask for more would not change
-    it.
+    The first mesh is the scene's own. Each next mesh is finer where the error on the mesh before came from, see
+    `shares`. As many modes are solved for as the scene asks for: the error of a mode does not depend on their number.
 
     Parameters
     ----------
+    scene : Scene
     target : float
-        Relative error, see `estimated_error`.
+        For the relative error as `estimated_error` defines it, between 0 and 1.
     tell : callable of str
-        Gets a line about each run, and a forecast of the next one.
+        Gets a line about each mesh that was tried, and a forecast of the next one.
     kinds : sequence of "frequencies", "growth", "onsets"
-        What is to meet the target.
+        Which quantities are to meet the target.
     earlier : (trials, candidate), optional
-        Those of an interrupted search, and the mesh that it was at.
-    keep : callable of trials and candidate
-        Gets the trials so far and the mesh that comes next, before it is tried.
+        To resume an interrupted search: the meshes it has tried and the one that it was about to try.
+    keep : callable of (trials, candidate)
+        Gets the trials so far and the mesh that comes next, before this is tried, to save them.
 
     Raises
     ------
     SceneError
+        The target is not between 0 and 1.
     NotConvergedError
-        The target is not met by the finest mesh that fits; `partial` is the choice nearest to it.
+        The target is not met by the finest mesh that fits into memory, or not within the number of meshes that are
+        tried; `partial` is the `Choice` nearest to it. Or the corrections on a refined mesh were not found.
+    TooLargeError
+        Not even the first mesh, refined for the estimate, fits into memory.
     KeyboardInterrupt
-        With the choice nearest to the target so far as its argument, if there is one.
+        Ctrl-C; its argument is the `Choice` nearest to the target so far, if there is one.
     """
     if not 0 < target < 1:
         raise SceneError(f"--accuracy: given {target:g}; expected a relative error between 0 and 1")
@@ -141,7 +150,8 @@ def choose(
                 nearest = _Nearest(trial, candidate, result, split)
             if error <= target:
                 return _picked(nearest, trials)
-            # Bars may be wider than the changes to first order say; these are what the next mesh is to bring down.
+            # The next mesh is made for changes to first order, which are known by element. Where bars are wider than
+            # these changes say, the changes have to be smaller than the target by as much.
             aim = _MARGIN * target * min(1.0, first / error if np.isfinite(error) else 1.0) / BARS[ORDER]
             before, spent = candidate, trial.seconds
             candidate = next_candidate(candidate, refined.coarse, split, aim)
@@ -179,18 +189,28 @@ def _swept(candidate: Candidate) -> Sweep:
 
 
 def estimated_error(result: Sweep, kinds: Sequence[str] = KINDS) -> float:
-    """Return the largest error of a sweep by its bars, relative; NaN where one is not known.
+    """Return the largest relative error of a sweep according to its error bars; NaN where a bar is not known.
 
-    Of the frequencies at all values; of the growth rate of each branch where it grows fastest, relative to the largest
-    of all; of critical values relative to themselves, or to a tenth of the sweep where they are smaller than that.
-    Above 0.8 of the highest frequency what the refined mesh does not have does not count: it may have left the range.
-    Close to an onset growth is as unsure as the onset, which stands for it.
+    - "frequencies": the bar over the frequency, for all modes at all values.
+    - "growth": for each branch at the value where it grows fastest, the bar over the largest growth rate of all
+      branches. At other values growth may be small, and its error there is the error of the onset.
+    - "onsets": the bar of a critical value over this value, or over a tenth of the sweep's interval if that is larger.
+
+    Modes and onsets above 0.8 of the highest frequency whose bar is not known are left out: on the refined mesh they
+    may lie above the range that is solved for.
+
+    Parameters
+    ----------
+    result : Sweep
+        With the error of the mesh, see `with_discretisation`.
+    kinds : sequence of "frequencies", "growth", "onsets"
+        Which of these count.
     """
     highest = max(float(p.modes.lam.imag.max(initial=0.0)) for p in result.points)
     found: list[float] = []
 
     def add(kind: str, error: np.ndarray, frequency: np.ndarray) -> None:
-        """Take the errors of what both meshes have; above, a mode may have left the range."""
+        """Take relative errors, but for the unknown ones near the highest frequency."""
         if kind in kinds:
             found.extend(error[np.isfinite(error) | (frequency <= COMPARED * highest)].tolist())
 
@@ -214,7 +234,7 @@ def estimated_error(result: Sweep, kinds: Sequence[str] = KINDS) -> float:
 
 
 def _picked(nearest: _Nearest, trials: list[Trial], bars: bool = True) -> Choice:
-    """Return the choice, with bars unless there is no time for them."""
+    """Return the choice; with `bars` the error of the mesh is put on its sweep if it is not there yet."""
     result, (scene, loaded) = nearest.result, (nearest.candidate.scene, nearest.candidate.loaded)
     if bars and result.points[0].discretisation is None:
         result = with_discretisation(result, scene.solve.linear_solver)

@@ -1,4 +1,7 @@
-"""A reduced model of the problem on the refined mesh, from the modes of the coarse one and their corrections."""
+"""A reduced model of the problem on the refined mesh, from the modes of the mesh itself and their corrections.
+
+"Coarse" is the mesh whose error is asked for, "refined" or "fine" the same with every element cut into eight.
+"""
 
 from __future__ import annotations
 
@@ -14,26 +17,35 @@ from .refined import Refined
 from .two_level import TwoLevelSolver
 
 _CORRECTED = 2  # values of the parameter at which modes are corrected: the ends of the sweep
-_ROUNDS = 2  # of corrections at most: corrected modes are corrected again where the first correction was long
-_LONG = 0.02  # energy of a correction over that of its mode beyond which it counts as long
-_ABOVE = 1.02  # times the highest frequency asked for: up to here modes are corrected
+_ROUNDS = 2  # corrections of a mode, at most: the second follows where the first one was long
+_LONG = 0.02  # of the energy of a mode: a correction with more energy than this counts as long
+_ABOVE = 1.02  # times the highest frequency asked for: modes up to this frequency are corrected
 _NODES = 5  # values of the parameter whose modes span the final basis
-_FINE = 1e-5  # part of a vector outside the basis, relative to it, that is left out
+_FINE = 1e-5  # of a vector's norm: if its part outside the basis is smaller, the basis is not enlarged by it
 
 
 class CorrectedModel:
     """The Galerkin projection of the refined problem on coarse modes φ and their corrections −P⁻¹Q(λ)φ.
 
-    On what the coarse mesh does not hold, of frequencies far beyond those of the modes, Q(λ) is close to P = K − σM,
-    so that a correction is what a step of inverse iteration on the refined mesh would add. Right and left modes are
-    corrected: an eigenvalue's change is then right up to the product of two errors of corrections.
+    What the coarse mesh cannot represent vibrates at frequencies far above those of the modes, and there Q(λ) is close
+    to P = K − σM. So the correction is about what a step of inverse iteration on the refined mesh would add. Right and
+    left modes are corrected: the error of an eigenvalue's change is then the product of the errors of both corrections.
+
+    Parameters
+    ----------
+    refined : Refined
 
     Attributes
     ----------
     projected : Problem
-        With its terms collected by powers of the parameter.
+        The projection, with its terms collected by powers of the parameter.
     iterations : int
-        Of conjugate gradients, on blocks.
+        Steps of conjugate gradients that the corrections took, each on a block of right-hand sides.
+
+    Raises
+    ------
+    NotConvergedError
+        The conjugate gradients on the refined mesh do not settle.
     """
 
     def __init__(self, refined: Refined) -> None:
@@ -63,7 +75,7 @@ class CorrectedModel:
         self.projected = basis.restricted(W).collected()
 
     def _correct(self, basis: ReducedBasis, solver: TwoLevelSolver, value: float, modes: Modes) -> np.ndarray:
-        """Add the corrections of modes at a value; return (k,) which were so long that a second round is needed."""
+        """Add the corrections of modes at a value to the basis; return (k,) bool, which of them were long."""
         right, left = basis.residuals(value, modes)
         one_side = basis.pencil(value).problem_class == "symmetric"
         long = np.zeros(len(modes), dtype=bool)
@@ -77,12 +89,21 @@ class CorrectedModel:
         return long
 
     def coordinates(self, shapes: np.ndarray) -> np.ndarray:
-        """Return coarse modes, given in the coarse model's coordinates, in those of this one."""
+        """Return modes of the coarse mesh (r, k) in the coordinates of this model.
+
+        Parameters
+        ----------
+        shapes : (r_coarse, k) float or complex
+            The modes in the coordinates of `Refined.model`.
+        """
         return np.asarray(self._coordinates @ shapes)
 
 
 def _asked(basis: ReducedBasis, value: float, refined: Refined) -> Modes:
-    """Return the modes as far as the model of the mesh itself goes; of λ and −λ*, with equal shapes, one."""
+    """Return the modes up to the highest frequency of the coarse mesh's model.
+
+    Without damping λ and −λ* have the same shape, and only the one with Re λ ≥ 0 is returned.
+    """
     modes = basis.modes(value, refined.model.highest)
     if not basis.problem.is_damped:
         modes = modes.select(np.flatnonzero(modes.lam.real >= 0))
@@ -90,7 +111,7 @@ def _asked(basis: ReducedBasis, value: float, refined: Refined) -> Modes:
 
 
 def _wanted(basis: ReducedBasis, value: float, refined: Refined) -> Modes:
-    """Return those of them that are asked for, and a few above: the others stay as the mesh itself has them."""
+    """Return the modes up to `_ABOVE` times the highest frequency asked for: those that are to be corrected."""
     modes = _asked(basis, value, refined)
     return modes.select(np.flatnonzero(modes.lam.imag <= _ABOVE * refined.highest))
 
@@ -106,6 +127,6 @@ def _span(basis: ReducedBasis, refined: Refined, values: Sequence[float]) -> np.
 
 
 def _nearest(modes: Modes, lam: np.ndarray) -> Modes:
-    """Return the modes that are nearest to eigenvalues."""
+    """Return, of some modes, those whose eigenvalues are nearest to given ones."""
     distance = np.abs(modes.lam[None, :] - lam[:, None])
     return modes.select(np.unique(distance.argmin(axis=1)))

@@ -1,4 +1,4 @@
-"""Along which directions the axes of hexahedra run, and the error of the mesh by body and direction."""
+"""Names for the directions of the axes of hexahedra, and the error of the mesh by body and direction."""
 
 from __future__ import annotations
 
@@ -19,11 +19,10 @@ _CORNERS = 8
 
 
 def axis_names(assembly: Assembly) -> np.ndarray:
-    """Return (m, 3) along which direction each axis of each hexahedron runs.
+    """Return the direction (m, 3) str of each of the three axes of each hexahedron.
 
-    An axis of an element is named after the direction that it is closest to: "radial", "around" and "axial" about the
-    axis of a disc (z for a parametric brake, else that of the first contact that slides about one), "x", "y" and "z"
-    where nothing turns.
+    An axis is named after the direction that it is closest to: "radial", "around" or "axial" where a disc turns about
+    an axis (z for a parametric brake, else the axis of the first contact that has one), "x", "y" or "z" elsewhere.
     """
     mesh = assembly.loaded.mesh
     corners = mesh.p[:, mesh.t]  # (3, 8, m)
@@ -46,7 +45,7 @@ def axis_names(assembly: Assembly) -> np.ndarray:
 
 
 def _axis(assembly: Assembly) -> tuple[np.ndarray | None, np.ndarray]:
-    """Return the axis, a unit vector, and a point of it; None where nothing turns."""
+    """Return the axis of rotation as a unit vector and a point on it, m; None and the origin where nothing turns."""
     if isinstance(assembly.scene.mesh.geometry, DiscPad):
         return np.array([0.0, 0.0, 1.0]), np.zeros(3)
     for contact in assembly.scene.contacts:
@@ -57,9 +56,11 @@ def _axis(assembly: Assembly) -> tuple[np.ndarray | None, np.ndarray]:
 
 
 def split_dataframe(split: Split, assembly: Assembly) -> pd.DataFrame:
-    """Return the parts of each change by body and direction: `COLUMNS`, a row each; parts add up to the change.
+    """Return the changes of the quantities, split by body and direction, with the columns `COLUMNS`.
 
-    `change` and `part` are in units of the quantity (1/s for Re λ and Im λ), `scale` is what they count relative to.
+    A row is the part of one quantity's change that one body and direction adds; the parts of a quantity add up to its
+    `change`. `change`, `scale` and `part` are in units of the quantity: rad/s for Im λ, 1/s for Re λ, the parameter's
+    for onsets. Relative errors are meant relative to `scale`.
     """
     import pandas as pd
 

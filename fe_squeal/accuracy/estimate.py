@@ -20,13 +20,14 @@ from .bars import BARS, bar_of, bent_change, enveloped, extrapolated, mirrored
 from .corrected import CorrectedModel
 from .refined import Refined, refine_problem
 
-# Times the change from the mesh to the one refined once, see `bars`: EXTRAPOLATED is in the middle of where the error
-# lies, and UNSURE is how far from the middle it may be.
+# Times the change by refining the mesh once. The error is between 1 and 2 times this change, see `bars`. EXTRAPOLATED
+# is about the middle of this range, and UNSURE how far from it the error may be.
 EXTRAPOLATED, UNSURE = 1.4, 0.4
 COMPARED = 0.8  # of the highest frequency: modes above may leave the range on another mesh, and are not compared
-SMALLEST = 0.1  # of the sweep: errors of onsets at smaller values are relative to this
-# Onsets on two meshes are paired by the least distance. A move by _FAR of the sweep, or of the frequency, counts one,
-# as much as another pair of branches does; from _LOST on they are different onsets.
+SMALLEST = 0.1  # of the interval of the sweep: errors of onsets at smaller values are relative to this
+# An onset on one mesh and one on the other are paired where the sum of these costs is least: the move of the value over
+# _FAR times the interval, the move of the frequency over _FAR times the frequency, and 1 if the branches are others.
+# From a cost of _LOST on they are taken for different onsets.
 _FAR = 0.2
 _LOST = 2.0
 
@@ -37,14 +38,15 @@ class Changes:
 
     Attributes
     ----------
-    modes : tuple of (k,) complex
-        Of λ, rad/s, of every mode at every value; NaN where it is not found again.
+    modes : tuple of (k,) complex, rad/s
+        For every value of the sweep the change of λ of each mode; NaN where the mode is not found again.
     onsets : tuple of float
-        Of the value of every onset; NaN where it is not found again.
+        For every onset the change of its value; NaN where the onset is not found again.
     spectra : tuple of (lam (m,), refined (m,), modes (k,) int)
-        All modes that are known on both meshes, rad/s, and which of them the modes are; see `bent_change`.
+        For every value of the sweep the eigenvalues, rad/s, of all modes of the model of the mesh, the same modes on
+        the refined mesh, and the positions in these of the k modes of the sweep. `bent_change` needs them all.
     appeared : tuple of Onset
-        Onsets in the range that the refined mesh alone has, with branch 0, since it has none on this mesh.
+        Onsets in the interval that only the refined mesh has. Their branch is 0: no branch of the sweep has them.
     """
 
     modes: tuple[np.ndarray, ...]
@@ -56,25 +58,31 @@ class Changes:
 def with_discretisation(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Sweep:
     """Return a sweep with the error of the mesh on all modes and onsets, by the rules of `bars`.
 
-    An onset that the refined mesh does not have, and one that it alone has, are listed with an infinite error.
+    `discretisation` of each point (k,) complex holds the bars of Re λ and Im λ, rad/s, that of each onset the bar of
+    its value; `extrapolated` holds the likely values for an infinitely fine mesh. An onset that only one of the mesh
+    and the refined mesh has is listed with an infinite error.
 
     Parameters
     ----------
+    result : Sweep
+        Of a problem that was assembled from a mesh.
     linear_solver : LinearSolver or str
-        As of `sweep`.
+        As for `sweep`.
 
     Raises
     ------
     SceneError
         The problem has no mesh.
+    TooLargeError
+        The refined mesh does not fit into memory.
     NotConvergedError
-        The corrections are not found.
+        The modes on the refined mesh are not found, or the mixed formulation has functions that it does not have.
     """
     return with_changes(result, refined_changes(result, linear_solver))
 
 
 def with_changes(result: Sweep, changes: Changes) -> Sweep:
-    """Return the same from changes that are known already."""
+    """Return a sweep with the error of the mesh, see `with_discretisation`, from changes that are known already."""
     order = result.problem.source.space.order if isinstance(result.problem.source, Assembly) else 2
     bars = []
     for point, change, (lam, refined, modes) in zip(result.points, changes.modes, changes.spectra, strict=True):
@@ -113,7 +121,10 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
 def _extrapolated(
     point: SweepPoint, lam: np.ndarray, refined: np.ndarray, modes: np.ndarray, is_damped: bool
 ) -> np.ndarray:
-    """Return the λ (k,) that the modes of a point are likely to tend to; no growth where neither mesh has any."""
+    """Return the λ (k,) complex, rad/s, that the modes of a point are likely to have on an infinitely fine mesh.
+
+    Re λ is zero there if the problem is undamped and Re λ is zero on both meshes up to rounding.
+    """
     found = point.modes.lam + (extrapolated(lam, refined, EXTRAPOLATED) - lam)[modes]
     uncertain = point.modes.re_uncertainty
     still = (np.abs(point.modes.lam.real) <= uncertain) & (np.abs((refined - lam)[modes].real) <= uncertain)
@@ -121,14 +132,24 @@ def _extrapolated(
 
 
 def _told(onset: Onset, name: str) -> str:
+    """Return which onset it is, in words; `name` is that of the parameter."""
     return f"{name} = {onset.value:.6g}, {onset.frequency_hz:.5g} Hz, {onset.direction} instability"
 
 
 def near_onsets(point: SweepPoint, bar: np.ndarray, onsets: Sequence[Onset]) -> np.ndarray:
-    """Return bars (k,) complex that know of onsets which may lie on the other side of a point, for all their error.
+    """Return the bars (k,) complex, rad/s, widened where an onset may lie on the other side of the point.
 
-    Within its error of an onset a mode may grow, or not, by c √(distance + error); by c (distance + error) where one
-    mode crosses alone. c is the crossing speed.
+    If the distance d of the point from the onset is less than the error e of the onset, its modes may be stable or
+    unstable. Their growth rate is then uncertain by c √(d + e) where two modes meet, and by c (d + e) where one mode
+    crosses alone; c is the crossing speed of the onset.
+
+    Parameters
+    ----------
+    point : SweepPoint
+    bar : (k,) complex, rad/s
+        The bars of its modes, of Re λ and of Im λ.
+    onsets : sequence of Onset
+        With the error of the mesh.
     """
     wide = bar.copy()
     for onset in onsets:
@@ -143,30 +164,19 @@ def near_onsets(point: SweepPoint, bar: np.ndarray, onsets: Sequence[Onset]) -> 
 
 
 def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Changes:
-    """Return how the modes and onsets of a sweep change where every element is cut into eight.
+    """Return how the modes and onsets of a sweep change if every element is cut into eight.
 
     The modes are corrected on the refined mesh, see `CorrectedModel`, and followed over the same sweep. Where the
-    parameter changes matrices (under preload) both meshes take matrices that are quadratic in it.
+    parameter changes the matrices themselves, not only their coefficients (μ under preload), the matrices of both
+    meshes are interpolated quadratically in it.
 
-    Parameters
-    ----------
-    linear_solver : LinearSolver or str
-        As of `sweep`.
-
-    Raises
-    ------
-    SceneError
-        The problem has no mesh.
-    NotConvergedError
-        The corrections are not found.
-    TooLargeError
-        The refined mesh does not fit into memory.
+    Parameters and errors raised are those of `with_discretisation`.
     """
     return changes_by(result, refine_problem(result, linear_solver), linear_solver)
 
 
 def changes_by(result: Sweep, refined: Refined, linear_solver: LinearSolver | str = "auto") -> Changes:
-    """Return the same where the problem on the refined mesh is there already."""
+    """Return the changes of `refined_changes` where the problem on the refined mesh is assembled already."""
     parameter, values, model = result.parameter, refined.values, refined.model
     corrected = CorrectedModel(refined)
     first: dict[int, int] | None = None
@@ -189,7 +199,7 @@ def changes_by(result: Sweep, refined: Refined, linear_solver: LinearSolver | st
             found[j].value - onset.value if j is not None else np.nan
             for onset, j in zip(result.onsets, paired, strict=True)
         ]
-        # Beyond, modes may leave the range on another mesh.
+        # Modes near the highest frequency may be in the range of one mesh alone, and so may their onsets: not reported.
         top = min(float(p.modes.frequency_hz.max(initial=0.0)) for p in result.points)
         appeared = [
             replace(o, parameter=parameter, branch_a=0, branch_b=None, two_mode_value=np.nan, discretisation=np.inf)
@@ -199,7 +209,7 @@ def changes_by(result: Sweep, refined: Refined, linear_solver: LinearSolver | st
 
 
 def _same(corrected: CorrectedModel, before: Modes, now: Modes) -> dict[int, int]:
-    """Return which corrected mode belongs to each mode, by shape and eigenvalue together."""
+    """Return the position of the corrected mode by that of the mode it belongs to, by shape and eigenvalue."""
     lifted = replace(before, right=corrected.coordinates(before.right), left=None)
     origin = match_modes(lifted, now, corrected.projected.mass).origin
     return {int(i): j for j, i in enumerate(origin) if i >= 0}
@@ -208,7 +218,10 @@ def _same(corrected: CorrectedModel, before: Modes, now: Modes) -> dict[int, int
 def _changes(
     point: SweepPoint, before: Modes, now: Modes, same: dict[int, int]
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return the changes (k,) of the modes of a point, each of which is the nearest of `before`, and the spectra."""
+    """Return the changes (k,) complex of the modes of a point, and the entry of `Changes.spectra`.
+
+    Each mode of the point is identified with one of `before`, the modes of the reduced model, by its eigenvalue.
+    """
     refined = np.full(len(before), np.nan * (1 + 1j))
     for i, j in same.items():
         refined[i] = now.lam[j]
@@ -221,12 +234,15 @@ def _changes(
 def pair_onsets(
     onsets: Sequence[Onset], found: Sequence[Onset], same: Mapping[int, int], width: float
 ) -> list[int | None]:
-    """Return for each onset which of others it is, or None: by kind, direction, branches, value and frequency.
+    """Return for each onset the position in `found` of the same onset, or None: by kind, branches, value and frequency.
 
     Parameters
     ----------
-    same : mapping
-        Which mode at the first value belongs to each mode; the branches are named after these.
+    onsets, found : sequence of Onset
+        On two meshes.
+    same : mapping of int to int
+        The position of each mode at the first value of the sweep among those on the other mesh. Branches are numbered
+        by the modes at the first value, from 1 on.
     width : float
         Of the interval of the parameter.
     """

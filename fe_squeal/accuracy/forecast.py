@@ -1,4 +1,4 @@
-"""What a study will take, before it starts, and in which order its settings tell most for their time."""
+"""Forecast unknowns and seconds of a study before it starts, and put its settings into a useful order."""
 
 from __future__ import annotations
 
@@ -13,27 +13,29 @@ from ..fem.spaces import make_space
 from ..scene import Scene
 from .settings import Setting, own_setting
 
-# Of a reduced sweep, measured on two cores: what a process takes to start, and per unknown at 40 modes.
+# Seconds of a reduced sweep, measured on two cores: for a process to start, and for each unknown at 40 modes.
 _START, _PER_UNKNOWN = 2.0, 3e-4  # s
-_METHODS = {"reduced": 1.0, "modal": 0.6, "direct": 4.0}  # times as long
-_ESTIMATE = 3.0  # times the rest: what refining the mesh once takes beside it
-_GROWTH, _POWERS = 0.8, (0.2, 1.5)  # power of the work with which times grow, until the study's own tell; limits
-# What a setting tells: the reference comes from those whose mesh is refined, rates from meshes of both orders; the rest
-# compares methods, and tolerances looser than the scene's, on one mesh.
+_METHODS = {"reduced": 1.0, "modal": 0.6, "direct": 4.0}  # times the seconds of a reduced sweep
+_ESTIMATE = 3.0  # times the seconds of the sweep: what the estimate of the mesh's error takes in addition
+_GROWTH = 0.8  # power of the forecast work by which times grow, until two measured times of the study give it
+_POWERS = (0.2, 1.5)  # limits of the power that measured times give
+# Weights of what is learned from a setting, chosen. Most is learned where the mesh is refined too, since the reference
+# comes from there; next from other meshes, which show the rates; the rest compares, on one mesh, the methods and the
+# tolerances looser than the scene's.
 _REFERENCE, _MESH, _LOOSER = 4.0, 2.0, 0.25
 _OTHER_METHODS = {"direct": 1.0, "modal": 0.5}
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """Unknowns and seconds of settings, as far as the mesh and what is measured already tell.
+    """Forecasts the unknowns and the seconds of settings, from the scene's own mesh and what was measured so far.
 
     Attributes
     ----------
     nodes : mapping of order to int
-        Of the scene's own mesh.
+        Number of nodes that the scene's own mesh has with elements of order 1 and 2.
     size : float, m
-        Of its elements.
+        Length of the elements of this mesh.
     """
 
     nodes: dict[int, int]
@@ -44,19 +46,22 @@ class Forecast:
         return int(3 * self.nodes[setting.order] * (self.size / setting.size) ** 3)
 
     def work(self, setting: Setting) -> float:
-        """Return about how long it takes, in seconds, from experience with other scenes."""
+        """Return about how many seconds a setting takes, from times of other scenes alone."""
         times = _METHODS[setting.method] * (1 + _ESTIMATE if setting.estimated else 1.0) * (setting.modes + 20) / 60
         return _START + _PER_UNKNOWN * self.unknowns(setting) * times
 
     def seconds(self, setting: Setting, done: Sequence[tuple[Setting, float]]) -> float:
-        """Return about how long it takes here: from the dearest of the same order, by the growth up to there.
+        """Return about how many seconds a setting takes, from the times that this study has measured already.
 
-        What starting a process takes is the same for all, and so the first few say little about how times grow.
+        The time of the longest measured setting of the same order is scaled by (work/its work)^power. The power comes
+        from the shortest and the longest setting if their work differs by more than a factor of two; with less, the
+        time to start a process, the same for all, would hide it.
 
         Parameters
         ----------
-        done : sequence of (Setting, s)
-            What was measured so far.
+        setting : Setting
+        done : sequence of (Setting, float)
+            The settings measured so far, and the seconds that each took.
         """
         like = sorted((self.work(s), t) for s, t in done if s.order == setting.order)
         if not like:
@@ -75,13 +80,17 @@ def forecast_of(scene: Scene) -> Forecast:
     Raises
     ------
     MeshError
+        The mesh cannot be read, or is not valid.
     """
     loaded = read_mesh(scene)
     return Forecast({k: make_space(loaded.mesh, k, []).nodes for k in (1, 2)}, own_setting(scene, loaded).size)
 
 
 def by_information(settings: Sequence[Setting], forecast: Forecast) -> list[Setting]:
-    """Return the settings in the order of what they tell for the second; the next of a kind tells less."""
+    """Return the settings in the order in which they are to be run: most information for each second first.
+
+    The n-th setting of a kind (same method, order and use) counts 1/n of the first, so that kinds alternate.
+    """
     tightest = min(s.tolerance for s in settings)
 
     def kind(s: Setting) -> tuple[str, int, bool]:

@@ -1,4 +1,4 @@
-"""One setting of a study, in a process of its own: what comes out, and what it costs."""
+"""Solve one setting of a study in a process of its own: its modes and onsets, and the time and memory it takes."""
 
 from __future__ import annotations
 
@@ -26,28 +26,34 @@ from .estimate import Changes, refined_changes
 from .settings import Setting, scene_at
 
 _PROBES = 200  # points at which shapes on different meshes are compared
-_NEAREST = 4  # nodes from which the displacement of a point is taken
+_NEAREST = 4  # nodes from which the displacement of a point is interpolated
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """What a setting gives and costs.
+    """The results of a setting and what they cost.
 
     Attributes
     ----------
     unknowns : int
-    seconds : mapping of stage to s
-    peak_memory_mib : float
+        Of the problem.
+    seconds : mapping of str to float, s
+        By stage: "mesh", "assembly", those of the sweep, and "estimate".
+    peak_memory_mib : float, MiB
+        The largest memory that the process had before the estimate; NaN where the system does not tell.
     values : (m,) float
+        Values of the swept parameter.
     lam : (m, k) complex, rad/s
-        NaN behind the last mode.
+        The eigenvalues at each value; rows with fewer than k modes are filled up with NaN.
     first, last : (3 p, k) complex
-        Shapes at the probes, at the first and the last value.
+        Displacements of the modes at the p probes, at the first and at the last value.
     onsets : (o, 6) float
-        Value, frequency in Hz, whether it is flutter, whether into instability, branches a and b (NaN for none).
+        A row for each onset: value, frequency in Hz, 1 for flutter, 1 for an onset into instability, the branches a and
+        b (NaN where there is one alone).
     changes : (m, k) complex, rad/s
-        What refining the mesh once changes; empty where that was not asked for.
+        Change of each eigenvalue when the mesh is refined once; empty where that was not asked for or did not succeed.
     onset_changes : (o,) float
+        Change of the value of each onset when the mesh is refined once.
     """
 
     unknowns: int
@@ -63,25 +69,34 @@ class Measurement:
 
     @property
     def total(self) -> float:
-        """Seconds in all, without the estimate."""
+        """Seconds of all stages but the estimate."""
         return sum(t for stage, t in self.seconds.items() if stage != "estimate")
 
 
 def measure(
     scene: Scene, setting: Setting, probes: np.ndarray | None, estimate: bool
 ) -> tuple[Measurement, np.ndarray]:
-    """Solve a scene at a setting.
+    """Solve a scene at a setting, in this process.
 
     Parameters
     ----------
+    scene : Scene
+    setting : Setting
     probes : (p, 4) float, optional
-        Number of the body and position, m; chosen here where there are none.
+        Points at which shapes are stored: the number of the body, and the position in m. Without them they are chosen.
     estimate : bool
-        Look what refining the mesh changes, too, if that fits into memory.
+        Also find what refining the mesh once changes. If that does not fit into memory or does not converge, the
+        measurement is returned without it.
 
     Returns
     -------
-    Measurement, probes
+    Measurement
+    probes : (p, 4) float
+
+    Raises
+    ------
+    SquealError
+        The mesh cannot be made, or the modes are not found.
     """
     clock = time.perf_counter()
     changed, loaded = scene_at(scene, setting)
@@ -132,12 +147,19 @@ def measure(
 def measure_apart(
     scene: Scene, setting: Setting, probes: np.ndarray | None, estimate: bool, seconds: float | None
 ) -> tuple[Measurement, np.ndarray] | None:
-    """Do the same in a new process, whose memory is its own; None where that takes longer than the seconds given.
+    """Do what `measure` does in a new process, so that its peak of memory is that of this setting alone.
+
+    Parameters
+    ----------
+    seconds : float, s, optional
+        After so long the process is ended, and None is returned.
 
     Raises
     ------
     SquealError
-        What the process raised.
+        The error that `measure` raised in the process.
+    NotConvergedError
+        The process was killed or ran out of memory.
     """
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe(duplex=False)
@@ -158,13 +180,11 @@ def measure_apart(
         here.close()
     if isinstance(found, SquealError):
         raise found
-    kind, probes = Measurement(**found[0]), found[1]
-    return kind, probes
+    plain, chosen = found
+    return Measurement(**plain), chosen
 
 
-def _child(
-    pipe: Connection, scene: Scene, setting: Setting, probes: np.ndarray | None, estimate: bool
-) -> None:
+def _child(pipe: Connection, scene: Scene, setting: Setting, probes: np.ndarray | None, estimate: bool) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to both; the parent ends this process
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
@@ -175,7 +195,7 @@ def _child(
 
 
 def _end_with_parent() -> None:
-    """End this process when the one that wants its result has been killed."""
+    """End this process when the parent, which waits for its result, has been killed."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()
@@ -183,7 +203,7 @@ def _end_with_parent() -> None:
 
 
 def _choose(assembly: Assembly) -> np.ndarray:
-    """Return probes at nodes of every body, as many as its share of all nodes."""
+    """Return probes (p, 4), see `measure`: random nodes of every body, in proportion to its number of nodes."""
     rng = np.random.default_rng(11)
     nodes = _nodes(assembly)
     total = sum(len(n) for n in nodes)
@@ -195,6 +215,7 @@ def _choose(assembly: Assembly) -> np.ndarray:
 
 
 def _nodes(assembly: Assembly) -> list[np.ndarray]:
+    """Return the numbers of the nodes of each body."""
     return [np.unique(assembly.space.dofs.element_dofs[:, elements]) for elements in assembly.bodies.values()]
 
 
@@ -217,6 +238,7 @@ def _at(assembly: Assembly, probes: np.ndarray) -> sp.csr_array:
 
 
 def _padded(rows: list[np.ndarray]) -> np.ndarray:
+    """Return complex rows of different lengths as one array, filled up with NaN."""
     out = np.full((len(rows), max((len(r) for r in rows), default=0)), np.nan * (1 + 1j))
     for i, row in enumerate(rows):
         out[i, : len(row)] = row

@@ -16,25 +16,27 @@ from .refined import Refined
 from .shares import shares
 
 KINDS = ("frequencies", "growth", "onsets")
-_STEP = 1e-4  # of the sweep: how far apart the values are that ∂Q/∂p is formed from
-_ROUNDED = 1e-6
-_SLOW = 0.02  # of the fastest growth rate: modes that grow more slowly are not looked at by themselves
+_STEP = 1e-4  # of the interval of the sweep: the step of the difference quotient for ∂Q/∂p
+_ROUNDED = 1e-6  # of a frequency: a mode above the highest one by less than this is the same mode, up to rounding
+_SLOW = 0.02  # of the fastest growth rate: growth slower than this is not a quantity whose change is asked for
 
 
 @dataclass(frozen=True)
 class Split:
-    """Changes by refinement of the quantities of a sweep, and their parts.
+    """The changes of q quantities of a sweep by refining the mesh, split by element and axis.
 
     Attributes
     ----------
     names : tuple of str
-        Such as "growth at mu = 0.7, 2705 Hz".
+        What each quantity is, such as "growth of 2705 Hz at mu = 0.7".
     kinds : tuple of str
-        Of `KINDS`.
+        One of `KINDS` for each quantity.
     scales : (q,) float
-        What the changes are relative to: the frequency, the largest growth rate, the critical value.
+        What the change of each quantity is relative to: the frequency (rad/s), the largest growth rate (1/s), or the
+        critical value (in the unit of the parameter).
     parts : (q, m, a) float
-        Of each quantity's change, by element and its axes (three of a hexahedron, one of a tetrahedron).
+        What element j adds along its axis i to the change of each quantity, in the unit of its scale. Hexahedra have
+        three axes; tetrahedra have a = 1, since they have no axes to tell apart.
     """
 
     names: tuple[str, ...]
@@ -44,16 +46,16 @@ class Split:
 
     @property
     def changes(self) -> np.ndarray:
-        """(q,) what refinement changes in all, to first order."""
+        """The change (q,) of each quantity by refinement, to first order: the sum of its parts."""
         return np.asarray(self.parts.sum(axis=(1, 2)))
 
     @property
     def relative(self) -> np.ndarray:
-        """(q, m, a) the parts relative to the scales."""
+        """The parts (q, m, a) over the scales of their quantities."""
         return np.asarray(self.parts / self.scales[:, None, None])
 
     def of(self, kinds: Sequence[str]) -> Split:
-        """Return that of some kinds alone."""
+        """Return the same for the quantities of some kinds alone."""
         keep = [i for i, kind in enumerate(self.kinds) if kind in kinds]
         pick = tuple(self.names[i] for i in keep), tuple(self.kinds[i] for i in keep)
         return Split(*pick, self.scales[keep], self.parts[keep])
@@ -61,7 +63,7 @@ class Split:
 
 @dataclass(frozen=True)
 class _Asked:
-    """One quantity: the real part of a factor times ρᴴz of a mode, a column of all that are looked at."""
+    """One quantity: its change is Re(factor ρᴴz), with ρ and z of `shares` at `column` of the blocks that hold them."""
 
     name: str
     kind: str
@@ -71,13 +73,14 @@ class _Asked:
 
 
 def split_changes(result: Sweep, refined: Refined) -> Split:
-    """Return the first-order changes of frequencies and growth at both ends of the sweep and of onsets, by parts.
+    """Return the first-order changes of frequencies and growth at both ends of the sweep, and of onsets, by parts.
 
     Parameters
     ----------
     result : Sweep
+        On the mesh itself.
     refined : Refined
-        Of this sweep, see `refine_problem`.
+        The problem of this sweep on the refined mesh, see `refine_problem`.
 
     Raises
     ------
@@ -113,7 +116,7 @@ def split_changes(result: Sweep, refined: Refined) -> Split:
 
 
 def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: Sequence[Onset]) -> list[_Asked]:
-    """Return what is looked at at a value: frequencies and growth at the ends of the sweep, and onsets."""
+    """Return the quantities that modes at one value give: frequencies and growth at an end of the sweep, and onsets."""
     fastest = max(float(p.modes.lam.real.max(initial=0.0)) for p in result.points)
     width = float(np.ptp(refined.values))
     assert modes.left is not None
@@ -137,7 +140,8 @@ def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: 
         for onset in onsets:
             k = int(np.argmin(np.abs(modes.lam.imag - 2 * np.pi * onset.frequency_hz)))
             met = onset.branch_b is not None and not refined.problem.is_damped
-            # Two modes meet: ψᴴ(δQ + ∂Q/∂p δp)φ = 0. One crosses alone: Re(δλ + ∂λ/∂p δp) = 0.
+            # The change δp of the critical value. Where two modes meet, λ is defective, and ψᴴ(δQ + ∂Q/∂p δp)φ = 0.
+            # Where one mode crosses the imaginary axis alone, Re(δλ + ∂λ/∂p δp) = 0.
             factor = 1 / rate[k] if met else (1 / turn[k]) / (rate[k] / turn[k]).real
             told = f"onset{name}, {onset.frequency_hz:.5g} Hz"
             asked.append(_Asked(told, "onsets", max(abs(onset.value), SMALLEST * width), k, factor))
@@ -145,12 +149,12 @@ def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: 
 
 
 def _swinging(modes: Modes, is_damped: bool) -> Modes:
-    """Return the modes with Im λ > 0; without damping of λ and −λ*, whose errors are alike, the one that grows."""
+    """Return the modes with Im λ > 0; without damping λ and −λ* have equal errors: only that with Re λ ≥ 0 is kept."""
     return modes.select(np.flatnonzero((modes.lam.imag > 0) & (is_damped | (modes.lam.real >= 0))))
 
 
 def _by_parameter(refined: Refined, value: float, modes: Modes, width: float) -> np.ndarray:
-    """Return ψᴴ ∂Q/∂p φ (k,) of modes of the model."""
+    """Return ψᴴ ∂Q/∂p φ (k,) of the modes, p being the swept parameter, by a central difference."""
     h = _STEP * width
     high, low = (refined.model.basis.pencil(value + s * h).apply(modes.lam, modes.right) for s in (0.5, -0.5))
     assert modes.left is not None
@@ -158,7 +162,7 @@ def _by_parameter(refined: Refined, value: float, modes: Modes, width: float) ->
 
 
 def _residuals(refined: Refined, value: float, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
-    """Return Q(λ)φ and Q(λ)ᴴψ (n_fine, k) of modes of the mesh itself on the refined one."""
+    """Return r = Q(λ)φ and ρ = Q(λ)ᴴψ, both (n_fine, k): residuals on the refined mesh of modes of the mesh itself."""
     assert modes.left is not None
     V, E = refined.model.basis.V, refined.prolongation
     pencil = refined.problem.pencil({refined.parameter: value})

@@ -1,4 +1,4 @@
-"""Errors of one result against another on a finer mesh: modes are paired by shape, not by number."""
+"""Errors of one result against a reference from a finer mesh: modes are paired by shape, not by number."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from ..sweep.onset import Onset
 from .estimate import COMPARED, EXTRAPOLATED, SMALLEST, UNSURE, pair_onsets
 from .measure import Measurement
 
-_FREQUENCY = 0.1  # relative change of an eigenvalue that weighs half as much as a wholly different shape
+# The cost of taking two modes for the same is (1 − MAC) + x/(1 + x), x = |λ₁ − λ₂| / (_FREQUENCY |λ₁|). Both summands
+# are between 0 and 1; from a cost of _NO_MATCH on they are different modes.
+_FREQUENCY = 0.1
 _NO_MATCH = 1.5
 
 
@@ -22,14 +24,15 @@ class Reference:
     Attributes
     ----------
     shapes, last_shapes : (3 p, k) complex
-        At the first and the last value.
+        Displacements of the modes at the p probes, at the first and at the last value.
     lam, last : (k,) complex, rad/s
+        Eigenvalues of these modes, at the first and at the last value.
     onsets : (o, 6) float
-        As in `Measurement`.
+        The onsets, as in `Measurement`.
     width : float
-        Of the sweep.
+        Length of the interval that the parameter is swept over.
     uncertainty : Errors
-        Its own, as far as known.
+        The errors of the reference itself; NaN where they are not known.
     """
 
     shapes: np.ndarray
@@ -43,18 +46,18 @@ class Reference:
 
 @dataclass(frozen=True)
 class Errors:
-    """Relative errors; NaN where there is nothing to compare.
+    """The largest relative errors of a result; NaN where there is nothing to compare.
 
     Attributes
     ----------
     frequency : float
-        The largest of a mode at the first value, over the modes up to 0.8 of the highest frequency; 1 for a mode that
-        is not found.
+        Of the frequencies at the first value of the sweep, for all modes up to 0.8 of the highest frequency. A mode
+        that is not found counts as an error of 1.
     growth : float
-        The largest of Re λ at the last value, over the modes that are unstable, relative to the largest Re λ.
+        Of Re λ at the last value, for the unstable modes, relative to the largest Re λ.
     onset : float
-        The largest of a critical value, relative to itself (to a tenth of the sweep where it is less); 1 for one that
-        is not found.
+        Of the critical values, relative to the value or to a tenth of the interval of the sweep, whichever is larger.
+        An onset that is not found counts as an error of 1.
     """
 
     frequency: float = np.nan
@@ -63,29 +66,38 @@ class Errors:
 
 
 def as_reference(m: Measurement) -> Reference:
-    """Return a result as what others are compared with, as it is."""
+    """Return a result, unchanged, as the reference that others are compared with."""
     k, last = (int(np.isfinite(m.lam[i]).sum()) for i in (0, -1))
     return Reference(m.first, m.last, m.lam[0, :k], m.lam[-1, :last], m.onsets, float(np.ptp(m.values)), Errors())
 
 
 def reference_of(m: Measurement) -> Reference:
-    """Return the extrapolation of a result by what refining its mesh once changes, with its uncertainty.
+    """Return a reference with its uncertainty: a result, extrapolated by what refining its mesh once changes.
 
-    The change is between half and 15/16 of the error, see `bars`; the middle is taken.
+    The change is between 1/2 and 15/16 of the error, see `bars`, so the reference is `EXTRAPOLATED` times the change
+    away. Without changes the result itself is the reference.
     """
     if not len(m.changes):
         return as_reference(m)
     onsets = m.onsets.copy()
     onsets[:, 0] += EXTRAPOLATED * np.nan_to_num(m.onset_changes)
     reference = as_reference(replace(m, lam=m.lam + EXTRAPOLATED * np.nan_to_num(m.changes), onsets=onsets))
-    unsure = UNSURE / EXTRAPOLATED  # of the way from the result to the reference
+    unsure = UNSURE / EXTRAPOLATED  # the uncertainty, as a part of the distance between the result and the reference
     errors = errors_of(m, reference)
     own = Errors(*(unsure * e for e in (errors.frequency, errors.growth, errors.onset)))
     return replace(reference, uncertainty=own)
 
 
 def with_exact(reference: Reference, frequencies: np.ndarray) -> Reference:
-    """Return a reference of which the lowest modes, by rank, have exact frequencies, Hz: only the others are unsure."""
+    """Return a reference whose lowest modes have frequencies that are known exactly.
+
+    Parameters
+    ----------
+    reference : Reference
+    frequencies : (f,) float, Hz
+        The exact frequencies of the f lowest modes, ascending. If they include all modes that are compared, the
+        uncertainty of the reference's frequencies is zero.
+    """
     order = np.argsort(reference.lam.imag)[: len(frequencies)]
     lam = reference.lam.astype(complex)
     lam[order] = 2j * np.pi * frequencies[: len(order)]
@@ -96,7 +108,7 @@ def with_exact(reference: Reference, frequencies: np.ndarray) -> Reference:
 
 
 def errors_of(m: Measurement, reference: Reference) -> Errors:
-    """Return the errors of a result."""
+    """Return the errors of a result against a reference."""
     k, last = (int(np.isfinite(m.lam[i]).sum()) for i in (0, -1))
     same = same_modes(reference.shapes, reference.lam, m.first, m.lam[0, :k])
     limit = COMPARED * float(reference.lam.imag.max(initial=0.0))
@@ -110,7 +122,15 @@ def errors_of(m: Measurement, reference: Reference) -> Errors:
 
 
 def same_modes(shapes: np.ndarray, lam: np.ndarray, others: np.ndarray, found: np.ndarray) -> dict[int, int]:
-    """Return which of other modes is each mode, by the MAC of displacements at the same points, and the eigenvalue."""
+    """Return, by the position of a mode, the position of the same mode in another result, by shape and eigenvalue.
+
+    Parameters
+    ----------
+    shapes, others : (3 p, k) and (3 p, l) complex
+        Displacements of the modes of both results at the same p points, for the modal assurance criterion (MAC).
+    lam, found : (k,) and (l,) complex, rad/s
+        Their eigenvalues.
+    """
     size = np.sqrt(np.outer((np.abs(shapes) ** 2).sum(axis=0), (np.abs(others) ** 2).sum(axis=0)))
     mac = (np.abs(shapes.conj().T @ others) / np.maximum(size, np.finfo(float).tiny)) ** 2
     distance = np.abs(lam[:, None] - found[None, :])
@@ -132,7 +152,8 @@ def _growth_error(m: Measurement, k: int, reference: Reference, limit: float) ->
         return 1.0
     same = same_modes(reference.last_shapes, true, m.last, found)
     errors = [abs(found[same[i]].real - true[i].real) if i in same else true[i].real for i in growing]
-    errors += [found[j].real for j in extra - {same[i] for i in growing if i in same}]  # should not grow
+    # Modes that grow here and do not in the reference: their whole growth rate is an error.
+    errors += [found[j].real for j in extra - {same[i] for i in growing if i in same}]
     return float(max(errors) / largest)
 
 

@@ -1,4 +1,4 @@
-"""A sweep's problem on its mesh with every element cut into eight, and what carries functions over."""
+"""The problem of a sweep on its mesh with every element cut into eight, and the prolongation between the two meshes."""
 
 from __future__ import annotations
 
@@ -22,33 +22,36 @@ from ..sweep.result import Sweep
 from .two_level import TwoLevelSolver, prolongation
 
 _VALUE = "value"
-_CHILDREN = 8  # elements into which one is cut, and about as many times the unknowns
-_COPIES = 4  # of the refined matrices: those of the terms, and their sums
-_VECTORS = 24  # on the refined mesh for each mode, besides the coarse basis and a copy of it: those of the corrections
-_BASIS = 10  # vectors for each mode that a coarse basis is taken to have where there is none yet
+_CHILDREN = 8  # elements that replace one; the refined problem has about as many times the unknowns
+_COPIES = 4  # copies of M, C and K on the refined mesh that memory is counted for: the terms, and their sums
+_VECTORS = 24  # vectors on the refined mesh that the corrections of one mode take
+_BASIS = 10  # vectors in the coarse basis for each mode, where the sweep has made no basis yet
 
 
 @dataclass(frozen=True)
 class Refined:
-    """The problem of a sweep on the refined mesh.
+    """The problem of a sweep on the refined mesh, beside that on the mesh itself.
 
     Attributes
     ----------
     coarse, fine : Assembly
+        On the mesh itself and on the refined one.
     problem : Problem
         On the refined mesh, its terms collected by powers of the parameter.
     model : ReducedModel
         Of the problem on the mesh itself.
     parameter : str
-        That of the sweep; where it has one value, one that nothing depends on.
+        The parameter of the sweep. If the sweep has a single value, a parameter that nothing depends on stands in.
     values : (m,) float
-        Of that parameter.
+        Values of the parameter.
     highest : float, rad/s
-        Of the modes that were asked for.
+        The highest frequency of the modes that were asked for.
     prolongation : (n_fine, n_coarse) sparse
+        Writes a displacement on the mesh itself as one on the refined mesh.
     metric : list of float
-        Coefficients of the terms in P = K − σM, the part of Q(λ) without friction and damping.
-    P : (n_fine, n_fine) sparse
+        Coefficients of the terms of `problem` whose sum is P.
+    P : (n_fine, n_fine) sparse, symmetric positive definite
+        K − σM on the refined mesh with σ below all θ: the part of Q(λ) without friction and damping.
     solver : TwoLevelSolver
         Applies P⁻¹.
     """
@@ -69,12 +72,15 @@ class Refined:
 def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Refined:
     """Assemble the problem of a sweep on its mesh with every element cut into eight.
 
-    Where the parameter changes matrices (under preload) both meshes take matrices that are quadratic in it.
+    Where the parameter changes the matrices themselves, not only their coefficients (μ under preload), the matrices of
+    both meshes are interpolated quadratically in it.
 
     Parameters
     ----------
+    result : Sweep
+        Of a problem that was assembled from a mesh.
     linear_solver : LinearSolver or str
-        As of `sweep`.
+        As for `sweep`.
 
     Raises
     ------
@@ -83,7 +89,7 @@ def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") ->
     TooLargeError
         The refined mesh does not fit into memory.
     NotConvergedError
-        The formulation has functions that a refined mesh does not have.
+        The mixed formulation has functions that the refined mesh does not have, or a solve did not converge.
     """
     problem, parameter = result.problem.solved_with(linear_solver), result.parameter
     assembly = problem.source
@@ -111,7 +117,7 @@ def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") ->
 
 
 def refined_memory(result: Sweep) -> int:
-    """Return about how many bytes modes on the refined mesh take besides those of the sweep."""
+    """Return about how many bytes the modes on the refined mesh take, in addition to what the sweep takes."""
     pencil = result.problem.pencil()
     entries = sum(A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)
     modes = max((len(p.modes) for p in result.points), default=0)
@@ -121,7 +127,10 @@ def refined_memory(result: Sweep) -> int:
 
 
 def _affine(problem: Problem, parameter: str, values: np.ndarray) -> Problem:
-    """Return the problem with a parameter that changes coefficients alone; at one value it changes nothing."""
+    """Return the problem in a form where the parameter changes coefficients alone, never matrices.
+
+    For a single value that is the problem at this value, with the parameter `_VALUE` that nothing depends on.
+    """
     if len(values) > 1:
         return interpolate(problem, parameter, float(values[0]), float(values[-1]))
     here = problem.at({parameter: float(values[0])}) if problem.has(parameter) else problem

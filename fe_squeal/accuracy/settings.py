@@ -17,10 +17,10 @@ from ..scene import Scene
 from ..sweep.sweep import MODES
 from ..version import __version__
 
-_SIZES = (2.0, 2**0.5, 1.0, 2**-0.5, 0.5)  # times the scene's own size, where there is a geometry to mesh
-_LEVELS = 2  # how often a mesh from a file is refined
-_MORE_MODES = (1.5, 2.0, 3.0)  # times the modes asked for: what a modal projection may take
-_TOLERANCES = (1e-2, 1e-4, 1e-6)
+_SIZES = (2.0, 2**0.5, 1.0, 2**-0.5, 0.5)  # times the scene's own size of elements, for a parametric geometry
+_LEVELS = 2  # how often a mesh from a file is refined, at most
+_MORE_MODES = (1.5, 2.0, 3.0)  # times the modes asked for: further sizes of the modal projection
+_TOLERANCES = (1e-2, 1e-4, 1e-6)  # of the reduced model
 
 
 @dataclass(frozen=True)
@@ -30,19 +30,22 @@ class Setting:
     Attributes
     ----------
     order : int
-        Of the displacements.
+        Of the elements, 1 or 2.
     size : float, m
-        Of the elements.
+        Edge length of the elements.
     modes : int
+        How many are asked for.
     method : "reduced", "direct" or "modal"
+        How the sweep is solved.
     tolerance : float
+        Of the reduced model, relative.
     refinement : int
-        How often the mesh of a file is refined; 0 where the size is that of a parametric geometry.
+        How often the mesh of a file is refined; 0 for a parametric geometry, which is meshed with the size.
     knob : "size", "modes", "tolerance", "method" or ""
-        What the study varies here: the size in each order, the modes of the modal projection, the tolerance of the
-        reduced model, or the method; "" outside of a study.
+        What the study varies in this setting: the size (in each order), the number of modes of the modal projection,
+        the tolerance of the reduced model, or the method; "" outside of a study.
     estimated : bool
-        Whether its mesh is refined too, to see what that changes: from such settings comes the reference.
+        Whether the change by refining the mesh is found too. The reference comes from such settings.
     """
 
     order: int
@@ -55,7 +58,10 @@ class Setting:
     estimated: bool = False
 
     def key(self, scene: Scene) -> str:
-        """Return a name for the result, the same for the same scene, setting and version."""
+        """Return a name (a hash) for the result; it is the same for the same scene, setting and version of the program.
+
+        `knob` and `estimated` do not enter: they do not change modes and onsets.
+        """
         plain = {name: value for name, value in asdict(self).items() if name != "estimated"} | {"knob": ""}
         text = f"{__version__} {scene.model_dump_json(exclude={'output', 'title', 'source'})} {sorted(plain.items())}"
         mesh = scene.mesh_path
@@ -68,7 +74,7 @@ class Setting:
 
 
 def plan(scene: Scene) -> list[Setting]:
-    """Return the settings of a study, each knob turned by itself from the scene's own ones."""
+    """Return the settings of a study: each knob in turn is varied while the others stay as the scene has them."""
     own = own_setting(scene)
     if scene.mesh.geometry is not None:
         meshes = [(own.size * factor, 0) for factor in _SIZES]
@@ -90,7 +96,7 @@ def plan(scene: Scene) -> list[Setting]:
 
 
 def own_setting(scene: Scene, mesh: LoadedMesh | None = None) -> Setting:
-    """Return the scene's own setting."""
+    """Return the setting that the scene itself stands for; `mesh` saves reading its mesh again."""
     if scene.mesh.geometry is not None:
         size = scene.mesh.geometry.edge_length * scene.mesh.scale
     else:
@@ -101,7 +107,10 @@ def own_setting(scene: Scene, mesh: LoadedMesh | None = None) -> Setting:
 
 
 def _modes(scene: Scene) -> int:
-    """Return how many modes are wanted; of those up to a frequency the number without friction and damping."""
+    """Return how many modes the scene asks for.
+
+    If it asks for a highest frequency instead, it is one more than the modes without friction and damping below it.
+    """
     if scene.solve.max_frequency is None:
         return scene.solve.modes or MODES
     pencil = symmetric_part(assemble(scene).pencil())
@@ -110,7 +119,13 @@ def _modes(scene: Scene) -> int:
 
 
 def scene_at(scene: Scene, setting: Setting) -> tuple[Scene, LoadedMesh]:
-    """Return the scene at a setting, and its mesh: of the geometry where there is one, else of the file, refined."""
+    """Return the scene at a setting, and its mesh: a parametric geometry meshed anew, or the mesh of a file, refined.
+
+    Raises
+    ------
+    MeshError
+        The mesh cannot be read or made.
+    """
     mesh = scene.mesh.model_copy(update={"order": setting.order})
     if scene.mesh.geometry is not None:
         size = setting.size / scene.mesh.scale

@@ -1,14 +1,15 @@
-"""Where the error of the mesh comes from: what each element, along each of its directions, adds to a change.
+"""Where the error of the mesh comes from: what each element, along each of its axes, adds to a change by refinement.
 
-With φ and ψ the right and left mode on the mesh, lifted to the refined one, r = Q(λ)φ and ρ = Q(λ)ᴴψ there, and P as in
-`Refined`, refining the mesh changes an eigenvalue by ρᴴP⁻¹r / (ψᴴQ′(λ)φ), an onset at which two modes meet by
-ρᴴP⁻¹r / (ψᴴ∂Q/∂p φ), both up to products of two such changes. ρ vanishes on all functions of the mesh itself. So of
-z = P⁻¹r only what the mesh cannot represent counts, and ρᴴz is a sum over the functions that refinement adds, one for
-each new node. That of a node belongs to the elements around it in equal parts.
+Let φ and ψ be a right and a left mode on the mesh, written as displacements on the refined mesh, r = Q(λ)φ and
+ρ = Q(λ)ᴴψ their residuals there, and P as in `Refined`. To first order, refining the mesh changes the eigenvalue by
+ρᴴP⁻¹r / (ψᴴQ′(λ)φ) and an onset at which two modes meet by ρᴴP⁻¹r / (ψᴴ∂Q/∂p φ), p being the parameter. ρ is
+orthogonal to all functions of the mesh itself. So only that part of z = P⁻¹r counts which the mesh cannot represent,
+and ρᴴz is a sum over the functions that refinement adds, one for each new node. The summand of a node is divided
+equally among the elements around it.
 
-In a hexahedron the new functions are products of one function along each axis. A function that is new along one axis
-alone is the error of the mesh along this axis; one that is new along two or three belongs to these in equal parts. In a
-tetrahedron there are no axes to tell apart.
+In a hexahedron each new function is a product of three functions of one coordinate. If it is new along one axis only,
+its summand is an error of the mesh along this axis; if it is new along two or three axes, it is divided equally among
+them. A tetrahedron has no such axes, and its summands stay whole.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ import scipy.sparse as sp
 from ..fem.spaces import DisplacementSpace
 from .two_level import reference_coordinates
 
-_AT_ONCE = 4_000_000  # numbers in a block of elements
-_ROUNDED = 1e-9  # of values of shape functions
+_AT_ONCE = 4_000_000  # numbers that are worked on at once: elements are taken in blocks, to save memory
+_ROUNDED = 1e-9  # values of shape functions that differ by less are equal, up to rounding
 
 
 @dataclass(frozen=True)
@@ -33,13 +34,15 @@ class Lattice:
     Attributes
     ----------
     nodes : (m, l) int
-        Of the refined mesh: in hexahedra by their place, in tetrahedra in any order.
+        Numbers, in the refined mesh, of the l nodes in each of the m elements: in hexahedra ordered by their place in
+        the element, in tetrahedra ascending.
     transform : (l, l) float
-        From values at the nodes to the coefficients of the functions of the mesh itself and of those that are new.
+        Turns values at the l nodes into coefficients of the functions of the mesh itself and of the new functions.
     axes : (l, a) float
-        Which part of a node's function belongs to each axis of the element: ones in all for a new function, else zero.
+        The part of a node's summand that belongs to each axis. A row adds up to 1 for a node of a new function and is
+        zero for a node that the mesh itself has.
     sharing : (N,) int
-        How many elements of the mesh itself a node of the refined mesh belongs to.
+        Number of elements of the mesh itself that each node of the refined mesh belongs to.
     """
 
     nodes: np.ndarray
@@ -61,7 +64,7 @@ def lattice_of(coarse: DisplacementSpace, fine: DisplacementSpace) -> Lattice:
         nodes[parent, (place[0] * n + place[1]) * n + place[2]] = children.ravel()
         transform, axes = _hexahedron(coarse.order)
     else:
-        # Every element has as many nodes of its own: each once, in the order of their numbers.
+        # The eight children of an element share nodes; each is taken once. All elements have equally many.
         ordered = np.sort(children, axis=1)
         once = np.diff(ordered, axis=1, prepend=-1) > 0
         nodes = ordered[once].reshape(elements, -1)
@@ -75,11 +78,13 @@ def _is_hexahedral(space: DisplacementSpace) -> bool:
 
 @cache
 def _hexahedron(order: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the transform (l, l) and the parts of the axes (l, 3) for l = (2 order + 1)³ nodes."""
+    """Return `transform` (l, l) and `axes` (l, 3) of a `Lattice` of hexahedra, with l = (2 order + 1)³."""
     n = 2 * order + 1
     t = np.arange(n) / (n - 1)
     along = np.eye(n)
-    for i in range(1, n, 2):  # less what the mesh itself has there between its own nodes, which are at even places
+    # Along one axis the nodes of the mesh itself are at the even places. The coefficient of the new function at an odd
+    # place is the value there, less the value that the functions of the mesh itself have there.
+    for i in range(1, n, 2):
         if order == 1:
             along[i, ::2] -= [1 - t[i], t[i]]
         else:
@@ -92,32 +97,36 @@ def _hexahedron(order: int) -> tuple[np.ndarray, np.ndarray]:
 def shares(
     coarse: DisplacementSpace, fine: DisplacementSpace, E: sp.csr_array, residual: np.ndarray, z: np.ndarray
 ) -> np.ndarray:
-    """Return the parts (k, m, a) of ρᴴz for columns ρ and z (n_fine, k): by element of the mesh itself and its axes.
+    """Split ρᴴz, for k pairs of columns ρ and z, into parts by element of the mesh itself and by axis.
 
     Parameters
     ----------
     coarse, fine : DisplacementSpace
-        Of the mesh and of the refined one.
+        On the mesh itself and on the refined one.
     E : (n_fine, n_coarse) sparse
-        The prolongation between them.
-    residual, z : (n_fine, k) float or complex
-        ρ, which vanishes on the functions of the mesh itself, and z.
+        The prolongation from the first to the second.
+    residual : (n_fine, k) float or complex
+        The columns ρ, orthogonal to all functions of the mesh itself.
+    z : (n_fine, k) float or complex
+        The columns z.
 
     Returns
     -------
-    (k, m, a)
-        a is three for hexahedra, one for tetrahedra. The sum over elements and axes is ρᴴz, as far as ρ does vanish on
-        the functions of the mesh itself.
+    (k, m, a) float or complex
+        For the m elements and their axes, a = 3 for hexahedra and 1 for tetrahedra. The parts of a pair add up to ρᴴz,
+        as far as ρ is orthogonal to the functions of the mesh itself.
     """
     lattice = lattice_of(coarse, fine)
-    if not _is_hexahedral(coarse):  # new functions are those of the refined mesh, at new nodes
+    if not _is_hexahedral(coarse):
+        # In a tetrahedron the function of the refined mesh at a new node is the new function. What is left of z without
+        # the function of the mesh itself that equals z at its nodes is zero there, so only new nodes have coefficients.
         z = z - E @ _at_own_nodes(E, z)
     primal, dual = _nodal(fine.nodal_map, z), _nodal(fine.nodal_inverse.T, residual.conj())
     k, (m, count) = z.shape[1], lattice.nodes.shape
     step = max(1, _AT_ONCE // (3 * count * k))
     parts = [slice(i, i + step) for i in range(0, m, step)]
     back = np.linalg.inv(lattice.transform)
-    work = np.zeros_like(dual)  # of the residual with each function
+    work = np.zeros_like(dual)  # ρ applied to the function of each node
     for part in parts:
         nodes = lattice.nodes[part]
         local = dual[nodes] / lattice.sharing[nodes][:, :, None]
@@ -134,12 +143,12 @@ def shares(
 
 
 def _nodal(map_: sp.csr_array, columns: np.ndarray) -> np.ndarray:
-    """Return the displacements at nodes, or forces there, (N, 3 k) of columns of unknowns."""
+    """Return (N, 3 k) the vectors at nodes, displacements or forces, that `map_` makes of k columns of unknowns."""
     return np.asarray(map_ @ columns).reshape(-1, 3 * columns.shape[1])
 
 
 def _at_own_nodes(E: sp.csr_array, z: np.ndarray) -> np.ndarray:
-    """Return (n_coarse, k) the values of columns of the refined mesh at nodes that the mesh itself has, too."""
+    """Return (n_coarse, k) the values of z, columns on the refined mesh, at the nodes that the mesh itself has too."""
     E = sp.csr_array(E)
     largest = sp.csr_array((E.data * (np.abs(E.data) > _ROUNDED), E.indices, E.indptr), E.shape)
     largest.eliminate_zeros()

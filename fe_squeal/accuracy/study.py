@@ -1,4 +1,4 @@
-"""Error against time over mesh size, order, number of modes, method and tolerance."""
+"""Study of the error against the time that it takes, over mesh size, order, number of modes, method and tolerance."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ COLUMNS = (
 
 
 class Store(Protocol):
-    """Where measurements are kept as soon as they are made, by the keys of their settings."""
+    """Keeps measurements by the keys of their settings, each as soon as it is made, so that a study can be resumed."""
 
     def load(self, key: str) -> Measurement | None:
-        """Return what was kept; None where there is nothing."""
+        """Return the measurement that was kept under a key, or None."""
 
     def save(self, key: str, measured: Measurement) -> None:
-        """Keep a measurement."""
+        """Keep a measurement under a key."""
 
     def load_probes(self) -> np.ndarray | None:
-        """Return the points at which all shapes were compared; None where there are none yet."""
+        """Return the points (p, 4) at which all shapes are stored, see `measure`; None where none are kept."""
 
     def save_probes(self, probes: np.ndarray) -> None:
         """Keep these points."""
@@ -48,13 +48,16 @@ class Study:
 
     Attributes
     ----------
-    settings, measurements : tuple
+    settings, measurements : tuple of Setting, tuple of Measurement
+        The settings that were solved, and the results of each.
     reference : Reference
+        What all are compared with.
     finest : Setting
-        From which the reference was extrapolated.
-    left_out : tuple of (Setting, reason)
+        The setting from which the reference was extrapolated.
+    left_out : tuple of (Setting, str)
+        The settings that were not solved, and why.
     exact : bool
-        Whether the frequencies of the reference are exact ones.
+        Whether the frequencies of the reference are known exactly.
     """
 
     settings: tuple[Setting, ...]
@@ -65,8 +68,11 @@ class Study:
     exact: bool = False
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return a row per setting, the columns of accuracy.csv: errors against the reference, and against the best
-        solution on the same mesh (algebraic)."""
+        """Return a row per setting, with the columns of accuracy.csv.
+
+        The `error_` columns are errors against the reference, the `algebraic_` ones against the best solution on the
+        same mesh: a direct solve, or else the setting with the smallest tolerance.
+        """
         import pandas as pd
 
         rows = []
@@ -79,7 +85,7 @@ class Study:
         return pd.DataFrame(rows, columns=list(COLUMNS))
 
     def stages(self) -> pd.DataFrame:
-        """Return the seconds of every stage, a row per setting: accuracy_stages.csv."""
+        """Return a row per setting with the seconds of every stage, as in accuracy_stages.csv."""
         import pandas as pd
 
         left_out = ("refinement", "knob", "estimated")
@@ -88,7 +94,7 @@ class Study:
         return pd.DataFrame([{**setting, **m.seconds} for setting, m in rows])
 
     def _algebraic(self, setting: Setting, measured: Measurement) -> Errors:
-        """Return the errors against a direct solve, or the tightest there is, on the same mesh; NaN for that itself."""
+        """Return the errors of a setting against the best solution on the same mesh; NaN for this solution itself."""
         same = [
             (s, m) for s, m in zip(self.settings, self.measurements, strict=True)
             if (s.order, s.size) == (setting.order, setting.size) and s.method != "modal"
@@ -107,28 +113,33 @@ def run_study(
     progress: Callable[[int, int, str, bool], None] = lambda done, total, text, stays: None,
     exact: np.ndarray | None = None,
 ) -> Study:
-    """Run the settings of a study, those first that tell most for their time; what was measured is in the store.
+    """Run the settings of a study, in the order of `by_information`.
+
+    A setting whose measurement is in the store already is not solved again. A setting that fails is left out.
 
     Parameters
     ----------
+    scene : Scene
     store : Store
         Where each measurement is kept as soon as it is made.
     budget : float, s, optional
-        At most so long; what does not fit is left out, and said.
+        Time that the study may take. Settings that are not expected to fit into the rest of it are left out.
     settings : list of Setting, optional
-        Instead of `plan(scene)`.
+        The settings to run; without them those of `plan(scene)`.
     progress : callable of (int, int, str, bool)
-        Gets how many settings are measured so far and how many there are in all, a sentence, and whether that stays of
-        interest: a forecast of unknowns and seconds at first, and what is left out. What runs next does not.
-    exact : (k,) float, Hz, optional
-        The lowest frequencies where they are known: errors are then relative to these.
+        Gets the number of settings done so far, the number of all, a sentence, and whether this sentence is to stay on
+        the screen: the forecast and what is left out are to stay, what runs next is replaced by the next sentence.
+    exact : (f,) float, Hz, optional
+        The lowest frequencies where they are known exactly, ascending: errors are then relative to these.
 
     Raises
     ------
+    MeshError
+        The scene's mesh cannot be read or made.
     NotConvergedError
-        Nothing could be measured within the budget.
+        No setting could be measured within the budget.
     KeyboardInterrupt
-        With the study so far as its argument, if anything was measured.
+        Ctrl-C; its argument is the `Study` so far, or None if nothing was measured.
     """
     start = time.perf_counter()
     forecast = forecast_of(scene)
@@ -192,11 +203,12 @@ def run_study(
 
 
 def _spent(measured: Measurement) -> float:
+    """Return the seconds of a measurement, with its estimate."""
     return measured.total + measured.seconds.get("estimate", 0.0)
 
 
 def _announced(settings: list[Setting], forecast: Forecast, budget: float | None) -> str:
-    """Return what a study will take in all, for its first line."""
+    """Return the first line of a study: its number of settings, the largest number of unknowns, and seconds in all."""
     largest = max(forecast.unknowns(s) for s in settings)
     whole = sum(forecast.seconds(s, []) for s in settings)
     bounded = "" if budget is None else f", of which {budget:g} s may be spent (--budget)"

@@ -1,4 +1,4 @@
-"""From a mesh to the same one refined: prolongation, and solves there by the factors of the coarse problem."""
+"""From a mesh to the refined one: prolongation, and solves on the refined mesh with factors of the coarse problem."""
 
 from __future__ import annotations
 
@@ -13,27 +13,34 @@ from ..fem.cells import geometry_map
 from ..fem.contact import interpolate
 from ..fem.spaces import DisplacementSpace
 
-_CHILDREN = 8
-_NEWTON = 30  # steps at most to find a point in its element
-_FOUND, _NEAR = 1e-12, 1e-6  # reference coordinates: exact enough, and at worst
-_ROUNDED = 32.0  # roundings that the reference coordinates of a point may be off by
-_ITERATIONS, _FEWEST = 60, 3
-_SETTLED = 0.1  # the iteration ends with a step that adds less than this part of the energy found so far
-_COLUMNS = 64  # right-hand sides at once
+_CHILDREN = 8  # elements that replace one
+_NEWTON = 30  # Newton steps, at most, to find a point in its element
+# The Newton iteration ends with a step of reference coordinates (an element is 1 long) below the rounding of the
+# point's coordinates, of which _ROUNDED times the machine's unit is allowed, but never below _FOUND, nor ever above
+# _NEAR.
+_FOUND, _NEAR = 1e-12, 1e-6
+_ROUNDED = 32.0
+_ITERATIONS, _FEWEST = 60, 3  # steps of conjugate gradients, at most and at least
+_SETTLED = 0.1  # of the energy ½ xᵀPx so far: the conjugate gradients end with a step that adds less
+_COLUMNS = 64  # right-hand sides that are solved at once
 
 
 def prolongation(coarse: DisplacementSpace, fine: DisplacementSpace) -> sp.csr_array:
-    """Return the (n_fine, n_coarse) operator that writes a displacement on a mesh as one on the refined mesh.
+    """Return the (n_fine, n_coarse) sparse operator that writes a displacement on a mesh as one on the refined mesh.
 
     Parameters
     ----------
+    coarse : DisplacementSpace
+        On the mesh.
     fine : DisplacementSpace
-        On the mesh that `fe_squeal.mesh.refine` makes of that of `coarse`, with the same supports.
+        On the mesh that `fe_squeal.mesh.refining.refine` makes of that of `coarse`, with the same order, supports and
+        ties.
 
     Raises
     ------
     NotConvergedError
-        Bubbles of the mixed formulation are not functions of the refined mesh.
+        The formulation is the mixed one, whose bubbles are not functions of the refined mesh; or an element is so
+        distorted that a node of the refined mesh is not found in it.
     """
     if coarse.bubbles is not None:
         raise NotConvergedError(
@@ -50,14 +57,28 @@ def prolongation(coarse: DisplacementSpace, fine: DisplacementSpace) -> sp.csr_a
 
 
 def reference_coordinates(space: DisplacementSpace, elements: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return the reference coordinates (3, k) of points x (3, k) in their elements, by Newton's method."""
+    """Return the reference coordinates (3, k) of points in their elements, by Newton's method.
+
+    Parameters
+    ----------
+    space : DisplacementSpace
+    elements : (k,) int
+        The element that each point lies in.
+    x : (3, k) float, m
+        The points.
+
+    Raises
+    ------
+    NotConvergedError
+        The iteration does not settle: an element is too distorted.
+    """
     X = np.repeat(np.asarray(space.mesh.elem().doflocs).mean(axis=0)[:, None], len(elements), axis=1)
     for _ in range(_NEWTON):
         at, J = geometry_map(space.mesh, elements, X)
         inverse = np.linalg.inv(J.transpose(2, 0, 1))
         step = (inverse @ (x - at).T[:, :, None])[:, :, 0].T
         X = X + step
-        # Coordinates of size x leave those in an element uncertain by ε x |J⁻¹|, the more the thinner it is.
+        # x is known to ε|x| only, so the reference coordinates are known to ε|x||J⁻¹| only: less well in thin elements.
         rounding = _ROUNDED * np.finfo(float).eps * np.abs(x).max() * np.abs(inverse).max(axis=(1, 2))
         if (np.abs(step) <= np.clip(rounding, _FOUND, _NEAR)).all():
             return X
@@ -65,18 +86,24 @@ def reference_coordinates(space: DisplacementSpace, elements: np.ndarray, x: np.
 
 
 class TwoLevelSolver:
-    """P⁻¹ on the fine level by conjugate gradients, with the coarse problem's factors and the diagonal before them.
+    """Applies P⁻¹ on the refined mesh by conjugate gradients, preconditioned by diag(P)⁻¹ + E P_coarse⁻¹ Eᵀ.
 
-    The coarse problem's factors act exactly on what the coarse mesh can represent. What it cannot oscillates from node
-    to node, and on such vectors the diagonal of P is as good as P up to a factor that does not depend on the mesh
+    The second summand is exact on what the coarse mesh can represent. What it cannot represent oscillates from node to
+    node, and for such vectors the diagonal of P is equivalent to P up to a factor that does not depend on the mesh
     (Bank, Dupont, Yserentant, Numer. Math. 52, 1988).
 
     Parameters
     ----------
     P : (n_fine, n_fine) sparse, symmetric positive definite
     E : (n_fine, n_coarse) sparse
+        The prolongation.
     coarse : callable
-        Applies the inverse of the coarse P.
+        Takes (n_coarse, k) to P_coarse⁻¹ times it.
+
+    Attributes
+    ----------
+    iterations : int
+        Steps of conjugate gradients so far, each on a block of right-hand sides.
     """
 
     def __init__(self, P: sp.csr_array, E: sp.csr_array, coarse: Callable[[np.ndarray], np.ndarray]) -> None:
@@ -86,11 +113,12 @@ class TwoLevelSolver:
         self.iterations = 0
 
     def solve(self, B: np.ndarray) -> np.ndarray:
-        """Return P⁻¹B for B (n_fine, k) real, to a few per cent of the energy norm of each column.
+        """Return P⁻¹B for B (n_fine, k) real, with an error of a few per cent of each column in the energy norm.
 
         Raises
         ------
         NotConvergedError
+            The iteration has not settled after `_ITERATIONS` steps.
         """
         parts = [self._solve(B[:, i : i + _COLUMNS]) for i in range(0, B.shape[1], _COLUMNS)]
         return np.hstack(parts) if parts else np.zeros_like(B)
@@ -106,7 +134,7 @@ class TwoLevelSolver:
             alpha = np.divide(rz, curvature, out=np.zeros_like(rz), where=curvature > 0)
             X += alpha * D
             R -= alpha * AD
-            gain = alpha * rz  # of the energy ½ xᵀPx, times two
+            gain = alpha * rz  # twice what this step adds to the energy ½ xᵀPx
             energy += gain
             self.iterations += 1
             if step + 1 >= _FEWEST and (gain <= _SETTLED * energy).all():
@@ -121,4 +149,5 @@ class TwoLevelSolver:
 
 
 def _dots(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
+    """Return the products xᵀy (k,) of the columns of X and Y (n, k)."""
     return np.asarray(np.einsum("ij,ij->j", X, Y))
