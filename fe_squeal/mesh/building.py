@@ -1,4 +1,4 @@
-"""The checked scikit-fem mesh with its groups, built from what a reader gives or taken from Python."""
+"""Build the checked mesh with its groups, from what a reader gives or from a scikit-fem mesh made in Python."""
 
 from __future__ import annotations
 
@@ -18,16 +18,29 @@ from .raw import CellBlock, Floats, Ints, RawMesh, element_names, listed
 from .splitting import complete_hexahedra, fill_midside, split_cells, split_quadrilaterals
 from .surfaces import adopt_duplicates, boundary_of_nodes, check_on_faces, faces_of, find_rows
 
-LARGEST, SMALLEST = 10.0, 1e-3  # m: a mesh of any other size has probably the wrong length unit
+LARGEST, SMALLEST = 10.0, 1e-3  # m: a mesh whose extent is not between these probably has the wrong length unit
 
 
 def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
-    """Check what a reader gives and build the mesh from it; its coordinates times `scale` are in metres.
+    """Check what a reader gives and build the mesh from it.
+
+    Elements become either all tetrahedra or all hexahedra, of one order: missing midside nodes are added, and where
+    shapes are mixed or there are wedges or pyramids every element is split into tetrahedra.
+
+    Parameters
+    ----------
+    raw : RawMesh
+        What a reader gives.
+    source : str
+        The file's name, for messages.
+    scale : float
+        Metres in the file's unit of length.
 
     Raises
     ------
     MeshError
-        Non-finite coordinates, inverted, flat, doubled or broken elements, surfaces off the faces, nothing at all.
+        There are no volume elements; coordinates are not finite; elements are inverted, flat, listed twice, or lack
+        nodes; or a surface group is not made of faces of elements.
     """
     with np.errstate(over="ignore"):  # an overflow is caught as a coordinate that is not finite
         raw = replace(raw, points=np.asarray(raw.points, dtype=np.float64) * scale)
@@ -69,17 +82,25 @@ def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
 
 
 def from_skfem(mesh: skfem.Mesh, source: str = "<python>") -> LoadedMesh:
-    """Check a mesh built in Python; its coordinates are metres.
+    """Check a mesh built in Python, to be used instead of a scene's own: `assemble(scene, from_skfem(mesh))`.
 
     Parameters
     ----------
-    mesh
-        MeshTet1, MeshTet2, MeshHex1 or MeshHex2, with `subdomains` and `boundaries`.
+    mesh : skfem.Mesh
+        MeshTet1, MeshTet2, MeshHex1 or MeshHex2, coordinates in metres. Its `subdomains` are the volume groups and its
+        `boundaries` the surface groups.
+    source : str
+        What messages call the mesh.
+
+    Returns
+    -------
+    LoadedMesh
 
     Raises
     ------
     MeshError
-        As `load_mesh`, but that elements may be left-handed, as scikit-fem allows.
+        The mesh is of another class, nodes belong to no element, groups hold indices that do not exist, coordinates are
+        not finite, or elements are flat, broken or listed twice. Left-handed elements are accepted, as in scikit-fem.
 
     Examples
     --------
@@ -107,7 +128,7 @@ def from_skfem(mesh: skfem.Mesh, source: str = "<python>") -> LoadedMesh:
     left = jacobian_range(kind, raw.points, nodes)[1] < 0
     warnings: list[str] = []
     for which in (left, ~left):
-        # scikit-fem allows left-handed cells, so each handedness is checked on its own.
+        # scikit-fem allows left-handed cells, and `orient_cells` expects one handedness: both are checked in turn.
         if which.any():
             cells = replace(block, nodes=nodes[which], labels=block.labels[which])
             warnings += orient_cells(replace(raw, blocks=(cells,), volume_groups={}), source)[1]
@@ -116,7 +137,10 @@ def from_skfem(mesh: skfem.Mesh, source: str = "<python>") -> LoadedMesh:
 
 
 def _one_order(raw: RawMesh) -> tuple[Floats, tuple[CellBlock, ...], tuple[str, ...]]:
-    """Bring linear and quadratic cells, and quadratic ones that lack midside nodes, to one order."""
+    """Return points, blocks and notes with cells of one order.
+
+    If there are both linear and quadratic cells, or quadratic ones that lack midside nodes, all become quadratic.
+    """
     linear = sum(len(b) for b in raw.blocks if b.kind == SHAPE[b.kind])
     total = sum(len(b) for b in raw.blocks)
     bare = sum(int((b.nodes < 0).any(axis=1).sum()) for b in raw.blocks)
@@ -164,12 +188,15 @@ def _one_kind(raw: RawMesh, source: str) -> tuple[Floats, CellBlock, Ints, tuple
 
 
 def shape_of(raw: RawMesh) -> np.ndarray:
-    """Return (n,) the shape of each cell, through all blocks."""
+    """Return the shape (n,) str of each cell, such as "tetra", for all blocks one after the other."""
     return np.concatenate([np.full(len(block), SHAPE[block.kind]) for block in raw.blocks])
 
 
 def _assemble(points: Floats, block: CellBlock, source: str, names: np.ndarray) -> skfem.Mesh:
-    """Return the scikit-fem mesh; scikit-fem numbers quadratic nodes anew, corners first in rising order."""
+    """Return the scikit-fem mesh of a block; `names` (n,) str are what messages call its elements.
+
+    scikit-fem gives the nodes of quadratic elements new numbers, the corners first in the order of their old ones.
+    """
     ordered = block.nodes[:, skfem_order(block.kind)]
     if block.kind == SHAPE[block.kind]:
         used, ordered = np.unique(ordered, return_inverse=True)
@@ -177,7 +204,7 @@ def _assemble(points: Floats, block: CellBlock, source: str, names: np.ndarray) 
             points[used].T.copy(), ordered.reshape(block.nodes.shape).T.astype(np.int32).copy()
         )
     mesh = MESH_CLASS[block.kind](points.T.copy(), ordered.T.astype(np.int32).copy())
-    # scikit-fem keeps one node per edge and face, so that neighbours must have theirs at the same place.
+    # scikit-fem keeps one node per edge and face. So the midside nodes of neighbours have to be at the same place.
     given = points[ordered]
     apart = np.abs(mesh.doflocs[:, mesh.dofs.element_dofs].transpose(2, 1, 0) - given).max(axis=(1, 2))
     bad = np.flatnonzero(apart > 1e-6 * np.ptp(given, axis=1).max(axis=1))
@@ -192,7 +219,10 @@ def _assemble(points: Floats, block: CellBlock, source: str, names: np.ndarray) 
 def _facet_groups(
     mesh: skfem.Mesh, block: CellBlock, surfaces: Mapping[str, list[Ints]], split: bool
 ) -> dict[str, Ints]:
-    """Return facet indices by surface group; quadrilaterals of split cells become their two triangles."""
+    """Return the facet indices of each surface group.
+
+    With `split` the cells have been split into tetrahedra, and each quadrilateral stands for its two triangles.
+    """
     used = np.unique(block.nodes[:, : corner_count(block.kind)])
     groups = {}
     size = mesh.facets.shape[0]
@@ -203,7 +233,7 @@ def _facet_groups(
             groups[name] = rows
     if not groups:
         return {}
-    # One search for all groups, since sorting the facets takes most of the time.
+    # All groups are looked up at once: sorting the mesh's facets takes most of the time, and is done once so.
     every = np.searchsorted(used, np.vstack(list(groups.values())))
     found = find_rows(every, mesh.facets.T.astype(np.int64))
     ends = np.cumsum([len(rows) for rows in groups.values()])
@@ -213,12 +243,12 @@ def _facet_groups(
 def _nodes(
     mesh: skfem.Mesh, block: CellBlock, raw: RawMesh, given: int
 ) -> tuple[dict[str, NodeSet], dict[str, tuple[Ints, Ints]], np.ndarray]:
-    """Return node sets, node numbers and which nodes were added; see `LoadedMesh`.
+    """Return `node_groups`, `node_numbers` and `added` of a `LoadedMesh`.
 
     Parameters
     ----------
     given : int
-        Rows before this one are nodes that the file has.
+        How many of the first points are nodes of the file; those behind were added as midside nodes and centres.
     """
     place = np.full(int(block.nodes.max()) + 1, -1)
     if block.kind == SHAPE[block.kind]:
@@ -248,12 +278,14 @@ def _nodes(
 
 
 def _children(cells: Ints, parent: Ints) -> Ints:
+    """Return the elements that came from some cells; `parent` (m,) is the cell of each element."""
     member = np.zeros(parent.max(initial=-1) + 1, dtype=bool)
     member[cells] = True
     return np.flatnonzero(member[parent])
 
 
 def _checked_groups(groups: Mapping[str, Ints] | None, count: int, what: str, source: str) -> dict[str, Ints]:
+    """Return groups with sorted indices below `count`, or raise MeshError; `what` names their kind in the message."""
     checked = {}
     for name, members in (groups or {}).items():
         index = np.unique(np.asarray(members))

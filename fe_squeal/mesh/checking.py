@@ -12,14 +12,14 @@ from .elements import REFERENCE, SHAPE, SPOKEN, corner_count, mirror_order, quad
 from .raw import CellBlock, Floats, Ints, RawMesh, element_names, listed, rows_of
 from .splitting import row_ids
 
-# det J relative to the cube of the cell's size, below which a cell counts as flat; rounding leaves about 1e-15.
+# Of the cube of a cell's extent: a cell with a smaller det J counts as flat. Chosen; rounding makes errors of 1e-15.
 FLAT = 1e-10
-_FARTHEST = 1e20  # m: farther out, products of coordinates overflow
+_FARTHEST = 1e20  # m: with larger coordinates their products could overflow
 _CHUNK = 20_000  # cells at a time, so that the Jacobians stay within some tens of MiB
 
 
 def groups_of(raw: RawMesh, cells: Ints) -> str:
-    """Return ' (group "pad")' for the volume groups that hold the cells, or nothing."""
+    """Return ' (group "pad")', for a message, with the volume groups that hold some of the cells; "" if none does."""
     names = [name for name, members in raw.volume_groups.items() if np.isin(cells, members).any()]
     if not names:
         return ""
@@ -27,21 +27,23 @@ def groups_of(raw: RawMesh, cells: Ints) -> str:
 
 
 def jacobian_range(kind: str, points: Floats, nodes: Ints) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return det J of each cell: smallest and largest at the quadrature points, and so at the corners, relative.
+    """Return the range of det J over each cell, divided by the cube of the cell's extent.
 
     Parameters
     ----------
-    kind
-        Key of `elements.REFERENCE`.
-    points
-        (n, 3), m.
-    nodes
-        (m, k)
+    kind : str
+        Kind of the cells, a key of `elements.REFERENCE`.
+    points : (n, 3) float
+        In any unit of length.
+    nodes : (m, k) int
+        Nodes of the cells, rows of `points` in VTK's order.
 
     Returns
     -------
-    smallest, largest, smallest_corner, largest_corner
-        (m,), dimensionless: over the cube of the cell's extent. A pyramid's apex, where J is singular, is left out.
+    smallest, largest : (m,) float
+        Over the quadrature points.
+    smallest_corner, largest_corner : (m,) float
+        Over the corners; the apex of a pyramid, where J is singular, is left out.
     """
     corners = REFERENCE[kind][: corner_count(kind)]
     if SHAPE[kind] == "pyramid":
@@ -53,7 +55,7 @@ def jacobian_range(kind: str, points: Floats, nodes: Ints) -> tuple[Floats, Floa
         x = points[nodes[start : start + _CHUNK]]
         extent = np.ptp(x, axis=1).max(axis=1)
         extent[extent == 0] = 1.0
-        # Measured from a node of the cell: far from the origin the differences would otherwise lose digits.
+        # Coordinates are taken relative to a node of the cell, since far from the origin they would cost digits.
         jacobian = np.einsum("nkd,qke->nqde", (x - x[:, :1]) / extent[:, None, None], gradients)
         det = np.linalg.det(jacobian)
         at, end = det[:, : len(inner)], det[:, len(inner) :]
@@ -63,7 +65,7 @@ def jacobian_range(kind: str, points: Floats, nodes: Ints) -> tuple[Floats, Floa
 
 
 def check_points(raw: RawMesh, source: str) -> None:
-    """Raise MeshError, with the nodes, for coordinates that are not finite or so large that products overflow."""
+    """Raise MeshError, with numbers of nodes, if coordinates are not finite or so large that products overflow."""
     finite = np.isfinite(raw.points).all(axis=1)
     small = finite & (np.abs(np.where(np.isfinite(raw.points), raw.points, 0.0)) < _FARTHEST).all(axis=1)
     for good, what in ((finite, "not finite numbers"), (small, f"beyond {_FARTHEST:g} m, where products overflow")):
@@ -78,12 +80,12 @@ def check_points(raw: RawMesh, source: str) -> None:
 
 
 def check_cells(raw: RawMesh, source: str) -> None:
-    """Check that there are cells, with known, distinct nodes, and none of them twice.
+    """Check that there are cells, that their nodes exist and differ, and that no cell is listed twice.
 
     Raises
     ------
     MeshError
-        With the file's own numbers of at most five culprits and their volume group.
+        One of these fails; the message has the file's numbers of at most five such cells, and their volume group.
     """
     names = element_names(raw.blocks)
     if not len(names):
@@ -138,19 +140,19 @@ def check_cells(raw: RawMesh, source: str) -> None:
 
 
 def orient_cells(raw: RawMesh, source: str) -> tuple[RawMesh, tuple[str, ...]]:
-    """Check the sign of every Jacobian; where all cells of a kind are left-handed, reorder their nodes.
+    """Check the sign of det J over every cell; if all cells of a kind are left-handed, reorder their nodes.
 
     Returns
     -------
-    raw
-        With right-handed cells.
-    warnings
-        About cells with a corner flattened to an edge or a plane: they are accepted, but give poor results.
+    raw : RawMesh
+        The mesh with right-handed cells.
+    warnings : tuple of str
+        About cells where det J is zero at a corner: they are accepted, but give poor results.
 
     Raises
     ------
     MeshError
-        Inverted or flat elements, by the file's own numbers.
+        Elements are inverted or flat; the message has the file's own numbers.
     """
     names, warnings, notes = element_names(raw.blocks), [], list(raw.notes)
     ranges, at = [], 0
@@ -188,7 +190,10 @@ def orient_cells(raw: RawMesh, source: str) -> tuple[RawMesh, tuple[str, ...]]:
 
 
 def drop_orphans(raw: RawMesh) -> RawMesh:
-    """Drop the nodes that no volume cell uses; call it after `adopt_duplicates`, which may need them."""
+    """Return the mesh without the nodes that no volume cell uses.
+
+    Call it after `adopt_duplicates`, since surface cells may have such nodes.
+    """
     used = np.zeros(len(raw.points), dtype=bool)
     for block in raw.blocks:
         used[block.nodes[block.nodes >= 0]] = True
@@ -214,12 +219,25 @@ def drop_orphans(raw: RawMesh) -> RawMesh:
 
 
 def connect(wanted: Ints, labels: Ints, element_labels: Ints, what: str, source: str) -> Ints:
-    """Return (n, k) the rows of nodes given by number (n, k); the number 0, for a node that is left out, gives -1.
+    """Return the rows (n, k) of the nodes that elements name by number.
+
+    Parameters
+    ----------
+    wanted : (n, k) int
+        Numbers of the nodes of each element; 0, for a node that the element leaves out, gives the row -1.
+    labels : (m,) int
+        The number of each node of the file.
+    element_labels : (n,) int
+        The numbers of the elements, for messages.
+    what : str
+        What messages call an element, such as "surface element".
+    source : str
+        The file's name, for messages.
 
     Raises
     ------
     MeshError
-        A number that `labels` does not hold, with the elements that use it.
+        The file does not define a node; the message names the elements that use it.
     """
     rows = rows_of(wanted, labels)
     lost = ((rows < 0) & (wanted != 0)).any(axis=1)
@@ -238,6 +256,7 @@ def _spoken(kind: str) -> str:
 
 
 def _raise(raw: RawMesh, source: str, names: np.ndarray, cells: Ints, one: str, many: str, mend: str) -> None:
+    """Raise MeshError about some cells, if there are any, in the singular or the plural, with what to do about it."""
     if len(cells):
         text = f"element {names[cells[0]]} {one}" if len(cells) == 1 else f"elements {listed(names[cells])} {many}"
         raise MeshError(f"{source}: {text}{groups_of(raw, cells)}; {mend}")

@@ -16,18 +16,20 @@ _CHUNK = 20_000  # cells at a time
 def shape_condition(mesh: skfem.Mesh, elements: Ints) -> Floats:
     """Return the condition number κ of the map from the regular cell to each cell, at its worst node.
 
-    κ = σ_max/σ_min of JW⁻¹, J the Jacobian and W that of the regular tetrahedron or cube: 1 where the cell is regular,
-    the ratio of the sides of a brick, infinite where a corner is flat. Strains across the shortest extent are κ² times
-    as stiff as those along the longest, and an element stiffness has both. (P. M. Knupp, SIAM J. Sci. Comput. 23, 2001:
-    algebraic mesh quality metrics.)
+    κ = σ_max/σ_min of JW⁻¹, where J is the Jacobian of the cell and W that of the regular tetrahedron or cube. κ is 1
+    for a regular cell, the ratio of the longest to the shortest side for a brick, and infinite where a corner is flat.
+    An element stiffness has entries for strains across the shortest and along the longest extent, and the first are κ²
+    times the second. Source: P. M. Knupp, "Algebraic mesh quality metrics", SIAM J. Sci. Comput. 23, 2001.
 
     Parameters
     ----------
+    mesh : skfem.Mesh
     elements : (e,) int
+        The cells that are asked for.
 
     Returns
     -------
-    (e,) float
+    (e,) float, dimensionless
 
     Examples
     --------

@@ -1,6 +1,6 @@
-"""Reference cells: node positions, faces, shape functions, and the way from VTK's node order to scikit-fem's.
+"""Reference cells: node positions, faces, shape functions, and the change from VTK's node order to scikit-fem's.
 
-scikit-fem's node order is not written down: it is found by matching the reference coordinates of the nodes.
+scikit-fem's node order is not written down here: it is found by matching the reference coordinates of the nodes.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ REFERENCE: dict[str, Floats] = {kind: _reference(kind) for kind in SHAPE}
 
 
 def corner_count(kind: str) -> int:
-    """Return the number of corners, the nodes that come first.
+    """Return the number of corners of a kind of cell; they are the first of its nodes.
 
     Examples
     --------
@@ -93,7 +93,8 @@ def _exponents(kind: str) -> list[tuple[int, int, int]]:
     if kind in ("tetra", "tetra10"):
         return [e for e in cube if sum(e) <= (1 if kind == "tetra" else 2)]
     if kind.startswith("hexahedron"):
-        # The serendipity space: at most one of the exponents is 2 (Arnold and Awanou, 2011).
+        # The number of exponents of a monomial that may be 2. The serendipity space of 20 nodes allows one (D. N.
+        # Arnold, G. Awanou, "The serendipity family of finite elements", Found. Comput. Math. 11, 2011).
         most = {"hexahedron": 0, "hexahedron20": 1, "hexahedron27": 3}[kind]
         return [e for e in cube if e.count(2) <= most]
     if kind == "wedge":
@@ -103,11 +104,12 @@ def _exponents(kind: str) -> list[tuple[int, int, int]]:
 
 
 def _basis(kind: str, x: NDArray) -> NDArray:
-    """Return (q, k) a basis of the cell's space at the points (q, 3), real or complex."""
+    """Return the values (q, k) of a basis of the cell's space at the points x (q, 3), both real or complex."""
     if SHAPE[kind] != "pyramid":
         return np.stack([np.prod(x ** np.array(e), axis=1) for e in _exponents(kind)], axis=1)
     a, b, c = x.T
-    # G. Bedrosian, Int. J. Numer. Meth. Eng. 35 (1992) 95-108; at the apex ab/(1 - c) tends to 0.
+    # The pyramid's rational functions: G. Bedrosian, Int. J. Numer. Meth. Eng. 35 (1992) 95-108. ab/(1 - c) tends to 0
+    # at the apex c = 1.
     top = 1.0 - c
     r = a * b / np.where(np.abs(top) < 1e-14, 1.0, top)
     one = np.ones_like(a)
@@ -125,19 +127,23 @@ def _coefficients(kind: str) -> Floats:
 
 
 def shape_functions(kind: str, x: Floats) -> Floats:
-    """Return (q, k) the value of every node's shape function at the reference points x (q, 3).
+    """Return the value (q, k) of every node's shape function at the reference points x (q, 3).
 
     Examples
     --------
     >>> shape_functions("tetra", np.array([[0.25, 0.25, 0.25]]))
     array([[0.25, 0.25, 0.25, 0.25]])
     """
-    # Rounded, so that a node's own function is exactly 1 there and coordinates of the file stay as they are.
+    # Rounded, so that a node's function is exactly 1 at the node, and nodes of the file keep their coordinates exactly.
     return np.round(_basis(kind, np.asarray(x, dtype=float)) @ _coefficients(kind), 13)
 
 
 def shape_gradients(kind: str, x: Floats) -> Floats:
-    """Return (q, k, 3) the gradients at x (q, 3), by complex steps: exact to rounding for every space here."""
+    """Return the gradients (q, k, 3) of the shape functions at the reference points x (q, 3).
+
+    They are taken by complex steps, Im f(x + ih)/h, which is exact up to rounding for the polynomials and rational
+    functions here.
+    """
     step = 1e-40
     parts = [np.imag(_basis(kind, x + 1j * step * np.eye(3)[j])) / step @ _coefficients(kind) for j in range(3)]
     return np.stack(parts, axis=2)
@@ -145,7 +151,10 @@ def shape_gradients(kind: str, x: Floats) -> Floats:
 
 @cache
 def quadrature(kind: str) -> tuple[Floats, Floats]:
-    """Return points (q, 3) and weights (q,) that integrate the cell's volume exactly (pyramids: closely)."""
+    """Return points (q, 3) and weights (q,) of a rule on the reference cell.
+
+    It integrates det J, and so the volume, exactly; on pyramids, where det J is no polynomial, nearly so.
+    """
     order = 2 if kind == SHAPE[kind] else 6
     shape = SHAPE[kind]
     if shape == "tetra":
@@ -166,7 +175,17 @@ def quadrature(kind: str) -> tuple[Floats, Floats]:
 
 
 def matching(wanted: Floats, given: Floats) -> Ints:
-    """Return the permutation p with given[p] equal to wanted: the node order read off the coordinates.
+    """Return the permutation p (k,) with given[p] equal to wanted: one node order in terms of another.
+
+    Parameters
+    ----------
+    wanted, given : (k, d) float
+        Reference coordinates of the same nodes in two orders.
+
+    Raises
+    ------
+    ValueError
+        They are not the same nodes.
 
     Examples
     --------
@@ -188,11 +207,11 @@ MESH_CLASS: dict[str, type[skfem.Mesh]] = {
 
 @cache
 def skfem_order(kind: str) -> Ints:
-    """Return p so that VTK's nodes[:, p] stand in scikit-fem's order for that kind of cell."""
+    """Return p (k,) so that nodes[:, p] are in scikit-fem's order if nodes (n, k) are in VTK's, for a kind of cell."""
     return matching(np.asarray(MESH_CLASS[kind].elem.doflocs), REFERENCE[kind])
 
 
 @cache
 def mirror_order(kind: str) -> Ints:
-    """Return p so that nodes[:, p] is the same cell with the other handedness (x and y exchanged)."""
+    """Return p (k,) so that nodes[:, p] is the cell of nodes (n, k) with the other handedness: x and y exchanged."""
     return matching(REFERENCE[kind][:, [1, 0, 2]], REFERENCE[kind])

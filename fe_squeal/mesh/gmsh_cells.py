@@ -1,4 +1,4 @@
-"""A mesh made of Gmsh's cells and physical groups, from a file or from a geometry meshed in memory."""
+"""Turn Gmsh's cells and physical groups into a mesh; they come from a file or from a geometry meshed in memory."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from .checking import connect
 from .raw import CellBlock, Floats, Ints, RawMesh, check_unique_nodes
 
 _HEX20 = [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15]
-# Gmsh's type number: VTK name, number of nodes, and VTK's order in terms of Gmsh's (None: the same).
+# By Gmsh's type number: the kind of cell, and the positions p of its nodes so that Gmsh's nodes[:, p] are in VTK's
+# order (None: both orders are the same).
 SOLIDS: dict[int, tuple[str, list[int] | None]] = {
     4: ("tetra", None), 5: ("hexahedron", None), 6: ("wedge", None), 7: ("pyramid", None),
     11: ("tetra10", [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]),
@@ -21,17 +22,30 @@ SOLIDS: dict[int, tuple[str, list[int] | None]] = {
     14: ("pyramid14", [0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12, 13]),
     19: ("pyramid13", [0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12]),
 }  # fmt: skip
-POINT = 15
-SURFACES = {2: 3, 9: 3, 3: 4, 10: 4, 16: 4}  # number of corners
+POINT = 15  # Gmsh's type number of a point
+SURFACES = {2: 3, 9: 3, 3: 4, 10: 4, 16: 4}  # number of corners of surface cells, by Gmsh's type number
+# Number of nodes of every cell that is read, by Gmsh's type number.
 NODES = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1, 16: 8,
           17: 20, 18: 15, 19: 13}  # fmt: skip
-# Behind the name of a node set: the nodes that rest where the set is held, see `NodeSet`.
+# A physical group whose name is that of a node set with this behind it has `NodeSet.held` of this set.
 HELD = " (held)"
 
 
 @dataclass(frozen=True)
 class Cells:
-    """Cells of one type and one set of physical groups: numbers (n,), nodes (n, k), groups."""
+    """Cells of one type that belong to the same physical groups.
+
+    Attributes
+    ----------
+    type : int
+        Gmsh's type number.
+    labels : (n,) int
+        Numbers of the cells.
+    nodes : (n, k) int
+        Numbers of their nodes, in Gmsh's order.
+    physical : tuple of int
+        Tags of the physical groups.
+    """
 
     type: int
     labels: Ints
@@ -47,13 +61,23 @@ def raw_mesh(
 
     Parameters
     ----------
+    source : str
+        The file's name, for messages.
     labels, points : (n,) int, (n, 3) float
-        Numbers of the nodes, and where they are.
+        Numbers and coordinates of the nodes.
+    cells : list of Cells
+        Volume cells, surface cells and points.
     names : mapping of (dimension, tag) to str
-        Of the physical groups; a volume or surface without a name is called by its tag. Points with a name are node
-        sets; without one they are none, since numbers mean nodes.
+        Names of the physical groups. A volume or surface group without a name is called by its tag. A group of points
+        is a node set if it has a name; without one it is left out, since a number as the name of a node set means a
+        node.
     repeats : bool
-        Whether a cell is listed once for each of its groups.
+        Whether a cell is listed once for each of its groups, as version 2.2 does.
+
+    Raises
+    ------
+    MeshError
+        A node is defined twice at different places, or an element uses a node that is not defined.
     """
     labels, points = check_unique_nodes(labels, points, source)
     blocks: list[CellBlock] = []
@@ -90,9 +114,9 @@ def raw_mesh(
 def merge_copies(
     blocks: tuple[CellBlock, ...], groups: dict[str, Ints]
 ) -> tuple[tuple[CellBlock, ...], dict[str, Ints]]:
-    """Merge elements that stand in the file once per physical group, as version 2.2 writes them.
+    """Merge the copies of elements that a file of version 2.2 lists once for each of their physical groups.
 
-    Copies within one group are left for `checking.check_cells` to refuse.
+    Copies within one group are not merged: `checking.check_cells` refuses them.
     """
     if not blocks or any(len(np.unique(block.nodes, axis=0)) < len(block) for block in blocks):
         return blocks, groups

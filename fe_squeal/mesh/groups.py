@@ -16,15 +16,15 @@ from .raw import Ints
 
 @dataclass(frozen=True)
 class NodeSet:
-    """A node set as sorted columns of `mesh.doflocs`.
+    """A node set; nodes are columns of `mesh.doflocs`, in ascending order.
 
     Attributes
     ----------
-    nodes
-        Those that the file names.
-    held
-        With them all nodes that have to rest where these are held: the file does not have those that were added between
-        them.
+    nodes : (n,) int
+        The nodes that the file lists.
+    held : (m,) int
+        The nodes that are fixed if the set is: those of the file, and the midside nodes and centres between them that
+        the file does not have and that were added.
     """
 
     nodes: Ints
@@ -37,32 +37,34 @@ class LoadedMesh:
 
     Attributes
     ----------
-    mesh
-        MeshTet1, MeshTet2, MeshHex1 or MeshHex2, coordinates in metres; `subdomains` holds the volume groups and
-        `boundaries` the surface groups (facet indices, sorted).
-    source
+    mesh : skfem.Mesh
+        MeshTet1, MeshTet2, MeshHex1 or MeshHex2, coordinates in metres; `subdomains` holds the volume groups (element
+        indices, sorted) and `boundaries` the surface groups (facet indices, sorted).
+    source : str
         The file's name, for messages.
-    notes
+    notes : tuple of str
         Sentences about what was converted.
-    warnings
+    warnings : tuple of str
         Sentences about what is probably a mistake.
-    element_labels
-        (n_elements,) each element's number in the file, with the instance in front; tetrahedra that were split off a
-        cell have the cell's.
-    unusable
+    element_labels : (n_elements,) str
+        Each element's number in the file, with the Abaqus instance in front. Tetrahedra that a cell was split into have
+        the cell's number.
+    unusable : mapping of str to str
         Names in the file that give no group, with the reason.
-    ignore_case
+    ignore_case : bool
         Whether names are looked up without regard to case (Abaqus).
-    node_groups
+    node_groups : mapping of str to NodeSet
         Node sets by name.
-    node_numbers
-        By what stands in front of them in the file ("" or "PAD-1."): the nodes' numbers there, and their columns.
-    added
-        (columns,) which nodes the file does not have.
-    length_unit
-        What the file says of its coordinates, "mm", "" where it says nothing.
-    bisection
-        (n_elements, 7), how tetrahedra are cut next, where marked ones were refined; see `marked`.
+    node_numbers : mapping of str to ((n,) int, (n,) int)
+        By the instance in front of their numbers in the file ("PAD-1.", or "" without instances): the numbers of the
+        nodes in the file, and the nodes as columns of `mesh.doflocs`.
+    added : (columns,) bool
+        Which nodes the file does not have: midside nodes and centres that were added.
+    length_unit : str
+        What the file says of the unit of its coordinates, such as "mm"; "" where it says nothing.
+    bisection : (n_elements, 7) int
+        How each tetrahedron is cut next, if the mesh was refined by `marked.refine_marked`: its corners in the order of
+        `_Cells.corners` there, the two marks and the flag.
     """
 
     mesh: skfem.Mesh
@@ -80,28 +82,44 @@ class LoadedMesh:
 
 
 def volume_group(loaded: LoadedMesh, name: str) -> Ints:
-    """Return the element indices of a volume group; MeshError with the nearest name if there is none."""
-    return _look_up(loaded, name, loaded.mesh.subdomains or {}, "volume", loaded.mesh.boundaries or {}, "surface")
-
-
-def surface_group(loaded: LoadedMesh, name: str) -> Ints:
-    """Return the facet indices of a surface group; MeshError with the nearest name if there is none."""
-    return _look_up(loaded, name, loaded.mesh.boundaries or {}, "surface", loaded.mesh.subdomains or {}, "volume")
-
-
-def find_facets(loaded: LoadedMesh, group: str, key: str, *others: str) -> Ints:
-    """Return the facets of a surface group.
-
-    Parameters
-    ----------
-    key : str
-        Where it was named, for messages.
-    others : str
-        Other words that are valid there, for the suggestion of a message.
+    """Return the element indices (n,) of a volume group.
 
     Raises
     ------
     MeshError
+        There is no such group; the message has the nearest name.
+    """
+    return _look_up(loaded, name, loaded.mesh.subdomains or {}, "volume", loaded.mesh.boundaries or {}, "surface")
+
+
+def surface_group(loaded: LoadedMesh, name: str) -> Ints:
+    """Return the facet indices (n,) of a surface group.
+
+    Raises
+    ------
+    MeshError
+        There is no such group; the message has the nearest name.
+    """
+    return _look_up(loaded, name, loaded.mesh.boundaries or {}, "surface", loaded.mesh.subdomains or {}, "volume")
+
+
+def find_facets(loaded: LoadedMesh, group: str, key: str, *others: str) -> Ints:
+    """Return the facet indices (n,) of a surface group that a key of the scene names.
+
+    Parameters
+    ----------
+    loaded : LoadedMesh
+    group : str
+        The name of the group.
+    key : str
+        The key of the scene, such as "contacts[0].surface", for messages.
+    others : str
+        Words that are valid there besides groups: a message suggests them too.
+
+    Raises
+    ------
+    MeshError
+        There is no such group; the message has the key and the nearest name.
     """
     try:
         return surface_group(loaded, group)

@@ -1,4 +1,4 @@
-"""A mesh file read and checked; its suffix decides which reader takes it."""
+"""Read and check a mesh file; its suffix decides which reader takes it."""
 
 from __future__ import annotations
 
@@ -37,20 +37,26 @@ def load_mesh(
 
     Parameters
     ----------
-    path
+    path : str or Path
         .msh (Gmsh 2.2, 4.0, 4.1), .inp (Abaqus), .cdb (Ansys), .bdf, .nas, .dat, .fem (Nastran), .unv (universal
         files), .vtu, .vtk, .xdmf, .med or whatever else meshio reads.
-    length_unit
-        The unit of the file's coordinates, "m" or "mm".
-    folders
-        Where files that the mesh file includes may lie, besides its own folder; with folders inside.
-    allow_outside
+    length_unit : "m" or "mm"
+        The unit of the file's coordinates.
+    folders : sequence of str or Path
+        Folders in which, and below which, files that the mesh file includes may lie, besides its own folder.
+    allow_outside : bool
         Whether these files may lie anywhere.
+
+    Returns
+    -------
+    LoadedMesh
+        With coordinates in metres.
 
     Raises
     ------
     MeshError
-        Whatever is wrong with the file, in one sentence.
+        The file cannot be read, its elements are flat, inverted or broken, or its groups do not fit them: what is wrong
+        and how to mend it, in one sentence.
 
     Examples
     --------
@@ -78,7 +84,7 @@ def load_mesh(
 
 
 def read_raw(path: Path, folders: Sequence[str | Path] = (), allow_outside: bool = False) -> RawMesh:
-    """Return the mesh as its file gives it, unchecked: its groups are known also where elements are bad.
+    """Return the mesh as its file gives it, without checks, so that its groups are known even if elements are bad.
 
     Raises
     ------
@@ -92,11 +98,12 @@ def read_raw(path: Path, folders: Sequence[str | Path] = (), allow_outside: bool
 
 @contextmanager
 def guarded_reading(path: Path) -> Iterator[None]:
-    """Look at a mesh file before it is read in the block, and turn what fails there into one sentence.
+    """Check that a mesh file can be read before the block reads it, and turn errors of the block into one sentence.
 
     Raises
     ------
     MeshError
+        The file does not exist, is empty, larger than the free memory, or cannot be read.
     """
     try:
         if path.is_dir():
@@ -109,7 +116,7 @@ def guarded_reading(path: Path) -> Iterator[None]:
         size, free = path.stat().st_size, available_memory()
         if size > free:
             raise MeshError(f"{path.name}: has {memory_text(size)}, and {memory_text(free)} are free")
-        with np.errstate(all="ignore"):  # what is not finite is refused by `build_mesh`, with the node
+        with np.errstate(all="ignore"):  # `build_mesh` refuses numbers that are not finite, and names the node
             yield
     except OSError as error:
         raise MeshError(f"{path}: the file cannot be read ({error.strerror or error})") from error

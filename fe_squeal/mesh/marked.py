@@ -1,9 +1,10 @@
-"""Local refinement of tetrahedra: marked elements into parts, their neighbours as far as needed, no hanging nodes.
+"""Local refinement of tetrahedra: marked elements are bisected, and others as far as needed to leave no hanging node.
 
-Tetrahedra are bisected as in D. N. Arnold, A. Mukherjee, L. Pouly, Locally adapted tetrahedral meshes using bisection,
-SIAM J. Sci. Comput. 22, 2000: each has an edge at which it is cut, each of its faces too, and rules say which edges its
-halves and their faces have. However often a mesh is refined, the parts of a tetrahedron have finitely many shapes (36
-were counted, or some more, never above 72). A mesh that has not been refined so begins with the longest edges.
+The rules are those of D. N. Arnold, A. Mukherjee, L. Pouly, "Locally adapted tetrahedral meshes using bisection", SIAM
+J. Sci. Comput. 22, 2000. Each tetrahedron has a refinement edge, whose middle is the next new node, and each of its
+faces has a marked edge. The rules give the edges of both halves. However often a mesh is refined, the parts of a
+tetrahedron have finitely many shapes: at most 72, and usually about 36 were counted. In a mesh that was not refined in
+this way yet, the longest edge of each tetrahedron and of each face is taken.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from .raw import Floats, Ints
 from .subdividing import subdivide, vtk_nodes
 
 _EDGES = np.array(EDGES["tetra"])
-_DIGITS = 9  # of an edge's length: edges that differ by less are equally long
-_PARTS = 64.0  # weights of a parent's corners at the nodes of its children are multiples of 1/64
-# Orders of a tetrahedron's corners, by the edge that comes first.
+_DIGITS = 9  # decimals of ln(length): edges whose lengths differ by less, relatively, count as equally long
+_PARTS = 64.0  # barycentric coordinates of a child's corners in its parent are multiples of 1/64
+# For each edge of a tetrahedron an order of its corners that begins with the two ends of this edge.
 _FIRST = np.array([[*edge, *(c for c in range(4) if c not in edge)] for edge in EDGES["tetra"]])
 
 
@@ -33,16 +34,18 @@ class _Cells:
     Attributes
     ----------
     corners : (n, 4) int
-        The next cut is between the first two, a and b; c and d are the others.
+        Nodes a, b, c, d. The refinement edge is ab: the next cut is through its middle, c and d.
     marks : (n, 2) int
-        At which edge the faces acd and bcd are cut: at ac or bc (0), at ad or bd (1), or at cd (2).
+        The marked edges of the faces acd and bcd: ac or bc (0), ad or bd (1), or cd (2).
     flags : (n,) int
-        One of the halves of a tetrahedron whose three edges lay in a plane and that had no flag.
+        1 for a half of a planar tetrahedron without a flag, else 0. A tetrahedron is planar if its refinement edge and
+        the two marked edges lie in one face.
     parents : (n,) int
+        The element of the given mesh that each tetrahedron is a part of.
     weights : (n, 4, 4) float
-        Of the parent's corners at the corners.
+        Barycentric coordinates of each of its corners in this element.
     due : (n,) int
-        How many more times to cut.
+        How many more times the tetrahedron is to be bisected.
     """
 
     corners: Ints
@@ -56,36 +59,39 @@ class _Cells:
         return _Cells(*(column[rows] for column in vars(self).values()))
 
     def keys(self) -> Ints:
-        """Return (n, 6) a number for each edge."""
+        """Return (n, 6) a number for each edge, the same in all tetrahedra that share it."""
         return _keys(self.corners[:, _EDGES])
 
 
 def refine_marked(loaded: LoadedMesh, marked: Ints, halvings: int = 3) -> tuple[LoadedMesh, Ints]:
-    """Bisect marked tetrahedra, and others until no node hangs.
+    """Bisect marked tetrahedra, and as many others as needed to leave no hanging node.
 
-    Curved sides are kept, see `subdivide`: both meshes fill the same domain, and a field on the coarse one is also one
-    on the fine one.
+    Curved sides are kept, see `subdivide`: both meshes fill the same domain, and every displacement that the elements
+    of the coarse mesh can represent can be represented on the fine one.
 
     Parameters
     ----------
+    loaded : LoadedMesh
+        A mesh of tetrahedra.
     marked : (m,) int
-        Elements, in any order.
+        The elements to refine, in any order.
     halvings : int
-        How many times they, and their parts, are bisected. Three cut every edge and make eight of one. One at a time
-        takes more rounds and ends with fewer elements, about two thirds for the same error (measured at a clamped
-        edge).
+        How many times the marked elements, and their parts, are bisected. Three bisections cut every edge and make
+        eight parts of an element. With one bisection at a time a search for a target takes more rounds, but ends with
+        about two thirds of the elements for the same error (measured at a clamped edge).
 
     Returns
     -------
     refined : LoadedMesh
-        With the same groups, surfaces and node sets.
+        The new mesh, with the same groups, surfaces and node sets.
     parents : (n,) int
-        The element that each of its elements is a part of, in ascending order.
+        For each of its elements the element of the given mesh that it is a part of, in ascending order.
 
     Raises
     ------
     MeshError
-        The mesh has hexahedra, there is no such element, or a curved one is so distorted that a part of it is inverted.
+        The mesh has hexahedra, a marked element does not exist, or a curved element is so distorted that a part of it
+        is inverted.
 
     Examples
     --------
@@ -126,7 +132,7 @@ def refine_marked(loaded: LoadedMesh, marked: Ints, halvings: int = 3) -> tuple[
 
 
 def _first_cells(loaded: LoadedMesh, corners: Ints) -> _Cells:
-    """Return all elements, none of them to be cut."""
+    """Return all elements of a mesh as cells with the edges at which they would be cut, none of them due."""
     count, known = len(corners), loaded.bisection
     if known.shape != (count, 7) or (np.sort(known[:, :4], axis=1) != np.sort(corners, axis=1)).any():
         known = _longest_first(loaded.mesh.doflocs.T, corners)
@@ -136,10 +142,11 @@ def _first_cells(loaded: LoadedMesh, corners: Ints) -> _Cells:
 
 
 def _longest_first(points: Floats, corners: Ints) -> Ints:
-    """Return (e, 7) corners, marks and flags that cut every element and face at its longest edge."""
+    """Return corners, marks and flags (e, 7) with which every element and every face is cut at its longest edge."""
     ends, index = np.unique(np.sort(corners[:, _EDGES], axis=2).reshape(-1, 2), axis=0, return_inverse=True)
     length = np.linalg.norm(points[ends[:, 1]] - points[ends[:, 0]], axis=1)
-    # Equally long edges are taken in the order of their nodes, whatever rounding says: neighbours have to agree.
+    # Of equally long edges that with the lowest nodes counts as the longest, so that rounding does not decide and
+    # elements that share a face choose the same edge of it.
     rank = np.empty(len(ends), np.int64)
     rank[np.argsort(-np.round(np.log(length), _DIGITS), kind="stable")] = np.arange(len(ends))
     rank = rank[index.reshape(-1, 6)]
@@ -160,7 +167,7 @@ def _keys(pairs: Ints) -> Ints:
 
 
 def _bisect(cells: _Cells, count: int) -> _Cells:
-    """Bisect cells until none is due and none has an edge that others have cut; nodes are numbered from `count` on."""
+    """Bisect cells until none is due and none has an edge that another has cut; new nodes get numbers from `count`."""
     cut = np.empty(0, np.int64)  # keys of edges, ascending, and the nodes in the middle of each
     middles = np.empty(0, np.int64)
     while True:
@@ -181,17 +188,18 @@ def _bisect(cells: _Cells, count: int) -> _Cells:
 
 
 def _halves(cells: _Cells, middle: Ints) -> list[_Cells]:
-    """Return both halves of each cell; `middle` (n,) are the nodes between a and b."""
+    """Return both halves of each cell; `middle` (n,) int is the new node m between a and b."""
     planar = (cells.marks[:, 0] == cells.marks[:, 1]) & (cells.marks[:, 0] < 2)
     again = planar & (cells.flags == 1)
     weight = cells.weights[:, :2].mean(axis=1)
     halves = []
     for end in (0, 1):
-        # Corners of the half: the end, the middle m, c and d. It is cut where its face without m is.
+        # The half has the corners end, m, c and d. Its refinement edge is the marked edge of its face end-c-d.
         corners = np.column_stack([cells.corners[:, end], middle, cells.corners[:, 2:]])
         weights = np.stack([cells.weights[:, end], weight, cells.weights[:, 2], cells.weights[:, 3]], axis=1)
         order = np.array([[0, 2, 1, 3], [0, 3, 1, 2], [2, 3, 1, 0]])[cells.marks[:, end]]
-        # Faces that were cut, and the new one mcd, are cut opposite to m, but mcd at an edge of m where `again`.
+        # In its faces that contain m the marked edge is the one opposite to m. Only in the new face mcd it is another
+        # one, at m, where the cell was planar and had the flag.
         marks = np.column_stack([np.ones(len(middle), np.int64), np.where(again, 0, 1)])
         halves.append(_Cells(
             np.take_along_axis(corners, order, axis=1), marks, (planar & ~again).astype(np.int64), cells.parents,

@@ -1,4 +1,4 @@
-"""Which elements to refine, from their shares in an error."""
+"""Choose the elements to refine, from their shares in an error."""
 
 from __future__ import annotations
 
@@ -8,21 +8,26 @@ from .raw import Floats, Ints
 
 
 def doerfler(shares: Floats, part: float) -> Ints:
-    """Return the fewest elements that have a part of the whole error together, the largest shares first.
+    """Return the smallest set of elements whose shares add up to a given part of the whole error.
 
-    W. Dörfler, A convergent adaptive algorithm for Poisson's equation, SIAM J. Numer. Anal. 33, 1996.
+    Source: W. Dörfler, "A convergent adaptive algorithm for Poisson's equation", SIAM J. Numer. Anal. 33, 1996.
 
     Parameters
     ----------
     shares : (m,) float
-        Not negative, of any unit.
+        What each element adds to the error, not negative, in any unit.
     part : float
-        Above 0, at most 1.
+        Of the sum of the shares, above 0 and at most 1.
+
+    Returns
+    -------
+    (k,) int
+        The elements, by descending share.
 
     Raises
     ------
     ValueError
-        A share is negative or no number, or there is no such part.
+        A share is negative or not finite, or `part` is not above 0 and at most 1.
 
     Examples
     --------
@@ -37,7 +42,7 @@ def doerfler(shares: Floats, part: float) -> Ints:
     order = np.argsort(-shares, kind="stable")
     order = order[: np.count_nonzero(shares)]
     # Summed from the smallest share up, so that small ones do not vanish beside large ones.
-    left = np.cumsum(shares[order][::-1])[::-1]  # of these and all smaller ones
+    left = np.cumsum(shares[order][::-1])[::-1]  # the sum of each share and all smaller ones
     if not len(order):
         return order
     behind = np.append(left[1:], 0.0)

@@ -11,13 +11,16 @@ _DEGREE = 6  # of the quadrature: curved hexahedra are integrated exactly
 
 
 def volume_of(mesh: skfem.Mesh, elements: Ints) -> tuple[float, Floats]:
-    """Return volume and centre (3,) of some elements."""
+    """Return the volume, m³, and the centre (3,), m, of some elements (e,) int together."""
     basis = skfem.CellBasis(mesh, mesh.elem(), elements=elements, intorder=_DEGREE)
     return _sums(basis)
 
 
 def area_of(mesh: skfem.Mesh, facets: Ints) -> tuple[float, Floats, Floats]:
-    """Return area, centre (3,) and mean unit normal (3,) of some facets; the normal is shorter where they are bent."""
+    """Return the area, m², the centre (3,), m, and the mean unit normal (3,) of some facets (f,) int together.
+
+    The mean of normals of different directions is shorter than 1.
+    """
     basis = skfem.FacetBasis(mesh, mesh.elem(), facets=facets, intorder=_DEGREE)
     area, centre = _sums(basis)
     return area, centre, np.einsum("ifq,fq->i", np.asarray(basis.normals), basis.dx) / area

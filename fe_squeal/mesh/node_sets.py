@@ -1,4 +1,4 @@
-"""Node sets: which nodes of the mesh, or of a space on it, a named set of nodes stands for."""
+"""Node sets: find the nodes that a name means, on the mesh or in a space of displacements on it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,16 @@ from .raw import Ints
 
 
 def node_set(mesh: skfem.Mesh, nodes: Ints, added: np.ndarray) -> NodeSet:
-    """Return the set of some nodes, sorted columns of `mesh.doflocs`; `added` (columns,) are not of the file."""
+    """Return the node set of some nodes.
+
+    Parameters
+    ----------
+    mesh : skfem.Mesh
+    nodes : (n,) int
+        Columns of `mesh.doflocs`, in ascending order.
+    added : (columns,) bool
+        Which columns are nodes that the file does not have: those between nodes of the set are held with it.
+    """
     held = nodes
     if added.any():
         members = np.zeros(len(added), bool)
@@ -26,19 +35,21 @@ def node_set(mesh: skfem.Mesh, nodes: Ints, added: np.ndarray) -> NodeSet:
 
 
 def find_nodes(loaded: LoadedMesh, name: str, key: str) -> NodeSet:
-    """Return a node set.
+    """Return the node set that a key of the scene names.
 
     Parameters
     ----------
+    loaded : LoadedMesh
     name : str
-        A node set, a node by its number in the file ("12", "PAD-1.12"), or several of these with commas between.
+        The name of a node set, the number of a node in the file ("12", "PAD-1.12"), or several of these separated by
+        commas.
     key : str
-        Where it was named, for messages.
+        The key of the scene, such as "supports[0].nodes", for messages.
 
     Raises
     ------
     MeshError
-        With the nearest name if there is none, or what else has that name.
+        There is no such set or node; the message has the nearest name, or says what other group has this name.
     """
     if name in loaded.node_groups:
         return loaded.node_groups[name]
@@ -65,24 +76,33 @@ def find_nodes(loaded: LoadedMesh, name: str, key: str) -> NodeSet:
 
 
 def with_named_sets(loaded: LoadedMesh, names: Iterable[str]) -> LoadedMesh:
-    """Return the mesh with a node set for each name that means several sets or numbers, so that refining keeps it.
+    """Return the mesh with a node set of its own for each name that means several sets or numbers of nodes.
+
+    Refining a mesh keeps its node sets, but not the numbers of its nodes, so that such names would be lost.
 
     Raises
     ------
     MeshError
+        A name means no node.
     """
     new = {name: find_nodes(loaded, name, "nodes") for name in names if name not in loaded.node_groups}
     return replace(loaded, node_groups={**loaded.node_groups, **new}) if new else loaded
 
 
 def with_nodes_between(mesh: skfem.Mesh, dofs: Dofs, members: np.ndarray) -> np.ndarray:
-    """Return a set of nodes with those on edges, faces and cells all of whose corners are in it.
+    """Return a set of nodes with all nodes on edges, faces and cells whose corners are all in the set.
 
     Parameters
     ----------
+    mesh : skfem.Mesh
     dofs : Dofs
         Numbering of the nodes, corners first.
     members : (nodes,) bool
+        Which nodes are in the set.
+
+    Returns
+    -------
+    (nodes,) bool
 
     Examples
     --------

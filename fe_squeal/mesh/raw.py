@@ -19,13 +19,13 @@ class CellBlock:
 
     Attributes
     ----------
-    kind
+    kind : str
         meshio's name of the cell type, a key of `elements.REFERENCE`.
-    nodes
-        (n, k), rows of `RawMesh.points` in VTK order; -1 for a midside node that the file leaves out.
-    labels
-        (n,), the file's own element numbers.
-    prefix
+    nodes : (n, k) int
+        Rows of `RawMesh.points`, in VTK's order; -1 for a midside node that the file leaves out.
+    labels : (n,) int
+        The file's own element numbers.
+    prefix : str
         What stands before the number in messages, such as "PAD-1." for an Abaqus instance.
     """
 
@@ -40,28 +40,29 @@ class CellBlock:
 
 @dataclass(frozen=True)
 class RawMesh:
-    """What a reader hands over.
+    """What a reader returns: the mesh as its file has it, before any check.
 
     Attributes
     ----------
-    points
-        (n, 3), in the file's length unit.
-    node_labels
-        (n,), the file's own node numbers.
-    blocks
-        The volume cells. Groups hold indices that run through all blocks in this order.
-    volume_groups
+    points : (n, 3) float
+        Coordinates of the nodes, in the file's unit of length.
+    node_labels : (n,) int
+        The file's own node numbers.
+    blocks : tuple of CellBlock
+        The volume cells. Groups number them through all blocks, in this order.
+    volume_groups : mapping of str to (m,) int
         Cell indices by group name.
-    surfaces
-        By group name, arrays (m, 3) and (m, 4) of corner nodes, any number of each.
-    node_groups
-        Node rows by group name; they become surface groups where they cover whole boundary facets.
-    unusable
-        Names of the file that give no group, with the reason.
-    length_unit
-        What the file says of its coordinates, "mm", "" where it says nothing.
-    held_nodes
-        By group name, all nodes that rest where the group is held, where the file says so; see `NodeSet`.
+    surfaces : mapping of str to list of (m, 3) or (m, 4) int
+        By group name, the corner nodes (rows of `points`) of its triangles and quadrilaterals, in any number of arrays.
+    node_groups : mapping of str to (m,) int
+        Rows of `points` by group name. They are node sets, and surface groups too where they cover whole faces of the
+        boundary.
+    unusable : mapping of str to str
+        Names in the file that give no group, with the reason.
+    length_unit : str
+        What the file says of the unit of its coordinates, such as "mm"; "" where it says nothing.
+    held_nodes : mapping of str to (m,) int
+        By name of a node set, `NodeSet.held` where the file gives it.
     """
 
     points: Floats
@@ -78,20 +79,20 @@ class RawMesh:
     held_nodes: dict[str, Ints] = field(default_factory=dict)
 
     def node_name(self, row: int) -> str:
-        """Return the node's number as the file has it, with its instance in front."""
+        """Return the number of a node, by its row in `points`, as the file has it, with its instance in front."""
         prefix = [text for first, text in self.node_prefixes if first <= row][-1]
         return f"{prefix}{self.node_labels[row]}"
 
 
 def element_names(blocks: tuple[CellBlock, ...]) -> NDArray[np.str_]:
-    """Return (n,) the names of all cells, "12" or "PAD-1.12", in block order."""
+    """Return the names (n,) str of all cells, "12" or "PAD-1.12", for all blocks one after the other."""
     if not blocks:
         return np.empty(0, dtype=str)
     return np.concatenate([np.char.add(block.prefix, block.labels.astype(str)) for block in blocks])
 
 
 def listed(names: list[str] | NDArray[np.str_], limit: int = 5) -> str:
-    """Return the first few names for a message.
+    """Return the first few names, and how many more there are, for a message.
 
     Examples
     --------
@@ -103,7 +104,7 @@ def listed(names: list[str] | NDArray[np.str_], limit: int = 5) -> str:
 
 
 def rows_of(wanted: Ints, labels: Ints) -> Ints:
-    """Return the position of each of `wanted` in `labels`, -1 where it is not there.
+    """Return the position (n,) of each of `wanted` (n,) in `labels` (m,), -1 where it is not there.
 
     Examples
     --------
@@ -120,12 +121,12 @@ def rows_of(wanted: Ints, labels: Ints) -> Ints:
 
 
 def check_unique_nodes(labels: Ints, points: Floats, source: str) -> tuple[Ints, Floats]:
-    """Drop nodes that are written twice at the same place.
+    """Return the numbers (n,) and coordinates (n, 3) of nodes, those written twice at the same place only once.
 
     Raises
     ------
     MeshError
-        A node number stands twice, with different coordinates.
+        A node number is written twice with different coordinates.
     """
     unique, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
     if len(unique) == len(labels):

@@ -1,4 +1,4 @@
-"""Uniform refinement: every element into eight, on exactly the same domain, groups kept."""
+"""Uniform refinement: every element is cut into eight; domain, groups, surfaces and node sets stay the same."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from .groups import LoadedMesh
 from .raw import Floats, Ints
 from .subdividing import subdivide, vtk_nodes
 
-# The inner octahedron's diagonals, by the pairs of opposite edges whose middles they join, and the ring about each.
+# Cutting off the four corners of a tetrahedron leaves an octahedron, which one of its three diagonals cuts into four
+# tetrahedra. A diagonal joins the middles of two opposite edges; its ring are the middles of the other four, in turn.
 _DIAGONALS = (((0, 1), (2, 3)), ((0, 2), (1, 3)), ((0, 3), (1, 2)))
 _RINGS = (
     ((0, 2), (1, 2), (1, 3), (0, 3)),
@@ -22,12 +23,22 @@ _RINGS = (
 
 
 def refine(loaded: LoadedMesh) -> LoadedMesh:
-    """Cut every element into eight at the middles of its edges; element i becomes elements 8 i ... 8 i + 7.
+    """Return the mesh with every element cut into eight at the middles of its edges.
 
-    Curved sides are kept: a child has its nodes where its parent's own map puts them, so that both meshes fill the same
-    domain and a field on the coarse one is also one on the fine one. Of the three diagonals that can part a
-    tetrahedron's inner octahedron the shortest is taken, which keeps the children in good shape (Zhang, Houston J.
-    Math. 21, 1995).
+    Element i becomes the elements 8 i to 8 i + 7. Curved sides are kept: the nodes of a child are where the parent's
+    own map has them. So both meshes fill the same domain, and every displacement that the elements of the coarse mesh
+    can represent can be represented on the fine one. In a tetrahedron the inner octahedron is cut along the shortest of
+    its three diagonals, which keeps the shape of the children good (S. Zhang, Houston J. Math. 21, 1995).
+
+    Parameters
+    ----------
+    loaded : LoadedMesh
+        Of tetrahedra or hexahedra, straight or curved.
+
+    Raises
+    ------
+    MeshError
+        A curved element is so distorted that a part of it is inverted.
 
     Examples
     --------
@@ -47,7 +58,10 @@ def refine(loaded: LoadedMesh) -> LoadedMesh:
 
 @cache
 def _children(kind: str) -> Floats:
-    """Return (variants, 8, k, 3) where the nodes of the children lie in the parent, in VTK's order."""
+    """Return the reference coordinates (variants, 8, k, 3), in the parent, of the k nodes of its eight children.
+
+    Nodes are in VTK's order. A tetrahedron has three variants, one for each diagonal; a hexahedron has one.
+    """
     if SHAPE[kind] == "hexahedron":
         return np.array([[(REFERENCE[kind] + offset) / 2 for offset in product((0, 1), repeat=3)]])
     corner = REFERENCE["tetra"]
@@ -69,6 +83,7 @@ def _children(kind: str) -> Floats:
 
 
 def _shortest_diagonal(points: Floats, corners: Ints) -> Ints:
+    """Return for each tetrahedron (e,) which of `_DIAGONALS` is the shortest."""
     x = points[corners]
     ends = [[x[:, list(edge)].mean(axis=1) for edge in pair] for pair in _DIAGONALS]
     return np.asarray(np.argmin([np.linalg.norm(a - b, axis=1) for a, b in ends], axis=0))

@@ -1,4 +1,4 @@
-"""Cells converted: missing midside nodes added, 20-node hexahedra completed, cells split into tetrahedra."""
+"""Convert cells: add missing midside nodes, complete 20-node hexahedra to 27 nodes, split cells into tetrahedra."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .raw import CellBlock, Floats, Ints
 
 
 def row_ids(rows: Ints) -> Ints:
-    """Return (n,) a number for each of the rows (n, k), equal where the rows are equal as sets.
+    """Return a number (n,) for each of the rows (n, k) int; rows that are equal as sets get the same number.
 
     Examples
     --------
@@ -25,21 +25,23 @@ def row_ids(rows: Ints) -> Ints:
 
 
 def fill_midside(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats, tuple[CellBlock, ...]]:
-    """Make every cell quadratic: a missing midside node is the neighbour's, or else the middle of the edge.
+    """Make every cell quadratic.
+
+    Where a midside node is missing, the midside node that a neighbour has on this edge is taken, or else a new node in
+    the middle of the edge.
 
     Parameters
     ----------
-    points
-        (n, 3), m.
-    blocks
-        Cells with k corners, or with midside nodes of which some may be -1.
+    points : (n, 3) float, m
+    blocks : tuple of CellBlock
+        Cells with corners alone, or with midside nodes, some of which may be -1.
 
     Returns
     -------
-    points
-        With the new nodes at the end.
-    blocks
-        Of kinds with midside nodes alone.
+    points : (m, 3) float, m
+        The new nodes stand at the end.
+    blocks : tuple of CellBlock
+        All of kinds with midside nodes, none of which is -1.
     """
     wide = []
     for block in blocks:
@@ -72,7 +74,11 @@ def fill_midside(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats,
 
 
 def complete_hexahedra(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats, tuple[CellBlock, ...]]:
-    """Give 20-node hexahedra their 7 centres on the serendipity map, so that the geometry stays exactly theirs."""
+    """Return points and blocks with 27-node hexahedra in place of 20-node ones.
+
+    The seven new nodes, the centres of the faces and of the cell, are where the map of the 20 nodes has them, so that
+    the shape of the cell stays exactly the same.
+    """
     out = []
     for block in blocks:
         if block.kind == "hexahedron20":
@@ -86,26 +92,26 @@ def complete_hexahedra(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[F
 
 
 def local_tetrahedra(shape: str, corners: Ints) -> tuple[Ints, Ints]:
-    """Return the tetrahedra of each cell by its local corners, and the cell of each.
+    """Return the tetrahedra that each cell is split into, by the positions of its corners.
 
-    They are the cones from the corner of smallest number over the faces without it. A quadrilateral face is cut by the
-    diagonal through its corner of smallest number, so that both neighbours cut it alike. J. Dompierre, P. Labbé,
-    M.-G. Vallet, R. Camarero, "How to subdivide pyramids, prisms and hexahedra into tetrahedra", 8th International
-    Meshing Roundtable, 1999.
+    They are the cones from the corner with the smallest number over the faces that do not contain it. A quadrilateral
+    face is cut by the diagonal through its corner with the smallest number, so that both neighbours cut it alike.
+    Source: J. Dompierre, P. Labbé, M.-G. Vallet, R. Camarero, "How to subdivide pyramids, prisms and hexahedra into
+    tetrahedra", 8th International Meshing Roundtable, 1999.
 
     Parameters
     ----------
-    shape
-        Key of `elements.FACES`.
-    corners
-        (n, k) node numbers; any numbering that all cells share.
+    shape : str
+        Of the cells, a key of `elements.FACES`.
+    corners : (n, k) int
+        Numbers of the corner nodes, in any numbering that all cells share.
 
     Returns
     -------
-    local
-        (m, 4), right-handed, ordered by cell.
-    parent
-        (m,)
+    local : (m, 4) int
+        Positions, from 0 to k − 1, of the corners of each tetrahedron, right-handed, ordered by cell.
+    parent : (m,) int
+        The cell of each tetrahedron.
 
     Examples
     --------
@@ -137,7 +143,10 @@ def local_tetrahedra(shape: str, corners: Ints) -> tuple[Ints, Ints]:
 
 
 def split_quadrilaterals(corners: Ints) -> Ints:
-    """Return (2m, 3) the triangles of the faces (m, 4), by the same rule as the cells' own; both of a face in a row."""
+    """Return the triangles (2m, 3) that the faces (m, 4) are cut into, by the rule of `local_tetrahedra`.
+
+    The two triangles of a face follow each other.
+    """
     even = corners[:, [0, 2]].min(axis=1) < corners[:, [1, 3]].min(axis=1)
     first = np.where(even[:, None], corners[:, [0, 1, 2]], corners[:, [1, 2, 3]])
     second = np.where(even[:, None], corners[:, [0, 2, 3]], corners[:, [1, 3, 0]])
@@ -145,26 +154,26 @@ def split_quadrilaterals(corners: Ints) -> Ints:
 
 
 def split_cells(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats, CellBlock, Ints]:
-    """Split all cells into tetrahedra that fit across shared faces.
+    """Split all cells into tetrahedra that fit together across shared faces.
 
-    Quadratic cells give 10-node tetrahedra; the middle of each new edge lies on the cell's own curved map, so every
-    node and edge of the file is kept. Between them the surface of a curved quadrilateral changes slightly.
+    Quadratic cells give 10-node tetrahedra. The middle node of each new edge is where the cell's own curved map has it,
+    so every node and every edge of the file is kept; only between its edges the surface of a curved quadrilateral
+    changes slightly.
 
     Parameters
     ----------
-    points
-        (n, 3), m.
-    blocks
+    points : (n, 3) float, m
+    blocks : tuple of CellBlock
         All linear or all quadratic (see `fill_midside`).
 
     Returns
     -------
-    points
-        With the new mid-edge nodes at the end.
-    block
-        "tetra" or "tetra10"; labels are those of the cells they came from.
-    parent
-        (m,) the cell of each tetrahedron, counted through all blocks.
+    points : (m, 3) float, m
+        The new mid-edge nodes stand at the end.
+    block : CellBlock
+        Of kind "tetra" or "tetra10"; its labels are those of the cells that the tetrahedra came from.
+    parent : (t,) int
+        The cell of each tetrahedron, counted through all blocks.
     """
     quadratic = any(block.kind != SHAPE[block.kind] for block in blocks)
     nodes, parents, labels, middles, ends, at = [], [], [], [], [], 0
@@ -178,7 +187,8 @@ def split_cells(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats, 
         labels.append(block.labels[parent])
         at += len(block)
         if quadratic:
-            # All pairs of corners, so that the weights are found once per pair and not once per tetrahedron.
+            # Shape functions are evaluated once for each pair of corners of the reference cell, not for each
+            # tetrahedron.
             corners = REFERENCE[block.kind][:count]
             pair_points = (corners[:, None] + corners[None]).reshape(-1, 3) / 2
             weights = shape_functions(block.kind, pair_points).reshape(count, count, -1)

@@ -1,4 +1,4 @@
-"""A mesh whose elements are cut into children: on exactly the same domain, groups, surfaces and node sets kept."""
+"""Make the mesh of the children that elements are cut into: domain, groups, surfaces and node sets stay the same."""
 
 from __future__ import annotations
 
@@ -22,12 +22,16 @@ from .elements import (
 from .groups import LoadedMesh, NodeSet
 from .raw import CellBlock, Floats, Ints, RawMesh
 
-_ROUNDED = 1e-9  # of shape functions, which are of order one
-_PARTS = 64  # weights of corners at nodes of children are multiples of 1/64
+_ROUNDED = 1e-9  # values of shape functions below this are zero, up to rounding
+# The linear (in hexahedra trilinear) shape functions of a parent's corners are multiples of 1/_PARTS at the nodes of
+# its children. In hexahedra these are at multiples of 1/4 along each axis; in tetrahedra bisection stays far from 1/64.
+_PARTS = 64
 
 
 def vtk_nodes(mesh: skfem.Mesh) -> tuple[str, Ints]:
-    """Return the kind of a mesh's elements and their nodes (e, k), columns of `doflocs`, right-handed in VTK's order.
+    """Return the kind of a mesh's elements, and their nodes (e, k) int in VTK's order, as columns of `mesh.doflocs`.
+
+    All elements are right-handed in this order.
 
     Examples
     --------
@@ -38,7 +42,7 @@ def vtk_nodes(mesh: skfem.Mesh) -> tuple[str, Ints]:
     kind = next(kind for kind, cls in MESH_CLASS.items() if mesh.elem is cls.elem)
     local = mesh.dofs.element_dofs if kind != SHAPE[kind] else mesh.t
     nodes = local.T[:, matching(REFERENCE[kind], np.asarray(mesh.elem.doflocs))].astype(np.int64)
-    left = jacobian_range(kind, mesh.doflocs.T, nodes)[1] < 0  # scikit-fem sorts corners, some cells turn left-handed
+    left = jacobian_range(kind, mesh.doflocs.T, nodes)[1] < 0  # scikit-fem sorts corners: some cells are left-handed
     nodes[left] = nodes[left][:, mirror_order(kind)]
     return kind, nodes
 
@@ -46,21 +50,31 @@ def vtk_nodes(mesh: skfem.Mesh) -> tuple[str, Ints]:
 def subdivide(
     loaded: LoadedMesh, nodes: Ints, parents: Ints, pattern: Ints, patterns: Floats
 ) -> tuple[LoadedMesh, Ints]:
-    """Return the mesh of the children of a mesh's elements, and their nodes (n, k), columns of its `doflocs`.
+    """Return the mesh of the children of a mesh's elements, and the nodes of the children.
 
-    A child has its nodes where its parent's own map puts them. On a face this map depends on the nodes of the face
-    alone, so that children of neighbours fit, on curved faces too, if they cut the shared face alike.
+    The nodes of a child are where its parent's own map has them. On a face this map depends on the nodes of the face
+    alone. So the children of neighbours fit together, on curved faces too, if both parents cut the shared face alike.
 
     Parameters
     ----------
+    loaded : LoadedMesh
+        The mesh of the parents, with e elements of k nodes.
     nodes : (e, k) int
-        The elements' nodes, see `vtk_nodes`.
+        The nodes of its elements, see `vtk_nodes`.
     parents : (n,) int
-        Each child's parent, in ascending order, every element at least once.
+        The parent of each child, in ascending order; every element has at least one child.
     pattern : (n,) int
-        Which of the patterns a child is.
+        Which of the p patterns each child has.
     patterns : (p, k, 3) float
-        Where the nodes of a child lie in its parent's reference cell, at multiples of 1/4 along each axis.
+        The patterns: reference coordinates, in the parent, of the nodes of a child. The linear (in hexahedra trilinear)
+        shape functions of the parent's corners have to be multiples of 1/64 there.
+
+    Returns
+    -------
+    refined : LoadedMesh
+        The mesh of the children.
+    children : (n, k) int
+        The nodes of each child, in the order of its pattern, as columns of `refined.mesh.doflocs`.
 
     Raises
     ------
@@ -72,8 +86,8 @@ def subdivide(
     on_corners = shape_functions(SHAPE[kind], patterns.reshape(-1, 3)).reshape(*patterns.shape[:2], -1)
     weights = np.rint(_PARTS * on_corners).astype(np.uint64)  # (p, k, corners)
     on_nodes = shape_functions(kind, patterns.reshape(-1, 3)).reshape(*patterns.shape[:2], -1)
-    # Nodes of two children are one if they are the same weighted mean of the same corners. The sum of the weights times
-    # a random number per corner tells that: equal sums, equal means.
+    # Nodes of two children are the same node if they are the same weighted mean of the same corners. To compare means,
+    # each corner gets a random 64-bit number: the weighted sums of these are equal where the means are.
     numbers = np.random.default_rng(7).integers(1, 2**64, int(corners.max()) + 1, dtype=np.uint64)
     key, places = np.empty((len(parents), count), np.uint64), np.empty((len(parents), count, 3))
     order = np.argsort(pattern, kind="stable")
@@ -93,7 +107,7 @@ def subdivide(
         name: [_cut_faces(mesh, SHAPE[kind], np.asarray(facets), corners, parents, pattern, weights, children)]
         for name, facets in (mesh.boundaries or {}).items()
     }
-    # Messages name the parents.
+    # Children are labelled with the numbers of their parents, so that messages name elements of the file.
     labels = loaded.element_labels[parents] if len(loaded.element_labels) else np.arange(len(children))
     block = CellBlock(kind, children, labels)
     raw = RawMesh(places.reshape(-1, 3)[first], np.arange(len(first)), (block,), groups, surfaces)
@@ -119,16 +133,22 @@ def subdivide(
 def _stands_on(
     outside: np.ndarray, parents: Ints, depends: np.ndarray, pattern: Ints, children: Ints, between: bool
 ) -> Ints:
-    """Return the nodes (s,) of children that are in a set.
+    """Return the nodes (s,) int of the refined mesh that belong to a node set of the given mesh.
+
+    These are the nodes of the set themselves and, with `between`, all nodes whose displacement depends on nodes of the
+    set alone.
 
     Parameters
     ----------
     outside : (e, m) bool
-        Which nodes of the parents are not in it.
+        Which of its m nodes each element of the given mesh has outside of the set.
+    parents, pattern : (n,) int
+        As for `subdivide`.
     depends : (p, k, m) bool
-        On which of these a displacement at the nodes of a pattern depends.
+        On which of the parent's m nodes a displacement at each of the k nodes of a pattern depends.
+    children : (n, k) int
+        The nodes of the children.
     between : bool
-        Whether nodes between those of the set count, whose displacement depends on no other nodes.
     """
     near = np.flatnonzero(~np.all(outside, axis=1)[parents])
     own = depends[pattern[near]]
@@ -140,13 +160,25 @@ def _cut_faces(
     mesh: skfem.Mesh, shape: str, facets: Ints, corners: Ints, parents: Ints, pattern: Ints, weights: np.ndarray,
     children: Ints,
 ) -> Ints:  # fmt: skip
-    """Return the corners of the children's faces that lie on facets."""
+    """Return the corners (f, 3 or 4) of the faces of children that lie on some facets of the given mesh.
+
+    Parameters
+    ----------
+    facets : (g,) int
+        The facets of `mesh`.
+    corners : (e, c) int
+        Corner nodes of its elements.
+    parents, pattern, children
+        As for `subdivide`.
+    weights : (p, k, c) int
+        Shape functions of the parent's corners at the nodes of each pattern, times `_PARTS`.
+    """
     owner, c = mesh.f2t[0, facets], corners.shape[1]
     on = (corners[owner][:, :, None] == mesh.facets[:, facets].T[:, None, :]).any(axis=2)
     start = np.searchsorted(parents, np.arange(len(corners) + 1))
     counts = start[owner + 1] - start[owner]
     facet = np.repeat(np.arange(len(facets)), counts)
     child = start[owner[facet]] + np.arange(len(facet)) - np.repeat(np.cumsum(counts) - counts, counts)
-    # A corner of a child lies on the facet if it is a mean of the facet's own corners alone.
+    # A corner of a child lies on a facet of its parent if it is a weighted mean of this facet's corners alone.
     there = (weights[pattern[child], :c] * on[facet][:, None, :]).sum(axis=2) == _PARTS
     return np.vstack([children[child[there[:, list(face)].all(axis=1)]][:, list(face)] for face in FACES[shape]])

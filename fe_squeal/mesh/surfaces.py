@@ -1,4 +1,4 @@
-"""Surface groups: the cells or nodes that a file names, found again among the facets of the volume mesh."""
+"""Surface groups: find the cells or nodes that a file lists for them among the faces of the volume cells."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from .elements import EDGES, FACES, SHAPE, corner_count
 from .raw import Floats, Ints, RawMesh, listed
 from .splitting import row_ids
 
-# Of the face's shortest edge: a surface's node this near to a node of the volume is taken for the same.
+# Times the shortest edge of a face: nodes of a surface and of the volume that are nearer to each other are the same.
 TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True)
 class Faces:
-    """All faces of the volume cells with three, or with four, corners.
+    """All faces of the volume cells with three corners, or all with four.
 
     Attributes
     ----------
-    corners
-        (m, 3) or (m, 4); a face between two cells is listed twice.
-    mids
-        (m, 3) or (m, 4) midside nodes, -1 where there are none.
-    cells
-        (m,)
-    boundary
-        (m,) whether only one cell has the face.
+    corners : (m, 3) or (m, 4) int
+        Corner nodes of the faces; a face between two cells is listed twice.
+    mids : (m, 3) or (m, 4) int
+        Midside nodes of the faces, -1 where there are none.
+    cells : (m,) int
+        The cell of each face.
+    boundary : (m,) bool
+        Whether only one cell has the face.
     """
 
     corners: Ints
@@ -42,7 +42,7 @@ class Faces:
 
 
 def faces_of(raw: RawMesh) -> dict[int, Faces]:
-    """Return the faces of all volume cells by their number of corners, 3 and 4."""
+    """Return all faces of the volume cells, under the keys 3 and 4: their number of corners."""
     parts: dict[int, list[tuple[Ints, Ints, Ints]]] = {3: [], 4: []}
     at = 0
     for block in raw.blocks:
@@ -63,7 +63,7 @@ def faces_of(raw: RawMesh) -> dict[int, Faces]:
 
 
 def find_rows(wanted: Ints, table: Ints) -> Ints:
-    """Return (n,) a row of `table` with the same members as each row of `wanted`, -1 where there is none.
+    """Return (n,) for each row of `wanted` the number of a row of `table` with the same members, -1 if there is none.
 
     Examples
     --------
@@ -79,9 +79,18 @@ def find_rows(wanted: Ints, table: Ints) -> Ints:
 
 
 def boundary_of_nodes(rows: Ints, faces: dict[int, Faces], node_count: int) -> list[Ints]:
-    """Return the boundary faces all of whose nodes are in the set.
+    """Return the corners of the boundary faces all of whose nodes are in a set of nodes, triangles and quadrilaterals.
 
-    Midside nodes count where the set holds any: some programs list corners alone.
+    If the set has no midside nodes, as sets of some programs, the corners of a face suffice.
+
+    Parameters
+    ----------
+    rows : (n,) int
+        The nodes of the set.
+    faces : dict
+        As `faces_of` returns them.
+    node_count : int
+        Number of all nodes.
     """
     member = np.zeros(node_count + 1, dtype=bool)  # the last entry stands for "no node", index -1
     member[rows] = True
@@ -96,14 +105,15 @@ def boundary_of_nodes(rows: Ints, faces: dict[int, Faces], node_count: int) -> l
 
 
 def adopt_duplicates(raw: RawMesh, source: str) -> RawMesh:
-    """Put surface cells that have nodes of their own onto the volume's nodes at the same places.
+    """Return the mesh with surface cells on the nodes of the volume cells, where they had nodes of their own.
 
-    Some writers of .vtu give each cell its own copy of the nodes. Call it before `drop_orphans`.
+    Some writers of .vtu give each cell its own copy of the nodes. A copy is replaced by the volume's node at the same
+    place. Call it before `drop_orphans`, which would drop the copies.
 
     Raises
     ------
     MeshError
-        There is no volume node at the place, or two bodies have faces there and the choice would be a guess.
+        The volume has no node at a place, or two bodies have faces there, so that the body is not known.
     """
     used = np.zeros(len(raw.points), dtype=bool)
     for block in raw.blocks:
@@ -114,7 +124,7 @@ def adopt_duplicates(raw: RawMesh, source: str) -> RawMesh:
     faces = faces_of(raw)
     surfaces = dict(raw.surfaces)
     place = np.full(len(raw.points), -1)
-    # Coincident nodes of two bodies share a place, so that a face matched by place may have two owners.
+    # Where two bodies touch, a node of each is at the same place, and a face found by its place may belong to either.
     corners = np.unique(np.concatenate([some.corners.ravel() for some in faces.values()]))
     reach = TOLERANCE * min(_shortest(raw.points, some.corners) for some in faces.values() if len(some.corners))
     near = cKDTree(raw.points[corners]).query_pairs(reach, output_type="ndarray")
@@ -154,7 +164,7 @@ def adopt_duplicates(raw: RawMesh, source: str) -> RawMesh:
 
 
 def check_on_faces(raw: RawMesh, faces: dict[int, Faces], source: str) -> None:
-    """Raise MeshError for a surface group with a cell that is no face of any volume cell."""
+    """Raise MeshError if a surface group has a cell that is not a face of any volume cell."""
     for name, parts in raw.surfaces.items():
         for part in parts:
             lost = int((find_rows(part, faces[part.shape[1]].corners) < 0).sum())
@@ -167,4 +177,5 @@ def check_on_faces(raw: RawMesh, faces: dict[int, Faces], source: str) -> None:
 
 
 def _shortest(points: Floats, corners: Ints) -> float:
+    """Return the length of the shortest edge of some faces."""
     return float(np.linalg.norm(points[corners] - points[np.roll(corners, 1, axis=1)], axis=2).min())

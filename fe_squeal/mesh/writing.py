@@ -1,4 +1,4 @@
-"""A checked mesh written as a Gmsh file (MSH 4.1, text) that reads back with all groups and node sets."""
+"""Write a checked mesh as a Gmsh file (MSH 4.1, text); read back, it has the same groups and node sets."""
 
 from __future__ import annotations
 
@@ -19,24 +19,28 @@ from .raw import Floats, Ints
 from .subdividing import vtk_nodes
 
 _FACET_NODES = {"tetra": 3, "tetra10": 6, "hexahedron": 4, "hexahedron27": 9}
-_FACET_TYPES = {3: 2, 6: 9, 4: 3, 9: 10}  # nodes of a facet -> Gmsh's type number
+_FACET_TYPES = {3: 2, 6: 9, 4: 3, 9: 10}  # Gmsh's type number of a facet, by its number of nodes
 
 
 def write_loaded(loaded: LoadedMesh, path: str | Path, length_unit: str = "m") -> Path:
     """Write a mesh with its volume groups, surfaces and node sets.
 
-    Nodes keep their numbers where these are known and belong to the whole mesh. Elements are numbered anew. What is
-    said of the file that the mesh came from (labels, notes, warnings) is not written, nor is `LoadedMesh.bisection`.
-    The file appears at once, when it is complete.
+    Nodes keep their numbers if these are known and unique in the whole mesh. Elements get new numbers. Labels, notes
+    and warnings of the file that the mesh came from are not written, nor is `LoadedMesh.bisection`. The file gets its
+    name when it is complete, so that nobody sees a part of it.
 
     Parameters
     ----------
+    loaded : LoadedMesh
+    path : str or Path
+        The file to write, with the suffix .msh.
     length_unit : "m" or "mm"
-        Of the file's coordinates: what `mesh.length_unit` of a scene has to be.
+        The unit of the file's coordinates, which `mesh.length_unit` of a scene with this file has to name.
 
     Returns
     -------
-    path : Path
+    Path
+        Where the mesh was written.
 
     Raises
     ------
@@ -85,7 +89,8 @@ def _lines(loaded: LoadedMesh, scale: float) -> Iterator[str]:
     yield from (f'{d} {tag} "{name}"' for (d, name), tag in tags.items())
     yield "$EndPhysicalNames"
 
-    # An entity for each set of groups that elements share, since the format lists an element once.
+    # The format lists an element once, and physical groups belong to entities. So elements that belong to the same
+    # groups make an entity.
     solid, order = next((number, order) for number, (name, order) in SOLIDS.items() if name == kind)
     cells = nodes.copy()
     if order is not None:
@@ -133,7 +138,7 @@ def _box(points: Floats, dimension: int) -> str:
 
 
 def _node_groups(loaded: LoadedMesh) -> dict[str, Ints]:
-    """Return the node sets, and beside them the nodes that rest where they are held, if these are others."""
+    """Return the nodes of the node sets by name, and under NAME + `HELD` those of `NodeSet.held` where they differ."""
     found: dict[str, Ints] = {}
     for name, group in loaded.node_groups.items():
         found[name] = group.nodes
@@ -153,7 +158,10 @@ def _node_numbers(loaded: LoadedMesh) -> Ints:
 
 
 def _shared(groups: Mapping[str, Ints], count: int) -> Iterator[tuple[Ints, list[str]]]:
-    """Yield members with the groups that they have in common; the sets are apart and hold all of `count`."""
+    """Yield disjoint sets of the members 0 to `count` − 1, each with the names of the groups that all in it belong to.
+
+    Every member is in exactly one of the sets, also those of no group.
+    """
     belongs = np.zeros((count, len(groups)), bool)
     for column, members in enumerate(groups.values()):
         belongs[np.asarray(members), column] = True
@@ -165,7 +173,7 @@ def _shared(groups: Mapping[str, Ints], count: int) -> Iterator[tuple[Ints, list
 
 
 def _facet_nodes(loaded: LoadedMesh, kind: str, nodes: Ints, facets: Ints) -> Ints:
-    """Return the nodes of facets, corners first, seen from outside of the element that has them."""
+    """Return the nodes (f, k) of facets, corners first, counterclockwise seen from outside of the facet's element."""
     mesh, reference = loaded.mesh, REFERENCE[kind]
     owner = nodes[mesh.f2t[0, facets]]
     wanted = np.sort(mesh.facets[:, facets].T, axis=1)

@@ -1,1 +1,1 @@
-"""A reader for each format, from a file to the mesh as the file gives it."""
+"""A reader for each mesh format: it returns a `RawMesh`, the mesh as its file has it, before any check."""

@@ -15,16 +15,16 @@ from .ansys_archive import Archive, read_apart
 from .ansys_faces import FIRST, LABEL, contact_surfaces, pressure_surfaces
 from .sources import Sources
 
-_NODES = {185: 8, 186: 20, 187: 10, 285: 4}  # of each type of solid
+_NODES = {185: 8, 186: 20, 187: 10, 285: 4}  # number of nodes of each kind of solid that is read
 
 
 def read_archive(sources: Sources) -> Archive:
-    """Return what mapdl-archive reads of a file.
+    """Return the arrays that mapdl-archive reads from a file.
 
     Raises
     ------
     MeshError
-        It is damaged, or the package is not installed.
+        The file has no nodes or elements, is damaged, or mapdl-archive is not installed.
     """
     source = sources.path.name
     if not any(line.upper().startswith("NBLOCK") for line in text_of(sources)):
@@ -38,13 +38,14 @@ def read_archive(sources: Sources) -> Archive:
 def read_ansys(sources: Sources) -> RawMesh:
     """Read an Ansys archive.
 
-    Solids of material 2 are volume group "material_2", those of type 3 "type_3"; components keep their names; contact
-    and target elements of real constant 4 are the surface groups "contact_4" and "target_4", faces under the first of
-    the pressures of SFE "pressure_1".
+    Solids of material 2 are the volume group "material_2", those of element type 3 "type_3". Components keep their
+    names. Contact and target elements with real constant set 4 are the surface groups "contact_4" and "target_4". Faces
+    under pressures of SFE are "pressure_1", "pressure_2", ..., one group for each value of the pressure.
 
     Raises
     ------
     MeshError
+        The file is damaged, has no solids, its elements use nodes that it does not define, or mapdl-archive is missing.
     """
     return mesh_of(read_archive(sources), text_of(sources), sources.path.name)
 
@@ -93,10 +94,11 @@ def mesh_of(archive: Archive, lines: Sequence[str], source: str) -> RawMesh:
 
 
 def _undegenerate(solid: int, n: list[int]) -> tuple[str, list[int]]:
-    """Return kind and nodes, in VTK's order, of an element that repeats corners where it has fewer.
+    """Return the kind of an element and its nodes, in VTK's order, where it may be a hexahedron with repeated corners.
 
-    I, J, K, L, M, N, O, P of a hexahedron are I, J, K, K, M, M, M, M of a tetrahedron, I, J, K, K, M, N, O, O of a
-    prism and I, J, K, L, M, M, M, M of a pyramid (Ansys element reference, SOLID185 and SOLID186).
+    The eight corners I, J, K, L, M, N, O, P of a hexahedron are written as I, J, K, K, M, M, M, M for a tetrahedron,
+    I, J, K, K, M, N, O, O for a prism and I, J, K, L, M, M, M, M for a pyramid (Ansys element reference, SOLID185 and
+    SOLID186).
     """
     if solid in (187, 285):
         return ("tetra10", n) if any(n[4:]) else ("tetra", n[:4])

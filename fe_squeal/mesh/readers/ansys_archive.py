@@ -1,6 +1,6 @@
-"""What mapdl-archive reads of a file, as plain arrays: python -m fe_squeal.mesh.readers.ansys_archive FILE OUT.npz
+"""Read an Ansys archive with mapdl-archive: python -m fe_squeal.mesh.readers.ansys_archive FILE OUT.npz
 
-Run as a process of its own, because the package's compiled reader may end the process on a damaged file.
+This runs as a process of its own, because the compiled reader of mapdl-archive may crash on a damaged file.
 """
 
 from __future__ import annotations
@@ -19,23 +19,27 @@ from fe_squeal.process.isolation import isolated_environment
 
 from ..raw import Floats, Ints
 
-_SECONDS = 600
+_SECONDS = 600  # the reading process is ended after so long
 
 
 @dataclass(frozen=True)
 class Archive:
-    """An archive's arrays.
+    """The arrays of an archive; the names are mapdl-archive's.
 
     Attributes
     ----------
-    nnum, nodes : (n,) int, (n, 3) float
+    nnum : (n,) int
+        Numbers of the nodes.
+    nodes : (n, 3) float
+        Coordinates of the nodes, in the file's unit of length.
     ekey : (t, 2) int
         Number and kind (185, ...) of each element type.
     elem : (e, w) int
-        Rows of EBLOCK, filled up with zeros.
-    node_components, element_components : mapping of name to numbers
-    reals : mapping of number to (k,) float
-        Sets of real constants.
+        Rows of EBLOCK, filled up with zeros: material, type, real constant, ..., number and nodes of each element.
+    node_components, element_components : mapping of str to (m,) int
+        Numbers of the nodes and of the elements of each component.
+    reals : mapping of int to (k,) float
+        Sets of real constants by their numbers.
     """
 
     nnum: Ints
@@ -48,12 +52,12 @@ class Archive:
 
 
 def read_apart(path: Path) -> Archive:
-    """Return what another process has read of a file.
+    """Return the arrays of a file, read by another process.
 
     Raises
     ------
     MeshError
-        It is damaged, or mapdl-archive is not installed.
+        The file is damaged, reading takes too long, or mapdl-archive is not installed.
     """
     if importlib.util.find_spec("mapdl_archive") is None:
         what = 'Ansys archives need the package mapdl-archive: pip install "fe-squeal[ansys]"'
@@ -82,7 +86,7 @@ def read_apart(path: Path) -> Archive:
 
 
 def main() -> int:
-    """Read a file and save its arrays."""
+    """Read the file of the first argument and save its arrays in that of the second; return 0."""
     from mapdl_archive import Archive as Reader
 
     archive = Reader(sys.argv[1], parse_vtk=False, verbose=False)

@@ -1,4 +1,4 @@
-"""Surfaces of Ansys archives: those that contact elements cover, and those under the pressures of SFE."""
+"""Surface groups of Ansys archives: faces that contact elements cover, and faces under pressures of SFE."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fe_squeal.errors import MeshError
 from ..raw import Ints, rows_of
 from .ansys_archive import Archive
 
-FIRST, LABEL = 10, 8  # where the nodes and the number of an element stand behind material, type, real constant
+FIRST, LABEL = 10, 8  # columns of `Archive.elem` with the first node, and with the number, of an element
 _CONTACTS = {170: "target", 174: "contact", 173: "contact"}
 _SURFACE_LOAD = 154
 # Corners of faces 1 to 6 (Ansys element reference, SOLID186 and SOLID187).
@@ -21,7 +21,14 @@ _FACES = {185: _HEXAHEDRON, 186: _HEXAHEDRON, 187: _TETRAHEDRON, 285: _TETRAHEDR
 
 
 def contact_surfaces(archive: Archive, numbers: Ints) -> dict[str, list[Ints]]:
-    """Return the corners of contact and target elements by real constant, as "contact_4" and "target_4"."""
+    """Return the corners (f, 3 or 4) of contact and target elements, by "contact_4" or "target_4": real constant set 4.
+
+    Parameters
+    ----------
+    archive : Archive
+    numbers : (n,) int
+        Numbers of the nodes; corners are returned as positions in these.
+    """
     types = {int(row[0]): int(row[1]) for row in archive.ekey}
     found: dict[str, list[Ints]] = {}
     for row in archive.elem:
@@ -35,11 +42,12 @@ def contact_surfaces(archive: Archive, numbers: Ints) -> dict[str, list[Ints]]:
 
 
 def pressures(lines: Sequence[str], source: str) -> dict[float, list[tuple[int, int, str]]]:
-    """Return element, face and place of the pressures that SFE gives, by pressure; imaginary parts are left out.
+    """Return, by value of the pressure, the element, the face and the line of each SFE; imaginary parts are ignored.
 
     Raises
     ------
     MeshError
+        An SFE cannot be read.
     """
     found: dict[float, list[tuple[int, int, str]]] = {}
     for where, fields, values in _commands(lines):
@@ -61,11 +69,11 @@ def _commands(lines: Sequence[str]) -> Iterator[tuple[str, list[str], list[str]]
         if len(fields) < 5 or not fields[3].startswith("PRES") or fields[4] in ("2", "4"):
             continue
         values = fields[5:9]
-        if values and values[0].startswith("R") and i + 1 < len(lines):  # as CDWRITE writes it, in columns of 16
+        if values and values[0].startswith("R") and i + 1 < len(lines):  # CDWRITE puts values on the next line, 16 wide
             values = lines[i + 1].replace(",", " ").split()[:4]
         corners = [v for v in values if v]
         if len(corners) > 1 and not any(float(v) for v in corners[1:] if _is_number(v)):
-            values = corners[:1]  # of an even pressure the first alone
+            values = corners[:1]  # the values at the corners are equal: one stands for all
         yield f"line {i + 1}", fields, values
 
 
@@ -78,12 +86,22 @@ def _is_number(text: str) -> bool:
 
 
 def pressure_surfaces(archive: Archive, numbers: Ints, lines: Sequence[str], source: str) -> dict[str, list[Ints]]:
-    """Return the corners of the faces under each pressure, as "pressure_1", ... in the order of the archive.
+    """Return the corners (f, 3 or 4) of the faces under each pressure, by "pressure_1", ... in the archive's order.
+
+    Parameters
+    ----------
+    archive : Archive
+    numbers : (n,) int
+        Numbers of the nodes; corners are returned as positions in these.
+    lines : sequence of str
+        The lines of the archive.
+    source : str
+        The file's name, for messages.
 
     Raises
     ------
     MeshError
-        A face that its element does not have.
+        An SFE cannot be read, is not at a solid or SURF154, or names a face that its element does not have.
     """
     found: dict[str, list[Ints]] = {}
     given = pressures(lines, source)
@@ -105,7 +123,7 @@ def pressure_surfaces(archive: Archive, numbers: Ints, lines: Sequence[str], sou
 
 
 def _corners(nodes: Ints, numbers: Ints) -> Ints:
-    """Return the rows of the corners of a face; a triangle repeats a node. None where the archive lacks one."""
+    """Return the corners of a face as positions in `numbers`: three if it repeats a node, none if a node is missing."""
     corners = rows_of(np.asarray(nodes, dtype=np.int64), numbers)
     corners = corners[np.sort(np.unique(corners, return_index=True)[1])]
     return corners if (corners >= 0).all() else corners[:0]

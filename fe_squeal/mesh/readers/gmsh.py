@@ -1,8 +1,8 @@
 """Gmsh .msh files, versions 2.2 and 4.1, text and binary.
 
-Read here and not by meshio, which stops at files whose entities carry no physical group or several of them without
-a name, at sparse node numbers in binary 2.2 and at parametric nodes. Formats: https://gmsh.info/doc/texinfo/gmsh.html
-(MSH file format). Version 4.0 goes to meshio.
+They are not read by meshio, because it stops at files whose entities have no physical group or several without names,
+at node numbers with gaps in binary 2.2, and at parametric nodes. Version 4.0 is left to meshio. The formats are
+described at https://gmsh.info/doc/texinfo/gmsh.html (MSH file format).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .sources import Sources
 
 
 class _Cursor:
-    """Numbers read one after the other from a section, text or binary alike."""
+    """Reads numbers one after the other from a section, text or binary alike."""
 
     def __init__(self, body: bytes, text: bool, size_bytes: int, order: str) -> None:
         self.text, self.at = text, 0
@@ -89,7 +89,10 @@ def read_gmsh(path: Path) -> RawMesh:
 
 
 def _sections(data: bytes) -> dict[str, bytes]:
-    """Return the body of each $Name ... $EndName; binary bodies may hold any byte, so the end is searched by name."""
+    """Return the bodies of the sections $Name ... $EndName by their names.
+
+    The end of a section is found by its name, since a binary body may contain any byte.
+    """
     found: dict[str, bytes] = {}
     at = data.find(b"$")
     while at >= 0:
@@ -125,7 +128,7 @@ def _physical_names(body: bytes) -> dict[tuple[int, int], str]:
 
 
 def _entities4(read: _Cursor) -> dict[tuple[int, int], tuple[int, ...]]:
-    """Return the physical groups, any number of them, of each entity (dimension, tag)."""
+    """Return the tags of the physical groups of each entity, by its dimension and tag."""
     physical = {}
     for dimension, count in enumerate(read.take("u", 4)):
         for _ in range(count):

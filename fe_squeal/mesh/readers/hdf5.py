@@ -1,4 +1,4 @@
-"""References in XDMF and HDF5 files, checked before these are read: their libraries would follow every one."""
+"""Check XDMF and HDF5 files before they are read, since their libraries follow references to any other file."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from fe_squeal.errors import MeshError
 
 from .sources import Sources
 
-_MOST_OBJECTS = 100_000
+_MOST_OBJECTS = 100_000  # arrays and groups in a file: with more it is refused
 
 
 def check_references(sources: Sources) -> None:
-    """Refuse a file with arrays in places that it must not name, or larger than the memory.
+    """Check that a file refers to no data outside of the allowed folders, and has no array larger than the free memory.
 
     Raises
     ------
     MeshError
+        Such a reference or array, or more than `_MOST_OBJECTS` arrays and groups.
     """
     path, source = sources.path, sources.path.name
     if path.suffix.lower() in (".xdmf", ".xmf"):

@@ -1,4 +1,4 @@
-"""Files at which meshio 5.3.5 stops, read all the same."""
+"""Make meshio read files at which version 5.3.5 stops."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ import numpy as np
 from fe_squeal.errors import MeshError
 
 _INT = re.compile(rb"(?:(SCALARS \S+ )|(\S+ \d+ \d+ ))int((?: \d+)?) *\n")
-# Nodes of each cell in XDMF's mixed topology, by its code; meshio's list ends with the wedge and the hexahedron.
+# Number of nodes of a cell in XDMF's mixed topology, by its code; meshio's list lacks most quadratic cells.
 _XDMF_NODES = {0x1: 1, 0x2: 2, 0x4: 3, 0x5: 4, 0x6: 4, 0x7: 5, 0x8: 6, 0x9: 8, 0x22: 3, 0x23: 9, 0x24: 6, 0x25: 8,
                0x26: 10, 0x27: 13, 0x28: 15, 0x29: 18, 0x30: 20, 0x31: 24, 0x32: 27}  # fmt: skip
 
 
 @contextlib.contextmanager
 def patched_meshio(path: Path) -> Iterator[None]:
-    """Let meshio read a file inside the block where version 5.3.5 stops with a KeyError.
+    """Let meshio, inside the block, read cells at which version 5.3.5 stops with a KeyError.
 
-    That is at wedges of 15 nodes and pyramids of 13, and at quadratic cells in XDMF's mixed topology.
+    These are wedges of 15 nodes, pyramids of 13 nodes, and quadratic cells in XDMF's mixed topology.
     """
     from meshio._mesh import topological_dimension
 
@@ -42,7 +42,7 @@ def patched_meshio(path: Path) -> Iterator[None]:
 
 
 def _mixed_cells(data: np.ndarray, source: str) -> list[object]:
-    """Return meshio's blocks of the cells in XDMF's mixed topology: code, nodes, code, nodes, ..."""
+    """Return meshio's blocks of cells from XDMF's mixed topology: code, nodes, code, nodes, ... one after the other."""
     import meshio
     from meshio.xdmf.common import xdmf_idx_to_meshio_type
 
@@ -75,7 +75,10 @@ def _mixed_cells(data: np.ndarray, source: str) -> list[object]:
 
 
 def with_sized_integers(path: Path) -> object | None:
-    """Read a binary legacy .vtk file whose arrays are of type int, four bytes; meshio takes eight."""
+    """Return meshio's mesh of a binary legacy .vtk file with arrays of type int; None for any other file.
+
+    An int has four bytes there, and meshio takes eight.
+    """
     import meshio
 
     if path.suffix.lower() != ".vtk":

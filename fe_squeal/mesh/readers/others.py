@@ -1,4 +1,4 @@
-"""Every other format, through meshio: .vtu, .vtk, .xdmf, .med, ...; integer arrays and sets become groups."""
+"""Read every other format by meshio: .vtu, .vtk, .xdmf, .med, ...; integer arrays and sets become groups."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from .sources import Sources
 
 _CORNERS = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}
 _REFUSED = ("VTK_LAGRANGE", "VTK_BEZIER", "polyhedron", "tetra", "hexahedron", "wedge", "pyramid")
-# An array with more different values than this gives each cell a number of its own, and no groups.
+# An integer array with more different values than this numbers the cells, and makes no groups.
 MOST_VALUES = 500
 
 
 def read_with_meshio(sources: Sources) -> RawMesh:
     """Read any format that meshio knows.
 
-    An integer cell array "name" makes a group "name:v" of each value v, and plain "v" if it is the only such array;
-    an array of zeros and ones makes the group "name" of the ones as well. meshio's cell sets, point sets and cell
-    tags (MED) become groups under their names.
+    An integer cell array "name" makes a group "name:v" for each value v, and a group "v" too if it is the only such
+    array. An array of zeros and ones also makes the group "name" of the cells with a one. meshio's cell sets, point
+    sets and cell tags (MED) become groups under their names.
 
     Raises
     ------
@@ -80,7 +80,8 @@ def _raw(mesh: object, source: str) -> RawMesh:
         data = np.asarray(cells.data)
         if cells.type in SHAPE:
             nodes = data.astype(np.int64)
-            # An index past the end is caught by `check_cells`, a negative one must not count from the end.
+            # `check_cells` refuses an index past the end. Negative indices, which NumPy would count from the end, and
+            # -1, which means "no node" in a CellBlock, are made such indices too.
             nodes[(nodes < 0) | (nodes >= len(points))] = len(points)
             blocks.append(CellBlock(cells.type, nodes, number + np.arange(len(nodes))))
             start[i] = at
@@ -134,7 +135,7 @@ def _raw(mesh: object, source: str) -> RawMesh:
 
 
 def _integer_arrays(mesh: object) -> tuple[dict[str, list[np.ndarray]], list[str]]:
-    """Return the cell arrays of whole numbers, one value per cell, and the names of those with too many values."""
+    """Return the cell arrays of whole numbers by name, and the names of those with more than `MOST_VALUES` values."""
     found, skipped = {}, []
     for name, parts in mesh.cell_data.items():  # type: ignore[attr-defined]
         arrays = [np.asarray(part) for part in parts]

@@ -1,4 +1,4 @@
-"""A mesh file and those that it includes, which have to lie in folders that are allowed."""
+"""Read a mesh file and the files that it includes, which have to lie in allowed folders."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fe_squeal.errors import MeshError, suggest
 
-_DEPTH, _MOST_FILES, _MOST_BYTES = 20, 1000, 8_000_000_000
+_DEPTH, _MOST_FILES, _MOST_BYTES = 20, 1000, 8_000_000_000  # of includes: nesting, files and bytes, at most
 
 
 @dataclass
@@ -18,9 +18,9 @@ class Sources:
     Attributes
     ----------
     path : Path
-        The mesh file; its folder, and those inside, may be read.
+        The mesh file. Files in its folder, and below, may be included.
     folders : tuple of Path
-        Further ones: that of the scene.
+        Further folders from which files may be included, such as that of the scene.
     allow_outside : bool
         Whether included files may lie anywhere.
     """
@@ -32,12 +32,21 @@ class Sources:
     _bytes: int = field(default=0, init=False)
 
     def find(self, name: str, includer: Path, where: str) -> Path:
-        """Return the path of a file that another one names.
+        """Return the path of a file that another one includes.
+
+        Parameters
+        ----------
+        name : str
+            The file as it is named there.
+        includer : Path
+            The file that names it.
+        where : str
+            The line that names it, for messages.
 
         Raises
         ------
         MeshError
-            It does not exist, is no regular file, or lies outside.
+            The file does not exist, is no regular file, or lies outside of the allowed folders.
         """
         source = self.path.name
         target = includer.parent / name.replace("\\", "/")
@@ -61,10 +70,18 @@ class Sources:
     def lines(self, path: Path, depth: int, kind: str) -> list[str]:
         """Return the lines of a text file.
 
+        Parameters
+        ----------
+        path : Path
+        depth : int
+            How deep its include is nested; 0 for the mesh file itself.
+        kind : str
+            What is expected, such as "an Abaqus input file", for messages.
+
         Raises
         ------
         MeshError
-            It is no text, or too much is included.
+            The file is no text, or includes are nested too deeply, too many or too large.
         """
         source = self.path.name
         if depth > _DEPTH:

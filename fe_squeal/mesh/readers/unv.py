@@ -12,41 +12,45 @@ from ..checking import connect
 from ..raw import CellBlock, Floats, Ints, RawMesh, check_unique_nodes, rows_of
 from .sources import Sources
 
-# Solids by the number of their FE descriptor, and where their nodes stand in the file. Parabolic ones go around the
-# lower face, corner and midside node in turn, then up the midside nodes between the faces, then around the upper face.
+# By FE descriptor: the kind of a solid, and the positions p of its nodes so that the file's nodes[p] are in VTK's
+# order. The file lists the nodes of parabolic solids around the lower face, corners and midside nodes in turn, then the
+# midside nodes of the upright edges, then the nodes around the upper face.
 _SOLIDS: dict[int, tuple[str, list[int]]] = {
     111: ("tetra", [*range(4)]), 112: ("wedge", [*range(6)]), 115: ("hexahedron", [*range(8)]),
     118: ("tetra10", [0, 2, 4, 9, 1, 3, 5, 6, 7, 8]),
     113: ("wedge15", [0, 2, 4, 9, 11, 13, 1, 3, 5, 10, 12, 14, 6, 7, 8]),
     116: ("hexahedron20", [0, 2, 4, 6, 12, 14, 16, 18, 1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11]),
 }  # fmt: skip
-_BEAMS = {11, 21, 22, 23, 24}  # they have a line more
-_TRIANGLES, _QUADRILATERALS = {41, 51, 61, 71, 81, 91}, {44, 54, 64, 74, 84, 94}  # membranes to shells
-_PARABOLIC = {42, 52, 62, 72, 82, 92, 45, 55, 65, 75, 85, 95}  # they begin with a corner, and every other is one
-_GROUPS = {"2467", "2477", "2452", "2435"}  # with four numbers for each member
-_NODE, _ELEMENT = 7, 8
-_LENGTHS = {1.0: "m", 1e3: "mm"}  # by what a metre counts
+_BEAMS = {11, 21, 22, 23, 24}  # FE descriptors of beams, which have a third line of data
+_TRIANGLES, _QUADRILATERALS = {41, 51, 61, 71, 81, 91}, {44, 54, 64, 74, 84, 94}  # linear membranes, plates and shells
+_PARABOLIC = {42, 52, 62, 72, 82, 92, 45, 55, 65, 75, 85, 95}  # the same, parabolic: every other node is a corner
+_GROUPS = {"2467", "2477", "2452", "2435"}  # datasets of groups that have four numbers for each member
+_NODE, _ELEMENT = 7, 8  # entity type codes of the members of a group
+_LENGTHS = {1.0: "m", 1e3: "mm"}  # the unit by its number in a metre
 
 
 @dataclass
 class _Content:
     points: list[tuple[Ints, Floats]] = field(default_factory=list)
-    solids: dict[str, tuple[list[list[int]], list[list[int]]]] = field(default_factory=dict)  # heads and nodes by kind
-    faces: dict[int, Ints] = field(default_factory=dict)  # corners of shells by element
-    groups: dict[str, Ints] = field(default_factory=dict)  # rows of kind and number
-    others: dict[int, int] = field(default_factory=dict)  # how many elements that are no solids, by FE descriptor
+    # By kind of solid: the first lines of its elements (number, descriptor, properties, ...), and their nodes.
+    solids: dict[str, tuple[list[list[int]], list[list[int]]]] = field(default_factory=dict)
+    faces: dict[int, Ints] = field(default_factory=dict)  # corner nodes of shells, by the number of the element
+    groups: dict[str, Ints] = field(default_factory=dict)  # (m, 2) entity type code and number of the members
+    others: dict[int, int] = field(default_factory=dict)  # number of elements that are no solids, by FE descriptor
     unit: str = ""
 
 
 def read_unv(sources: Sources) -> RawMesh:
     """Read a universal file.
 
-    Groups keep their names: of solids they are volumes, of shells on solids surfaces, of nodes node sets. Elements of
-    physical property 2 are volume group "property_2" and those of material 3 "material_3".
+    Groups keep their names: groups of solids are volume groups, groups of shells on solids surface groups, groups of
+    nodes node sets. Elements of physical property 2 are the volume group "property_2", those of material 3
+    "material_3".
 
     Raises
     ------
     MeshError
+        The file is cut off, a dataset cannot be read, or there are no nodes or no solids.
     """
     source = sources.path.name
     lines = sources.lines(sources.path, 0, "a universal file")

@@ -1,4 +1,4 @@
-"""One mesh of the parts and instances of an Abaqus file, every instance moved to its place."""
+"""Make one mesh of the parts and instances of an Abaqus file, every instance moved to its place."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from .sets import Assembly, Placed
 
 
 def place_model(model: Model, source: str) -> tuple[RawMesh, Assembly]:
-    """Return the mesh of the whole model, and what looks up its sets.
+    """Return the mesh of the whole model, and an object that looks up its sets.
 
     Raises
     ------
     MeshError
-        An instance of no part, missing nodes, sets or elements.
+        An instance is of a part that does not exist, or nodes, sets or elements are missing.
     """
     points: list[Floats] = []
     labels: list[Ints] = []
@@ -98,7 +98,9 @@ def _scopes(model: Model, item: Instance, source: str) -> tuple[Scope, ...]:
 
 
 def moved(points: Floats, where: tuple[tuple[float, ...], ...]) -> Floats:
-    """Return points (n, 3) translated by the first line, then turned about the axis of the second.
+    """Return points (n, 3) translated by the first data line of an *INSTANCE, then rotated by the second.
+
+    The first line is a translation (3 numbers), the second two points of the axis and an angle in degrees (7 numbers).
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""Abaqus input files: parts, instances, sets, surfaces. Not read by meshio, which takes flat files alone.
+"""Parse the mesh of Abaqus input files: parts, instances, sets, surfaces. meshio reads only files without parts.
 
-Syntax after the Abaqus keywords manual (*NODE, *ELEMENT, *NSET, *ELSET, *SURFACE, *PART, *INSTANCE, *INCLUDE); the rest
-of the file (materials, steps, boundary conditions) is kept for `fe_squeal.decks`.
+The syntax is that of the Abaqus keywords manual (*NODE, *ELEMENT, *NSET, *ELSET, *SURFACE, *PART, *INSTANCE, *INCLUDE).
+The rest of the file (materials, steps, boundary conditions) is kept for `fe_squeal.decks`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..sources import Sources
 from .model import Cells, Instance, Links, Members, Model, Scope, Statement
 from .text import Block, entries, is_label, label_of, numbers, read_blocks
 
-# Solid families by their first letters: our kind and the number of nodes, longest names first.
+# Kind of a solid by the first letters of its Abaqus type. The first entry that fits counts, so longer ones stand first.
 _TYPES = (("C3D10", "tetra10"), ("C3D15", "wedge15"), ("C3D20", "hexahedron20"), ("C3D27", "hexahedron27"),
           ("C3D4", "tetra"), ("C3D5", "pyramid"), ("C3D6", "wedge"), ("C3D8", "hexahedron"),
           ("DC3D10", "tetra10"), ("DC3D20", "hexahedron20"), ("DC3D4", "tetra"), ("DC3D8", "hexahedron"))  # fmt: skip
@@ -29,17 +29,23 @@ _SKIN = re.compile(r"(?:STRI|CPS|CPE|SFM3D|M3D|R3D|DS|S)(65|[34689])")
 _LINKS = ("SPRING", "DASHPOT", "MASS", "ROTARYI", "CONN3D", "DCOUP3D")
 _MESH = {"PART", "INSTANCE", "END PART", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY", "NODE", "ELEMENT", "NSET", "ELSET",
          "SURFACE", "HEADING", "PARAMETER"}  # fmt: skip
-_FILLED = {"NODE", "ELEMENT", "NSET", "ELSET"}  # where such a block has no data line, they are lost: an error
+_FILLED = {"NODE", "ELEMENT", "NSET", "ELSET"}  # keywords that are an error without data lines, which must be lost
 _REFUSED = {"NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "NMAP", "SYSTEM"}
 
 
 def parse_model(sources: Sources) -> Model:
-    """Return the file's parts, instances and assembly as they are written."""
+    """Return the file's parts, instances and assembly as they are written.
+
+    Raises
+    ------
+    MeshError
+        A keyword lacks its name or its data lines, generates nodes or elements, or has numbers that cannot be read.
+    """
     source = sources.path.name
     model = Model()
     scope = model.assembly
     ignored: dict[str, int] = {}
-    promised: dict[str, Block] = {}  # names of element sets that have to be there, and where they are named
+    promised: dict[str, Block] = {}  # element sets that *SOLID SECTION names and that have to exist
     seen = False
     for block in read_blocks(sources):
         seen = True
@@ -129,7 +135,7 @@ def _read_nodes(block: Block, scope: Scope, source: str) -> None:
     starts = ends - width
     labels = _whole(values[starts], "node numbers", block, source)
     points = np.zeros((len(starts), 3))
-    for j in range(3):  # coordinates at the end may be left out and are zero
+    for j in range(3):  # Abaqus allows coordinates at the end of the line to be left out: they are zero
         has = width > j + 1
         points[has, j] = values[starts[has] + j + 1]
     system = block.value("SYSTEM").upper()
@@ -144,7 +150,7 @@ def _read_nodes(block: Block, scope: Scope, source: str) -> None:
 
 
 def _read_elements(block: Block, scope: Scope, source: str) -> tuple[str, int]:
-    """Add the block's elements; return the type and number of those that are no solids."""
+    """Add the block's solids to the scope; for a block of other elements return their type and number, else ("", 0)."""
     given = block.value("TYPE").upper()
     kind = next((kind for start, kind in _TYPES if given.startswith(start)), "")
     if not kind:
@@ -177,7 +183,7 @@ def _read_elements(block: Block, scope: Scope, source: str) -> tuple[str, int]:
 
 
 def _read_skin(given: str, block: Block, scope: Scope) -> None:
-    """Keep the corners of shells: over the faces of solids they make surface groups, as Gmsh exports them."""
+    """Keep the corners of shells. Where they lie on faces of solids, as Gmsh exports them, they make surface groups."""
     found = _SKIN.match(given)
     if not found:
         return
@@ -190,7 +196,16 @@ def _read_skin(given: str, block: Block, scope: Scope) -> None:
 
 
 def _fits(values: Floats, ends: Ints, width: int) -> bool:
-    """Return whether elements of so many numbers end where data lines end."""
+    """Return whether the numbers of a block make elements of `width` numbers each, all ending at the end of a line.
+
+    Parameters
+    ----------
+    values : (n,) float
+        All numbers of the block.
+    ends : (l,) int
+        How many numbers stand up to the end of each data line.
+    width : int
+    """
     whole = np.arange(width, len(values) + 1, width)
     return len(values) % width == 0 and bool(np.isin(whole, ends).all())
 

@@ -23,7 +23,7 @@ ABAQUS_FACES: dict[str, tuple[tuple[int, ...], ...]] = {
 
 
 def with_groups(raw: RawMesh, assembly: Assembly) -> RawMesh:
-    """Return the mesh with every set and surface of the model under its names (see `abaqus.read_abaqus`)."""
+    """Return the mesh with a group for every set and surface of the model, under the names of `read_abaqus`."""
     volumes: dict[str, Ints] = {}
     nodes: dict[str, Ints] = {}
     surfaces: dict[str, list[Ints]] = {}
@@ -42,7 +42,7 @@ def with_groups(raw: RawMesh, assembly: Assembly) -> RawMesh:
             return [spelled]
         full = f"{placed.name}.{spelled}"
         if "" in homes[word, key]:
-            return [full]  # the assembly's own set has the plain name
+            return [full]  # the assembly has a set of its own with the plain name
         if len(homes[word, key]) == 1:
             return [full, spelled]
         unusable[spelled] = f'several parts have a set of that name; take one of them, such as "{full}"'
@@ -100,12 +100,12 @@ def with_groups(raw: RawMesh, assembly: Assembly) -> RawMesh:
 
 
 def _labelled(raw: RawMesh, cells: Ints, label: str, faces: dict[int, Faces], where: str) -> list[Ints]:
-    """Return the corners of face S1 ... S6 of the cells, or of all their free faces if there is no label.
+    """Return the corners of the faces of some cells that have a label S1 ... S6; without one, of all their free faces.
 
     Raises
     ------
     MeshError
-        The label is none that these solids have.
+        These solids have no face with this label.
     """
     cells = cells[cells >= 0]
     if not label:

@@ -1,4 +1,4 @@
-"""Faces that *DLOAD names by element: they become surfaces, so that a pressure can stand on them."""
+"""Make surfaces of the faces that *DLOAD names by element, so that a scene can put a pressure on them."""
 
 from __future__ import annotations
 
@@ -11,17 +11,19 @@ from .text import Block, entries, is_label
 
 @dataclass
 class LoadedFaces:
-    """Faces under one pressure.
+    """The faces that one pressure of *DLOAD acts on.
 
     Attributes
     ----------
-    name
-        Of the surface: DLOAD_SET_P3 of an element set, DLOAD_2_1 of the single elements of the second *DLOAD, those of
-        its first pressure.
-    pressure
+    statement : Statement
+        The *DLOAD.
+    name : str
+        Name of the surface. For face P3 of an element set SET it is DLOAD_SET_P3; for single elements of the second
+        *DLOAD of the deck, under the first of its pressures, it is DLOAD_2_1.
+    pressure : str
         As the deck writes it.
-    lines
-        As of *SURFACE.
+    lines : list of str
+        The data lines that *SURFACE would have for these faces.
     """
 
     statement: Statement
@@ -31,7 +33,7 @@ class LoadedFaces:
 
 
 def loaded_faces(model: Model) -> Iterator[LoadedFaces]:
-    """Return the faces under P1 ... P6 of every *DLOAD; loads of other kinds have none."""
+    """Yield the faces under loads P1 ... P6 of every *DLOAD; other kinds of loads have no faces."""
     statements = [s for s in model.statements if s.block.keyword == "DLOAD"]
     for i, statement in enumerate(statements, 1):
         single: dict[str, LoadedFaces] = {}
@@ -50,11 +52,11 @@ def loaded_faces(model: Model) -> Iterator[LoadedFaces]:
 
 
 def add_loaded_faces(model: Model) -> None:
-    """Give the model a surface for the faces of each load."""
+    """Add a surface to the model for the faces of each load."""
     seen: set[tuple[str, str]] = set()
     for faces in loaded_faces(model):
         scope = _scope(model, faces.statement.scope)
-        if (faces.statement.scope, faces.name) not in seen:  # a later step changes the pressure on the same faces
+        if (faces.statement.scope, faces.name) not in seen:  # a later step may load the same faces again
             block = Block("SURFACE", {"NAME": faces.name}, faces.lines, faces.statement.block.where)
             scope.surfaces.setdefault(scope.remember("SURFACE", faces.name), []).append(block)
         seen.add((faces.statement.scope, faces.name))

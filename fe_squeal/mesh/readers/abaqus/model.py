@@ -1,4 +1,4 @@
-"""What an Abaqus input file holds, as it is written: parts, instances and the assembly."""
+"""The content of an Abaqus input file as it is written: parts, instances and the assembly."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .text import Block
 
 @dataclass(frozen=True)
 class Members:
-    """One *NSET or *ELSET, not yet looked up: its entries, or with GENERATE its lines."""
+    """One *NSET or *ELSET as it is written: its entries (numbers and names), or with GENERATE its data lines."""
 
     items: list[str]
     generate: bool
@@ -21,7 +21,7 @@ class Members:
 
 @dataclass(frozen=True)
 class Cells:
-    """The solid elements of one *ELEMENT block, nodes by number and in VTK's order."""
+    """The solid elements of one *ELEMENT block: numbers (n,), and numbers of their nodes (n, k) in VTK's order."""
 
     kind: str
     labels: Ints
@@ -30,14 +30,20 @@ class Cells:
 
 @dataclass(frozen=True)
 class Links:
-    """The elements of one *ELEMENT block that are no solids but act between nodes: springs, dampers, masses.
+    """The springs, dampers, masses or connectors of one *ELEMENT block.
 
     Attributes
     ----------
-    kind
-        Such as "SPRING2".
-    nodes
-        By element, as the deck writes them: numbers, or INSTANCE.number.
+    kind : str
+        The Abaqus type, such as "SPRING2".
+    elset : str
+        The element set that the block names.
+    labels : list of str
+        Numbers of the elements.
+    nodes : list of list of str
+        The nodes of each element, as the deck writes them: numbers, or INSTANCE.number.
+    where : str
+        File and line, for messages.
     """
 
     kind: str
@@ -49,7 +55,7 @@ class Links:
 
 @dataclass(frozen=True)
 class Statement:
-    """A block that speaks of physics, not of the mesh, and the scope (part or instance, in capitals) it stands in."""
+    """A keyword block that is not part of the mesh (material, step, ...), and the part or instance it stands in."""
 
     block: Block
     scope: str
@@ -57,15 +63,18 @@ class Statement:
 
 @dataclass
 class Scope:
-    """What a part, an instance or the assembly holds; a flat file is an assembly without instances."""
+    """Nodes, elements, sets and surfaces of a part, an instance or the assembly.
+
+    A file without parts is an assembly without instances.
+    """
 
     name: str
     labels: list[Ints] = field(default_factory=list)
     points: list[Floats] = field(default_factory=list)
     cells: list[Cells] = field(default_factory=list)
-    skins: list[Cells] = field(default_factory=list)  # shells and membranes: corners alone
+    skins: list[Cells] = field(default_factory=list)  # shells and membranes, with their corner nodes alone
     links: list[Links] = field(default_factory=list)
-    others: list[int] = field(default_factory=list)  # numbers of elements that are no solids
+    others: list[int] = field(default_factory=list)  # numbers of all elements that are neither solids nor shells
     sets: dict[tuple[str, str], list[Members]] = field(default_factory=dict)
     surfaces: dict[str, list[Block]] = field(default_factory=dict)
     spelled: dict[tuple[str, str], str] = field(default_factory=dict)
@@ -79,7 +88,7 @@ class Scope:
 
 @dataclass(frozen=True)
 class Instance:
-    """A part put into the assembly: turned about an axis after it was moved."""
+    """An *INSTANCE: a part that is put into the assembly, moved and then rotated by the numbers of `place`."""
 
     name: str
     part: str
@@ -90,7 +99,7 @@ class Instance:
 
 @dataclass
 class Model:
-    """The whole file."""
+    """The content of a whole Abaqus file."""
 
     assembly: Scope = field(default_factory=lambda: Scope(""))
     parts: dict[str, Scope] = field(default_factory=dict)
@@ -100,7 +109,7 @@ class Model:
 
 
 def nodes_of(scopes: tuple[Scope, ...], source: str) -> tuple[Ints, Floats]:
-    """Return node numbers (n,) and coordinates (n, 3) of the scopes together."""
+    """Return the numbers (n,) and coordinates (n, 3) of the nodes of some scopes together."""
     labels = np.concatenate([np.empty(0, np.int64), *(part for scope in scopes for part in scope.labels)])
     points = np.concatenate([np.empty((0, 3)), *(part for scope in scopes for part in scope.points)])
     return check_unique_nodes(labels, points, source)

@@ -1,4 +1,4 @@
-"""*PARAMETER: numbers and what follows from them by arithmetic. Nothing else is understood, and nothing is run."""
+"""*PARAMETER of Abaqus decks: numbers, and arithmetic with them. Nothing else is accepted, and no Python is run."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _FUNCTIONS: dict[str, Callable[[float], float]] = {
 
 
 def evaluate_parameters(lines: Sequence[str], known: Mapping[str, float], where: str) -> dict[str, float]:
-    """Return the known values with those that the lines `name = expression` define; names in lower case.
+    """Return the known values, and those that the lines `name = expression` define, by names in lower case.
 
     Raises
     ------
     MeshError
-        A line is something else than arithmetic with numbers.
+        A line is not arithmetic with numbers and names that are defined before.
 
     Examples
     --------

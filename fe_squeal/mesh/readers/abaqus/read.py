@@ -11,12 +11,13 @@ from .deck import parse_model
 def read_abaqus(sources: Sources) -> RawMesh:
     """Read an Abaqus input file.
 
-    An assembly's set or surface keeps its name. A part's has its plain name (the union, if the part has several
-    instances) and "INSTANCE.NAME"; where two parts use one name, only the latter. Every instance is a volume group.
+    A set or surface of the assembly keeps its name. One of a part has two names: "INSTANCE.NAME" for each instance, and
+    plain NAME for all instances of the part together. The plain name is left out if two parts use it. Every instance is
+    a volume group.
 
     Raises
     ------
     MeshError
-        Bad numbers, sets, references, or a keyword that generates nodes or elements.
+        Numbers cannot be read, sets or references are wrong, or a keyword generates nodes or elements.
     """
     return place_model(parse_model(sources), sources.path.name)[0]

@@ -17,12 +17,14 @@ _ROW = {"NSET": "nodes", "ELSET": "elements"}
 
 @dataclass(frozen=True)
 class Placed:
-    """An instance (or the assembly itself) with its place in the whole mesh."""
+    """An instance (or the assembly itself), and the positions of its nodes and elements in the whole mesh."""
 
     name: str
     scopes: tuple[Scope, ...]
-    labels: dict[str, Ints]  # file numbers by "NSET" and "ELSET"
-    rows: dict[str, Ints]  # rows of the whole mesh; a shell k is -2 - k, other elements that are no solids -1
+    # Under "NSET" those of the nodes, under "ELSET" those of the elements: numbers in the file, and positions in the
+    # mesh. Shell number k has the position -2 - k, and elements that are neither solids nor shells have -1.
+    labels: dict[str, Ints]
+    rows: dict[str, Ints]
     part: str = ""
 
     def sets(self, word: str, name: str) -> list[Members]:
@@ -39,18 +41,18 @@ class Assembly:
         self.source, self.own, self.instances, self.skins = source, own, instances, skins
 
     def skin_of(self, rows: Ints) -> list[Ints]:
-        """Return the corners of the shells among the rows of an element set: triangles and quadrilaterals."""
+        """Return the corners of the shells of an element set, triangles and quadrilaterals; see `Placed.rows`."""
         corners = self.skins[-2 - rows[rows <= -2]]
         three = corners[:, 3] < 0
         return [corners[three][:, :3], corners[~three]]
 
     def members(self, word: str, placed: Placed, name: str, path: tuple[str, ...] = ()) -> Ints:
-        """Return the rows of a set of nodes ("NSET") or elements ("ELSET").
+        """Return the positions (n,) of the members of a set of nodes (word "NSET") or elements ("ELSET").
 
         Raises
         ------
         MeshError
-            A set, instance or number that does not exist, or a set that holds itself.
+            A set, instance or number does not exist, or a set contains itself.
         """
         if name.upper() in path:
             raise MeshError(f'{self.source}: set "{name}" contains itself')
@@ -70,7 +72,13 @@ class Assembly:
         return np.unique(np.concatenate(parts))
 
     def find(self, word: str, placed: Placed, text: str, user: str, path: tuple[str, ...] = ()) -> Ints:
-        """Return the rows that a reference means: a number, a set, INSTANCE.SET or INSTANCE.number."""
+        """Return the positions (n,) of what a reference means: a number, a set, INSTANCE.SET or INSTANCE.number.
+
+        Raises
+        ------
+        MeshError
+            It does not exist.
+        """
         if is_label(text):
             return self._rows(word, placed, np.array([label_of(text)]), user)
         if placed.sets(word, text):
@@ -88,7 +96,10 @@ class Assembly:
         )
 
     def surface(self, placed: Placed, name: str) -> tuple[str, list[tuple[Ints, str]]]:
-        """Return the type and the rows of a surface: members and face label ("" for all free faces)."""
+        """Return the type of a surface, and for each of its lines the members and the label of the face.
+
+        The label is "S1" ... "S6", or "" for all free faces.
+        """
         kind, out = "ELEMENT", []
         for block in [b for scope in placed.scopes for b in scope.surfaces.get(name.upper(), [])]:
             kind = block.value("TYPE").upper() or "ELEMENT"

@@ -1,4 +1,4 @@
-"""The keyword layer of an Abaqus input file: blocks of a keyword line and its data lines, includes followed."""
+"""Split an Abaqus input file into blocks, each a keyword line with its data lines, and follow its includes."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from ...raw import Floats, Ints
 from ..sources import Sources
 from .parameters import evaluate_parameters
 
-LARGEST = 2**62  # no label is as large
-_WHOLE = 1e15  # larger numbers keep their exponent
+LARGEST = 2**62  # stands for a label that is too long for 64 bits: no node or element has it
+_WHOLE = 1e15  # values of *PARAMETER below this are written without an exponent if they are whole
 _PARAMETER = re.compile(r"<([^<>]*)>")
 _LABEL = re.compile(r"-?[0-9]+")
 _FIELD = re.compile(r'"[^"]*"|[^,]+|(?<=,)(?=,)')
@@ -25,13 +25,13 @@ _FIELD = re.compile(r'"[^"]*"|[^,]+|(?<=,)(?=,)')
 
 @dataclass(frozen=True)
 class Block:
-    """One keyword with its parameters (names in capitals, values as spelled) and data lines.
+    """One keyword with its parameters (names in capitals, values as spelled) and its data lines.
 
     Attributes
     ----------
     foreign : bool
-        Whether data lines come from another file, which need not be a mesh: messages show no more of these than the
-        keyword is long.
+        Whether the data lines come from another file, named by INPUT=. That may be any file, so messages quote no more
+        than a few characters of it.
     """
 
     keyword: str
@@ -41,11 +41,11 @@ class Block:
     foreign: bool = False
 
     def value(self, name: str) -> str:
-        """Return a parameter's value, "" if it is absent."""
+        """Return the value of a parameter of the keyword, "" if the keyword does not have it."""
         return self.parameters.get(name, "")
 
     def shown(self, text: str) -> str:
-        """Return as much of a data line, or of a part of one, as a message may show."""
+        """Return as much of a data line, or of a part of it, as a message may quote; see `foreign`."""
         return text[: len(self.keyword) if self.foreign else 60]
 
 
@@ -85,7 +85,7 @@ def _number_text(values: dict[str, float], found: re.Match[str]) -> str:
 
 
 def _logical_lines(sources: Sources, path: Path, depth: int) -> Iterator[tuple[str, Path, int]]:
-    """Yield (line, file, number) without comments; a keyword line with what continues it."""
+    """Yield (line, file, number of the line) without comments; a keyword line is joined with its continuations."""
     lines = sources.lines(path, depth, "an Abaqus input file")
     at = 0
     while at < len(lines):
@@ -150,13 +150,18 @@ def is_label(text: str) -> bool:
 
 
 def label_of(text: str) -> int:
-    """Return a label as a number; one too long for 64 bits as one that no node or element has."""
+    """Return a label as a number; `LARGEST`, which no node or element has, if it is too long for 64 bits."""
     number = int(text[:30])
     return number if abs(number) < LARGEST else LARGEST
 
 
 def numbers(block: Block, source: str, lines: list[str] | None = None) -> tuple[Floats, Ints]:
-    """Return all numbers of a block's data lines, or of some, and how many stand up to the end of each line.
+    """Return all numbers (n,) of a block's data lines, and how many of them stand up to the end of each line (l,).
+
+    Parameters
+    ----------
+    lines : list of str, optional
+        Lines to read instead of the block's own.
 
     Raises
     ------
@@ -174,7 +179,7 @@ def numbers(block: Block, source: str, lines: list[str] | None = None) -> tuple[
     values = np.empty(len(flat))
     for i, text in enumerate(flat):
         try:
-            # Fortran's exponents; an empty field counts as zero.
+            # Exponents may be written with D, as in Fortran; an empty field counts as zero.
             values[i] = (
                 float(text.strip().upper().replace("D", "E") or 0.0)
                 if "D" in text.upper() or not text.strip()

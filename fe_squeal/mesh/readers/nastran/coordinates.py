@@ -14,7 +14,7 @@ SYSTEMS = ("CORD2R", "CORD2C", "CORD2S")
 
 @dataclass(frozen=True)
 class System:
-    """Kind "R", "C" or "S", the system it is defined in (0: the basic one), and the points A, B, C (3, 3)."""
+    """A coordinate system: kind "R", "C" or "S", the system it is defined in (0: the basic one), points A, B, C."""
 
     kind: str
     reference: int
@@ -22,18 +22,18 @@ class System:
 
 
 def read_system(card: Card) -> tuple[int, System]:
-    """Return a card's number and system; A is the origin, B on the z axis, C in the xz plane."""
+    """Return the number and the system that a card defines; A is the origin, B on the z axis, C in the xz plane."""
     values = np.array([real(card.text(i)) for i in range(2, 11)]).reshape(3, 3)
     return int(card.text(0)), System(card.name[-1], int(card.text(1) or 0), values)
 
 
 def to_global(points: Floats, number: int, systems: dict[int, System], seen: tuple[int, ...] = ()) -> Floats:
-    """Return points (n, 3) of a system in the basic one; angles are in degrees.
+    """Return points (n, 3), given in the coordinates of a system, in those of the basic system; angles are in degrees.
 
     Raises
     ------
     ValueError
-        A system that is missing, is defined by itself, or has its three points on one line.
+        A system is missing, is defined by itself, or has its three points on one line.
 
     Examples
     --------

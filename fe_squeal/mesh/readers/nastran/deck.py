@@ -1,7 +1,7 @@
-"""Nastran bulk data: grid points, solid elements and shells; property numbers become group names.
+"""Read Nastran bulk data: grid points, solid elements and shells; numbers of properties become names of groups.
 
-Card formats after the MSC and NX Nastran quick reference guides. Not read by meshio, which needs BEGIN BULK and
-ENDDATA, reads CP as a label and stops at free-format continuations.
+The formats of the cards are those of the MSC and NX Nastran quick reference guides. meshio is not used, because it
+needs BEGIN BULK and ENDDATA, takes the field CP for a label and stops at continuations in free format.
 """
 
 from __future__ import annotations
@@ -23,14 +23,16 @@ from .text import Card, read_cards, read_lines, real
 
 T = TypeVar("T")
 
-# Card name: kind with corners alone, kind with midside nodes, and the numbers of nodes.
+# By the name of the card: the kind of solid with corners alone and the number of these, the kind with midside nodes and
+# the number of all its nodes.
 _SOLIDS = {
     "CTETRA": ("tetra", 4, "tetra10", 10), "CHEXA": ("hexahedron", 8, "hexahedron20", 20),
     "CPENTA": ("wedge", 6, "wedge15", 15), "CPYRAM": ("pyramid", 5, "pyramid13", 13),
     "CPYRA": ("pyramid", 5, "pyramid13", 13),
 }  # fmt: skip
 _SHELLS = {"CTRIA3": 3, "CTRIAR": 3, "CTRIA6": 3, "CQUAD4": 4, "CQUADR": 4, "CQUAD8": 4, "CQUAD": 4}
-# VTK's order in terms of Nastran's, whose midside nodes run bottom, upright, top.
+# The positions p of nodes so that Nastran's nodes[p] are in VTK's order; Nastran lists the midside nodes of the bottom
+# edges first, then those of the upright edges, then those of the top edges.
 _ORDER = {
     "hexahedron20": [*range(12), *range(16, 20), *range(12, 16)],
     "wedge15": [*range(9), *range(12, 15), *range(9, 12)],
@@ -42,14 +44,15 @@ _PROPERTY = re.compile(r"^(?:PSOLID|PSHELL|PLSOLID)\*?[ ,]\s*(\d+)", re.IGNORECA
 
 
 def read_nastran(sources: Sources) -> RawMesh:
-    """Read a Nastran file: solids of property 3 are volume group "3", shells of property 4 surface group "4".
+    """Read a Nastran file.
 
-    Names that HyperMesh, Ansa and Patran leave in comments name the groups as well.
+    Solids of property 3 are the volume group "3", shells of property 4 the surface group "4". If HyperMesh, Ansa or
+    Patran have left names of properties in comments, the groups have these names too.
 
     Raises
     ------
     MeshError
-        Bad numbers, missing nodes, coordinate systems of a kind that is not read.
+        Numbers cannot be read, nodes are missing, or a coordinate system is of a kind that is not read.
     """
     source = sources.path.name
     lines = list(read_lines(sources))
@@ -166,7 +169,7 @@ def _solids(
 
 
 def _shells(cards: list[Card], corners: int, labels: Ints, source: str) -> list[tuple[int, Ints, Ints]]:
-    """Return property, numbers and corners of the shells, by property."""
+    """Return for each property of shells its number, the numbers of its shells (n,) and their corners (n, 3 or 4)."""
     table = np.array(
         [
             [_whole(card, 0, source), _pid(card, source), *(_whole(card, i, source) for i in range(2, 2 + corners))]
@@ -186,12 +189,12 @@ def _shells(cards: list[Card], corners: int, labels: Ints, source: str) -> list[
 
 
 def _pid(card: Card, source: str) -> int:
-    """A blank property is the element's own number, by Nastran's rule."""
+    """Return the property of an element; if it is blank, that is the element's own number, by Nastran's rule."""
     return _whole(card, 1, source) if card.text(1) else _whole(card, 0, source)
 
 
 def _titles(lines: list[tuple[str, str]]) -> dict[str, str]:
-    """Return names by property number, from the comments of HyperMesh, Ansa and Patran."""
+    """Return the names of properties, by number, that HyperMesh, Ansa and Patran leave in comments."""
     names: dict[str, str] = {}
     region = ""
     for line, _ in lines:

@@ -1,4 +1,4 @@
-"""Faces of solids that cards name: PLOAD4 and BSURFS by grid points, BSURF by elements; they make surface groups."""
+"""Surface groups of the faces that cards name: PLOAD4 and BSURFS by grid points, BSURF by elements."""
 
 from __future__ import annotations
 
@@ -15,12 +15,15 @@ from .text import Card, ranges, real
 
 
 def named_faces(cards: Sequence[Card], blocks: Sequence[CellBlock], labels: Ints, source: str) -> dict[str, list[Ints]]:
-    """Return the corners of the faces by group: PLOAD4_3, or PLOAD4_3_1, ... if set 3 has several pressures; BSURFS_4.
+    """Return the corners (f, 3 or 4) of the faces of PLOAD4 and BSURFS, by the name of their group.
+
+    The group of load set 3 is PLOAD4_3, or PLOAD4_3_1, PLOAD4_3_2, ... if the set has several pressures; that of
+    BSURFS 4 is BSURFS_4.
 
     Raises
     ------
     MeshError
-        A face that its element does not have.
+        A card names a face that its element does not have.
     """
     if not cards:
         return {}
@@ -34,7 +37,7 @@ def named_faces(cards: Sequence[Card], blocks: Sequence[CellBlock], labels: Ints
             if card.name == "PLOAD4":
                 element = int(card.text(1))
                 if element not in place:
-                    continue  # of a shell
+                    continue  # a pressure on a shell
                 given = [int(card.text(i)) for i in (6, 7) if card.text(i)]
                 face = _face(*place[element], rows_of(np.array(given), labels), opposite=len(given) == 2)
                 found.setdefault(f"PLOAD4_{int(card.text(0))}", {}).setdefault(real(card.text(2)), []).append(face)
@@ -59,12 +62,24 @@ def named_faces(cards: Sequence[Card], blocks: Sequence[CellBlock], labels: Ints
 
 
 def _face(shape: str, corners: Ints, given: Ints, opposite: bool) -> Ints:
-    """Return the corners of the face that has the given ones.
+    """Return the corners of the face of a solid that some given corners identify.
 
     Parameters
     ----------
+    shape : str
+        Of the solid, a key of `elements.FACES`.
+    corners : (c,) int
+        The corners of the solid.
+    given : (1, 2, 3 or 4,) int
+        Corners of the face.
     opposite : bool
-        Of two given corners, whether the second is across a quadrilateral, or of a tetrahedron off the face.
+        How two given corners are meant, as in PLOAD4: they are diagonally opposite in a quadrilateral, and in a
+        tetrahedron the second is the corner that is not on the face. Otherwise both are simply on the face.
+
+    Raises
+    ------
+    ValueError
+        There is no such face, or more than one.
     """
     if len(given) == 0 or (given < 0).any():
         raise ValueError
@@ -83,17 +98,19 @@ def _face(shape: str, corners: Ints, given: Ints, opposite: bool) -> Ints:
 def faces_of_elements(
     cards: Sequence[Card], raw: RawMesh, shells: dict[int, Ints], source: str
 ) -> dict[str, list[Ints]]:
-    """Return the corners of the faces by group, BSURF_5: shells as they are, of solids the faces at no other solid.
+    """Return the corners (f, 3 or 4) of the faces of each BSURF, by the name of its group, such as BSURF_5.
+
+    A shell is a face itself. Of a solid, all faces that it does not share with another solid are taken.
 
     Parameters
     ----------
-    shells : dict
+    shells : dict of int to (3 or 4,) int
         Corners of each shell, by its number.
 
     Raises
     ------
     MeshError
-        An element that is neither a solid nor a shell of the file.
+        A card names an element that is neither a solid nor a shell of the file.
     """
     if not cards:
         return {}
@@ -105,7 +122,7 @@ def faces_of_elements(
             own = wanted.setdefault(f"BSURF_{int(card.text(0))}", set())
             for some in ranges(card, 1):
                 if len(some) > 1:
-                    own |= {e for e in there if e in some}  # THRU passes over numbers that are not used
+                    own |= {e for e in there if e in some}  # a range of THRU may contain numbers that no element has
                     continue
                 if some[0] not in there:
                     raise MeshError(

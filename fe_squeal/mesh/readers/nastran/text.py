@@ -1,4 +1,4 @@
-"""The card layer of a Nastran bulk data file: free, small and large fields, continuations, includes."""
+"""Split a Nastran bulk data file into cards: free, small and large fields, continuations, includes."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ _SHORT_EXPONENT = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+))([+-]\d+)$")
 
 @dataclass(frozen=True)
 class Card:
-    """One bulk data entry: its name in capitals and the fields after it, blank ones as ""."""
+    """One bulk data entry: its name in capitals and the fields after it; a blank field is ""."""
 
     name: str
     fields: list[str]
     where: str
 
     def text(self, i: int) -> str:
-        """Return field i (counted from 0 after the name), "" past the end."""
+        """Return field i, counted from 0 after the name; "" if there are fewer fields."""
         return self.fields[i] if i < len(self.fields) else ""
 
 
 def ranges(card: Card, start: int) -> Iterator[range]:
-    """Yield the numbers that a card lists from a field on; those of THRU and BY as one range, the others singly.
+    """Yield the numbers that a card lists from a field on: FIRST THRU LAST BY STEP as a range, others as ranges of one.
 
     Raises
     ------
     ValueError
-        What stands there is no such list.
+        The fields are not such a list.
     """
     given = [text.upper() for text in card.fields[start:] if text]
     i = 0
@@ -49,7 +49,7 @@ def ranges(card: Card, start: int) -> Iterator[range]:
 
 
 def read_lines(sources: Sources, path: Path | None = None, depth: int = 0) -> Iterator[tuple[str, str]]:
-    """Yield (line, where it stands), includes followed.
+    """Yield (line, file and number of the line); the lines of an included file stand in the place of its INCLUDE.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def read_cards(lines: list[tuple[str, str]]) -> Iterator[Card]:
             continue
         head, rest, wide = _cut(line)
         if head[:1] in ("+", "*") or not head:
-            # A continuation: its fields go on where the line before ended, filled up to that line's width.
+            # A continuation: its fields follow those of the line before, blank ones at the end of that line included.
             fields += [""] * (end - len(fields))
             fields += rest
             end += 4 if wide else 8
@@ -95,7 +95,7 @@ def read_cards(lines: list[tuple[str, str]]) -> Iterator[Card]:
 
 
 def _cut(line: str) -> tuple[str, list[str], bool]:
-    """Return the first field, the data fields (at most 8, or 4 large ones) and whether they are large."""
+    """Return the first field of a line, its data fields (at most 8, or 4 large ones), and whether they are large."""
     if "," in line:
         parts = [part.strip() for part in line.split(",")]
         wide = parts[0].endswith("*") or parts[0].startswith("*")
@@ -109,7 +109,7 @@ def _cut(line: str) -> tuple[str, list[str], bool]:
 
 
 def real(text: str) -> float:
-    """Return a Nastran number; a blank is zero and the E of the exponent may be missing.
+    """Return a Nastran number: a blank is zero, and the exponent may be written with D or without a letter.
 
     Examples
     --------
