@@ -1,4 +1,4 @@
-"""Parametric geometries (a disc with pads, blocks on a belt) and their meshes with named groups."""
+"""Parametric geometries (a disc with pads, blocks on a belt), and meshes of them with named groups."""
 
 from fe_squeal.geometry.block import Block
 from fe_squeal.geometry.disc_pad import DiscPad

@@ -17,17 +17,18 @@ OneOrTwo = Annotated[int, Field(ge=1, le=2)]  # not Literal[1, 2], which lets Tr
 
 @dataclass(frozen=True)
 class Line:
-    """One direction of a structured mesh in which the number of elements can be chosen by itself.
+    """One direction in some bodies of a structured mesh, along which the number of elements can be chosen.
 
     Attributes
     ----------
     groups : tuple of str
-        Volume groups whose elements are cut.
+        Volume groups whose elements are cut along it.
     axis : "radial", "around", "axial", "x", "y" or "z"
+        The direction.
     elements : int
-        Along it now.
+        Number of elements along it now.
     multiple, least : int
-        Of what the number has to be a multiple, and the smallest one.
+        The number has to be a multiple of the first, and at least the second.
     """
 
     groups: tuple[str, ...]
@@ -40,7 +41,7 @@ class Line:
 class Geometry(BaseModel):
     """What the geometries share: the size and the kind of the elements, and how many there are.
 
-    Lengths are in metres, or in the scene's `length_unit`; the mesh is written in the unit they were given in.
+    Lengths are in metres, or in the scene's `length_unit`; the mesh is made in the unit that they are given in.
 
     Attributes
     ----------
@@ -49,8 +50,8 @@ class Geometry(BaseModel):
     element : "hex" or "tet"
         "hex" (default) is a structured mesh of hexahedra, made without gmsh; "tet" an unstructured one, made by gmsh.
     refinement : int
-        Every element that `size` and the layers ask for is cut into this many along each edge (default 1). Rounding
-        keeps size / 2 from doubling every count; refinement = 2 does, so this is the handle for convergence studies.
+        Every element that `size` and the layers ask for is cut into this many along each edge (default 1). For studies
+        of convergence: refinement = 2 doubles every number of elements, and size / 2 may not, because of rounding.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
@@ -60,7 +61,12 @@ class Geometry(BaseModel):
     refinement: Count = 1
 
     def refined(self, factor: int) -> Self:
-        """Return this geometry with every element count multiplied by `factor` (for "tet": with size / factor).
+        """Return this geometry with `factor` times the elements along every line (for "tet": with size / factor).
+
+        Raises
+        ------
+        ValueError
+            `factor` is below 1.
 
         Examples
         --------
@@ -73,7 +79,7 @@ class Geometry(BaseModel):
         return self.model_copy(update={"refinement": self.refinement * factor})
 
     def with_counts(self, counts: Mapping[str, int]) -> Self:
-        """Return this geometry with other numbers of elements along some of its `lines`; the others stay as they are.
+        """Return this geometry with other numbers of elements along some of its `lines`, by their keys.
 
         Examples
         --------
@@ -85,7 +91,7 @@ class Geometry(BaseModel):
         return type(self).model_validate({**self.model_dump(), "refinement": 1, **every})
 
     def resized(self, size: float) -> Self:
-        """Return this geometry with elements of another size; numbers of elements that are given change in proportion.
+        """Return this geometry with another size of elements; numbers of elements that are given change in proportion.
 
         Examples
         --------
@@ -104,7 +110,7 @@ class Geometry(BaseModel):
 
     @property
     def lines(self) -> dict[str, Line]:
-        """What can be cut finer by itself, by the key that says into how many elements."""
+        """The lines of the structured mesh, each by the key of the geometry that sets its number of elements."""
         raise NotImplementedError
 
     @property
@@ -116,8 +122,8 @@ class Geometry(BaseModel):
         """Return the number of elements along an edge of `length`, before refinement.
 
         0.015 / 0.01 is 1.4999... in metres, and 15 / 10 is 1.5 in millimetres: a tiny amount is added before rounding,
-        so that both give the same number. It is capped, so that absurd sizes stay finite; meshing refuses far fewer
-        elements.
+        so that both give the same number. The number is capped, so that it is finite for absurd sizes; meshing refuses
+        far fewer elements.
         """
         return max(1, math.floor(min(length / self.size, 1e9) * (1.0 + 1e-9) + 0.5))
 

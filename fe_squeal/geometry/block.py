@@ -108,7 +108,7 @@ class Block(Geometry):
 
     @property
     def lines(self) -> dict[str, Line]:
-        """What can be cut finer by itself, by the key that says into how many elements."""
+        """The lines of the structured mesh, each by the key of the geometry that sets its number of elements."""
         blocks = tuple(f"block{self.suffix(i)}" for i in range(1, self.count + 1))
         keys = ("elements_x", "elements_y", "layers")
         found = {k: Line(blocks, axis, n) for k, axis, n in zip(keys, "xyz", self.block_counts, strict=True)}
@@ -119,11 +119,11 @@ class Block(Geometry):
 
     @property
     def cells(self) -> int:
-        """Number of hexahedra in all bodies; for "tet" that of the cubes that would fill them at its edge length."""
+        """Number of hexahedra in all bodies; for "tet" the number of cubes of its edge length that would fill them."""
         return self.count * math.prod(self.block_counts) + math.prod(self.belt_counts)
 
     def suffix(self, number: int) -> str:
-        """Return what ends the group names of block `number` (from 1): nothing where there is one block."""
+        """Return the end of the group names of block `number` (from 1), such as "_2"; "" if there is one block."""
         return f"_{number}" if self.count > 1 else ""
 
     def left_of(self, number: int) -> float:

@@ -44,11 +44,12 @@ class DiscPad(Geometry):
     disc_layers, pad_layers, back_plate_layers : int, optional
         Elements through these thicknesses, hex only (default: from `size`).
     disc_elements_radial, disc_elements_around, pad_elements_radial, pad_elements_around : int, optional
-        Elements along the radius and around, hex only (default: from `size`). Around a full ring it is a multiple of 4,
-        at least 12; a pad has an element at least for every 30 degrees.
+        Elements along the radius and around, hex only (default: from `size`). The number around a full ring is a
+        multiple of 4 and at least 12; a pad has at least one element for every 30 degrees.
     geometry_order : 1 or 2
-        2 (default): edges follow the circles by mid-nodes (27-node hexahedra, 10-node tetrahedra), which leaves a
-        relative volume error of h^4/30, h half an element's angle. 1: straight edges (8 or 4 nodes), 2 h^2/3.
+        2 (default): edges follow the circles by mid-nodes (27-node hexahedra, 10-node tetrahedra). The relative error
+        of the volume is then h^4/30, with h half the angle of an element in radians. 1: edges are straight (8 or 4
+        nodes), and the error is 2 h^2/3.
 
     Examples
     --------
@@ -119,12 +120,12 @@ class DiscPad(Geometry):
 
     @property
     def _fewest_around(self) -> int:
-        """Elements around a pad at least: at most 30 degrees to an element, as in a ring."""
+        """The smallest number of elements around a pad: an element spans at most 30 degrees, as in a ring."""
         return math.ceil(self.pad_angle_deg / 30.0)
 
     @property
     def lines(self) -> dict[str, Line]:
-        """What can be cut finer by itself, by the key that says into how many elements."""
+        """The lines of the structured mesh, each by the key of the geometry that sets its number of elements."""
         linings = tuple(f"pad_{i}" for i in range(1, self.pads + 1))
         plates = tuple(f"back_plate_{i}" for i in range(1, self.pads + 1)) if self.has_back_plate else ()
         pads, ring = linings + plates, 4 if self.is_ring else 1
@@ -142,7 +143,7 @@ class DiscPad(Geometry):
 
     @property
     def cells(self) -> int:
-        """Number of hexahedra in all bodies; for "tet" that of the cubes that would fill them at its edge length."""
+        """Number of hexahedra in all bodies; for "tet" the number of cubes of its edge length that would fill them."""
         n_r, n_theta, n_lining, n_plate = self.pad_counts
         return math.prod(self.disc_counts) + self.pads * n_r * n_theta * (n_lining + n_plate)
 

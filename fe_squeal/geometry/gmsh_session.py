@@ -1,4 +1,4 @@
-"""Import gmsh where it is needed, and leave it as it was found."""
+"""Import gmsh only where it is needed, and leave a session of the caller's as it was."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from types import ModuleType
 
 from fe_squeal.errors import MeshError
 
-# Shared libraries that the gmsh wheel for Linux is linked against and does not carry (what libgmsh.so.4.15 lists as
+# Shared libraries that the gmsh wheel for Linux needs and does not contain (those that libgmsh.so.4.15 lists as
 # NEEDED), with their Debian and Ubuntu packages.
 _PACKAGES = {
     "libGLU.so.1": "libglu1-mesa",
@@ -42,7 +42,7 @@ def import_gmsh() -> ModuleType:
         ) from error
     except OSError as error:
         first = next((package for library, package in _PACKAGES.items() if library in str(error)), "libglu1-mesa")
-        # The loader names one missing library at a time; on a bare machine the usual ones are missing together.
+        # The loader names only the first missing library; on a bare machine these others are missing too.
         others = [p for p in ("libglu1-mesa", "libxft2", "libxcursor1", "libxinerama1") if p != first]
         raise MeshError(
             f"gmsh cannot be loaded ({error}): on Debian or Ubuntu `apt-get install {first}` "
@@ -53,14 +53,26 @@ def import_gmsh() -> ModuleType:
 
 @contextmanager
 def gmsh_model(name: str, options: dict[str, float]) -> Iterator[ModuleType]:
-    """Open a new gmsh model with these options; afterwards remove it and restore the options.
+    """Open a new gmsh model with some options for the block; afterwards remove it and restore the options.
 
-    A gmsh that the caller had initialised stays so, with the caller's current model; otherwise it is finalised.
+    If the caller had initialised gmsh, it stays initialised with the caller's current model; otherwise it is finalised.
+
+    Parameters
+    ----------
+    name : str
+        Of the model.
+    options : dict of str to float
+        gmsh's numeric options, such as "Mesh.Algorithm".
+
+    Raises
+    ------
+    MeshError
+        gmsh cannot be imported.
     """
     gmsh = import_gmsh()
     ours = not gmsh.isInitialized()
     if ours:
-        # The user's own .gmshrc must not change the mesh, and Ctrl-C stays Python's.
+        # The user's .gmshrc is not read, since it could change the mesh. Ctrl-C stays with Python.
         with _unchanged_signals():
             gmsh.initialize([], readConfigFiles=False, interruptible=False)
     try:
@@ -85,7 +97,7 @@ def gmsh_model(name: str, options: dict[str, float]) -> Iterator[ModuleType]:
 
 @contextmanager
 def _unchanged_signals() -> Iterator[None]:
-    """Keep what happens at a broken pipe: gmsh's C library lets it end the process without a word."""
+    """Restore the handler of SIGPIPE after the block: gmsh resets it, and a broken pipe would then end the process."""
     name = getattr(signal, "SIGPIPE", None)  # Windows has none
     before = None if name is None else signal.getsignal(name)
     yield

@@ -1,4 +1,4 @@
-"""Structured meshes with named groups: put together from bodies, and handed on as they are."""
+"""Structured meshes with named groups: joined from bodies, and turned into what a reader of a file returns."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from fe_squeal.mesh.gmsh_cells import Cells, raw_mesh
 from fe_squeal.mesh.raw import Floats, Ints, RawMesh
 
-GMSH_TYPE = {(2, 4): 3, (2, 9): 10, (3, 8): 5, (3, 27): 12}  # (dimension, nodes per element) -> gmsh's element type
+GMSH_TYPE = {(2, 4): 3, (2, 9): 10, (3, 8): 5, (3, 27): 12}  # gmsh's element type by (dimension, nodes per element)
 
 
 @dataclass(frozen=True)
@@ -19,11 +19,12 @@ class GroupedMesh:
 
     Attributes
     ----------
-    points : (n, 3) float, length
-    volumes : name -> (m, 8 or 27) int
-        Hexahedra with positive Jacobians, numbered from 0 into `points`.
-    surfaces : name -> (m, 4 or 9) int
-        Facets, their normals pointing out of the body.
+    points : (n, 3) float, in the geometry's unit of length
+        Coordinates of the nodes.
+    volumes : mapping of str to (m, 8 or 27) int
+        By name, the nodes (rows of `points`) of hexahedra with positive Jacobians.
+    surfaces : mapping of str to (m, 4 or 9) int
+        By name, the nodes of facets, whose normals point out of the body.
     """
 
     points: Floats
@@ -32,7 +33,7 @@ class GroupedMesh:
 
 
 def join_meshes(parts: Sequence[GroupedMesh]) -> GroupedMesh:
-    """Put meshes side by side, sharing no nodes; group names must differ."""
+    """Return one mesh of several whose group names differ; they share no nodes."""
     starts = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
     placed = list(zip(starts, parts, strict=True))
     return GroupedMesh(
@@ -43,7 +44,7 @@ def join_meshes(parts: Sequence[GroupedMesh]) -> GroupedMesh:
 
 
 def as_raw(mesh: GroupedMesh) -> RawMesh:
-    """Return the mesh as a reader would hand it over: nodes and elements in the order in which a file has them."""
+    """Return the mesh as a reader would, with nodes and elements in the order in which its file has them."""
     order = np.concatenate(list(owned_nodes(mesh).values()))
     groups = [(2, name, facets) for name, facets in mesh.surfaces.items()]
     groups += [(3, name, elements) for name, elements in mesh.volumes.items()]
@@ -56,7 +57,7 @@ def as_raw(mesh: GroupedMesh) -> RawMesh:
 
 
 def owned_nodes(mesh: GroupedMesh) -> dict[str, Ints]:
-    """Give each node to the first volume that has it, for the format lists a node once."""
+    """Return the nodes (n,) by volume, each node in the first volume that has it: the format lists a node once."""
     free = np.ones(len(mesh.points), dtype=bool)
     owned = {}
     for name, cells in mesh.volumes.items():

@@ -1,4 +1,4 @@
-"""Hexahedra and their faces on a lattice of node numbers."""
+"""Hexahedra, and faces of them, on a lattice: an array (ni, nj, nk) of node numbers along three axes of a body."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# Positions of the nodes in a cell of the lattice, in gmsh's order (reference manual, "Node ordering"). A cell is one
-# lattice step wide at order 1 and two at order 2; corners come first, then edges, faces and the centre.
+# Positions of the nodes of an element in the lattice, in gmsh's order (reference manual, "Node ordering"). An element
+# is one step of the lattice wide at order 1, and two at order 2; corners come first, then edges, faces and the centre.
 _HEX = {
     1: ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)),
     2: (
@@ -28,7 +28,10 @@ _QUAD = {
 
 
 def number_lattice(shape: tuple[int, int, int], periodic: bool = False) -> Ints:
-    """Return node numbers (ni, nj, nk); with `periodic` the second axis closes: its first slice is repeated at its end.
+    """Return node numbers (ni, nj, nk) int of a lattice.
+
+    With `periodic` the second axis is closed, as around a disc: its first slice is repeated at the end, so the shape is
+    (ni, nj + 1, nk).
 
     Examples
     --------
@@ -40,21 +43,26 @@ def number_lattice(shape: tuple[int, int, int], periodic: bool = False) -> Ints:
 
 
 def hexahedra(ids: Ints, order: int) -> Ints:
-    """Return the hexahedra (m, 8 or 27) of a lattice (ni, nj, nk) whose axes form a right-handed system."""
+    """Return the nodes (m, 8 or 27) of the hexahedra of a lattice (ni, nj, nk) whose axes are a right-handed system."""
     return _cells(ids, _HEX[order], order)
 
 
 def faces(ids: Ints, axis: int, end: int, order: int) -> Ints:
-    """Return the quadrilaterals (m, 4 or 9) on one side of a lattice, normals outward.
+    """Return the nodes (m, 4 or 9) of the quadrilaterals on one side of a lattice, with normals that point outward.
 
     Parameters
     ----------
+    ids : (ni, nj, nk) int
+        The lattice.
     axis : 0, 1 or 2
+        The axis across the side.
     end : 0 or -1
-        The side where the index along `axis` is lowest or highest.
+        The side where the index along `axis` is lowest, or highest.
+    order : 1 or 2
     """
     side = np.take(ids, end, axis=axis)
-    # The two axes left, in cyclic order, turn about +axis; take() leaves them in ascending order, reversed for axis 1.
+    # The normal of a face is +axis if its two axes are in cyclic order. take() leaves them in ascending order, which is
+    # the reverse of the cyclic one for axis 1.
     points_up = axis != 1
     return _cells(side if points_up == (end == -1) else side.T, _QUAD[order], order)
 

@@ -12,9 +12,14 @@ _END = b"$EndMeshFormat\n"
 
 
 def write_msh(mesh: GroupedMesh, path: Path) -> None:
-    """Write every group as one entity with one physical group of the same tag; volumes come first.
+    """Write a mesh: every group is an entity with one physical group of the same tag, volumes first.
 
-    Coordinates are written in the fewest digits that read back to the same double.
+    Coordinates are written with the fewest digits that give the same double when read.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
     """
     path.write_text("".join(f"{line}\n" for line in _lines(mesh)), encoding="ascii", newline="\n")
     mark_as_ours(path)
@@ -29,7 +34,8 @@ def _lines(mesh: GroupedMesh) -> Iterator[str]:
     yield from (f'3 {tags[name]} "{name}"' for name in mesh.volumes)
     yield "$EndPhysicalNames"
 
-    # An entity's line: tag, bounding box, its physical groups (one), its bounding entities (left out: none).
+    # The line of an entity: tag, bounding box, number and tag of its physical groups, number of its bounding entities
+    # (0).
     yield from ("$Entities", f"0 0 {len(mesh.surfaces)} {len(mesh.volumes)}")
     for name, cells in [*mesh.surfaces.items(), *mesh.volumes.items()]:
         corners = mesh.points[cells.ravel()]
@@ -60,9 +66,10 @@ def _lines(mesh: GroupedMesh) -> Iterator[str]:
 
 
 def mark_as_ours(path: Path) -> None:
-    """Put a comment behind the header that tells our files from others, with a check sum: one edited since is not ours.
+    """Put a comment with a check sum behind the header, by which `is_ours` knows files that this package wrote.
 
-    Readers pass over it; gmsh keeps it when it saves a mesh that somebody changed.
+    The check sum shows whether the file was edited since: gmsh keeps the comment when it saves a mesh that somebody
+    changed. Readers ignore the comment.
     """
     data = path.read_bytes().replace(b"\r\n", b"\n")
     header, end, rest = data.partition(_END)
@@ -70,7 +77,7 @@ def mark_as_ours(path: Path) -> None:
 
 
 def is_ours(path: Path) -> bool:
-    """Tell whether a file is a mesh that this package wrote, and nobody changed."""
+    """Return whether a file is a mesh that this package wrote and that nobody has changed since."""
     data = path.read_bytes().replace(b"\r\n", b"\n")
     header, end, rest = data.partition(_END)
     comment, closing, rest = rest.partition(b"$EndComments\n")

@@ -16,15 +16,15 @@ _SIDES = {"left": (0, 0), "right": (0, -1), "front": (1, 0), "back": (1, -1), "b
 def structured_disc_pad(geometry: DiscPad) -> GroupedMesh:
     """Return the hexahedra of a disc and its pads.
 
-    All sectors of the disc are alike, so its double modes stay double; the whole is symmetric about y = 0, and with two
-    pads about z = 0. Nodes lie on circles about z at equal steps of radius, angle and height.
+    Nodes are on circles about z at equal steps of radius, angle and height. All sectors of the disc are alike, so that
+    its double modes stay double. The mesh is symmetric about the plane y = 0, and with two pads about z = 0 too.
     """
     pads = [_pad(geometry, number) for number in range(1, geometry.pads + 1)]
     return join_meshes([_disc(geometry), *pads])
 
 
 def structured_block(geometry: Block) -> GroupedMesh:
-    """Return the hexahedra of the blocks and, where it has a thickness, of the belt."""
+    """Return the hexahedra of the blocks and, if it has a thickness, of the belt."""
     order = geometry.geometry_order
     parts = []
     for number in range(1, geometry.count + 1):
@@ -73,7 +73,7 @@ def _disc(geometry: DiscPad) -> GroupedMesh:
 
 
 def _pad(geometry: DiscPad, number: int) -> GroupedMesh:
-    """Mesh lining and back plate as one lattice, which makes them share the nodes between them."""
+    """Return the hexahedra of pad `number`; lining and back plate are one lattice, so that they share nodes."""
     order = geometry.geometry_order
     n_r, n_theta, n_lining, n_plate = (order * n for n in geometry.pad_counts)
     radii = geometry.pad_inner_radius + _steps(geometry.pad_outer_radius - geometry.pad_inner_radius, n_r)
@@ -85,7 +85,8 @@ def _pad(geometry: DiscPad, number: int) -> GroupedMesh:
     heights = 0.5 * geometry.thickness + geometry.gap + _steps(geometry.pad_thickness, n_lining)
     if geometry.has_back_plate:
         heights = np.append(heights, heights[-1] + _steps(geometry.back_plate_thickness, n_plate)[1:])
-    # Pad 2 mirrors pad 1. Its lattice still runs along +z, so that its Jacobians stay positive: the lining comes last.
+    # Pad 2 is the mirror image of pad 1. Its lattice runs along +z too, since Jacobians would be negative otherwise,
+    # and so the back plate comes first and the lining last.
     above = number == 1
     if not above:
         heights = -heights[::-1]
@@ -114,14 +115,15 @@ def _steps(length: float, n: int) -> Floats:
 
 
 def _centred_steps(length: float, n: int) -> Floats:
-    """Return n + 1 values from -length/2 to length/2, equal to the last bit under a change of sign."""
+    """Return n + 1 values at equal steps from -length/2 to length/2, symmetric about zero to the last bit."""
     return length * (np.arange(n + 1) - 0.5 * n) / n
 
 
 def _circle(n: int) -> Floats:
     """Return cosines and sines (2, n) of n equal steps around, n a multiple of 4.
 
-    A quarter is computed and turned into the others, so that quarter turns and reflections in x, y and x = y are exact.
+    One quarter is computed and the others are copies of it, so that quarter turns and reflections about x, y and x = y
+    map the points onto each other exactly.
     """
     quarter = np.cos(2.0 * np.pi * np.arange(n // 4) / n)
     rising = np.append(0.0, quarter[:0:-1])
@@ -131,7 +133,7 @@ def _circle(n: int) -> Floats:
 
 
 def _revolved(radii: Floats, circle: Floats, heights: Floats) -> Floats:
-    """Return the points (nr, n_theta, nz, 3) at all radii, directions (2, n_theta) and heights."""
+    """Return the points (nr, n_theta, nz, 3) at radii (nr,), directions `circle` (2, n_theta) and heights (nz,)."""
     points = np.empty((len(radii), circle.shape[1], len(heights), 3))
     points[..., 0] = (radii[:, None] * circle[0])[:, :, None]
     points[..., 1] = (radii[:, None] * circle[1])[:, :, None]

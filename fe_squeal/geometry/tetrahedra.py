@@ -21,24 +21,24 @@ DimTags = list[tuple[int, int]]
 
 
 def write_tetrahedra(geometry: DiscPad | Block, path: Path) -> None:
-    """Mesh a geometry with tetrahedra of its edge length and write the file.
+    """Mesh a geometry with tetrahedra of its edge length and write the mesh as a gmsh file.
 
     Raises
     ------
     MeshError
-        gmsh is not there, failed, or bent an element inside out in following the circles.
+        gmsh cannot be imported or fails, or elements are so large that following the circles turns them inside out.
     """
     with _meshed(geometry) as gmsh:
         gmsh.write(str(path))
 
 
 def mesh_tetrahedra(geometry: DiscPad | Block) -> RawMesh:
-    """Mesh a geometry with tetrahedra of its edge length.
+    """Return the mesh of a geometry with tetrahedra of its edge length.
 
     Raises
     ------
     MeshError
-        As of `write_tetrahedra`.
+        As for `write_tetrahedra`.
     """
     with _meshed(geometry) as gmsh:
         model = gmsh.model
@@ -50,14 +50,14 @@ def mesh_tetrahedra(geometry: DiscPad | Block) -> RawMesh:
             for kind, numbers, nodes in zip(*model.mesh.getElements(d, tag), strict=True) if groups else ():
                 width = len(nodes) // len(numbers)
                 cells.append(Cells(int(kind), numbers.astype(int), nodes.astype(int).reshape(-1, width), groups))
-    # The lines that bodies were revolved from have nodes too. A file does not hold them, so they are left out here.
+    # gmsh also meshes the curves that bodies were revolved from. A file would not have their nodes: they are left out.
     used = np.isin(labels, np.concatenate([some.nodes.ravel() for some in cells]))
     return raw_mesh("the geometry", labels[used].astype(int), points.reshape(-1, 3)[used], cells, names)
 
 
 @contextmanager
 def _meshed(geometry: DiscPad | Block) -> Iterator[ModuleType]:
-    """Keep gmsh with the meshed geometry as its model inside the block."""
+    """Mesh a geometry with gmsh, and return gmsh with this mesh as its model for the block."""
     options = {
         "General.Terminal": 0,
         "General.AbortOnError": 2,  # errors become exceptions
@@ -120,7 +120,8 @@ def _build_disc_pad(gmsh: ModuleType, geometry: DiscPad) -> tuple[dict[str, int]
         if geometry.has_back_plate:
             z += sign * geometry.pad_thickness
             plate = _sector(gmsh, inner, across, z, sign * geometry.back_plate_thickness, angle)
-            # Fragmenting these two, and only these, gives them one common surface: glued, while the disc stays apart.
+            # `fragment` makes lining and back plate share one surface and its nodes. The disc is not among its bodies,
+            # so it shares nothing with the pad.
             _, parts = occ.fragment([(3, volumes[f"pad_{number}"])], [(3, plate)])
             volumes[f"pad_{number}"], volumes[f"back_plate_{number}"] = parts[0][0][1], parts[1][0][1]
             bodies[f"_{number}"] = [volumes[f"pad_{number}"], volumes[f"back_plate_{number}"]]
@@ -135,7 +136,7 @@ def _build_disc_pad(gmsh: ModuleType, geometry: DiscPad) -> tuple[dict[str, int]
 
 
 def _sector(gmsh: ModuleType, inner: float, width: float, z: float, height: float, angle_deg: float) -> int:
-    """Revolve a rectangle about the z axis; return the volume, centred on +x."""
+    """Revolve a rectangle about the z axis by an angle; return the tag of the volume, which is centred on +x."""
     occ = gmsh.model.occ
     low, high = sorted((z, z + height))
     angle = math.radians(angle_deg)
@@ -150,13 +151,13 @@ def _sector(gmsh: ModuleType, inner: float, width: float, z: float, height: floa
 
 
 def _outer_surfaces(gmsh: ModuleType, volumes: list[int]) -> list[int]:
-    """Return the surfaces of a body without those between its volumes."""
+    """Return the surfaces of a body of several volumes, without those between these volumes."""
     boundary: DimTags = gmsh.model.getBoundary([(3, tag) for tag in volumes], combined=True, oriented=False)
     return sorted(tag for _, tag in boundary)
 
 
 def _cylinder_radius(gmsh: ModuleType, surface: int) -> float | None:
-    """Return the radius of a surface about the z axis, None for a plane one."""
+    """Return the radius of a cylindrical surface about the z axis, None for a plane surface."""
     if gmsh.model.getType(2, surface) == "Plane":
         return None
     low, high = gmsh.model.getParametrizationBounds(2, surface)

@@ -15,12 +15,12 @@ from fe_squeal.geometry.structured import structured_block, structured_disc_pad
 from fe_squeal.geometry.tetrahedra import mesh_tetrahedra, write_tetrahedra
 from fe_squeal.mesh.raw import RawMesh
 
-# Far past what the solvers take; a size in the wrong unit asks for thousands of times more, and would fill the memory.
+# More than the solvers can take. A size in the wrong unit would ask for thousands of times more and fill the memory.
 MAX_ELEMENTS = 3_000_000
 
 
 def make_mesh(geometry: DiscPad | Block) -> RawMesh:
-    """Mesh a geometry, in its own unit of length; it is the mesh that a file written by `write_mesh` holds.
+    """Return the mesh of a geometry, in its own unit of length: the mesh that `write_mesh` would write to a file.
 
     Raises
     ------
@@ -41,13 +41,16 @@ def make_mesh(geometry: DiscPad | Block) -> RawMesh:
 def write_mesh(geometry: DiscPad | Block, path: str | os.PathLike[str], keep_others: bool = False) -> Path:
     """Mesh a geometry and write it as a gmsh .msh file (version 4.1, text), in the geometry's own unit of length.
 
-    The same geometry gives the same bytes each time. The file appears at once when it is complete; an older one of that
-    name stays until then.
+    The same geometry gives the same bytes each time. An older file of this name is replaced when the new one is
+    complete.
 
     Parameters
     ----------
+    geometry : DiscPad or Block
+    path : str or path-like
+        The file to write, with the suffix .msh, in an existing folder.
     keep_others : bool
-        Refuse to write over a file that this function did not write.
+        Whether to refuse to replace a file that this function did not write.
 
     Returns
     -------
@@ -57,7 +60,7 @@ def write_mesh(geometry: DiscPad | Block, path: str | os.PathLike[str], keep_oth
     Raises
     ------
     OutputError
-        The name does not end in .msh, the file cannot be written, or it is to be kept.
+        The name does not end in .msh, the file cannot be written, or `keep_others` forbids to replace it.
     MeshError
         The size asks for too many elements; or, with element = "tet", gmsh cannot be loaded or fails.
 
@@ -77,7 +80,8 @@ def write_mesh(geometry: DiscPad | Block, path: str | os.PathLike[str], keep_oth
     if keep_others and path.exists() and not _may_replace(path):
         raise OutputError(f"{path}: there is a file that fe-squeal mesh did not write; give another (-o) or --force")
     _check_number_of_elements(geometry)
-    # Hard to guess, since nothing may lie there; gmsh chooses the format by the ending.
+    # The name of the partial file is random, so that it is no file that exists already, and ends in .msh, since gmsh
+    # chooses the format by the ending.
     partial = path.with_name(f".{path.stem}.{secrets.token_hex(8)}.partial.msh")
     try:
         partial.touch(exist_ok=False)  # a folder that cannot be written is found before the meshing, not after it
