@@ -7,15 +7,19 @@ elements that are as thick as the part that they bend are so stiff that the erro
 goes up to 4 for order 1, which is q = 0.4. The bar is the largest s times |Δλ|, separately for the real and the
 imaginary part, with four corrections:
 
-- The error is a sum of parts with different q. They may cancel in the real part of Δλ without cancelling in the error.
-  So the real and the imaginary part of a bar are at least `SHARE` times the bar that |Δλ| would give.
+- The error is a sum of parts with different q, and so different s. They may cancel in the change without cancelling in
+  the error. Where the parts are known, see `spread`, with every s between the limits the error is at most
+  (s₁ + s₂)/2 |Δ| + (s₂ − s₁)/2 Σ|parts|. That is the bar of growing modes and of onsets. For other modes, and for
+  linear elements, whose parts are wrong in size themselves, the real and the imaginary part of a bar are at least
+  `SHARE` times the bar that |Δλ| would give.
 - Two modes that nearly meet have λ = m ± √D, and m and D change linearly with the mesh where λ does not. So m and D of
   each mode and the nearest other one are extrapolated for all s in the range, and the bar reaches as far as λ then
   does.
 - A pair λ, −λ* may become two modes without growth on the refined mesh, each with a change of its own. The larger of
   the two changes counts for both.
 - Along the parameter the change may pass through zero at a value where the error does not. So a bar is the largest of
-  its own and those of the same branch at the neighbouring values of the parameter.
+  its own and those of the same branch at the neighbouring values of the parameter; that of Re λ of a growing mode
+  takes part where the branch grows, too.
 
 Where Re λ is zero by symmetry on both meshes it has no error and its bar is zero, unless an onset is so near that the
 mode may lie on the other side of it (see `near_onsets`).
@@ -31,15 +35,41 @@ import numpy as np
 # smallest of 2, 3 and 4 for which the bars contain the true error of at least 97 % of the modes, and of the growing
 # modes too, on the scenes `FITTED` of benchmarks/mesh_bars.py.
 BARS = {1: 4.0, 2: 2.0}
+SMALLEST_FACTOR = {1: 4 / 3, 2: 16 / 15}  # times the change, by the order of the elements: the smallest s
 # Times BARS |Δλ|: the least that either part of a bar is. Chosen: the scenes `FITTED` would do without it, and a scene
 # with a single layer of linear tetrahedra needed 0.18.
 SHARE = 0.25
+SMALLEST = 0.1  # of the interval of the sweep: errors of onsets at smaller values are relative to this
 _STEPS = 16  # equal steps of s in which m and D are extrapolated, so that the root √D can be followed
 _APART = 10.0  # times the change of either mode: modes farther apart than this are extrapolated each by itself
 _ROUNDING = 1e-6  # of the sum of two distances: a smaller difference between them is taken for rounding
 
 
-def bar_of(change: np.ndarray, bent: np.ndarray, balanced: np.ndarray, order: int) -> np.ndarray:
+def bar_of_parts(change: np.ndarray, spread: np.ndarray, order: int) -> np.ndarray:
+    """Return the bars (k,) of quantities whose changes have parts that each count with a factor s of their own.
+
+    Parameters
+    ----------
+    change : (k,) float
+        By refining the mesh once.
+    spread : (k,) float
+        The sum of the sizes of its parts; NaN where it is not known, and |change| is taken.
+    order : int
+        Of the elements.
+
+    Examples
+    --------
+    >>> bar_of_parts(np.array([0.0, 1.0]), np.array([15.0, 1.0]), 2)
+    array([7., 2.])
+    """
+    least, most = SMALLEST_FACTOR[order], BARS[order]
+    size = np.abs(change)
+    return np.asarray((most + least) / 2 * size + (most - least) / 2 * np.fmax(spread, size))
+
+
+def bar_of(
+    change: np.ndarray, bent: np.ndarray, balanced: np.ndarray, order: int, spread: np.ndarray | None = None
+) -> np.ndarray:
     """Return the bars (k,) complex, rad/s, of the modes at one value: that of Re λ plus i times that of Im λ.
 
     Parameters
@@ -52,10 +82,15 @@ def bar_of(change: np.ndarray, bent: np.ndarray, balanced: np.ndarray, order: in
         Modes whose Re λ is zero on both meshes, by symmetry.
     order : int
         Of the elements.
+    spread : (k,) float, 1/s, optional
+        The sum of the sizes of the parts of Re Δλ; NaN where it is not known.
     """
     factor = BARS[order]
     floor = SHARE * np.abs(change)
-    re = np.maximum(factor * np.maximum(np.abs(change.real), floor), bent.real)
+    known = np.full(len(change), np.nan) if spread is None else spread
+    parted = np.isfinite(known) & (order > 1)
+    least = np.maximum(factor * np.where(parted, 0.0, floor), bent.real)
+    re = np.maximum(bar_of_parts(change.real, known, order), least)
     im = np.maximum(factor * np.maximum(np.abs(change.imag), floor), bent.imag)
     return np.where(balanced, 0.0, re) + 1j * im
 
@@ -163,7 +198,9 @@ def mirrored(bars: np.ndarray, partner: np.ndarray) -> np.ndarray:
     return wide
 
 
-def enveloped(bars: Sequence[np.ndarray], branches: Sequence[np.ndarray]) -> list[np.ndarray]:
+def enveloped(
+    bars: Sequence[np.ndarray], branches: Sequence[np.ndarray], growing: Sequence[np.ndarray] | None = None
+) -> list[np.ndarray]:
     """Return each bar, made at least as large as those of the same branch at the values before and after.
 
     Parameters
@@ -172,21 +209,28 @@ def enveloped(bars: Sequence[np.ndarray], branches: Sequence[np.ndarray]) -> lis
         NaN where a bar is not known. It stays NaN, and bars at the neighbouring values are compared without it.
     branches : (k,) int for each value
         Numbers of the branches that the bars belong to.
+    growing : (k,) bool for each value, optional
+        Modes that grow. Bars of Re λ are compared among these, and among the others.
 
     Examples
     --------
     >>> enveloped([np.array([1 + 1j]), np.array([0j]), np.array([3j])], [np.array([7])] * 3)
     [array([1.+1.j]), array([1.+3.j]), array([0.+3.j])]
     """
-    by_branch = [dict(zip(b.tolist(), bar.tolist(), strict=True)) for b, bar in zip(branches, bars, strict=True)]
+    grows = [np.zeros(len(b), dtype=bool) for b in branches] if growing is None else growing
+    by_branch = [
+        dict(zip(b.tolist(), zip(bar.tolist(), g.tolist(), strict=True), strict=True))
+        for b, bar, g in zip(branches, bars, grows, strict=True)
+    ]
     result = []
-    for k, (own, names) in enumerate(zip(bars, branches, strict=True)):
+    for k, (own, names, grown) in enumerate(zip(bars, branches, grows, strict=True)):
         wide = own.astype(complex)
         for at in (k - 1, k + 1):
             if 0 <= at < len(bars):
-                beside = np.array([by_branch[at].get(b, np.nan) for b in names.tolist()], dtype=complex)
+                found = [by_branch[at].get(b, (np.nan, False)) for b in names.tolist()]
+                beside, alike = np.array([x for x, _ in found], complex), np.array([g for _, g in found], bool) == grown
                 known = np.isfinite(beside) & np.isfinite(wide)
-                real = np.where(known, np.maximum(wide.real, beside.real), wide.real)
+                real = np.where(known & alike, np.maximum(wide.real, beside.real), wide.real)
                 imag = np.where(known, np.maximum(wide.imag, beside.imag), wide.imag)
                 wide = real + 1j * imag
         result.append(wide)

@@ -16,9 +16,10 @@ from ..mesh import LoadedMesh
 from ..scene import Scene
 from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
-from .bars import BARS
+from .bars import BARS, SMALLEST, bar_of_parts
 from .candidates import ORDER, Candidate, finer_candidate, first_candidate, next_candidate
-from .estimate import COMPARED, SMALLEST, changes_by, with_changes, with_discretisation
+from .estimate import COMPARED, changes_by, with_changes, with_discretisation
+from .groups import element_groups
 from .quantities import KINDS, Split, split_changes
 from .refined import refine_problem, refined_memory
 
@@ -53,6 +54,8 @@ class Trial:
 
     def __str__(self) -> str:
         error = f"error about {100 * self.error:.2g} %" if np.isfinite(self.error) else "error not known"
+        if not self.error:
+            error = "nothing there that could miss the target"
         return f"{self.mesh}: {self.unknowns} unknowns, {error}, {self.seconds:.1f} s"
 
 
@@ -139,7 +142,7 @@ def choose(
             solver = candidate.scene.solve.linear_solver
             refined = refine_problem(result, solver)
             split = split_changes(result, refined).of(kinds)
-            error = first = BARS[ORDER] * float(np.abs(split.changes / split.scales).max(initial=0.0))
+            error = first = _first_order_error(split, refined.coarse)
             if first <= _SURELY * target:
                 result = with_changes(result, changes_by(result, refined, solver))
                 error = estimated_error(result, kinds)
@@ -175,6 +178,13 @@ def choose(
         if nearest is None:
             raise
         raise KeyboardInterrupt(_picked(nearest, trials, bars=False)) from stop
+
+
+def _first_order_error(split: Split, assembly: Assembly) -> float:
+    """Return the largest relative error by the bars that changes to first order and their parts give."""
+    _, groups = element_groups(assembly)
+    spread = np.abs(groups @ split.parts.reshape(len(split.names), groups.shape[1]).T).sum(axis=0)
+    return float((bar_of_parts(split.changes, spread, ORDER) / split.scales).max(initial=0.0))
 
 
 def _swept(candidate: Candidate) -> Sweep:

@@ -70,6 +70,7 @@ class CorrectedModel:
                     break
                 asked = _nearest(_wanted(basis, value, refined), asked.lam[long])
         self.iterations = refined.solver.iterations
+        self.basis = basis
         W = _span(basis, refined, nodes)
         self._coordinates = W.T @ cross(basis.V, times(refined.P, EV)) @ own.T
         self.projected = basis.restricted(W).collected()

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ..assembly.assembly import Assembly
 from ..geometry import DiscPad
-from .quantities import Split
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-COLUMNS = ("quantity", "kind", "change", "scale", "body", "direction", "part")
 WHOLE = "all"  # the direction of tetrahedra, whose axes mean nothing
 _CORNERS = 8
 
@@ -55,22 +48,8 @@ def _axis(assembly: Assembly) -> tuple[np.ndarray | None, np.ndarray]:
     return None, np.zeros(3)
 
 
-def split_dataframe(split: Split, assembly: Assembly) -> pd.DataFrame:
-    """Return the changes of the quantities, split by body and direction, with the columns `COLUMNS`.
-
-    A row is the part of one quantity's change that one body and direction adds; the parts of a quantity add up to its
-    `change`. `change`, `scale` and `part` are in units of the quantity: rad/s for Im λ, 1/s for Re λ, the parameter's
-    for onsets. Relative errors are meant relative to `scale`.
-    """
-    import pandas as pd
-
-    hexahedral = assembly.loaded.mesh.elem.refdom.p.shape[1] == _CORNERS
-    names = axis_names(assembly) if hexahedral else np.full((split.parts.shape[1], 1), WHOLE)
-    directions = list(dict.fromkeys(names.ravel().tolist()))
-    rows = []
-    for i, quantity in enumerate(split.names):
-        for body, cells in assembly.bodies.items():
-            for direction in directions:
-                part = float((split.parts[i, cells] * (names[cells] == direction)).sum())
-                rows.append((quantity, split.kinds[i], split.changes[i], split.scales[i], body, direction, part))
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+def element_directions(assembly: Assembly) -> np.ndarray:
+    """Return (m, a) str: `axis_names` of hexahedra, `WHOLE` for tetrahedra, which have no axes to tell apart."""
+    mesh = assembly.loaded.mesh
+    hexahedral = mesh.elem.refdom.p.shape[1] == _CORNERS
+    return axis_names(assembly) if hexahedral else np.full((mesh.nelements, 1), WHOLE)

@@ -16,15 +16,16 @@ from ..sweep.onsets import Onset
 from ..sweep.result import Sweep, SweepPoint
 from ..sweep.sweep import sweep
 from ..sweep.tracking import match_modes, mirror_partners
-from .bars import BARS, bar_of, bent_change, enveloped, extrapolated, mirrored
+from .bars import bar_of, bar_of_parts, bent_change, enveloped, extrapolated, mirrored
 from .corrected import CorrectedModel
+from .rates import by_eigenvalue, onset_factor
 from .refined import Refined, refine_problem
+from .spread import Asked, spreads
 
 # Times the change by refining the mesh once. The error is between 1 and 2 times this change, see `bars`. EXTRAPOLATED
 # is about the middle of this range, and UNSURE how far from it the error may be.
 EXTRAPOLATED, UNSURE = 1.4, 0.4
 COMPARED = 0.8  # of the highest frequency: modes above may leave the range on another mesh, and are not compared
-SMALLEST = 0.1  # of the interval of the sweep: errors of onsets at smaller values are relative to this
 # An onset on one mesh and one on the other are paired where the sum of these costs is least: the move of the value over
 # _FAR times the interval, the move of the frequency over _FAR times the frequency, and 1 if the branches are others.
 # From a cost of _LOST on they are taken for different onsets.
@@ -45,6 +46,10 @@ class Changes:
     spectra : tuple of (lam (m,), refined (m,), modes (k,) int)
         For every value of the sweep the eigenvalues, rad/s, of all modes of the model of the mesh, the same modes on
         the refined mesh, and the positions in these of the k modes of the sweep. `bent_change` needs them all.
+    spreads : tuple of (k,) float
+        Sums of the sizes of the parts of Re Δλ, 1/s, see `spread`, of modes that grow; NaN of others.
+    onset_spreads : tuple of float
+        The same of every onset.
     appeared : tuple of Onset
         Onsets in the interval that only the refined mesh has. Their branch is 0: no branch of the sweep has them.
     """
@@ -53,6 +58,8 @@ class Changes:
     onsets: tuple[float, ...]
     spectra: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...] = ()
     appeared: tuple[Onset, ...] = ()
+    spreads: tuple[np.ndarray, ...] = ()
+    onset_spreads: tuple[float, ...] = ()
 
 
 def with_discretisation(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Sweep:
@@ -84,21 +91,27 @@ def with_discretisation(result: Sweep, linear_solver: LinearSolver | str = "auto
 def with_changes(result: Sweep, changes: Changes) -> Sweep:
     """Return a sweep with the error of the mesh, see `with_discretisation`, from changes that are known already."""
     order = result.problem.source.space.order if isinstance(result.problem.source, Assembly) else 2
-    bars = []
-    for point, change, (lam, refined, modes) in zip(result.points, changes.modes, changes.spectra, strict=True):
+    bars, known = [], []
+    unknown_spreads = tuple(np.full(len(point.modes), np.nan) for point in result.points)
+    for point, change, spread, (lam, refined, modes) in zip(
+        result.points, changes.modes, changes.spreads or unknown_spreads, changes.spectra, strict=True
+    ):
         bent = bent_change(lam, refined, order)[modes]
         still = np.abs(point.modes.lam.real) <= point.modes.re_uncertainty
         moved = np.abs(np.nan_to_num(change).real) > point.modes.re_uncertainty
-        bar = bar_of(change, bent, still & ~moved & (not result.problem.is_damped), order)
-        bars.append(mirrored(bar, mirror_partners(point.modes)))
-    bars = enveloped(bars, [point.branches for point in result.points])
+        partner = mirror_partners(point.modes)
+        spread = np.where(np.isnan(spread) & (partner >= 0), spread[partner], spread)
+        bar = bar_of(change, bent, still & ~moved & (not result.problem.is_damped), order, spread)
+        bars.append(mirrored(bar, partner))
+        known.append(np.isfinite(spread))
+    bars = enveloped(bars, [point.branches for point in result.points], known)
+    moved_by = bar_of_parts(np.array(changes.onsets), np.array(changes.onset_spreads), order).tolist()
     onsets = [
         replace(
-            onset, discretisation=np.inf if np.isnan(c) else BARS[order] * abs(c),
-            extrapolated=onset.value + EXTRAPOLATED * c,
+            onset, discretisation=np.inf if np.isnan(bar) else bar, extrapolated=onset.value + EXTRAPOLATED * change
         )
-        for onset, c in zip(result.onsets, changes.onsets, strict=True)
-    ]  # fmt: skip
+        for onset, bar, change in zip(result.onsets, moved_by, changes.onsets, strict=True)
+    ]
     points = [
         replace(
             point, discretisation=near_onsets(point, bar, onsets),
@@ -180,13 +193,14 @@ def changes_by(result: Sweep, refined: Refined, linear_solver: LinearSolver | st
     parameter, values, model = result.parameter, refined.values, refined.model
     corrected = CorrectedModel(refined)
     first: dict[int, int] | None = None
-    pairs = []
+    pairs, growing = [], []
     for point, value in zip(result.points, values.tolist(), strict=True):
         before, refined_pencil = model.modes(value), corrected.projected.pencil({refined.parameter: value})
         now = solve_dense(refined_pencil, 1.5 * model.highest, linear_solver)
         same = _same(corrected, before, now)
         first = same if first is None else first
         pairs.append(_changes(point, before, now, same))
+        growing.append(_growing(refined, point, value, before, pairs[-1][1][2]))
     onsets: list[float] = []
     appeared: list[Onset] = []
     if len(values) > 1:
@@ -205,7 +219,38 @@ def changes_by(result: Sweep, refined: Refined, linear_solver: LinearSolver | st
             replace(o, parameter=parameter, branch_a=0, branch_b=None, two_mode_value=np.nan, discretisation=np.inf)
             for j, o in enumerate(found) if j not in paired and o.frequency_hz < COMPARED * top
         ]  # fmt: skip
-    return Changes(tuple(c for c, _ in pairs), tuple(onsets), tuple(b for _, b in pairs), tuple(appeared))
+    by_point, by_onset = _spreads(result, refined, corrected, growing)
+    return Changes(
+        tuple(c for c, _ in pairs), tuple(onsets), tuple(b for _, b in pairs), tuple(appeared), by_point, by_onset
+    )
+
+
+def _growing(
+    refined: Refined, point: SweepPoint, value: float, before: Modes, near: np.ndarray
+) -> tuple[np.ndarray, Asked]:
+    """Return which modes of a point grow (k,) bool, and their growth rates, of those of `before` that they are."""
+    grows = (point.modes.stability == "unstable") & (point.modes.lam.imag > 0)
+    modes = before.select(near[grows])
+    return grows, Asked(value, modes, 1 / by_eigenvalue(refined, value, modes))
+
+
+def _spreads(
+    result: Sweep, refined: Refined, corrected: CorrectedModel, growing: Sequence[tuple[np.ndarray, Asked]]
+) -> tuple[tuple[np.ndarray, ...], tuple[float, ...]]:
+    """Return `Changes.spreads` and `Changes.onset_spreads`."""
+    onsets = []
+    for onset in result.onsets if len(refined.values) > 1 else ():
+        modes = refined.model.modes(onset.value)
+        modes = modes.select(np.flatnonzero(modes.lam.imag > 0))
+        k, factor = onset_factor(refined, onset, modes)
+        onsets.append(Asked(onset.value, modes.select(np.array([k])), np.array([factor])))
+    found = spreads(refined, corrected, [*(asked for _, asked in growing), *onsets])
+    by_point = []
+    for (grows, _), spread in zip(growing, found[: len(growing)], strict=True):
+        own = np.full(len(grows), np.nan)
+        own[grows] = spread
+        by_point.append(own)
+    return tuple(by_point), tuple(float(s[0]) for s in found[len(growing) :])
 
 
 def _same(corrected: CorrectedModel, before: Modes, now: Modes) -> dict[int, int]:

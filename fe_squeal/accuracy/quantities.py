@@ -11,12 +11,11 @@ from ..eigen.blocks import combine, times
 from ..eigen.pencil import Modes
 from ..sweep.onset import Onset
 from ..sweep.result import Sweep
-from .estimate import SMALLEST
+from .bars import SMALLEST
+from .rates import by_eigenvalue, onset_factor
 from .refined import Refined
-from .shares import shares
 
 KINDS = ("frequencies", "growth", "onsets")
-_STEP = 1e-4  # of the interval of the sweep: the step of the difference quotient for ∂Q/∂p
 _ROUNDED = 1e-6  # of a frequency: a mode above the highest one by less than this is the same mode, up to rounding
 _SLOW = 0.02  # of the fastest growth rate: growth slower than this is not a quantity whose change is asked for
 
@@ -109,7 +108,7 @@ def split_changes(result: Sweep, refined: Refined) -> Split:
     z = refined.solver.solve(np.hstack([r.real, r.imag]) if r.imag.any() else r.real)
     if r.imag.any():
         z = z[:, : r.shape[1]] + 1j * z[:, r.shape[1] :]
-    sizes = shares(refined.coarse.space, refined.fine.space, refined.prolongation, rho, z)
+    sizes = refined.hierarchy.shares(rho, z)
     parts = np.stack([np.real(a.factor * sizes[a.column]) for a in asked])
     names, kinds, scales = (tuple(getattr(a, key) for a in asked) for key in ("name", "kind", "scale"))
     return Split(names, kinds, np.array(scales), parts)
@@ -119,9 +118,7 @@ def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: 
     """Return the quantities that modes at one value give: frequencies and growth at an end of the sweep, and onsets."""
     fastest = max(float(p.modes.lam.real.max(initial=0.0)) for p in result.points)
     width = float(np.ptp(refined.values))
-    assert modes.left is not None
-    pencil = refined.model.basis.pencil(value)
-    turn = np.einsum("ij,ij->j", modes.left.conj(), pencil.derivative(modes.lam, modes.right))
+    turn = by_eigenvalue(refined, value, modes)
     name = f" at {result.parameter} = {value:.6g}" if width else ""
     asked: list[_Asked] = []
     for i, point in ((0, result.points[0]), (-1, result.points[-1])):
@@ -135,30 +132,16 @@ def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: 
             asked.append(_Asked(f"frequency {told}", "frequencies", lam.imag, k, -1j / turn[k]))
             if lam.real > _SLOW * fastest:
                 asked.append(_Asked(f"growth of {told}", "growth", fastest, k, 1 / turn[k]))
-    if onsets:
-        rate = _by_parameter(refined, value, modes, width)
-        for onset in onsets:
-            k = int(np.argmin(np.abs(modes.lam.imag - 2 * np.pi * onset.frequency_hz)))
-            met = onset.branch_b is not None and not refined.problem.is_damped
-            # The change δp of the critical value. Where two modes meet, λ is defective, and ψᴴ(δQ + ∂Q/∂p δp)φ = 0.
-            # Where one mode crosses the imaginary axis alone, Re(δλ + ∂λ/∂p δp) = 0.
-            factor = 1 / rate[k] if met else (1 / turn[k]) / (rate[k] / turn[k]).real
-            told = f"onset{name}, {onset.frequency_hz:.5g} Hz"
-            asked.append(_Asked(told, "onsets", max(abs(onset.value), SMALLEST * width), k, factor))
+    for onset in onsets:
+        k, factor = onset_factor(refined, onset, modes)
+        told = f"onset{name}, {onset.frequency_hz:.5g} Hz"
+        asked.append(_Asked(told, "onsets", max(abs(onset.value), SMALLEST * width), k, factor))
     return asked
 
 
 def _swinging(modes: Modes, is_damped: bool) -> Modes:
     """Return the modes with Im λ > 0; without damping λ and −λ* have equal errors: only that with Re λ ≥ 0 is kept."""
     return modes.select(np.flatnonzero((modes.lam.imag > 0) & (is_damped | (modes.lam.real >= 0))))
-
-
-def _by_parameter(refined: Refined, value: float, modes: Modes, width: float) -> np.ndarray:
-    """Return ψᴴ ∂Q/∂p φ (k,) of the modes, p being the swept parameter, by a central difference."""
-    h = _STEP * width
-    high, low = (refined.model.basis.pencil(value + s * h).apply(modes.lam, modes.right) for s in (0.5, -0.5))
-    assert modes.left is not None
-    return np.asarray(np.einsum("ij,ij->j", modes.left.conj(), high - low) / h)
 
 
 def _residuals(refined: Refined, value: float, modes: Modes) -> tuple[np.ndarray, np.ndarray]:

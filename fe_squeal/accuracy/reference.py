@@ -8,7 +8,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from ..sweep.onset import Onset
-from .estimate import COMPARED, EXTRAPOLATED, SMALLEST, UNSURE, pair_onsets
+from .bars import SMALLEST
+from .estimate import COMPARED, EXTRAPOLATED, UNSURE, pair_onsets
 from .measure import Measurement
 
 # The cost of taking two modes for the same is (1 − MAC) + x/(1 + x), x = |λ₁ − λ₂| / (_FREQUENCY |λ₁|). Both summands

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,6 +20,7 @@ from ..problem.problem import Problem
 from ..reduced import ReducedModel
 from ..reduced.undamped import weighted
 from ..sweep.result import Sweep
+from .shares import Hierarchy
 from .two_level import TwoLevelSolver, prolongation
 
 _VALUE = "value"
@@ -67,6 +69,11 @@ class Refined:
     metric: list[float]
     P: sp.csr_array
     solver: TwoLevelSolver
+
+    @cached_property
+    def hierarchy(self) -> Hierarchy:
+        """Which element of the mesh itself, and along which axis, a change comes from."""
+        return Hierarchy(self.coarse.space, self.fine.space, self.prolongation)
 
 
 def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Refined:

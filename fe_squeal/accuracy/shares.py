@@ -23,7 +23,7 @@ import scipy.sparse as sp
 from ..fem.spaces import DisplacementSpace
 from .two_level import reference_coordinates
 
-_AT_ONCE = 4_000_000  # numbers that are worked on at once: elements are taken in blocks, to save memory
+_COLUMNS = 16  # of a block that is split at once, to save memory
 _ROUNDED = 1e-9  # values of shape functions that differ by less are equal, up to rounding
 
 
@@ -94,52 +94,82 @@ def _hexahedron(order: int) -> tuple[np.ndarray, np.ndarray]:
     return np.kron(np.kron(along, along), along), new / np.maximum(new.sum(axis=1, keepdims=True), 1)
 
 
-def shares(
-    coarse: DisplacementSpace, fine: DisplacementSpace, E: sp.csr_array, residual: np.ndarray, z: np.ndarray
-) -> np.ndarray:
-    """Split ρᴴz, for k pairs of columns ρ and z, into parts by element of the mesh itself and by axis.
+class Hierarchy:
+    """How a function on the refined mesh divides into one of the mesh itself and what each new node adds.
+
+    Both maps are sparse: values at the nodes of the refined mesh to the coefficients of the functions of `Lattice`, and
+    forces there to the work that they do on these functions. A product of the two belongs to a node, and through it to
+    the elements around.
 
     Parameters
     ----------
     coarse, fine : DisplacementSpace
-        On the mesh itself and on the refined one.
+        Of the mesh and of the refined one.
     E : (n_fine, n_coarse) sparse
-        The prolongation from the first to the second.
-    residual : (n_fine, k) float or complex
-        The columns ρ, orthogonal to all functions of the mesh itself.
-    z : (n_fine, k) float or complex
-        The columns z.
+        The prolongation between them.
 
-    Returns
-    -------
-    (k, m, a) float or complex
-        For the m elements and their axes, a = 3 for hexahedra and 1 for tetrahedra. The parts of a pair add up to ρᴴz,
-        as far as ρ is orthogonal to the functions of the mesh itself.
+    Attributes
+    ----------
+    elements : (m a, N) sparse
+        From what belongs to the N nodes of the refined mesh to what belongs to the m elements and their a axes.
     """
-    lattice = lattice_of(coarse, fine)
-    if not _is_hexahedral(coarse):
-        # In a tetrahedron the function of the refined mesh at a new node is the new function. What is left of z without
-        # the function of the mesh itself that equals z at its nodes is zero there, so only new nodes have coefficients.
-        z = z - E @ _at_own_nodes(E, z)
-    primal, dual = _nodal(fine.nodal_map, z), _nodal(fine.nodal_inverse.T, residual.conj())
-    k, (m, count) = z.shape[1], lattice.nodes.shape
-    step = max(1, _AT_ONCE // (3 * count * k))
-    parts = [slice(i, i + step) for i in range(0, m, step)]
-    back = np.linalg.inv(lattice.transform)
-    work = np.zeros_like(dual)  # ρ applied to the function of each node
-    for part in parts:
-        nodes = lattice.nodes[part]
-        local = dual[nodes] / lattice.sharing[nodes][:, :, None]
-        turned = (back.T @ local).reshape(-1, 3 * k)
-        gather = sp.csr_array((np.ones(nodes.size), (nodes.ravel(), np.arange(nodes.size))), (fine.nodes, nodes.size))
-        work += gather @ turned
-    found = np.zeros((k, m, lattice.axes.shape[1]), np.result_type(dual, primal))
-    for part in parts:
-        nodes = lattice.nodes[part]
-        product = work[nodes] * (lattice.transform @ primal[nodes]) / lattice.sharing[nodes][:, :, None]
-        summed = product.reshape(*nodes.shape, 3, k).sum(axis=2)
-        found[:, part] = np.einsum("elk,la->kea", summed, lattice.axes)
-    return found
+
+    def __init__(self, coarse: DisplacementSpace, fine: DisplacementSpace, E: sp.csr_array) -> None:
+        lattice = lattice_of(coarse, fine)
+        self._fine, self._E = fine, E
+        self._hexahedral = _is_hexahedral(coarse)
+        m, count = lattice.nodes.shape
+        self.axes = lattice.axes.shape[1]
+        nodes = lattice.nodes.ravel()
+        weights = lattice.axes[np.tile(np.arange(count), m)] / lattice.sharing[nodes][:, None]
+        rows = np.repeat(np.arange(m), count)[:, None] * self.axes + np.arange(self.axes)
+        columns = np.broadcast_to(nodes[:, None], rows.shape)
+        shape = (m * self.axes, fine.nodes)
+        self.elements = sp.csr_array((weights.ravel(), (rows.ravel(), columns.ravel())), shape)
+        if self._hexahedral:
+            self._transform = _at_nodes(lattice, lattice.transform)
+            self._back = sp.csr_array(_at_nodes(lattice, np.linalg.inv(lattice.transform)).T)
+
+    def at_nodes(self, residual: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Return the parts (N, k) of ρᴴz that belong to the nodes of the refined mesh.
+
+        Parameters
+        ----------
+        residual, z : (n_fine, k) float or complex
+            ρ, which vanishes on the functions of the mesh itself, and z.
+        """
+        found = np.empty((self._fine.nodes, z.shape[1]), np.result_type(residual, z))
+        for start in range(0, z.shape[1], _COLUMNS):
+            block = slice(start, start + _COLUMNS)
+            own, dual = z[:, block], _nodal(self._fine.nodal_inverse.T, residual[:, block].conj())
+            if self._hexahedral:
+                hierarchical, work = self._transform @ _nodal(self._fine.nodal_map, own), self._back @ dual
+            else:  # the new functions are those of the refined mesh, at new nodes
+                own = own - self._E @ _at_own_nodes(self._E, own)
+                hierarchical, work = _nodal(self._fine.nodal_map, own), dual
+            found[:, block] = (work * hierarchical).reshape(self._fine.nodes, 3, -1).sum(axis=1)
+        return found
+
+    def shares(self, residual: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Return the parts (k, m, a) of ρᴴz for columns ρ and z (n_fine, k): by element of the mesh and its axes.
+
+        a is three for hexahedra, one for tetrahedra. The sum over elements and axes is ρᴴz, as far as ρ does vanish on
+        the functions of the mesh itself.
+        """
+        parts = self.elements @ self.at_nodes(residual, z)
+        return np.ascontiguousarray(parts.T).reshape(z.shape[1], -1, self.axes)
+
+
+def _at_nodes(lattice: Lattice, local: np.ndarray) -> sp.csr_array:
+    """Return (N, N) sparse what a map (l, l) inside elements does at nodes.
+
+    It does the same at a node in every element around it, so that each row is taken from one of them.
+    """
+    count = lattice.nodes.shape[1]
+    nodes, first = np.unique(lattice.nodes.ravel(), return_index=True)
+    rows = sp.csr_array(np.where(np.abs(local) > _ROUNDED, local, 0.0))[first % count].tocoo()
+    columns = lattice.nodes[(first // count)[rows.row], rows.col]
+    return sp.csr_array((rows.data, (nodes[rows.row], columns)), shape=(len(nodes), len(nodes)))
 
 
 def _nodal(map_: sp.csr_array, columns: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Figure of where the error of the mesh comes from: by body and direction, of the quantities it is largest in."""
+"""Figures of where the error of the mesh comes from, of the quantities that it is largest in."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -23,6 +24,7 @@ MAX_ROWS = 16
 MAX_BODIES = 6
 _COLOURS = ("#1b4965", "#d1495b", "#edae49", "#66a182")
 _WHOLE = "all"
+_PLACES = {"support": "elements at supports", "contact": "elements at contacts", "elsewhere": "other elements"}
 # By whether cells are hexahedra: how many corners they have, and the faces between these, in VTK's order.
 _FACES = {
     True: (8, ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))),
@@ -31,7 +33,7 @@ _FACES = {
 
 
 def plot_mesh_error(parts: pd.DataFrame, path: str | os.PathLike[str], title: str = "") -> Path:
-    """Draw what each body and direction adds to the change by refinement, relative, of up to four quantities.
+    """Draw what each body and direction, and each place, adds to the change by refinement of up to four quantities.
 
     Those shown are the worst of each kind (onsets, growth, frequencies), then the next worst of any.
 
@@ -61,37 +63,49 @@ def worst_quantities(parts: pd.DataFrame, count: int = MAX_QUANTITIES) -> list[s
 
 
 def mesh_error_figure(parts: pd.DataFrame, title: str = "") -> Figure:
-    """Return the figure that `plot_mesh_error` writes."""
+    """Return the figure that `plot_mesh_error` writes: by body and direction, and below by place."""
     shown = worst_quantities(parts)
     table = parts[parts["quantity"].isin(shown)].assign(
         relative=lambda t: 100 * t["part"] / t["scale"],
         where=lambda t: np.where(t["direction"] == _WHOLE, t["body"], t["body"] + ", " + t["direction"]),
     )
-    rows = table.pivot_table(index="where", columns="quantity", values="relative", sort=False)[shown]
-    largest = rows.abs().max(axis=1).sort_values(ascending=False, kind="stable").index[:MAX_ROWS]
-    rows = rows.loc[[where for where in rows.index if where in largest]]
-    figure = Figure(figsize=(9.0, 1.9 + 0.42 * len(rows) + 0.3 * len(shown)), layout="constrained")
+    tables = [_rows(table, "where", shown), _rows(table.replace({"place": _PLACES}), "place", shown)]
+    sizes = [len(rows) for rows in tables]
+    figure = Figure(figsize=(9.0, 2.3 + 0.42 * sum(sizes) + 0.3 * len(shown)), layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    height = 0.8 / max(len(shown), 1)
+    panels = figure.subplots(2, 1, sharex=True, height_ratios=sizes, squeeze=True)
+    changes = table.drop_duplicates("quantity").set_index("quantity")
+    relative = 100 * changes["change"] / changes["scale"]
+    labels = [figure_text(f"{quantity}: {relative[quantity]:+.2g} % in all") for quantity in shown]
+    for axes, rows in zip(panels, tables, strict=True):
+        _bars(axes, rows, labels)
+    panels[-1].set_xlabel("part of the change when every element is cut into eight, %")
+    heads = [textwrap.fill(figure_text(title), 90)] if title else []
+    panels[0].set_title("\n".join([*heads, "Where the error of the mesh comes from"]), loc="left", fontsize=11)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", fontsize=9, frameon=False)
+    return figure
+
+
+def _rows(table: pd.DataFrame, by: str, shown: list[str]) -> pd.DataFrame:
+    """Return the sums of parts, % of each quantity in a column, of the largest `MAX_ROWS` groups."""
+    rows = table.pivot_table(index=by, columns="quantity", values="relative", aggfunc="sum", sort=False)[shown]
+    largest = rows.abs().max(axis=1).sort_values(ascending=False, kind="stable").index[:MAX_ROWS]
+    return rows.loc[[where for where in rows.index if where in largest]]
+
+
+def _bars(axes: Axes, rows: pd.DataFrame, labels: list[str]) -> None:
+    """Draw one group of bars for each row, with a bar of each quantity."""
+    height = 0.8 / max(len(labels), 1)
     at = np.arange(len(rows))
-    for i, quantity in enumerate(shown):
-        own = table[table["quantity"] == quantity].iloc[0]
-        label = f"{quantity}: {100 * own['change'] / own['scale']:+.2g} % in all"
-        axes.barh(at + (i - (len(shown) - 1) / 2) * height, rows[quantity], height, label=figure_text(label),
-                  color=_COLOURS[i])  # fmt: skip
+    for i, (quantity, label) in enumerate(zip(rows.columns, labels, strict=True)):
+        axes.barh(at + (i - (len(labels) - 1) / 2) * height, rows[quantity], height, label=label, color=_COLOURS[i])
     axes.axvline(0, color="0.3", linewidth=0.8)
     axes.set_yticks(at, [textwrap.fill(figure_text(str(where)), 30) for where in rows.index])
     axes.invert_yaxis()
     axes.grid(axis="x", color="0.9")
     axes.set_axisbelow(True)
-    axes.set_xlabel("part of the change when every element is cut into eight, %")
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
-    heads = [textwrap.fill(figure_text(title), 90)] if title else []
-    axes.set_title("\n".join([*heads, "Where the error of the mesh comes from"]), loc="left", fontsize=11)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", fontsize=9, frameon=False)
-    return figure
 
 
 def plot_mesh_shares(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..accuracy.directions import split_dataframe
+from ..accuracy.groups import split_dataframe
 from ..accuracy.quantities import Split
 from ..assembly.assembly import Assembly
 from ..assembly.discretisation import discretisation_of

@@ -12,7 +12,7 @@ from fe_squeal import assemble, from_skfem, load_scene, parse_scene, sweep
 from fe_squeal.accuracy.estimate import changes_by
 from fe_squeal.accuracy.quantities import split_changes
 from fe_squeal.accuracy.refined import refine_problem
-from fe_squeal.accuracy.shares import lattice_of, shares
+from fe_squeal.accuracy.shares import Hierarchy, lattice_of
 from fe_squeal.accuracy.two_level import prolongation
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.fem.spaces import make_space
@@ -41,7 +41,7 @@ def test_they_add_up_to_the_whole(kind, order):
     E = prolongation(coarse, fine)
     rho = vanishing(E, 1)
     z = np.random.default_rng(2).standard_normal(rho.shape)
-    parts = shares(coarse, fine, E, rho, z)
+    parts = Hierarchy(coarse, fine, E).shares(rho, z)
     assert parts.shape == (2, coarse.mesh.nelements, 3 if kind == "hex" else 1)
     whole = np.einsum("ij,ij->j", rho, z)
     np.testing.assert_allclose(parts.sum(axis=(1, 2)), whole, atol=1e-9 * np.abs(rho * z).sum())
@@ -54,7 +54,7 @@ def test_functions_of_the_mesh_itself_add_nothing(kind):
     E = prolongation(coarse, fine)
     rho = vanishing(E, 3)
     own = E @ np.random.default_rng(4).standard_normal((E.shape[1], 2))
-    parts = shares(coarse, fine, E, rho, own)
+    parts = Hierarchy(coarse, fine, E).shares(rho, own)
     assert np.abs(parts).max() < 1e-10 * np.abs(rho).max() * np.abs(own).max()
 
 
@@ -73,7 +73,7 @@ def test_a_function_that_is_new_along_one_axis_belongs_to_it(axis, order):
     z = np.zeros((fine.unknowns, 1))
     z[1::3, 0] = kink * across
     rho = vanishing(E, 5)[:, :1]
-    parts = shares(coarse, fine, E, rho, z)[0]
+    parts = Hierarchy(coarse, fine, E).shares(rho, z)[0]
     edges = coarse.mesh.p[:, coarse.mesh.t]
     at = np.asarray(coarse.mesh.elem.refdom.p)
     along = [np.abs(edges[:, at[a] > 0.5].mean(1) - edges[:, at[a] < 0.5].mean(1))[axis] > 1e-9 for a in range(3)]

@@ -1,0 +1,41 @@
+"""What divides a change of Q(λ; p) in the directions of a mode to give that of an eigenvalue or of an onset."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..eigen.pencil import Modes
+from ..sweep.onset import Onset
+from .refined import Refined
+
+_STEP = 1e-4  # of the sweep: how far apart the values are that ∂Q/∂p is formed from
+
+
+def by_eigenvalue(refined: Refined, value: float, modes: Modes) -> np.ndarray:
+    """Return ψᴴQ′(λ)φ (k,) of modes of the model of the mesh itself at a value of `Refined.parameter`."""
+    assert modes.left is not None
+    pencil = refined.model.basis.pencil(value)
+    return np.asarray(np.einsum("ij,ij->j", modes.left.conj(), pencil.derivative(modes.lam, modes.right)))
+
+
+def by_parameter(refined: Refined, value: float, modes: Modes) -> np.ndarray:
+    """Return ψᴴ ∂Q/∂p φ (k,) of the same."""
+    h = _STEP * float(np.ptp(refined.values))
+    high, low = (refined.model.basis.pencil(value + s * h).apply(modes.lam, modes.right) for s in (0.5, -0.5))
+    assert modes.left is not None
+    return np.asarray(np.einsum("ij,ij->j", modes.left.conj(), high - low) / h)
+
+
+def onset_factor(refined: Refined, onset: Onset, modes: Modes) -> tuple[int, complex]:
+    """Return which of the modes at an onset's value is the one of the onset, and the factor of its change.
+
+    Refining the mesh changes the onset by Re(factor ψᴴδQφ). Where two modes meet, ψᴴ(δQ + ∂Q/∂p δp)φ = 0; where one
+    crosses alone, Re(δλ + ∂λ/∂p δp) = 0.
+    """
+    k = int(np.argmin(np.abs(modes.lam.imag - 2 * np.pi * onset.frequency_hz)))
+    own = modes.select(np.array([k]))
+    rate = by_parameter(refined, onset.value, own)[0]
+    if onset.branch_b is not None and not refined.problem.is_damped:
+        return k, complex(1 / rate)
+    turn = by_eigenvalue(refined, onset.value, own)[0]
+    return k, complex((1 / turn) / (rate / turn).real)

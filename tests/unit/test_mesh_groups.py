@@ -1,0 +1,91 @@
+"""Elements by body, direction and place, and how far the parts of a change spread over them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import splu
+
+from fe_squeal import sweep
+from fe_squeal.accuracy.bars import bar_of_parts
+from fe_squeal.accuracy.estimate import changes_by, with_changes
+from fe_squeal.accuracy.groups import PLACES, element_groups, element_places, split_dataframe
+from fe_squeal.accuracy.quantities import split_changes
+from fe_squeal.accuracy.refined import refine_problem
+from meshes import BELT, box, make_problem
+
+
+def pad(kind="hex", order=2, cells=(2, 1, 1), **effects):
+    """A pad on a belt that squeals from a friction coefficient below one on."""
+    return make_problem(
+        box(f"{kind}1", cells, (0.08, 0.05, 0.03)), order=order,
+        materials={"m": {"youngs_modulus": 2e9, "poisson_ratio": 0.3, "density": 2600.0}},
+        bodies={"block": {"material": "m"}}, effects={"friction": {"mu": 0.3}, **effects},
+        contacts=[{"name": "belt", "surface": "bottom", "counterface": "rigid", "normal_stiffness": 1e11,
+                   "sliding": BELT}],
+        springs=[{"name": "piston", "surface": "top", "direction": [0.3, 0, 1], "stiffness": 3e7},
+                 {"name": "a", "surface": "right", "direction": [1, 0, 0], "stiffness": 4e7},
+                 {"name": "c", "surface": "front", "direction": [0, 1, 0], "stiffness": 3e7}],
+    )  # fmt: skip
+
+
+def test_places_of_elements():
+    """Of four layers the lowest touches the belt; those at the clamp are the clamp's, also where they touch it."""
+    problem = make_problem(
+        box("hex1", (3, 1, 4), (0.08, 0.05, 0.03)), order=1,
+        materials={"m": {"youngs_modulus": 2e9, "poisson_ratio": 0.3, "density": 2600.0}},
+        bodies={"block": {"material": "m"}}, supports=[{"surface": "left", "fixed": "xyz"}],
+        contacts=[{"name": "belt", "surface": "bottom", "counterface": "rigid", "normal_stiffness": 1e11,
+                   "sliding": BELT}],
+    )  # fmt: skip
+    assembly = problem.source
+    place = np.array(PLACES)[element_places(assembly)]
+    x, _, z = assembly.loaded.mesh.p[:, assembly.loaded.mesh.t].mean(axis=1)
+    expected = np.where(x < 0.03, "support", np.where(z < 0.0075, "contact", "elsewhere"))
+    np.testing.assert_array_equal(place, expected)
+    names, groups = element_groups(assembly)
+    assert len(names) == 3 * len(PLACES) and (groups.sum(axis=0) == 1).all()
+
+
+@pytest.mark.parametrize(("kind", "order", "effects"), [
+    ("hex", 2, {}),
+    pytest.param("tet", 1, {}, marks=pytest.mark.slow),
+    pytest.param("hex", 1, {"rayleigh": {"alpha": 20.0, "beta": 4e-8}}, marks=pytest.mark.slow),
+])  # fmt: skip
+def test_parts_from_the_corrected_basis_are_those_of_the_refined_matrices(kind, order, effects):
+    """At the last value, by two ways: P⁻¹r of each mode by LU, and by the corrections of the sweep's ends."""
+    result = sweep(pad(kind, order, **effects), np.linspace(0.0, 1.2, 5), modes=6)
+    refined = refine_problem(result)
+    split = split_changes(result, replace(refined, solver=Exact(refined.P))).of(("growth",))
+    changes = changes_by(result, refined)
+    table = split_dataframe(split, refined.coarse)
+    by_parts = table.assign(size=table["part"].abs()).groupby("quantity", sort=False)["size"].sum()
+    np.testing.assert_allclose(table.groupby("quantity", sort=False)["part"].sum(), split.changes, rtol=1e-9)
+    spread = changes.spreads[-1]
+    here = np.isfinite(spread)
+    assert here.sum() == len(split.names) >= 1
+    np.testing.assert_allclose(np.sort(spread[here]), np.sort(by_parts), rtol=0.1)
+    rules_hold(result, changes, order)
+
+
+class Exact:
+    """P⁻¹ by a factorisation of P, instead of conjugate gradients that end early."""
+
+    def __init__(self, P):
+        self.solve = splu(P.tocsc()).solve
+
+
+def rules_hold(result, changes, order):
+    """Bars of growing modes and of onsets are at least what changes and parts make them."""
+    wide = with_changes(result, changes)
+    for point, change, spread in zip(wide.points, changes.modes, changes.spreads, strict=True):
+        known = np.isfinite(change) & np.isfinite(spread)
+        least = bar_of_parts(change.real[known], spread[known], order)
+        assert (point.discretisation.real[known] >= least * (1 - 1e-12)).all()
+        assert ((point.modes.stability == "unstable") & (point.modes.lam.imag > 0) == np.isfinite(spread)).all()
+    assert wide.onsets
+    bars = bar_of_parts(np.array(changes.onsets), np.array(changes.onset_spreads), order)
+    same = [o.discretisation for o in wide.onsets if o.branch_a]
+    np.testing.assert_allclose(same, np.where(np.isnan(bars), np.inf, bars))
