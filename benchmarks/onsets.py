@@ -57,6 +57,8 @@ Each is a test of `tests/hard/test_every_onset.py` or `tests/hard/test_onsets_in
   symmetry of the spectrum; a pair that becomes two real eigenvalues within 1e-8 of a step was counted several times.
 - Follower loads: near a double real eigenvalue shapes are like many others, and a mode seemed to be missing.
 - Rings: doublets split by less than 1e-6 of a step, and a pair that is stable at one value alone.
+- A pair with almost no damping that meets at λ = 0: the real eigenvalue that grows from there was taken for the mirror
+  image of another.
 - Bodies that are nearly rigid: two modes that are one within rounding had an onset in every step.
 - Modes that pass the rim of the range in a step were told as an imbalance although all modes were known.
 """

@@ -98,17 +98,21 @@ class Family:
         return [int(c) for c in np.count_nonzero(grows, axis=1)]
 
     @staticmethod
-    def _damped(m: dict[str, np.ndarray]) -> np.ndarray:
+    def _spectrum(m: dict[str, np.ndarray]) -> np.ndarray:
+        """Eigenvalues λ with Im λ ≥ 0, of matrices with dampers or with complex stiffness."""
         n = len(m["M"])
+        if "C" not in m:
+            lam = np.sqrt(-la.eigvals(m["K"], m["M"]) + 0j)
+            return np.where(lam.imag < 0, -lam, lam)
         A = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(m["M"], m["K"]), -la.solve(m["M"], m["C"])]])
         lam = la.eigvals(A)
         return lam[lam.imag > -1e-9 * np.abs(lam).max()]
 
     def hardly_grows(self, a: float, b: float) -> bool:
         """Whether a mode stays within rounding of Re λ = 0 between two values, although none does at the first one."""
-        if "C" not in self.matrices(a):
+        if self.undamped:
             return False
-        found = [self._damped(self.matrices(p)) for p in (float(self.values[0]), *np.linspace(a, b, 5))]
+        found = [self._spectrum(self.matrices(p)) for p in (float(self.values[0]), *np.linspace(a, b, 5))]
         start, *inside = (np.abs(lam.real).min() / np.abs(lam).max() for lam in found)
         return start > 2 * self.growth and max(inside) < 2 * self.growth
 

@@ -11,6 +11,7 @@ from .changes import Asked, Change
 from .samples import Samples
 
 _SAFE = 4.0  # times the difference of H from a parabola: its error
+_REAL = 1e-6  # of |λ|: a real eigenvalue has less of an imaginary part
 _VARIES = 8.0  # times its size: slope of an error of H, over an interval of length 1
 
 
@@ -42,13 +43,14 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
     group = np.minimum(amplified, worst) if samples.cluster.m > 1 else error
     hidden, shifts = samples.finest, _SAFE * _shifts(samples)
     found: list[tuple[int, int, Change]] = []
+    unstable = growth > blur
+    for end, at in ((0, 0), (1, -1)):
+        node, s = samples.cluster.ends[end], samples.cluster.members[end]
+        near = np.abs(node.v[s][:, None] - samples.v[at][None, :]).argmin(axis=0)
+        unstable[at] = node.unstable[s[near]]
     for b in range(samples.cluster.m):
-        g = growth[:, b]
+        g, up = growth[:, b], unstable[:, b]
         unsure = np.fmin(group, error * samples.condition[:, b])
-        up = g > blur
-        for end, at in ((0, 0), (1, -1)):
-            node, s = samples.cluster.ends[end], samples.cluster.members[end]
-            up[at] = node.unstable[s[np.argmin(np.abs(node.v[s] - samples.v[at, b]))]]
         jumps = np.flatnonzero(np.diff(up))
         borders = [0, *(int(k) + 1 for k in jumps), len(t)]
         for begin, end in itertools.pairwise(borders):
@@ -66,14 +68,35 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
             limits = (t[jumps[n - 1] + 1] if n else 0.0, t[jumps[n + 1]] if n + 1 < len(jumps) else 1.0)
             gains = 1 if up[k + 1] else -1
             there = int(k + 1 if up[k + 1] else k)
-            if samples.v[there, b].imag < -1e-6 * abs(samples.v[there, b]) - samples.blur and not samples.theta:
-                continue  # the mirror image of one above the real axis
+            if not samples.theta and _is_mirror_image(samples, unstable, int(k), there, b):
+                continue
             found.append((int(k), b, samples.made("crossing", gains, int(k), there, b, limits)))
     crossed = np.zeros(len(t) - 1, int)
     for at_sample, _, change in found:
         crossed[at_sample] += change.gains
     partings = [] if samples.theta else _partings(samples, growth, blur, crossed)
     return [*(c for _, _, c in found), *partings], hidden
+
+
+def _is_mirror_image(samples: Samples, unstable: np.ndarray, k: int, there: int, b: int) -> bool:
+    """Whether eigenvalue b, whose stability changes behind sample k, is the mirror image of one that does so too.
+
+    Where a pair with almost no damping meets at λ = 0, one of its eigenvalues goes on along the real axis and grows. It
+    may be the one that came from below, and H leaves it beside the axis by its error: then it is real a little later.
+    """
+    v = samples.v[:, b]
+    below = v.imag < -_REAL * np.abs(v) - samples.blur
+    if not below[there]:
+        return False
+    up, at = unstable[:, b], there
+    while up[k + 1] and at + 1 < len(v) and up[at + 1]:  # to the end of the stretch in which it grows
+        at += 1
+    while up[k] and at > 0 and up[at - 1]:
+        at -= 1
+    stretch = slice(min(at, there), max(at, there) + 1)
+    others = (unstable[k] != unstable[k + 1]) & (np.arange(samples.cluster.m) != b)
+    mirrored = others & (np.abs(samples.v[there] - v[there].conj()) < np.abs(v[there].imag))
+    return bool(mirrored.any() or below[stretch].all())
 
 
 def _shifts(samples: Samples) -> np.ndarray:

@@ -47,6 +47,8 @@ HARD = {
     "a doublet split by less than 1e-6 of a step": (structures.cyclic, 126),
     "two of them": (structures.cyclic, 220),
     "three windows of four modes": (structures.four, 207),
+    "a pair with almost no damping meets at λ = 0 and one of its eigenvalues grows": (structures.weak, 10047),
+    "Re λ passes zero so slowly that the judge sees it late": (structures.loss, 10037),
 }
 
 
