@@ -255,7 +255,7 @@ class Sweep:
         return shapes, point.modes.backward_error[list(positions)]
 
     def contributions_dataframe(self) -> pd.DataFrame:
-        """Return a row per unstable mode and term with its shares in Re λ, 1/s, and in the energy: contributions.csv."""
+        """Return a row per unstable mode and term with its shares in Re λ (1/s) and energy: contributions.csv."""
         import pandas as pd
 
         rows = []
