@@ -28,7 +28,7 @@ from fe_squeal.compare import compare
 from fe_squeal.report.accuracy import plot_accuracy
 from fe_squeal.report.labels import place_labels
 from fe_squeal.run.accuracy import uncertainty, write_study
-from fe_squeal.run.measurements import Measurements
+from fe_squeal.run.measurements import MeasurementFolder
 from fe_squeal.scene import Scene
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -154,7 +154,7 @@ def main() -> None:
         out = given.folder / name.replace(" ", "_").replace(",", "")
         rest = max(given.budget - (time.perf_counter() - start), 1e-9)
         studies[name] = study = run_study(
-            scene, Measurements(out / "measurements"), None if np.isinf(rest) else rest, small_plan(scene),
+            scene, MeasurementFolder(out / "measurements"), None if np.isinf(rest) else rest, small_plan(scene),
             lambda i, n, text, _: print(f"{i}/{n} {text}", file=sys.stderr),
         )  # fmt: skip
         write_study(study, out, name)
