@@ -39,7 +39,7 @@ class MeasurementStore(Protocol):
         """Return the points (p, 4) at which all shapes are stored, see `measure`; None where none are kept."""
 
     def save_probes(self, probes: np.ndarray) -> None:
-        """Keep these points."""
+        """Keep the points (p, 4) at which all shapes are stored."""
 
 
 @dataclass(frozen=True)

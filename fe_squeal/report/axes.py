@@ -59,7 +59,7 @@ def parameter_label(name: str) -> str:
 
 
 def set_parameter_axis(axes: Axes, values: Floats) -> None:
-    """Set the limits of the x axis to those of the values; it is logarithmic if they span more than a factor of 50."""
+    """Let the x axis span the values (m,); it is logarithmic if they span more than a factor of 50."""
     low, high = float(np.nanmin(values, initial=np.inf)), float(np.nanmax(values, initial=-np.inf))
     if not np.isfinite([low, high]).all():
         axes.set_xlim(0.0, 1.0)

@@ -121,7 +121,7 @@ def value_text(value: float) -> str:
 
 
 def distinct_texts(values: Floats, form: str) -> list[str]:
-    """Return numbers as texts with three decimals ("f") or four digits ("g"), or with more if some would look equal.
+    """Return numbers (n,) as texts with three decimals ("f") or four digits ("g"); more if some would look equal.
 
     Examples
     --------

@@ -113,7 +113,7 @@ def _draw_least_stable(axes: Axes, branches: list[Branch]) -> None:
 
 
 def padded(values: Floats, floor: float | None = None) -> tuple[float, float]:
-    """Return limits a little beyond the values, never equal to each other and, if `floor` is given, hardly below it."""
+    """Return limits a little beyond the values (n,), never equal and, if `floor` is given, hardly below it."""
     values = values[np.isfinite(values)]
     if not len(values):
         return 0.0, 1.0

@@ -162,7 +162,7 @@ def _drawn_by_child(jobs: Sequence[PictureJob], unfinished: Sequence[Path], seco
 
 
 def widest_body(points: Floats, cells: Any, body: Any) -> int:
-    """Return the body with the largest bounding box across z: of a brake it is the disc."""
+    """Return the body with the largest bounding box across z, in a brake the disc; points (n, 3), cells (ne, nn)."""
     areas = {int(b): float(np.prod(np.ptp(points[np.unique(cells[body == b])], axis=0)[:2])) for b in np.unique(body)}
     return max(areas, key=lambda b: areas[b])
 

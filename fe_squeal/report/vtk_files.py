@@ -58,7 +58,7 @@ def write_shape(
 def write_animation(
     grid: ShapeGrid, u: Complexes, path: str | os.PathLike[str], frames: int = 16, scale: float = VISIBLE
 ) -> list[Path]:
-    """Write one period of the motion as a .pvd collection with a .vtu file per frame in `<stem>_frames/`.
+    """Write one period of the motion u (n, 3) as a .pvd collection with a .vtu file per frame in `<stem>_frames/`.
 
     Each frame has the points at rest, `displacement` = Re(u e^{2πik/frames}), and `amplitude` as in `write_shape`. The
     displacement is scaled so that its largest value over the period is `scale` times the diagonal of the bounding box;
@@ -136,7 +136,7 @@ def names_in(data: pyvista.DataSet, kind: str) -> list[str]:
 
 
 def write_grid(data: pyvista.UnstructuredGrid, path: Path) -> Path:
-    """Write a grid as a compressed binary .vtu file, atomically."""
+    """Write a grid as a compressed binary .vtu file, by `replace_atomically`; OutputError if that is not possible."""
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
     writer = vtkXMLUnstructuredGridWriter()

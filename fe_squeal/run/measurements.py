@@ -62,7 +62,7 @@ class MeasurementFolder:
             raise _damaged(self._probes, error) from error
 
     def save_probes(self, probes: np.ndarray) -> None:
-        """Keep these points."""
+        """Keep the points (p, 4) at which all shapes are stored."""
         with replace_atomically(self._probes) as temporary:
             np.save(temporary, probes)
 

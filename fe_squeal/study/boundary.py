@@ -118,16 +118,16 @@ class Boundary:
         return 2 if self.kind == "divergence" else 3
 
     def rebase(self, right: np.ndarray, left: np.ndarray) -> None:
-        """Take new borders along these right and left vectors, so that the bordered matrix stays well conditioned."""
+        """Take new borders along right and left vectors (n,), so that the bordered matrix stays well conditioned."""
         self._c, self._b = right / la.norm(right), left / la.norm(left)
 
     def place(self, u: np.ndarray) -> tuple[float, float]:
-        """Return the values of both parameters at u."""
+        """Return the values of both parameters at u (2,) or (3,)."""
         s = u[-2:]
         return self.axes[0].value(float(s[0])), self.axes[1].value(float(s[1]))
 
     def eigenvalue(self, u: np.ndarray) -> complex:
-        """Return λ, rad/s, at u."""
+        """Return λ, rad/s, at u (2,) or (3,)."""
         if self.kind == "divergence":
             return 0j
         v = float(u[0]) * self.unit

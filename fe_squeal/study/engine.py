@@ -50,7 +50,7 @@ class Parts(Protocol):
         """
 
     def save(self, chunk: int, rows: np.ndarray, modes: np.ndarray) -> None:
-        """Keep the tables of a finished chunk under its number."""
+        """Keep the tables of a finished chunk, (m, columns) and (k, 1 + columns), under its number."""
 
 
 def solve_places(

@@ -261,6 +261,15 @@ def cluster_of(ends: tuple[Node, Node], members: tuple[np.ndarray, np.ndarray], 
 
     If p is a stiffness that most of the group's energy is in, H is nearly linear in p. If p is the stiffness of a
     support that goes from nearly free to nearly fixed, H changes evenly with ln p.
+
+    Parameters
+    ----------
+    ends : (Node, Node)
+        The modes at both ends of the interval.
+    members : ((m,) int, (m,) int)
+        Positions of the group's eigenvalues among these modes.
+    scale : Scale
+        Of the sweep.
     """
     plain = Cluster(ends, members)
     if not scale.logarithmic or not plain.is_smooth:
