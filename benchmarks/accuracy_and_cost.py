@@ -1,9 +1,9 @@
 """What accuracy costs: python benchmarks/accuracy_and_cost.py [--write] [--folder FOLDER] [--budget SECONDS]
 
-Errors and times of solids with exact or extrapolated frequencies, of the disc with two pads, without and with damping,
-and how well the bars of the mesh hold the errors.
-What was measured is kept in the folder, and taken from there the next time; some twenty minutes in all.
-Within a budget what does not fit is left out, and said.
+It measures errors and times of solids with exact or extrapolated frequencies and of the disc with two pads, without and
+with damping, and whether the error bars of the mesh contain the true errors. Measurements are kept in the folder, and
+not made again the next time; all of them take about twenty minutes. With a budget, those that do not fit are left out,
+and the page says so.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from fe_squeal.compare import compare
 from fe_squeal.report.accuracy import plot_accuracy
 from fe_squeal.report.labels import place_labels
 from fe_squeal.run.accuracy import uncertainty, write_study
-from fe_squeal.run.measurements import Measurements
+from fe_squeal.run.measurements import MeasurementFolder
 from fe_squeal.scene import Scene
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -40,23 +40,23 @@ LADDERS = {  # sizes in m, from coarse to fine
     ("annular disc", "hex", 1): (0.012, 0.008, 0.006), ("annular disc", "hex", 2): (0.03, 0.02, 0.014),
     ("annular disc", "tet", 1): (0.012, 0.008, 0.006), ("annular disc", "tet", 2): (0.03, 0.02, 0.014),
 }  # fmt: skip
-COARSE = 0.02  # m, of the mesh of the brake about which the study turns its knobs
-FINE = 0.009  # m, of the annular disc's reference
-THEORY = {1: 2, 2: 4}
-EQUAL = 0.01  # the error at which orders are compared
+COARSE = 0.02  # m: size of the elements of the brake, around which the study varies one thing at a time
+FINE = 0.009  # m: size of the elements of the annular disc's reference
+THEORY = {1: 2, 2: 4}  # power of the size by which errors of frequencies fall, by the order of the elements
+EQUAL = 0.01  # relative error at which the times of both orders are compared
 DAMPED: dict[str, Any] = {"friction": {"mu": 0.3}, "rayleigh": {"alpha": 20.0, "beta": 1e-8}}
 
 
 def rate(rung: Rung) -> float:
-    """Return the power of the size with which errors fall where every element is cut into eight, of the median mode.
+    """Return the power of the size by which the error of the median mode falls when every element is cut into eight.
 
-    Unlike two meshes of other sizes, these two differ in nothing else. The bar is so many times what the cut changes.
+    These two meshes differ only in the size of their elements, unlike two meshes made for different sizes.
     """
     return float(-np.log2(max(1 - rung.wide / rung.bar, 1e-3)))
 
 
 def time_for(rungs: Sequence[Rung], error: float) -> float:
-    """Return the seconds at an error, between the rungs or beyond, along a line of logarithms."""
+    """Return the seconds for an error, interpolated or extrapolated linearly in the logarithms of some rungs."""
     e, t = (np.log([x(r) for r in rungs]) for x in (lambda r: r.errors.max(), lambda r: r.seconds))
     slope, at = np.polyfit(e, t, 1)
     return float(np.exp(at + slope * np.log(error)))
@@ -154,7 +154,7 @@ def main() -> None:
         out = given.folder / name.replace(" ", "_").replace(",", "")
         rest = max(given.budget - (time.perf_counter() - start), 1e-9)
         studies[name] = study = run_study(
-            scene, Measurements(out / "measurements"), None if np.isinf(rest) else rest, small_plan(scene),
+            scene, MeasurementFolder(out / "measurements"), None if np.isinf(rest) else rest, small_plan(scene),
             lambda i, n, text, _: print(f"{i}/{n} {text}", file=sys.stderr),
         )  # fmt: skip
         write_study(study, out, name)

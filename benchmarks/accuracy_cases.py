@@ -20,26 +20,26 @@ from fe_squeal.scene import Scene
 EXAMPLES = Path(__file__).parents[1] / "examples"
 STEEL = {"youngs_modulus": 2.0e11, "poisson_ratio": 0.3, "density": 7800.0}
 BLOCK, PLATE = (0.10, 0.083, 0.071), (0.10, 0.10, 0.01)  # m
-COMPARED = 8  # lowest modes
-_MORE = 6  # modes besides: on a coarse mesh the order is another
-_LONG = 2.0  # s from which one solve tells the time
+COMPARED = 8  # lowest modes that are compared
+_MORE = 6  # further modes that are solved for, since on a coarse mesh modes may have another order
+_LONG = 2.0  # s: if a solve takes longer, its time is measured only once
 _ALL = {"x": ("left", "right"), "y": ("front", "back"), "z": ("bottom", "top")}
 
 
 @dataclass(frozen=True)
 class Rung:
-    """One solve: what it costs, its largest error, and how the bars do.
+    """One solve: its cost, its errors, and how good the error bars are.
 
     Attributes
     ----------
     errors : (k,) float
-        Relative, of the lowest frequencies.
+        Relative errors of the lowest frequencies.
     inside : float
-        Share of the modes whose bar holds the true error.
+        Part of the modes whose bar contains the true error.
     wide : float
-        Median of the bars over the errors.
+        Median of bar over error.
     bar : float
-        Times what a cut of the elements changes.
+        Bar over the change when every element is cut into eight.
     """
 
     unknowns: int
@@ -75,7 +75,7 @@ def plate_scene(element: str, order: int, h: float) -> tuple[Scene, np.ndarray]:
 
 
 def annulus_scene(element: str, order: int, h: float) -> tuple[Scene, np.ndarray | None]:
-    """Return the clamped annular disc; a pad beside it is held by its back and takes no part."""
+    """Return the clamped annular disc; the pad of the geometry is held by its back and does not touch the disc."""
     own = load_scene(EXAMPLES / "disc_pad.toml").mesh.disc_pad
     assert own is not None
     update = {"size": h, "element": element, "pads": 1, "back_plate_thickness": 0.0, "pad_thickness": 0.004}
@@ -97,7 +97,7 @@ def solve(case: str, element: str, order: int, h: float, exact: np.ndarray | Non
     scene, known = SOLIDS[case](element, order, h)
     exact = known if exact is None else exact
     seconds = np.inf
-    for _ in range(2):  # the second time everything is loaded
+    for _ in range(2):  # the first time includes the loading of libraries
         start = time.perf_counter()
         problem = Assembly(scene, read_mesh(scene)).problem({})
         result = sweep(problem, [0.0], modes=COMPARED + _MORE)
@@ -110,14 +110,14 @@ def solve(case: str, element: str, order: int, h: float, exact: np.ndarray | Non
     bars = time.perf_counter() - start
     if exact is None:
         return Rung(problem.unknowns, seconds, bars, np.full(COMPARED, np.nan), np.nan, np.nan)
-    rank = np.argsort(found + changes / (1 - 0.25**order))[: len(exact)]  # which mode is which
+    rank = np.argsort(found + changes / (1 - 0.25**order))[: len(exact)]  # modes in the order of their true frequencies
     error, bar = np.abs(found[rank] - exact), BARS[order] * np.abs(changes[rank])
     ratio = float(np.median(bar / error))
     return Rung(problem.unknowns, seconds, bars, error / exact, float(np.mean(error <= bar)), ratio, BARS[order])
 
 
 def extrapolated(case: str, element: str, h: float) -> np.ndarray:
-    """Return the lowest frequencies of a fine mesh of order 2, with what refining it changes, one and a half times."""
+    """Return the lowest frequencies on a fine mesh of order 2, plus 1.5 times what refining it changes."""
     scene, _ = SOLIDS[case](element, 2, h)
     result = sweep(Assembly(scene, read_mesh(scene)).problem({}), [0.0], modes=COMPARED + _MORE)
     changes = refined_changes(result).modes[0].imag / (2 * np.pi)
@@ -125,7 +125,7 @@ def extrapolated(case: str, element: str, h: float) -> np.ndarray:
 
 
 def brake_scene(size: float | None = None, **changes: Any) -> Scene:
-    """Return the disc with two pads of the examples, meshed at a size or its own; tables may be replaced."""
+    """Return the example of the disc with two pads, with elements of a size, m, and with some tables replaced."""
     scene = load_scene(EXAMPLES / "disc_pad.toml")
     data = scene.model_dump(mode="json", by_alias=True, exclude_unset=True)
     data["mesh"].pop("file", None)
@@ -135,7 +135,7 @@ def brake_scene(size: float | None = None, **changes: Any) -> Scene:
 
 
 def belt_scene(**changes: Any) -> Scene:
-    """Return the pad on a belt of the examples in the same way."""
+    """Return the example of the pad on a belt, with some tables replaced."""
     data = load_scene(EXAMPLES / "pad_on_belt.toml").model_dump(mode="json", by_alias=True, exclude_unset=True)
     data["mesh"].pop("file", None)
     return parse_scene({**data, **changes})

@@ -17,9 +17,9 @@ _SLIDING_EDGES = {"left": "yz", "right": "yz", "front": "xz", "back": "xz"}
 
 
 def exact_frequencies(scene: Scene, count: int) -> np.ndarray | None:
-    """Return the lowest frequencies, Hz, of a scene that has exact ones: a block or square plate on sliding supports.
+    """Return the lowest exact frequencies (at most `count`), Hz, of a block or a square plate on sliding supports.
 
-    At most so many; of the plate no more than `sliding_plate` knows. None for any other scene.
+    For the plate there are no more than `sliding_plate` returns. For any other scene the result is None.
     """
     block, material = scene.mesh.geometry, next(iter(scene.materials.values()))
     if len(scene.bodies) == 1:
@@ -49,10 +49,11 @@ def wave_speeds(youngs_modulus: float, poisson_ratio: float, density: float) -> 
 
 
 def sliding_block(size: Sequence[float], speeds: tuple[float, float], count: int) -> np.ndarray:
-    """Return the lowest frequencies (count,), Hz, of a block with u·n = 0 and no shear on all faces.
+    """Return the lowest frequencies (count,), Hz, of a block with u·n = 0 and no shear stress on all faces.
 
-    u_i = A_i sin(k_i x_i) Π_{j≠i} cos(k_j x_j), k = π(l/Lx, m/Ly, n/Lz), satisfies both; A ∥ k gives one pressure wave
-    ω = c_p|k|, A ⊥ k shear waves ω = c_s|k|. A_i means nothing where k_i = 0: z non-zero k_i leave z − 1 shear waves.
+    u_i = A_i sin(k_i x_i) Π_{j≠i} cos(k_j x_j), k = π(l/Lx, m/Ly, n/Lz), satisfies both conditions. A ∥ k gives one
+    pressure wave with ω = c_p|k|, and A ⊥ k shear waves with ω = c_s|k|. Where k_i = 0 there is no u_i, so that z
+    non-zero components of k give z − 1 shear waves.
 
     Examples
     --------
@@ -72,11 +73,11 @@ def sliding_block(size: Sequence[float], speeds: tuple[float, float], count: int
 
 
 def lamb(omega: float, k: float, thickness: float, speeds: tuple[float, float], antisymmetric: bool) -> float:
-    """Return the Rayleigh–Lamb function, real and even in p and q: zero for a wave of wave number k in a plate.
+    """Return the Rayleigh–Lamb function, which is zero if ω and the wave number k are those of a wave in a plate.
 
-    tan(qd)/tan(pd) = −((k² − q²)²/(4k²pq))^±1, d = h/2, p² = ω²/c_p² − k², q² = ω²/c_s² − k² (Graff, Wave Motion in
-    Elastic Solids, eq. 8.1.63 and 8.1.64); both sides are multiplied out and divided by p or q, so that no pole and no
-    trivial root is left.
+    The equation is tan(qd)/tan(pd) = −((k² − q²)²/(4k²pq))^±1 with d = h/2, p² = ω²/c_p² − k², q² = ω²/c_s² − k²
+    (K. F. Graff, Wave Motion in Elastic Solids, eq. 8.1.63 and 8.1.64). Multiplied out and divided by p or q it has
+    neither poles nor trivial roots, and is real and even in p and q.
     """
     p, q = (np.sqrt(complex(omega**2 / c**2 - k**2)) for c in speeds)
     d = thickness / 2
@@ -88,10 +89,11 @@ def lamb(omega: float, k: float, thickness: float, speeds: tuple[float, float], 
 
 
 def sliding_plate(side: float, thickness: float, speeds: tuple[float, float], up_to_hz: float) -> np.ndarray:
-    """Return all frequencies, Hz, of a square plate: free faces; edges slide along normals, u_z = 0.
+    """Return all frequencies up to a limit, Hz, of a square plate with free faces; its edges slide along normals.
 
-    Lamb waves of k = π√(m² + n²)/a for m, n ≥ 1 fit it exactly, SH waves ω = c_s k also for m = 0 or n = 0. The SH
-    waves with nodes across the thickness, from ω = c_s π/h on, have to lie above.
+    At the edges u_z and the other tangential displacement are zero. Lamb waves with k = π√(m² + n²)/a, m, n ≥ 1,
+    satisfy this exactly, and so do SH waves with ω = c_s k, also for m = 0 or n = 0. SH waves with nodes across the
+    thickness, from ω = c_s π/h on, are not included, and so the limit has to be below c_s/(2h).
     """
     if 2 * np.pi * up_to_hz >= speeds[1] * np.pi / thickness:
         raise ValueError(f"up_to_hz = {up_to_hz:g}: expected less than {speeds[1] / (2 * thickness):g}")
@@ -109,7 +111,7 @@ def sliding_plate(side: float, thickness: float, speeds: tuple[float, float], up
                 for i in np.flatnonzero(values[1:] * values[:-1] < 0):
                     waves.append(brentq(lamb, grid[i], grid[i + 1], args=rest, xtol=1e-9))
             found += waves
-            if n and not waves:  # the waves of more half-waves are faster
+            if n and not waves:  # with more half-waves frequencies are higher
                 break
         m += 1
     return np.sort(found) / (2 * np.pi)

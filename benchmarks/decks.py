@@ -1,7 +1,7 @@
-"""What is taken over from decks, and how CalculiX's own decks compare: python benchmarks/decks.py [--write]
+"""What is taken over from decks, and a comparison with CalculiX's decks: python benchmarks/decks.py [--write]
 
-Makes tables of docs/decks.md. Those of keywords come from the program. The comparison needs Debian's calculix-ccx-test
-(see .ci/run); without it the section stays as it is.
+It makes the tables of docs/decks.md. Those of keywords are made from the program's own lists. The comparison needs
+Debian's package calculix-ccx-test (see .ci/run); without it that section of the page is not changed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from fe_squeal.decks.nastran import read as nastran  # noqa: E402
 
 PAGE = ROOT / "docs/decks.md"
 BEGIN, END = "<!-- {}: python benchmarks/decks.py --write -->\n", "<!-- end of {} -->\n"
-_SAME = 5e-3  # differences up to this come from the elements: reduced integration there, 27 nodes here
+_SAME = 5e-3  # of a frequency: smaller differences come from the elements: reduced integration there, 27 nodes here
 
 
 def keyword_tables() -> str:

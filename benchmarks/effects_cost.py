@@ -32,7 +32,7 @@ ABSENCE_HEADER = (
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Return the Markdown table of the effects; ratios are to friction alone, run by run."""
+    """Return the Markdown table of the effects; ratios are those to friction alone in the same run."""
     reference = _named(rows, FRICTION)
     body = [
         (
@@ -47,7 +47,7 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def absence_table(rows: Sequence[Row]) -> str:
-    """Return the Markdown table of the ways in which friction alone has to cost the same."""
+    """Return the Markdown table of cases that have to cost the same as friction alone."""
     body = [
         (
             r.effect, r.terms, r.nonzeros, len(r.factorised), r.solves, _median(r.assembly, 3), _middle(r.assembly, 3),
@@ -59,7 +59,10 @@ def absence_table(rows: Sequence[Row]) -> str:
 
 
 def target(rows: Sequence[Row]) -> str:
-    """Return whether the quadratic class keeps to its target; open where the middle half of the ratios straddles it."""
+    """Return a sentence on whether the quadratic class meets its target.
+
+    If the target is inside the middle half of the measured ratios, the sentence leaves it open.
+    """
     reference = _named(rows, FRICTION)
     quadratic = [r for r in rows if r.problem_class == "quadratic"]
     ratios = {r.effect: _ratios(r.solve, reference.solve) for r in quadratic}
@@ -77,7 +80,7 @@ def target(rows: Sequence[Row]) -> str:
 
 
 def absence(rows: Sequence[Row]) -> str:
-    """Return whether what is not there costs nothing, in two sentences."""
+    """Return two sentences on whether absent effects cost nothing."""
     first = rows[0]
     same = all((r.terms, r.nonzeros, r.factorised, r.solves) == _counts(first) for r in rows)
     parts = []

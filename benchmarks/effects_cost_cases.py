@@ -11,14 +11,14 @@ from typing import Any
 from fe_squeal.effects import EFFECTS
 
 ROOT = Path(__file__).parents[1]
-FRICTION = "friction"  # the case that all others are compared with
-# Further cases of one effect, of other terms: effect, what to call it, keys.
+FRICTION = "friction"  # name of the case that all others are compared with
+# Further cases of an effect, by its name: the name of the case, and the keys of its table.
 VARIANTS: dict[str, dict[str, dict[str, Any]]] = {"structural_damping": {"frozen": {"reference_frequency_hz": 3000.0}}}
 
 
 @dataclass(frozen=True)
 class Case:
-    """A scene to measure; `unreachable`: no other effect can be called; `by_hand`: the terms are summed here."""
+    """A scene to measure; with `unreachable` calls of other effects raise; with `by_hand` this file sums the terms."""
 
     name: str
     scene: dict[str, Any]
@@ -27,7 +27,7 @@ class Case:
 
 
 def scene_of(rung: str) -> dict[str, Any]:
-    """Return the scene with friction alone, "fine" on the committed mesh or "coarse" on one made from the geometry."""
+    """Return the scene with friction alone: "fine" on the mesh in the repository, or "coarse" on one made for it."""
     scene = tomllib.loads((ROOT / "examples/disc_pad.toml").read_text(encoding="utf-8"))
     del scene["sweep"]
     if rung == "fine":
@@ -40,9 +40,9 @@ def scene_of(rung: str) -> dict[str, Any]:
 
 
 def effect_cases(scene: dict[str, Any]) -> list[Case]:
-    """Return the scene without friction, with it, and with each effect of the program besides.
+    """Return the scene without friction, with friction, and with friction and each other effect.
 
-    Numbers are those of the example of all effects; an effect that has no keys there is taken with its defaults.
+    Numbers are those of the example with all effects; an effect that the example does not have gets its defaults.
     """
     example = tomllib.loads((ROOT / "examples/disc_pad_effects.toml").read_text(encoding="utf-8"))["effects"]
     tables = {kind.name: example.get(kind.name, {}) for kind in EFFECTS}
@@ -75,7 +75,7 @@ def effect_cases(scene: dict[str, Any]) -> list[Case]:
 
 
 def absence_cases(scene: dict[str, Any]) -> list[Case]:
-    """Return friction alone in the ways that have to cost the same if an effect that is not there costs nothing."""
+    """Return variants of friction alone, which all cost the same if absent effects cost nothing."""
     zero = copy.deepcopy(scene)
     zero["effects"] |= {"rayleigh": {"alpha": 0.0, "beta": 0.0}}
     zero["effects"] |= {"falling_friction": {"contact_pressure": 1.0e6, "slope": 0.0}}

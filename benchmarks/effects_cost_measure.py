@@ -37,20 +37,20 @@ NEXT_MU = 0.41
 
 @dataclass
 class Row:
-    """What one case costs; a number of seconds per run, counts of one solve at μ = 0.4.
+    """The cost of a case: seconds of each run, and counts of one solve at μ = 0.4.
 
     Attributes
     ----------
     factorised : list of (size, symmetric)
-        Every factorisation of the eigen-solver, in order.
+        All factorisations of the eigensolver, in order.
     static : int
-        Factorisations during assembly, for the static state under preload.
+        Number of factorisations during assembly, for the static state under preload.
     solves : int
-        Solves with the factors.
+        Number of solves with the factors.
     nonzeros : int
-        Of M, C and K together.
-    memory_mib, before_mib : float or None
-        Largest memory of a process of its own, at its end and before assembly.
+        Entries of M, C and K together.
+    memory_mib, before_mib : float or None, MiB
+        Largest memory of a separate process, at its end and before assembly.
     """
 
     effect: str
@@ -72,7 +72,7 @@ class Row:
 def measure(cases: Sequence[Case], runs: int, memory: bool = False) -> list[Row]:
     """Measure every case once for its counts, then `runs` times, in turn, for its seconds."""
     scenes = [_parsed(c) for c in cases]
-    mesh = read_mesh(scenes[0])  # the same for all
+    mesh = read_mesh(scenes[0])  # all scenes have the same mesh
     rows = []
     for case, scene in zip(cases, scenes, strict=True):
         with _counted() as static:
@@ -91,12 +91,12 @@ def measure(cases: Sequence[Case], runs: int, memory: bool = False) -> list[Row]
             rows[-1].before_mib, rows[-1].memory_mib = _memory(case)
     for run in range(runs):
         order = list(zip(cases, scenes, rows, strict=True))
-        for case, scene, row in order[:: -1 if run % 2 else 1]:  # a drift of the machine then cancels
+        for case, scene, row in order[:: -1 if run % 2 else 1]:  # alternates, so that drifts of the machine cancel
             gc.collect()
             start = time.perf_counter()
             problem = _assembled(case, scene, mesh)
             assembled = time.perf_counter()
-            with one_openblas_thread():  # as in a sweep
+            with one_openblas_thread():  # a sweep does the same
                 solve_modes(_pencil(case, problem), _request(scene))
             solved = time.perf_counter()
             if problem.has("mu"):
@@ -174,7 +174,7 @@ def _counted() -> Iterator[_Work]:
 
     with ExitStack() as stack:
         for module in [m for n, m in sys.modules.items() if n.startswith("fe_squeal.")]:
-            if getattr(module, "factorize", None) is original:  # modules that imported it by name
+            if getattr(module, "factorize", None) is original:  # in modules that have imported it by name
                 stack.enter_context(patch.object(module, "factorize", counting))
         yield work
 
@@ -189,7 +189,7 @@ def _memory(case: Case) -> tuple[float, float]:
 
 def _peak_mib() -> float:
     status = Path("/proc/self/status")
-    if status.exists():  # Linux hands ru_maxrss of the parent down to the child
+    if status.exists():  # Linux: ru_maxrss of a child begins with that of its parent
         return int(status.read_text().partition("VmHWM:")[2].split()[0]) / 2**10
     import resource  # not on Windows
 
@@ -200,7 +200,7 @@ def _main() -> None:
     case = Case(**json.load(sys.stdin))
     scene = _parsed(case)
     mesh = read_mesh(scene)
-    choice.choose()  # the library is loaded in every case
+    choice.choose()  # loads the library, so that its memory is in every case
     before = _peak_mib()
     problem = _assembled(case, scene, mesh)
     with one_openblas_thread():

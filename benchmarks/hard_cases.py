@@ -32,7 +32,7 @@ off by more than an order of magnitude and rounding."""
 
 
 class Recorder:
-    """Collect what tests record."""
+    """Collects the results that tests record."""
 
     def __init__(self) -> None:
         self.results: dict[str, list[Result]] = {}
@@ -54,7 +54,7 @@ def main() -> int:
     arguments = parser.parse_args()
     recorder = Recorder()
     folder = ROOT / "tests" / "hard"
-    ignored = f"--ignore={folder / 'test_zz_page.py'}"  # which compares with the page that is to be written
+    ignored = f"--ignore={folder / 'test_zz_page.py'}"  # it compares results with the page, which is only written now
     code = pytest.main([str(folder), ignored, "-p", "no:cacheprovider"], plugins=[recorder])
     if code:
         return int(code)

@@ -1,6 +1,6 @@
 """Seconds and memory of the main job: python benchmarks/main_job.py [SCENE.toml] [runs]
 
-Runs the command in a process of its own each time and prints the stages of every run and their median.
+Each run of the command is a process of its own; the seconds of the stages of every run and their median are printed.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """What marked refinement of tetrahedra gains: python benchmarks/marked_refinement.py [--help] [CASE ...]
 
-Frequencies of a body, on meshes that are refined as a whole and on meshes refined where the stresses jump (Zienkiewicz
-and Zhu, Int. J. Numer. Meth. Eng. 24, 1987: stresses less the continuous ones nearest to them), half of the error at a
-time. True values are those of the finest marked mesh, extrapolated from the last two; what that may be off stands
-beside. Prints unknowns, seconds and the mean relative error of the lowest frequencies squared, and fitted rates.
+It compares the frequencies of a body on meshes that are refined as a whole and on meshes that are refined where
+stresses jump (the difference of stresses from continuous ones: O. C. Zienkiewicz, J. Z. Zhu, Int. J. Numer. Meth. Eng.
+24, 1987). Each time the elements with half of the error are refined. True values are extrapolated from the last two
+marked meshes, and their uncertainty is printed too. It prints unknowns, seconds, the mean relative error of the squares
+of the lowest frequencies, and fitted rates.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from fe_squeal.problem.problem import Problem
 
 STEEL = {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 7800.0}
 MODES = 4
-PART = 0.5  # of the error, in the elements that are refined at a time
+PART = 0.5  # of the whole error: the elements that are refined each time have so much of it together
 
 
 def block(counts: tuple[int, int, int], size: tuple[float, float, float]) -> LoadedMesh:
@@ -79,7 +80,7 @@ def problem_on(loaded: LoadedMesh, supports: list[dict[str, str]]) -> Problem:
 
 
 def stress_jumps(space: DisplacementSpace, law: Elasticity, u: np.ndarray) -> np.ndarray:
-    """Return ∫|σ* − σ|² over each element (e,), σ* the continuous stress of order 2 nearest to σ in L²."""
+    """Return ∫|σ* − σ|² over each element (e,); σ* is the continuous stress of order 2 that is nearest to σ in L²."""
     blocks, nodes, loads = [], [], np.zeros((space.nodes, 9))
     parts = list(element_stress(space, np.arange(space.mesh.nelements), law, u))
     for shapes, stress in parts:
@@ -121,7 +122,7 @@ def refined(
     make: Callable[[], LoadedMesh], supports: list[dict[str, str]], steps: int,
     how: Callable[[LoadedMesh, np.ndarray], LoadedMesh],
 ) -> Iterator[tuple[int, float, np.ndarray]]:  # fmt: skip
-    """Yield unknowns, seconds since the beginning and the lowest θ on one mesh after the other."""
+    """Yield, for each mesh of a sequence, its unknowns, the seconds since the beginning, and the lowest θ."""
     loaded, begun = make(), time.perf_counter()
     for step in range(steps):
         unknowns, theta, shares = solved(loaded, supports)
@@ -143,7 +144,7 @@ def main() -> None:
             "marked": list(refined(*CASES[name], given.rounds, partial(where_stresses_jump, halvings=given.halvings))),
         }
         (n, _, last), (m, _, before) = rows["marked"][-1], rows["marked"][-2]
-        rate = 4 / 3  # of smooth modes in the unknowns
+        rate = 4 / 3  # power of the unknowns by which errors of smooth modes fall
         true = last - (before - last) / ((n / m) ** rate - 1)
         print(f"\n{name}: lowest ω²; reference surer than {np.mean(np.abs(last / true - 1)):.1e}")
         for how, found in rows.items():

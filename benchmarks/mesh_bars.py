@@ -1,13 +1,12 @@
 """Whether the bars of the mesh hold: python benchmarks/mesh_bars.py [--write] [--fit]
 
-In one file, since the scenes, their truth and the page are read together.
-
-The true errors of some hundred modes stand beside what --estimate says of them, in docs/accuracy_and_cost.md. True
-values are those of order 2 on meshes two levels finer, extrapolated from the last two (Richardson) with the rate 2 of
-elements whose edges are singular; how far that may be off is shown as well. What is not derived in
-`fe_squeal.accuracy.bars`, `SHARE` and the factor of order 1, was chosen and fitted on the scenes `FITTED` (with --fit),
-which are not among those measured. A mode whose shape the coarse mesh does not have, by a MAC below one half, has no
-error, and is counted apart. In one file, so that what is measured, fitted and written is seen together.
+It writes a section of docs/accuracy_and_cost.md with the true errors of some hundred modes beside the error bars of
+--estimate. True values are those with order 2 on meshes that are refined twice, extrapolated from the last two
+(Richardson) with the rate 2 of singular edges; their uncertainty is shown too. In `fe_squeal.accuracy.bars`, `SHARE`
+and the factor of order 1 are not derived: they were chosen and fitted on the scenes `FITTED` (with --fit), which are
+not among the scenes that are measured. A mode has no error, and is counted separately, if the coarse mesh has no mode
+of its shape (MAC below one half). This file is longer than others, so that scenes, measurement, fit and page can be
+read together.
 """
 
 from __future__ import annotations
@@ -40,11 +39,11 @@ from fe_squeal.sweep.result import Sweep
 
 PAGE = Path(__file__).parents[1] / "docs" / "accuracy_and_cost.md"
 _HEAD = "## Do the bars hold?"
-_LEVELS = 2  # finer than the mesh of the scene: the true values
-_MORE = 5  # modes beyond those compared
-_RATE = 2  # of the extrapolation of the true values
-_COMPARED = 0.8  # of the highest frequency: modes beyond may be others on another mesh
-_ALIKE = 0.5  # MAC of two shapes at common nodes: below it the coarse mesh has no mode of that shape
+_LEVELS = 2  # refinements of the mesh of the scene for the true values
+_MORE = 5  # modes that are solved for in addition to those compared
+_RATE = 2  # power of the size in the extrapolation of the true values
+_COMPARED = 0.8  # of the highest frequency: modes above may leave the range on another mesh, and are not compared
+_ALIKE = 0.5  # MAC of two shapes at common nodes: with a smaller one they are not the same mode
 LINING = {"youngs_modulus": 2e9, "poisson_ratio": 0.25, "density": 2600.0}
 STEEL = {"youngs_modulus": 2.1e11, "poisson_ratio": 0.3, "density": 7800.0}
 BELT = {"direction": [1, 0, 0], "speed": 2.0}
@@ -63,14 +62,14 @@ class Case:
     values: tuple[float, ...]
     parameter: str = "mu"
     plate: bool = False
-    lean: float = 0.3  # of the piston, out of the normal
+    lean: float = 0.3  # the spring of the piston has the direction (lean, 0, 1)
     modes: int = 12
     effects: str = "{}"  # JSON
     mu: float = 0.5
 
 
 def _mu(stop: float, points: int = 12) -> tuple[float, ...]:
-    """Return zero and values where modes grow."""
+    """Return zero, and values of μ at which modes grow."""
     return (0.0, *np.linspace(0.3 * stop, stop, points - 1).tolist())
 
 
@@ -148,7 +147,7 @@ def scene_of(case: Case, order: int) -> fe_squeal.Scene:
 
 
 def shapes_at(problem: Problem, case: Case, points: np.ndarray, modes: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return eigenvalues (k,) and shapes (3 p, k) at given nodes, for each value."""
+    """Return eigenvalues (k,) and shapes (3 p, k) at p given points, for each value."""
     assembly = problem.source
     assert isinstance(assembly, Assembly)
     space = assembly.space
@@ -176,7 +175,7 @@ def shapes_at(problem: Problem, case: Case, points: np.ndarray, modes: int) -> l
 
 @dataclass(frozen=True)
 class Pairs:
-    """Errors and bars of the modes of one case: everything (k,), a row for each mode and value."""
+    """Errors and bars of the modes of a case; all arrays are (k,), with an entry for each mode and value."""
 
     error: np.ndarray
     bar: np.ndarray
@@ -212,7 +211,7 @@ def _solved(case: Case) -> tuple[Sweep, Changes, list[Any], list[Any]]:
 
 
 def _apart(points: np.ndarray) -> np.ndarray:
-    """Return points that lie on one body alone: where two touch, nodes of both are at the same place."""
+    """Return the points that are on one body only: where two bodies touch, nodes of both are at the same place."""
     tree = cKDTree(points)
     return points[[len(tree.query_ball_point(p, 1e-9)) == 1 for p in points]]
 
@@ -247,9 +246,9 @@ def _mac(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def held(pairs: Pairs) -> tuple[np.ndarray, np.ndarray]:
-    """Return which bars of Re λ and of Im λ hold, (k,) bool each.
+    """Return (k,) bool twice, which bars of Re λ and of Im λ contain the true error.
 
-    A hundredth of what the true value is unsure by, and 1e-3 1/s, are errors of the extrapolation and of the solvers.
+    A hundredth of the uncertainty of the true value, and 1e-3 1/s, are allowed for errors of extrapolation and solver.
     """
     slack = 1e-2 * pairs.unsure + 1e-3
     return np.abs(pairs.error.real) <= pairs.bar.real + slack, np.abs(pairs.error.imag) <= pairs.bar.imag + slack

@@ -1,8 +1,8 @@
 """Meshes for a target: python benchmarks/mesh_targets.py [--write] [--folder FOLDER] [--only NAME ...] [--random N]
 
-What `fe-squeal run --accuracy` chooses on scenes that its rules were not fitted to, and how far the result is from the
-truth: the same mesh with 1.5 times as many elements along every line, extrapolated. What was measured is kept in the
-folder, and taken from there the next time.
+It shows which meshes `fe-squeal run --accuracy` finds for scenes that its rules were not fitted to, and the true errors
+there. True values are extrapolated from the same mesh with 1.5 times as many elements along every line. Measurements
+are kept in the folder, and not made again the next time.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from fe_squeal.accuracy.settings import own_setting
 from fe_squeal.scene import Scene
 
 DOCS = Path(__file__).parents[1] / "docs"
-FINER = 1.5  # times the elements along every line, for the truth
+FINER = 1.5  # times the elements along every line, for the true values
 DAMPED: dict[str, Any] = {"friction": {"mu": 0.3}, "rayleigh": {"alpha": 20.0, "beta": 1e-8}}
 ONE_PAD: dict[str, Any] = {"pads": 1, "pad_angle_deg": 70.0}
 _COLUMNS = {"frequencies": "frequency", "growth": "growth", "onsets": "onset"}
@@ -70,7 +70,7 @@ def random_brake(seed: int) -> Scene:
 
 
 def cases(count: int) -> dict[str, tuple[Scene, float, tuple[str, ...]]]:
-    """Return by name a scene, a target, and what is to meet it."""
+    """Return, by name, a scene, a target, and the kinds of quantities that are to meet it."""
     onsets = ("onsets",)
     found = {
         "soft pad on a belt": (belt_scene(materials=SOFT), 0.02, KINDS),
@@ -83,7 +83,7 @@ def cases(count: int) -> dict[str, tuple[Scene, float, tuple[str, ...]]]:
 
 
 def reach(name: str, scene: Scene, target: float, kinds: tuple[str, ...] = KINDS) -> dict[str, Any]:
-    """Return what was chosen for a target, and its true error."""
+    """Return the mesh that was found for a target, what it cost, and its true errors."""
     start = time.perf_counter()
     print(name, file=sys.stderr)
     choice = choose(scene, target, lambda text: print(text, file=sys.stderr), kinds)
@@ -99,7 +99,7 @@ def reach(name: str, scene: Scene, target: float, kinds: tuple[str, ...] = KINDS
 
 
 def true_errors(choice: Choice) -> dict[str, float]:
-    """Return the errors of a choice against a finer mesh, extrapolated."""
+    """Return the errors of a choice against values extrapolated from a finer mesh."""
     own = replace(own_setting(choice.scene), method="reduced")
     best, probes = measure_apart(choice.scene, replace(own, size=own.size / FINER), None, True, None) or (None, None)
     there, _ = measure_apart(choice.scene, own, probes, False, None) or (None, None)

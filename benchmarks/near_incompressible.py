@@ -1,9 +1,9 @@
-"""Locking, and the way out: python benchmarks/near_incompressible.py [--write]
+"""Locking of elements, and the mixed formulation: python benchmarks/near_incompressible.py [--write]
 
-Errors of the lowest frequencies over Poisson's ratio, standard and mixed, orders 1 and 2, on hexahedra and tetrahedra:
-a block between smooth walls, whose modes are known, and a lining that is clamped at one end, against an extrapolated
-reference. With `--write` they become docs/near_incompressible.md and docs/images/near_incompressible.png. It takes
-some minutes, and 3 GiB for the reference.
+It measures the errors of the lowest frequencies over Poisson's ratio, in the standard and the mixed formulation, with
+orders 1 and 2, hexahedra and tetrahedra. One problem is a block between smooth walls, whose modes are known, the other
+one a lining that is clamped at one end, compared with an extrapolated reference. With `--write` the results are written
+to docs/near_incompressible.md and docs/images/near_incompressible.png. It takes some minutes and 3 GiB.
 """
 
 from __future__ import annotations
@@ -66,9 +66,10 @@ def frequencies(
 
 
 def between_walls(nu: float) -> np.ndarray:
-    """Return the exact lowest frequencies in Hz of the block whose faces slide along smooth walls.
+    """Return the exact lowest frequencies, Hz, of the block whose faces slide along smooth walls.
 
-    u_i = A_i sin(k_i x_i) Π_{j≠i} cos(k_j x_j), k = π(l/Lx, m/Ly, n/Lz): pressure waves with A ∥ k, shear waves A ⊥ k.
+    Modes are u_i = A_i sin(k_i x_i) Π_{j≠i} cos(k_j x_j), k = π(l/Lx, m/Ly, n/Lz): pressure waves with A ∥ k, and shear
+    waves with A ⊥ k.
     """
     shear = np.sqrt(MODULUS / (2 * (1 + nu)) / DENSITY)
     pressure = shear * np.sqrt((2 - 2 * nu) / (1 - 2 * nu))
@@ -80,15 +81,15 @@ def between_walls(nu: float) -> np.ndarray:
 
 
 def clamped_reference(nu: float, finest: int = FINEST) -> tuple[np.ndarray, float]:
-    """Return the frequencies in Hz of the clamped lining, and by how much the extrapolation to them moved the largest.
+    """Return extrapolated frequencies, Hz, of the clamped lining, and the largest relative change by the extrapolation.
 
-    Mixed hexahedra of order 2 on three meshes; the clamped edges are singular, so the rate is not taken for four.
+    They come from mixed hexahedra of order 2 on three meshes. Because of singular clamped edges the rate is not four.
     """
     a, b, c = (
         frequencies("hexahedra", (n, n // 2, n // 4), PAD, 2, "mixed", nu, {"left": "xyz"})[0]
         for n in (finest // 4, finest // 2, finest)
     )
-    found = c - (b - c) ** 2 / ((a - b) - (b - c))  # Aitken's formula: the rate need not be known
+    found = c - (b - c) ** 2 / ((a - b) - (b - c))  # Aitken's formula, which does not need the rate
     return found, float(np.abs(c / found - 1).max())
 
 

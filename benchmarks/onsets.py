@@ -1,8 +1,7 @@
 """Onsets of random sweeps against dense scans: python benchmarks/onsets.py [--sweeps 5000] [--processes 2] [--write]
 
-The kinds of sweeps are those of tests/families.py and tests/structures.py; the seeds are others than those of the
-tests. What is finished is kept in results/onsets.jsonl: a run that was stopped goes on from there, unless the code has
-changed.
+The kinds of sweeps are those of tests/families.py and tests/structures.py, with other seeds than in the tests. Finished
+sweeps are kept in results/onsets.jsonl, and a run that was stopped continues from there, unless the code has changed.
 """
 
 from __future__ import annotations
@@ -30,8 +29,8 @@ from families import FAMILIES, judge  # noqa: E402
 from fe_squeal import sweep  # noqa: E402
 from fe_squeal.errors import SquealError  # noqa: E402
 
-FIRST_SEED = 10_000  # tests use those below
-# The judge counts all eigenvalues, which a sweep that works on a few modes of many does not have.
+FIRST_SEED = 10_000  # tests use smaller ones
+# Without `large`: the judge counts all eigenvalues, and a sweep of a few of many modes does not have all.
 KINDS = (*(kind for kind in FAMILIES if kind is not families.large), *structures.KINDS)
 NOTE = """# Onsets of random sweeps
 
@@ -89,7 +88,7 @@ def measure(number: int) -> dict:
 
 
 def measure_all(count: int, processes: int) -> list[dict]:
-    """Return the rows of so many sweeps, those that are kept among them."""
+    """Return the rows of `count` sweeps, including those that were kept."""
     code = fingerprint()
     known = [json.loads(line) for line in KEPT.read_text("utf-8").splitlines()] if KEPT.exists() else []
     rows = {row["number"]: row for row in known if row["code"] == code and row["number"] < count}
@@ -107,12 +106,12 @@ def measure_all(count: int, processes: int) -> list[dict]:
 
 
 def is_wrong(row: dict) -> bool:
-    """Whether an onset was missed or invented."""
+    """Return whether an onset is missing, or one was found that does not exist."""
     return bool(row.get("missed") or row.get("invented"))
 
 
 def page(rows: list[dict]) -> str:
-    """Return the page: a table by kind, and every sweep with something to tell."""
+    """Return the page: a table by kind, and a list of all sweeps with a wrong onset or a warning."""
     lines = ["| kind | sweeps | onsets | silent | warned | no result | seconds |", "|---|---|---|---|---|---|---|"]
     by_kind = {kind.__name__: [r for r in rows if r["kind"] == kind.__name__] for kind in KINDS}
     for name, own in [*by_kind.items(), ("all", rows)]:

@@ -1,7 +1,8 @@
 """Pictures and figures of docs/report.md: python benchmarks/report.py [--write] [--keep FOLDER]
 
-Runs the two examples of the disc with two pads, compares them, opens their pages in Chromium (Debian's package, which
-Playwright drives) and takes screenshots; --write puts pictures into docs/images and what was measured into the page.
+It runs the two examples of the disc with two pads, compares them, opens their pages in Chromium (Debian's package,
+driven by Playwright) and takes screenshots. --write puts the pictures into docs/images and the measurements into the
+page.
 """
 
 from __future__ import annotations

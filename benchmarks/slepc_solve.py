@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 for folder in glob.glob("/usr/lib/*dir/*/*/lib/python3/dist-packages"):
-    sys.path.append(folder)  # where Debian keeps petsc4py and slepc4py
+    sys.path.append(folder)  # a place where Debian installs petsc4py and slepc4py
 from petsc4py import PETSc  # noqa: E402
 from slepc4py import SLEPc  # noqa: E402
 

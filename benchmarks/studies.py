@@ -34,7 +34,7 @@ PICTURES = {"disc_pad_scatter": ("probability", "scatter", "indices"), "disc_pad
 
 
 def results(name: str, folder: Path) -> Path:
-    """Return the folder of a study of an example, which is made if it is not there."""
+    """Return the folder of a study of an example; the study is made if the folder does not exist."""
     out = folder / name
     if not (out / "report.html").exists():
         code = fe_squeal(["study", str(ROOT / "examples" / f"{name}.toml"), "-o", str(out)])
@@ -44,7 +44,7 @@ def results(name: str, folder: Path) -> Path:
 
 
 def direct_checks(out: Path, count: int) -> str:
-    """Solve some samples directly, and say how verdicts and growth rates compare."""
+    """Solve some samples directly, and return a sentence on how verdicts and growth rates agree."""
     scene = load_scene(ROOT / "examples" / "disc_pad_scatter.toml")
     assert isinstance(scene, Scene) and scene.study is not None
     names, samples = scene.study.names, pd.read_csv(out / "samples.csv")
@@ -62,7 +62,7 @@ def direct_checks(out: Path, count: int) -> str:
 
 
 def scatter_lines(out: Path, checks: int) -> list[str]:
-    """Return what the scatter says and took."""
+    """Return lines with the results of the scatter and its time."""
     record, bands = json.loads((out / "study.json").read_text()), pd.read_csv(out / "bands.csv")
     whole, cpu = bands.iloc[-1], record.get("cpu_seconds", {})
     lines = [
@@ -93,7 +93,7 @@ def scatter_lines(out: Path, checks: int) -> list[str]:
 
 
 def map_lines(out: Path) -> list[str]:
-    """Return what the map says and took."""
+    """Return lines with the results of the map and its time."""
     record, boundaries = json.loads((out / "study.json").read_text()), pd.read_csv(out / "boundaries.csv")
     cpu = record.get("cpu_seconds", {})
     count, points, worst = boundaries["curve"].nunique(), len(boundaries), boundaries["uncertainty"].max()

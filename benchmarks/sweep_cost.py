@@ -1,4 +1,4 @@
-"""What a sweep costs: python benchmarks/sweep_cost.py [size ...] [--modes 50] [--values 21 101] [--write]
+"""The time of a sweep: python benchmarks/sweep_cost.py [size ...] [--modes 50] [--values 21 101] [--write]
 
 The disc with two pads of examples/disc_pad.toml, meshed with elements of the given size in m, is swept over the
 friction coefficient by four ways, on the same matrices and in one run:
@@ -31,7 +31,7 @@ import scipy.sparse as sp
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "sweep_cost.md"
 STOP = 0.6
-PROBE = 0.37  # of the interval: where single values are timed and compared
+PROBE = 0.37  # of the interval: the value at which single solves are timed and compared
 NAMES = {
     "scipy": "SciPy eigs + splu, right modes", "direct": "ARPACK + PARDISO",
     "slepc": "SLEPc + MUMPS, right modes", "slepc both": "SLEPc + MUMPS",
@@ -109,7 +109,7 @@ def slepc(K: sp.csr_array, M: sp.csr_array, modes: int, sides: int) -> float:
 
 
 def run(way: str, size: float, modes: int, values: int) -> dict | None:
-    """Time one way in a process of its own; None where it is not to be had."""
+    """Time one way in a process of its own; None if it is not installed."""
     command = [sys.executable, __file__, "--one", way, str(size), "--modes", str(modes), "--values", str(values)]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:

@@ -1,7 +1,7 @@
 """Search for broken promises of docs/trust.md: python benchmarks/trust.py [--inputs 2000] [--signals 200] [--write]
 
-Spoilt inputs of every format, signals at random moments to every command, and every pair of commands at once in one
-folder. Exit code 1 if a promise was broken; --write puts the figures into docs/trust.md.
+It tries damaged inputs of every format, signals at random moments to every command, and every pair of commands at the
+same time in one folder. The exit code is 1 if a promise was broken; --write puts the numbers into docs/trust.md.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def signals_table(outcomes: dict[str, trust_signals.Outcome]) -> str:
 
 
 def pairs_text(pairs: dict[str, str]) -> str:
-    """Return how many pairs there were, and of how many something went wrong."""
+    """Return a sentence with the number of pairs, and of those where something went wrong."""
     return f"{len(pairs)} pairs of commands at once in one folder; broken promises: {sum(map(bool, pairs.values()))}.\n"
 
 
@@ -71,7 +71,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--write", action="store_true")
     given = parser.parse_args()
-    folder = Path(tempfile.mkdtemp(prefix="fe_squeal_trust_"))  # kept: it has what broke a promise
+    folder = Path(tempfile.mkdtemp(prefix="fe_squeal_trust_"))  # not removed: it has the inputs that break promises
 
     def tell(text: str) -> None:
         print(text, flush=True)

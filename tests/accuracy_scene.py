@@ -1,4 +1,4 @@
-"""The smallest scene that a study of accuracy can have, and measurements that are made up."""
+"""The smallest scene for a study of accuracy, and made-up measurements."""
 
 from __future__ import annotations
 

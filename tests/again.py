@@ -1,8 +1,9 @@
 """Repeat tests in settings that must not change a verdict: python tests/again.py --repeat 20
 
 Each repetition in each setting is a run of pytest of its own, with other random examples. A line per run is appended to
-runs.jsonl in a new folder under results/, and what pytest printed is kept where a test failed. The table at the end, or
-at Ctrl-C, is made of these lines; --resume goes on with the newest folder. Exit code 1 if a test failed.
+runs.jsonl in a new folder under results/. If a test fails, the output of pytest is kept there too. The table at the
+end, or at Ctrl-C, is made from these lines; --resume continues in the newest folder. The exit code is 1 if a test
+failed.
 """
 
 from __future__ import annotations
@@ -27,22 +28,23 @@ ROOT = Path(__file__).parents[1]
 LOG = "runs.jsonl"
 FOLDERS = ("tests/hard", "tests/analytic", "tests/convergence")
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
-_PATIENCE = 30.0  # s that pytest has to end after an interruption
+_PATIENCE = 30.0  # s: pytest has to end within this time after an interruption
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What pytest is run with; "{k}" in a value stands for the number of the repetition."""
+    """The environment and options that pytest is run with; "{k}" in a value is replaced by the repetition's number."""
 
     environment: dict[str, str] = field(default_factory=dict)
-    marks: str = ""  # which tests, by pytest's -m
-    paths: tuple[str, ...] = ()  # instead of those that are asked for
-    needs: str = ""  # flag of the processor
+    marks: str = ""  # pytest's option -m, which selects tests
+    paths: tuple[str, ...] = ()  # files of tests, instead of those on the command line
+    needs: str = ""  # a flag that the processor has to have
 
 
 def _threads(count: int) -> Setting:
-    # Subprocesses of tests take the first three, and MKL no more threads than cores unless it is told.
-    # Threads that wait sleep at once: those of two processes spin on each other's cores otherwise, for minutes a test.
+    # The three variables of THREADS are for subprocesses of tests. MKL takes no more threads than there are cores
+    # unless MKL_DYNAMIC is set. Waiting threads sleep at once: spinning threads of two processes on the same cores
+    # would make a test take minutes.
     waiting = {"OPENBLAS_THREAD_TIMEOUT": "4", "KMP_BLOCKTIME": "0"}
     numbers = dict.fromkeys((*THREADS, variations.THREADS), str(count))
     return Setting({**numbers, **waiting, "MKL_DYNAMIC": "FALSE"})
@@ -65,11 +67,11 @@ _CLEARED = {*THREADS, *(name for s in SETTINGS.values() for name in s.environmen
 
 @dataclass(frozen=True)
 class Run:
-    """What one run of pytest came to."""
+    """The result of one run of pytest."""
 
     setting: str
     repetition: int
-    state: str  # of the repository
+    state: str  # commit of the repository, and whether it had changes
     selection: list[str]
     tests: int
     skipped: int
@@ -78,7 +80,7 @@ class Run:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run what is asked for and print the table."""
+    """Run the repetitions that the command line asks for, and print the table."""
     asked = _parser().parse_args(arguments)
     selection = [*asked.paths, *(["--fast"] if asked.fast else [])]
     state = _state()
@@ -137,7 +139,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _folder(resume: bool) -> tuple[Path, list[Run]]:
-    """Return the folder of the log, and the runs that are there."""
+    """Return the folder of the log, and the runs that its log has already."""
     if resume and (found := sorted((ROOT / "results").glob(f"again-*/{LOG}"))):
         return found[-1].parent, [Run(**json.loads(line)) for line in found[-1].read_text("utf-8").splitlines()]
     folder = ROOT / "results" / time.strftime("again-%Y%m%d-%H%M%S")
@@ -170,7 +172,7 @@ def _run(name: str, k: int, asked: argparse.Namespace, folder: Path, state: str,
 
 
 def _output(command: list[str], environment: dict[str, str], seconds: float) -> tuple[str, int | None]:
-    """Return what pytest prints and its exit code, None if it was ended because it took too long."""
+    """Return the output of pytest and its exit code, None if it was ended because it took too long."""
     with subprocess.Popen(
         command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8",
         errors="replace", start_new_session=True,
@@ -185,7 +187,7 @@ def _output(command: list[str], environment: dict[str, str], seconds: float) -> 
 
 
 def _end(process: subprocess.Popen[str]) -> str:
-    """End pytest and its workers; return what it printed."""
+    """End pytest and its workers; return its output."""
     os.killpg(process.pid, signal.SIGINT)
     try:
         return process.communicate(timeout=_PATIENCE)[0]

@@ -1,4 +1,4 @@
-"""The parametric brake and blocks that tests of geometries begin with, their exact sizes, and how files are read."""
+"""The parametric brake and blocks that tests of geometries use, their exact sizes, and a reader of their files."""
 
 import math
 from pathlib import Path
@@ -27,7 +27,7 @@ ROW: dict[str, Any] = {**BLOCK, "count": 3, "spacing": 0.02, "belt_thickness": 0
 
 
 def group_cells(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Points and the cells of every group, as meshio reads them."""
+    """Return the points (n, 3) and the cells of every group of a mesh file, as meshio reads them."""
     mesh = meshio.read(path)
     names = {(int(tag), int(dimension)): name for name, (tag, dimension) in mesh.field_data.items()}
     cells: dict[str, list[np.ndarray]] = {}
@@ -37,19 +37,19 @@ def group_cells(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
 
 
 def area_factor(h: float, order: int) -> float:
-    """Area of a sector of angle 2h whose arc is a chord or a parabola, relative to the true one."""
+    """Return the area of a sector of angle 2h whose arc is replaced by a chord or a parabola, over the true area."""
     return math.sin(2 * h) / (2 * h) if order == 1 else math.sin(h) * (4 - math.cos(h)) / (3 * h)
 
 
 def arc_factor(h: float, order: int) -> float:
-    """Length of that arc, relative to the true one."""
+    """Return the length of the chord or parabola of `area_factor`, over that of the arc."""
     if order == 1:
         return math.sin(h) / h
     return quad(lambda t: math.hypot(2 * (1 - math.cos(h)) * t, math.sin(h)), 0, 1, epsabs=1e-14)[0] / h
 
 
 def exact(g: DiscPad, order: int | None) -> dict[str, float]:
-    """Volumes and areas of the groups: of the elements of the structured mesh, or the true ones for order None."""
+    """Return the volumes and areas of the groups: those of the structured mesh, or the true ones for order None."""
 
     def factors(half_angle: float) -> tuple[float, float]:
         return (1.0, 1.0) if order is None else (area_factor(half_angle, order), arc_factor(half_angle, order))

@@ -1,4 +1,4 @@
-"""The decks of CalculiX with their results, and CalculiX itself, where .ci/run has put them."""
+"""The example decks of CalculiX with their results, and CalculiX itself; .ci/run installs both."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from fe_squeal.scene.file import parse_scene
 _PLACES = (os.environ.get("CALCULIX_TESTS", ""), "/usr/share/doc/calculix-ccx-test/examples/test",
            str(Path(__file__).parents[1] / "build/calculix/usr/share/doc/calculix-ccx-test/examples/test"))  # fmt: skip
 PROGRAM = shutil.which("ccx")
-_LARGEST = 60_000  # unknowns of decks that are solved
+_LARGEST = 60_000  # unknowns: decks with more are not solved
 
 
 def decks_folder() -> Path | None:
-    """Return where the decks are, None where they are not installed."""
+    """Return the folder of the decks, None if they are not installed."""
     return next((Path(place) for place in _PLACES if place and Path(place).is_dir()), None)
 
 
 def unpack(folder: Path, target: Path) -> list[Path]:
-    """Put all decks and what belongs to them into a folder, and return the decks."""
+    """Unpack all decks and their files into a folder, and return the decks."""
     for path in folder.iterdir():
         if path.suffix == ".gz":
             (target / path.stem).write_bytes(gzip.decompress(path.read_bytes()))
@@ -46,7 +46,7 @@ def asks_for_frequencies(deck: Path) -> bool:
 
 
 def frequencies_of(results: Path) -> np.ndarray:
-    """Return the frequencies (k,) of the last real eigenvalue table in a .dat file, per unit of time."""
+    """Return the frequencies (k,) of the last table of real eigenvalues in a .dat file, in cycles per unit of time."""
     tables = re.findall(r"E I G E N V A L U E   O U T P U T(.*?)(?:P A R T|\Z)", results.read_text(), re.S)
     rows = [line.split() for line in tables[-1].splitlines()] if tables else []
     theta = np.array([float(row[1]) for row in rows if len(row) == 5 and row[0].isdigit()])
@@ -55,13 +55,14 @@ def frequencies_of(results: Path) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a deck.
+    """The result of comparing a deck.
 
     Attributes
     ----------
     state : "compared", "asked", "refused" or "not compared"
+        "asked": the draft of the scene has questions that the user has to answer.
     text : str
-        What is missing, or why.
+        The questions, or the reason.
     off : (k,) float
         Relative differences of the frequencies.
     unknowns : int
@@ -74,7 +75,7 @@ class Outcome:
 
 
 def compare(deck: Path) -> Outcome:
-    """Solve a deck's lowest frequencies from the deck alone, without its loads, and compare them with its .dat.ref."""
+    """Solve for the lowest frequencies of a deck, without its loads, and compare them with those in its .dat.ref."""
     try:
         draft = draft_of(deck)
         if draft.missing:
@@ -98,7 +99,7 @@ def compare(deck: Path) -> Outcome:
 
 
 def run_calculix(deck: Path) -> np.ndarray:
-    """Let CalculiX solve a deck, and return the frequencies (k,) of its last table."""
+    """Solve a deck with CalculiX, and return the frequencies (k,) of the last table of its results."""
     assert PROGRAM is not None
     done = subprocess.run([PROGRAM, "-i", deck.stem], cwd=deck.parent, capture_output=True, text=True, timeout=300,
                           env={**os.environ, "OMP_NUM_THREADS": "1"})  # fmt: skip

@@ -1,4 +1,4 @@
-"""Two elastic chains coupled by friction, with any of the effects, and their spectra by LAPACK."""
+"""Two elastic chains coupled by friction, with any effects, and all their eigenvalues by LAPACK."""
 
 import numpy as np
 import scipy.linalg as la
@@ -12,7 +12,7 @@ N, MODES, PATCH = 260, 8, 8
 
 
 def chain(*effects, n=N):
-    """Two chains side by side, coupled by friction in a patch: masses 0.5 to 1.5, stiffnesses over two decades."""
+    """Return two chains coupled by friction in a patch, with masses 0.5 to 1.5 and stiffnesses over two decades."""
     rng = np.random.default_rng(5)
     half = n // 2
 
@@ -44,7 +44,7 @@ def _skew(n):
 
 
 def dense(problem, mu):
-    """All eigenvalues of the upper half plane, by LAPACK."""
+    """Return all eigenvalues with Im λ ≥ 0, by LAPACK."""
     pencil = problem.pencil(mu=mu)
     M, K = pencil.M.toarray(), pencil.K.toarray()
     if pencil.C is None:

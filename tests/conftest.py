@@ -1,4 +1,4 @@
-"""Being here, this file makes pytest put the folder `tests` on sys.path, so that tests can `import meshes`."""
+"""Settings of all tests. Because of this file pytest puts the folder `tests` on sys.path: tests can `import meshes`."""
 
 import os
 import sys
@@ -7,35 +7,35 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# Before NumPy is imported: the dense references are small, and OpenBLAS's threads wait for those of MKL and of whatever
-# else runs on the machine, which makes them up to twenty times slower.
+# One thread for OpenBLAS, set before NumPy is imported. The dense references are small, and OpenBLAS's threads wait for
+# those of MKL and of other programs, which makes the tests up to twenty times slower.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# PARDISO's threads sleep between its calls instead of spinning, since the other processes of pytest want the cores. MKL
-# takes GNU's OpenMP instead of Intel's where gmsh was imported first; its threads take thrice as long spinning.
+# PARDISO's threads sleep between its calls instead of spinning, since other processes of pytest need the cores. If gmsh
+# was imported first, MKL uses GNU's OpenMP instead of Intel's, whose spinning threads take three times as long.
 os.environ.setdefault("KMP_BLOCKTIME", "0")
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-# Formulas and smallest rungs of the benchmarks are tested; names of the tests' own modules come first.
+# Some tests import benchmarks. The folder is the last on the path, so that modules of the tests are found first.
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Draw the same examples in every run, and vary what `make test-again` asks for."""
+    """Let Hypothesis draw the same examples in every run, and vary what `make test-again` asks for."""
     drawn_anew = config.getoption("--hypothesis-seed", None) is not None
     settings.register_profile("tests", derandomize=not drawn_anew, deadline=None, database=None)
     settings.load_profile("tests")
-    import variations  # tests are on sys.path by now
+    import variations  # the folder `tests` is on sys.path only now
 
     variations.vary(os.environ)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the longest tests: one of them at the end leaves all cores but one idle."""
-    items.sort(key=lambda item: item.get_closest_marker("long") is None)  # the others keep their order
+    """Run the longest tests first: a long test at the end would leave all cores but one idle."""
+    items.sort(key=lambda item: item.get_closest_marker("long") is None)  # a stable sort: the others keep their order
 
 
 @pytest.fixture(scope="session")
 def other_seed() -> int:
-    """Return what random inputs of tests without Hypothesis add to their seeds: 0, but in `make test-again`."""
+    """Return a number that tests without Hypothesis add to their seeds: 0, except in `make test-again`."""
     import variations
 
     return int(os.environ.get(variations.SEED) or 0)
@@ -43,7 +43,7 @@ def other_seed() -> int:
 
 @pytest.fixture
 def needs_pardiso() -> None:
-    """Skip a test of PARDISO where PARDISO is hidden on purpose, fail it where PARDISO is missing."""
+    """Skip a test of PARDISO if PARDISO is hidden on purpose, and fail it if PARDISO is missing."""
     import variations
 
     variations.require_pardiso(os.environ)

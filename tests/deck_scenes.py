@@ -1,4 +1,4 @@
-"""A pad on a disc as an Abaqus deck, and the scene that it means, for tests."""
+"""A pad on a disc as an Abaqus deck, and the same as a scene, for tests."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def deck(kind="hex1", physics=PHYSICS, scale=1e3):
 
 
 def by_hand(path):
-    """The scene that PHYSICS means, in SI."""
+    """Return the scene that the deck with PHYSICS describes, in SI units, written by hand."""
     return {
         "mesh": {"file": str(path), "length_unit": "mm"},
         "materials": {
@@ -94,7 +94,7 @@ def by_hand(path):
 
 
 def matrices(scene):
-    """M, C and K + mu K_f of a scene at its numbers."""
+    """Return M, C and K + μK_f of a scene at its own numbers."""
     pencil = fe_squeal.assemble(scene).pencil()
     return [A for A in (pencil.M, pencil.C, pencil.K) if A is not None]
 

@@ -21,20 +21,20 @@ def rows(numbers, per_line=12):
 
 
 def deck_of(mesh: skfem.Mesh, scale: float = 1.0, first: int = 0, element_type: str = "") -> str:
-    """Return nodes, elements, element sets, surfaces and node sets (N_ and the surface's name) of a mesh.
+    """Return a mesh as text of a deck: nodes, elements, element sets, surfaces, and node sets N_NAME of the surfaces.
 
     Parameters
     ----------
     scale
-        Times the coordinates in metres are those of the deck.
+        Units of length of the deck in a metre.
     first
-        Added to all node and element numbers.
+        Is added to all numbers of nodes and elements.
     """
     kind, name = next(found for cls, found in _TYPES.items() if type(mesh) is cls)
     local = mesh.dofs.element_dofs if mesh.doflocs.shape[1] > mesh.t.max() + 1 else mesh.t
     full = "hexahedron27" if kind == "hexahedron20" else kind
     nodes = local.T[:, matching(REFERENCE[full], np.asarray(mesh.elem.doflocs))][:, : len(REFERENCE[kind])]
-    left = jacobian_range(kind, mesh.doflocs.T, nodes)[1] < 0  # scikit-fem does not mind the handedness
+    left = jacobian_range(kind, mesh.doflocs.T, nodes)[1] < 0  # scikit-fem allows left-handed elements, decks do not
     nodes[left] = nodes[left][:, mirror_order(kind)]
     used = np.unique(nodes)
     text = "*Node\n" + "".join(

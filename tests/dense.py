@@ -1,4 +1,4 @@
-"""All eigenvalues of small problems by LAPACK on the linearisation, without anything of the package."""
+"""All eigenvalues of small problems by LAPACK on the linearisation, independent of the package."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def full(A):
 
 
 def companion(M, C, K, unit=1.0):
-    """Return A with (u, λu)ᵀ for eigenvectors, where (λ²M + λC + K)u = 0 and λ counts in a unit; C may be None."""
+    """Return the matrix whose eigenvectors are (u, λu)ᵀ, with (λ²M + λC + K)u = 0 and λ in some unit; C may be None."""
     M, K = full(M), full(K)
     n = len(M)
     damping = np.zeros((n, n)) if C is None else la.solve(M, full(C)) / unit
@@ -20,5 +20,5 @@ def companion(M, C, K, unit=1.0):
 
 
 def all_eigenvalues(M, C, K, unit=1.0):
-    """Return all 2n eigenvalues λ. The unit should be about the largest |λ|, or rounding is that of unlike blocks."""
+    """Return all 2n eigenvalues λ. The unit should be about the largest |λ|, so that all blocks are of one size."""
     return unit * la.eigvals(companion(M, C, K, unit))

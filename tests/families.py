@@ -1,7 +1,7 @@
-"""Random sweeps that differ in kind, and an independent judge of their onsets.
+"""Random sweeps of different kinds, and an independent judge of their onsets.
 
-The judge knows matrices alone: it counts unstable eigenvalues by LAPACK at as many values as it likes and bisects where
-the count changes. It shares no code with the sweep. All kinds stand in one file, to be read against each other.
+The judge gets only the matrices. It counts unstable eigenvalues by LAPACK at many values, and bisects where the count
+changes. It shares no code with the sweep. All kinds are in this one file, since they are best read side by side.
 """
 
 from __future__ import annotations
@@ -17,21 +17,27 @@ import scipy.sparse as sp
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 
-_SCAN = 1201  # values of a dense scan
+_SCAN = 1201  # values at which the judge counts
 
 
 @dataclass(frozen=True)
 class Family:
-    """A problem over one parameter "p", as matrices that the judge understands.
+    """A random problem over one parameter "p", as matrices.
 
     Attributes
     ----------
     name : str
+        Its kind.
     parts : tuple of (slot, matrix, power of p, imaginary)
-    values : (m,) of the sweep
-    planted : values of p next to which something narrow lies
-    zero : θ of a size up to this share of the largest is rounding; free motions leave more of it
-    growth : Re λ up to this share of the largest |λ| is rounding; nothing where every mode is damped
+        The terms of M, C and K.
+    values : (m,) float
+        Values of the sweep.
+    planted : tuple of float
+        Values of p close to which there is a narrow window of instability.
+    zero : float
+        Of the largest |θ|: a smaller θ is rounding. It is larger if there are free motions.
+    growth : float
+        Of the largest |λ|: a smaller Re λ is rounding. It is zero if every mode is damped.
     """
 
     name: str
@@ -42,14 +48,14 @@ class Family:
     growth: float = 1e-12
 
     def matrices(self, p: float) -> dict[str, np.ndarray]:
-        """M, C and K at p."""
+        """Return M, C and K at p."""
         found: dict[str, np.ndarray] = {}
         for slot, A, power, imaginary in self.parts:
             found[slot] = found.get(slot, 0.0) + A * p**power * (1j if imaginary else 1.0)
         return found
 
     def problem(self) -> Problem:
-        """The same for the sweep."""
+        """Return the problem for the program's own sweep."""
         terms = []
         for i, (slot, A, power, imaginary) in enumerate(self.parts):
             symmetric, skew = (bool(np.allclose(A, s * A.T, rtol=0, atol=1e-13 * abs(A).max())) for s in (1, -1))
@@ -63,11 +69,11 @@ class Family:
         return not any(slot == "C" or imaginary for slot, _, _, imaginary in self.parts)
 
     def unstable(self, p: float) -> int:
-        """Number of unstable eigenvalues with Im λ ≥ 0, beyond rounding."""
+        """Return the number of eigenvalues with Im λ ≥ 0 that are unstable beyond rounding."""
         return self.counts(np.array([p]))[0]
 
     def counts(self, points: np.ndarray) -> list[int]:
-        """The same at many values of p."""
+        """Return the number of unstable eigenvalues at many values of p."""
         if any(slot == "C" for slot, *_ in self.parts):
             return self._damped_counts(points)
         return [self._undamped_count(self.matrices(float(p))) for p in points]
@@ -79,11 +85,11 @@ class Family:
             lam = np.where(lam.imag < 0, -lam, lam)
             return int(np.count_nonzero(lam.real > self.growth * np.abs(lam).max()))
         size = np.abs(theta).max()
-        pairs = np.count_nonzero(theta.imag > 1e-9 * size)  # a double θ is right to the root of rounding
+        pairs = np.count_nonzero(theta.imag > 1e-9 * size)  # the error of a double θ is about the root of rounding
         return int(pairs + np.count_nonzero((theta.real < -self.zero * size) & (np.abs(theta.imag) <= 1e-9 * size)))
 
     def _damped_counts(self, points: np.ndarray) -> list[int]:
-        # All values at once, since one by one LAPACK itself takes the least of the time.
+        # All values in one call, since for single matrices the calls take more time than LAPACK itself.
         m: dict[str, np.ndarray] = {}
         for slot, A, power, imaginary in self.parts:
             m[slot] = m.get(slot, 0.0) + A * (points**power * (1j if imaginary else 1.0))[:, None, None]
@@ -109,7 +115,7 @@ class Family:
         return lam[lam.imag > -1e-9 * np.abs(lam).max()]
 
     def hardly_grows(self, a: float, b: float) -> bool:
-        """Whether a mode stays within rounding of Re λ = 0 between two values, although none does at the first one."""
+        """Return whether |Re λ| of a mode is within rounding between a and b, while at the first value none is."""
         if self.undamped:
             return False
         found = [self._spectrum(self.matrices(p)) for p in (float(self.values[0]), *np.linspace(a, b, 5))]
@@ -119,7 +125,7 @@ class Family:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is wrong with a list of onsets: those not found and those that are none."""
+    """What is wrong with a list of onsets: onsets that are missing, and onsets that do not exist."""
 
     missed: list[float]
     invented: list[float]
@@ -129,9 +135,9 @@ class Verdict:
 
 
 def judge(family: Family, onsets: list[tuple[float, str, float]]) -> Verdict:
-    """Compare onsets (value, direction, uncertainty) with a dense scan.
+    """Compare onsets (value, direction, uncertainty) of a sweep with those of a dense scan.
 
-    A window narrower than the scan's own cells that the sweep finds is checked by counting inside it.
+    A window of the sweep that is narrower than the steps of the scan is checked by counting inside it.
     """
     low, high = float(family.values[0]), float(family.values[-1])
     logarithmic = low > 0 and high / low > 100
@@ -150,19 +156,19 @@ def judge(family: Family, onsets: list[tuple[float, str, float]]) -> Verdict:
     for value, gain in true:
         reach = _slack(family, value, resolution)
         near = [o for o in left if o[1] == np.sign(gain) and abs(o[0] - value) <= o[2] + reach]
-        if not near:  # Re λ may pass zero so slowly that the judge sees it late
+        if not near:  # Re λ may pass zero so slowly that it exceeds the judge's rounding only later
             same = sorted((o for o in left if o[1] == np.sign(gain)), key=lambda o: abs(o[0] - value))[:1]
             near = [o for o in same if family.hardly_grows(value, o[0])]
         if len(near) < abs(gain):
             missed.append(value)
         for o in sorted(near, key=lambda o: abs(o[0] - value))[: abs(gain)]:
             left.remove(o)
-    # A window too narrow for the judge is neither right nor wrong.
+    # A window that is too narrow for the judge counts neither as right nor as wrong.
     return Verdict(missed, [value for value, _ in _merged([o[:2] for o in left], resolution)])
 
 
 def _merged(changes: list[tuple[float, int]], width: float) -> list[tuple[float, int]]:
-    """Return changes with those nearer to each other than a width as one: a count flickers by rounding there."""
+    """Return changes with those that are closer together than a width as one, since rounding makes counts flicker."""
     merged: list[tuple[float, int]] = []
     for value, gain in sorted(changes):
         if merged and value - merged[-1][0] < width:
@@ -173,7 +179,7 @@ def _merged(changes: list[tuple[float, int]], width: float) -> list[tuple[float,
 
 
 def _slack(family: Family, value: float, resolution: float) -> float:
-    # Doublets that couple from the start are seen by the judge once their growth is above its rounding.
+    # The judge sees doublets that couple from the start only when their growth exceeds its rounding.
     start = abs(value - family.values[0]) < 1e-5 * abs(family.values[-1] - family.values[0])
     return max(resolution, 1e-6 * abs(value), 1e-5 * abs(family.values[-1] - family.values[0]) if start else 0.0)
 
@@ -190,7 +196,7 @@ def _bisect(
     return _bisect(count, a, i, middle, k, width) + _bisect(count, middle, k, b, j, width)
 
 
-# Kinds of problems. θ lies between 1 and 30 in all, and the basis is a random one.
+# The kinds of problems. In all of them θ is between 1 and 30 at p = 0, and the basis is random.
 
 
 def _turned(rng: np.random.Generator, n: int, *matrices: np.ndarray) -> list[np.ndarray]:
@@ -203,7 +209,7 @@ def _values(rng: np.random.Generator, high: float = 1.0) -> np.ndarray:
 
 
 def undamped(rng: np.random.Generator) -> Family:
-    """K + pF with F full and random."""
+    """Return K + pF with F full and random."""
     n = int(rng.integers(6, 16))
     theta, F = np.sort(rng.uniform(1, 30, n)), rng.standard_normal((n, n)) * rng.uniform(0.5, 6)
     M, K, F = _turned(rng, n, np.diag(theta), F)
@@ -211,7 +217,7 @@ def undamped(rng: np.random.Generator) -> Family:
 
 
 def damped(rng: np.random.Generator) -> Family:
-    """The same with light damping."""
+    """Return K + pF with F full and random, and light damping."""
     n = int(rng.integers(6, 16))
     theta, F = np.sort(rng.uniform(1, 30, n)), rng.standard_normal((n, n)) * rng.uniform(0.5, 6)
     C = rng.standard_normal((n, n)) * 10 ** rng.uniform(-3, -1)
@@ -222,7 +228,7 @@ def damped(rng: np.random.Generator) -> Family:
 
 
 def gyroscopic(rng: np.random.Generator) -> Family:
-    """The same with gyroscopic terms, damped or not."""
+    """Return K + pF with F full and random, and gyroscopic terms, damped or not."""
     n = int(rng.integers(6, 13))
     theta, F = np.sort(rng.uniform(1, 30, n)), rng.standard_normal((n, n)) * rng.uniform(0.5, 4)
     G = rng.standard_normal((n, n)) * rng.uniform(0.05, 0.5)
@@ -233,7 +239,7 @@ def gyroscopic(rng: np.random.Generator) -> Family:
 
 
 def complex_stiffness(rng: np.random.Generator) -> Family:
-    """Loss factors that differ from place to place."""
+    """Return K + pF with loss factors that differ from unknown to unknown."""
     n = int(rng.integers(6, 16))
     theta, F = np.sort(rng.uniform(4, 30, n)), rng.standard_normal((n, n)) * rng.uniform(0.3, 2)
     eta = np.diag(theta * rng.uniform(0.001, 0.02, n))
@@ -243,7 +249,7 @@ def complex_stiffness(rng: np.random.Generator) -> Family:
 
 
 def rigid(rng: np.random.Generator) -> Family:
-    """Two free motions that friction does not move."""
+    """Return a problem with two free motions that friction does not couple to."""
     n = int(rng.integers(7, 15))
     theta = np.concatenate([[0, 0], np.sort(rng.uniform(1, 30, n - 2))])
     F = rng.standard_normal((n, n)) * rng.uniform(0.5, 6)
@@ -254,7 +260,7 @@ def rigid(rng: np.random.Generator) -> Family:
 
 
 def doublets(rng: np.random.Generator) -> Family:
-    """Pairs of equal eigenvalues, coupled from the start or kept apart by the symmetry of F."""
+    """Return pairs of equal eigenvalues that F couples from the start, or does not couple because of its symmetry."""
     n = 2 * int(rng.integers(3, 7))
     theta = np.repeat(np.sort(rng.uniform(1, 30, n // 2)), 2)
     F = rng.standard_normal((n, n)) * rng.uniform(0.5, 4)
@@ -263,7 +269,7 @@ def doublets(rng: np.random.Generator) -> Family:
 
 
 def window(rng: np.random.Generator) -> Family:
-    """Two branches that cross with coupling of opposite signs: unstable over 1e-1 … 1e-5 of a step."""
+    """Return two branches that cross with couplings of opposite sign: unstable over 1e-1 to 1e-5 of a step."""
     n = int(rng.integers(6, 16))
     values = _values(rng)
     step, at = values[1] - values[0], float(rng.uniform(0.1, 0.9))
@@ -283,7 +289,7 @@ def window(rng: np.random.Generator) -> Family:
 
 
 def damped_window(rng: np.random.Generator) -> Family:
-    """The same with so little damping that the window stays open."""
+    """Return a `window` with damping that is too small to close it."""
     base = window(rng)
     growth = _window_growth(base)
     M = base.parts[0][1]
@@ -297,7 +303,7 @@ def _window_growth(family: Family) -> float:
 
 
 def triple(rng: np.random.Generator) -> Family:
-    """Three modes that meet within one step or two."""
+    """Return three modes that meet within one or two steps."""
     n = int(rng.integers(6, 12))
     values = np.linspace(0, 1, int(rng.integers(5, 15)))
     near = rng.uniform(0, 1) / (len(values) - 1)
@@ -308,7 +314,7 @@ def triple(rng: np.random.Generator) -> Family:
 
 
 def decades(rng: np.random.Generator) -> Family:
-    """A stiffness over six decades that couples and pushes modes, with friction in proportion."""
+    """Return a stiffness that is swept over six decades and couples modes, with friction in proportion to it."""
     n = int(rng.integers(6, 12))
     theta = np.sort(rng.uniform(1, 30, n))
     g, s = rng.standard_normal((2, n, 2))
@@ -319,7 +325,7 @@ def decades(rng: np.random.Generator) -> Family:
 
 
 def large(rng: np.random.Generator) -> Family:
-    """So many unknowns that each step works on a projection; coupling is local in frequency."""
+    """Return so many unknowns that the step model is a projection; only modes of near frequencies are coupled."""
     n = int(rng.integers(80, 140))
     theta = np.sort(rng.uniform(1, 900, n))
     F = rng.standard_normal((n, 6)) @ rng.standard_normal((6, n)) * rng.uniform(0.5, 4)
@@ -328,7 +334,7 @@ def large(rng: np.random.Generator) -> Family:
 
 
 def damping_swept(rng: np.random.Generator) -> Family:
-    """A damper whose number is swept, beside friction."""
+    """Return a sweep of a damper, with friction."""
     n = int(rng.integers(6, 13))
     theta, F = np.sort(rng.uniform(1, 30, n)), rng.standard_normal((n, n)) * rng.uniform(2, 6)
     C, D = np.outer(c := rng.standard_normal(n), c), np.diag(rng.uniform(0.001, 0.01, n))
@@ -344,5 +350,5 @@ FAMILIES = (
 
 
 def make(kind: Callable[[np.random.Generator], Family], seed: int) -> Family:
-    """The same family for the same seed."""
+    """Return the family of a kind for a seed, always the same one."""
     return kind(np.random.default_rng([seed, FAMILIES.index(kind)]))

@@ -1,4 +1,4 @@
-"""What the hard cases share: SciPy's `eigs` plainly called, digits kept, and a problem's matrices through files."""
+"""Helpers of the tests of hard cases: SciPy's `eigs` with defaults, correct digits, problems passed through files."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from fe_squeal.problem.forms import collect_powers
 from fe_squeal.problem.problem import Problem
 from meshes import STEEL, box, join, make_problem
 
-DOUBLE = 15.0  # digits: what nobody can beat
+DOUBLE = 15.0  # digits of a double, the most that a result can have
 
 
 def digits(found: np.ndarray, exact: np.ndarray, size: float | np.ndarray | None = None) -> float:
-    """Return how many digits the worst of the exact values has in what was found; 0 where one is missing.
+    """Return the number of correct digits of the worst of the values found; 0 if one is missing.
 
     Parameters
     ----------
+    found, exact : (k,) complex
     size : float, optional
-        What an error is relative to (default: the exact value itself).
+        What errors are relative to (default: the exact value itself).
     """
     found, exact = np.atleast_1d(found), np.atleast_1d(exact)
     if not len(found):
@@ -32,9 +33,9 @@ def digits(found: np.ndarray, exact: np.ndarray, size: float | np.ndarray | None
 
 
 def plain_eigs(pencil: Pencil, count: int) -> np.ndarray | str:
-    """Return λ of Im λ ≥ 0 as a script gets them from `scipy.sparse.linalg.eigs` with sigma = 0, or its error.
+    """Return the λ with Im λ ≥ 0 that `scipy.sparse.linalg.eigs` with sigma = 0 gives, or its error message.
 
-    Without damping of K φ = θ M φ, otherwise of the linearisation [[0, I], [−K, −C]] z = λ [[I, 0], [0, M]] z.
+    Without damping it solves K φ = θ M φ, otherwise the linearisation [[0, I], [−K, −C]] z = λ [[I, 0], [0, M]] z.
     """
     M, K, n = pencil.M, pencil.K, pencil.n
     try:
@@ -51,7 +52,7 @@ def plain_eigs(pencil: Pencil, count: int) -> np.ndarray | str:
 
 
 def judged(found: np.ndarray | str, exact: np.ndarray, size: float | None = None) -> tuple[float, float, str]:
-    """Return digits of what `plain_eigs` gave, its |Re λ| / |λ| where all exact Re λ are zero, and its error."""
+    """Return the digits of the result of `plain_eigs`, its |Re λ|/|λ| if all exact Re λ are zero, and its error."""
     if isinstance(found, str):
         return 0.0, 0.0, found
     drift = np.abs(found.real).max(initial=0.0) / max(np.abs(found).max(initial=0.0), 1e-300)
@@ -59,7 +60,7 @@ def judged(found: np.ndarray | str, exact: np.ndarray, size: float | None = None
 
 
 def through_files(problem: Problem, folder, parameter: str = "mu", name: str = "mu") -> Problem:
-    """Return a problem over one parameter, named anew, as another program would hand it over: matrices and powers."""
+    """Return a problem over one parameter, written as matrices with powers of the parameter `name` and read again."""
     terms = []
     for t in collect_powers(problem, parameter).terms:
         role = {"M": "mass", "C": "damping", "K": "stiffness"}[t.slot]
@@ -70,7 +71,7 @@ def through_files(problem: Problem, folder, parameter: str = "mu", name: str = "
 
 
 def matrices(folder, terms: list, **parameters: float) -> Problem:
-    """Return the problem of terms (role, matrix, further lines) through a scene of matrices."""
+    """Return the problem of terms (role, matrix, further lines), written as a scene of matrices and read again."""
     return assemble(load_scene(write_scene(folder, terms, parameters, suffixes=(".npz",))))
 
 
@@ -79,14 +80,15 @@ SMALL, MIDDLE = ((3, 2, 1), (2, 1, 1)), ((4, 3, 2), (3, 2, 1))  # cells of belt 
 
 
 def brake(counts=MIDDLE, kind="hex2", springs=("x", "y", "z"), k_n=2e11, mu=0.8, change=None, **more) -> Problem:
-    """Return a pad of lining on a steel belt that is held below; the pad on springs.
+    """Return a pad of lining, held by springs, on a steel belt that is held at its bottom.
 
     Parameters
     ----------
-    springs : axes, or tables of a scene
-    change : function of a mesh, optional
-        Applied to the mesh of both bodies.
-    more : tables of the scene besides
+    springs : sequence of "x", "y", "z", or of tables of a scene
+    change : callable of a mesh, optional
+        Is applied to the mesh of both bodies.
+    more
+        Further tables of the scene.
     """
     belt = box(kind, counts[0], (0.12, 0.1, 0.03), (-0.06, -0.05, -0.03), name="belt")
     pad = box(kind, counts[1], (0.06, 0.04, 0.02), (-0.02, -0.025, 0.0), name="pad")

@@ -1,4 +1,4 @@
-"""docs/hard_cases.md: what its rows say, read and written."""
+"""Read and write the rows of docs/hard_cases.md."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "hard_cases.md"
 FOLDER = ROOT / "tests" / "hard"
-SLACK = 1.5  # digits by which other versions and threads may differ: an order of magnitude and rounding of the page
-DRIFT = 1e-12  # of |λ|: a growth rate that is nothing but rounding, from which on it is spoken of
-FAILS = 3.0  # digits below which `eigs` is said to fail
+SLACK = 1.5  # digits that other versions and threads may cost: an order of magnitude, and rounding of the page
+DRIFT = 1e-12  # of |λ|: the page mentions a growth rate that is nothing but rounding if it is larger
+FAILS = 3.0  # digits: with fewer the page says that `eigs` fails
 HEADER = "| case | what breaks | SciPy's `eigs`, plainly called | digits there | here | digits here | runs |"
 
 
 @dataclass(frozen=True)
 class Result:
-    """What one run came to; `there` is None where `eigs` cannot be asked, `drift` its |Re λ|/|λ| where that is 0."""
+    """The result of a run; `there`: digits of `eigs`, None if unusable; `drift`: its |Re λ|/|λ|, where that is 0."""
 
     digits: float
     here: str
@@ -32,7 +32,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the page: the fewest digits of all runs."""
+    """A row of the page, with the fewest digits of all runs."""
 
     digits: int
     there: int | None
@@ -47,7 +47,7 @@ def case_name(item: pytest.Item) -> str:
 
 
 def known_cases() -> dict[str, str]:
-    """Return every test in tests/hard that records, with its docstring in one line."""
+    """Return every test in tests/hard that records results, with its docstring in one line."""
     found = {}
     for path in sorted(FOLDER.glob("test_*.py")):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
@@ -57,7 +57,7 @@ def known_cases() -> dict[str, str]:
 
 
 def summary(results: list[Result]) -> tuple[Result, float | None, str]:
-    """Return the run with the fewest digits here, the fewest digits there, and what is to be said of these."""
+    """Return the run with the fewest digits here, the fewest digits of `eigs`, and the remark on these."""
     worst = min(results, key=lambda r: r.digits)
     there = min((r.there for r in results if r.there is not None), default=None)
     said = [r.elsewhere for r in sorted(results, key=lambda r: (r.there is None, r.there)) if r.elsewhere][:1]
@@ -82,7 +82,7 @@ def write_row(name: str, breaks: str, results: list[Result]) -> str:
 
 
 def read_page() -> dict[str, Row]:
-    """Return the rows of the page by case."""
+    """Return the rows of the page, by the name of the case."""
     rows = {}
     text = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
     for line in text.splitlines():

@@ -1,4 +1,4 @@
-"""What the tests of interrupted runs share: scenes of some values, interruptions, and how folders compare."""
+"""Helpers of the tests of interrupted runs: scenes, interruptions, and comparison of folders."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fe_squeal.sweep.running import RunningSweep
 
 TABLES = ("modes", "onsets", "contributions", "sensitivities")
 FIGURES = ("stability.png", "root_locus.png", "contributions.png")
-NEAR = 1e-9  # of the largest number in a column: what an interruption may change
+NEAR = 1e-9  # of the largest number in a column: an interruption may change numbers by no more
 
 
 def sweep_text(points: int, method: str = "direct", text: str = SCENE) -> str:
@@ -57,18 +57,18 @@ def refused(path: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> str:
 
 
 def assert_same_results(found: Path, whole: Path, tables: tuple[str, ...] = TABLES) -> None:
-    """The tables agree: words and whole numbers exactly, other numbers to NEAR; and nothing else lies there."""
+    """Assert that tables agree (words and whole numbers exactly, others to NEAR), and that there is no other file."""
     for table in tables:
         a, b = (pd.read_csv(folder / f"{table}.csv") for folder in (found, whole))
         assert list(a.columns) == list(b.columns) and len(a) == len(b), table
         for column in a.columns:
             if a[column].dtype.kind != "f" or column in ("backward_error", "re_uncertainty", "uncertainty"):
-                continue  # error bounds are sums of rounding
+                continue  # bounds of errors consist of rounding, and may differ
             scale = np.abs(b[column]).max()
             np.testing.assert_allclose(a[column], b[column], rtol=NEAR, atol=NEAR * scale, err_msg=f"{table}.{column}")
         words = [c for c in a.columns if a[c].dtype.kind != "f"]
         pd.testing.assert_frame_equal(a[words], b[words])
-    # λ of an unstable mode is complex: its small real part is as good as |λ|, so it counts by itself where it matters.
+    # The small real part of a complex λ is only as accurate as |λ|, so growth is compared relative to |λ|.
     a, b = (pd.read_csv(folder / "modes.csv") for folder in (found, whole))
     np.testing.assert_allclose(a["re"], b["re"], rtol=NEAR, atol=NEAR * np.abs(b["im"]).max())
     names = [{str(p.relative_to(folder)) for p in folder.rglob("*")} for folder in (found, whole)]
@@ -79,7 +79,7 @@ def assert_same_results(found: Path, whole: Path, tables: tuple[str, ...] = TABL
 
 
 def assert_valid(out: Path, whole: Path) -> str:
-    """Every file that shows in a folder is whole, and what is in the tables is right; return the status."""
+    """Assert that every file in a folder is complete and its tables agree with the whole run; return the status."""
     for table in TABLES:
         path = out / f"{table}.csv"
         if path.exists():

@@ -1,9 +1,9 @@
-"""Scenes of matrices in files, and what the program has to find of their eigenvalues.
+"""Scenes of matrices in files, and their exact eigenvalues.
 
-The model `sites` has closed forms: sites of unit mass, each of stiffness SITE + μ PULL in (x, y), and between them and
-the ground at both ends links of stiffness GLUE. With κ_j = 4 GLUE sin²(jπ/2(n+1)) of the links its θ = −λ² are
-κ_j + 20 ± √(25 − 10Bμ): every pair of them meets at μ = 1/√3. For the sparse solvers there are CROWD oscillators of
-θ = 100, 101, ... besides.
+The model `sites` has closed forms. It consists of n sites of unit mass, each with the stiffness SITE + μ PULL in (x,
+y), joined to each other, and at both ends to the ground, by links of stiffness GLUE. With κ_j = 4 GLUE sin²(jπ/2(n+1))
+its θ = −λ² are κ_j + 20 ± √(25 − 10Bμ), so that every pair meets at μ = 1/√3. For sparse solvers, CROWD independent
+oscillators with θ = 100, 101, ... are added.
 """
 
 from __future__ import annotations
@@ -66,14 +66,14 @@ def run(folder, terms, parameters, *sweep, suffixes=SUFFIXES):
 
 
 def upper(lam: np.ndarray) -> np.ndarray:
-    """Return the eigenvalues that the program reports of all, in its order."""
+    """Return those of all eigenvalues that the program reports, in its order."""
     lam = np.where(np.abs(lam) * 1e-13 < np.abs(lam.imag), lam, lam.real)
     lam = lam[lam.imag >= 0]
     return lam[np.lexsort((-lam.real.round(9), lam.imag.round(9)))]
 
 
 def assert_near(point, exact: np.ndarray, rel: float) -> None:
-    """Every eigenvalue found is one of the exact ones, and none below the highest found is missing."""
+    """Assert that every eigenvalue found is an exact one, and that none below the highest found is missing."""
     exact, found = upper(exact), point.modes.lam
     size = np.maximum(np.abs(found), 1e-3 * np.abs(found).max())
     assert (np.abs(found[:, None] - exact[None, :]).min(axis=1) <= rel * size).all()
@@ -82,7 +82,7 @@ def assert_near(point, exact: np.ndarray, rel: float) -> None:
 
 
 def sites(n: int, springs: int = 1, crowd: int = 0) -> tuple[sp.csr_array, ...]:
-    """Return M, K and the friction matrix; a link is some springs in series with massless nodes between them."""
+    """Return M, K and the friction matrix; a link consists of `springs` in series, with massless nodes between them."""
     count = (n + 1) * springs - 1
     on = sp.diags_array((np.arange(1, count + 1) % springs == 0).astype(float))
     k = springs * GLUE * np.ones(count)
@@ -101,7 +101,7 @@ def theta(n: int, mu: float, crowd: int = 0) -> np.ndarray:
 
 
 def exact(n: int, mu: float, kind: str, crowd: int = 0) -> np.ndarray:
-    """Return all λ; those of Im λ > 0 where damping is structural."""
+    """Return all λ; with structural damping those with Im λ > 0."""
     if kind == "dashpots":
         root = np.sqrt(ALPHA**2 / 4 - theta(n, mu, crowd))
         return np.concatenate([-ALPHA / 2 + root, -ALPHA / 2 - root])
@@ -134,7 +134,7 @@ def check(result, n: int, kind: str, rate: float = 1.0) -> None:
         assert modes.method.startswith("dense") is dense
         assert_near(point, rate * exact(n, point.value, kind, 0 if dense else CROWD), 1e-12)
         assert modes.backward_error.max() <= 1e-12
-        assert len(modes) == 2 * n  # none is lost, and no infinite one is taken for finite
+        assert len(modes) == 2 * n  # no eigenvalue is lost, and no infinite one is taken for a finite one
     assert not result.warnings
     omega = rate * np.sqrt(theta(n, 1 / np.sqrt(3)).real[:n] * (1 + ETA**2 * (kind == "structural")))
     assert len(result.onsets) == n
@@ -147,12 +147,12 @@ def check(result, n: int, kind: str, rate: float = 1.0) -> None:
 
 
 def tied(n: int, copies: np.ndarray, crowd=0, unit=1.0, sign=1.0) -> tuple[sp.csr_array, ...]:
-    """Return the model with some unknowns cut in two halves that multipliers tie again, [[K, ±Bᵀ], [B, 0]]."""
+    """Return the model with some unknowns doubled, and both copies tied by Lagrange multipliers, [[K, ±Bᵀ], [B, 0]]."""
     M, K, F = sites(n, 1, crowd)
     size, m = 2 * n + crowd, len(copies)
-    E = sp.csr_array((np.ones(m), (np.arange(m), copies)), shape=(m, size))  # picks those with a copy
+    E = sp.csr_array((np.ones(m), (np.arange(m), copies)), shape=(m, size))  # selects the unknowns that are doubled
     half = sp.diags_array(1 - 0.5 * np.asarray(E.sum(axis=0)))
-    # Half of the mass and half of the ground stiffness 2 GLUE of a copied unknown go to its copy.
+    # The copy of an unknown gets half of its mass, and half of its stiffness to the ground, 2 GLUE.
     rest = K - GLUE * (E.T @ E)
     A = [sp.block_diag([half @ M, 0.5 * sp.eye_array(m)]), sp.block_diag([rest, GLUE * sp.eye_array(m)]),
          sp.block_diag([F, sp.csr_array((m, m))])]  # fmt: skip

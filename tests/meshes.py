@@ -43,7 +43,7 @@ def annulus(kind, counts, inner, outer, thickness, bottom=0.0, name="disc"):
     r = np.linspace(inner, outer, n_r + 1)
     z = bottom + np.linspace(0, thickness, n_z + 1)
     flat = skfem.MeshHex.init_tensor(r, np.arange(n_t + 1.0), z)
-    # The last layer of nodes around is the first one again.
+    # The last layer of nodes around the axis is identified with the first one.
     key = np.stack([np.searchsorted(r, flat.p[0]), flat.p[1].astype(int) % n_t, np.searchsorted(z, flat.p[2])])
     _, first, index = np.unique(key, axis=1, return_index=True, return_inverse=True)
     index = np.ravel(index)
@@ -66,7 +66,7 @@ def annulus(kind, counts, inner, outer, thickness, bottom=0.0, name="disc"):
     mesh = _raise(mesh, kind)
     if kind != "hex2":
         return mesh
-    # Midside nodes half-way around lie on the chord: out to the circle.
+    # Midside nodes on edges around the axis are moved from the chord to the circle.
     x = mesh.doflocs.copy()
     step = np.arctan2(x[1], x[0]) * n_t / (2 * np.pi)
     x[:2] /= np.where(np.abs(step - np.round(step)) > 0.25, np.cos(np.pi / n_t), 1.0)
@@ -88,12 +88,12 @@ def _raise(mesh, kind):
 
 
 def mapped(mesh, f):
-    """Move all nodes (midside ones too) by x -> f(x), x (3, nodes)."""
+    """Return the mesh with all nodes, midside nodes too, moved by x -> f(x), x (3, nodes)."""
     return replace(mesh, doflocs=np.ascontiguousarray(f(mesh.doflocs)))
 
 
 def distorted(mesh, amount, seed=0):
-    """Move the nodes inside a box at random by up to `amount`; on quadratic meshes the edges become curved."""
+    """Return a mesh of a box whose inner nodes are moved at random by up to `amount`; quadratic edges become curved."""
     x = mesh.doflocs.copy()
     low, high = x.min(axis=1, keepdims=True), x.max(axis=1, keepdims=True)
     inside = ((x > low + 1e-9) & (x < high - 1e-9)).all(axis=0)
@@ -102,7 +102,7 @@ def distorted(mesh, amount, seed=0):
 
 
 def join(*meshes):
-    """Put meshes of one kind together without merging nodes."""
+    """Return one mesh of several meshes of the same kind, without merging nodes."""
     kind = type(meshes[0])
     corners = next((linear for linear, quadratic in _QUADRATIC.items() if quadratic is kind), kind)
     starts = np.cumsum([0] + [m.nvertices for m in meshes])  # corners come first
@@ -125,7 +125,7 @@ def join(*meshes):
 
 
 def renumbered(mesh, seed):
-    """Permute corners and elements of a mesh at random; groups keep their elements and facets.
+    """Return a mesh with its corners and elements numbered anew at random; groups keep their elements and facets.
 
     Returns
     -------
@@ -156,7 +156,7 @@ def renumbered(mesh, seed):
 
 
 def make_problem(mesh, order=2, materials=None, bodies=None, **tables) -> Problem:
-    """Assemble a scene on a mesh; every volume is of the material "steel" unless `bodies` says otherwise."""
+    """Return the problem of a scene on a mesh; every volume has the material "steel" unless `bodies` says otherwise."""
     materials = materials or {"steel": STEEL}
     only = next(iter(materials))
     bodies = bodies or {name: {"material": only} for name in mesh.subdomains}
@@ -175,7 +175,7 @@ def frequencies(problem: Problem, count: int, **values) -> np.ndarray:
 
 
 def term(problem: Problem, name: str, slot: str = "K"):
-    """Return the sparse matrix of one term by the beginning of its name."""
+    """Return the sparse matrix of the term whose name begins so."""
     (found,) = [
         t.matrix * t.coefficient({**problem.parameters, "mu": 1.0})
         for t in problem.terms

@@ -20,7 +20,7 @@ SCHEMES = [("hex1", 1), ("tet1", 1), ("hex1", 2), ("tet1", 2)]
 
 
 def lining(nu):
-    """Young's modulus and density of one; elements' errors do not depend on them."""
+    """Return a material with Young's modulus 1 and density 1; relative errors of elements do not depend on these."""
     return {"youngs_modulus": 1.0, "poisson_ratio": nu, "density": 1.0}
 
 
@@ -37,10 +37,10 @@ def matrices(mesh, order, nu, mixed=True, held=()):
 
 
 def between_walls(nu, count, size=SIZE):
-    """Return the lowest ω of a block with u·n = 0 and no shear on all faces, with multiplicities.
+    """Return the lowest ω, with multiplicities, of a block with u·n = 0 and no shear stress on all faces.
 
-    u_i = A_i sin(k_i x_i) Π_{j≠i} cos(k_j x_j), k = π(l/Lx, m/Ly, n/Lz): A ∥ k is a pressure wave, ω = c_p|k|, and
-    A ⊥ k are shear waves, ω = c_s|k|, one less than k has non-zero components.
+    Modes are u_i = A_i sin(k_i x_i) Π_{j≠i} cos(k_j x_j), k = π(l/Lx, m/Ly, n/Lz). A ∥ k gives a pressure wave with
+    ω = c_p|k|, and A ⊥ k shear waves with ω = c_s|k|: one fewer than k has components that are not zero.
     """
     c_s = np.sqrt(1 / (2 * (1 + nu)))
     c_p = c_s * np.sqrt((2 - 2 * nu) / (1 - 2 * nu))

@@ -1,4 +1,4 @@
-"""What a picture shows, by its pixels."""
+"""Find out what a picture shows, by its pixels."""
 
 from __future__ import annotations
 
@@ -28,6 +28,6 @@ def longest_bar(path: Path, colour) -> int:
 
 
 def ink(path: Path) -> np.ndarray:
-    """Return which pixels are not of the background, that of the upper left corner."""
+    """Return (height, width) bool, which pixels differ from the background, the pixel in the upper left corner."""
     found = pixels(path)
     return (np.abs(found - found[0, 0]) > 0.1).any(axis=2)

@@ -1,4 +1,4 @@
-"""Pytest under mpiexec, on process 0, while the others take part in factorisations; see make test-mpi."""
+"""Run pytest under mpiexec: process 0 runs it, and the others take part in factorisations; see make test-mpi."""
 
 from __future__ import annotations
 

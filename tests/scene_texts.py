@@ -1,4 +1,4 @@
-"""A block of eight hexahedra on a rigid belt, which flutters at μ = 0.4, as scene text; and ways to spoil it."""
+"""The text of a scene, a block of eight hexahedra on a rigid belt that flutters at μ = 0.4, and ways to change it."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def growth_of_rigid_block(mu: float) -> float:
 
 
 def write_scene(folder: Path, text: str = SCENE, name: str = "block.toml") -> Path:
-    """Write the scene and, where it is not there yet, its mesh."""
+    """Write the scene and, if it does not exist yet, its mesh."""
     if not (folder / "block.msh").exists():
         write_mesh(Block(length=0.08, width=0.04, height=0.02, size=0.02), folder / "block.msh")
     (folder / name).write_text(text, encoding="utf-8")
@@ -91,13 +91,13 @@ def write_scene(folder: Path, text: str = SCENE, name: str = "block.toml") -> Pa
 
 
 def replaced(old: str, new: str, text: str = SCENE) -> str:
-    """Return the scene with the first `old` replaced; an `old` that is not there is a fault of the test."""
+    """Return the scene with the first `old` replaced; it is an error of the test if the scene does not have `old`."""
     assert old in text, old
     return text.replace(old, new, 1)
 
 
 def without(pattern: str, text: str = SCENE) -> str:
-    """Return the scene without what a regular expression finds."""
+    """Return the scene without the text that a regular expression finds."""
     shorter = re.sub(pattern, "", text, flags=re.DOTALL)
     assert shorter != text, pattern
     return shorter
@@ -110,5 +110,5 @@ def read_rows(path: Path) -> list[dict[str, str]]:
 
 
 def environment(**more: Any) -> dict[str, str]:
-    """Return the environment of a subprocess that keeps to one thread."""
+    """Return the environment for a subprocess that uses one thread."""
     return {**os.environ, "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", **more}

@@ -1,4 +1,4 @@
-"""Further kinds of random sweeps, made like structures: chains, contacts, rotors, rings. Judged as in `families`."""
+"""Further kinds of random sweeps, like structures: chains, contacts, rotors, rings; `families` has the judge."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def even(rng: np.random.Generator, low: float = 0.0, high: float = 1.0) -> np.nd
 
 
 def springs(k: np.ndarray) -> np.ndarray:
-    """Stiffness of a chain between two walls, from its n + 1 springs."""
+    """Return the stiffness (n, n) of a chain between two walls, from its n + 1 springs."""
     inner = np.diag(k[1:-1], 1)
     return np.diag(k[:-1] + k[1:]) - inner - inner.T
 
 
 def contacts(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Normal springs between pairs of unknowns, and friction in proportion to their force on two others."""
+    """Return the matrices of springs between pairs of unknowns, and of friction: their force acts on two others too."""
     N, F = np.zeros((n, n)), np.zeros((n, n))
     for _ in range(int(rng.integers(1, max(2, n // 2)))):
         i, j, t, u = rng.permutation(n)[:4]
@@ -50,7 +50,7 @@ def contacts(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def chain(rng: np.random.Generator) -> Family:
-    """A chain with contacts, friction swept."""
+    """Return a chain with contacts; friction is swept."""
     n = int(rng.integers(5, 14))
     K, M = springs(10 ** rng.uniform(-0.5, 1.5, n + 1)), np.diag(10 ** rng.uniform(-0.5, 0.5, n))
     N, F = contacts(rng, n)
@@ -59,7 +59,7 @@ def chain(rng: np.random.Generator) -> Family:
 
 
 def chain_damped(rng: np.random.Generator) -> Family:
-    """The same with dampers between the masses."""
+    """Return a chain with contacts and dampers between the masses; friction is swept."""
     base = chain(rng)
     n = len(base.parts[0][1])
     c = 10 ** rng.uniform(-6, -1)
@@ -67,7 +67,7 @@ def chain_damped(rng: np.random.Generator) -> Family:
 
 
 def chain_stiff(rng: np.random.Generator) -> Family:
-    """Stiffness of the contacts swept, over decades or not, with damping, loss factors or neither."""
+    """Return a chain with contacts whose stiffness is swept, over decades or not; dampers, loss factors or neither."""
     n = int(rng.integers(5, 12))
     K, M = springs(10 ** rng.uniform(-0.5, 1.5, n + 1)), np.diag(10 ** rng.uniform(-0.5, 0.5, n))
     N, F = contacts(rng, n)
@@ -86,7 +86,7 @@ def chain_stiff(rng: np.random.Generator) -> Family:
 
 
 def sparse_mass(rng: np.random.Generator) -> Family:
-    """Sparse matrices without structure."""
+    """Return random sparse matrices, M too."""
     n = int(rng.integers(6, 14))
     M, K = definite(rng, n, 0.3), definite(rng, n, 0.4) * 10
     F = sparse(rng, n, 0.3) * rng.uniform(2, 20)
@@ -94,7 +94,7 @@ def sparse_mass(rng: np.random.Generator) -> Family:
 
 
 def clustered(rng: np.random.Generator) -> Family:
-    """Two to five frequencies in each of some clusters."""
+    """Return some clusters of two to five frequencies."""
     n, width = int(rng.integers(6, 13)), 10 ** rng.uniform(-6, -1)
     centres = rng.uniform(2, 30, 4)
     theta = np.concatenate([c * (1 + width * rng.standard_normal(int(rng.integers(2, 6)))) for c in centres])[:n]
@@ -107,7 +107,7 @@ def clustered(rng: np.random.Generator) -> Family:
 
 
 def four(rng: np.random.Generator) -> Family:
-    """Four branches that cross at one value, with little coupling."""
+    """Return four branches that cross at one value, with weak coupling."""
     n, values = int(rng.integers(6, 11)), even(rng)
     at, size = rng.uniform(0.2, 0.9), 10 ** rng.uniform(-4, -1)
     slopes = rng.uniform(-3, 3, 4)
@@ -123,7 +123,7 @@ def four(rng: np.random.Generator) -> Family:
 
 
 def nonnormal(rng: np.random.Generator) -> Family:
-    """Coupling that is large one way and small the other."""
+    """Return a nonnormal problem: coupling is strong in one direction and weak in the other."""
     n = int(rng.integers(4, 10))
     theta, large = np.sort(rng.uniform(1, 30, n)), 10 ** rng.uniform(0.5, 2.5)
     F = np.triu(rng.standard_normal((n, n)), 1) * large
@@ -135,7 +135,7 @@ def nonnormal(rng: np.random.Generator) -> Family:
 
 
 def negative_power(rng: np.random.Generator) -> Family:
-    """Damping that is negative and falls with the speed that is swept, strong enough to stop swinging."""
+    """Return negative damping that falls with the swept speed, and is so strong that modes do not oscillate."""
     n = int(rng.integers(5, 12))
     K, M = definite(rng, n, 0.4) * 10, np.diag(rng.uniform(0.5, 2, n))
     N, F = contacts(rng, n)
@@ -151,7 +151,7 @@ def negative_power(rng: np.random.Generator) -> Family:
 
 
 def rotor(rng: np.random.Generator) -> Family:
-    """Speed swept: gyroscopic forces, stiffening by its square, with dampers at rest or turning, or without."""
+    """Return a sweep of a speed: gyroscopic forces, stiffening by its square; dampers are fixed, rotating or absent."""
     n = 2 * int(rng.integers(2, 6))
     K = np.diag(np.repeat(rng.uniform(1, 30, n // 2), 2)) if rng.integers(2) else definite(rng, n) * 5
     G = rng.standard_normal((n, n))
@@ -169,7 +169,7 @@ def rotor(rng: np.random.Generator) -> Family:
 
 
 def loss(rng: np.random.Generator) -> Family:
-    """Loss factors, friction or the stiffness of contacts swept, with dampers or without."""
+    """Return a problem with loss factors; friction or the stiffness of contacts is swept, with dampers or without."""
     n = int(rng.integers(5, 12))
     K = definite(rng, n) * 5
     N, F = contacts(rng, n)
@@ -187,7 +187,7 @@ def loss(rng: np.random.Generator) -> Family:
 
 
 def weak(rng: np.random.Generator) -> Family:
-    """Damping of 1e-7 … 1e-5, which hardly shows."""
+    """Return a problem with very light damping, 1e-7 to 1e-5."""
     base = (chain, sparse_mass, four)[int(rng.integers(3))](rng)
     parts = tuple(p for p in base.parts if p[0] != "C")
     C = definite(rng, len(parts[0][1])) * 10 ** rng.uniform(-7, -5)
@@ -195,7 +195,7 @@ def weak(rng: np.random.Generator) -> Family:
 
 
 def cyclic(rng: np.random.Generator) -> Family:
-    """A ring of equal sectors, so that most frequencies are double, with a spring on one of them or without."""
+    """Return a ring of equal sectors, whose frequencies are mostly double, with or without a spring on one sector."""
     sectors, b = int(rng.integers(3, 6)), int(rng.integers(1, 3))
     n, turn = sectors * b, np.roll(np.eye(sectors), 1, axis=1)
     own, next_ = definite(rng, b) * 8, -rng.standard_normal((b, b))
@@ -216,7 +216,7 @@ def cyclic(rng: np.random.Generator) -> Family:
 
 
 def mass(rng: np.random.Generator) -> Family:
-    """A mass on a chain with contacts swept."""
+    """Return a chain with contacts and a mass that is swept."""
     base = chain(rng)
     M, K, F = (A for _, A, _, _ in base.parts)
     n, mu = len(M), rng.uniform(0.3, 1.5)
@@ -230,7 +230,7 @@ def mass(rng: np.random.Generator) -> Family:
 
 
 def follower(rng: np.random.Generator) -> Family:
-    """Loads that take stiffness away, and follow: divergence and flutter, strongly damped or not."""
+    """Return loads that reduce stiffness, and follower loads: divergence and flutter, strongly damped or not."""
     n = int(rng.integers(4, 10))
     K, N = springs(10 ** rng.uniform(0, 1.5, n + 1)), np.diag(rng.uniform(0, 1, n))
     S = rng.standard_normal((n, n)) * rng.uniform(0.1, 2)
@@ -247,5 +247,5 @@ KINDS = (
 
 
 def make(kind: Callable[[np.random.Generator], Family], seed: int) -> Family:
-    """The same family for the same seed."""
+    """Return the family of a kind for a seed, always the same one."""
     return kind(np.random.default_rng([seed, 77, KINDS.index(kind)]))

@@ -1,4 +1,4 @@
-"""Two modes of which everything is known: where they flutter, with which probability, and what drives it."""
+"""Two modes with closed forms: where they flutter, with which probability, and the Sobol indices."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 
-STIFFNESS = 1.0e8  # rad²/s²: modes at some 1.6 kHz
+STIFFNESS = 1.0e8  # rad²/s²: frequencies of about 1.6 kHz
 
 
 def two_modes(coupling: float = 1.0, damping: float = 0.0) -> Problem:

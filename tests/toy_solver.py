@@ -1,4 +1,4 @@
-"""A third linear solver, from outside the package, for tests that hand one in."""
+"""A linear solver from outside the package, for tests that pass one as an argument."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fe_squeal.errors import NotConvergedError
 
 
 class ToyFactor:
-    """LU factors of SciPy, which know no inertia."""
+    """LU factors of SciPy, without inertia."""
 
     negative_pivots = None
 
@@ -59,7 +59,7 @@ class ToyCholesky:
 
 
 class Toy:
-    """A third solver, which counts what it factorises."""
+    """A linear solver that counts its factorisations."""
 
     name = "toy"
 

@@ -1,4 +1,4 @@
-"""Spoilt inputs of every format, each in a process of its own under limits of memory and time."""
+"""Run the command on damaged inputs of every format, each in a process of its own with limits of memory and time."""
 
 from __future__ import annotations
 
@@ -32,22 +32,24 @@ sys.path.append(str(Path(__file__).parent / "fuzz"))
 import test_mesh_fuzz
 import test_scene_fuzz
 
-MEMORY, SECONDS = 2**30, 10  # bytes beyond those of the program itself, and s of the processor
-_WALL = 120.0  # s until a process that neither computes nor ends is ended: it waits for something
+MEMORY, SECONDS = 2**30, 10  # limits: bytes in addition to the program itself, and s of CPU time
+_WALL = 120.0  # s after which a process is ended that uses no CPU time and does not end, since it waits for something
 
 
 @dataclass
 class Outcome:
-    """What happened to the inputs of a format.
+    """What happened with the damaged inputs of a format.
 
     Attributes
     ----------
-    codes : counts of exit codes
+    codes : Counter
+        How often each exit code occurred.
     faults : list of str
-        Promises that were broken, with the file that is kept.
+        Promises that were broken, each with the input, which is kept.
     slowest : float, s
+        CPU time of the slowest input.
     largest : float, MiB
-        Peak beyond that of the program itself.
+        Largest peak of memory, without that of the program itself.
     """
 
     codes: Counter[int] = field(default_factory=Counter)
@@ -58,7 +60,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Kind:
-    """A format: the scene that uses the file, the file that is spoilt, and how."""
+    """A format: a scene, the file that is damaged, and a function that damages it."""
 
     name: str
     scene: Path
@@ -72,7 +74,7 @@ def kinds(folder: Path) -> list[Kind]:
     meshes = folder / "meshes"
     meshes.mkdir(parents=True)
     found = []
-    # The fixtures are plain functions underneath.
+    # Fixtures are called as the plain functions that pytest has wrapped.
     factory: Any = type("Factory", (), {"mktemp": lambda self, name: meshes})()
     test_mesh_fuzz.place.__wrapped__(factory)  # type: ignore[attr-defined]
     for name in (*test_mesh_fuzz.FILES, *test_mesh_fuzz.WRITTEN):
@@ -115,15 +117,15 @@ def kinds(folder: Path) -> list[Kind]:
 
 
 def packed(base: bytes, rng: np.random.Generator) -> bytes:
-    """Spoil what is inside, or the archive itself."""
+    """Return a compressed file whose content is damaged, or the file itself."""
     if rng.integers(2):
         return test_mesh_fuzz.spoilt(base, rng)
     return gzip.compress(test_mesh_fuzz.spoilt(gzip.decompress(base), rng))
 
 
 def search(folder: Path, count: int, seed: int, tell: Callable[[str], None] = lambda text: None) -> dict[str, Outcome]:
-    """Run the command on so many spoilt inputs in all, and hold each to its promises."""
-    # Figures take most of the time; tests of the figures have them.
+    """Run the command on `count` damaged inputs, and check for each whether the promises of docs/trust.md were kept."""
+    # No figures are drawn, since they would take most of the time; other tests draw them.
     with (
         mock.patch.object(fe_squeal.run.run, "write_figures"), mock.patch.object(fe_squeal.run.run, "write_preload"),
         mock.patch.object(fe_squeal.report.export, "draw_shapes"),
@@ -133,7 +135,7 @@ def search(folder: Path, count: int, seed: int, tell: Callable[[str], None] = la
 
 def _search(folder: Path, count: int, seed: int, tell: Callable[[str], None]) -> dict[str, Outcome]:
     found = kinds(folder)
-    for scene in {kind.scene for kind in found}:  # what the program imports for it is there before the processes part
+    for scene in {kind.scene for kind in found}:  # imports everything that is needed before processes are forked
         with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
             main(["run", str(scene), "-o", str(folder / "first")])
         shutil.rmtree(folder / "first")
@@ -161,7 +163,7 @@ def _search(folder: Path, count: int, seed: int, tell: Callable[[str], None]) ->
 
 
 def _checked(kind: Kind, outcome: Outcome, folder: Path) -> int:
-    """Run the command in a process of its own; note what it did and what it broke."""
+    """Run the command in a process of its own, and note its exit code and the promises that it broke."""
     out, said = folder / "out", folder / "stderr"
     shutil.rmtree(out, ignore_errors=True)
     before = _content(kind.scene.parent)
@@ -199,13 +201,13 @@ def _checked(kind: Kind, outcome: Outcome, folder: Path) -> int:
 
 
 def _child(arguments: list[str], said: Path) -> None:
-    """Run the command and end this process; stderr goes to a file, and behind it the peak of the memory."""
+    """Run the command and end this process; stderr is written to a file, followed by the peak of memory."""
     code = 1
     try:
         os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 2)
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         sys.stderr, sys.stdout = open(2, "w", closefd=False), open(1, "w", closefd=False)  # noqa: SIM115
-        # What the program itself has mapped does not count; its resident part is far smaller.
+        # The limit is in addition to the memory that the program has mapped, which is far more than it uses.
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
         resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 5))

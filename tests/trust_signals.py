@@ -1,6 +1,6 @@
-"""Signals at random moments to every command, and what is there afterwards.
+"""Send signals to every command at random moments, and check what is in the folder afterwards.
 
-In one file, since every command needs its own idea of what it promised, beside those of the others.
+This file is longer than others, since it has what each command promises, beside what all of them do.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ indices = false
 mu = { uniform = { low = 0.1, high = 0.5 } }
 "springs.across.stiffness" = { uniform = { low = 1e7, high = 2e7 } }
 """
-_PAST = 0.75  # share of the signals that come when all is imported
-_IMPORTS = 1.5  # s that these take
-# Where the search runs in the background, signals may be ignored, which the command respects.
+_PAST = 0.75  # of the signals: so many come after everything is imported
+_IMPORTS = 1.5  # s that imports take
+# If this search runs in the background, signals may be ignored, which commands inherit and respect.
 _PLAIN = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
     "signal.signal(signal.SIGHUP, signal.SIG_DFL); import sys, fe_squeal_start; sys.exit(fe_squeal_start.main())"
@@ -48,26 +48,26 @@ _PLAIN = (
 
 @dataclass(frozen=True)
 class Task:
-    """A command, what it writes, and how that is held against an unbroken one's."""
+    """A command, the folder that it writes, and how this is compared with that of an uninterrupted command."""
 
     name: str
     arguments: tuple[str, ...]
-    same: Callable[[Path, Path], None]  # of two folders
-    again: tuple[str, ...] = ()  # options that finish what a signal has ended
-    share: int = 1  # of all signals
-    ends: tuple[int, ...] = (0,)  # exit codes of one that comes to its end: a budget may be too short on a busy machine
+    same: Callable[[Path, Path], None]  # asserts that two folders have the same results
+    again: tuple[str, ...] = ()  # options with which the command finishes after a signal has ended it
+    share: int = 1  # weight in the number of signals
+    ends: tuple[int, ...] = (0,)  # exit codes without a signal: on a busy machine a budget may be too short
 
 
 @dataclass
 class Outcome:
-    """What happened to a command.
+    """What happened with a command.
 
     Attributes
     ----------
     past : int
-        Signals that came when all was imported.
+        Number of signals that came after everything was imported.
     ended : int
-        Commands that had ended before.
+        Number of commands that had ended before the signal.
     """
 
     signals: Counter[str] = field(default_factory=Counter)
@@ -92,7 +92,7 @@ def same_mesh(found: Path, whole: Path) -> None:
 
 
 def same_study(found: Path, whole: Path) -> None:
-    """Settings that both have measured have the same unknowns; how many there are depends on the time."""
+    """Assert that settings in both studies have the same unknowns; how many settings there are depends on the time."""
     settings = ["order", "size", "modes", "method", "tolerance", "knob"]
     a, b = (pd.read_csv(folder / "out" / "accuracy.csv").set_index(settings) for folder in (found, whole))
     common = a.index.intersection(b.index)
@@ -125,7 +125,7 @@ def tasks(place: Path) -> list[Task]:
 
 
 class Process:
-    """A command that runs: from its first line on, or forked from this process, in which all is imported."""
+    """A running command: started as a new program, or forked from this process, which has imported everything."""
 
     def __init__(self, arguments: list[str], place: Path, forked: bool) -> None:
         self._said = place / "stderr"
@@ -136,7 +136,7 @@ class Process:
                 self._run(arguments, place)
         else:
             with self._said.open("w") as said:
-                # Nobody waits for it but `poll`: the module need not know that it has ended.
+                # Only `poll` waits for the process, and not the module subprocess.
                 self.pid = subprocess.Popen(
                     [sys.executable, "-P", "-c", _PLAIN, *arguments], cwd=place, stdout=subprocess.DEVNULL, stderr=said,
                     env=environment(TMPDIR=str(place / "tmp")),
@@ -169,7 +169,7 @@ class Process:
         return self.code
 
     def wait(self, seconds: float) -> bool:
-        """Return whether it ends within so many seconds."""
+        """Return whether it ends within some seconds."""
         end = time.monotonic() + seconds
         while self.poll() is None and time.monotonic() < end:
             time.sleep(0.005)
@@ -177,21 +177,21 @@ class Process:
 
     @property
     def said(self) -> str:
-        """What it wrote on stderr."""
+        """The text that it wrote on stderr."""
         return self._said.read_text("utf-8", "replace")
 
 
 def search(
     place: Path, count: int, seed: int, tell: Callable[[str], None] = lambda text: None, only: str = ""
 ) -> dict[str, Outcome]:
-    """Send so many signals in all, and hold what is left to the promises."""
+    """Send `count` signals in all, and check after each whether the promises of docs/trust.md were kept."""
     rng = np.random.default_rng(seed)
     chosen = [task for task in tasks(place) if only in task.name]
     outcomes = {task.name: Outcome() for task in chosen}
     each = [task for task in chosen for _ in range(task.share)]
-    order = [each[i] for i in rng.permutation(len(each))]  # so that a short search has commands of all kinds
+    order = [each[i] for i in rng.permutation(len(each))]  # random, so that a short search has commands of all kinds
     used = [task for task in chosen if task in order[:count]]
-    _unbroken(replace(used[0], name="imports"), place)  # the others then tell their own time
+    _unbroken(replace(used[0], name="imports"), place)  # imports everything: the time of the others is their own then
     seconds = {task.name: _unbroken(task, place) for task in used}
     for number in range(count):
         task, signal_ = order[number % len(order)], SIGNALS[(number // len(order) + number) % len(SIGNALS)]
@@ -212,7 +212,7 @@ def _arguments(task: Task, folder: Path, more: tuple[str, ...] = ()) -> list[str
 
 
 def _unbroken(task: Task, place: Path) -> float:
-    """Run a command to its end, here, so that all is imported; return its seconds, among them those of the imports."""
+    """Run a command to its end in this process, which imports everything; return its seconds, with `_IMPORTS`."""
     folder, before = place / f"whole {task.name}", os.getcwd()
     folder.mkdir()
     os.chdir(place)
@@ -229,7 +229,7 @@ def _unbroken(task: Task, place: Path) -> float:
 def _interrupted(
     task: Task, place: Path, number: signal.Signals, moment: float, past: bool, outcome: Outcome
 ) -> str:
-    """Send a signal and return which promise it broke, if any."""
+    """Start a command, send it a signal, and return which promise was broken, if any."""
     folder, whole = place / "found", place / f"whole {task.name}"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
@@ -247,7 +247,7 @@ def _interrupted(
     if code in task.ends:
         outcome.ended += 1
     elif not past and code == -number:
-        pass  # Python itself was not yet there to hear it
+        pass  # the signal came before Python could handle signals
     elif code != (-number if killed else 130):
         return f"exit code {code}: {said[-300:]!r}"
     elif not killed and past and not (said.startswith("interrupted") and said.count("\n") == 1):
@@ -275,11 +275,15 @@ def _interrupted(
 
 
 def both_at_once(place: Path, step: int = 1, first: int = 0) -> dict[str, str]:
-    """Start every pair of commands that write into one folder at the same time; return what went wrong.
+    """Start every pair of commands at the same time with the same folder; return what went wrong.
 
-    With a step only every so manyth of the pairs, from the first one on.
+    One of them gets the folder. The other one is refused, or comes later and finds the results of the first.
 
-    One of them has the folder, the other one is refused, or comes later and finds the results of the first.
+    Parameters
+    ----------
+    place : Path
+    step, first : int
+        Of the list of all pairs, those from `first` on in steps of `step` are started.
     """
     write_scene(place, sweep_text(6, "direct"), "direct.toml")
     write_scene(place, sweep_text(6, "reduced"), "reduced.toml")
@@ -302,7 +306,7 @@ def both_at_once(place: Path, step: int = 1, first: int = 0) -> dict[str, str]:
         ]  # fmt: skip
         said = [child.communicate(timeout=300)[1] for child in children]
         codes = [child.returncode for child in children]
-        one = any(code in (0, 3) for code in codes)  # 3: a study whose budget was too short on a busy machine
+        one = any(code in (0, 3) for code in codes)  # 3 if the budget of a study was too short on a busy machine
         refusals = all(
             code == 0 or (code == 2 and text.count("\n") == 1 and text.startswith(f"error: {out}"))
             or (code == 3 and "not converged" in text)

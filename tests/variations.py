@@ -1,7 +1,7 @@
-"""What may differ and must not change a verdict: start vectors, numbers of nodes, linear solver, threads.
+"""Variations that must not change the verdict of a test: start vectors, numbering of nodes, linear solver, threads.
 
-`tests/conftest.py` switches these on by the environment, for the whole process and before any test is imported;
-`tests/again.py` sets that. Without such a variable nothing is changed.
+Variables of the environment, which `tests/again.py` sets, switch them on. `tests/conftest.py` calls `vary` for the
+whole process, before any test is imported. Without such a variable nothing is changed.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ def vary(environment: Mapping[str, str]) -> None:
     Parameters
     ----------
     environment : mapping
-        SEED = "3" moves the seed of every start vector by 3, SHUFFLE = "3" numbers the nodes and elements of every
-        mesh anew by a permutation of that seed, SOLVER = "superlu" hides PARDISO, THREADS = "4" gives both BLAS so many
-        threads (OPENBLAS_NUM_THREADS gives no more than there are cores).
+        SEED = "3" adds 3 to the seed of every start vector. SHUFFLE = "3" numbers the nodes and elements of every mesh
+        anew, by a permutation with that seed. SOLVER = "superlu" hides PARDISO. THREADS = "4" gives OpenBLAS and MKL so
+        many threads (OPENBLAS_NUM_THREADS gives no more than there are cores).
 
     Raises
     ------
     pytest.UsageError
-        If a variable says something else, or what it changes is not found in fe_squeal.
+        A variable has another value, or fe_squeal does not have what it changes.
     """
     if seed := _number(environment, SEED):
         found = [m for m in _modules() if "_SEED" in vars(m)]
@@ -47,7 +47,7 @@ def vary(environment: Mapping[str, str]) -> None:
     if threads := _number(environment, THREADS):
         from fe_squeal.eigen.linear.pardiso import has_pardiso
 
-        has_pardiso()  # limits hold for libraries that are loaded
+        has_pardiso()  # loads MKL, since limits hold only for libraries that are loaded
         threadpoolctl.threadpool_limits(threads)
     solver = environment.get(SOLVER, "")
     if solver not in ("", "superlu"):
@@ -57,7 +57,7 @@ def vary(environment: Mapping[str, str]) -> None:
 
 
 def require_pardiso(environment: Mapping[str, str]) -> None:
-    """Skip the test where PARDISO is hidden on purpose, fail where it is missing."""
+    """Skip the test if PARDISO is hidden on purpose, and fail it if PARDISO is missing."""
     from fe_squeal.eigen.linear.pardiso import has_pardiso
 
     if environment.get(SOLVER) == "superlu":
@@ -74,7 +74,7 @@ def _number(environment: Mapping[str, str], name: str) -> int:
 
 
 def _shuffled(read: Callable[..., Any], seed: int) -> Callable[..., Any]:
-    """Return a function that reads a mesh and numbers it anew; the same mesh always in the same way."""
+    """Return a function that reads a mesh and numbers it anew, always in the same way for the same mesh."""
     from meshes import renumbered
 
     @functools.wraps(read)
@@ -87,7 +87,7 @@ def _shuffled(read: Callable[..., Any], seed: int) -> Callable[..., Any]:
 
 
 def _replace(name: str, change: Callable[[Any], Any]) -> None:
-    """Replace a function of fe_squeal by a changed one, in every module that has it."""
+    """Replace a function of fe_squeal by a changed one, in every module that has imported it."""
     modules = [m for m in _modules() if name in vars(m)]
     originals = {id(vars(m)[name]): vars(m)[name] for m in modules}
     if len(originals) != 1:

@@ -28,9 +28,9 @@ from sweep_cost import slepc  # noqa: E402
 PAGE = Path(__file__).parents[2] / "docs" / "performance.md"
 OWN = "auto", "direct", "reduced"
 PEERS = {"scipy": "SciPy, right modes", "slepc": "SLEPc + MUMPS, right modes"}
-RUNGS = 8_000, 30_000, 130_000  # unknowns that the sizes of a model stay below
+RUNGS = 8_000, 30_000, 130_000  # the largest numbers of unknowns of the two or three sizes of a model
 NO_SLEPC = "SLEPc is not there, or the problem has dampers, for which it is not asked"
-FOUND = 1e-6  # relative distance of an eigenvalue from one of the direct solve that is the same
+FOUND = 1e-6  # relative distance: an eigenvalue closer than this to one of the direct solve is the same
 HEAD = "## The gallery: models that the program is not tuned to"
 NOTE = """Models of `benchmarks/gallery/gallery_models.py`, which differ in kind; none is an example of the program. Its
 own ways sweep over all values with right and left modes, tracking, onsets and the count of modes; peers solve
@@ -43,7 +43,7 @@ and its CPU seconds count, since the machine is shared with other work; of SLEPc
 
 
 def measure(way: str, model: Model, size: float, values: int, band: float) -> dict:
-    """Sweep one model by one way in this process; for a peer `band` is the highest frequency, rad/s."""
+    """Sweep one model in one way, in this process; `band` is the highest frequency, rad/s, for SciPy and SLEPc."""
     from fe_squeal import sweep
     from fe_squeal.eigen.memory import peak_memory_mib
 
@@ -74,7 +74,7 @@ def measure(way: str, model: Model, size: float, values: int, band: float) -> di
 
 
 def run(way: str, model: Model, rung: int, values: int, band: float, limit: float) -> dict:
-    """Measure in a process of its own, which is ended at the limit of seconds."""
+    """Do what `measure` does in another process, which is ended after `limit` seconds."""
     command = [sys.executable, __file__, "--one", way, model.name, str(rung), str(values), str(band)]
     threads = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     row = {"model": model.name, "way": way, "values": values}
@@ -124,7 +124,7 @@ def compare(models: list[Model], largest: int, values: list[int], ways: list[str
 
 
 def judged(group: list[dict], exact: np.ndarray) -> list[dict]:
-    """Return the rows of one model and size with what they found of exact λ, and the ratio to the fastest peer."""
+    """Return the rows of a model and size with the number of exact λ found, and the ratio to the fastest peer."""
     peers = [r["seconds"] for r in group if r["way"] in PEERS and "seconds" in r]
     unknowns = next((r["unknowns"] for r in group if "unknowns" in r), 0)
     rows = []

@@ -1,6 +1,6 @@
-"""The gallery: models that differ in kind, each built by a function of its size; none is an example of the program.
+"""The gallery: models of different kinds, none of which is an example of the program.
 
-A model is an assembled problem with the sweep that is asked of it, in two or three sizes.
+A model is made by a function of the size of its elements, in two or three sizes, and has a sweep.
 """
 
 from __future__ import annotations
@@ -25,16 +25,18 @@ AXIS = {"axis": [0, 0, 1]}
 
 @dataclass(frozen=True)
 class Model:
-    """A kind of brake: how it is built, and which sweep is asked of it.
+    """A kind of brake, and the sweep that is solved.
 
     Attributes
     ----------
-    build : callable of an element size, m, that returns the assembled problem
-    sizes : tuple of element sizes, m, of some 3 000 to 7 000 unknowns, some 20 000, and some 100 000 where it has one
+    build : callable of float
+        Returns the assembled problem for a size of the elements, m.
+    sizes : tuple of float, m
+        Sizes with 3 000 to 7 000 unknowns, about 20 000, and for some models about 100 000.
     start, stop : float
-        Of the sweep over `parameter`.
+        First and last value of `parameter`.
     modes : int
-        Asked for.
+        Number of modes that are solved for.
     """
 
     name: str
@@ -117,7 +119,7 @@ def assembled(scene: Scene) -> Problem:
 
 
 def strong(size: float, element: str = "tet") -> Scene:
-    """Return a stiff, long contact on a soft disc: many modes couple."""
+    """Return a soft disc with long pads and stiff contacts, where many modes couple."""
     scene = disc(size, angle=84.0, thickness=0.02, stiffness=3.0e12, element=element)
     scene["materials"] = {**scene["materials"], "lining": {**LINING, "youngs_modulus": 9.0e9}}
     return scene
@@ -137,7 +139,7 @@ def lossy(size: float) -> Scene:
 
 
 def overdamped(size: float) -> Scene:
-    """Return free pads whose contacts are dampers above all: they overdamp most of the low modes."""
+    """Return free pads with so much damping in the contacts that most of the low modes are overdamped."""
     scene = disc(size, stiffness=2.0e10, angle=70.0)
     scene["contacts"] = [{**c, "normal_damping": 4.0e7} for c in scene["contacts"]]
     scene["materials"] = {**scene["materials"], "lining": {**LINING, "youngs_modulus": 2.0e7, "density": 2400.0}}
@@ -145,20 +147,20 @@ def overdamped(size: float) -> Scene:
 
 
 def rotating(size: float, speed: float = 420.0, **mesh: Any) -> Scene:
-    """Return a disc so fast that the frequencies of its doublets part by some 5 %."""
+    """Return a disc that turns so fast that the frequencies of its doublets differ by about 5 %."""
     scene = with_effects(disc(size, pads=1, **mesh), rotation={"bodies": ["disc"]})
     scene["contacts"] = [{**c, "sliding": {**AXIS, "speed": speed}} for c in scene["contacts"]]
     return scene
 
 
 def pressed(size: float) -> Scene:
-    """Return pads pressed on part of their backs, whose contacts open: the static state follows the friction."""
+    """Return pads pressed on a part of their backs, so that contacts open, and the state depends on friction."""
     scene = disc(size, angle=80.0, stiffness=5.0e10)
     return with_effects(scene, preload={"pressures": {"pad_back_1": 2.0e6, "pad_back_2": 1.2e6}})
 
 
 def mixed(size: float) -> Scene:
-    """Return linings that hardly change their volume, displacements and pressure."""
+    """Return linings of nearly incompressible material, in the mixed formulation."""
     scene = disc(size)
     scene["materials"] = {**scene["materials"], "lining": {**LINING, "youngs_modulus": 6.0e8, "poisson_ratio": 0.4995}}
     scene["bodies"]["linings"]["formulation"] = "mixed"
@@ -166,14 +168,15 @@ def mixed(size: float) -> Scene:
 
 
 def free_pads(size: float) -> Scene:
-    """Return pads that nothing but the contact holds."""
+    """Return pads that only the contact holds."""
     return {**disc(size, pads=2), "springs": []}
 
 
 def matrices(size: float) -> tuple[Problem, float]:
-    """Return a rotating, overdamped brake without its mesh, with the speed in three powers, and that speed.
+    """Return a rotating, overdamped brake as matrices without a mesh, and its speed Ω, rad/s.
 
-    K + Ω² K_Ω, the gyroscopic matrix with Ω, and friction damping with 1/Ω, as another program writes them.
+    As another program would write them, there are K + Ω²K_Ω, the gyroscopic matrix with the factor Ω, and friction
+    damping with the factor 1/Ω.
     """
     from fe_squeal.problem.problem import Problem
 

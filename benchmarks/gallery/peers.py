@@ -1,4 +1,4 @@
-"""What others take for the modes of one value: SciPy with its own factors, right modes alone."""
+"""The time that SciPy takes for the right modes at one value, with its own factors."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, eigs, splu
 
-_BELOW = 2 * np.pi * 100.0  # rad/s: real shift −ω² of problems without dampers
-_SHIFTS = 1 / 6, 1 / 2, 5 / 6  # of the band, on the imaginary axis, with dampers or complex stiffness
-_MORE = 10  # modes asked for at each of them beyond half of all
+_BELOW = 2 * np.pi * 100.0  # ω, rad/s: problems without dampers get the real shift −ω²
+_SHIFTS = 1 / 6, 1 / 2, 5 / 6  # of the band: shifts on the imaginary axis, for dampers or complex stiffness
+_MORE = 10  # modes asked for at each of these shifts, in addition to half of all modes
 
 
 def scipy_modes(pencil: Any, modes: int, band: float) -> tuple[float, np.ndarray]:
@@ -23,7 +23,7 @@ def scipy_modes(pencil: Any, modes: int, band: float) -> tuple[float, np.ndarray
     modes : int
         Wanted.
     band : float, rad/s
-        Highest frequency wanted, which SciPy is told: with dampers its three shifts lie inside the band.
+        Highest frequency wanted; with dampers the three shifts are inside this band.
     """
     start = time.process_time()
     if pencil.C is None and not pencil.is_complex:

@@ -151,6 +151,10 @@ def measure_apart(
 
     Parameters
     ----------
+    scene, setting, estimate
+        As for `measure`.
+    probes : (p, 4) float, optional
+        As for `measure`.
     seconds : float, s, optional
         After so long the process is ended, and None is returned.
 

@@ -26,7 +26,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-class Store(Protocol):
+class MeasurementStore(Protocol):
     """Keeps measurements by the keys of their settings, each as soon as it is made, so that a study can be resumed."""
 
     def load(self, key: str) -> Measurement | None:
@@ -39,7 +39,7 @@ class Store(Protocol):
         """Return the points (p, 4) at which all shapes are stored, see `measure`; None where none are kept."""
 
     def save_probes(self, probes: np.ndarray) -> None:
-        """Keep these points."""
+        """Keep the points (p, 4) at which all shapes are stored."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Study:
 
 def run_study(
     scene: Scene,
-    store: Store,
+    store: MeasurementStore,
     budget: float | None = None,
     settings: list[Setting] | None = None,
     progress: Callable[[int, int, str, bool], None] = lambda done, total, text, stays: None,
@@ -120,7 +120,7 @@ def run_study(
     Parameters
     ----------
     scene : Scene
-    store : Store
+    store : MeasurementStore
         Where each measurement is kept as soon as it is made.
     budget : float, s, optional
         Time that the study may take. Settings that are not expected to fit into the rest of it are left out.

@@ -60,26 +60,32 @@ _COPIES = 3  # of the stiffness, while two sums are added to a third
 def assemble(
     scene: Scene | MatrixScene, mesh: LoadedMesh | None = None, linear_solver: LinearSolver | str | None = None
 ) -> Problem:
-    """Assemble the terms of a scene.
+    """Assemble the equation of motion of a scene, (λ²M + λC + K)u = 0, as a sum of terms.
 
     Parameters
     ----------
     scene : Scene or MatrixScene
+        From `load_scene` or `parse_scene`.
     mesh : LoadedMesh, optional
-        Used instead of the scene's own mesh.
-    linear_solver : "auto", "pardiso", "superlu" or LinearSolver, optional
-        For the static state under preload (default: the scene's).
+        Used instead of the scene's own mesh; from `load_mesh` or `from_skfem`.
+    linear_solver : "auto", "pardiso", "superlu", "mumps" or LinearSolver, optional
+        Solves for the static state under preload (default: the solver that the scene names).
 
     Returns
     -------
     Problem
+        In kg, N s/m, N/m and rad/s.
 
     Raises
     ------
-    SceneError, MeshError
-        Where scene and mesh do not fit together, or a matrix file is bad.
+    SceneError
+        The scene and the mesh do not fit together, or a matrix file is bad.
+    MeshError
+        The mesh cannot be read or made.
+    TooLargeError
+        The matrices do not fit into memory.
     NotConvergedError
-        If the static state of a preload is not found.
+        The static state under preload is not found.
     """
     where = f"{scene.source}: " if scene.source is not None else ""
     try:
@@ -95,7 +101,23 @@ def assemble(
 
 
 class Assembly:
-    """A scene on its mesh. What was made is kept: at other numbers only what depends on them is made anew."""
+    """A scene on its mesh, from which problems at any numbers of the scene are assembled.
+
+    Terms and operators are kept; for other numbers only those are made anew that depend on them.
+
+    Parameters
+    ----------
+    scene : Scene
+    loaded : LoadedMesh
+        The mesh.
+
+    Attributes
+    ----------
+    bodies : mapping of str to (m,) int
+        Elements of each body.
+    space : DisplacementSpace
+        The unknowns.
+    """
 
     def __init__(self, scene: Scene, loaded: LoadedMesh) -> None:
         self.scene = scene
@@ -143,7 +165,15 @@ class Assembly:
         return other
 
     def problem(self, values: Mapping[str, float]) -> Problem:
-        """Return the problem with other numbers, by their paths."""
+        """Return the problem with other numbers of the scene, by their paths.
+
+        Raises
+        ------
+        SceneError
+            There is no such number, or the scene does not allow its value.
+        NotConvergedError
+            The static state under preload is not found.
+        """
         # The solver belongs to the key because a problem refers to the assembly that made it.
         for path in values:
             if path.startswith(("rigid.", "averaged.")) and ".reference." in path:

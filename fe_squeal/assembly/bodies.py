@@ -112,12 +112,24 @@ def contact_sides(
     mesh: skfem.Mesh, bodies: Mapping[str, np.ndarray], pad: np.ndarray, counter: np.ndarray | None, key: str,
     surface: str, counterface: str,
 ) -> tuple[set[str], set[str]]:  # fmt: skip
-    """Return the bodies on either side of a contact.
+    """Return the names of the bodies on either side of a contact.
+
+    Parameters
+    ----------
+    mesh : skfem.Mesh
+    bodies : mapping of str to (m,) int
+        Elements of each body.
+    pad : (f,) int
+        Facets of the contact surface.
+    counter : (g,) int or None
+        Facets of the counterface; None if it is rigid.
+    key, surface, counterface : str
+        The key of the contact and the names of both groups, for messages.
 
     Raises
     ------
     SceneError
-        If a connected part of a body is in contact with itself, or on facets inside a body.
+        A connected part of a body is in contact with itself, or facets are inside a body.
     """
     for group, facets, name in ((surface, pad, "surface"), (counterface, counter, "counterface")):
         if facets is not None and (mesh.f2t[1, facets] >= 0).any():

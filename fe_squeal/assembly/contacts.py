@@ -27,12 +27,23 @@ def make_contact(
 
     Parameters
     ----------
+    space : DisplacementSpace
+    bodies : mapping of str to (m,) int
+        Elements of each body.
+    loaded : LoadedMesh
+    contact : Contact
+        The table of the scene.
+    motion : SteadyMotion or None
+        Of the counterface.
     key : str
-        Of the contact, for messages.
+        The key of the contact in the scene, for messages.
 
     Raises
     ------
-    SceneError, MeshError
+    SceneError
+        A surface is in contact with itself, or the two surfaces do not lie on each other.
+    MeshError
+        There is no such surface group.
     """
     pad = find_facets(loaded, contact.surface, f"{key}.surface")
     counter = None

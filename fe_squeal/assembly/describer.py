@@ -11,10 +11,16 @@ from ..fem.descriptors import ModeDescriber, make_describer
 
 
 def describer_of(context: Context, bodies: Mapping[str, np.ndarray]) -> ModeDescriber | None:
-    """Return what describes modes about the axis of the first contact that slides, or along the normal of a belt's.
+    """Return an object that says what modes look like; None if no contact of the scene slides.
 
-    The bodies that turn are those that carry a counterface about this axis. None where no contact slides: then a scene
-    has no direction of its own.
+    It describes them about the axis of the first contact that slides about one, or along the normal of the first
+    contact of a belt. The bodies with a counterface that slides about this axis are taken to rotate.
+
+    Parameters
+    ----------
+    context : Context
+    bodies : mapping of str to (m,) int
+        Elements of each body.
     """
     sliding = [part for part in context.contacts.values() if part.motion is not None]
     if not sliding:

@@ -21,14 +21,21 @@ _DENSITIES = {"kg/m^3": 1.0, "t/mm^3": 1e12, "kg/mm^3": 1e9, "g/cm^3": 1e3, "t/m
 
 
 def require_si(scene: Scene, mesh: skfem.Mesh, bodies: Mapping[str, np.ndarray]) -> None:
-    """Raise where numbers of a scene file cannot be meant in SI units.
+    """Check that the numbers of a scene file can be meant in SI units.
 
-    A scene that a script builds has the script's units: there the same sentences are warnings.
+    For a scene that a script builds, whose units are the script's, the same sentences are warnings.
+
+    Parameters
+    ----------
+    scene : Scene
+    mesh : skfem.Mesh
+    bodies : mapping of str to (m,) int
+        Elements of each body.
 
     Raises
     ------
     SceneError
-        With every suspect number, and what to write instead.
+        Numbers cannot be in SI units; the message has all of them, and what to write instead.
     """
     found = suspect_units(scene, mesh, bodies) if scene.source is not None else []
     if found:

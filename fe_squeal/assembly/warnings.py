@@ -28,7 +28,17 @@ _LOCKING = 0.48  # Poisson's ratio above which standard elements lose digits; se
 def warnings_of_scene(
     scene: Scene, loaded: LoadedMesh, space: DisplacementSpace, bodies: Mapping[str, np.ndarray]
 ) -> list[str]:
-    """Return a sentence for each value that is probably not meant. All groups that the scene names are there."""
+    """Return a sentence for each value of a scene that is probably a mistake.
+
+    Parameters
+    ----------
+    scene : Scene
+        Whose groups all exist in the mesh.
+    loaded : LoadedMesh
+    space : DisplacementSpace
+    bodies : mapping of str to (m,) int
+        Elements of each body.
+    """
     return [
         *suspect_units(scene, space.mesh, bodies), *_materials(scene), *_locking(scene),
         *_held(scene, loaded, space), *_gaps(scene, space), *_shapes(loaded, space, bodies),

@@ -120,4 +120,5 @@ def _common(theta: np.ndarray, theta_left: np.ndarray, sigma: complex, every: bo
 
 
 def method_of(operator: ShiftInverted) -> str:
+    """Return the name of the method with that of the linear solver."""
     return f"shift-invert ARPACK, {operator.linear_solver.name}"

@@ -57,9 +57,14 @@ class FreeModes:
     def beside(
         self, values: np.ndarray, right: np.ndarray, left: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return other eigenpairs with those of the free motions before them.
+        """Return other eigenpairs with those of the free motions in front.
 
-        The values may be λ or, without damping, θ: then those of the free motions are zero in either.
+        Parameters
+        ----------
+        values : (k,) float or complex
+            λ, or θ without damping. Those of the free motions are zero then, for λ and θ alike.
+        right, left : (n, k) float or complex
+            The vectors of these eigenpairs.
         """
         own = self.lam if np.iscomplexobj(values) else self.lam.real
         return np.append(own, values), np.hstack([self.right, right]), np.hstack([self.left, left])

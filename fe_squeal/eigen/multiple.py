@@ -19,16 +19,23 @@ _EXACT = 1e-11  # backward error below which a single vector is a mode by itself
 
 
 def unit_mass(pencil: Pencil, right: np.ndarray) -> np.ndarray:
-    """Return the columns with φᴴMφ = 1; those without any mass, which damping makes possible, as they are."""
+    """Return modes (n, k) scaled so that φᴴMφ = 1; modes without mass, which exist with damping, are not scaled."""
     mass = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.M @ right))
     return np.asarray(right / np.sqrt(np.where(mass > 0, mass, 1.0)))
 
 
 def rounding_of_zero(pencil: Pencil, lam: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return how far rounding may put the λ = 0 of a rigid mode of a damped pencil, rad/s, for each mode.
+    """Return (k,) float, rad/s, how far rounding may move the λ = 0 of a rigid mode of a damped pencil.
 
-    It is the root of λ²φᴴMφ + λ|φᴴCφ| = δ, δ what rounding leaves of φᴴKφ. Where damping holds more than mass, as in
-    creeping, that is δ/|φᴴCφ|, far below the √δ of a free body.
+    It is the root λ of λ²φᴴMφ + λ|φᴴCφ| = δ, where δ is the rounding of φᴴKφ. For a creeping motion, which damping
+    holds more than mass, it is δ/|φᴴCφ|; for a free body it is √δ, which is far more.
+
+    Parameters
+    ----------
+    pencil : Pencil
+    lam : (k,) complex, rad/s
+    right : (n, k) float or complex
+        The modes.
     """
     dissipation = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.C @ right))
     stiffness = np.abs(pencil.apply(lam, right)) + ROUNDING * pencil.magnitude(np.zeros(len(lam)), right)

@@ -129,26 +129,27 @@ class Pencil:
 
 @dataclass(frozen=True)
 class Modes:
-    """Eigenpairs of a pencil, by rising Im λ ≥ 0: one of each conjugate pair, the upper half plane of a complex K.
+    """Eigenpairs of a pencil, by rising Im λ ≥ 0: one of each conjugate pair, or those of the upper half plane.
 
     Attributes
     ----------
     lam : (k,) complex, rad/s
-    right, left : (n, k)
-        Columns with Q(λ) φ = 0 and ψᴴ Q(λ) = 0, of unit mass φᴴMφ = 1 and, without damping, ψᴴMφ = 1, with damping
-        ψᴴ(2λM + C)φ = 1. Real arrays where all are real.
-    backward_error : (k,)
-        ‖Q(λ)φ‖ / ‖(|λ|²|M| + |λ||C| + |K|)|φ|‖: the smallest relative change of the entries that makes the pair
-        exact, up to the norm. Rows count in the pencil's own units, so that forces beside moments, penalties and
-        constraints do not matter.
-    re_uncertainty : (k,), rad/s
-        How far Re λ may be from that of the exact problem through residual and rounding, see `quality`.
-    condition : (k,)
-        Relative change of λ per relative change of the entries of the matrices.
+        Eigenvalues; Re λ is the growth rate in 1/s.
+    right, left : (n, k) float or complex
+        Columns φ and ψ with Q(λ)φ = 0 and ψᴴQ(λ) = 0, scaled so that φᴴMφ = 1 and, without damping, ψᴴMφ = 1, or with
+        damping ψᴴ(2λM + C)φ = 1. Real arrays if all modes are real.
+    backward_error : (k,) float
+        ‖Q(λ)φ‖ / ‖(|λ|²|M| + |λ||C| + |K|)|φ|‖: the smallest relative change of the matrices' entries that makes the
+        pair exact, up to the norm. Rows are taken in the pencil's own units, so that forces and moments can be
+        compared.
+    re_uncertainty : (k,) float, 1/s
+        How far Re λ may be from that of the exact matrices, because of residual and rounding, see `quality`.
+    condition : (k,) float
+        Relative change of λ for a relative change of the entries of the matrices.
     method : str
         How they were found, in words.
     exhaustive : bool
-        Whether the method leaves no mode out in its range, as LAPACK on the whole matrices.
+        Whether the method cannot miss a mode in its range, as LAPACK on the whole matrices.
     """
 
     lam: np.ndarray
@@ -164,7 +165,7 @@ class Modes:
         return len(self.lam)
 
     def select(self, index: np.ndarray) -> Modes:
-        """Return some of the modes."""
+        """Return some of the modes; `index` (m,) int are their positions."""
         left = None if self.left is None else self.left[:, index]
         return replace(
             self, lam=self.lam[index], right=self.right[:, index], left=left, condition=self.condition[index],

@@ -39,7 +39,17 @@ def equilibrate(M: sp.csr_array, C: sp.csr_array | None, K: sp.csr_array) -> tup
 
 
 def pair_errors(A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the larger backward error of right and left vector of each pair."""
+    """Return (k,) the larger of the backward errors of the right and the left vector of each eigenpair.
+
+    Parameters
+    ----------
+    A : sequence of (n, n) float or complex
+        The matrices, as in this module's other functions.
+    v : (k,) float or complex
+        Eigenvalues.
+    x, y : (n, k) float or complex
+        Right and left vectors.
+    """
     left = _backward_errors([Aj.conj().T for Aj in A], v.conj(), y)
     return np.maximum(_backward_errors(A, v, x), left)
 

@@ -103,11 +103,12 @@ def _rounding_at_rest(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
 
 
 def in_upper_half(pencil: Pencil, lam: np.ndarray) -> np.ndarray:
-    """Return which eigenvalues of a pencil with C to keep: Im λ ≥ 0, and rigid ones that rounding put below.
+    """Return (k,) bool, which eigenvalues lam (k,) of a pencil with C to keep: those with Im λ ≥ 0, up to rounding.
 
-    The others of a real pencil are conjugates of these. With a complex K, λ = 0 of a rigid body that a dashpot holds
-    may come out on either side; that of a free body is double and splits into ±δ, of which one is enough. Where
-    dashpots leave no more than rounding of Im λ, its sign says nothing either.
+    The others of a real pencil are conjugates of these. With a complex K, rounding may put the λ = 0 of a rigid body
+    that a dashpot holds on either side of the real axis. The λ = 0 of a free body is double, and rounding splits it
+    into ±δ, of which one is kept. If Im λ is all rounding, as with strong dashpots, its sign means nothing, and λ is
+    kept too.
     """
     upper = lam.imag >= 0
     if pencil.is_complex:

@@ -82,7 +82,7 @@ def loss_tilt(pencil: Pencil, lam: np.ndarray) -> float:
 
 
 def light_tilt(lam: np.ndarray) -> float:
-    """Return the largest |Re λ| / Im λ of the eigenvalues that grow or are lightly damped."""
+    """Return the largest |Re λ| / Im λ of those eigenvalues lam (k,) that grow or are lightly damped."""
     oscillating = lam[lam.imag > 0]
     ratio = oscillating.real / oscillating.imag
     return float(np.abs(ratio[ratio > -LIGHT]).max(initial=0.0))

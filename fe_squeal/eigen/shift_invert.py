@@ -169,7 +169,7 @@ class ShiftInverted:
         return self._unit * theta, self._in_units(x if plain else respond(self._factor.solve(self._pad(M @ x))))
 
     def refined(self, theta: np.ndarray, x: np.ndarray) -> Pairs:
-        """Return eigenpairs of a symmetric pencil that lie far from the shift, improved by inverse iteration."""
+        """Return eigenpairs (k,), (n, k) of a symmetric pencil far from the shift, improved by inverse iteration."""
         M, K = self.pencil.M, self.pencil.K
         theta, x = theta / self._unit, x.copy() if self._d is None else x / self._d[:, None]
         for i in range(len(theta)):

@@ -64,7 +64,7 @@ class ModeDescriber:
         return found
 
     def on(self, V: np.ndarray) -> ModeDescriber:
-        """Return what describes shapes V y by their coordinates y."""
+        """Return the describer of shapes V y that takes their coordinates y, for a basis V (n, r) float."""
         along, nodal = ({name: V.T @ (A @ V) for name, A in forms.items()} for forms in (self.along, self.nodal))
         sampled = None if self.harmonics is None else self._spectra(V).reshape(-1, V.shape[1])
         return replace(self, along=along, nodal=nodal, sampled=sampled, fitted=True)

@@ -20,20 +20,22 @@ _LARGEST = 1e-6  # of the size of an element: a larger error would show in resul
 
 
 def facet_mapping(mesh: skfem.Mesh, facets: np.ndarray, points: int) -> Any:
-    """Return the map of a mesh whose inverse on the elements of facets stops at what rounding leaves.
+    """Return the map of a mesh, whose inverse on the elements of some facets stops at the level of rounding.
 
-    Coordinates of size x leave reference coordinates of an element of size h uncertain by ε x/h, so that scikit-fem's
-    own limit is out of reach for elements of 1 cm in 100 m.
+    With coordinates of size x the reference coordinates in an element of size h are known to ε x/h only. scikit-fem's
+    own limit cannot be reached for elements of 1 cm at a distance of 100 m.
 
     Parameters
     ----------
+    mesh : skfem.Mesh
+    facets : (f,) int
     points : int
-        Per facet.
+        Points for each facet.
 
     Raises
     ------
     MeshError
-        From the inverse, if there is no accuracy left.
+        From the inverse: rounding leaves no accuracy.
     """
     mapping = copy.copy(mesh.mapping())  # the mesh keeps its own
     if isinstance(mapping, MappingAffine):

@@ -73,7 +73,14 @@ class Harmonics:
         return found, np.asarray(found.sum(axis=1))
 
     def circles(self, table: np.ndarray, order: int) -> int:
-        """Return how often the displacement of one order changes its sign along the radius."""
+        """Return how often the displacement of one order changes its sign along the radius: the nodal circles.
+
+        Parameters
+        ----------
+        table : (orders, 2, g, 3) complex
+            Coefficients of cosine and sine of every order, for g functions of the cross section and three components.
+        order : int
+        """
         a = table[order]  # (2, g, 3)
         component = int(np.argmax(np.einsum("wgc,gh,whc->c", a.conj(), self.gram, a).real))
         along = _legendre(_RADII, _DEGREE) @ a[:, : _DEGREE + 1, component].T  # (radii, 2): the mean over the thickness

@@ -221,7 +221,7 @@ class DisplacementSpace:
         return 2 * self.order + (2 if curved else 0)
 
     def nodes_of(self, facets: np.ndarray) -> np.ndarray:
-        """Return the nodes on facets."""
+        """Return the nodes (m,) int on facets (f,) int."""
         return np.asarray(self.dofs.get_facet_dofs(facets).flatten())
 
     def nodes_at(self, places: np.ndarray, between: bool = False) -> np.ndarray:
@@ -248,19 +248,20 @@ class DisplacementSpace:
         return np.flatnonzero(members)
 
     def patch(self, nodes: np.ndarray) -> Patch:
-        """Return nodes with a weight of one each."""
+        """Return the patch of nodes (m,) int with a weight of one each."""
         ones = np.ones(len(nodes))
         values = sp.csr_array((ones, (np.arange(len(nodes)), nodes)), shape=(len(nodes), self.nodes))
         return Patch(self.coordinates[nodes], ones, values)
 
     def surface(self, facets: np.ndarray, parts: int = 1) -> Surface:
-        """Return quadrature and interpolation on boundary facets.
+        """Return quadrature points and interpolation on boundary facets.
 
         Parameters
         ----------
+        facets : (f,) int
         parts : int
-            Every edge is cut into so many parts and each part of a facet integrated by itself, for integrands that are
-            smooth only piece by piece.
+            Every edge is cut into so many parts, and the parts of a facet are integrated separately, for integrands
+            that are only piecewise smooth.
         """
         quadrature = subdivided_quadrature(self.mesh.brefdom, self.integration_order, parts)
         basis = skfem.FacetBasis(

@@ -135,6 +135,7 @@ class Geometry(BaseModel):
         return 4 * max(3, self.elements_along(0.5 * math.pi * radius))
 
     def forbid_layers(self, **layers: int | None) -> None:
+        """Raise ValueError if numbers of elements are given for tetrahedra."""
         given = [name for name, value in layers.items() if value is not None]
         if self.element == "tet" and given:
             raise ValueError(f'{", ".join(given)}: layers belong to element = "hex"; leave them out or choose "hex"')

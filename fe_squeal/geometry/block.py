@@ -66,6 +66,7 @@ class Block(Geometry):
 
     @property
     def has_belt(self) -> bool:
+        """Whether the belt has a thickness and is meshed."""
         return self.belt_thickness > 0.0
 
     @property

@@ -80,6 +80,7 @@ class DiscPad(Geometry):
 
     @property
     def has_back_plate(self) -> bool:
+        """Whether the pads have a back plate."""
         return self.back_plate_thickness > 0.0
 
     @property

@@ -78,6 +78,11 @@ def complete_hexahedra(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[F
 
     The seven new nodes, the centres of the faces and of the cell, are where the map of the 20 nodes has them, so that
     the shape of the cell stays exactly the same.
+
+    Parameters
+    ----------
+    points : (n, 3) float, m
+    blocks : tuple of CellBlock
     """
     out = []
     for block in blocks:

@@ -20,7 +20,12 @@ def canonical(path: str) -> str:
 
 
 def paths_of(parameter: str) -> list[str]:
-    """Return the paths that one sweep parameter moves together.
+    """Return the paths in the scene that one parameter changes together.
+
+    Raises
+    ------
+    SceneError
+        The name is not a text.
 
     Examples
     --------

@@ -19,11 +19,11 @@ from .parameters import MU, paths_of, values_by_path
 from .terms import POWER, Slot, Term, sum_terms
 from .unheld import find_free_motions
 
-_DIFFERENCE = 1e-4  # relative step of the differences that stand for derivatives where terms are made anew
+_DIFFERENCE = 1e-4  # of a parameter: step of the difference quotient by a parameter that changes matrices
 
 
 class Source(Protocol):
-    """What makes the terms anew at other values."""
+    """Makes the terms anew for other numbers of the scene."""
 
     def problem(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with other numbers, by their paths."""
@@ -37,35 +37,39 @@ class Source(Protocol):
 
 @dataclass(frozen=True)
 class Problem:
-    """A sum of terms with the values of their parameters.
+    """The equation of motion (λ²M + λC + K)u = 0 as a sum of terms, with the values of its parameters.
 
-    A parameter is known by its path in the scene, "mu" for short the friction coefficient. Those that are powers in the
-    terms' coefficients are changed by recombining the terms; for others `source` makes the terms that depend on them
-    anew. A name of several paths, "a, b", moves these together.
+    A parameter is a number of the scene, known by its path such as "springs.piston.stiffness"; "mu" is short for the
+    friction coefficient. Several paths in one name, "a, b", are changed together. A parameter that only changes
+    coefficients of terms is changed by adding the terms up anew; for any other one `source` makes the terms anew that
+    depend on it. `assemble` makes a problem from a scene.
 
     Attributes
     ----------
     terms : tuple of Term
-    parameters : mapping of name to value
-        Values of those that are powers in coefficients, e.g. {"mu": 0.3}.
+        Whose sum M, C and K are, (n, n) each, in kg, N s/m and N/m.
+    parameters : mapping of str to float
+        Values of the parameters that change coefficients of terms, e.g. {"mu": 0.3}.
     discretisation : object or None
-        Where the terms come from. The problem carries it along for its maker, and does not look into it.
+        What the terms were made from, for those who made them; the problem does not use it.
     source : Source or None
+        Makes the terms anew; None for a problem that was not made from a scene.
     coupled : frozenset of str
-        Parameters that the terms' matrices depend on as well, through the static state.
-    changed : mapping of path to value
-        What differs from the scene.
+        Parameters that change not only coefficients but also matrices, through the static state.
+    changed : mapping of str to float
+        Numbers that differ from those of the scene, by path.
     motions : (n, r) float or None
-        Motions whose span contains all that nothing holds, such as the rigid motions of each body. Where they are not
-        known the kernel of K is looked for.
-    free : function of the parameters' values, or None
-        Returns the motions that nothing holds; of a problem that was made from another one, which is asked.
-    kernel : function of a Pencil
-        Looks for the kernel of K where motions are not known; see `solved_with`.
+        Motions whose span contains all motions that nothing holds, such as the rigid motions of each body. If they are
+        None, the kernel of K is looked for.
+    free : callable, or None
+        Takes the values of the parameters and returns the motions that nothing holds. A problem that was made from
+        another one asks that one by it.
+    kernel : callable
+        Takes a Pencil and returns the kernel of K; used if `motions` is None, see `solved_with`.
     describer : Describer or None
-        Says what a mode looks like; whoever makes the terms hands it in.
-    state : mapping of place to {quantity: number}
-        Quantities of the static state about which the terms are linearised; a sweep keeps them beside the modes.
+        Says what modes look like.
+    state : mapping of str to {str: float}
+        Quantities of the static state, such as contact forces, about which the terms are linearised.
     """
 
     terms: tuple[Term, ...]
@@ -102,16 +106,16 @@ class Problem:
 
     @property
     def is_damped(self) -> bool:
-        """Whether it has velocity-proportional or structural terms: eigenvalues then come without mirror images."""
+        """Whether there are terms in C or structural damping, so that −λ* is not an eigenvalue for every λ."""
         return self.problem_class in ("quadratic", "complex")
 
     def value(self, parameter: str) -> float:
-        """Return the present value of a parameter, the first one of several.
+        """Return the present value of a parameter; if the name has several paths, that of the first.
 
         Raises
         ------
         SceneError
-            If there is no such parameter.
+            There is no such parameter.
         """
         path = paths_of(parameter)[0]
         if path in self.parameters:
@@ -123,7 +127,7 @@ class Problem:
         return self.source.number(path)
 
     def has(self, parameter: str) -> bool:
-        """Whether there is such a parameter."""
+        """Return whether there is such a parameter."""
         try:
             self.value(parameter)
         except SceneError:
@@ -131,26 +135,32 @@ class Problem:
         return True
 
     def is_affine(self, parameter: str) -> bool:
-        """Whether a parameter changes the coefficients of the terms alone."""
+        """Return whether a parameter changes only coefficients of terms, and no matrix."""
         return all(p in self.parameters and p not in self.coupled for p in paths_of(parameter))
 
     def at(self, values: Mapping[str, float] | None = None, /, *more: Never, **named: float) -> Problem:
-        """Return the problem at other values of parameters; terms are made anew where that is needed.
+        """Return the problem at other values of some parameters; terms are made anew if that is needed.
 
         Parameters
         ----------
-        values : mapping of parameter to float
-            A parameter is a path of the scene, or several, "a, b", that get the same value.
+        values : mapping of str to float
+            New values, by path; several paths in one name, "a, b", get the same value.
         more
-            Nothing; at("mu", 0.3) raises an error that shows how to write it.
+            Not used: at("mu", 0.3) raises an error that shows how to write it.
         named : float
-            More of them, of parameters whose names have no dots.
+            New values of parameters whose names have no dots: at(mu=0.3).
+
+        Returns
+        -------
+        Problem
 
         Raises
         ------
         SceneError
-            If there is no such parameter, its value is no finite number, what is given is no mapping, or terms are made
-            anew and the scene does not allow it there.
+            There is no such parameter, a value is not a finite number or not allowed by the scene, or what is given is
+            not a mapping.
+        NotConvergedError
+            The static state under preload is not found at these values.
 
         Examples
         --------
@@ -185,38 +195,36 @@ did you mean "springs.piston.stiffness"?
         return values_by_path(values, more, named, call, example)
 
     def _refuse_poles(self, moved: Mapping[str, float]) -> None:
-        """Refuse the value 0 of a parameter of which a term has a negative power."""
+        """Raise SceneError for the value 0 of a parameter that a term has a negative power of."""
         for path, value in moved.items():
             if value == 0 and any(t.powers.get(path, 0) < 0 for t in self.terms):
                 raise SceneError(f"{path}: given 0; expected another number: a term counts with a negative power of it")
 
     def solved_with(self, linear_solver: LinearSolver | str) -> Problem:
-        """Return the same problem, for which a linear solver does what the terms themselves need solving for.
-
-        That is a static state where terms are made anew, and the search for motions that nothing holds.
-        """
+        """Return the same problem with a linear solver for what the terms need: static states, and the kernel of K."""
         problem = self if self.source is None else replace(self, source=self.source.solved_with(linear_solver))
         if self.motions is not None or self.free is not None:
             return problem
         return replace(problem, kernel=partial(find_kernel, linear_solver=linear_solver))
 
     def prepared(self, parameter: str, values: np.ndarray) -> Problem:
-        """Return the same problem with every term that occurs at one of the values of a parameter.
+        """Return the same problem with all terms that occur at any of the values (m,) of a parameter.
 
-        A damper of zero has no term; swept from there on it has one, which is zero at the start.
+        A damper of zero, for instance, has no term. If its damping is swept from zero on it needs one, which is zero at
+        the first value.
         """
         if self.is_affine(parameter) or self.source is None:
             return self
         try:
             other = self.at({parameter: float(values[np.argmax(np.abs(values))])})
-        except SquealError:  # a sweep that reaches this value says so then, and keeps what it has
+        except SquealError:  # the sweep raises the same error when it reaches this value, and keeps what it has by then
             return self
         return other if other.is_affine(parameter) else self
 
     def pencil(self, values: Mapping[str, float] | None = None, /, *more: Never, **named: float) -> Pencil:
-        """Return the matrices at given values of parameters; a term whose coefficient is zero costs nothing.
+        """Return the matrices M, C and K at given values of parameters; a term whose coefficient is zero costs nothing.
 
-        Parameters and errors are those of `at`.
+        Parameters and errors raised are those of `at`.
 
         Examples
         --------
@@ -237,12 +245,12 @@ did you mean "springs.piston.stiffness"?
         return replace(pencil, free=problem.free_motions(pencil))
 
     def free_motions(self, pencil: Pencil | None = None) -> FreeMotions:
-        """Return the motions that nothing holds at the present values of the parameters, and the forces of dampers.
+        """Return the motions that nothing holds at the present values of the parameters, and their damper forces.
 
         Parameters
         ----------
         pencil : Pencil, optional
-            The matrices at these values, where they are there already.
+            The matrices at these values, if they are known already.
         """
         if self.free is not None:
             return self.free(self.parameters)
@@ -253,12 +261,15 @@ did you mean "springs.piston.stiffness"?
 
     @property
     def mass(self) -> sp.csr_array:
-        """M (n, n) at the present values of the parameters, without the sums of the other slots."""
+        """M (n, n) sparse, kg, at the present values of the parameters; C and K are not summed for it."""
         M = self._slot("M", ())
         return sp.csr_array((self.unknowns, self.unknowns)) if M is None else M
 
     def _slot(self, slot: str, moving: Collection[str]) -> sp.csr_array | None:
-        """Return the sum of one slot; that of the terms which do not depend on `moving` is kept for the next time."""
+        """Return the sum of the terms of one slot, or None.
+
+        The sum of those terms that do not depend on the parameters `moving` is kept for the next call.
+        """
         terms = [(t, t.coefficient(self.parameters)) for t in self.terms if t.slot == slot]
         if not moving:
             return sum_terms(terms)
@@ -274,15 +285,21 @@ did you mean "springs.piston.stiffness"?
         self, parameter: str, slot: Slot | None = None, values: Mapping[str, float] | None = None, /, *more: Never,
         **named: float,
     ) -> sp.csr_array | None:  # fmt: skip
-        """Return ∂M, ∂C or ∂K by a parameter; None where it does not depend on it.
+        """Return ∂M, ∂C or ∂K (n, n) by a parameter; None if the matrix does not depend on it.
 
-        Exact where the parameter is a power in coefficients, a central difference of the matrices elsewhere.
+        It is exact if the parameter only changes coefficients; otherwise it is a central difference of the matrices.
 
         Parameters
         ----------
+        parameter : str
         slot : "M", "C" or "K"
         values, more, named
-            Where the derivative is taken, as of `at`; errors are the same.
+            Values of parameters at which the derivative is taken, as for `at`.
+
+        Raises
+        ------
+        SceneError
+            `slot` is not one of these, or as `at`.
         """
         call = f'problem.derivative("{parameter}", "K"'
         if slot not in POWER:

@@ -15,24 +15,26 @@ POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}  # the power of λ that multip
 
 @dataclass(frozen=True)
 class Term:
-    """One contribution to M, C or K: matrix · Π parameter**power, times i where it is imaginary.
+    """One summand of M, C or K: matrix · Π parameter**power, times i if it is imaginary.
 
     Attributes
     ----------
     name : str
-        Effect and where, as in "friction.outer".
+        The effect and the place where it acts, as in "friction.outer".
     slot : "M", "C" or "K"
+        The matrix that it is a summand of.
     matrix : (n, n) sparse float
-        In kg, N s/m or N/m once the parameters are multiplied in.
+        In kg, N s/m or N/m after multiplication by the powers of the parameters.
     symmetric : bool
-        Whether the matrix is symmetric by its mathematics.
-    powers : mapping of parameter to exponent
+        Whether the matrix is symmetric by its mathematics, apart from rounding.
+    powers : mapping of str to int
+        Exponents of the parameters.
     skew : bool
-        Whether it is skew by its mathematics.
+        Whether the matrix is skew-symmetric by its mathematics.
     imaginary : bool
-        Whether it counts with i, as structural damping does.
+        Whether it is multiplied by i, as structural damping is.
     penalty : bool
-        Whether it stands for a constraint, which it comes the nearer the stiffer it is.
+        Whether it stands for a constraint, which it approaches with rising stiffness.
     """
 
     name: str

@@ -103,7 +103,17 @@ class ReducedBasis(Projection):
         cls, problem: Problem, parameter: str | tuple[str, ...], arrays: Mapping[str, np.ndarray],
         numbers: Mapping[str, Any], linear_solver: LinearSolver | str = "auto",
     ) -> ReducedBasis:  # fmt: skip
-        """Return the basis that gave `stored`, of the same problem; it cannot be extended any more."""
+        """Return the basis from what `stored` gave, the vectors (n, r) among it; it cannot be extended.
+
+        Parameters
+        ----------
+        problem : Problem
+            The problem of the stored basis.
+        parameter : str or tuple of str
+        arrays, numbers : mapping
+            The two parts of `stored`.
+        linear_solver : LinearSolver or str
+        """
         basis = cls.__new__(cls)
         Projection.__init__(basis, problem, parameter, numbers["metric"], numbers["sigma"], linear_solver)
         basis._cancels, basis.has_slow = numbers["cancels"], numbers["has_slow"]

@@ -151,7 +151,7 @@ class ReducedModel:
         cls, problem: Problem, parameter: str, values: Sequence[float] | np.ndarray, request: Request,
         arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any], linear_solver: LinearSolver | str = "auto",
     ) -> ReducedModel:  # fmt: skip
-        """Return the model that gave `stored`, of the same problem and request."""
+        """Return the model from the arrays and numbers of `stored`, for the same problem, values (m,) and request."""
         model = cls.__new__(cls)
         model.linear_solver = choose(linear_solver)
         model.problem = problem = problem.solved_with(model.linear_solver)
@@ -200,7 +200,7 @@ class ReducedModel:
         return None if counted is None else counted == below
 
     def lift(self, vectors: np.ndarray) -> np.ndarray:
-        """Return vectors of the reduced model as ones of the problem."""
+        """Return vectors (r,) or (r, k) of the reduced model as vectors (n,) or (n, k) of the problem."""
         return lift(self.basis.V, vectors)
 
     def shapes(self, value: Place, positions: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
@@ -226,7 +226,17 @@ class ReducedModel:
         return self.basis.collected()
 
     def root_error(self, value: Place, theta: float, right: np.ndarray, left: np.ndarray) -> tuple[float, float]:
-        """Return how far a critical value may be off by the reduction, and how far by rounding."""
+        """Return how far a critical value may be off because of the reduction, and because of rounding.
+
+        Parameters
+        ----------
+        value : float or tuple of float
+            The critical value.
+        theta : float, rad²/s²
+            The eigenvalue −λ² there.
+        right, left : (r,) float or complex
+            The right and left vector there, in the coordinates of the reduced model.
+        """
         return self.basis.root_error(value, 1j * np.sqrt(theta), right, left, self.highest)
 
     def _estimated(self, value: Place) -> Estimate:

@@ -49,7 +49,7 @@ class SlowMotions:
 
 
 def lift(V: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return V y for a real V and a complex y without a complex copy of V."""
+    """Return V y for a real V (n, r) and a complex y (r,) or (r, k), without a complex copy of V."""
     if not np.iscomplexobj(y):
         return combine(V, y)
     columns = y.reshape(len(y), -1)
@@ -61,7 +61,7 @@ def lift(V: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def real_columns(x: np.ndarray) -> np.ndarray:
-    """Return real and imaginary parts of the columns, without those that are zero."""
+    """Return the real and imaginary parts of columns x (n, k) as real columns, without those that are zero."""
     if not np.iscomplexobj(x):
         return x
     parts = np.hstack([x.real, x.imag])
@@ -82,15 +82,15 @@ def interior_nodes(low: float, high: float, count: int) -> np.ndarray:
 
 
 def unit_columns(right: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """Return real and imaginary parts of right and left modes, of unit length."""
+    """Return the real and imaginary parts of right and left modes, both (n, k), as real columns of unit length."""
     new = np.hstack([real_columns(right), real_columns(left)])
     return np.asarray(new / np.linalg.norm(new, axis=0))
 
 
 def range_of(columns: np.ndarray, least: float, exact: np.ndarray) -> np.ndarray:
-    """Return orthonormal columns that span `exact` and the singular directions of `columns` that are not too small.
+    """Return orthonormal columns that span `exact` (n, l) and the main directions of `columns` (n, k).
 
-    Those count whose singular value is more than `least` times the largest.
+    These are the left singular vectors whose singular values are larger than `least` times the largest one.
     """
     Q = la.qr(exact, mode="economic")[0]
     U, s, _ = la.svd(columns - Q @ (Q.T @ columns), full_matrices=False)

@@ -1,1 +1,1 @@
-"""What the user sees of a run, from arrays and tables: figures, mode shapes for ParaView, pictures and tables."""
+"""What the user sees of a run, made from arrays and tables: figures, shapes for ParaView, tables and the page."""

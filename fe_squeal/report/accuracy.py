@@ -1,4 +1,4 @@
-"""Chart and page about the cost of accuracy, from the table of a study."""
+"""The figure and the text about error against time, from the table of a study of accuracy."""
 
 from __future__ import annotations
 
@@ -16,14 +16,17 @@ _TITLES = {"error_frequency": "frequency", "error_growth": "growth rate", "error
 
 
 def plot_accuracy(frame: pd.DataFrame, own: Mapping[str, float], path: Path, title: str) -> None:
-    """Draw error against seconds, both logarithmic: what is varied, the Pareto front, the reference's own error.
+    """Draw error against seconds, both logarithmic: a line for each thing that is varied, and the Pareto front.
 
     Parameters
     ----------
     frame : DataFrame
         As in `accuracy.csv`.
-    own : mapping of column to float
-        The uncertainty of the reference itself, for each of `QUANTITIES`.
+    own : mapping of str to float
+        The uncertainty of the reference itself, by the columns in `QUANTITIES`; it is drawn as a horizontal line.
+    path : Path
+        The file to write; its suffix chooses the format (png, pdf, svg).
+    title : str
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -59,17 +62,19 @@ def plot_accuracy(frame: pd.DataFrame, own: Mapping[str, float], path: Path, tit
 def accuracy_page(
     frame: pd.DataFrame, own: Mapping[str, float], finest: str, exact: bool, left_out: Sequence[str], title: str
 ) -> str:
-    """Return what was measured and what to choose, as Markdown.
+    """Return what was measured, and which setting to choose, as Markdown.
 
     Parameters
     ----------
-    frame, own : as of `plot_accuracy`
+    frame, own
+        As for `plot_accuracy`.
     finest : str
         Order and size of the result that the reference was extrapolated from.
     exact : bool
-        Whether the frequencies of the reference are exact ones.
+        Whether the frequencies of the reference are known exactly.
     left_out : sequence of str
         Settings that were not measured, with the reason.
+    title : str
     """
     unsure = ", ".join(
         f"{words} {100 * own[quantity]:.2g} %" for quantity, words in QUANTITIES.items() if np.isfinite(own[quantity])

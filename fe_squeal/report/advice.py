@@ -1,4 +1,4 @@
-"""Advice from a study: fitted orders, and which setting meets a target in the least time."""
+"""Advice from a study of accuracy: fitted orders of convergence, and the fastest setting that meets a target."""
 
 from __future__ import annotations
 
@@ -9,10 +9,25 @@ import numpy as np
 import pandas as pd
 
 QUANTITIES = {"error_frequency": "frequencies", "error_growth": "growth rates", "error_onset": "critical values"}
-TARGETS = (0.05, 0.02, 0.01)
+TARGETS = (0.05, 0.02, 0.01)  # relative errors that advice is given for
+
+
 @dataclass(frozen=True)
-class Line:
-    """What a line of the charts joins: the settings of a study that differ in one thing, the order apart."""
+class ChartLine:
+    """A line of the charts: the settings of a study that differ only in the knob, and for the size have one order.
+
+    Attributes
+    ----------
+    knob : str
+        What is varied, as in the column `knob` of accuracy.csv.
+    order : int or None
+        Of the elements; None where it is not one line for each order.
+    label : str
+        In the legend.
+    mark : str
+        Matplotlib's marker.
+    colour : str or None
+    """
 
     knob: str
     order: int | None
@@ -22,17 +37,17 @@ class Line:
 
 
 LINES = (
-    Line("size", 1, "size, order 1", "o", "#0072b2"), Line("size", 2, "size, order 2", "s", "#d55e00"),
-    Line("method", None, "direct", "D"), Line("modes", None, "modes, modal projection", "^"),
-    Line("tolerance", None, "tolerance, reduced", "v"),
+    ChartLine("size", 1, "size, order 1", "o", "#0072b2"), ChartLine("size", 2, "size, order 2", "s", "#d55e00"),
+    ChartLine("method", None, "direct", "D"), ChartLine("modes", None, "modes, modal projection", "^"),
+    ChartLine("tolerance", None, "tolerance, reduced", "v"),
 )  # fmt: skip
-_FITTED = 3  # finest sizes that a rate is fitted to
+_FITTED = 3  # sizes, the finest ones, that a rate is fitted to
 
 
 def fitted(frame: pd.DataFrame, order: int, quantity: str) -> float | None:
-    """Return r of error = a · size^r, fitted to the finest sizes of one order; None where fewer than two are known."""
+    """Return r of error = a · size^r, fitted to the finest sizes of one order; None if fewer than two are known."""
     rows = frame[(frame["knob"] == "size") & (frame["order"] == order)].sort_values("size")
-    rows = rows[np.isfinite(rows[quantity]) & (rows[quantity] > 0) & (rows[quantity] < 1)]  # 1: not found
+    rows = rows[np.isfinite(rows[quantity]) & (rows[quantity] > 0) & (rows[quantity] < 1)]  # 1 means: not found
     fine = rows.iloc[:_FITTED]
     if len(fine) < 2:
         return None
@@ -40,8 +55,8 @@ def fitted(frame: pd.DataFrame, order: int, quantity: str) -> float | None:
     return float(rate)
 
 
-def lines_of(frame: pd.DataFrame) -> Iterator[tuple[Line, pd.DataFrame]]:
-    """Yield each line of the charts with its rows: what the study varies, in each order where that is the size."""
+def lines_of(frame: pd.DataFrame) -> Iterator[tuple[ChartLine, pd.DataFrame]]:
+    """Yield each line of the charts with its rows of the table."""
     for line in LINES:
         rows = frame[frame["knob"] == line.knob]
         rows = rows if line.order is None else rows[rows["order"] == line.order]
@@ -50,7 +65,7 @@ def lines_of(frame: pd.DataFrame) -> Iterator[tuple[Line, pd.DataFrame]]:
 
 
 def pareto(frame: pd.DataFrame, quantity: str) -> np.ndarray:
-    """Return which rows (n,) bool no other row beats in both time and error."""
+    """Return (n,) bool, which rows are on the Pareto front: no other row has both less time and less error."""
     seconds, error = frame["seconds"].to_numpy(float), frame[quantity].to_numpy(float)
     beaten = (seconds[None, :] <= seconds[:, None]) & (error[None, :] <= error[:, None])
     beaten &= (seconds[None, :] < seconds[:, None]) | (error[None, :] < error[:, None])
@@ -58,9 +73,9 @@ def pareto(frame: pd.DataFrame, quantity: str) -> np.ndarray:
 
 
 def advice(frame: pd.DataFrame, quantity: str) -> list[str]:
-    """Return a sentence per target: the cheapest order and size that was measured to meet it, and the other order's.
+    """Return a sentence for each target: the fastest order and size that met it, and the fastest of the other order.
 
-    Nothing is extrapolated: where no row of the table meets a target, the nearest one is named.
+    Nothing is extrapolated: if no row of the table meets a target, the row with the smallest error is named.
     """
     rows = frame[(frame["knob"] == "size") & np.isfinite(frame[quantity])]
     return [_advised(rows, target, quantity) for target in TARGETS]

@@ -18,30 +18,32 @@ from fe_squeal.process.isolation import isolated_environment
 from fe_squeal.report.files import replace_atomically
 from fe_squeal.report.vtk_files import VISIBLE
 
-FRAMES, SECONDS = 24, 2.0  # of one period: 12 pictures a second
+FRAMES, SECONDS = 24, 2.0  # frames and length of one period: 12 frames a second
 FORMATS = (".gif", ".mp4")
 _MARGIN, _LETTERS = 12, 16  # pixels
-_PATIENCE = 300.0  # s: VTK draws a frame of a large model in software in less than ten
+_PATIENCE = 300.0  # s for all frames; without a graphics card VTK takes up to 10 s for a frame of a large model
 Pixels = NDArray[np.uint8]
 
 
 def write_film(
     shape: Path, path: Path, title: str, axis: Sequence[float], frames: int = FRAMES, scale: float = VISIBLE
 ) -> Path:
-    """Draw one period of a shape file; the last frame is followed by the first one without a jump.
+    """Draw one period of a shape as a film that can be repeated without a jump.
 
     Parameters
     ----------
     shape : Path
         A .vtu file of `write_shape`.
     path : Path
-        Ends in .gif or .mp4.
+        The file to write, with the suffix .gif or .mp4.
     title : str
-        Stands above the picture, in one or more lines.
-    axis : (3,)
-        Axis of the disc, or normal of the belt; it points upwards.
+        Text above the picture, in one or more lines.
+    axis : (3,) float
+        Axis of the disc, or normal of the belt; it points upwards in the picture.
+    frames : int
+        Number of frames.
     scale : float
-        Largest displacement over the size of the model.
+        Largest displacement that is drawn, over the size of the model.
 
     Raises
     ------
@@ -58,7 +60,7 @@ def write_film(
 
 
 def _drawn(shape: Path, frames: int, axis: Sequence[float], scale: float) -> list[Pixels]:
-    """Return the frames, which a process of its own draws, cut to what is not white in any of them."""
+    """Return the frames, drawn by another process, all cut to the part of the picture that is not always white."""
     with tempfile.TemporaryDirectory() as folder:
         job = {"shape": str(shape.absolute()), "folder": folder, "count": frames, "axis": list(axis), "scale": scale}
         try:
@@ -86,7 +88,7 @@ def _drawn(shape: Path, frames: int, axis: Sequence[float], scale: float) -> lis
 
 
 def _titled(pictures: list[Pixels], title: str) -> list[Image.Image]:
-    """Return the pictures with a margin and the title above, of even width and height, as videos want them."""
+    """Return the pictures with a margin and the title above; their width and height are even, as videos need them."""
     import matplotlib
 
     font = ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf"), _LETTERS)
@@ -110,7 +112,7 @@ def _write_gif(pictures: list[Image.Image], path: Path) -> None:
     sheet = Image.new("RGB", (some[0].width, some[0].height * len(some)))
     for k, picture in enumerate(some):
         sheet.paste(picture, (0, k * picture.height))
-    # colours that few pixels have, the largest amplitudes, keep a place of their own
+    # By this method colours of few pixels, those of the largest amplitudes, keep an entry of the palette.
     palette = sheet.quantize(256, method=Image.Quantize.MAXCOVERAGE)
     frames = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
     duration = 10 * round(100 * SECONDS / len(frames))  # ms; GIF counts in hundredths of a second

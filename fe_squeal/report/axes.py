@@ -16,14 +16,14 @@ _DASHES = ("-", "--", ":")
 
 
 def growth_limits(modes: pd.DataFrame) -> tuple[tuple[float, float], list[str]]:
-    """Return the x range of the root locus, and a note about eigenvalues outside of it."""
+    """Return the range of Re λ (1/s) of the root locus, and sentences about eigenvalues outside of it."""
     re, frequency = numbers(modes, "re"), numbers(modes, "frequency_hz")
     uncertainty = np.nan_to_num(numbers(modes, "re_uncertainty"))
     magnitude = np.hypot(re, 2 * np.pi * frequency)
     finite = np.isfinite(re)
     if not finite.any():
         return (-1.0, 1.0), ["no eigenvalues"]
-    # 1e-9 |λ| is rounding; what is beyond it and still marginal is covered by the uncertainty
+    # A Re λ below 1e-9 |λ| is rounding, and one below its uncertainty may be zero.
     if np.all(np.abs(re[finite]) <= np.maximum(uncertainty, 1e-9 * magnitude)[finite]):
         width = max(1.0, 2.0 * float(np.abs(re[finite]).max()))
         return (-width, width), ["Re λ = 0 within its uncertainty for all modes: neither damped nor growing"]
@@ -31,7 +31,7 @@ def growth_limits(modes: pd.DataFrame) -> tuple[tuple[float, float], list[str]]:
     if not shown.any():
         shown = finite
     low, high = padded(np.append(re[shown], 0.0))
-    high = max(high, -0.15 * low)  # some of the unstable half plane is always seen
+    high = max(high, -0.15 * low)  # a part of the unstable half plane is always shown
     low = min(low, -0.15 * high)
     outside = int(np.count_nonzero((re[finite] < low) | (re[finite] > high)))
     return (low, high), [f"{outside} real eigenvalues lie outside of the picture"] if outside else []
@@ -40,7 +40,7 @@ def growth_limits(modes: pd.DataFrame) -> tuple[tuple[float, float], list[str]]:
 def branch_styles(count: int) -> list[dict[str, Any]]:
     """Return a colour and dash pattern for each of `count` branches, all different up to thirty."""
     if count <= 9:
-        # tab10 without its grey, which stands for stable
+        # Matplotlib's tab10 without grey, which is the colour of stable branches.
         colours = [colormaps["tab10"](i) for i in (3, 0, 2, 1, 4, 5, 6, 8, 9)]
         return [{"color": colour, "ls": "-"} for colour in colours[:count]]
     hues = colormaps["turbo"](np.linspace(0.04, 0.96, -(-count // len(_DASHES))))
@@ -48,18 +48,18 @@ def branch_styles(count: int) -> list[dict[str, Any]]:
 
 
 def frequency_unit(modes: pd.DataFrame) -> tuple[str, float]:
-    """Return the unit in which the modes' frequencies read best, and how many hertz it has."""
+    """Return the unit in which the frequencies of some modes are best read, and its size in Hz."""
     frequency = numbers(modes, "frequency_hz")
     return ("kHz", 1000.0) if np.nanmax(frequency, initial=0.0) >= 2000.0 else ("Hz", 1.0)
 
 
 def parameter_label(name: str) -> str:
-    """Return the text beside the axis of the parameter that is swept."""
+    """Return the label of the axis of the swept parameter."""
     return PARAMETER_LABELS.get(name, figure_text(name))
 
 
 def set_parameter_axis(axes: Axes, values: Floats) -> None:
-    """Let the axis end with the values; logarithmic where they span more than a factor of 50."""
+    """Let the x axis span the values (m,); it is logarithmic if they span more than a factor of 50."""
     low, high = float(np.nanmin(values, initial=np.inf)), float(np.nanmax(values, initial=-np.inf))
     if not np.isfinite([low, high]).all():
         axes.set_xlim(0.0, 1.0)

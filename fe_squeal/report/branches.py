@@ -1,4 +1,4 @@
-"""The branches of a sweep as arrays to be drawn, from the tables of modes and onsets."""
+"""The branches of a sweep as arrays, to be drawn, from the tables of modes and onsets."""
 
 from __future__ import annotations
 
@@ -21,30 +21,30 @@ PARAMETER_LABELS = {
 
 @dataclass(frozen=True)
 class Branch:
-    """One mode followed through the sweep, with its onsets inserted as points of their own.
+    """One mode followed through the sweep; points are the values of the sweep and the onsets of the mode between them.
 
     Attributes
     ----------
     number : int
         As in the column `branch`.
     value : (k,) float
-        Sweep parameter, ascending.
-    frequency_hz : (k,) float
+        The parameter, ascending.
+    frequency_hz : (k,) float, Hz
     re : (k,) float, 1/s
         Growth rate; zero at an onset.
     re_uncertainty : (k,) float, 1/s
-        Numerical plus (where estimated) discretisation uncertainty of `re`; zero where unknown.
+        Uncertainty of `re` by the solver and, if it was estimated, by the mesh; zero where it is unknown.
     unstable : (k,) bool
     onset : (k,) int
-        1 where the point is an onset into instability, −1 out of it, 0 at a sweep value.
+        1 for an onset into instability, −1 for one out of it, 0 for a value of the sweep.
     joined : (k − 1,) bool
-        Whether point i and i + 1 lie next to each other in the sweep (a branch may have holes).
+        Whether points i and i + 1 are neighbours in the sweep; a branch may be missing at some values.
     speed : (k,) float
-        Of an onset: how steeply growth begins there, the column `crossing_speed`; NaN elsewhere.
+        At an onset how steeply growth begins, the column `crossing_speed`; NaN elsewhere.
     rooted : (k,) bool
-        Of an onset: whether growth begins like the square root of the distance, where two modes meet; else like a line.
+        At an onset whether growth begins like the square root of the distance (two modes meet), and not linearly.
     leads : (k,) bool
-        Of an onset: whether the branch is its `branch_a`, to which a window between two onsets is counted.
+        At an onset whether the branch is its `branch_a`. A window between two onsets is drawn on this branch.
     """
 
     number: int
@@ -61,7 +61,7 @@ class Branch:
 
     @property
     def windows(self) -> Bools:
-        """Return (k − 1,) bool: which stretches are windows of instability, between two onsets."""
+        """(k − 1,) bool, which stretches between neighbouring points are windows of instability between two onsets."""
         opens = (self.onset[:-1] == 1) & self.leads[:-1]
         return self.joined & opens & (self.onset[1:] == -1) & self.leads[1:]
 
@@ -72,15 +72,17 @@ class Branch:
 
     @property
     def peak(self) -> int:
-        """Index of the largest growth rate among the unstable points; of a window's start, or of all points, where
-        there are none."""
+        """Position of the unstable point with the largest growth rate.
+
+        Without unstable points it is that of the onset at which a window begins, or else of the largest growth rate.
+        """
         if not self.unstable.any() and self.windows.any():
             return int(np.argmax(self.windows))
         candidates = np.where(self.unstable, self.re, -np.inf) if self.unstable.any() else self.re
         return int(np.argmax(np.where(np.isnan(candidates), -np.inf, candidates)))
 
     def unstable_segments(self) -> Bools:
-        """(k − 1,) bool: which stretches between neighbouring points are unstable throughout."""
+        """Return (k − 1,) bool, which stretches between neighbouring points are unstable throughout."""
         marked = self.unstable | (self.onset != 0)
         inside = self.unstable[:-1] | self.unstable[1:]
         return np.asarray((self.joined & marked[:-1] & marked[1:] & inside) | self.windows)
@@ -92,7 +94,7 @@ def parameter_name(modes: pd.DataFrame) -> str:
 
 
 def figure_text(text: str) -> str:
-    r"""Return a title or name as Matplotlib has to get it: dollars are no mathematics, control characters spelled out.
+    r"""Return a title or name for Matplotlib: dollar signs are escaped, and control characters are spelled out.
 
     Examples
     --------
@@ -103,7 +105,7 @@ def figure_text(text: str) -> str:
 
 
 def parameter_symbol(name: str) -> str:
-    """Return the short name that stands in labels and table heads: `μ`, or the last part of a dotted path.
+    """Return the short name of a parameter for labels and heads of tables: `μ`, or the last part of a dotted path.
 
     Examples
     --------
@@ -114,12 +116,12 @@ def parameter_symbol(name: str) -> str:
 
 
 def value_text(value: float) -> str:
-    """Return a sweep value for a label: two decimals where they are enough (0.6 as 0.60), else up to six digits."""
+    """Return a value of the sweep for a label: with two decimals if they suffice (0.60), else with up to six digits."""
     return f"{value:.2f}" if 0 <= value < 100 and round(value, 2) == value else f"{value:.6g}"
 
 
 def distinct_texts(values: Floats, form: str) -> list[str]:
-    """Return numbers with three decimals ("f") or four digits ("g"), and with as many more as tell them apart.
+    """Return numbers (n,) as texts with three decimals ("f") or four digits ("g"); more if some would look equal.
 
     Examples
     --------
@@ -142,14 +144,14 @@ def frequency_text(frequency_hz: float) -> str:
 
 
 def numbers(frame: pd.DataFrame, column: str) -> Floats:
-    """Return a column as (n,) floats, NaN where it is empty or the whole column is absent."""
+    """Return a column as (n,) float, NaN where it is empty or if the table does not have it."""
     if column not in frame.columns:
         return np.full(len(frame), np.nan)
     return np.asarray(pd.to_numeric(frame[column], errors="coerce").to_numpy(dtype=float, na_value=np.nan))
 
 
 def total_uncertainty(modes: pd.DataFrame) -> Floats:
-    """Return |re_uncertainty| + |re_discretisation| of each row, (n,) 1/s; what is not known counts as zero."""
+    """Return |re_uncertainty| + |re_discretisation| of each row, (n,) float, 1/s; NaN counts as zero."""
     parts = [np.abs(numbers(modes, column)) for column in ("re_uncertainty", "re_discretisation")]
     return np.nansum(parts, axis=0)
 
@@ -193,7 +195,8 @@ def collect_branches(modes: pd.DataFrame, onsets: pd.DataFrame) -> list[Branch]:
         speeds, rooted = np.append(at, speed[mine]), np.append(own, paired[mine])
         leads = np.append(own, partners[mine, 0] == number)
         order = np.argsort(value, kind="stable")
-        # an onset's place lies between those of two sweep values, so that neighbours differ by at most one
+        # Values of the sweep have the places 0, 1, 2, ... and onsets places between them. So two neighbouring points of
+        # a branch are joined if their places differ by at most one.
         place = np.interp(value[order], sweep, np.arange(len(sweep)))
         result.append(Branch(int(number), value[order], frequency[order], re[order], uncertainty[order], grows[order],
                              kind[order], np.diff(place) < 1 + 1e-9, speeds[order], rooted[order], leads[order]))
@@ -201,8 +204,11 @@ def collect_branches(modes: pd.DataFrame, onsets: pd.DataFrame) -> list[Branch]:
 
 
 def find_mirror(branch: Branch, branches: list[Branch], onsets: pd.DataFrame) -> Branch | None:
-    """Return the decaying partner of a growing branch: the one it meets at an onset, else the one that shares its
-    frequency (to 1e-3) where it grows fastest; None where there is no such branch or where the partner grows too."""
+    """Return the decaying partner of a growing branch, or None.
+
+    It is the branch that it meets at an onset, or else the one with the same frequency (to 1e-3) where it grows
+    fastest. A branch that grows itself is no partner.
+    """
     others = {other.number: other for other in branches if not other.grows}
     for a, b in zip(numbers(onsets, "branch_a"), numbers(onsets, "branch_b"), strict=True):
         for own, partner in ((a, b), (b, a)):

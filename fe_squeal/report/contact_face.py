@@ -19,15 +19,17 @@ class ContactFace:
     points : (q, 3) float, m
         Quadrature points.
     normals : (q, 3) float
-        Out of the counterface.
+        Unit normals, out of the counterface.
     directions : (q, 3) float
-        Along the counterface's velocity relative to the pad; zero where nothing slides.
-    weights : (q,) float, m^2
+        Unit vectors along the counterface's velocity relative to the pad; zero where nothing slides.
+    weights : (q,) float, m²
+        Area that each point stands for.
     pressure : (q,) float, Pa
     closed : (q,) bool
+        Whether pad and counterface touch.
     normal_force : float, N
     torque : float, N m
-        Of the friction about the axis of rotation; NaN where there is no such axis.
+        Of the friction forces about the axis of rotation; NaN if there is no such axis.
     """
 
     points: Floats
@@ -41,5 +43,5 @@ class ContactFace:
 
     @property
     def closed_part(self) -> float:
-        """Part of the area that is closed."""
+        """Closed area over the whole area."""
         return float(self.weights[self.closed].sum() / self.weights.sum())

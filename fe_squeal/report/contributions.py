@@ -26,10 +26,10 @@ from fe_squeal.report.terms import ELASTIC, MASS, TermName, term_of
 
 MAX_BRANCHES = 12
 MAX_TERMS = 10
-SMALL = 0.02  # of all shares of a branch; terms below that in every branch are gathered
+SMALL = 0.02  # of the sum of the |shares| of a branch: terms below this in every branch are drawn together as OTHER
 OTHER = "other"
 _OTHER_COLOUR = "0.75"
-# one hue for each kind of term, of which its bodies, contacts or springs are shades
+# Each kind of term has a hue, and its bodies, contacts or springs have shades of it.
 _HUES = {"elastic": "YlGnBu", "contact": "PuRd", "spring": "YlOrBr", "friction": "OrRd", "rayleigh": "YlGn",
          "structural_damping": "BuPu", "friction_damping": "PuBu", "falling_friction": "RdPu",
          "stress_stiffening": "YlGn", "convection": "BuPu"}  # fmt: skip
@@ -117,12 +117,12 @@ def fastest_growing(contributions: pd.DataFrame, modes: pd.DataFrame) -> pd.Data
     """
     unstable = contributions[["value", "mode"]].drop_duplicates()
     rows = modes.merge(unstable, on=["value", "mode"]).sort_values("re", ascending=False, kind="stable")
-    # a mode without a branch number stands for itself
+    # A mode without a branch number is a branch of its own.
     return rows[~rows.duplicated("branch") | rows["branch"].isna()].reset_index(drop=True)
 
 
 def gather_small(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Part the columns of shares into those worth a colour of their own and the rest; all-zero columns are dropped.
+    """Split the columns of shares into those with a colour of their own and the small ones; zero columns are dropped.
 
     Examples
     --------
@@ -135,13 +135,13 @@ def gather_small(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     order = weight[weight > 0].sort_values(ascending=False, kind="stable")
     count = min(int((order >= SMALL).sum()), MAX_TERMS)
     if len(order) - count == 1 and count < MAX_TERMS:
-        count += 1  # a single small term may as well have its name
+        count += 1  # a single small term is shown with its own name
     kept = [name for name in table.columns if name in order.index[:count]]
     return table[kept], table[[name for name in table.columns if name in order.index[count:]]]
 
 
 def _table(terms: pd.DataFrame, shown: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Return one row for each row of `shown` and one column for each term, kinds of terms side by side."""
+    """Return a table with a row for each row of `shown` and a column for each term, ordered by the kind of term."""
     names = [str(name) for name in terms.loc[terms[column].notna(), "term"].unique()]
     kinds = list(dict.fromkeys(term_of(name).kind for name in names))
     names = sorted(names, key=lambda name: kinds.index(term_of(name).kind))
@@ -196,7 +196,7 @@ def _colours(names: Iterable[str]) -> dict[str, Any]:
     for kind in dict.fromkeys(term_of(key).kind for key in keys):
         members = [key for key in keys if term_of(key).kind == kind]
         hue = _HUES.get(kind) or next(more)
-        # the ends of the colour maps are near black and near white
+        # The ends of the colour maps are nearly black and nearly white, and are not used.
         colours |= dict(zip(members, colormaps[hue](np.linspace(0.8, 0.3, len(members))), strict=True))
     return colours
 
@@ -210,7 +210,7 @@ def _legend_keys(tables: list[tuple[pd.DataFrame, pd.DataFrame]], colours: Mappi
     names = dict.fromkeys(str(name) for main, _ in tables for name in main.columns)
     labels: dict[str, str] = {}
     for name in names:
-        # a body stands once for both energies: elastic/mass.disc
+        # A body has one entry for both energies, such as elastic/mass.disc.
         key = _colour_key(name)
         labels[key] = f"elastic/{name}" if key in names and key != name else name
         if len(labels[key]) > 56:
@@ -222,7 +222,7 @@ def _legend_keys(tables: list[tuple[pd.DataFrame, pd.DataFrame]], colours: Mappi
 
 
 def _column_count(keys: list[Any], inches: float) -> int:
-    # 0.07 in is a letter of 9 pt, 0.5 in the patch with the gaps beside it
+    # A letter of 9 pt is about 0.07 in wide; the patch with the gaps beside it 0.5 in.
     longest = 0.07 * max(len(key.get_label()) for key in keys) + 0.5
     return int(np.clip(inches // longest, 1, 4))
 
@@ -231,7 +231,7 @@ def _draw_legend(axes: Axes, keys: list[Any], columns: int) -> None:
     axes.set_axis_off()
     legend = axes.legend(handles=keys, ncols=columns, loc="upper left", borderaxespad=0.0, fontsize=9, frameon=False,
                          handlelength=1.4, columnspacing=1.4)
-    legend.set_in_layout(False)  # its row of the grid has room for it; the panels must not shrink for a wide one
+    legend.set_in_layout(False)  # the legend has a row of the grid to itself; a wide one must not make panels narrower
 
 
 def _empty_figure(title: str) -> Figure:

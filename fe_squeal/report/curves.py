@@ -1,4 +1,4 @@
-"""Curves of branches in figures: stable and unstable stretches, growth rates, and limits of axes."""
+"""Draw the curves of branches: stable and unstable stretches, growth rates, and limits of axes."""
 
 from __future__ import annotations
 
@@ -12,19 +12,25 @@ from matplotlib.collections import LineCollection
 from fe_squeal.report.branches import Branch, Floats, find_mirror
 from fe_squeal.report.growth import growth_curves, segments
 
-_DEPTH = 1.5  # times the largest growth rate: how far below zero the axis goes
+_DEPTH = 1.5  # times the largest growth rate: the axis of growth rates goes so far below zero
 
 
 def draw_stretches(
     axes: Axes, branch: Branch, y: Floats, style: dict[str, Any] | None, curves: list[Floats] | None = None
 ) -> None:
-    """Draw one branch: thin grey where stable, in its style where unstable, markers where a point stands alone.
+    """Draw a branch: thin and grey where it is stable, in its own style where it is unstable; single points as markers.
 
     Parameters
     ----------
+    axes : Axes
+    branch : Branch
+        With k points.
     y : (k,) float
+        What is drawn over the parameter.
+    style : dict, optional
+        Matplotlib's properties of the unstable stretches; None to leave these out.
     curves : list of (m, 2) float, optional
-        What is drawn from point i to i + 1; straight lines by default.
+        The curve from point i to i + 1, for each i; straight lines by default.
     """
     curves = list(segments(np.column_stack([branch.value, y]))) if curves is None else curves
     shown = [curve for curve, joined in zip(curves, branch.joined, strict=True) if joined]
@@ -35,7 +41,7 @@ def draw_stretches(
     if style is None:
         return
     inside = branch.unstable_segments()
-    # one polyline for each run of neighbouring segments, so that a dash pattern is not restarted at each point
+    # Neighbouring segments are drawn as one polyline, so that a dash pattern does not start anew at each point.
     for run in np.split(np.flatnonzero(inside), np.flatnonzero(np.diff(np.flatnonzero(inside)) > 1) + 1):
         if len(run):
             line = np.concatenate([curves[run[0]][:1], *(curves[i][1:] for i in run)])
@@ -47,7 +53,7 @@ def draw_stretches(
 def draw_growth(
     axes: Axes, branches: list[Branch], growing: list[Branch], styles: dict[int, dict[str, Any]], onsets: pd.DataFrame
 ) -> None:
-    """Draw the growth rates of the branches that grow, with their mirrors, or that of the least stable one."""
+    """Draw the growth rates of the branches that grow, with their decaying partners; without any, the largest Re λ."""
     axes.axhline(0.0, color="0.3", lw=0.9, zorder=1)
     if not growing:
         _draw_least_stable(axes, branches)
@@ -59,7 +65,7 @@ def draw_growth(
             curves.append((mirror, styles[branch.number], False))
     shapes = [growth_curves(branch) for branch, _, _ in curves]
     heights = np.concatenate([curve[:, 1] for shape in shapes for curve in shape] + [b.re for b, _, _ in curves])
-    # The axis is that of the growing modes: one that decays a thousand times as fast would flatten them to a line.
+    # The growing modes set the range of the axis: a mode that decays a thousand times as fast would flatten them.
     top = float(np.nanmax(heights))
     low, high = padded(np.maximum(heights, -_DEPTH * top) if top > 0 else heights)
     for (branch, style, grows), shape in zip(curves, shapes, strict=True):
@@ -73,7 +79,7 @@ def draw_growth(
         if branch.re_uncertainty.max(initial=0.0) > 0.004 * (high - low):
             lower, upper = branch.re - branch.re_uncertainty, branch.re + branch.re_uncertainty
             if len(branch.value) > 1:
-                # NaN where the branch has a hole, so that the band has it too
+                # NaN where the branch is interrupted, so that the band is interrupted there too.
                 hole = np.append(~branch.joined, False)
                 axes.fill_between(branch.value, np.where(hole, np.nan, lower), np.where(hole, np.nan, upper),
                                   color=style["color"], alpha=0.2, lw=0, zorder=2)
@@ -86,7 +92,7 @@ def draw_growth(
 
 
 def _draw_least_stable(axes: Axes, branches: list[Branch]) -> None:
-    """Without an unstable mode: draw the largest Re λ at each value, which shows how near it comes to instability."""
+    """Draw the largest Re λ at each value, where no mode is unstable: it shows how close to instability a design is."""
     axes.text(0.5, 0.82, "no unstable mode in this sweep", transform=axes.transAxes, ha="center", va="center",
               fontsize=12, color="0.25")
     if not branches:
@@ -107,7 +113,7 @@ def _draw_least_stable(axes: Axes, branches: list[Branch]) -> None:
 
 
 def padded(values: Floats, floor: float | None = None) -> tuple[float, float]:
-    """Return limits a little beyond the values, never empty and, given `floor`, hardly below it."""
+    """Return limits a little beyond the values (n,), never equal and, if `floor` is given, hardly below it."""
     values = values[np.isfinite(values)]
     if not len(values):
         return 0.0, 1.0

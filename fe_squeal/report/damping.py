@@ -1,4 +1,4 @@
-"""Damping ratio against frequency: the picture by which brake engineers know a squealing mode."""
+"""Damping ratio against frequency: the usual picture of the modes of a brake at one value of the parameter."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fe_squeal.report.branches import figure_text, frequency_text, numbers, para
 from fe_squeal.report.labels import place_labels
 from fe_squeal.report.notebook import NotebookFigure
 
-_LABELLED = 12  # unstable modes with a label
+_LABELLED = 12  # unstable modes with a label, at most
 
 
 def damping_figure(modes: pd.DataFrame, value: float | None = None, title: str = "") -> Figure:

@@ -1,4 +1,4 @@
-"""Picture of two or more designs side by side."""
+"""Figure of two or more designs side by side."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from fe_squeal.report.branches import figure_text, frequency_text
 from fe_squeal.report.differences import GONE, NEW
 from fe_squeal.report.files import save_figure
 
-_MOST = 30  # modes in one picture
+_MOST = 30  # modes in one figure, at most
 _BEFORE, _AFTER = "0.45", "tab:red"
 
 
 def plot_differences(table: pd.DataFrame, path: str | os.PathLike[str], symbol: str, title: str = "") -> Path:
-    """Draw onset and largest growth of each mode before and after, with their bars; what is gone or new is marked."""
+    """Draw onset and largest growth of each mode before and after, with error bars; modes gone or new are marked."""
     shown = table.iloc[:_MOST]
     figure = Figure(figsize=(12, 1.8 + 0.42 * max(len(shown), 1)), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
@@ -60,5 +60,5 @@ def _draw(axes: Axes, table: pd.DataFrame, name: str) -> None:
     bar, y = table[f"{name}_bar"].to_numpy(float), np.arange(len(table))
     both = np.isfinite(before) & np.isfinite(after)
     axes.hlines(y[both], before[both], after[both], color="0.7", lw=1.2, zorder=1)
-    axes.plot(before, y, "o", mfc="none", mec=_BEFORE, mew=1.4, ms=11, zorder=3)  # around what did not change
+    axes.plot(before, y, "o", mfc="none", mec=_BEFORE, mew=1.4, ms=11, zorder=3)  # visible around an equal one after
     axes.errorbar(after, y, xerr=np.nan_to_num(bar), fmt="o", color=_AFTER, ms=6, capsize=3, lw=1.0, zorder=2)

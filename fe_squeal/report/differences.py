@@ -1,4 +1,4 @@
-"""What became better or worse from one design to another: modes paired by shape, changes beside their bars."""
+"""Compare two designs: modes are paired by shape, and changes are held against their errors."""
 
 from __future__ import annotations
 
@@ -23,10 +23,23 @@ PAIRED, GONE, NEW = "paired", "gone", "new"
 
 
 def compare_designs(a: Results, b: Results, names: tuple[str, str]) -> tuple[pd.DataFrame, list[str]]:
-    """Return a row for each unstable mode of two designs, pairs first, and sentences on what could not be compared.
+    """Return a table with a row for each unstable mode of two designs, and sentences on what could not be compared.
 
-    A change exceeds its bar where it is larger than the errors of both numbers together: of the solver, and of the
-    mesh where that is known.
+    Pairs come first, then modes that only one design has. A change "exceeds" if it is larger than the errors of both
+    numbers together, by the solver and, if known, by the mesh.
+
+    Parameters
+    ----------
+    a, b : Results
+        The two designs, before and after.
+    names : (str, str)
+        What they are called.
+
+    Returns
+    -------
+    DataFrame
+        With the columns `COLUMNS`.
+    list of str
     """
     first, second = unstable_branches(a), unstable_branches(b)
     pairs, said = _pairs(a, b, names, list(first), list(second))
@@ -42,7 +55,7 @@ def compare_designs(a: Results, b: Results, names: tuple[str, str]) -> tuple[pd.
 
 
 def unstable_branches(results: Results) -> dict[int, dict[str, Any]]:
-    """Return by branch number the row of modes.csv where it grows fastest, with its bars and its first onset."""
+    """Return, by branch, the row of modes.csv where it grows fastest, with the errors and the first onset added."""
     modes, onsets = results.modes, results.onsets
     if "branch" not in modes:
         return {}
@@ -71,7 +84,7 @@ def _first_onset(onsets: pd.DataFrame, branch: float) -> tuple[float, float]:
 def _pairs(
     a: Results, b: Results, names: tuple[str, str], first: list[int], second: list[int]
 ) -> tuple[list[tuple[int, int, float]], list[str]]:
-    """Return pairs of branches with their MAC, of those whose shapes were written."""
+    """Return pairs of branches with their MAC, of those branches whose shapes were written."""
     said = []
     for results, name in ((a, names[0]), (b, names[1])):
         if results.grid is None or not results.shapes:
@@ -98,7 +111,7 @@ def _pairs(
 
 
 def _written(results: Results, branches: list[int]) -> dict[int, int]:
-    """Return by branch the position of its shape where it grows fastest."""
+    """Return, by branch, the position in `results.shapes` of its shape where it grows fastest."""
     found: dict[int, int] = {}
     for k, shape in enumerate(results.shapes):
         branch = shape.info.get("branch")

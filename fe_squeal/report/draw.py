@@ -1,8 +1,8 @@
 """Draw mode shapes with VTK, off screen: `python -m fe_squeal.report.draw` reads a list of jobs from standard input.
 
-Run by `fe_squeal.report.pictures`, as a process of its own, which VTK may end without harm. The jobs are JSON,
-`[{"shape": .vtu, "picture": .png, "title": ..., "axis": [x, y, z]}, ...]`; each picture that is complete is
-announced by a line `drawn <index>`.
+`fe_squeal.report.pictures` runs it as a process of its own, since VTK ends the process where it cannot draw. The jobs
+are JSON, `[{"shape": .vtu, "picture": .png, "title": ..., "axis": [x, y, z]}, ...]`. When a picture is complete, the
+line `drawn <index>` is printed.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def draw_file(shape: Path, picture: Path, title: str, axis: list[float]) -> None
     figure, left, right = compose_figure(title, names_in(grid, "body")[main], limit, axis)
     left.imshow(_oblique_view(grid, real * VISIBLE * size), interpolation="antialiased")
     right.imshow(_axial_view(grid, body, main, limit), interpolation="antialiased")
-    figure.savefig(picture)  # under the name of an unfinished file: the run puts it in its place
+    figure.savefig(picture)  # the caller gives the name of an unfinished file, and renames it
 
 
 def _oblique_view(grid: Any, displacement: NDArray[np.float64]) -> NDArray[np.uint8]:
@@ -66,9 +66,9 @@ def _axial_view(grid: Any, body: NDArray[np.int64], main: int, limit: float) -> 
     plotter.add_mesh(surface, scalars="u_n", clim=(-limit, limit), cmap=NORMAL_COLOURS, show_scalar_bar=False,
                      lighting=False)
     plotter.add_mesh(_edges(surface), color="dimgray", line_width=1.0)
-    lift = np.array([0.0, 0.0, 0.02 * grid.length])  # lines in front of the surface that they lie on
+    lift = np.array([0.0, 0.0, 0.02 * grid.length])  # moves lines a little in front of their surface
     u_n = surface.point_data["u_n"]
-    if u_n.min() < 0 < u_n.max() and np.ptp(u_n) > 1e-3:  # a body that moves to one side has no nodal lines
+    if u_n.min() < 0 < u_n.max() and np.ptp(u_n) > 1e-3:  # a body that moves to one side only has no nodal lines
         triangles = surface.triangulate().faces.reshape(-1, 4)[:, 1:]
         moving = moving_triangles(np.asarray(surface.points), triangles, u_n, surface.point_data["amplitude"])
         crossed = pyvista.PolyData.from_regular_faces(surface.points, triangles[moving])
@@ -101,7 +101,7 @@ def _edges(grid: Any) -> Any:
 
 
 def _shoot(plotter: Any, towards: tuple[float, float, float], up: tuple[float, float, float]) -> NDArray[np.uint8]:
-    """Return the picture seen from the direction `towards`, cropped to what is not white."""
+    """Return the picture seen from the direction `towards`, cropped to the part that is not white."""
     plotter.view_vector(towards, viewup=up)
     plotter.reset_camera()
     image: NDArray[np.uint8] = np.asarray(plotter.screenshot(None, return_img=True))[..., :3]
@@ -118,7 +118,7 @@ def main() -> None:
     pyvista.OFF_SCREEN = True
     jobs = json.load(sys.stdin)
     for i, job in enumerate(jobs):
-        print("drawing", i, flush=True)  # fails where the run that asked for it was killed
+        print("drawing", i, flush=True)  # raises, and so ends this process, if the run that asked for it was killed
         draw_file(Path(job["shape"]), Path(job["picture"]), job["title"], job["axis"])
         print("drawn", i, flush=True)
 

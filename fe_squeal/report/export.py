@@ -1,4 +1,4 @@
-"""All files of the mode shapes of a run."""
+"""Write all files of the mode shapes of a run."""
 
 from __future__ import annotations
 
@@ -29,15 +29,19 @@ def export_shapes(
 
     Parameters
     ----------
+    grid : ShapeGrid
+        With n points.
     shapes : sequence of (name, u, info)
-        `name` as from `shape_name`, each once; `u` (n, 3) complex; `info` has the keys `parameter`, `value`, `mode`,
-        `branch`, `re`, `im` (rad/s), `frequency_hz` of the mode's row in `modes.csv`, as far as they are known.
-    folder : path
-        Made where it is missing.
+        `name` as from `shape_name`, all different; `u` (n, 3) complex; `info` with the entries `parameter`, `value`,
+        `mode`, `branch`, `re`, `im` (rad/s), `frequency_hz` of the mode's row in `modes.csv`, as far as they are known.
+    folder : str or Path
+        It is made if it is missing.
     animate, pictures : bool
         Whether to write the .pvd with its frames, and the .png.
-    axis : (3,)
-        Axis of the disc, or normal of the belt: the direction of the second view.
+    frames : int
+        Number of frames in a period.
+    axis : (3,) float
+        Axis of the disc, or normal of the belt: the direction of the second view of a picture.
 
     Returns
     -------

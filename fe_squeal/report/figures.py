@@ -36,9 +36,9 @@ from fe_squeal.report.notebook import NotebookFigure
 
 MAX_LABELLED_ONSETS = 12
 MAX_LEGEND_ENTRIES = 26
-MAX_MEASURED = 8  # frequencies with an entry in the legend
-MAX_DESCRIBED = 12  # branches in the legend that have a second line: what they look like
-# mode coupling into and out of instability, and divergence, are told apart by the marker
+MAX_MEASURED = 8  # measured frequencies with an entry in the legend, at most
+MAX_DESCRIBED = 12  # if there are more branches in the legend, the line on what each looks like is left out
+# Onsets of flutter into and out of instability, and of divergence, have different markers.
 _MARKERS = {("flutter", "into"): ("o", "black"), ("flutter", "out of"): ("o", "white"),
             ("divergence", "into"): ("s", "black"), ("divergence", "out of"): ("s", "white")}
 
@@ -106,7 +106,7 @@ def stability_figure(
     _draw_legend(top, growing, styles, markers, modes)
 
     figure.align_ylabels([top, bottom])
-    canvas.draw()  # settles the layout, which the labels need in pixels
+    canvas.draw()  # fixes the layout: the places of the labels are found in pixels
     figure.set_layout_engine("none")
     if 0 < len(onsets) <= MAX_LABELLED_ONSETS:
         _label_onsets(top, canvas, branches, onsets, parameter_name(modes), per_unit)
@@ -119,8 +119,8 @@ def plot_root_locus(
 ) -> Path:  # fmt: skip
     """Draw the eigenvalues in the λ plane, Re λ in 1/s against Im λ/2π, coloured by the sweep parameter.
 
-    The unstable half plane is shaded, onsets are marked. Real eigenvalues far outside of the oscillating ones are
-    counted in a note instead of squeezing the rest into a line.
+    The unstable half plane is shaded, onsets are marked. Real eigenvalues far outside of the range of the others are
+    not shown but counted in a note, since the others would be squeezed into a line.
 
     Parameters
     ----------
@@ -128,8 +128,8 @@ def plot_root_locus(
         As in `modes.csv` and `onsets.csv`; `onsets` may be empty.
     path : path
         Where to write; the suffix chooses the format.
-    covered_hz, measured : optional
-        As of `plot_stability`.
+    title, covered_hz, measured
+        As for `plot_stability`.
     """
     unit, per_unit = frequency_unit(modes)
     value, re, frequency = numbers(modes, "value"), numbers(modes, "re"), numbers(modes, "frequency_hz")
@@ -168,7 +168,7 @@ def plot_root_locus(
 
 
 def _mark_range(axes: Axes, covered_hz: float | None, per_unit: float) -> None:
-    """Draw a line at the frequency up to which all modes are known; above it they were not looked for."""
+    """Draw a line at the frequency up to which all modes are known; above it modes were not solved for."""
     if covered_hz is None:
         return
     low, high = axes.get_ylim()
@@ -179,7 +179,7 @@ def _mark_range(axes: Axes, covered_hz: float | None, per_unit: float) -> None:
 
 
 def _mark_measured(axes: Axes, measured: Sequence[tuple[float, str]], per_unit: float) -> list[Line2D]:
-    """Draw measured frequencies as dotted lines across; return legend handles, for a label on a line hides others."""
+    """Draw measured frequencies as dotted lines; return entries for the legend, since labels on lines hide others."""
     handles = []
     for i, (hz, label) in enumerate(sorted(measured, reverse=True)):
         low, high = axes.get_ylim()
@@ -195,7 +195,7 @@ def _mark_measured(axes: Axes, measured: Sequence[tuple[float, str]], per_unit: 
 
 
 def _mark_onsets(axes: Axes, onsets: pd.DataFrame, x: Floats, y: Floats, size: float = 6.0) -> list[Line2D]:
-    """Draw the onsets and return one legend handle for each sort that occurs."""
+    """Draw the onsets, and return an entry for the legend for each kind that occurs."""
     handles = []
     kinds = onsets["kind"] if "kind" in onsets else pd.Series("flutter", index=onsets.index)
     directions = onsets["direction"] if "direction" in onsets else pd.Series("into", index=onsets.index)
@@ -244,7 +244,7 @@ def _draw_legend(
 
 
 def _looks(modes: pd.DataFrame, branch: Branch) -> str:
-    """Return what a branch looks like where it grows fastest; "" where that is not known."""
+    """Return, in words, what a branch looks like where it grows fastest; "" if that is not known."""
     rows = modes[(numbers(modes, "branch") == branch.number) & (numbers(modes, "value") == branch.value[branch.peak])]
     if not len(rows):
         return ""

@@ -1,4 +1,4 @@
-"""Files that are either complete or absent: an interrupted run never leaves half a table behind."""
+"""Write files so that they are either complete or absent: an interrupted run never leaves half a table behind."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Owner(Protocol):
-    """What decides which files of a folder may be replaced, such as its manifest."""
+    """Decides which files of a folder may be replaced; the manifest of a folder of results does."""
 
     folder: Path
     token: str
@@ -31,15 +31,15 @@ class Owner(Protocol):
         """Make the folder of a file that is about to be written."""
 
     def admit(self, path: Path, temporary: Path) -> None:
-        """Allow that a temporary file takes the place of `path`, or raise OutputError."""
+        """Allow that a temporary file is renamed to `path`, or raise OutputError."""
 
 
-_owners: list[Owner] = []  # the innermost last
+_owners: list[Owner] = []  # of the blocks of `owned_by`, the innermost last
 
 
 @contextmanager
 def owned_by(owner: Owner) -> Iterator[None]:
-    """Ask an owner about every file that is written into its folder inside the block."""
+    """During the block, ask an owner about every file before it is written into the owner's folder."""
     _owners.append(owner)
     try:
         yield
@@ -53,7 +53,7 @@ def _owner_of(path: Path) -> Owner | None:
 
 
 def temporary_path(path: Path) -> Path:
-    """Return the name under which a file is written until it is whole: beside it, with its suffix and hard to guess."""
+    """Return the name under which a file is written until it is complete: beside it, random, with the same suffix."""
     owner = _owner_of(path)
     token = owner.token if owner is not None else secrets.token_hex(8)
     return path.with_name(f".{path.stem}.{token}.partial{path.suffix}")
@@ -61,10 +61,10 @@ def temporary_path(path: Path) -> Path:
 
 @contextmanager
 def replace_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path in the folder of `path`; it takes the place of `path` when the block ends well.
+    """Yield a temporary path in the folder of `path`; the file there is renamed to `path` when the block ends.
 
-    The temporary name keeps the suffix, by which Matplotlib and VTK choose the format. Where the block raises,
-    nothing is left behind and an older `path` stays as it was.
+    The temporary name has the same suffix, since Matplotlib and VTK choose the format by it. If the block raises, the
+    temporary file is removed, and an older file at `path` stays as it was.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def replace_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
     finally:
-        with suppress(OSError):  # it may not have been made
+        with suppress(OSError):  # the block may not have made the file
             temporary.unlink(missing_ok=True)
 
 
@@ -115,7 +115,7 @@ def write_csv(frame: pd.DataFrame, path: str | os.PathLike[str]) -> Path:
     words = [name for name in frame.columns if frame[name].dtype.kind not in "fiubc"]
     frame = frame.assign(**{name: frame[name].map(_printable) for name in words}).rename(columns=_printable)
     with replace_atomically(path) as temporary:
-        # pandas writes the shortest decimal that reads back as the same float; it quotes a line that is all empty
+        # pandas writes the shortest decimal that is read as the same float, and quotes a line that is all empty.
         frame.to_csv(temporary, index=False, encoding="utf-8", lineterminator="\n")
     return path
 
@@ -170,7 +170,7 @@ def _plain(data: Any) -> Any:
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
-    """Write a figure atomically and return its path; the suffix chooses the format."""
+    """Write a figure by `replace_atomically` and return its path; the suffix chooses the format."""
     path = Path(path)
     with replace_atomically(path) as temporary:
         figure.savefig(temporary)

@@ -1,9 +1,9 @@
 """Draw the frames of a moving shape with VTK, off screen: `python -m fe_squeal.report.frames` reads a job from
 standard input.
 
-Run by `fe_squeal.report.animation`, as a process of its own, which VTK may end without harm. The job is JSON,
-`{"shape": .vtu, "folder": ..., "count": ..., "axis": [x, y, z], "scale": ...}`; frame k of a period becomes
-`folder/k.png`.
+`fe_squeal.report.animation` runs it as a process of its own, since VTK ends the process where it cannot draw. The job
+is JSON, `{"shape": .vtu, "folder": ..., "count": ..., "axis": [x, y, z], "scale": ...}`; frame k of a period is written
+to `folder/k.png`.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def draw_frames(shape: Path, folder: Path, count: int, axis: list[float], scale:
         if k == 0:
             plotter.view_vector(_TOWARDS, viewup=(0.0, 0.0, 1.0))
             plotter.reset_camera(bounds=bounds.ravel().tolist())
-            plotter.camera.zoom(1.35)  # VTK leaves room for a ball around the bounds
+            plotter.camera.zoom(1.35)  # VTK fits a ball around the bounds into the picture, which is too small
         plotter.screenshot(str(folder / f"{k}.png"))
     plotter.close()
 

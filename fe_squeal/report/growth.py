@@ -1,4 +1,4 @@
-"""Curves of the growth rate between the values of a sweep, where they begin or end at an onset."""
+"""Curves of the growth rate between the points of a branch: values of the sweep, and onsets."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import numpy as np
 
 from fe_squeal.report.branches import Branch, Floats
 
-_DENSE = np.linspace(0.0, 1.0, 33)  # of a step: where a curve is drawn from an onset on
+_DENSE = np.linspace(0.0, 1.0, 33)  # of a step: points at which a curve is evaluated
 
 
 def growth_curves(branch: Branch) -> list[Floats]:
-    """Return the curve of the growth rate from each point of a branch to the next, (m, 2): parameter and Re λ in 1/s.
+    """Return the curve of the growth rate from each point of a branch to the next, (m, 2): parameter, and Re λ in 1/s.
 
-    From an onset on it is c√s/(1 + βs) where two modes meet there and cs/(1 + βs) elsewhere, s the distance from the
-    onset and c its crossing speed; β follows from the next value. A window between two onsets is closed by both, as
-    c√(s(w − s)/w) or c s(w − s)/w with w its width. Between two values of a branch that has met another
-    (Re λ)² is a straight line, as it is beyond a square root; other points are joined by straight lines.
+    With s the distance from an onset and c its crossing speed, growth from an onset to the next value is c√s/(1 + βs)
+    if two modes meet there, and cs/(1 + βs) otherwise; β is such that the curve ends at the next value. In a window of
+    width w between two onsets it is c√(s(w − s)/w) or c s(w − s)/w. Between two values of a branch that has met another
+    one (Re λ)² is linear, as it is beyond a square root. All other points are joined by straight lines.
     """
     points = np.column_stack([branch.value, branch.re])
     curves = list(segments(points))
@@ -42,7 +42,7 @@ def growth_curves(branch: Branch) -> list[Floats]:
 
 
 def _is_rooted(branch: Branch, i: int, width: float, last: float) -> bool:
-    """Whether growth begins with a square root at onset i; of a divergence, whichever fits the next value."""
+    """Return whether growth begins like a square root at onset i; for divergence the law that fits the next value."""
     if branch.frequency_hz[i] or not (branch.speed[i] > 0 and last):
         return bool(branch.rooted[i])
     root, line = (abs(np.log(branch.speed[i] * width**power / abs(last))) for power in (0.5, 1.0))
@@ -50,8 +50,8 @@ def _is_rooted(branch: Branch, i: int, width: float, last: float) -> bool:
 
 
 def _beginning(width: float, last: float, speed: float, rooted: bool) -> tuple[Floats, Floats]:
-    """Return distances from an onset up to a width and the growth there, with the value `last` at the end."""
-    s = width * _DENSE**2  # closer together where a root is steep
+    """Return distances from an onset, up to a width, and the growth rates there; the last one is `last`."""
+    s = width * _DENSE**2  # points are closer together near the onset, where a square root is steep
     first = np.sqrt(s) if rooted else s
     if not (np.isfinite(speed) and speed > 0 and width > 0 and last):
         return s[[0, -1]], np.array([0.0, last])
@@ -60,5 +60,5 @@ def _beginning(width: float, last: float, speed: float, rooted: bool) -> tuple[F
 
 
 def segments(points: Floats) -> Floats:
-    """Return (k − 1, 2, 2): the segments between neighbouring points, (k, 2)."""
+    """Return the segments (k − 1, 2, 2) between neighbouring points (k, 2)."""
     return np.stack([points[:-1], points[1:]], axis=1)

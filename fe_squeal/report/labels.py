@@ -11,9 +11,9 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
-_DISTANCES = (10, 20, 34, 52, 75, 105)  # pt, from the point to the nearest corner or edge of the label
-_CLOSE = 75.0  # pt: points nearer to each other could be taken for each other's
-_BESIDE_ANOTHER = 40.0  # pt: cost of a place that is nearer to another point than to the label's own
+_DISTANCES = (10, 20, 34, 52, 75, 105)  # pt: distances of a label from its point that are tried
+_CLOSE = 75.0  # pt: labels of points closer together than this could be confused, and keep the order of their points
+_BESIDE_ANOTHER = 40.0  # pt of distance: the cost of a place that is nearer to another point than to the label's own
 _DIRECTIONS = (45, 135, 315, 225, 90, 270, 20, 160, 340, 200)  # degrees
 
 
@@ -24,28 +24,32 @@ def place_labels(
     texts: Sequence[str],
     avoid: NDArray[np.float64],
 ) -> list[Annotation]:
-    """Write each text beside its point and return those that found room.
+    """Write each text beside its point, and return the labels that found a place.
 
-    Greedy: each label takes the cheapest of sixty places that lie inside the axes, clear of all points and of the
-    labels before it; a place costs its distance and something for each sample of `avoid` that it covers. Labels of
-    points close together stand in the order of their points, and no line to a label crosses that of another or runs
-    over another's point, so that none can be taken for the other. A text without any room is left out rather than
-    drawn over another. The layout of the figure must be final (drawn
-    once, layout engine off), since the places are found in pixels.
+    One label after the other takes the cheapest of sixty places that are inside the axes and cover no point and no
+    label placed before. The cost of a place is its distance from the point, and more for each sample of `avoid` that it
+    covers. So that labels cannot be confused, those of points close together keep the order of the points, and no line
+    from a point to its label crosses another such line or another point. A text without any such place is left out. The
+    layout of the figure has to be final (drawn once, layout engine off), since places are found in pixels.
 
     Parameters
     ----------
-    points : (n, 2), data coordinates
-    avoid : (m, 2), data coordinates
-        Samples of the curves that a label should rather not cover.
+    axes : Axes
+    canvas : FigureCanvasAgg
+        Of the figure.
+    points : (n, 2) float
+        In data coordinates.
+    texts : n str
+    avoid : (m, 2) float
+        Samples, in data coordinates, of curves that labels should not cover.
     """
     scale = axes.figure.dpi / 72.0
-    frame = axes.get_window_extent().padded(-3 * scale)  # the label's own box is larger than its text
+    frame = axes.get_window_extent().padded(-3 * scale)  # the box of a label is larger than its text
     pixels = axes.transData.transform(np.asarray(points, dtype=float).reshape(-1, 2))
     curves = axes.transData.transform(avoid)
     taken = [Bbox.from_bounds(x - 4 * scale, y - 4 * scale, 8 * scale, 8 * scale) for x, y in pixels]
     placed: list[Annotation] = []
-    leaders: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []  # point and middle of the label, of each placed
+    leaders: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []  # of each placed label: its point, its middle
     for i, (point, pixel, text) in enumerate(zip(points, pixels, texts, strict=True)):
         others = np.delete(pixels, i, axis=0)
         label = axes.annotate(
@@ -53,7 +57,7 @@ def place_labels(
             bbox={"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none"},
             arrowprops={"arrowstyle": "-", "lw": 0.6, "color": "0.3", "shrinkA": 0, "shrinkB": 3},
         )
-        # the extent of an annotation spans its arrow too; with the text on the point only the text counts
+        # The extent of an annotation includes its arrow. With the text on the point it is that of the text alone.
         extent = label.get_window_extent(canvas.get_renderer())
         size = np.array([extent.width, extent.height])
         best = (np.inf, np.zeros(2))
@@ -80,7 +84,7 @@ def place_labels(
 
 
 def _distance(box: Bbox, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how far points (n, 2) are from a box, (n,) pixels."""
+    """Return the distances (n,), pixels, of points (n, 2) from a box."""
     return np.asarray(np.hypot(*np.maximum(np.maximum(box.min - points, points - box.max), 0.0).T))
 
 
@@ -88,7 +92,7 @@ def _misleads(
     pixel: NDArray[np.float64], middle: NDArray[np.float64],
     leaders: list[tuple[NDArray[np.float64], NDArray[np.float64]]], others: NDArray[np.float64], scale: float,
 ) -> bool:  # fmt: skip
-    """Whether a label with its middle there could be taken for that of another point."""
+    """Return whether a label with its middle at `middle` could be taken for that of another point."""
     for point, label in leaders:
         apart = pixel - point
         if np.hypot(*apart) < _CLOSE * scale and (middle - label) @ apart < 0:
@@ -104,7 +108,7 @@ def _misleads(
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64], d: NDArray[np.float64]) -> bool:
-    """Whether the segments from a to b and from c to d cross."""
+    """Return whether the segments from a to b and from c to d cross."""
 
     def side(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64]) -> float:
         return float((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]))
@@ -113,11 +117,11 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64
 
 
 def _places(size: NDArray[np.float64], scale: float) -> Iterator[tuple[float, NDArray[np.float64]]]:
-    """Yield (distance in pt, lower left corner relative to the point in pixels) of each place to try."""
+    """Yield the places to try: distance, pt, and lower left corner of the label relative to its point, pixels."""
     for distance in _DISTANCES:
         for degrees in _DIRECTIONS:
             x, y = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-            # the label hangs from the point by its corner, or by the middle of an edge straight above and below
+            # The nearest corner of the label is at the distance; straight above and below the middle of its edge is.
             anchor = np.array([0.0 if x > 0.1 else 1.0 if x < -0.1 else 0.5, 0.0 if y > 0 else 1.0])
             yield float(distance), distance * scale * np.array([x, y]) - anchor * size
 

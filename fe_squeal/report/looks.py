@@ -1,4 +1,4 @@
-"""What a mode looks like, in words: from its row in modes.csv."""
+"""Describe in words what a mode looks like, from its row in modes.csv."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import pandas as pd
 from fe_squeal.errors import one_line
 from fe_squeal.report.branches import frequency_text
 
-STANDING, RUNNING = 0.2, 0.8  # of `travelling`: up to where a shape counts as standing, from where as running
-PURE = 0.9  # share of a number of nodal diameters from which on the second one is not worth a word
+STANDING, RUNNING = 0.2, 0.8  # |travelling|: a shape up to the first is called standing, from the second on running
+PURE = 0.9  # share of the first number of nodal diameters: from here on the second number is not mentioned
 
 
 def entry(row: Mapping[Any, Any], name: str) -> Any:
-    """Return an entry of a row; None where it is empty, or where there is no such column (in older tables)."""
+    """Return an entry of a row; None if it is empty or the table has no such column, as older tables."""
     value = row.get(name)
     return None if value is None or pd.isna(value) or value == "" else value
 
 
 def diameters_text(row: Mapping[Any, Any]) -> str:
-    """Return the nodal diameters of a mode and its circles, with shares where two numbers are mixed; "" if unknown.
+    """Return the nodal diameters and circles of a mode, with shares if two numbers are mixed; "" if they are unknown.
 
     Examples
     --------
@@ -43,7 +43,7 @@ def diameters_text(row: Mapping[Any, Any]) -> str:
 
 
 def short_diameters(row: Mapping[Any, Any]) -> str:
-    """Return the nodal diameters for a narrow column, both numbers where two are mixed."""
+    """Return the nodal diameters for a narrow column; both numbers if two are mixed."""
     count, share, other = (entry(row, n) for n in ("nodal_diameters", "nodal_diameters_share", "other_nodal_diameters"))
     if count is None:
         return "–"
@@ -52,7 +52,7 @@ def short_diameters(row: Mapping[Any, Any]) -> str:
 
 
 def body_text(row: Mapping[Any, Any]) -> str:
-    """Return the body with most kinetic energy and its share.
+    """Return the body with the most kinetic energy, and its share.
 
     Examples
     --------
@@ -64,7 +64,7 @@ def body_text(row: Mapping[Any, Any]) -> str:
 
 
 def way_text(row: Mapping[Any, Any]) -> str:
-    """Return whether the shape stands or runs around the axis, and which way.
+    """Return whether the shape stands or runs around the axis, and in which direction.
 
     Examples
     --------
@@ -81,13 +81,13 @@ def way_text(row: Mapping[Any, Any]) -> str:
 
 
 def plane_text(row: Mapping[Any, Any]) -> str:
-    """Return the share of motion along the axis, and in the plane across it."""
+    """Return the shares of the motion along the axis and in the plane across it."""
     share = entry(row, "out_of_plane")
     return "" if share is None else f"{100 * share:.0f} % along the axis, {100 * (1 - share):.0f} % in the plane"
 
 
 def look_text(row: Mapping[Any, Any]) -> str:
-    """Return a mode in a few words for a label.
+    """Return a few words about a mode for a label.
 
     Examples
     --------

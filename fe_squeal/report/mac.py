@@ -1,4 +1,4 @@
-"""The modal assurance criterion of measured and computed shapes: numbers, and their picture."""
+"""The modal assurance criterion (MAC) of measured and computed shapes, and its figure."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from fe_squeal.report.branches import figure_text, frequency_text
 from fe_squeal.report.files import save_figure
 from fe_squeal.report.shapes import Complexes, Floats, Integers
 
-_MOST = 40  # modes in one picture
+_MOST = 40  # modes in one figure, at most
 
 
 def mac(a: Complexes, b: Complexes) -> float:
-    """Return |aᴴb|² / (aᴴa bᴴb) of two vectors: 1 for the same shape whatever its size and phase, 0 for another one.
+    """Return |aᴴb|² / (aᴴa bᴴb) of two vectors (n,): 1 if they differ by a complex factor only, 0 if orthogonal.
 
-    Allemang, Brown: A correlation coefficient for modal vector analysis, IMAC 1982. Entries that are NaN in one of the
-    vectors are left out; the result is NaN where nothing is left.
+    Entries that are NaN in one of the vectors are left out; the result is NaN if no entry is left. Source: R. J.
+    Allemang, D. L. Brown, "A correlation coefficient for modal vector analysis", IMAC 1982.
 
     Examples
     --------
@@ -37,7 +37,12 @@ def mac(a: Complexes, b: Complexes) -> float:
 
 
 def nearest_nodes(points: Floats, nodes: Floats, distance: float) -> tuple[Integers, Integers]:
-    """Return which points (k,) have a node within a distance, and which node (k,) that is.
+    """Return the positions (k,) of the points that have a node within a distance, and the nearest node (k,) of each.
+
+    Parameters
+    ----------
+    points, nodes : (p, 3) and (n, 3) float, m
+    distance : float, m
 
     Examples
     --------

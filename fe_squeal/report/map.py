@@ -18,14 +18,27 @@ from fe_squeal.report.files import save_figure
 from fe_squeal.report.study import short_name
 
 _GROWTH, _LINES = "Reds", "viridis"
-_LABELLED = 12  # curves with their number
+_LABELLED = 12  # curves with their number, at most
 
 
 def plot_map(
     grid: pd.DataFrame, boundaries: pd.DataFrame, names: Sequence[str], logs: Sequence[bool],
     path: str | os.PathLike[str], title: str = "",
 ) -> Path:  # fmt: skip
-    """Draw the largest growth rate on the grid, and every boundary coloured by its frequency."""
+    """Draw the largest growth rate on the grid in colour, and every boundary in the colour of its frequency.
+
+    Parameters
+    ----------
+    grid, boundaries : DataFrame
+        As in `map.csv` and `boundaries.csv`.
+    names : (str, str)
+        The two parameters.
+    logs : (bool, bool)
+        Whether each axis is logarithmic.
+    path : str or Path
+        The file to write; its suffix chooses the format (png, pdf, svg).
+    title : str
+    """
     figure = Figure(figsize=(9.2, 5.6), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
     if title:

@@ -23,9 +23,9 @@ MAX_QUANTITIES = 4
 MAX_ROWS = 16
 MAX_BODIES = 6
 _COLOURS = ("#1b4965", "#d1495b", "#edae49", "#66a182")
-_WHOLE = "all"
+_WHOLE = "all"  # the direction of tetrahedra in mesh_error.csv: they have no axes to tell apart
 _PLACES = {"support": "elements at supports", "contact": "elements at contacts", "elsewhere": "other elements"}
-# By whether cells are hexahedra: how many corners they have, and the faces between these, in VTK's order.
+# Number of corners of a cell, and its faces by these, in VTK's order; the key is whether cells are hexahedra.
 _FACES = {
     True: (8, ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))),
     False: (4, ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3))),
@@ -35,7 +35,8 @@ _FACES = {
 def plot_mesh_error(parts: pd.DataFrame, path: str | os.PathLike[str], title: str = "") -> Path:
     """Draw what each body and direction, and each place, adds to the change by refinement of up to four quantities.
 
-    Those shown are the worst of each kind (onsets, growth, frequencies), then the next worst of any.
+    The quantity with the largest change of each kind (onsets, growth, frequencies) is shown, then the next largest of
+    any kind.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ def plot_mesh_error(parts: pd.DataFrame, path: str | os.PathLike[str], title: st
 
 
 def worst_quantities(parts: pd.DataFrame, count: int = MAX_QUANTITIES) -> list[str]:
-    """Return the names of the quantities that refinement changes most, of each kind one first."""
+    """Return the names of the quantities that refinement changes most: first one of each kind, then any."""
     known = parts.drop_duplicates("quantity").assign(size=lambda t: (t["change"] / t["scale"]).abs())
     known = known.sort_values("size", ascending=False, kind="stable")
     first = known.drop_duplicates("kind")["quantity"].tolist()
@@ -117,11 +118,12 @@ def plot_mesh_shares(
     ----------
     grid : ShapeGrid
     share : (ne,) float
-        Sizes of the parts, relative to the quantity.
-    path : path
-        Where to write; the suffix chooses the format.
+        |Part| of each of the ne elements, relative to the scale of the quantity.
+    path : str or Path
+        The file to write; its suffix chooses the format (png, pdf, svg).
     quantity : str
-        Its name.
+        Name of the quantity.
+    title : str
 
     Returns
     -------
@@ -132,7 +134,7 @@ def plot_mesh_shares(
 
 
 def mesh_shares_figure(grid: ShapeGrid, share: np.ndarray, quantity: str, title: str = "") -> Figure:
-    """Return the figure that `plot_mesh_shares` writes: at most six bodies, those with most of the error."""
+    """Return the figure that `plot_mesh_shares` writes, of at most six bodies: those with the largest parts."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     held = np.bincount(grid.body, weights=share, minlength=len(grid.body_names))
@@ -167,7 +169,7 @@ def mesh_shares_figure(grid: ShapeGrid, share: np.ndarray, quantity: str, title:
 
 
 def _surface(grid: ShapeGrid, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the corners (f, c, 3) of the faces on the surface of some cells, and whose they are (f,)."""
+    """Return the corners (f, c, 3), m, of the faces on the surface of some cells, and the cell of each face (f,)."""
     corners, faces = _FACES[grid.vtk_cell_type in (12, 29)]
     nodes = np.concatenate([grid.cells[cells][:, :corners][:, list(face)] for face in faces])
     owners = np.tile(cells, len(faces))

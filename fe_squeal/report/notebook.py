@@ -1,4 +1,4 @@
-"""Figures that show themselves in a notebook, whatever backend Matplotlib has there."""
+"""Figures that notebooks display, with any backend of Matplotlib."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 
 class NotebookFigure(Figure):
-    """A figure with a picture for notebooks."""
+    """A Matplotlib figure that a notebook displays as a picture."""
 
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()

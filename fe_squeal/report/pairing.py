@@ -1,4 +1,4 @@
-"""Shapes on different meshes paired by their likeness at common points of the surface."""
+"""Pair shapes on different meshes by their MAC at common points of the bodies' surfaces."""
 
 from __future__ import annotations
 
@@ -12,44 +12,45 @@ from scipy.spatial import cKDTree
 from fe_squeal.report.mac import mac
 from fe_squeal.report.shapes import Complexes, Floats, Integers, ShapeGrid, boundary_triangles
 
-ALIKE = 0.6  # MAC from which on two shapes count as one mode
-_MOST_POINTS = 2000  # of a body; more tell no more of shapes with some ten waves
-_NEAR = 12  # triangles around a point of which the closest one is taken
-_SEED = 20261122
+ALIKE = 0.6  # MAC: two shapes with this or a larger one are taken for the same mode
+_MOST_POINTS = 2000  # points of a body, at most: enough for shapes with some ten waves
+_NEAR = 12  # triangles around a point: of so many the closest is found exactly
+_SEED = 20261122  # of the choice of points
 
 
 @dataclass(frozen=True)
-class Surface:
-    """The surface of one body: triangles (t, 3) of a grid's points."""
+class BodySurface:
+    """The surface of one body: triangles (t, 3) int between the points of a grid."""
 
     grid: ShapeGrid
     triangles: Integers
 
     @property
     def nodes(self) -> Integers:
-        """Its nodes, int."""
+        """Positions of the points on the surface."""
         return np.unique(self.triangles)
 
 
-def surfaces(grid: ShapeGrid) -> dict[str, Surface]:
+def surfaces(grid: ShapeGrid) -> dict[str, BodySurface]:
     """Return the surfaces of the bodies by name."""
     triangles, body = boundary_triangles(grid)
-    return {name: Surface(grid, triangles[body == b]) for b, name in enumerate(grid.body_names)}
+    return {name: BodySurface(grid, triangles[body == b]) for b, name in enumerate(grid.body_names)}
 
 
 @dataclass(frozen=True)
 class CommonPoints:
-    """Points on the surfaces of two grids.
+    """Points at which shapes on two grids are compared: nodes of the first, and the nearest places on the second.
 
     Attributes
     ----------
     nodes : (p,) int
-        Of the first grid.
+        The points, as nodes of the first grid.
     corners : (p, 3) int
-        Of the triangle of the second grid that each is nearest to.
+        Nodes of the triangle of the second grid that is nearest to each point.
     weights : (p, 3) float
-        Of these corners.
+        Barycentric coordinates of the nearest place in this triangle.
     distance : (p,) float, m
+        Distance of each point from this place.
     """
 
     nodes: Integers
@@ -63,7 +64,7 @@ class CommonPoints:
 
 
 def common_points(first: ShapeGrid, second: ShapeGrid) -> tuple[CommonPoints | None, list[str]]:
-    """Return common points of the bodies that both grids have by name, and the names that one alone has."""
+    """Return common points of the bodies that both grids have by name, and the names of bodies that only one has."""
     a, b = surfaces(first), surfaces(second)
     names = [name for name in a if name in b]
     parts = [_common(a[name], b[name]) for name in names]
@@ -73,7 +74,7 @@ def common_points(first: ShapeGrid, second: ShapeGrid) -> tuple[CommonPoints | N
     return CommonPoints(*(np.concatenate([getattr(p, k) for p in parts]) for k in CommonPoints.__annotations__)), alone
 
 
-def _common(first: Surface, second: Surface) -> CommonPoints:
+def _common(first: BodySurface, second: BodySurface) -> CommonPoints:
     nodes = first.nodes
     if len(nodes) > _MOST_POINTS:
         nodes = np.sort(np.random.default_rng(_SEED).choice(nodes, _MOST_POINTS, replace=False))
@@ -88,7 +89,10 @@ def _common(first: Surface, second: Surface) -> CommonPoints:
 
 
 def _barycentric(x: Floats, corners: Floats) -> Floats:
-    """Return weights (..., 3) of a point of each triangle near x (..., 3): its projection, drawn in to the triangle."""
+    """Return barycentric weights (..., 3) of a place in each triangle close to x (..., 3).
+
+    It is the projection of x on the triangle's plane, moved into the triangle if it is outside.
+    """
     a, b, c = corners[..., 0, :], corners[..., 1, :], corners[..., 2, :]
     u, v, w = b - a, c - a, x - a
     uu, uv, vv = ((p * q).sum(axis=-1) for p, q in ((u, u), (u, v), (v, v)))
@@ -100,13 +104,13 @@ def _barycentric(x: Floats, corners: Floats) -> Floats:
 
 
 def mac_matrix(first: Sequence[Complexes], second: Sequence[Complexes], points: CommonPoints) -> Floats:
-    """Return the MAC of each shape on the first grid with each on the second, (k, l)."""
+    """Return the MAC (k, l) of k shapes on the first grid with l shapes on the second."""
     there = [points.on_second(u) for u in second]
     return np.array([[mac(u[points.nodes], v) for v in there] for u in first]).reshape(len(first), len(second))
 
 
 def pair_shapes(values: Floats) -> list[tuple[int, int, float]]:
-    """Return the pairs (i, j, MAC) of largest sum, those below `ALIKE` left out.
+    """Return the pairs (i, j, MAC) of rows and columns with the largest sum, without those below `ALIKE`.
 
     Examples
     --------

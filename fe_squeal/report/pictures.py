@@ -1,7 +1,8 @@
 """Pictures of mode shapes: two views side by side, drawn in a process of their own.
 
-Where no OpenGL context can be had, VTK may end the whole process. So all pictures of a run are drawn by one child
-process with a time limit (`fe_squeal.report.draw`); what it did not draw, Matplotlib draws here, more plainly.
+If VTK cannot get an OpenGL context, it may end the whole process. So all pictures of a run are drawn by one child
+process with a time limit (`fe_squeal.report.draw`). Pictures that it did not draw are drawn here by Matplotlib, more
+plainly.
 """
 
 from __future__ import annotations
@@ -45,13 +46,13 @@ from fe_squeal.report.vtk_files import VISIBLE, displacement_at, write_shape
 
 AMPLITUDE_COLOURS, NORMAL_COLOURS = "viridis", "RdBu_r"
 Z_AXIS = (0.0, 0.0, 1.0)
-_LEVEL = 0.2  # of the largest displacement over the body's width: with a smaller slope a shape counts as level
-_STILL = 1e-3  # of the largest amplitude: points that move less count as held
+_LEVEL = 0.2  # of the largest displacement over the width of the body: a shape with a smaller slope counts as level
+_STILL = 1e-3  # of the largest amplitude: points that move less count as not moving
 
 
 @dataclass(frozen=True)
 class PictureJob:
-    """One picture to draw: the shape file to read, the .png to write, the text over it, the axis to look along."""
+    """One picture to draw: the shape file to read, the .png to write, the text above it, the axis to look along."""
 
     shape: Path
     picture: Path
@@ -66,19 +67,24 @@ def draw_shape(
     title: str = "",
     axis: tuple[float, float, float] = Z_AXIS,
 ) -> str:
-    """Draw one shape as .png and return the renderer: "pyvista", or "matplotlib" where VTK cannot draw here.
+    """Draw one shape as .png and return the renderer: "pyvista", or "matplotlib" if VTK cannot draw here.
 
-    Left: all bodies from obliquely above, warped by Re u (at most 5 % of the model's size) and coloured by
-    amplitude, the edges at rest in grey. Right: the body widest across `axis`, seen along the axis and coloured by
-    its displacement along it, with the nodal lines in black and the other bodies as outlines, so that nodal
+    Left: all bodies seen obliquely from above, displaced by Re u (at most 5 % of the model's size) and coloured by
+    amplitude, with the edges at rest in grey. Right: the body that is widest across `axis`, seen along the axis and
+    coloured by its displacement along it, with nodal lines in black and the outlines of the other bodies, so that nodal
     diameters can be counted.
 
     Parameters
     ----------
+    grid : ShapeGrid
+        With n points.
     u : (n, 3) complex
-        Any phase and size; it is normalised.
-    axis : (3,)
-        Axis of the disc, or the normal of a belt.
+        Displacements of any phase and size; they are normalised.
+    path : str or Path
+        The .png to write.
+    title : str
+    axis : (3,) float
+        Axis of the disc, or normal of the belt.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -92,15 +98,17 @@ def draw_shapes(
 ) -> list[str]:
     """Draw several shapes in one child process; return the renderer of each, "pyvista" or "matplotlib".
 
-    What the child did not draw within its time limit (default 60 s + 20 s each) is drawn by Matplotlib, after a
-    warning that says why.
+    Pictures that the child did not draw within its time limit are drawn by Matplotlib, after a warning that says why.
 
     Parameters
     ----------
+    grid : ShapeGrid
     shapes : sequence of (n, 3) complex
-        Of the same order as `jobs`, for the fallback.
+        The shape of each job, for Matplotlib.
     jobs : sequence of PictureJob
-        Their shape files are written already.
+        Their shape files have to be written already.
+    seconds : float, s, optional
+        The time limit (default: 60 s, and 20 s for each picture).
     """
     if not jobs:
         return []
@@ -134,7 +142,7 @@ def _drawn_by_child(jobs: Sequence[PictureJob], unfinished: Sequence[Path], seco
     orders = json.dumps([{"shape": str(job.shape.absolute()), "picture": str(picture), "title": job.title,
                           "axis": list(job.axis)} for job, picture in zip(jobs, unfinished, strict=True)])
     try:
-        # a file, since writing to a pipe whose reader died can end this process, too
+        # The jobs are handed over in a file: writing to a pipe whose reader has died could end this process too.
         with tempfile.TemporaryFile("w+", encoding="utf-8") as file:
             file.write(orders)
             file.seek(0)
@@ -148,39 +156,43 @@ def _drawn_by_child(jobs: Sequence[PictureJob], unfinished: Sequence[Path], seco
         reason = f"VTK's process was not done after {seconds:.0f} s"
     except OSError as error:
         return set(), f"no process could be started ({error})"
-    # the child prints the number of each picture once it is complete; VTK may print other things
+    # The child prints the number of each complete picture; VTK may print other things.
     drawn = {int(line.split()[1]) for line in output.splitlines() if line.startswith("drawn ")}
     return {i for i in drawn if unfinished[i].exists()}, reason
 
 
 def widest_body(points: Floats, cells: Any, body: Any) -> int:
-    """Return the body whose bounding box across z is largest: the disc under its pads."""
+    """Return the body with the largest bounding box across z, in a brake the disc; points (n, 3), cells (ne, nn)."""
     areas = {int(b): float(np.prod(np.ptp(points[np.unique(cells[body == b])], axis=0)[:2])) for b in np.unique(body)}
     return max(areas, key=lambda b: areas[b])
 
 
 def normal_limit(u_n: Floats) -> float:
-    """Return the end of the colour scale for (m,) displacements along the axis; below 1e-3 of the shape's largest
-    amplitude they count as none, so that rounding is not blown up into a pattern."""
+    """Return the end of the colour scale for displacements along the axis (m,), over the shape's largest amplitude.
+
+    It is at least 1e-3, so that rounding is not shown as a pattern.
+    """
     return max(float(np.abs(u_n).max(initial=0.0)), 1e-3)
 
 
 def moving_triangles(points: Floats, triangles: Any, u_n: Floats, amplitude: Floats) -> Any:
-    """Return which triangles (t,) bool may hold a nodal line: where the displacement along the axis really changes
-    sign, not where a support holds the body and it is zero all around.
+    """Return which triangles (t,) bool may contain a nodal line.
+
+    There the displacement along the axis changes its sign; where a support holds the body it is zero, which is no nodal
+    line.
 
     Parameters
     ----------
     points : (p, 3) float, m
-        The axis along z.
+        Turned so that the axis is z.
     triangles : (t, 3) int
     u_n, amplitude : (p,) float
-        Displacement along the axis, and the largest one over a period of the body.
+        Displacement along the axis, and largest displacement over a period.
     """
     corner = points[triangles]  # (t, 3, 3)
     a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
     du, dv = (u_n[triangles[:, i]] - u_n[triangles[:, 0]] for i in (1, 2))
-    # The gradient g in the triangle's plane: g·a = du, g·b = dv.
+    # The gradient g of the displacement in the triangle's plane, from g·a = du and g·b = dv along two of its edges.
     aa, ab, bb = (np.einsum("ij,ij->i", x, y) for x, y in ((a, a), (a, b), (b, b)))
     det = np.maximum(aa * bb - ab**2, np.finfo(float).tiny)
     square = (bb * du**2 - 2 * ab * du * dv + aa * dv**2) / det
@@ -243,7 +255,7 @@ def _draw_with_matplotlib(grid: ShapeGrid, u: Complexes, job: PictureJob) -> Non
     triangles, _ = boundary_triangles(grid)
     solid = figure.add_subplot(left.get_subplotspec(), projection="3d", computed_zorder=False)
     colours = colormaps[AMPLITUDE_COLOURS](semi_major_amplitude(shape)[triangles].mean(axis=1))
-    # computed by hand: Matplotlib's own shading needs normals that all point outwards
+    # Shading is computed here, since Matplotlib's own needs normals that all point outwards.
     a, b, c = warped[triangles].swapaxes(0, 1)
     normal = np.cross(b - a, c - a)
     light = np.abs(normal @ [0.3, -0.4, 0.87]) / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
@@ -256,7 +268,7 @@ def _draw_with_matplotlib(grid: ShapeGrid, u: Complexes, job: PictureJob) -> Non
     solid.set_axis_off()
 
     triangles, _ = boundary_triangles(grid, main)
-    # painter's order, the nearest last
+    # Triangles are drawn in the order of their depth, the nearest last.
     triangles = triangles[np.argsort(points[triangles, 2].mean(axis=1))]
     shades = colormaps[NORMAL_COLOURS](Normalize(-limit, limit)(u_n[triangles].mean(axis=1)))
     flat = list(points[triangles, :2])

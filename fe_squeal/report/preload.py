@@ -1,4 +1,4 @@
-"""Files and a picture of the static state under preload: displacement, stress and contact pressure."""
+"""Write files and a picture of the static state under preload: displacement, stress and contact pressure."""
 
 from __future__ import annotations
 
@@ -24,26 +24,28 @@ def export_preload(
     title: str = "",
     picture: bool = True,
 ) -> list[Path]:
-    """Write `preload.vtu` and, where there are contacts, `preload_contacts.vtu` and `preload.png`.
+    """Write `preload.vtu` and, if there are contacts, `preload_contacts.vtu` and `preload.png`.
 
-    `preload.vtu` has the point array `displacement` in m, the cell arrays `body` and `von_mises` in Pa, and the field
-    data `body: NAME` with the number of each body, `contact: NAME` likewise, `mu`, and per contact `normal_force` in N
-    and `torque` in N m.
-    `preload_contacts.vtu` has every quadrature point as a vertex, with `contact` (the number of `contact: NAME`),
-    `contact_pressure` in Pa, `closed` (0 or 1), `normal`, `sliding_direction` and `weight` in m².
+    `preload.vtu` has the point array `displacement` (m), the cell arrays `body` and `von_mises` (Pa), and the field
+    data `body: NAME` and `contact: NAME` with the number of each body and contact, `mu`, and for each contact
+    `normal_force` (N) and `torque` (N m).
+    `preload_contacts.vtu` has every quadrature point as a vertex, with `contact` (the number in `contact: NAME`),
+    `contact_pressure` (Pa), `closed` (0 or 1), `normal`, `sliding_direction` and `weight` (m²).
 
     Parameters
     ----------
+    grid : ShapeGrid
+        With n points and ne cells.
     displacement : (n, 3) float, m
-    contacts : mapping of name to ContactFace
-    folder : path
-        Made where it is missing.
+    contacts : mapping of str to ContactFace
+    folder : str or Path
+        It is made if it is missing.
     mu : float
-        Friction coefficient of the static solve.
+        Friction coefficient of the static state.
     von_mises : (ne,) float, Pa, optional
-        Of each cell.
+        Von Mises stress of each cell.
     title : str
-        Over the picture.
+        Text above the picture.
     picture : bool
         Whether to write the .png.
 

@@ -1,4 +1,4 @@
-"""Picture of the contact pressure: each contact's face seen along its normal."""
+"""Picture of the contact pressure: the face of each contact, seen along its normal."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ from fe_squeal.report.pictures import direction_text
 from fe_squeal.report.shapes import Floats, axis_frame
 
 MAX_COLUMNS = 3
-FACE_INCHES = 3.6  # the longer side of a face
-PIXELS = 500  # along the longer side of a face
+FACE_INCHES = 3.6  # length of the longer side of a face, in
+PIXELS = 500  # pixels along the longer side of a face
 COLOURS, OPEN_COLOUR, PULLING_COLOUR = "viridis", "0.78", "tab:red"
-LARGEST_TRIANGLE = 1.25  # between neighbouring points, over the mean area that these stand for
-_RING = 0.5  # mean of the unit sliding directions below which one arrow would not tell how the face slides
+LARGEST_TRIANGLE = 1.25  # times the mean area that its corners stand for: a larger triangle is not on the face
+_RING = 0.5  # length of the mean of the unit sliding directions: if it is shorter, one arrow cannot show them
 
 
 def plot_pressure(contacts: Mapping[str, ContactFace], path: str | os.PathLike[str], title: str = "") -> Path:
-    """Draw the pressure on the face of each contact, a panel each, seen from the pad along the mean normal.
+    """Draw the pressure on the face of each contact in a panel, seen from the pad along the mean normal.
 
-    Each spot has the value at its nearest quadrature point: the closed part by colour, on one scale for all contacts
-    that starts from 0, the open part grey. A face is drawn as far as its outermost quadrature points. The arrow points
-    along the sliding of the counterface.
+    Every pixel has the value at the nearest quadrature point. The closed part is coloured, on one scale for all
+    contacts that starts at 0, and the open part is grey. A face is drawn as far as its outermost quadrature points. The
+    arrow points along the sliding of the counterface.
 
     Parameters
     ----------
@@ -99,14 +99,15 @@ def pressure_figure(contacts: Mapping[str, ContactFace], title: str = "") -> Fig
 
 
 def face_frame(face: ContactFace) -> Floats:
-    """Return the frame (3, 3) in which a face is drawn: across, up, and towards the viewer along the mean normal."""
+    """Return the frame (3, 3) of a drawn face: rows to the right, up, and towards the viewer along the mean normal."""
     mean = face.weights @ face.normals / face.weights.sum()
-    # a face that closes on itself has no mean normal; it is seen where it presses most
+    # A face that closes on itself, such as a cylinder, has no mean normal: it is seen from where the pressure is
+    # highest.
     return axis_frame(mean if np.linalg.norm(mean) > 0.05 else face.normals[np.argmax(face.pressure)])
 
 
 def pressure_unit(peak: float) -> tuple[str, float]:
-    """Return the unit in which a pressure in Pa is well read, and its size in Pa.
+    """Return the unit in which a pressure, given in Pa, is best read, and the size of the unit in Pa.
 
     Examples
     --------
@@ -124,14 +125,14 @@ def _peak(face: ContactFace) -> float:
 
 
 def _draw_face(axes: Axes, face: ContactFace, colours: Colormap, scale: Normalize, size: float) -> bool:
-    """Draw one panel; return whether it got an arrow."""
+    """Draw one panel; return whether it has arrows."""
     frame = face_frame(face)
     points, directions = 1e3 * face.points @ frame[:2].T, face.directions @ frame[:2].T
     tilt = face.normals @ frame[2]
-    near = tilt > 0  # what turns away from the viewer is hidden
+    near = tilt > 0  # points whose normals point away from the viewer are hidden
     values = np.where(face.closed, face.pressure / size, np.nan)
     image, extent = _nearest_values(points[near], 1e6 * (face.weights * tilt)[near], values[near])
-    # open spots are NaN, which `colours` shows in grey; beside the face nothing is drawn
+    # The open part is NaN, which `colours` shows in grey; beside the face nothing is drawn.
     pixels = colours(scale(np.ma.masked_invalid(image.data)))
     pixels[image.mask] = 0.0
     axes.imshow(pixels, extent=extent, origin="lower", interpolation="none", aspect="equal", zorder=2)
@@ -158,13 +159,13 @@ def _panel_size(face: ContactFace, text: str) -> tuple[float, float]:
     sides = np.ptp(face.points @ face_frame(face)[:2].T, axis=0)
     width, height = np.maximum(FACE_INCHES * sides / max(float(sides.max()), 1e-300), 0.8)
     lines = text.split("\n")
-    # 0.07 in is a letter of 9 pt; the layout itself does not look at the width of titles
+    # A letter of 9 pt is about 0.07 in wide; Matplotlib's layout does not consider the width of titles.
     return max(width + 1.0, 0.07 * max(map(len, lines)) + 0.2), height + 0.7 + 0.17 * len(lines)
 
 
 def _nearest_values(points: Floats, weights: Floats, values: Floats) -> tuple[np.ma.MaskedArray, Any]:
-    """Return an image of the values at the nearest points, masked beside the face, and its extent in mm."""
-    side = np.sqrt(np.abs(weights).mean())  # of the square that a point stands for
+    """Return an image with the values at the nearest points, masked beside the face, and its extent in mm."""
+    side = np.sqrt(np.abs(weights).mean())  # of a square of the mean area that a point stands for
     low, high = points.min(axis=0) - side, points.max(axis=0) + side
     step = (high - low).max() / PIXELS
     x, y = np.meshgrid(*(np.arange(a, b, step) + step / 2 for a, b in zip(low, high, strict=True)))
@@ -181,8 +182,10 @@ def _nearest_values(points: Floats, weights: Floats, values: Floats) -> tuple[np
 
 
 def _triangles_on_face(points: Floats, weights: Floats, tree: cKDTree) -> NDArray[np.int32]:
-    """Return triangles (t, 3) between the points that lie on the face, not across a slot, a hole or a bay of its edge;
-    none where the points are fewer than three or all on a line."""
+    """Return triangles (t, 3) between the points that are on the face, and not across a slot, a hole or a notch.
+
+    There are none if there are fewer than three points or all are on a line.
+    """
     try:
         triangles = Delaunay(points).simplices
     except QhullError:
@@ -190,9 +193,9 @@ def _triangles_on_face(points: Floats, weights: Floats, tree: cKDTree) -> NDArra
     corners = points[triangles]
     sides = np.roll(corners, -1, axis=1) - corners
     area = 0.5 * np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
-    # by areas, unlike by lengths, neighbours are told from others on stretched meshes too
+    # The area of a triangle, unlike its edges, shows on stretched meshes too whether its corners are neighbours.
     part = area / np.abs(weights)[triangles].mean(axis=1)
-    # slivers along a bay of the edge have small areas, but large circumscribed circles
+    # Thin triangles across a notch have small areas, but large circumscribed circles.
     with np.errstate(divide="ignore", invalid="ignore"):
         radius = np.linalg.norm(sides, axis=2).prod(axis=1) / (4 * area)
     reach = 1.5 * tree.query(points, k=[min(25, len(points))])[0][:, 0]
@@ -201,7 +204,10 @@ def _triangles_on_face(points: Floats, weights: Floats, tree: cKDTree) -> NDArra
 
 
 def _draw_arrows(axes: Axes, points: Floats, weights: Floats, directions: Floats) -> bool:
-    """Draw the sliding direction: one arrow, or six around the centre where the face slides in circles."""
+    """Draw the sliding direction: one arrow, or six around the centre if the face slides in circles.
+
+    Returns whether anything was drawn.
+    """
     if not directions.any():
         return False
     centre = weights @ points / weights.sum()

@@ -1,4 +1,4 @@
-"""What a folder of results holds, as far as it can be read: the page shows that and says what it lacks."""
+"""Read a folder of results as far as possible; what is missing is listed, so that the page can say so."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _STATUS = {
 
 @dataclass(frozen=True)
 class Shape:
-    """A complex shape on the grid that all shapes of a run share, and which mode it is."""
+    """A complex shape on the grid that all shapes of a run share, and the description of its mode."""
 
     info: dict[str, Any]
     u: Complexes
@@ -47,17 +47,19 @@ class Results:
     record : dict
         run.json.
     modes, onsets, contributions, sensitivities : DataFrame
-        Empty where the file is missing.
+        The tables; empty if the file is missing.
     mac : DataFrame
-        mac.csv; empty where no shape was measured.
+        mac.csv; empty if no shape was measured.
     mesh_error : DataFrame
-        mesh_error.csv; empty where the error of the mesh was not estimated.
+        mesh_error.csv; empty if the error of the mesh was not estimated.
     mesh_picture : bytes
-        mesh_error_elements.png; empty likewise.
+        mesh_error_elements.png; empty if the error of the mesh was not estimated.
     grid : ShapeGrid or None
+        The grid of all shapes.
     shapes : tuple of Shape
+        The shapes that were written.
     lacks : tuple of str
-        A sentence on each thing that could not be shown.
+        A sentence on each thing that is missing or cannot be read.
     """
 
     record: dict[str, Any]
@@ -86,15 +88,15 @@ def read_results(
 
     Parameters
     ----------
+    folder : Path
     record_name : str
         Name of run.json.
-    tables : mapping of "modes", "onsets", "contributions" and "sensitivities" to names of files
+    tables : mapping of str to str
+        Names of the files of "modes", "onsets", "contributions" and "sensitivities".
     shapes : str
         Name of the folder of shapes.
-    mac, mesh_error : str
-        Names of the tables that are there only where shapes were measured, or the error of the mesh estimated.
-    picture : str
-        Name of the picture that comes with the latter.
+    mac, mesh_error, picture : str
+        Names of files that may be absent: the MAC with measured shapes, the error of the mesh, and its picture.
     """
     record, lacks = _read_record(folder / record_name)
     frames = {}
@@ -185,9 +187,9 @@ def read_shape(path: Path) -> tuple[ShapeGrid, Shape]:
     Raises
     ------
     OSError, KeyError, ValueError, IndexError
-        Where it is none.
+        It is not such a file.
     """
-    # VTK's own reader: pyvista takes half a second to import.
+    # It is read by VTK's own reader, since importing pyvista takes half a second.
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 

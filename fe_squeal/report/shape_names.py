@@ -1,4 +1,4 @@
-"""The name of a mode shape's file, and the text over its picture."""
+"""The name of the file of a mode shape, and the text above its picture."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fe_squeal.report.looks import body_text, diameters_text, way_text
 
 
 def shape_name(info: Mapping[str, Any]) -> str:
-    """Return a file name without suffix that sorts by branch, then by the sweep's value.
+    """Return a file name without suffix, made so that names sort by branch and then by the value of the sweep.
 
     Examples
     --------
@@ -35,7 +35,7 @@ def shape_name(info: Mapping[str, Any]) -> str:
 
 
 def shape_title(info: Mapping[str, Any]) -> str:
-    """Return the text over a picture.
+    """Return the text above a picture.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Complex mode shapes on nodes and cells, ready for VTK."""
+"""Complex mode shapes on the nodes and cells of a grid, as VTK needs them."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ TETRA, HEXAHEDRON, QUADRATIC_TETRA, TRIQUADRATIC_HEXAHEDRON = 10, 12, 24, 29
 _TETRA = [(0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2)]
 _HEXAHEDRON = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)]
 
-# Reference coordinates, doubled, of the nodes of each cell type in VTK's order
-# (vtkCell::GetParametricCoords; a test compares them)
+# Twice the reference coordinates of the nodes of each cell type, in VTK's order (vtkCell::GetParametricCoords; a test
+# compares them).
 _DOUBLED_NODES = {
     TETRA: _TETRA,
     QUADRATIC_TETRA: [*_TETRA, (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)],
@@ -44,12 +44,13 @@ class ShapeGrid:
     Attributes
     ----------
     points : (n, 3) float, m
+        The nodes.
     cells : (ne, nn) int
-        Points of each cell in VTK's node order, with positive volume.
+        Nodes of each cell, in VTK's order, so that its volume is positive.
     vtk_cell_type : int
-        10, 24 (linear, quadratic tetrahedron), 12 or 29 (linear, triquadratic hexahedron).
+        10 or 24 (linear or quadratic tetrahedron), 12 or 29 (linear or triquadratic hexahedron).
     body : (ne,) int
-        Index into `body_names` for each cell.
+        Body of each cell, as a position in `body_names`.
     body_names : tuple of str
     """
 
@@ -68,15 +69,15 @@ class ShapeGrid:
 def shape_grid(basis: CellBasis, body: Integers, body_names: tuple[str, ...]) -> ShapeGrid:
     """Return the grid whose points are the degrees of freedom of a scalar nodal basis.
 
-    Point i of the grid is degree of freedom i of the basis, so a nodal array of the basis is a point array of the
-    grid as it stands.
+    Point i of the grid is degree of freedom i of the basis, so nodal arrays of the basis are point arrays of the grid.
 
     Parameters
     ----------
     basis : CellBasis
-        Of `ElementTetP1`, `ElementTetP2`, `ElementHex1` or `ElementHex2`, on any mesh of that shape.
+        Its element is `ElementTetP1`, `ElementTetP2`, `ElementHex1` or `ElementHex2`.
     body : (ne,) int
-        Body of each element of the basis, index into `body_names`.
+        Body of each element of the basis, as a position in `body_names`.
+    body_names : tuple of str
 
     Raises
     ------
@@ -98,7 +99,8 @@ def shape_grid(basis: CellBasis, body: Integers, body_names: tuple[str, ...]) ->
     reference = REFERENCE_NODES[kinds[0]]
     dofs = np.asarray(basis.element_dofs, dtype=np.int64).T
     cells = dofs[:, _match(nodes, reference)]
-    # An element with negative Jacobian is inside out for VTK. Exchanging x and y on the reference element turns it.
+    # For VTK an element with a negative Jacobian is inside out. Its nodes are reordered as if x and y of the reference
+    # element were exchanged.
     centre = reference[: 4 if len(reference) in (4, 10) else 8].mean(axis=0)
     turned = np.asarray(basis.mapping.detDF(centre[:, None]))[:, 0] < 0
     if basis.tind is not None:
@@ -111,11 +113,11 @@ def shape_grid(basis: CellBasis, body: Integers, body_names: tuple[str, ...]) ->
 def semi_major_amplitude(u: Complexes) -> Floats:
     """Return the largest displacement of each point over one period.
 
-    The point moves on an ellipse, Re(u e^{iφ}); its semi-major axis is
+    The point moves on an ellipse, Re(u e^{iφ}), with the semi-major axis
 
-        max_φ |Re(u e^{iφ})| = √((uᴴu + |uᵀu|) / 2).
+        max_φ |Re(u e^{iφ})| = √((uᴴu + |uᵀu|) / 2),
 
-    Since Re(z)·Re(z) = (zᴴz + Re zᵀz)/2 for any complex vector z, and Re((uᵀu) e^{2iφ}) reaches |uᵀu|.
+    since Re(z)·Re(z) = (zᴴz + Re zᵀz)/2 for any complex vector z, and the largest value of Re((uᵀu) e^{2iφ}) is |uᵀu|.
 
     Parameters
     ----------
@@ -135,11 +137,11 @@ def semi_major_amplitude(u: Complexes) -> Floats:
 
 
 def normalise_shape(u: Complexes) -> Complexes:
-    """Return `u` turned and scaled so that shapes can be compared and drawn.
+    """Return `u` times a complex number, so that shapes can be compared and drawn.
 
-    The phase makes the real part as large as it can be (maximal Σ|Re u|², that is Σuᵀu real and positive), so that
-    Re u is the shape at its fullest and Im u the travelling part; the sign makes the largest entry of Re u
-    positive. The largest `semi_major_amplitude` is 1. A shape that is zero everywhere stays zero.
+    The phase is such that Σ|Re u|² is as large as possible (Σuᵀu is real and positive): Re u is the standing part of
+    the shape, and Im u the travelling part. The sign is such that the largest entry of Re u is positive. The largest
+    `semi_major_amplitude` is 1. A shape that is zero everywhere stays zero.
 
     Parameters
     ----------
@@ -159,22 +161,23 @@ def normalise_shape(u: Complexes) -> Complexes:
     if abs(square) > 1e-9 * np.sum(np.abs(u) ** 2):
         u *= np.exp(-0.5j * np.angle(square))
     else:
-        # a wave that only travels is equally full at all times: start where its largest entry peaks
+        # For a purely travelling wave Σ|Re u|² does not depend on the phase: its largest entry is made real.
         u *= np.exp(-1j * np.angle(u.flat[np.argmax(np.abs(u))]))
     return u * np.sign(u.real.flat[np.argmax(np.abs(u.real))])
 
 
 def boundary_triangles(grid: ShapeGrid, body: int | None = None) -> tuple[Integers, Integers]:
-    """Return the outer surface as flat triangles, and the body of each.
+    """Return the outer surface of all bodies, or of one, as flat triangles.
 
-    A face counts as outer where no other cell of the same body shares it. The faces of quadratic cells are cut at
-    their middle nodes, into four triangles or eight.
+    A face is outer if no other cell of the same body shares it. The faces of quadratic cells are cut at their middle
+    nodes, into four or eight triangles.
 
     Returns
     -------
     triangles : (nt, 3) int
-        Points of each, in no particular orientation.
+        Nodes of each triangle, in no particular orientation.
     body : (nt,) int
+        The body of each.
     """
     cells = grid.cells if body is None else grid.cells[grid.body == body]
     bodies = grid.body if body is None else grid.body[grid.body == body]
@@ -200,14 +203,14 @@ def sharp_edges(points: Floats, triangles: Integers, degrees: float = 35.0) -> I
     edges, normal = edges[order], np.tile(normal, (3, 1))[order]
     paired = np.append((edges[1:] == edges[:-1]).all(axis=1), False)
     first = np.flatnonzero(paired)
-    # the triangles have no common orientation, so the normals count up to sign
+    # The triangles have no common orientation, so normals are compared up to their sign.
     sharp = np.abs(np.sum(normal[first] * normal[first + 1], axis=1)) < np.cos(np.radians(degrees))
     lonely = ~(paired | np.append(False, paired[:-1]))
     return np.concatenate([edges[first[sharp]], edges[lonely]])
 
 
 def _face_patterns(nodes: Floats) -> list[tuple[list[int], list[tuple[int, int, int]]]]:
-    """Return for each face of a reference cell its corners and the triangles that it is cut into."""
+    """Return, for each face of a reference cell, its corners and the triangles that it is cut into."""
     tetra = len(nodes) in (4, 10)
     place = {key: i for i, key in enumerate(_keys(nodes))}
     planes = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)] if tetra else [
@@ -237,13 +240,13 @@ def _keys(nodes: Floats) -> Integers:
 
 
 def _match(nodes: Floats, wanted: Floats) -> Integers:
-    """Return the index into `nodes` of each node in `wanted`."""
+    """Return the position in `nodes` of each node in `wanted`."""
     order = np.argsort(_keys(nodes))
     return np.asarray(order[np.searchsorted(_keys(nodes)[order], _keys(wanted))], dtype=np.int64)
 
 
 def axis_frame(axis: Sequence[float]) -> Floats:
-    """Return the rotation (3, 3) whose rows are a right-handed frame with `axis`, normalised, as its third.
+    """Return a rotation (3, 3) whose rows are a right-handed frame with the unit vector along `axis` as the third.
 
     Examples
     --------
@@ -251,7 +254,8 @@ def axis_frame(axis: Sequence[float]) -> Floats:
     [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     """
     third = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
-    # the coordinate axis farthest from it; x is preferred so that z stays as it is
+    # The first row is made from the coordinate axis that is farthest from `axis`; x if several are, so that the frame
+    # of z is the identity.
     first = np.eye(3)[int(np.argmin(np.abs(third).round(9)))]
     first = first - (first @ third) * third
     first /= np.linalg.norm(first)

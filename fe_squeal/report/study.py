@@ -1,4 +1,4 @@
-"""Figures of a scatter: probability by band, every unstable mode, and what drives it."""
+"""Figures of a scatter: probability by band, every unstable mode, and Sobol indices."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FIRST, _TOTAL = "#0072b2", "#d55e00"
 
 
 def short_name(parameter: str) -> str:
-    """Return a name of a parameter that fits into a figure.
+    """Return a short name of a parameter, for figures.
 
     Examples
     --------
@@ -33,7 +33,7 @@ def short_name(parameter: str) -> str:
 
 
 def driving(indices: pd.DataFrame, output: str) -> str | None:
-    """Return the parameter that drives an output most, by its total or else its first-order index; None if unknown."""
+    """Return the parameter with the largest total index of an output, or else first-order index; None if unknown."""
     rows = indices[indices["output"] == output]
     column = "total" if rows["total"].notna().any() else "first"
     known = rows[rows[column].notna()].sort_values(column, ascending=False)
@@ -49,7 +49,7 @@ def _figure(width: float, height: float, title: str) -> Figure:
 
 
 def plot_probability(bands: pd.DataFrame, path: str | os.PathLike[str], title: str = "") -> Path:
-    """Draw the probability of instability in every band and in all of them, with 95 % intervals."""
+    """Draw the probability of instability in every band and in the whole range, with 95 % intervals."""
     figure = _figure(8, 4.4, title)
     axes = figure.subplots()
     labels = [f"{low / 1e3:g} – {high / 1e3:g}" for low, high in bands[["low_hz", "high_hz"]].to_numpy()[:-1]]

@@ -30,9 +30,9 @@ MAX_ROWS = 20
 def print_unstable(modes: pd.DataFrame, console: Console, onsets: pd.DataFrame | None = None) -> None:
     """Print the unstable modes, the fastest growing first.
 
-    With one sweep value: a row per mode. With several: a row per unstable interval of a branch, with the sweep
-    values it spans, its range of frequencies, and its largest growth rate with the damping ratio there. A window of
-    instability between two values has a row, too; its growth follows from the crossing speeds at both of its ends.
+    For a single value of the sweep there is a row for each mode. For several values there is a row for each unstable
+    interval of a branch, with its values, its range of frequencies, and its largest growth rate with the damping ratio
+    there. A window of instability between two values has a row too; its growth is estimated from its crossing speeds.
 
     Parameters
     ----------
@@ -83,9 +83,9 @@ def print_unstable(modes: pd.DataFrame, console: Console, onsets: pd.DataFrame |
 def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "") -> None:
     """Print where modes turn unstable or stable again, in the order of the parameter.
 
-    Beside each value stands what the pair's own two modes at the start of the sweep predict in closed form: where the
-    two agree, a two-mode picture of the brake suffices. Where the error of the mesh is known, it stands there instead,
-    and beside it the value that finer meshes are likely to tend to.
+    The column beside the value is what the two modes of the pair at the first value of the sweep predict without all
+    others: if it agrees, two modes suffice to explain the onset. If the error of the mesh was estimated, the error and
+    the likely value for an infinitely fine mesh are shown instead.
 
     Parameters
     ----------
@@ -127,9 +127,12 @@ def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "") -> N
 
 
 class UnstableInterval(NamedTuple):
-    """One run of neighbouring sweep values at which a branch is unstable; `growth` is its largest Re λ in 1/s, and
-    `uncertainty` (1/s), `damping_ratio`, `mode`, `noise` and `looks` (its descriptors) belong to that value,
-    `peak_value`. The mode 0 stands for a window between two values, at which no mode is in the table."""
+    """A run of neighbouring values of the sweep at which a branch is unstable, or a window between two values.
+
+    `growth` is the largest Re λ, 1/s, and `peak_value` the value at which the branch has it; `uncertainty` (1/s),
+    `damping_ratio`, `mode`, `noise` and `looks` (the descriptors) are those at this value. A window between two values
+    has no mode in the table; its `mode` is 0.
+    """
 
     branch: float
     first: float
@@ -146,8 +149,10 @@ class UnstableInterval(NamedTuple):
 
 
 def unstable_intervals(modes: pd.DataFrame) -> list[UnstableInterval]:
-    """Return the unstable intervals of all branches, the fastest growing first; a mode without a branch number stands
-    for itself."""
+    """Return the unstable intervals of all branches, the fastest growing first.
+
+    A mode without a branch number is a branch of its own.
+    """
     sweep, place = np.unique(numbers(modes, "value"), return_inverse=True)
     unstable = np.asarray(modes["stability"] == "unstable", dtype=bool)
     branch, re, frequency = numbers(modes, "branch"), numbers(modes, "re"), numbers(modes, "frequency_hz")
@@ -168,7 +173,7 @@ def unstable_intervals(modes: pd.DataFrame) -> list[UnstableInterval]:
 
 
 def window_intervals(modes: pd.DataFrame, onsets: pd.DataFrame) -> list[UnstableInterval]:
-    """Return the windows of instability that open and close between two neighbouring sweep values."""
+    """Return the windows of instability that begin and end between two neighbouring values of the sweep."""
     result = []
     for branch in collect_branches(modes, onsets):
         curves = growth_curves(branch)
@@ -184,12 +189,12 @@ def window_intervals(modes: pd.DataFrame, onsets: pd.DataFrame) -> list[Unstable
 
 
 def _looks(row: dict[Any, Any]) -> dict[str, Any]:
-    """Return the descriptors of a mode as far as its row has them."""
+    """Return the descriptors of a mode that its row has."""
     return {str(k): v for k, v in row.items() if entry(row, str(k)) is not None} if entry(row, "body") else {}
 
 
 def _table(title: str) -> Table:
-    # without vertical rules seven columns fit into the 80 characters of a narrow terminal or a log
+    # Without vertical rules seven columns fit into the 80 characters of a narrow terminal or a log.
     return Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
 
 
@@ -198,13 +203,13 @@ def _name(branch: float) -> str:
 
 
 def _span(low: float, high: float, form: str) -> str:
-    """Return `low … high`, or the one number that both round to."""
+    """Return `low … high`, or a single number if both are equal when rounded."""
     first, last = format(low, form), format(high, form)
     return first if first == last else f"{first} … {last}"
 
 
 def with_uncertainty(value: float, uncertainty: float) -> str:
-    """Return the value to the digits that its uncertainty leaves, at most six, and the uncertainty to one.
+    """Return a value with as many digits as its uncertainty allows, at most six, and the uncertainty with one digit.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Tables on a terminal, in a pipe or a log: as wide as their contents, nothing cut."""
+"""Print tables on a terminal, in a pipe or a log, as wide as their contents, without cutting anything off."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from rich.segment import Segments
 from rich.table import Table
 from rich.text import Text
 
-_WIDEST = 100_000  # characters: more than any table has
+_WIDEST = 100_000  # characters: wider than any table
 
 
 def print_table(table: Table, console: Console, optional: Sequence[str] = ()) -> None:
-    """Print a table in which no name and no number is shortened.
+    """Print a table without shortening any name or number.
 
-    Where it is wider than a terminal, columns with the headings `optional` are left out, the first of them first, and
-    named below. What is still too wide is printed in lines that the terminal wraps.
+    If it is wider than the terminal, columns with the headings `optional` are left out one after the other, and named
+    below. If it is still too wide, the terminal wraps its lines.
     """
     dropped = []
     for heading in optional:
@@ -27,7 +27,7 @@ def print_table(table: Table, console: Console, optional: Sequence[str] = ()) ->
         if found:
             table.columns.remove(found[0])
             dropped.append(" ".join(str(heading).split()))
-    options = console.options.update(width=max(_width(table, console), 1))  # `Console.print` keeps to the terminal
+    options = console.options.update(width=max(_width(table, console), 1))  # Console.print would cut at the terminal's
     lines = console.render_lines(table, options, pad=False, new_lines=True)
     console.print(Segments([segment for line in lines for segment in line]), soft_wrap=True)
     if dropped:

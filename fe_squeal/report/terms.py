@@ -1,10 +1,10 @@
-"""Names of the terms of a problem, as the column `term` of contributions.csv has them: KIND.PART."""
+"""Names of the terms of a problem, as in the column `term` of contributions.csv: KIND.PART."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-MASS, ELASTIC = "mass", "elastic"  # kinds of which every body has a term; the others are effects, contacts and springs
+MASS, ELASTIC = "mass", "elastic"  # kinds that every body has a term of; others belong to effects, contacts, springs
 
 
 @dataclass(frozen=True)
@@ -16,19 +16,19 @@ class TermName:
     kind : str
         What acts: "mass", "elastic", "contact", "spring" or the name of an effect.
     part : str
-        Where: a body, contact or spring; "" where the whole problem has one term of that kind.
+        The body, contact or spring that it belongs to; "" if the whole problem has one term of this kind.
     """
 
     kind: str
     part: str
 
     def __str__(self) -> str:
-        """Return the name as tables have it."""
+        """Return the name as it is in tables."""
         return f"{self.kind}.{self.part}" if self.part else self.kind
 
 
 def term_of(name: object) -> TermName:
-    """Take a name apart; what is behind the first dot is the part, dots in it included.
+    """Return the kind and the part of a term from its name; the part is everything behind the first dot.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Mode shapes as VTK files, for ParaView and everything else that reads them."""
+"""Write mode shapes as VTK files, for ParaView and other programs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pyvista
 
 _QUOTE = {'"': "&quot;"}
-VISIBLE = 0.05  # largest drawn displacement over the size of the model
+VISIBLE = 0.05  # of the size of the model: the largest displacement that is drawn
 
 
 def write_shape(
@@ -30,18 +30,19 @@ def write_shape(
 ) -> Path:
     """Write a complex shape, normalised by `normalise_shape`, as a compressed binary .vtu file.
 
-    Point arrays: `u_re`, `u_im` (n, 3) and `amplitude` (n,), the largest displacement over a period, at most 1.
-    Cell array: `body`. Field data: `body: NAME` with the number of each body, and everything in `metadata`; a text
-    there stands in the name, `parameter: mu`, since not all readers of .vtu know texts as values.
+    Point arrays are `u_re`, `u_im` (n, 3) and `amplitude` (n,), the largest displacement over a period, at most 1. The
+    cell array is `body`. Field data are `body: NAME` with the number of each body, and all entries of `metadata`; a
+    text becomes a part of the name, as in `parameter: mu`, since not all readers of .vtu accept texts as values.
 
     Parameters
     ----------
     grid : ShapeGrid
+        With n points.
     u : (n, 3) complex
-    path : path
-        Ends in .vtu.
+    path : str or Path
+        The file to write, with the suffix .vtu.
     metadata : mapping, optional
-        Say `frequency_hz`, `re`, `im`, `parameter`, `value`, `mode`, `branch`.
+        Such as `frequency_hz`, `re`, `im`, `parameter`, `value`, `mode`, `branch`.
     """
     shape = normalise_shape(u)
     data = unstructured_grid(grid, grid.points)
@@ -57,12 +58,12 @@ def write_shape(
 def write_animation(
     grid: ShapeGrid, u: Complexes, path: str | os.PathLike[str], frames: int = 16, scale: float = VISIBLE
 ) -> list[Path]:
-    """Write one period of the motion as a .pvd collection with a .vtu file per frame in `<stem>_frames/`.
+    """Write one period of the motion u (n, 3) as a .pvd collection with a .vtu file per frame in `<stem>_frames/`.
 
-    Each frame has the points at rest, `displacement` = Re(u e^{2πik/frames}) scaled so that its largest value over
-    the period is `scale` times the diagonal of the bounding box ("Warp By Vector" with scale factor 1 shows it), and
-    `amplitude` as in `write_shape`. The growth of the mode is left out: the motion is periodic. Time runs from 0 to
-    1, in periods. Numbers are single precision, enough for a picture; the numbers proper are in the shape file.
+    Each frame has the points at rest, `displacement` = Re(u e^{2πik/frames}), and `amplitude` as in `write_shape`. The
+    displacement is scaled so that its largest value over the period is `scale` times the diagonal of the bounding box;
+    "Warp By Vector" with scale factor 1 shows it. The motion is periodic, without the growth of the mode, and time goes
+    from 0 to 1 over a period. Numbers have single precision, which is enough for pictures.
 
     Returns
     -------
@@ -105,7 +106,7 @@ def unstructured_grid(grid: ShapeGrid, points: Any) -> pyvista.UnstructuredGrid:
 
 
 def add_field(data: pyvista.DataSet, name: str, value: float | int | str) -> None:
-    """Add a number, or a text as part of the name, that belongs to the whole grid."""
+    """Add a number, or a text as a part of the name, as field data of the whole grid."""
     if isinstance(value, str):
         add_names(data, name, [value])
     else:
@@ -113,12 +114,12 @@ def add_field(data: pyvista.DataSet, name: str, value: float | int | str) -> Non
 
 
 def add_names(data: pyvista.DataSet, kind: str, names: Sequence[str]) -> None:
-    """Add numbered names as arrays `KIND: NAME` of one number each, from 0: meshio refuses arrays of texts."""
+    """Add names as arrays `KIND: NAME` that have the number of the name, from 0; meshio refuses arrays of texts."""
     from vtkmodules.vtkCommonCore import vtkIntArray
 
     for number, name in enumerate(names):
-        array = vtkIntArray()  # pyvista itself takes no names beyond ASCII
-        array.SetName(escape(f"{kind}: {one_line(name)}", _QUOTE))  # VTK writes < and & as they are
+        array = vtkIntArray()  # pyvista accepts only ASCII in names
+        array.SetName(escape(f"{kind}: {one_line(name)}", _QUOTE))  # VTK does not escape < and & in XML
         array.InsertNextValue(number)
         data.GetFieldData().AddArray(array)
 
@@ -135,12 +136,12 @@ def names_in(data: pyvista.DataSet, kind: str) -> list[str]:
 
 
 def write_grid(data: pyvista.UnstructuredGrid, path: Path) -> Path:
-    """Write a grid as a compressed binary .vtu file, atomically."""
+    """Write a grid as a compressed binary .vtu file, by `replace_atomically`; OutputError if that is not possible."""
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
     writer = vtkXMLUnstructuredGridWriter()
     writer.SetInputData(data)
-    # What ParaView writes itself: raw binary behind the XML, zlib (VTK's default level), the smallest of the forms
+    # As ParaView writes files: raw binary data behind the XML, compressed by zlib, which gives the smallest files.
     writer.SetDataModeToAppended()
     writer.EncodeAppendedDataOff()
     writer.SetCompressorTypeToZLib()

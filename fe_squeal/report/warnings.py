@@ -1,18 +1,18 @@
-"""Warnings as they are printed: those that say the same once, with how many there are, the gravest at the end."""
+"""Warnings for printing: similar ones once, with their number, and the most serious at the end."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
 
-# A number that stands alone; those in names, pad_1 and pad_2, are other things.
+# A number that is not part of a name such as pad_1.
 _NUMBER = re.compile(r"(?<![\w.])[-+−]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
 def told_once(warnings: Sequence[str]) -> list[str]:
-    """Return each warning once; of those that differ in numbers alone the last, with how many there are.
+    """Return each warning once; of several that differ only in their numbers the last one, and how many there are.
 
-    They stay in the order of the last one of each kind, so that the list still ends with the gravest.
+    They keep the order of the last one of each kind, so that the most serious are still at the end.
 
     Examples
     --------

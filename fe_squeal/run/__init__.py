@@ -1,1 +1,1 @@
-"""From a scene to the folder of its results: the names of the files there, the lock, the manifest, the checkpoint."""
+"""From a scene to a folder of results: what the commands do, the names of files, the lock, manifest and checkpoint."""

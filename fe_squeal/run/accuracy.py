@@ -40,7 +40,7 @@ from .folder import (
 )
 from .inputs import input_files, run_inputs
 from .measured import read_measured
-from .measurements import Measurements
+from .measurements import MeasurementFolder
 from .mesh_error import write_mesh_error
 from .page import write_accuracy_report, write_run_report
 from .record import write_record
@@ -50,14 +50,35 @@ from .solver import solver_of
 
 
 def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget: float | None) -> int:
-    """Measure what accuracy costs and write accuracy.csv, accuracy.png and accuracy.md; go on from what is there.
+    """Measure error against time and memory, and write accuracy.csv, accuracy.png and accuracy.md.
+
+    Measurements that the folder already has are not made again.
+
+    Parameters
+    ----------
+    scene : Scene or MatrixScene
+    out : Path
+        The folder.
+    console : Console
+    budget : float, s, optional
+        Time that the study may take.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or 130 if the user interrupted.
 
     Raises
     ------
-    SceneError, NotConvergedError
+    SceneError
+        The scene has no mesh, its numbers cannot be in SI units, or the budget is not above 0.
+    OutputError
+        The folder cannot be used.
+    NotConvergedError
+        No setting could be measured within the budget.
     """
     whole = _with_mesh(scene, "accuracy")
-    solver_of(whole)  # raises where it is not there, before anything is measured
+    solver_of(whole)  # raises SceneError if the solver is not installed, before anything is measured
     check_units(whole)
     if budget is not None and not budget > 0:
         raise SceneError(f"--budget: given {budget:g}; expected a number of seconds above 0")
@@ -74,7 +95,7 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
 
             stopped = False
             try:
-                study = run_study(whole, Measurements(out / MEASUREMENTS), budget, progress=report)
+                study = run_study(whole, MeasurementFolder(out / MEASUREMENTS), budget, progress=report)
             except KeyboardInterrupt as stop:
                 if not stop.args or stop.args[0] is None:
                     raise
@@ -111,7 +132,7 @@ def write_study(study: Study, out: Path, title: str) -> None:
 
 
 def uncertainty(study: Study) -> dict[str, float]:
-    """Return the uncertainty of the reference that errors of a study are measured against, by columns of its table."""
+    """Return the uncertainty of the reference of a study, by the columns of its table."""
     own = study.reference.uncertainty
     return {"error_frequency": own.frequency, "error_growth": own.growth, "error_onset": own.onset}
 
@@ -119,20 +140,34 @@ def uncertainty(study: Study) -> dict[str, float]:
 def run_to_accuracy(
     scene: Scene | MatrixScene, out: Path, console: Console, target: float, what: str = "all", resume: bool = False
 ) -> int:  # fmt: skip
-    """Choose the mesh for a target, and write the results with what it cost, and the mesh.
+    """Find a mesh that meets a target for the error, and write its results, the mesh, and what the search cost.
 
     Parameters
     ----------
+    scene : Scene or MatrixScene
+    out : Path
+        The folder.
+    console : Console
+    target : float
+        For the relative error, between 0 and 1.
     what : "onsets", "growth", "frequencies" or "all"
-        What is to meet the target.
+        Which quantities are to meet the target.
     resume : bool
-        Go on from the mesh that an interrupted search was at.
+        Whether to continue an interrupted search with the mesh that it was about to try.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or 130 if the user interrupted.
 
     Raises
     ------
     SceneError
+        The scene has no mesh, its numbers cannot be in SI units, or `target` or `what` is wrong.
+    OutputError
+        The folder cannot be used.
     NotConvergedError
-        The target is not met; what comes nearest is in the folder.
+        The target is not met; the results of the mesh that comes nearest are in the folder.
     """
     whole = _with_mesh(scene, "--accuracy")
     if what not in ("all", *KINDS):
@@ -201,7 +236,7 @@ def _print_trials(choice: Choice, target: float, console: Console) -> None:
 
 
 def _used_again(choice: Choice, out: Path) -> str:
-    """Return how a scene takes the mesh that was chosen."""
+    """Return a sentence on how to use the mesh that was found in a scene."""
     geometry = choice.scene.mesh.geometry
     text = f'the mesh is {out / MESH}; with order = {choice.scene.mesh.order}, [mesh] takes it as its file'
     if geometry is None or geometry.element != "hex":
@@ -211,7 +246,7 @@ def _used_again(choice: Choice, out: Path) -> str:
 
 
 def check_units(scene: Scene) -> None:
-    """Raise SceneError if numbers of a scene file cannot be in SI units, before anything is measured."""
+    """Raise SceneError if numbers of a scene cannot be in SI units; it is called before anything is measured."""
     mesh = scene_mesh(scene)
     assert mesh is not None
     where = f"{scene.source}: " if scene.source is not None else ""

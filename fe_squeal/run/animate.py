@@ -14,12 +14,13 @@ from .view import Z_AXIS
 
 
 def animate_folder(folder: Path, branch: int | None, file: Path | None, console: Console) -> int:
-    """Write a film of every shape of a run beside it, or of one branch to a file.
+    """Write a film of every shape of a run, beside the shape's file, or of the shape of one branch to a given file.
 
     Raises
     ------
     OutputError
-        There is no such shape, several for one file, a format that is not known, or VTK cannot draw.
+        There is no such shape, a file is given for several shapes or exists already, its format is not known, or VTK
+        cannot draw.
     """
     from ..report.animation import FORMATS
 
@@ -51,7 +52,7 @@ def _write(shape: tuple[Path, dict[str, Any]], path: Path, axis: Any, console: C
 
 
 def _shapes(folder: Path, branch: int | None) -> list[tuple[Path, dict[str, Any]]]:
-    """Return the shape files of a folder with what is known of their modes, or those of one branch."""
+    """Return the shape files of a folder, all or those of one branch, each with what is known of its mode."""
     from ..report.results import read_shape
 
     if not folder.is_dir():

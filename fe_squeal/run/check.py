@@ -40,7 +40,7 @@ def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
     table.add_row("free motions", f"{free} that nothing holds" if free else "none: everything is held")
     sweep, solve = scene.sweep, scene.solve
     parameter, values = (MU, 1) if sweep is None else (sweep.parameter, len(sweep.grid))
-    modes = solve.modes or MODES  # how many lie below max_frequency is not known before the solve
+    modes = solve.modes or MODES  # the number of modes below max_frequency is not known before the solve
     forecast = predict_memory(problem, parameter, values, modes, solve.method, solver)
     table.add_row("predicted memory", str(forecast))
     return table

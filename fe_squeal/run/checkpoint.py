@@ -1,10 +1,10 @@
-"""What is kept of a running sweep in the folder of its results, so that it can go on after any interruption.
+"""The checkpoint of a running sweep: files in the folder of results from which it can resume after any interruption.
 
-The folder `checkpoint` holds `inputs.json`, written first: what the run depends on, and the layout of the other files.
-Then come `model.npz`, the reduced model where there is one; `first.npz`, the modes at the first value;
-`point_00000.npz` and so on, what is reported of each value; and `state.npz`, written last, which says how many of these
-count. Every file is complete or absent, so that the folder is whole at any moment. Files hold plain arrays and JSON;
-nothing is pickled.
+The folder `checkpoint` has `inputs.json`, written first: what the run depends on, and the number of the layout of the
+other files. `model.npz` is the reduced model, if there is one; `first.npz` has the modes at the first value,
+`point_00000.npz` and so on what is reported of each value. `state.npz`, written last, says how many of these points are
+valid. Every file is complete or absent, so the checkpoint is consistent at any moment. Files contain plain arrays and
+JSON; nothing is pickled.
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ from ..sweep.state import (
 from .folder import CHECKPOINT, CHECKPOINT_INPUTS, is_kept
 from .manifest import Manifest
 
-_SHARE = 0.03  # of the time: what writing may take; values that are fast to solve are written several at once
-_JSON = "json"  # name of the array that holds, as JSON, what is no array
-# Number of the layout of these files. Raise it when a name, a unit or a meaning in them changes: a checkpoint of
-# another layout is refused.
+_SHARE = 0.03  # of the time: writing takes no more, so that values that are solved quickly are written several at once
+_JSON = "json"  # name of the array that contains, as JSON text, everything that is not an array
+# Number of the layout of these files. A checkpoint with another number is refused, so raise it whenever a name, a unit
+# or a meaning in the files changes.
 LAYOUT = 4
 
 
 class Checkpoint:
-    """The folder of a checkpoint; a `Store` of a sweep.
+    """The checkpoint in a folder of results, which a sweep uses as its `Store`.
 
     Parameters
     ----------
     results : Manifest
-        Of the folder of results. The folder inside is made by `begin`.
+        The manifest of the folder of results. `begin` makes the folder of the checkpoint in it.
 
     Attributes
     ----------
     report : callable of SweepState
-        Called after a state was written, within the same share of the time.
+        Called after a state was written; its time counts as time of writing.
     """
 
     def __init__(self, results: Manifest) -> None:
@@ -59,28 +59,28 @@ class Checkpoint:
         self.report: Callable[[SweepState], None] = lambda state: None
         self._inputs = folder / "inputs.json"
         self._model, self._first, self._state = (folder / f"{name}.npz" for name in ("model", "first", "state"))
-        self._written = 0  # points
+        self._written = 0  # number of points that are written
         self._pending: SweepState | None = None
         self._cost, self._idle_since = 0.0, -np.inf
 
     @property
     def exists(self) -> bool:
-        """Whether there is a checkpoint that a run could go on from."""
+        """Whether there is a checkpoint that a run could resume from."""
         return self._inputs.exists()
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing was finished."""
+        """Whether no value was finished yet."""
         return not self._model.exists() and not self._state.exists()
 
     @property
     def inputs(self) -> Any:
-        """The inputs of the run that left this checkpoint, see `run_inputs`; None if they cannot be read.
+        """The inputs of the run that wrote this checkpoint, see `run_inputs`; None if they cannot be read.
 
         Raises
         ------
         OutputError
-            If it has another layout.
+            The checkpoint has another layout.
         """
         found = read_json(self._inputs)
         if isinstance(found, dict) and found.pop("layout", 1) != LAYOUT:
@@ -88,7 +88,13 @@ class Checkpoint:
         return found
 
     def progress(self) -> tuple[int, float]:
-        """Return how many values are finished, and the seconds that went into them."""
+        """Return the number of finished values, and the seconds that they took.
+
+        Raises
+        ------
+        OutputError
+            A file is damaged, or another version of the program wrote it.
+        """
         if not self._state.exists():
             return 0, 0.0
         data = _read(self._state, _JSON).data
@@ -98,27 +104,28 @@ class Checkpoint:
             raise _damaged(self._state, error) from error
 
     def begin(self, inputs: Mapping[str, Any]) -> None:
-        """Start a new checkpoint in place of any other."""
+        """Start a new checkpoint for a run with some inputs, in place of any other."""
         self.remove()
         write_json({**inputs, "layout": LAYOUT}, self._inputs)
 
     def remove(self) -> None:
-        """Remove its files, `inputs.json` first: without that the rest is no checkpoint any more.
+        """Remove the checkpoint, `inputs.json` first: without this file the others do not count as a checkpoint.
 
         Raises
         ------
         OutputError
+            A file cannot be removed.
         """
         self.results.remove(is_kept, first=CHECKPOINT_INPUTS)
         self._written, self._pending = 0, None
 
     def load(self) -> SweepState | None:
-        """Return the state that was kept last; None if no value was finished.
+        """Return the last state that was written; None if no value was finished.
 
         Raises
         ------
         OutputError
-            If a file is damaged, or another version of the program wrote it.
+            A file is damaged, or another version of the program wrote it.
         """
         if not self._state.exists():
             return None
@@ -134,7 +141,7 @@ class Checkpoint:
         return state
 
     def load_model(self) -> Record | None:
-        """Return the reduced model that was kept, if there is one."""
+        """Return the reduced model that was kept, or None."""
         return _read(self._model) if self._model.exists() else None
 
     def save_model(self, model: Record) -> None:
@@ -142,13 +149,13 @@ class Checkpoint:
         _write(self._model, model)
 
     def save(self, state: SweepState) -> None:
-        """Keep a state: at once, unless writing the last one took too much of the time that has passed since."""
+        """Write a state now, unless writing would take more than `_SHARE` of the time; then a later call writes it."""
         self._pending = state
         if time.perf_counter() - self._idle_since >= self._cost * (1 / _SHARE - 1):
             self.flush()
 
     def flush(self) -> None:
-        """Write the last state if that has not been done yet."""
+        """Write the last state, if that has not been done yet."""
         state = self._pending
         if state is None:
             return
@@ -169,7 +176,7 @@ class Checkpoint:
 
 
 def read_json(path: Path) -> Any:
-    """Return what a JSON file holds; None where there is none, or none that can be read."""
+    """Return the content of a JSON file; None if it does not exist or cannot be read."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
@@ -177,7 +184,7 @@ def read_json(path: Path) -> Any:
 
 
 class _Kept(dict[str, Any]):
-    """What a file holds by name; where a name is missing, another version of the program has written the file."""
+    """The entries of a file by name; a missing name raises OutputError, since another version has written the file."""
 
     def __init__(self, path: Path, found: Mapping[str, Any]) -> None:
         super().__init__(found)
@@ -188,19 +195,19 @@ class _Kept(dict[str, Any]):
 
 
 def _write(path: Path, record: Record) -> None:
-    text = json.dumps(record.data)  # NaN stays NaN here, and every float comes back as it was
+    text = json.dumps(record.data)  # Python's JSON has NaN, and writes floats so that they are read back exactly
     with replace_atomically(path) as temporary:
         np.savez(temporary, **{_JSON: np.array(text)}, **record.arrays)  # type: ignore[arg-type]
 
 
 def _read(path: Path, *names: str) -> Record:
-    """Return all arrays of a file, or some."""
+    """Return all arrays of a file, or those with some names."""
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in names or file.files}
         data = json.loads(str(arrays.pop(_JSON)), object_hook=lambda found: _Kept(path, found))
         return Record(_Kept(path, arrays), data)
-    except Exception as error:  # the reader stops at damaged files with almost any exception
+    except Exception as error:  # NumPy raises almost any exception at damaged files
         raise _damaged(path, error) from error
 
 

@@ -1,4 +1,4 @@
-"""Measured squeal beside computed: the nearest unstable mode of each frequency, and the MAC of each shape."""
+"""Compare measured squeal with computed modes: the unstable mode nearest to each frequency, and the MAC of shapes."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from ..sweep.result import Sweep
 from .measured import Frequency, Measurements, TestShape
 from .preload import grid_of
 
-_FEWEST = 3  # points, below which a MAC tells nothing
+_FEWEST = 3  # measured points of a shape: with fewer a MAC means nothing
 MAC_COLUMNS = ("measured", "measured_hz", "parameter", "value", "mode", "branch", "frequency_hz", "stability", "mac",
                "points")  # fmt: skip
 
 
 def nearest_unstable(frequency: Frequency, modes: pd.DataFrame) -> dict[str, Any] | None:
-    """Return the row of the unstable mode nearest to a measured frequency; None where no mode is unstable."""
+    """Return the row of modes.csv of the unstable mode nearest to a measured frequency; None if no mode is unstable."""
     unstable = modes[(modes["stability"] == "unstable") & (modes["frequency_hz"] > 0)]
     if not len(unstable):
         return None
@@ -59,9 +59,10 @@ def measured_record(measured: Measurements, result: Sweep) -> list[dict[str, Any
 
 
 def mac_table(measured: Measurements, result: Sweep) -> tuple[pd.DataFrame | None, list[str]]:
-    """Return the MAC of every measured shape with every shape that is known, and sentences on points left out.
+    """Return a table of the MAC of every measured shape with every known shape, and sentences on points left out.
 
-    Known are the shapes of all modes at the last value, and of the unstable ones at all values.
+    The shapes of all modes at the last value are known, and those of unstable modes at all values. The table has the
+    columns `MAC_COLUMNS`; it is None if no shape was measured.
     """
     model = discretisation_of(result.problem)
     if not measured.shapes or model is None:

@@ -1,4 +1,4 @@
-"""Up to which frequency the results are complete, and the unstable modes that were found above it."""
+"""The range of frequencies in which all modes are known, and unstable modes that were found above it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..sweep.sweep import MODES
 
 
 class Seen(NamedTuple):
-    """An unstable mode above the range: its frequency, its growth rate in 1/s, and the value of the parameter."""
+    """An unstable mode above the range: its frequency, Hz, its growth rate, 1/s, and the value of the parameter."""
 
     frequency_hz: float
     growth: float
@@ -21,10 +21,10 @@ class Seen(NamedTuple):
 
 
 def frequency_range(scene: Scene | MatrixScene, result: Sweep) -> tuple[float, float | None]:
-    """Return the range in Hz in which all modes are known at every value of a sweep.
+    """Return the range, Hz, in which all modes are known at every value of a sweep.
 
-    Where a number of modes is asked for, it ends at the highest frequency that these reach at every value. None as its
-    end means that all modes of the problem are known.
+    If a number of modes is asked for, the range ends at the highest frequency that they reach at every value. If its
+    end is None, all modes of the problem are known.
     """
     asked = scene.solve.max_frequency
     if asked is not None:
@@ -49,12 +49,12 @@ def unstable_above(result: Sweep) -> Seen | None:
     if not found:
         return None
     lowest = min(seen.frequency_hz for seen in found)
-    near = [seen for seen in found if seen.frequency_hz < 1.02 * lowest]  # the same mode at other values
+    near = [seen for seen in found if seen.frequency_hz < 1.02 * lowest]  # taken for the same mode at other values
     return max(near, key=lambda seen: seen.growth)
 
 
 def covered_text(covered: tuple[float, float | None]) -> str:
-    """Return the range for a sentence.
+    """Return the range in words, for a sentence.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def covered_text(covered: tuple[float, float | None]) -> str:
 
 
 def above_text(seen: Seen, parameter: str) -> str:
-    """Return what is said about an unstable mode above the range."""
+    """Return a sentence about an unstable mode above the range."""
     return (
         f"above the range that was asked for a mode is unstable: {frequency_text(seen.frequency_hz)}, Re λ ="
         f" {seen.growth:.3g} 1/s at {parameter_symbol(parameter)} = {seen.value:.4g}; ask for more modes, or for"

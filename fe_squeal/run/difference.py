@@ -23,12 +23,13 @@ from .page import read_run, write_difference_report
 
 
 def compare_folders(folders: Sequence[Path], out: Path, console: Console) -> int:
-    """Hold each folder of results against the first one, and write diff.csv, diff.png and the page.
+    """Compare each folder of results with the first one, and write diff.csv, diff.png and the page; return 0.
 
     Raises
     ------
     OutputError
-        Fewer than two folders, or one that holds no results.
+        There are fewer than two folders, one of them has no results or another swept parameter, or `out` is one of them
+        or cannot be used.
     """
     from ..report.difference_figure import plot_differences
     from ..report.differences import compare_designs, sentences, symbol_of
@@ -70,7 +71,7 @@ def compare_folders(folders: Sequence[Path], out: Path, console: Console) -> int
 
 
 def _names(folders: Sequence[Path]) -> list[str]:
-    """Return a short name for each folder: its own, with its parent's where two are equal."""
+    """Return a short name for each folder: its own name, with that of its parent in front if two are equal."""
     names = [folder.resolve().name for folder in folders]
     if len(set(names)) < len(names):
         names = ["/".join(folder.resolve().parts[-2:]) for folder in folders]

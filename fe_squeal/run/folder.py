@@ -1,7 +1,7 @@
-"""The folder of results: the names of its files, who may write into it, and what is removed from it.
+"""The folder of results: the names of its files, and how a command gets hold of it.
 
-A command takes a folder that is new, empty, or has the manifest of an earlier command; everything else is refused and
-stays as it is. Inside, only listed files are replaced or removed (see `manifest`).
+A command uses a folder that is new, empty, or has the manifest of an earlier command. It refuses any other folder and
+leaves it as it is. In the folder, only files that the manifest lists are replaced or removed (see `manifest`).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ MODES_TABLE, ONSETS_TABLE, CONTRIBUTIONS_TABLE, SENSITIVITIES_TABLE, PRELOAD_TAB
 STABILITY_FIGURE, ROOT_LOCUS_FIGURE, CONTRIBUTIONS_FIGURE = FIGURES = (
     "stability.png", "root_locus.png", "contributions.png",
 )  # fmt: skip
-PRELOAD_FILES = ("preload.png", "preload.vtu", "preload_contacts.vtu")  # names that `report.preload` gives
+PRELOAD_FILES = ("preload.png", "preload.vtu", "preload_contacts.vtu")  # written by `report.preload`
 SHAPES, CHECKPOINT = "shapes", "checkpoint"
 ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, MEASUREMENTS = (
     "accuracy.csv", "accuracy_stages.csv", "accuracy.png", "accuracy.md", "measurements",
@@ -54,38 +54,44 @@ RUN_FILES = (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES, *MEASURED_FILES, *MESH_E
 STUDY_FILES = (ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, REPORT)
 FOLDERS = (SHAPES, CHECKPOINT, MEASUREMENTS, DANGEROUS, PARTS)
 CHECKPOINT_INPUTS = f"{CHECKPOINT}/inputs.json"
-SEARCH, NEXT_MESH = f"{CHECKPOINT}/search.json", f"{CHECKPOINT}/next.msh"  # of a mesh for a target
+SEARCH, NEXT_MESH = f"{CHECKPOINT}/search.json", f"{CHECKPOINT}/next.msh"  # of the search for a mesh for a target
 _CHECKPOINT_FILES = (CHECKPOINT_INPUTS, *(f"{CHECKPOINT}/{name}.npz" for name in ("model", "first", "state")))
-_LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}  # of the systems' file browsers
+_LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}  # files that file browsers leave; an empty folder may have them
 _UNFINISHED = re.compile(re.escape(UNFINISHED).replace(re.escape("{}"), "[0-9a-f]{32}"))
-_NAMED = 3  # files in one message
-_LATER = {*MEASURED_FILES, *MESH_ERROR_FILES, REPORT, MESH}  # that came with the manifest
-# Names of files of the version that wrote no manifest: a folder with such files alone holds its results.
+_NAMED = 3  # files that a message names, at most
+_LATER = {*MEASURED_FILES, *MESH_ERROR_FILES, REPORT, MESH}  # files that versions without a manifest did not write
+# Names of files that versions without a manifest wrote: a folder with no other files has results of such a version.
 _EARLIER = re.compile(
     "|".join(map(re.escape, {*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES} - _LATER))
     + rf"|{CHECKPOINT}/point_\d+\.npz|{MEASUREMENTS}/[\w.+-]+\.np[yz]"
     rf"|{SHAPES}/(branch|mode)_\d+\w*[\w.+-]*Hz(\.(vtu|pvd|png|npz)|_frames/[\w.+-]+\.vtu)"
 )
 _STUDY_MARKS = ((ACCURACY_TABLE, b"order,size,modes,method,"), (f"{MEASUREMENTS}/probes.npy", b"\x93NUMPY"))
-_EARLIER_PARTIAL = re.compile(r"(.*/)?\.[^/]*\.\d+\.partial\.\w+")  # of a command that was killed
+_EARLIER_PARTIAL = re.compile(r"(.*/)?\.[^/]*\.\d+\.partial\.\w+")  # unfinished files of a command that was killed
 _RECORD_KEYS = {"version", "title", "status", "unknowns", "problem_class", "effects", "inputs"}
 
 
 @contextmanager
 def hold_folder(folder: Path, inputs: Iterable[Path] = ()) -> Iterator[Manifest]:
-    """Make a folder if it is missing, and keep other commands out of it inside the block.
+    """Make a folder if it is missing, and hold it during the block, so that no other command writes into it.
 
     Folders that were made for it and stay empty are removed again.
 
     Parameters
     ----------
-    inputs : paths
-        What the command reads: none of them may be replaced by it.
+    folder : Path
+    inputs : iterable of Path
+        The files that the command reads; it must not replace them.
+
+    Yields
+    ------
+    Manifest
+        Of the folder.
 
     Raises
     ------
     OutputError
-        Another command holds the folder, it has files that this program did not write, an input is among those that
+        Another command holds the folder, it has files that this program did not write, an input is among the files that
         would be replaced, or nothing can be written there.
     """
     _refuse_foreign(folder)
@@ -94,7 +100,7 @@ def hold_folder(folder: Path, inputs: Iterable[Path] = ()) -> Iterator[Manifest]
         with _explained(folder):
             missing = [p for p in (folder, *folder.parents) if not os.path.lexists(p)]
             for place in reversed(missing):
-                with suppress(FileExistsError):  # another command has just made it
+                with suppress(FileExistsError):  # another command made it in the meantime
                     place.mkdir()
                     made.append(place)
         with _explained(folder, inside := _Inside()), locked(folder):
@@ -112,18 +118,19 @@ def hold_folder(folder: Path, inputs: Iterable[Path] = ()) -> Iterator[Manifest]
                     manifest.close()
     finally:
         for place in reversed(made):
-            with suppress(OSError):  # there is something in it
+            with suppress(OSError):  # it is not empty
                 place.rmdir()
 
 
 def remove_results(manifest: Manifest) -> None:
-    """Remove what an earlier run wrote into the folder, so that results of two runs are never mixed.
+    """Remove the results of an earlier run from the folder, so that results of two runs are never mixed.
 
-    The record goes first: without it nothing passes for complete.
+    run.json is removed first: without it the other files do not count as complete results.
 
     Raises
     ------
     OutputError
+        A file cannot be removed.
     """
     manifest.remove(is_result, first=RECORD)
 
@@ -139,7 +146,7 @@ def is_study_result(name: str) -> bool:
 
 
 def is_part(name: str) -> bool:
-    """Return whether a file of the folder is a finished part of a study that goes on."""
+    """Return whether a file of the folder is a finished part of an unfinished study."""
     return name.startswith(f"{PARTS}/")
 
 
@@ -154,13 +161,14 @@ def is_kept(name: str) -> bool:
 
 
 class _Inside:
-    """Whether the block of `hold_folder` has begun: errors raised in there are not explained here."""
+    """Whether the block of `hold_folder` has begun: errors raised in the block are not about the folder."""
 
     begun = False
 
 
 @contextmanager
 def _explained(folder: Path, inside: _Inside | None = None) -> Iterator[None]:
+    """Turn an OSError in the block into an OutputError, unless it was raised inside the block of `hold_folder`."""
     try:
         yield
     except OSError as error:
@@ -173,10 +181,10 @@ def _explained(folder: Path, inside: _Inside | None = None) -> Iterator[None]:
 
 
 def _refuse_foreign(folder: Path) -> None:
-    """Refuse a folder that is neither empty nor of this program."""
+    """Raise OutputError for a folder that is not empty and was not written by this program."""
     try:
         names = sorted(set(os.listdir(folder)) - _LITTER)
-    except OSError:  # it is missing, or no folder: making it says so
+    except OSError:  # it does not exist or is not a folder; making the folder reports that
         return
     own = {LOCK} if is_lock(folder / LOCK) else set()
     others = [name for name in names if name not in own and not _UNFINISHED.fullmatch(name)]
@@ -191,7 +199,7 @@ def _refuse_foreign(folder: Path) -> None:
 
 
 def _refuse_names(manifest: Manifest) -> None:
-    """Refuse to begin where files that this program did not write have names that will be written."""
+    """Raise OutputError if files that this program did not write have the names of files that will be written."""
     listed = set(manifest.names(lambda name: True))
     for name in {*RUN_FILES, *STUDY_FILES, *SCATTER_FILES, *MAP_FILES, *DIFFERENCE_FILES, *_CHECKPOINT_FILES} - listed:
         if manifest.state(name) != MISSING:
@@ -219,7 +227,7 @@ def _refuse_inputs(manifest: Manifest, inputs: Iterable[Path]) -> None:
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """Return device and inode of a file, the same under any of its names; None where there is no file."""
+    """Return device and inode of a file, which are the same under all of its names; None if there is no file."""
     try:
         found = path.stat()
     except OSError:
@@ -228,10 +236,10 @@ def _identity(path: Path) -> tuple[int, int] | None:
 
 
 def _earlier(folder: Path) -> list[str]:
-    """Return the files of a folder that a version without manifests has written; none if there is any other file.
+    """Return the files of a folder if all of them were written by a version without a manifest, else no file.
 
-    To be sure, a run's run.json or a checkpoint's inputs.json has to be among them, or the table or the measurements of
-    a study of accuracy.
+    As evidence the folder has to contain run.json of a run, inputs.json of a checkpoint, or the table or measurements
+    of a study of accuracy, with the expected beginning.
     """
     names: list[str] = []
     for root, folders, files in os.walk(folder):

@@ -8,11 +8,11 @@ from rich.table import Table
 
 from ..assembly.forces import PartForces
 
-_ROUNDED = 1e-9  # of the largest force: what is shown as zero
+_ROUNDED = 1e-9  # of the largest force: smaller forces are shown as zero
 
 
 def balance_table(parts: list[PartForces]) -> Table | None:
-    """Return a table of the forces on each part, and their sum; None without preload."""
+    """Return a table of the forces, N, on each part and of their sum; None without preload."""
     if not parts:
         return None
     table = Table(title="Balance of forces under preload, N", title_justify="left", box=SIMPLE_HEAD)

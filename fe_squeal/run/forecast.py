@@ -1,4 +1,4 @@
-"""A forecast of how long a sweep takes, printed once near its beginning."""
+"""Forecast how long a sweep takes, and print it once near its beginning."""
 
 from __future__ import annotations
 
@@ -6,28 +6,29 @@ import time
 
 from rich.console import Console
 
-_SAMPLE = 5  # values that are timed, from the second on: the first includes work that is done only once
-_LONG = 30.0  # s: a shorter rest is not worth a line
+_SAMPLE = 5  # values that are timed, from the second on, since the first includes work that is done only once
+_LONG = 30.0  # s: if less time is left, no forecast is printed
 
 
-class Forecast:
-    """Prints how long a sweep will take, judged by its first values.
+class ForecastLine:
+    """Prints, once, how long a sweep will take, from the time of its first values.
 
     Parameters
     ----------
     values : int
-        Of the sweep.
+        Number of values of the sweep.
+    console : Console
     kept : bool
-        Whether an interrupted sweep goes on from what is finished.
+        Whether the sweep keeps what is finished and can be resumed; the line says so.
     """
 
     def __init__(self, values: int, console: Console, kept: bool) -> None:
         self._values, self._console, self._kept = values, console, kept
-        self._first: tuple[int, float] | None = None  # values done, and when
+        self._first: tuple[int, float] | None = None  # number of values done at the first call, and the time of it
         self._told = False
 
     def tell(self, done: int) -> None:
-        """Take note that so many values are done; print the forecast once enough are."""
+        """Note that `done` values are finished; print the forecast as soon as `_SAMPLE` values are timed."""
         now = time.perf_counter()
         if self._first is None:
             self._first = done, now
@@ -46,7 +47,7 @@ class Forecast:
 
 
 def duration(seconds: float) -> str:
-    """Return a time in words, in two digits.
+    """Return a time, given in seconds, in words with two digits.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A warning about bodies that nothing holds, and how they can move, before anything is solved."""
+"""Warn of bodies that nothing holds, and say how they can move, before anything is solved."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from ..assembly.discretisation import Discretisation, discretisation_of
 from ..fem.rigid_motions import connected_parts
 from ..problem.problem import Problem
 
-_RANK = 1e-6  # of motions of order one: what is smaller is rounding
+_RANK = 1e-6  # rounding of motions whose size is about one
 _NAMES = ("moves along x", "moves along y", "moves along z", "turns about x", "turns about y", "turns about z")
 
 
 def free_motion_warnings(problem: Problem) -> list[str]:
-    """Return a sentence that says which parts of the mesh nothing holds, and how they move.
+    """Return sentences on which parts of the mesh nothing holds, and how they can move; none if everything is held.
 
-    K has a zero eigenvalue for each such motion, and as many modes have the frequency 0.
+    Each such motion is an eigenvector of K for the eigenvalue 0, and a mode with the frequency 0.
     """
     discretisation = discretisation_of(problem)
     Z = problem.free_motions().motions
@@ -31,7 +31,7 @@ def free_motion_warnings(problem: Problem) -> list[str]:
 
 
 def _moving_parts(discretisation: Discretisation, Z: np.ndarray) -> list[str]:
-    """Return words for each connected part of the mesh that moves; Z (n, k)."""
+    """Return words for each connected part of the mesh that can move, from the k free motions Z (n, k)."""
     space = discretisation.space
     nodal = np.stack([space.expand(z) for z in Z.T], axis=2)  # (nodes, 3, k)
     part = connected_parts(space)
@@ -53,14 +53,16 @@ def _moving_parts(discretisation: Discretisation, Z: np.ndarray) -> list[str]:
 
 
 def rigid_part(x: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Return the rigid motions (6, k) nearest to some displacements: along x, y, z, and about them through the centre.
+    """Return the rigid motions (6, k) nearest to some displacements: along x, y, z, and about axes through the centre.
 
-    Rotations are scaled by the radius of the body, so that all six numbers are displacements.
+    Rotations are multiplied by the radius of the body, so that all six numbers are displacements.
 
     Parameters
     ----------
     x : (p, 3) float, m
+        Points of the body.
     u : (p, 3, k) float
+        Displacements of these points in k motions.
 
     Examples
     --------
@@ -77,7 +79,10 @@ def rigid_part(x: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _describe(T: np.ndarray) -> list[str]:
-    """Return words for the span of rigid motions (6, k): those along and about the axes, then what is left of it."""
+    """Return words for the span of rigid motions T (6, k).
+
+    The motions along and about the axes that the span contains come first, then the number of all others.
+    """
     U, s, _ = la.svd(T, full_matrices=False)
     Q = U[:, s > _RANK * max(1.0, s[0] if len(s) else 0.0)]
     words, left = [], Q

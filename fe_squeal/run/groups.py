@@ -1,4 +1,4 @@
-"""What `fe-squeal check --groups` shows: the groups of a mesh, also of one whose elements are bad."""
+"""What `fe-squeal check --groups` shows: the groups of a mesh, even if its elements are bad."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def group_table(loaded: LoadedMesh) -> Table:
 
 
 def raw_group_table(raw: RawMesh) -> Table:
-    """Return a table of the groups of a file as they stand there, without sizes, for elements that may be bad."""
+    """Return a table of the groups of a file as they are written, without sizes, since elements may be bad."""
     table = _table("m3 or m2", "centre (file)")
     cells = [nodes[nodes >= 0] for block in raw.blocks for nodes in block.nodes]
     for name, members in raw.volume_groups.items():
@@ -68,7 +68,7 @@ def groups_of_scene(scene: Scene) -> tuple[Table, MeshError | None]:
     Raises
     ------
     MeshError
-        There is no mesh to be read.
+        There is no mesh that can be read.
     """
     where = f"{scene.source}: " if scene.source is not None else ""
     try:

@@ -1,4 +1,4 @@
-"""The inputs that the results of a run depend on, and how those of two runs differ."""
+"""The inputs that the results of a run depend on, and how the inputs of two runs differ."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from ..mesh import LoadedMesh
 from ..scene import MatrixScene, Scene
 from ..version import __version__
 
-_MOST = 3  # differences in one message
+_MOST = 3  # differences that a message names, at most
 
 
 def run_inputs(scene: Scene | MatrixScene, mesh: LoadedMesh | None) -> dict[str, Any]:
-    """Return version, scene and digests of mesh or matrices, as JSON can hold them.
+    """Return the version of the program, the scene, and digests of its mesh or matrices, in a form for JSON.
 
     Parameters
     ----------
+    scene : Scene or MatrixScene
     mesh : LoadedMesh or None
-        The mesh, if the scene has one. The digest is that of points, elements and groups, whatever the file format.
+        The mesh, if the scene has one. Its digest is that of points, elements and groups, not of the file.
     """
     content: dict[str, str | None] = {}
     if mesh is not None:
@@ -31,7 +32,7 @@ def run_inputs(scene: Scene | MatrixScene, mesh: LoadedMesh | None) -> dict[str,
         for term in scene.terms:
             try:
                 data = (scene.folder / term.file).read_bytes()
-            except (OSError, ValueError):  # the assembly says what is wrong with it
+            except (OSError, ValueError):  # the assembly will read the file too, and report what is wrong
                 continue
             content[f"file {term.file}"] = hashlib.sha256(data).hexdigest()
     return {
@@ -42,7 +43,7 @@ def run_inputs(scene: Scene | MatrixScene, mesh: LoadedMesh | None) -> dict[str,
 
 
 def input_files(scene: Scene | MatrixScene) -> list[Path]:
-    """Return the files that a command reads and must not replace: the scene, and those that it names."""
+    """Return the files that a command reads and must not replace: the scene, and the files that it names."""
     files = [scene.source, scene.mesh_path] if isinstance(scene, Scene) else [scene.source]
     if isinstance(scene, MatrixScene):
         files += [scene.folder / term.file for term in scene.terms]
@@ -76,14 +77,14 @@ def differences(known: Any, given: Mapping[str, Any]) -> list[str]:
     return found or ([] if contents.keys() == given["content"].keys() else ["the files are others"])
 
 
-def listed(found: list[str]) -> str:
-    """Return differences as one text, the first few of them."""
+def joined_differences(found: list[str]) -> str:
+    """Return differences as one text, the first few of them and how many more there are."""
     rest = len(found) - _MOST
     return "; ".join(found[:_MOST]) + (f"; and {rest} more" if rest > 0 else "")
 
 
 def _flat(data: Any, prefix: str) -> Iterator[tuple[str, Any]]:
-    """Yield the numbers and texts of nested tables by their dotted keys."""
+    """Yield the values of nested tables with their dotted keys."""
     if isinstance(data, dict):
         for key, value in data.items():
             yield from _flat(value, f"{prefix}.{key}".removeprefix("."))

@@ -1,4 +1,4 @@
-"""One run at a time in a folder."""
+"""A lock that lets one command at a time write into a folder."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ from pathlib import Path
 from ..errors import OutputError
 
 LOCK = ".lock"
-_TEXT = re.compile(rb"(process \d+ since [-\d]+ [:\d]+\n?)?")  # empty before it is written
+_TEXT = re.compile(rb"(process \d+ since [-\d]+ [:\d]+\n?)?")  # the file is empty for a moment after it was made
 _TAKEN = {errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK, errno.EDEADLK}
 
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Keep other commands out of a folder inside the block.
+    """Keep other commands from writing into a folder during the block.
 
-    The lock is one of the system's, on the file `.lock` in the folder: it ends with the process, however that ends.
+    The operating system locks the file `.lock` in the folder, and releases it when the process ends, however that
+    happens.
 
     Raises
     ------
     OutputError
-        If another command holds the folder.
+        Another command holds the folder.
     OSError
         Nothing can be written there.
     """
@@ -49,7 +50,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def is_lock(path: Path) -> bool:
-    """Return whether a file is the lock of a command that runs, or was killed."""
+    """Return whether a file is the lock of a command that is running, or was killed."""
     try:
         if not stat.S_ISREG(path.lstat().st_mode) or path.stat().st_size > 200:
             return False
@@ -59,7 +60,7 @@ def is_lock(path: Path) -> bool:
 
 
 def _locked(path: Path) -> int | None:
-    """Return the handle of the file, locked, or None if it is locked by another process."""
+    """Return the handle of the file after locking it, or None if another process has locked it."""
     while True:
         if os.path.lexists(path) and not is_lock(path):
             raise OutputError(
@@ -73,7 +74,7 @@ def _locked(path: Path) -> int | None:
                 os.close(handle)
                 return None
             warnings.warn(f"{path.parent}: this file system knows no locks ({error.strerror})", stacklevel=2)
-        # Its last holder may have removed the file between the two steps.
+        # The process that held it before may have removed the file between opening and locking.
         with suppress(OSError):
             if os.path.samestat(os.fstat(handle), os.stat(path)):
                 return handle
@@ -81,7 +82,7 @@ def _locked(path: Path) -> int | None:
 
 
 def _release(handle: int, path: Path) -> None:
-    """Remove the file while it is locked, or after that where the system does not allow it (Windows)."""
+    """Remove the file while it is locked; after unlocking, where the system does not allow that (Windows)."""
     with suppress(OSError):
         path.unlink()
     os.close(handle)
@@ -101,7 +102,8 @@ def _lock(handle: int) -> None:
     if sys.platform == "win32":
         import msvcrt
 
-        os.lseek(handle, 1 << 30, os.SEEK_SET)  # a byte far behind the end: the system keeps readers from locked bytes
+        # A byte far behind the end is locked, since Windows does not let others read locked bytes.
+        os.lseek(handle, 1 << 30, os.SEEK_SET)
         msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
         os.lseek(handle, 0, os.SEEK_SET)
     else:

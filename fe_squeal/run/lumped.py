@@ -20,6 +20,7 @@ def study_model(model: str, study: str, out: Path) -> list[Path]:
     ValueError
         The model or the study is unknown.
     OutputError
+        The folder cannot be used, or a file cannot be written.
     """
     with hold_folder(out) as held:
         scratch = held.scratch()

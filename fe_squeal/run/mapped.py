@@ -1,4 +1,4 @@
-"""The tables and the figure of a map."""
+"""Make a map of stability, and write its tables and its figure."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def mapped(
     scene: Scene | MatrixScene, section: StudySection, problem: Problem, options: dict[str, Any], out: Path,
     console: Console,
 ) -> dict[str, Any]:  # fmt: skip
-    """Make a map and write it; return what study.json says about it."""
+    """Make a map and write its tables and its figure; return the entries that study.json has about it."""
     assert section.x is not None and section.y is not None
     result = stability_map(problem, section.x, section.y, **options)
     grid, boundaries = result.grid, result.boundaries

@@ -1,4 +1,4 @@
-"""Measured frequencies and shapes of a scene, from its own numbers and the files that it names."""
+"""Read the measured frequencies and shapes of a scene, from its own numbers and from the files that it names."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LENGTH = {"m": 1.0, "mm": 1e-3}
 
 @dataclass(frozen=True)
 class Frequency:
-    """A measured frequency, Hz, with its level in dB where it is known."""
+    """A measured frequency, Hz, with its level, dB, if it is known."""
 
     hz: float
     level_db: float | None
@@ -34,17 +34,20 @@ class TestShape:
     Attributes
     ----------
     label : str
-    hz : float or None
+        What tables and figures call it.
+    hz : float or None, Hz
+        Its frequency, if it is known.
     points : (p, 3) float, m
+        The measured points.
     u : (p, 3) complex
-        Along the file's axes; NaN where a component was not measured.
+        Displacements along the file's axes, in any unit; NaN where a component was not measured.
     frame : (3, 3) float
         The file's axes as rows.
     distance : float, m
-        Up to which a point belongs to a node.
+        A point and a node that are farther apart do not belong together.
     """
 
-    __test__ = False  # pytest takes classes of this name for tests
+    __test__ = False  # pytest would take a class of this name for a test
 
     label: str
     hz: float | None
@@ -56,7 +59,7 @@ class TestShape:
 
 @dataclass(frozen=True)
 class Measurements:
-    """What was measured."""
+    """The measured frequencies and shapes of a scene."""
 
     frequencies: tuple[Frequency, ...] = ()
     shapes: tuple[TestShape, ...] = ()
@@ -66,12 +69,12 @@ NOTHING_MEASURED = Measurements()
 
 
 def read_measured(scene: Scene | MatrixScene) -> Measurements:
-    """Return what the scene says was measured.
+    """Return the measured frequencies and shapes that a scene names.
 
     Raises
     ------
     SceneError
-        A file is missing or damaged, or has not the columns that are expected.
+        A file is missing or damaged, does not have the expected columns, or has shapes for a scene of matrices.
     """
     frequencies: list[Frequency] = []
     shapes: list[TestShape] = []
@@ -141,7 +144,7 @@ def _frequencies(frame: pd.DataFrame, entry: Measured, key: str, path: Path) -> 
 
 
 def _shape(frame: pd.DataFrame, key: str, path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Return points (p, 3) and displacements (p, 3), NaN where they were not measured."""
+    """Return points (p, 3), in the file's unit, and displacements (p, 3) complex, NaN where they were not measured."""
     missing = [c for c in "xyz" if c not in frame]
     measured = [c for c in _COMPONENTS if c in frame and c.endswith("_re")]
     if missing or not measured or not len(frame):

@@ -1,4 +1,4 @@
-"""The measurements of a study of accuracy in a folder, each in a file."""
+"""Keep the measurements of a study of accuracy in a folder, each in a file."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ..errors import OutputError
 from ..report.files import replace_atomically
 
 
-class Measurements:
-    """A folder of measurements; a `Store` of a study."""
+class MeasurementFolder:
+    """A folder of measurements, which a study of accuracy uses as its `MeasurementStore`."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._probes = folder / "probes.npy"
 
     def load(self, key: str) -> Measurement | None:
-        """Return a measurement that was kept; None where there is none.
+        """Return the measurement that was kept under a key, or None.
 
         Raises
         ------
@@ -36,18 +36,24 @@ class Measurements:
                 seconds = dict(zip(file["stages"].tolist(), file["seconds"].tolist(), strict=True))
             found |= {"unknowns": int(found["unknowns"]), "peak_memory_mib": float(found["peak_memory_mib"])}
             return Measurement(**{**found, "seconds": seconds})
-        except Exception as error:  # the reader stops at damaged files with almost any exception
+        except Exception as error:  # NumPy raises almost any exception at damaged files
             raise _damaged(path, error) from error
 
     def save(self, key: str, measured: Measurement) -> None:
-        """Keep a measurement."""
+        """Keep a measurement under a key."""
         plain = {f.name: getattr(measured, f.name) for f in fields(measured) if f.name != "seconds"}
         stages = {"stages": np.array(list(measured.seconds)), "seconds": np.array(list(measured.seconds.values()))}
         with replace_atomically(self._path(key)) as temporary, open(temporary, "wb") as file:
             np.savez(file, **{**plain, **stages})
 
     def load_probes(self) -> np.ndarray | None:
-        """Return the points at which all shapes were compared; None where there are none yet."""
+        """Return the points (p, 4) at which all shapes are stored, see `measure`; None if none are kept.
+
+        Raises
+        ------
+        OutputError
+            The file is damaged.
+        """
         if not self._probes.exists():
             return None
         try:
@@ -56,7 +62,7 @@ class Measurements:
             raise _damaged(self._probes, error) from error
 
     def save_probes(self, probes: np.ndarray) -> None:
-        """Keep these points."""
+        """Keep the points (p, 4) at which all shapes are stored."""
         with replace_atomically(self._probes) as temporary:
             np.save(temporary, probes)
 

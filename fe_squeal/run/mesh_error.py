@@ -1,4 +1,4 @@
-"""Where the error of the mesh comes from, written into the folder of a run."""
+"""Write where the error of the mesh comes from into the folder of a run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .preload import grid_of
 
 
 def write_mesh_error(split: Split | None, result: Sweep, out: Path, title: str) -> None:
-    """Write mesh_error.csv, its pictures and mesh_error.vtu; nothing where it is not known."""
+    """Write mesh_error.csv, its pictures and mesh_error.vtu; nothing if `split` is None."""
     assembly, discretisation = result.problem.source, discretisation_of(result.problem)
     if split is None or not split.names or not isinstance(assembly, Assembly) or discretisation is None:
         return

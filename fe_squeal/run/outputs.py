@@ -1,4 +1,4 @@
-"""Tables, figures and shapes of a run, written into its folder."""
+"""Write the tables, figures and shapes of a run into its folder."""
 
 from __future__ import annotations
 
@@ -34,17 +34,28 @@ from .view import view_axis
 
 
 def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") -> list[Path]:
-    """Write complex mode shapes for ParaView, with a picture each; those of matrices from files as arrays (.npz).
+    """Write complex mode shapes for ParaView (.vtu), each with a picture.
+
+    If the problem comes from matrices in files, without a mesh, each shape is the array `u` (n,) of a .npz file.
 
     Parameters
     ----------
+    result : Sweep
+    folder : str or Path
+        Where to write; it is made if it is missing.
     which : "unstable" or "all"
-        Every branch that becomes unstable, at the value where it grows fastest; or also every mode at the last value,
-        for which the sweep has to be made with keep_shapes=True.
+        "unstable" writes the shape of every branch that becomes unstable, at the value where it grows fastest. "all"
+        also writes every mode at the last value, for which the sweep needs keep_shapes=True.
 
     Returns
     -------
     list of Path
+        The files written.
+
+    Raises
+    ------
+    OutputError
+        A file cannot be written.
     """
     from ..report.export import export_shapes as export  # loads Matplotlib
 
@@ -78,7 +89,7 @@ def write_tables(result: Sweep, out: Path) -> None:
 
 
 def write_modes(result: Sweep, out: Path) -> None:
-    """Write modes.csv and onsets.csv alone, for which no shapes are needed."""
+    """Write modes.csv and onsets.csv, which need no shapes."""
     write_csv(result.to_dataframe(), out / MODES_TABLE)
     write_csv(result.onsets_dataframe(), out / ONSETS_TABLE)
 
@@ -86,7 +97,19 @@ def write_modes(result: Sweep, out: Path) -> None:
 def write_figures(
     result: Sweep, out: Path, title: str, covered_hz: float | None = None, measured: Sequence[Frequency] = ()
 ) -> list[Path]:
-    """Draw stability.png, root_locus.png and contributions.png; up to `covered_hz` all modes are known."""
+    """Draw stability.png, root_locus.png and contributions.png, and return their paths.
+
+    Parameters
+    ----------
+    result : Sweep
+    out : Path
+        The folder.
+    title : str
+    covered_hz : float, Hz, optional
+        Frequency up to which all modes are known.
+    measured : sequence of Frequency
+        Measured frequencies to be shown.
+    """
     from ..report.contributions import plot_contributions
     from ..report.figures import plot_root_locus, plot_stability
 
@@ -100,7 +123,7 @@ def write_figures(
 
 
 def write_mac(result: Sweep, measured: Measurements, out: Path, title: str) -> list[str]:
-    """Write mac.csv and mac.png where shapes were measured, and return sentences on points left out."""
+    """Write mac.csv and mac.png if shapes were measured, and return sentences on points that were left out."""
     table, said = mac_table(measured, result)
     if table is not None:
         write_csv(table, out / MAC_TABLE)
@@ -112,7 +135,7 @@ def write_mac(result: Sweep, measured: Measurements, out: Path, title: str) -> l
 
 
 def _shapes(result: Sweep, chosen: Sequence[tuple[SweepPoint, int]]) -> list[tuple[str, np.ndarray, dict[str, Any]]]:
-    """Return name, shape (n,) and description of each mode, with the backward error of the shape."""
+    """Return name, shape (n,) and description of each mode; the description has the backward error of the shape."""
     found = {}
     for point in {id(p): p for p, _ in chosen}.values():
         positions = [i for p, i in chosen if p is point]
@@ -127,7 +150,7 @@ def _shapes(result: Sweep, chosen: Sequence[tuple[SweepPoint, int]]) -> list[tup
 
 
 def _write_array(name: str, u: np.ndarray, info: dict[str, Any], folder: Path) -> Path:
-    """Write a shape (n,) complex as the array `u` of an .npz file, with what it belongs to beside it."""
+    """Write a shape (n,) complex as the array `u` of an .npz file, with the description of its mode beside it."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.npz"
     with replace_atomically(path) as temporary, open(temporary, "wb") as file:

@@ -1,4 +1,4 @@
-"""The page of a folder of results: what a run, or a study of accuracy, writes at its end, and `fe-squeal report`."""
+"""The page report.html of a folder of results, which every command writes at its end, and `fe-squeal report` anew."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def read_run(folder: Path) -> Results:
 
 
 def write_run_report(folder: Path, path: Path) -> tuple[str, ...]:
-    """Write the page of a run from its folder, and return a sentence on each thing that it lacks."""
+    """Write the page of a run from its folder, and return sentences on what it could not show."""
     from ..report.page.build import write_run_page
 
     results = read_run(folder)
@@ -65,12 +65,12 @@ def write_run_report(folder: Path, path: Path) -> tuple[str, ...]:
 
 
 def write_report(folder: Path, path: Path) -> tuple[str, ...]:
-    """Write the page of whatever a folder holds the results of; return sentences on what it lacks.
+    """Write the page of a folder with results of any command; return sentences on what it could not show.
 
     Raises
     ------
     OutputError
-        It holds none.
+        The folder has no results.
     """
     if (folder / RECORD).exists() or (folder / MODES_TABLE).exists():
         return write_run_report(folder, path)
@@ -105,19 +105,19 @@ def write_accuracy_report(folder: Path, path: Path) -> tuple[str, ...]:
 
 
 def write_difference_report(folder: Path, path: Path) -> tuple[str, ...]:
-    """Write the page of designs side by side, from their table and record."""
+    """Write the page of a comparison of folders, from its table and record."""
     from ..report.page.difference import read_and_write_page
 
     return read_and_write_page(folder / DIFFERENCE_TABLE, folder / DIFFERENCE_RECORD, path)
 
 
 def report_folder(folder: Path, file: Path | None, console: Console) -> int:
-    """Write the page of a folder of results, into it or to `file`, and say what could not be shown.
+    """Write the page of a folder of results, into the folder or to `file`, and print what it could not show; return 0.
 
     Raises
     ------
     OutputError
-        The folder holds no results, or the file is somebody else's.
+        The folder has no results, or there is a file that this program did not write.
     """
     if not folder.is_dir():
         raise OutputError(f"{folder}: is no folder; expected one that fe-squeal run has written")
@@ -142,11 +142,12 @@ def tell(lacks: Iterable[str], console: Console) -> None:
 
 
 def refuse_foreign(file: Path) -> None:
-    """Refuse to write over a page that this program has not written.
+    """Check that a file may be replaced: it does not exist, or is a page that this program wrote.
 
     Raises
     ------
     OutputError
+        It is another file, or cannot be read.
     """
     if not file.exists():
         return

@@ -1,7 +1,7 @@
-"""Finished parts of a study in the folder of its results, so that it can go on after any interruption.
+"""Keep the finished parts of a study in the folder of its results, so that it can resume after any interruption.
 
-The folder `parts` holds `inputs.json`, written first, and for each stage its finished chunks, `samples_00000.npz` and
-so on. Every file is complete or absent, and holds plain arrays; they are removed when the study is complete.
+The folder `parts` has `inputs.json`, written first, and the finished chunks of each stage: `samples_00000.npz` and so
+on. Every file is complete or absent, and contains plain arrays. The folder is removed when the study is complete.
 """
 
 from __future__ import annotations
@@ -17,42 +17,43 @@ from ..errors import OutputError, SceneError
 from ..report.files import replace_atomically, write_json
 from .checkpoint import read_json
 from .folder import PARTS, PARTS_INPUTS, is_part
-from .inputs import differences, listed
+from .inputs import differences, joined_differences
 from .manifest import Manifest
 
 
 class StudyParts:
-    """The folder of finished parts."""
+    """The finished parts of a study in a folder of results; `results` is the manifest of the folder."""
 
     def __init__(self, results: Manifest) -> None:
         self.results, self.folder = results, results.folder / PARTS
 
     @property
     def exists(self) -> bool:
-        """Whether there is something to go on from."""
+        """Whether there are parts that a study could resume from."""
         return (self.results.folder / PARTS_INPUTS).exists()
 
     def check(self, inputs: Mapping[str, Any]) -> None:
-        """Refuse to go on from parts of another study.
+        """Check that the parts belong to the study with these inputs.
 
         Raises
         ------
         SceneError
+            They belong to another study.
         """
         found = differences(read_json(self.results.folder / PARTS_INPUTS), inputs)
         if found:
             raise SceneError(
-                f"{self.results.folder}: the interrupted study was another one: {listed(found)}; expected the same one:"
-                " start anew without --resume, or give another folder by -o"
+                f"{self.results.folder}: the interrupted study was another one: {joined_differences(found)}; expected"
+                " the same one: start anew without --resume, or give another folder by -o"
             )
 
     def begin(self, inputs: Mapping[str, Any]) -> None:
-        """Begin anew, in place of what an earlier study left."""
+        """Begin a new study with these inputs, and remove the parts of an earlier one."""
         self.remove()
         write_json(inputs, self.results.folder / PARTS_INPUTS)
 
     def remove(self) -> None:
-        """Remove them, `inputs.json` first: without that the rest is nothing to go on from."""
+        """Remove the parts, `inputs.json` first: without this file a study does not resume from the others."""
         self.results.remove(is_part, first=PARTS_INPUTS)
 
     def stage(self, name: str) -> StageParts:
@@ -61,13 +62,13 @@ class StudyParts:
 
 
 class StageParts:
-    """Finished chunks of one stage; see `fe_squeal.study.engine.Parts`."""
+    """The finished chunks of one stage, see `fe_squeal.study.engine.Parts`."""
 
     def __init__(self, folder: Path, stage: str) -> None:
         self._folder, self._stage = folder, stage
 
     def load(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
-        """Return rows and unstable modes by chunk.
+        """Return the tables of each finished chunk, by its number.
 
         Raises
         ------
@@ -87,6 +88,6 @@ class StageParts:
         return found
 
     def save(self, chunk: int, rows: np.ndarray, modes: np.ndarray) -> None:
-        """Keep a finished chunk."""
+        """Keep the tables of a finished chunk under its number."""
         with replace_atomically(self._folder / f"{self._stage}_{chunk:05d}.npz") as temporary:
             np.savez(temporary, rows=rows, modes=modes)

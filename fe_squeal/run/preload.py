@@ -1,4 +1,4 @@
-"""The static state under preload in the results: preload.csv, files and pictures, and a part of run.json."""
+"""The static state under preload in the results: preload.csv, files for ParaView, pictures, and entries of run.json."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ..sweep.result import Sweep
 
 
 def write_preload(scene: Scene, problem: Problem, out: Path) -> list[Path]:
-    """Write preload.vtu, preload_contacts.vtu and preload.png of the state at the nominal values, if there is one."""
+    """Write preload.vtu, preload_contacts.vtu and preload.png of the static state at the scene's own numbers."""
     discretisation = discretisation_of(problem)
     if discretisation is None or discretisation.static_state is None:
         return []
@@ -43,7 +43,10 @@ def write_preload(scene: Scene, problem: Problem, out: Path) -> list[Path]:
 
 
 def preload_record(scene: Scene | MatrixScene, problem: Problem) -> dict[str, Any] | None:
-    """Return forces, areas and pressures of the static state at the nominal values, for run.json."""
+    """Return forces (N), areas (m²) and pressures (Pa) of the static state at the scene's own numbers, for run.json.
+
+    None without preload.
+    """
     discretisation = discretisation_of(problem)
     if discretisation is None or discretisation.static_state is None or not isinstance(scene, Scene):
         return None
@@ -66,7 +69,7 @@ def preload_record(scene: Scene | MatrixScene, problem: Problem) -> dict[str, An
 
 
 def preload_dataframe(result: Sweep) -> pd.DataFrame | None:
-    """Return the state of every pressed contact at every value of the sweep (preload.csv); None without preload."""
+    """Return the table preload.csv: the state of every pressed contact at every value; None without preload."""
     rows = [
         {"parameter": result.parameter, "value": point.value, "contact": name} | dict(numbers)
         for point in result.points

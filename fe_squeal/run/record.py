@@ -1,4 +1,4 @@
-"""The record of a run, run.json: what was run, how, and what came out."""
+"""The record of a run, run.json: what was run, how, and with which results."""
 
 from __future__ import annotations
 
@@ -29,17 +29,28 @@ def write_record(
     inputs: Mapping[str, Any], solver: LinearSolver, out: Path, measured: Measurements = NOTHING_MEASURED,
     more_warnings: Sequence[str] = (),
 ) -> None:  # fmt: skip
-    """Write run.json; while a run goes on, without the shares of its terms in the growth, which take time.
+    """Write run.json.
+
+    While a run is going on, the shares of terms in the growth rates are left out, since they take time.
 
     Parameters
     ----------
+    scene : Scene or MatrixScene
+    problem : Problem
+    result : Sweep or None
+        What was solved so far, if anything.
+    seconds : dict of str to float, s
+        Time by stage.
     status : "running", "complete", "interrupted" or "not converged"
     inputs : mapping
-        See `run_inputs`.
+        What the results depend on, see `run_inputs`.
     solver : LinearSolver
-        The one that factorised the matrices.
+        The solver that factorised the matrices.
+    out : Path
+        The folder.
+    measured : Measurements
     more_warnings : sequence of str
-        Beside those of the scene and of the sweep.
+        Warnings in addition to those of the scene and of the sweep.
     """
     discretisation, parts = discretisation_of(problem), force_balance(problem)
     above = unstable_above(result) if result is not None else None
@@ -83,7 +94,7 @@ def write_record(
 
 
 def fastest_growing(result: Sweep) -> list[tuple[SweepPoint, int]]:
-    """Return each unstable branch, as point and position of its mode where it grows fastest."""
+    """Return for each unstable branch the point of the sweep where it grows fastest, and the position of its mode."""
     best: dict[int, tuple[SweepPoint, int]] = {}
     for point in result.points:
         for i in np.flatnonzero(point.modes.stability == "unstable"):
@@ -109,7 +120,7 @@ def _unstable(result: Sweep) -> list[dict[str, Any]]:
 
 
 def mode_info(result: Sweep, point: SweepPoint, i: int) -> dict[str, Any]:
-    """Return which mode it is, its eigenvalue, and what it looks like as far as that is known."""
+    """Return the entries that describe mode i of a point: its branch, eigenvalue, and its shape as far as known."""
     lam = point.modes.lam[i]
     looks = {name: entries[i] for name, entries in point.description.items() if entries[i] is not None}
     return {

@@ -1,4 +1,4 @@
-"""Whether `--resume` finds finished results in a folder, and their tables printed once more."""
+"""What `--resume` does where a folder has finished results already: it prints their tables again."""
 
 from __future__ import annotations
 
@@ -14,16 +14,18 @@ from ..report.tables import print_onsets, print_unstable
 from .checkpoint import Checkpoint, read_json
 from .covered import covered_text
 from .folder import MODES_TABLE, ONSETS_TABLE, RECORD
-from .inputs import differences, listed
+from .inputs import differences, joined_differences
 
 
 def is_finished(out: Path, checkpoint: Checkpoint, inputs: Mapping[str, Any]) -> bool:
-    """Return whether the folder holds all results of a run; False where there is something to go on from, or nothing.
+    """Return whether the folder has all results of the run with these inputs.
+
+    False means that it has a checkpoint of this run, or nothing.
 
     Raises
     ------
     SceneError
-        If what is there belongs to another run.
+        It has results or a checkpoint of another run.
     """
     record = read_json(out / RECORD)
     finished = isinstance(record, dict) and record.get("status") == "complete"
@@ -35,8 +37,8 @@ def is_finished(out: Path, checkpoint: Checkpoint, inputs: Mapping[str, Any]) ->
         return False
     if found:
         raise SceneError(
-            f"{out}: {what} another one: {listed(found)}; run without --resume to start anew, or give another folder"
-            " by -o"
+            f"{out}: {what} another one: {joined_differences(found)}; run without --resume to start anew, or give"
+            " another folder by -o"
         )
     if finished:
         checkpoint.remove()
@@ -44,18 +46,18 @@ def is_finished(out: Path, checkpoint: Checkpoint, inputs: Mapping[str, Any]) ->
 
 
 def is_estimated(out: Path) -> bool:
-    """Return whether the errors of the mesh were estimated in finished results."""
+    """Return whether finished results have estimates of the error of the mesh."""
     record = read_json(out / RECORD)
     return isinstance(record, dict) and "estimate" in (record.get("seconds") or {})
 
 
 def show_finished(out: Path, console: Console) -> int:
-    """Print the tables of a finished run once more; return the exit code.
+    """Print the tables of a finished run again; return the exit code.
 
     Raises
     ------
     OutputError
-        If a table is missing or cannot be read.
+        A table is missing or cannot be read.
     """
     try:
         onsets, modes = (pd.read_csv(out / name) for name in (ONSETS_TABLE, MODES_TABLE))

@@ -33,7 +33,7 @@ from .compared import measured_record
 from .covered import above_text, covered_text, frequency_range, unstable_above
 from .folder import REPORT, SHAPES, hold_folder, is_kept, is_result, is_shape, remove_results
 from .forces import balance_table
-from .forecast import Forecast
+from .forecast import ForecastLine
 from .inputs import input_files, run_inputs
 from .manifest import Manifest
 from .measured import NOTHING_MEASURED, Measurements, read_measured
@@ -52,24 +52,34 @@ if TYPE_CHECKING:
 def run_scene(
     scene: Scene | MatrixScene, out: Path, console: Console, resume: bool = False, estimate: bool = False
 ) -> int:
-    """Assemble, sweep, and write every result into a folder.
+    """Assemble the problem of a scene, sweep, and write all results into a folder.
 
     Parameters
     ----------
+    scene : Scene or MatrixScene
+    out : Path
+        The folder.
+    console : Console
     resume : bool
-        Go on from what an interrupted run left in the folder; what is finished already is not solved again.
+        Whether to continue an interrupted run of the same scene: values that are finished are not solved again.
     estimate : bool
-        Estimate the error of the mesh, too.
+        Whether to estimate the error of the mesh too.
 
     Returns
     -------
     int
-        0, or 130 if the user interrupted; what was finished is written then.
+        Exit code: 0, or 130 if the user interrupted; what was finished is written then.
 
     Raises
     ------
-    InputError, NotConvergedError
-        After a failure of the solver, what did converge is in the folder, and run.json says so.
+    SceneError, MeshError
+        The scene or its mesh is wrong.
+    OutputError
+        The folder cannot be used.
+    TooLargeError
+        The problem does not fit into memory.
+    NotConvergedError
+        The solver failed; what did converge is in the folder, and run.json says so.
     """
     with hold_folder(out, input_files(scene)) as held:
         return _run(scene, held, console, resume, estimate)
@@ -132,7 +142,7 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
     except NotConvergedError as error:
         status, failure, result = "not converged", error, _partial(error)
     except InputError as error:
-        if checkpoint.is_empty:  # nothing of this run is worth keeping
+        if checkpoint.is_empty:  # no value of this run was finished: nothing is worth keeping
             remove_results(held)
             checkpoint.remove()
         if isinstance(error, SceneError) and scene.source is not None:
@@ -145,7 +155,7 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
             try:
                 result, split = _estimated(result, solver, console)
             except KeyboardInterrupt:
-                status = "interrupted"  # all values are finished; --resume goes on with the estimate
+                status = "interrupted"  # all values are finished; --resume continues with the estimate
         seconds |= dict(result.seconds)
         clock = time.perf_counter()
         said += write_results(scene, result, held, measured)
@@ -173,16 +183,18 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
 def sweep_scene(
     scene: Scene | MatrixScene, problem: Problem, console: Console, precise: bool = False, store: Store | None = None
 ) -> Sweep:
-    """Run the sweep that the scene asks for, with a progress bar on a terminal and plain lines elsewhere.
+    """Run the sweep that a scene asks for, and show its progress: a bar on a terminal, plain lines elsewhere.
 
     Raises
     ------
+    SceneError, NotConvergedError, TooLargeError
+        As `sweep`.
     KeyboardInterrupt
-        With the sweep so far as its argument.
+        Ctrl-C; its argument is the sweep so far.
     """
     parameter, values = swept(scene, problem)
     solver = solver_of(scene)
-    compared = any(entry.file is not None for entry in scene.measured)  # maybe a shape
+    compared = any(entry.file is not None for entry in scene.measured)  # files may have shapes to compare modes with
     options = {
         "modes": scene.solve.modes, "max_frequency": scene.solve.max_frequency, "tolerance": scene.solve.tolerance,
         "keep_shapes": scene.output.shapes == "all" or compared, "method": scene.solve.method,
@@ -195,7 +207,7 @@ def sweep_scene(
         "" if is_reduced(problem, parameter, len(values), solve.method) or len(values) == 1
         else ', or solve.method = "reduced"',
     )  # fmt: skip
-    forecast = Forecast(len(values), console, store is not None)
+    forecast = ForecastLine(len(values), console, store is not None)
     if not console.is_terminal:
         marks = {max(1, round(len(values) * part / 4)) for part in range(1, 5)}
 
@@ -221,9 +233,9 @@ def sweep_scene(
 def write_results(
     scene: Scene | MatrixScene, result: Sweep, held: Manifest, measured: Measurements = NOTHING_MEASURED
 ) -> list[str]:
-    """Write tables, figures and shapes; return sentences on what of the measurements could not be compared."""
+    """Write tables, figures and shapes; return sentences on measurements that could not be compared."""
     out = held.folder
-    held.remove(is_shape)  # those of an interrupted run may belong to other values: the fastest growth so far
+    held.remove(is_shape)  # shapes of an interrupted run may be those of other values: of the fastest growth so far
     write_tables(result, out)
     write_figures(result, out, scene.title, frequency_range(scene, result)[1], measured.frequencies)
     if isinstance(scene, Scene):
@@ -234,7 +246,7 @@ def write_results(
 
 
 def _explained(result: Sweep, scene: Scene | MatrixScene) -> Sweep:
-    """Add the warning that a sweep gives whose range holds no mode."""
+    """Return the sweep, with a warning if its range of frequencies has no mode."""
     if any(len(point.modes) for point in result.points):
         return result
     limit = scene.solve.max_frequency
@@ -244,7 +256,7 @@ def _explained(result: Sweep, scene: Scene | MatrixScene) -> Sweep:
 
 
 def _estimated(result: Sweep, solver: LinearSolver, console: Console) -> tuple[Sweep, Split | None]:
-    """Add the errors of the mesh, and tell where they come from; or where that fails a warning."""
+    """Return the sweep with the error of the mesh, and where it comes from; if that fails, with a warning, and None."""
     from ..accuracy.estimate import changes_by, with_changes
     from ..accuracy.quantities import split_changes
     from ..accuracy.refined import refine_problem
@@ -288,5 +300,5 @@ def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: 
     above = unstable_above(result)
     if above is not None:
         console.print(f"note: {above_text(above, result.parameter)}", markup=False)
-    for warning in told_once(result.warnings):  # the last ones, of onsets that were not found, are the gravest
+    for warning in told_once(result.warnings):  # the most serious ones, about onsets not found, come last
         console.print(f"warning: {warning}", markup=False)

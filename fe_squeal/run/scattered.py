@@ -1,4 +1,4 @@
-"""The tables and figures of a scatter, and its most dangerous samples as scenes."""
+"""Make a scatter, and write its tables and figures, and its fastest growing samples as scenes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def scattered(
     scene: Scene | MatrixScene, section: StudySection, problem: Problem, options: dict[str, Any], out: Path,
     console: Console,
 ) -> dict[str, Any]:  # fmt: skip
-    """Make a scatter and write it; return what study.json says about it."""
+    """Make a scatter and write its tables, figures and scenes; return the entries that study.json has about it."""
     result = scatter(
         problem, section.parameters, section.samples or SAMPLES, section.seed, section.correlation, section.bands,
         indices=section.indices, **options,
@@ -73,7 +73,7 @@ def scattered(
 
 
 def _write_dangerous(scene: Scene | MatrixScene, result: ScatterResult, out: Path) -> list[str]:
-    """Write the samples that grow most as scenes, and return their names."""
+    """Write the samples that grow fastest as scene files, and return the names of these."""
     names = []
     for i in result.dangerous(_DANGEROUS):
         moved = {p: float(v) for n, v in zip(result.names, result.points[i], strict=True) for p in paths_of(n)}

@@ -1,4 +1,4 @@
-"""What is kept of the search for a mesh, so that it can go on after any interruption: its trials, and the next mesh."""
+"""Keep the search for a mesh, its trials and the next mesh, so that it can resume after any interruption."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from ..report.files import replace_atomically, write_json
 from ..scene import Scene
 from .checkpoint import read_json
 from .folder import CHECKPOINT, NEXT_MESH, SEARCH
-from .inputs import differences, listed
+from .inputs import differences, joined_differences
 from .manifest import Manifest
 
 
 class KeptSearch:
-    """The search of a folder of results.
+    """The search that is kept in a folder of results.
 
     Parameters
     ----------
     results : Manifest
+        The manifest of the folder.
     inputs : mapping
         What the search depends on, see `run_inputs`.
     """
@@ -33,7 +34,7 @@ class KeptSearch:
         self._out, self._inputs = results.folder, inputs
 
     def save(self, trials: list[Trial], candidate: Candidate) -> None:
-        """Keep the trials so far, and the mesh that is tried next."""
+        """Keep the trials so far and the mesh that is tried next."""
         (self._out / CHECKPOINT).mkdir(exist_ok=True)
         with replace_atomically(self._out / NEXT_MESH) as temporary:
             write_loaded(candidate.loaded, temporary)
@@ -46,12 +47,12 @@ class KeptSearch:
         write_json(kept, self._out / SEARCH)
 
     def load(self, scene: Scene) -> tuple[list[Trial], Candidate] | None:
-        """Return what was kept, or None where nothing is.
+        """Return the trials so far and the mesh that is tried next, or None if nothing was kept.
 
         Raises
         ------
         SceneError
-            It belongs to another scene.
+            The search that was kept is that of another scene.
         """
         kept = read_json(self._out / SEARCH)
         if not isinstance(kept, dict):
@@ -59,8 +60,8 @@ class KeptSearch:
         found = differences(kept.get("inputs"), self._inputs)
         if found:
             raise SceneError(
-                f"{self._out}: the interrupted run was another one: {listed(found)}; run without --resume to start"
-                " anew, or give another folder by -o"
+                f"{self._out}: the interrupted run was another one: {joined_differences(found)}; run without --resume"
+                " to start anew, or give another folder by -o"
             )
         trials = [Trial(**t) for t in kept["trials"]]
         return trials, restored(scene, load_mesh(self._out / NEXT_MESH), kept["geometry"], kept["mesh"])

@@ -1,4 +1,4 @@
-"""A sweep shown from Python: figures, a shape in 3-D, and a summary for notebooks."""
+"""Show a sweep from Python: figures, a shape in 3-D, and a summary for notebooks."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def show(result: Sweep, branch: int, off_screen: bool = False) -> Any:
     plotter.add_mesh(surface, scalars="amplitude", cmap=AMPLITUDE_COLOURS, smooth_shading=True, split_sharp_edges=True,
                      clim=(0.0, 1.0), scalar_bar_args=bar)  # fmt: skip
     plotter.add_mesh(edges, color="dimgray", opacity=0.6)
-    letters = str(Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf")  # VTK's own have no Greek ones
+    letters = str(Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf")  # VTK's own fonts lack Greek letters
     plotter.add_text(shape_title(mode_info(result, point, i)), font_size=9, color="black", font_file=letters)
     plotter.enable_parallel_projection()
     axis = np.array(view_axis(discretisation))
@@ -69,7 +69,7 @@ def show(result: Sweep, branch: int, off_screen: bool = False) -> Any:
 
 
 def html(result: Sweep) -> str:
-    """Return the answer in words, with tables of what is unstable and of the onsets."""
+    """Return HTML for a notebook: the answer in words, and tables of unstable modes and of onsets."""
     from ..report.page.markup import bullets, paragraph
     from ..report.page.sections import interval_table, onset_table
     from ..report.page.verdict import answer
@@ -85,7 +85,13 @@ def html(result: Sweep) -> str:
 
 
 def _fastest(result: Sweep, branch: int) -> tuple[SweepPoint, int]:
-    """Return where a branch grows fastest of the places where its shape is known."""
+    """Return the point and the position of the mode where a branch grows fastest, of those whose shape is known.
+
+    Raises
+    ------
+    SceneError
+        No shape of this branch is known.
+    """
     known = [(point, i) for point in result.points for i in point.shapes]
     own = [(point, i) for point, i in known if int(point.branches[i]) == branch]
     if not own:

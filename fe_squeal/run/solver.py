@@ -9,12 +9,12 @@ from ..scene import MatrixScene, Scene
 
 
 def solver_of(scene: Scene | MatrixScene) -> LinearSolver:
-    """Return the solver that `[solve] linear_solver` stands for.
+    """Return the solver that `[solve] linear_solver` names.
 
     Raises
     ------
     SceneError
-        If it is not there; with the name of the scene file.
+        It is not installed; the message has the name of the scene file.
     """
     try:
         return choose(scene.solve.linear_solver)

@@ -28,7 +28,7 @@ from .folder import (
     is_part,
     is_study_result,
 )
-from .inputs import differences, input_files, listed, run_inputs
+from .inputs import differences, input_files, joined_differences, run_inputs
 from .manifest import Manifest
 from .mapped import mapped
 from .page import write_study_report
@@ -36,17 +36,40 @@ from .parts import StudyParts
 from .scattered import scattered
 from .solver import solver_of
 
-_TELLING = 10.0  # s between lines of progress where there is no terminal
+_TELLING = 10.0  # s between lines of progress, where the output is not a terminal
 
 
 def study(
     scene: Scene | MatrixScene, out: Path, console: Console, resume: bool = False, workers: int = 0, scheduler: str = ""
 ) -> int:
-    """Do what `[study]` of a scene asks for, and write it into a folder.
+    """Run the study that `[study]` of a scene asks for, and write its results into a folder.
+
+    Parameters
+    ----------
+    scene : Scene or MatrixScene
+    out : Path
+        The folder.
+    console : Console
+    resume : bool
+        Whether to continue an interrupted study of the same scene.
+    workers : int
+        Processes on this machine, by dask.distributed; 0 to use this process.
+    scheduler : str
+        Address of a running scheduler of Dask, instead of `workers`.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or 130 if the user interrupted.
 
     Raises
     ------
-    SceneError, NotConvergedError
+    SceneError
+        The scene has no study or is wrong, or the options contradict each other.
+    OutputError
+        The folder cannot be used.
+    NotConvergedError
+        A direct solve failed, or the scheduler is gone; what was finished is kept.
     """
     if scene.study is None:
         raise SceneError(f"{scene.source}: study: is missing; expected a table, written [study]")
@@ -70,7 +93,9 @@ def _study(
     if resume and isinstance(record, dict) and record.get("status") == "complete":
         found = differences(record.get("inputs"), inputs)
         if found:
-            raise SceneError(f"{out}: the finished study is another one: {listed(found)}; expected the same one")
+            raise SceneError(
+                f"{out}: the finished study is another one: {joined_differences(found)}; expected the same one"
+            )
         console.print(f"results in {out} are complete: nothing is left to resume", markup=False)
         return 0
     held.check(is_study_result)
@@ -124,13 +149,13 @@ def _study(
 
 
 class StageClock:
-    """CPU seconds of this process by stage; those of other processes of a cluster do not count."""
+    """CPU seconds of this process by stage; the time of other processes does not count."""
 
     def __init__(self) -> None:
         self._begun = [("model", time.process_time())]
 
     def beside(self, progress: Callable[[str, int, int, float], None]) -> Callable[[str, int, int, float], None]:
-        """Return a callable that tells progress, and notes the time whenever another stage of places begins."""
+        """Return a callable that passes progress on, and notes the time whenever another stage begins."""
 
         def tell(stage: str, done: int, total: int, rate: float) -> None:
             name = stage.split(" ")[0]
@@ -148,7 +173,7 @@ class StageClock:
 
 @contextmanager
 def _shown(console: Console) -> Iterator[Callable[[str, int, int, float], None]]:
-    """Yield what shows progress with rate and time left: a bar on a terminal, plain lines elsewhere."""
+    """Yield a callable that shows progress, rate and time left: as a bar on a terminal, in plain lines elsewhere."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     last_stage, told_at = "", 0.0
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:

@@ -1,4 +1,4 @@
-"""Test shapes in universal files: points of data sets 2411 and 15, shapes of 55, frequency responses of 58."""
+"""Read test shapes from universal files: points (data sets 2411 and 15), shapes (55) and frequency responses (58)."""
 
 from __future__ import annotations
 
@@ -11,14 +11,20 @@ from ..errors import SceneError
 
 
 def read_universal(path: Path, frequency_hz: float | None, key: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return points (p, 3) and displacements (p, 3) complex, NaN where a component was not measured.
+    """Return points (p, 3), in the file's unit, and displacements (p, 3) complex, NaN where they were not measured.
 
-    Of several shapes the one nearest to `frequency_hz` is taken; without it there must be one alone.
+    Parameters
+    ----------
+    path : Path
+    frequency_hz : float, Hz, optional
+        Of several shapes the one nearest to this is taken; without it the file must have a single shape.
+    key : str
+        The key of the scene that names the file, for messages.
 
     Raises
     ------
     SceneError
-        The file cannot be read, has no points or no shapes, or several and no frequency to choose by.
+        The file cannot be read, has no points or no shapes, or has several shapes and no frequency is given.
     """
     try:
         import pyuff
@@ -28,7 +34,7 @@ def read_universal(path: Path, frequency_hz: float | None, key: str) -> tuple[np
         ) from error
     try:
         sets = pyuff.UFF(str(path)).read_sets()
-    except Exception as error:  # the reader stops at damaged files with almost any exception
+    except Exception as error:  # pyuff raises almost any exception at damaged files
         raise SceneError(f"{key}: {path} cannot be read ({error}); expected a universal file") from error
     sets = sets if isinstance(sets, list) else [sets]
     places = _places(sets)
@@ -67,7 +73,7 @@ def _shape(shapes: list[dict[str, Any]], frequency_hz: float | None, path: Path,
 
 
 def _hertz(s: dict[str, Any]) -> float:
-    """Return the frequency of a data set 55, Hz: as it stands there for a real mode, |Im λ|/2π of a complex one."""
+    """Return the frequency of a data set 55, Hz: as it is written for a real mode, |Im λ|/2π for a complex one."""
     if s.get("freq") is not None:
         return float(np.real(s["freq"]))
     return float(abs(np.imag(s["eig"])) / (2 * np.pi)) if s.get("eig") is not None else np.nan
@@ -79,7 +85,7 @@ def _lines(responses: list[dict[str, Any]], frequency_hz: float | None, path: Pa
     found: dict[int, np.ndarray] = {}
     for s in responses:
         axis, sign = abs(int(s["rsp_dir"])) - 1, np.sign(int(s["rsp_dir"]))
-        if axis not in (0, 1, 2):  # rotations, and scalars
+        if axis not in (0, 1, 2):  # rotations and scalars are not used
             continue
         line = int(np.argmin(np.abs(np.asarray(s["x"], dtype=float) - frequency_hz)))
         row = found.setdefault(int(s["rsp_node"]), np.full(3, np.nan + 0j))

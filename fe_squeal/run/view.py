@@ -1,4 +1,4 @@
-"""From where the shapes of a model are seen."""
+"""The axis along which pictures show the shapes of a model."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ Z_AXIS = (0.0, 0.0, 1.0)
 
 
 def view_axis(model: Discretisation | None) -> tuple[float, float, float]:
-    """Return the axis of the disc, or the normal of the belt: that of the first contact; z where there is none."""
+    """Return the axis of the disc or the normal of the belt of the first contact; z if there is no contact."""
     for contact in model.contacts.values() if model is not None else ():
         x, y, z = contact.normals.mean(axis=0).tolist()
         return x, y, z

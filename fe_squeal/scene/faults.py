@@ -199,6 +199,7 @@ def _given(value: Any) -> str:
 
 
 def shortened(text: str) -> str:
+    """Return a text, cut off with three dots if it is longer than 60 characters."""
     return text if len(text) <= 60 else text[:57] + "..."
 
 

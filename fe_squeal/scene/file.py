@@ -22,12 +22,23 @@ _TOKEN = re.compile(
 
 
 def load_scene(path: str | Path) -> Scene | MatrixScene:
-    """Read and validate a scene file: a scene on a mesh, or one of matrices where it has `[[terms]]`.
+    """Read and validate a scene file.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file in TOML, see docs/scene.md. Paths in it are relative to its folder.
+
+    Returns
+    -------
+    Scene or MatrixScene
+        A scene on a mesh; or one of matrices from files, if it has `[[terms]]`.
 
     Raises
     ------
     SceneError
-        With the file, the key, what was given and what is expected.
+        The file cannot be read, or is no valid scene. The message says which file and key, what was given, and what is
+        expected.
     """
     path = Path(path)
     try:
@@ -73,11 +84,23 @@ def _refuse_long_keys(text: str, path: Path) -> None:
 
 
 def parse_scene(data: dict[str, Any], source: str = "scene") -> Scene | MatrixScene:
-    """Validate a scene given as nested dictionaries.
+    """Return the scene that nested dictionaries describe, after validation.
+
+    Parameters
+    ----------
+    data : dict
+        The tables of a scene, as a file in TOML would have them, see docs/scene.md.
+    source : str
+        What messages call the scene.
+
+    Returns
+    -------
+    Scene or MatrixScene
 
     Raises
     ------
     SceneError
+        A key or a value is wrong. The message says which, what was given, and what is expected.
 
     Examples
     --------

@@ -1,1 +1,1 @@
-"""Studies of a problem over several numbers: scatter and maps."""
+"""Studies of a problem over several numbers of its scene: scatter (probabilities) and maps of two parameters."""

@@ -1,4 +1,4 @@
-"""Equations of a stability boundary in the plane of two parameters, on matrices of some hundred unknowns."""
+"""The equations of a stability boundary in the plane of two parameters, for problems of some hundred unknowns."""
 
 from __future__ import annotations
 
@@ -17,13 +17,16 @@ Kind = Literal["flutter", "hopf", "divergence"]
 
 @dataclass(frozen=True)
 class Scaled:
-    """An axis of a map: the number s from 0 to 1 along it, linear in the parameter or in its logarithm.
+    """An axis of a map, along which s goes from 0 to 1, linearly in the parameter or in its logarithm.
 
     Attributes
     ----------
     name : str
+        Of the parameter.
     low, high : float
+        Values of the parameter at s = 0 and s = 1.
     log : bool
+        Whether s is linear in the logarithm of the parameter.
     """
 
     name: str
@@ -36,7 +39,7 @@ class Scaled:
         return float(self.low * (self.high / self.low) ** s if self.log else self.low + (self.high - self.low) * s)
 
     def at(self, value: float) -> float:
-        """Return s of a value of the parameter."""
+        """Return s at a value of the parameter."""
         if self.log:
             return float(np.log(value / self.low) / np.log(self.high / self.low))
         return (value - self.low) / (self.high - self.low)
@@ -53,13 +56,15 @@ class Residual:
     Attributes
     ----------
     F : (m,) float
+        Zero on the boundary.
     J : (m, m + 1) float
-    right, left : (n,)
-        Vectors with Q(λ) φ = 0 and ψᴴQ(λ) = 0 where F = 0.
+        ∂F/∂u.
+    right, left : (n,) float or complex
+        φ and ψ: where F = 0, Q(λ) φ = 0 and ψᴴQ(λ) = 0.
     slopes : (2,) float
-        |ψᴴ (∂Q/∂s) φ| along both axes.
+        |ψᴴ (∂Q/∂s) φ| for s along both axes.
     rounding : float
-        What rounding of the entries makes of ψᴴ Q φ.
+        By how much rounding of the matrices' entries may change ψᴴ Q φ.
     """
 
     F: np.ndarray
@@ -71,28 +76,29 @@ class Residual:
 
 
 class Boundary:
-    """Equations of one kind of boundary.
+    """The equations F(u) = 0 of one kind of boundary.
 
-    With borders b and c the scalar g of [[Q, b], [cᴴ, 0]] [φ; g] = [0; 1] is zero where Q is singular. In
-    u = (v, s₁, s₂) the equations are
+    With borders b and c the scalar g of [[Q, b], [cᴴ, 0]] [φ; g] = [0; 1] is zero exactly where Q is singular. The
+    equations in u = (v, s₁, s₂) are
 
-    - flutter without damping: g = ∂g/∂θ = 0 with Q = K − θM, v = θ/θ₀. Where three eigenvalues meet the curve has a
-      cusp in (s₁, s₂), and is smooth in u;
-    - Hopf points, with damping: Re g = Im g = 0 with Q = Q(iω), v = ω/ω₀;
-    - divergence: g = 0 with Q = K; u = (s₁, s₂).
+    - flutter, without damping: g = ∂g/∂θ = 0 with Q = K − θM and v = θ/θ₀. Where three eigenvalues meet the boundary
+      has a cusp in the plane (s₁, s₂), but is smooth in u;
+    - Hopf points, with damping: Re g = Im g = 0 with Q = Q(iω) and v = ω/ω₀;
+    - divergence: g = 0 with Q = K; there is no v, u = (s₁, s₂).
 
-    (Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM 2000, ch. 3 and 4.)
+    Source: W. Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM 2000, chapters 3 and 4.
 
     Parameters
     ----------
     problem : Problem
-        Of few unknowns, affine in both parameters.
-    axes : two Scaled
+        With few unknowns n, affine in both parameters.
+    axes : (Scaled, Scaled)
+        The axes of the map.
     kind : "flutter", "hopf" or "divergence"
     unit : float
-        θ₀ or ω₀.
-    right, left : (n,)
-        About the vectors, for the borders.
+        θ₀, rad²/s², or ω₀, rad/s.
+    right, left : (n,) float or complex
+        Approximate right and left vector, for the borders.
     """
 
     def __init__(
@@ -112,23 +118,23 @@ class Boundary:
         return 2 if self.kind == "divergence" else 3
 
     def rebase(self, right: np.ndarray, left: np.ndarray) -> None:
-        """Take other borders, along these vectors."""
+        """Take new borders along right and left vectors (n,), so that the bordered matrix stays well conditioned."""
         self._c, self._b = right / la.norm(right), left / la.norm(left)
 
     def place(self, u: np.ndarray) -> tuple[float, float]:
-        """Return the two parameters at u."""
+        """Return the values of both parameters at u (2,) or (3,)."""
         s = u[-2:]
         return self.axes[0].value(float(s[0])), self.axes[1].value(float(s[1]))
 
     def eigenvalue(self, u: np.ndarray) -> complex:
-        """Return λ at u."""
+        """Return λ, rad/s, at u (2,) or (3,)."""
         if self.kind == "divergence":
             return 0j
         v = float(u[0]) * self.unit
         return 1j * v if self.kind == "hopf" else 1j * np.sqrt(complex(v))
 
     def at(self, u: np.ndarray) -> Residual:
-        """Evaluate the equations.
+        """Return the equations and their derivatives at u (2,) or (3,).
 
         Raises
         ------
@@ -166,7 +172,7 @@ class Boundary:
     def _matrices(
         self, u: np.ndarray, lam: complex
     ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray], list[np.ndarray], np.ndarray]:
-        """Return Q, its derivatives by v, by s₁ and s₂, by v and s₁ or s₂, and the sizes of the sums in Q."""
+        """Return Q, ∂Q/∂v, [∂Q/∂s₁, ∂Q/∂s₂], the mixed derivatives by v and each s, and the sum of |entries| in Q."""
         here = dict(self._parameters)
         for paths, value in zip(self._paths, self.place(u), strict=True):
             here |= dict.fromkeys(paths, value)

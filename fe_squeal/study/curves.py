@@ -1,8 +1,7 @@
-"""Following a stability boundary: pseudo-arclength continuation with Newton's method."""
+"""Follow a stability boundary: pseudo-arclength continuation with Newton's method."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,12 +9,12 @@ import numpy as np
 from ..errors import NotConvergedError
 from .boundary import Boundary, Residual
 
-_STEP, _LEAST, _MOST = 0.01, 1e-6, 0.03  # lengths of steps in u, first, least and largest
-_TURN = 0.97  # cosine of the angle between tangents of two points, at least
-_ROUNDS = 8  # of Newton's method
-_POINTS = 4000  # of one curve, at most
-_SMALL = 1e-10  # Newton step in u below which its convergence is left to rounding
-_SAME = 1e-6  # in u: two points nearer to each other are one
+_STEP, _LEAST, _MOST = 0.01, 1e-6, 0.03  # length of a step in u: the first, the smallest and the largest
+_TURN = 0.97  # smallest cosine of the angle between the tangents at two neighbouring points
+_ROUNDS = 8  # steps of Newton's method, at most
+_POINTS = 4000  # points of a curve in one direction, at most
+_SMALL = 1e-10  # length of a Newton step in u: with shorter ones that no longer shrink, rounding is reached
+_SAME = 1e-6  # distance in u: two points that are closer together are the same point
 
 
 @dataclass(frozen=True)
@@ -25,12 +24,13 @@ class CurvePoint:
     Attributes
     ----------
     u : (2,) or (3,) float
-        See `Boundary`.
-    tangent : of the same shape
+        The point, see `Boundary`.
+    tangent : (2,) or (3,) float
+        Unit vector along the boundary.
     residual : Residual
-        There.
+        The equations and their derivatives at the point.
     uncertainty : float
-        How far the curve may be off across itself, as a share of the map's width; rounding and the last Newton step.
+        How far the boundary may be from the point, as a part of the map's width: rounding, and the last Newton step.
     """
 
     u: np.ndarray
@@ -40,11 +40,17 @@ class CurvePoint:
 
 
 def corrected(boundary: Boundary, u: np.ndarray, fixed: np.ndarray) -> CurvePoint:
-    """Return the point of the boundary in the plane through u across a direction, by Newton's method.
+    """Return the point of the boundary in the plane through u with the normal `fixed`, by Newton's method.
+
+    Parameters
+    ----------
+    boundary : Boundary
+    u, fixed : (2,) or (3,) float
 
     Raises
     ------
     NotConvergedError
+        The iteration does not converge, or the equations are singular.
     """
     start, last = u, np.inf
     for _ in range(_ROUNDS):
@@ -78,16 +84,18 @@ def _tangent(J: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Curve:
-    """A boundary from end to end.
+    """A boundary from one end to the other.
 
     Attributes
     ----------
     boundary : Boundary
+        Its equations.
     points : list of CurvePoint
+        Its points in order.
     closed : bool
-        Whether it ends where it begins.
-    ends : tuple of two str
-        Why it ends at each side: "box" or "closed", or a sentence.
+        Whether it returns to its first point.
+    ends : (str, str)
+        Why it ends at either side: "box" (it leaves the map), "closed", or a sentence on why it could not be followed.
     """
 
     boundary: Boundary
@@ -97,11 +105,11 @@ class Curve:
 
     @property
     def u(self) -> np.ndarray:
-        """(m, ·) float: the points."""
+        """The points (m, 2) or (m, 3)."""
         return np.stack([p.u for p in self.points])
 
     def passes(self, u: np.ndarray, fixed: int) -> bool:
-        """Return whether the curve goes through a point of the boundary, found for one coordinate at its value."""
+        """Return whether the curve goes through a point u (2,) or (3,) that was found with coordinate `fixed` held."""
         U = self.u
         if U.shape[1] != len(u):
             return False
@@ -118,8 +126,8 @@ class Curve:
             return False
 
 
-def follow(boundary: Boundary, start: CurvePoint, told: Callable[[str], None] = lambda text: None) -> Curve:
-    """Follow a boundary from a point of it in both directions, until it leaves the box or comes back."""
+def follow(boundary: Boundary, start: CurvePoint) -> Curve:
+    """Follow a boundary from one of its points in both directions, until it leaves the map or returns to the point."""
     ahead, end = _one_way(boundary, start, start.tangent)
     if end == "closed":
         return Curve(boundary, [start, *ahead, start], True, (end, end))
@@ -158,7 +166,7 @@ def _one_way(boundary: Boundary, start: CurvePoint, tangent: np.ndarray) -> tupl
 
 
 def _at_the_edge(boundary: Boundary, here: CurvePoint, beyond: CurvePoint) -> CurvePoint | None:
-    """Return the point of the boundary on the edge of the box between two points; None if there is none."""
+    """Return the point where the boundary leaves the map between two points, one inside and one outside, or None."""
     best = None
     for i in (-2, -1):
         for edge in (0.0, 1.0):

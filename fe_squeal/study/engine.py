@@ -1,4 +1,4 @@
-"""Solving many places, in this process or in many: chunks that are kept as they are finished."""
+"""Solve many places, in this process or in many, in chunks that are kept as they are finished."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from ..process.isolation import isolated_children
 from .models import Model, Solver
 from .outcome import COLUMNS, MODE_COLUMNS, Outcome
 
-_PATIENCE = 5  # s that a scheduler may take to answer
-CHUNK = 32  # places that are sent to a process, and kept, at once: a second or so on a reduced model
+_PATIENCE = 5  # s: a scheduler has to answer within this time
+CHUNK = 32  # places that are sent to a process, and kept, together: about a second of work on a reduced model
 
 Solved = list[Outcome | None]
 
 
 @dataclass(frozen=True)
-class Cluster:
-    """Where places are solved beside this process.
+class Processes:
+    """The processes that solve places, if not this one.
 
     Attributes
     ----------
     workers : int
         Processes that are started on this machine, with one thread each; 0 for none.
     scheduler : str
-        Address of a running scheduler of Dask.
+        Address of a running scheduler of Dask; "" for none.
     """
 
     workers: int = 0
@@ -40,30 +40,50 @@ class Cluster:
 
 
 class Parts(Protocol):
-    """Where finished chunks are kept."""
+    """Keeps finished chunks, so that a study can be resumed."""
 
     def load(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
-        """Return rows (m, columns) and unstable modes (k, 1 + columns), with the position first, by chunk."""
+        """Return the tables of each finished chunk, by its number.
+
+        These are rows (m, columns), see `Outcome.row`, and unstable modes (k, 1 + columns): the number of the place,
+        and `Outcome.modes`.
+        """
 
     def save(self, chunk: int, rows: np.ndarray, modes: np.ndarray) -> None:
-        """Keep a finished chunk."""
+        """Keep the tables of a finished chunk, (m, columns) and (k, 1 + columns), under its number."""
 
 
 def solve_places(
-    solver: Solver, places: np.ndarray, cluster: Cluster | None = None, parts: Parts | None = None,
+    solver: Solver, places: np.ndarray, processes: Processes | None = None, parts: Parts | None = None,
     progress: Callable[[int, int, float], None] = lambda done, total, rate: None,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Return the outcomes of places: rows (m, columns of an outcome) and unstable modes (k, 1 + columns).
+    """Solve the modes at many places and return what is kept of them.
 
     Parameters
     ----------
+    solver : Solver
     places : (m, d) float
-    progress : callable of (places done, places in all, places per second)
+        Values of the d parameters at each place.
+    processes : Processes, optional
+        The processes to use; by default this one.
+    parts : Parts, optional
+        Keeps finished chunks, and may have some already.
+    progress : callable of (int, int, float)
+        Gets the places done, all places, and places per second.
+
+    Returns
+    -------
+    rows : (m, columns) float
+        See `Outcome.row`.
+    modes : (k, 1 + columns) float
+        The number of the place and `Outcome.modes`, for every unstable mode.
 
     Raises
     ------
+    SceneError
+        Other processes are asked for, and dask.distributed is not installed.
     NotConvergedError
-        A direct solve failed, or the scheduler is gone; what is finished is kept.
+        A direct solve failed, or the scheduler is gone; finished chunks are kept.
     """
     chunks = [np.arange(i, min(i + CHUNK, len(places))) for i in range(0, len(places), CHUNK)]
     done = {} if parts is None else {i: part for i, part in parts.load().items() if i < len(chunks)}
@@ -72,7 +92,7 @@ def solve_places(
     progress(finished, len(places), 0.0)
     left = [i for i in range(len(chunks)) if i not in done]
     work = ((i, places[chunks[i]]) for i in left)
-    with spread(cluster) as call:
+    with spread(processes) as call:
         for i, outcomes in call(solve_chunk, solver.model, work):
             here = zip(outcomes, places[chunks[i]], strict=True)
             whole = [solver.outcome(place) if found is None else found for found, place in here]
@@ -93,26 +113,26 @@ def _tables(outcomes: Sequence[Outcome], numbers: np.ndarray) -> tuple[np.ndarra
 
 
 def solve_chunk(model: Model, places: np.ndarray) -> Solved:
-    """Return the outcomes of some places, None where the model gives none; on one thread."""
+    """Return the outcomes of some places (m, d), None where the model gives none; runs on one thread."""
     with threadpool_limits(limits=1, user_api="blas"):
         return [model.outcome(p) for p in places]
 
 
 @contextmanager
-def spread(cluster: Cluster | None) -> Iterator[Callable[..., Iterator[tuple[int, Any]]]]:
-    """Yield a callable that applies a function to many items, here or on a cluster.
+def spread(processes: Processes | None) -> Iterator[Callable[..., Iterator[tuple[int, Any]]]]:
+    """Yield a callable that applies a function to many items, in this process or in others.
 
-    It takes (function, shared, work), where `work` yields pairs (number, item), and yields (number, function(shared,
-    item)) in the order in which items are finished. `shared` is sent to each worker once.
+    The callable takes (function, shared, work), where `work` yields pairs (number, item). It yields pairs
+    (number, function(shared, item)) in the order in which items are finished. `shared` is sent to each process once.
 
     Raises
     ------
     SceneError
-        A cluster is asked for, and dask.distributed is not installed.
+        Other processes are asked for, and dask.distributed is not installed.
     NotConvergedError
         The scheduler does not answer, or is gone.
     """
-    if cluster is None or not (cluster.workers or cluster.scheduler):
+    if processes is None or not (processes.workers or processes.scheduler):
         yield lambda function, shared, work: ((i, function(shared, item)) for i, item in work)
         return
     try:
@@ -122,32 +142,32 @@ def spread(cluster: Cluster | None) -> Iterator[Callable[..., Iterator[tuple[int
             "--workers and --scheduler need dask.distributed, which is not installed; expected"
             ' pip install "fe-squeal[cluster]"'
         ) from error
-    with _client(distributed, cluster) as client:
+    with _client(distributed, processes) as client:
         yield lambda function, shared, work: _on_cluster(distributed, client, function, shared, work)
 
 
 @contextmanager
-def _client(distributed: Any, cluster: Cluster) -> Iterator[Any]:
-    """Yield a client of the scheduler, or of processes that are ended afterwards."""
-    if cluster.scheduler:
+def _client(distributed: Any, processes: Processes) -> Iterator[Any]:
+    """Yield a client of the scheduler, or of processes that are started for the block and ended after it."""
+    if processes.scheduler:
         try:
-            client = distributed.Client(cluster.scheduler, timeout=_PATIENCE)
+            client = distributed.Client(processes.scheduler, timeout=_PATIENCE)
         except (OSError, ValueError) as error:
             raise NotConvergedError(
-                f"--scheduler: no scheduler of Dask answers at {cluster.scheduler} ({type(error).__name__})"
+                f"--scheduler: no scheduler of Dask answers at {processes.scheduler} ({type(error).__name__})"
             ) from error
         with client:
             yield client
         return
-    settings = {"n_workers": cluster.workers, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
-    # Without a dashboard too, Dask serves HTTP, at port 8787 unless it is told another one: here any free port.
+    settings = {"n_workers": processes.workers, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    # Dask serves HTTP even without a dashboard, by default at port 8787, which may be taken: any free port is used.
     free = {"dashboard_address": "127.0.0.1:0"}
     import dask
 
     with (
         tempfile.TemporaryDirectory(prefix="fe_squeal_", ignore_cleanup_errors=True) as scratch,
         dask.config.set(temporary_directory=scratch),
-        isolated_children(),  # for as long as the cluster is there: Dask starts workers again that have died
+        isolated_children(),  # during the whole block, since Dask restarts workers that have died
         distributed.LocalCluster(**settings, scheduler_kwargs=free, silence_logs=50) as local,
         distributed.Client(local) as client,
     ):
@@ -157,7 +177,7 @@ def _client(distributed: Any, cluster: Cluster) -> Iterator[Any]:
 def _on_cluster(
     distributed: Any, client: Any, function: Callable[[Any, Any], Any], shared: Any, work: Iterable[tuple[int, Any]]
 ) -> Iterator[tuple[int, Any]]:  # fmt: skip
-    """Yield results as workers finish them; if a worker dies, another one does its items."""
+    """Yield results as processes finish them; if one dies, another one does its items."""
     lost = distributed.client
     gone = (OSError, TimeoutError, distributed.core.CommClosedError, lost.CancelledError, lost.FuturesCancelledError)
     try:

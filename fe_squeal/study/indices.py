@@ -1,7 +1,7 @@
 """Sobol indices: which scattered number the scatter of a result comes from.
 
-First-order indices are estimated from the samples that there are anyway, total ones from as many again; both hold for
-correlated numbers, too, for which Saltelli's sampling does not.
+First-order indices are estimated from the samples of the scatter itself, total indices from as many further ones. Both
+estimators are right for correlated numbers too, which Saltelli's sampling scheme is not.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.stats import norm
 
-_BOOTSTRAPS = 200
+_BOOTSTRAPS = 200  # resampled estimates, from which the error of an index is taken
 _SEED = 20251122
 _HALF = float(norm.ppf(0.975))  # standard deviations on either side of a 95 % interval
 
@@ -21,17 +21,18 @@ Interval = tuple[float, float]  # a number, and half the width of its 95 % inter
 def first_order(x: np.ndarray, y: np.ndarray) -> Interval:
     """Return Var(E[Y | X]) / Var(Y) from samples of X and Y, with its error.
 
-    The samples are sorted by X into about √m groups of one size. The variance of the groups' means, less what scatter
-    inside the groups makes of it, is that of E[Y | X] (analysis of variance with random effects).
+    The samples are sorted by X into about √m groups of equal size. The variance of the groups' means, minus the part of
+    it that the scatter inside the groups explains, estimates Var(E[Y | X]) (analysis of variance with random effects).
 
     Parameters
     ----------
     x, y : (m,) float
+        Samples of X, and Y at each.
 
     Returns
     -------
     index, error : float
-        NaN where Y is constant.
+        The index, and half the width of its 95 % interval; NaN if Y is constant.
 
     Examples
     --------
@@ -63,7 +64,13 @@ def total_order(y: np.ndarray, changed: np.ndarray) -> Interval:
     Parameters
     ----------
     y, changed : (m,) float
-        Y, and Y with X drawn anew while the other numbers stay (Jansen, Comput. Phys. Commun. 117, 1999).
+        Y at samples, and Y at the same samples with X drawn anew while the other numbers stay (M. J. W. Jansen, Comput.
+        Phys. Commun. 117, 1999).
+
+    Returns
+    -------
+    index, error : float
+        The index, and half the width of its 95 % interval; NaN if Y is constant.
 
     Examples
     --------
@@ -84,7 +91,7 @@ def total_order(y: np.ndarray, changed: np.ndarray) -> Interval:
 
 
 def _with_error(count: int, estimate: Callable[[np.ndarray], float], rng: np.random.Generator) -> Interval:
-    """Return an estimate from all samples, and 1.96 standard deviations of it over resampled ones."""
+    """Return an estimate from all samples, and 1.96 times its standard deviation over resampled ones (bootstrap)."""
     picks = rng.integers(0, count, (_BOOTSTRAPS, count))
     found = np.array([estimate(pick) for pick in picks])
     found = found[np.isfinite(found)]
@@ -99,10 +106,15 @@ def index_rows(
 
     Parameters
     ----------
+    names : sequence of str
+        The d parameters.
     x : (m, d) float
-    outputs : mapping of name to (m,) float
-    again : mapping of name to (d, k) float, optional
-        The same outputs of the first k samples with one parameter after the other drawn anew.
+        Their values at m samples.
+    outputs : mapping of str to (m,) float
+        The outputs by name, at each sample.
+    again : mapping of str to (d, k) float, optional
+        The outputs at the first k samples, with one parameter after the other drawn anew; without it total indices are
+        NaN.
     """
     rows = []
     for output, y in outputs.items():

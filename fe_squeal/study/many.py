@@ -1,4 +1,4 @@
-"""The sweeps of many scenes, such as design variants, one beside the other."""
+"""Run the sweeps of many scenes, such as variants of a design, in several processes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..scene import MatrixScene, Scene
 from ..scene.file import load_scene
 from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
-from .engine import Cluster, spread
+from .engine import Processes, spread
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,26 +24,28 @@ Variant = Scene | MatrixScene | str | Path
 def run_many(
     scenes: Mapping[str, Variant] | Sequence[Variant], workers: int = 0, scheduler: str = ""
 ) -> tuple[pd.DataFrame, pd.DataFrame]:  # fmt: skip
-    """Run the sweep of each scene, and return all modes and all onsets with the name of the scene in front.
+    """Run the sweep of each scene, and return tables of all modes and of all onsets.
 
     Parameters
     ----------
-    scenes : mapping of name to scene, or sequence of scenes
-        Scenes or their files; those of a sequence are called by their files, or by their numbers from 1.
+    scenes : mapping of str to scene, or sequence of scenes
+        Scenes, or paths of their files. Scenes of a sequence are named after their files, or numbered from 1.
     workers : int
-        Processes on this machine, by dask.distributed; 0 for none.
+        Processes on this machine, by dask.distributed; 0 to use this process.
     scheduler : str
-        Address of a running scheduler of Dask.
+        Address of a running scheduler of Dask, instead of `workers`.
 
     Returns
     -------
     modes, onsets : pandas.DataFrame
-        The columns of modes.csv and onsets.csv behind `scene`.
+        The columns of modes.csv and of onsets.csv, behind the column `scene` with the name of the scene.
 
     Raises
     ------
-    SceneError, NotConvergedError
-        With the name of the scene.
+    SceneError
+        There are no scenes, one of them is wrong (the message has its name), or dask.distributed is not installed.
+    NotConvergedError
+        A sweep failed (the message has the name of the scene), or the scheduler does not answer.
     """
     import pandas as pd
 
@@ -53,7 +55,7 @@ def run_many(
         raise SceneError("run_many: given no scenes; expected at least one")
     loaded = {name: load_scene(s) if isinstance(s, str | Path) else s for name, s in scenes.items()}
     found: dict[int, tuple[pd.DataFrame, pd.DataFrame]] = {}
-    with spread(Cluster(workers, scheduler)) as call:
+    with spread(Processes(workers, scheduler)) as call:
         for i, frames in call(_tables, None, enumerate(loaded.items())):
             found[i] = frames
     modes, onsets = (pd.concat([found[i][k] for i in range(len(loaded))], ignore_index=True) for k in (0, 1))

@@ -1,4 +1,4 @@
-"""A map of stability over two parameters: a grid for the colours, and the boundaries followed exactly."""
+"""A map of stability over two parameters: modes on a grid of places, and the boundaries of stability between them."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from .solving import TRAINED, Options, Solving
 if TYPE_CHECKING:
     import pandas as pd
 
-_SEED = 7
-_COLUMNS_AT = 6  # lines of the grid along the second axis on which onsets are looked for; along the first one, all
+_SEED = 7  # of the points for which the reduced model is made
+_COLUMNS_AT = 6  # lines of the grid along its second axis on which onsets are looked for; along the first axis all are
 
 
 @dataclass(frozen=True)
@@ -34,17 +34,20 @@ class StabilityMap:
 
     Attributes
     ----------
-    axes : two Scaled
+    axes : (Scaled, Scaled)
+        The two axes.
     places : (m, 2) float
-        The grid, row by row: the first parameter changes fastest.
+        Values of both parameters at the places of the grid, row by row: the first one changes fastest.
     rows : (m, columns) float
-        `COLUMNS` of the outcomes.
+        What is kept of the modes at each place, see `Outcome.row`.
     curves : list of Curve
+        The boundaries of stability.
     errors : list of (k,) float
-        Uncertainty of the points of each curve, with that of the reduced model.
+        Uncertainty of the points of each curve, including that of the reduced model, as a part of the map's width.
     told : list of str
-        Sentences on what could not be followed.
+        Sentences on boundaries that could not be followed to their end.
     solver : Solver
+        How the modes were solved for.
     """
 
     axes: tuple[Scaled, Scaled]
@@ -57,7 +60,7 @@ class StabilityMap:
 
     @property
     def grid(self) -> pd.DataFrame:
-        """One row per place of the grid: the columns of map.csv."""
+        """A table with a row per place of the grid and the columns of map.csv."""
         import pandas as pd
 
         frame = pd.DataFrame(self.places, columns=["x", "y"])
@@ -68,9 +71,10 @@ class StabilityMap:
 
     @property
     def boundaries(self) -> pd.DataFrame:
-        """One row per point of each boundary, in order: the columns of boundaries.csv.
+        """A table with a row per point of each boundary, in order, and the columns of boundaries.csv.
 
-        `uncertainty` is how far the boundary may be off across itself, as a share of the map's width on its axes.
+        `x` and `y` are the values of the two parameters. `uncertainty` is how far the boundary may be from the point,
+        as a part of the map's width.
         """
         import pandas as pd
 
@@ -91,17 +95,28 @@ def stability_map(
 ) -> StabilityMap:
     """Solve for the modes on a grid of two parameters, and follow the boundaries of stability between its places.
 
+    A boundary is followed by continuation on a reduced model (see `Boundary` for its equations), and is not
+    interpolated from the grid.
+
     Parameters
     ----------
+    problem : Problem
+        From `assemble`.
     x, y : mapping
-        As `[study.x]` and `[study.y]`: {"parameter": "mu", "from": 0.0, "to": 0.7, "points": 29}, and "scale".
+        The two axes, as `[study.x]` and `[study.y]` of a scene: {"parameter": "mu", "from": 0.0, "to": 0.7, "points":
+        29}, with "scale": "log" for a logarithmic one.
     **options
-        modes, max_frequency, tolerance, workers, scheduler, linear_solver, scene, parts and progress: `Options`.
+        modes, max_frequency, tolerance, workers, scheduler, linear_solver, scene, parts and progress, see
+        `fe_squeal.study.solving.Options`.
+
+    Returns
+    -------
+    StabilityMap
 
     Raises
     ------
     SceneError
-        A parameter that is not there or has no effect.
+        An axis is wrong, the problem does not have its parameter, or nothing depends on it.
     NotConvergedError
         A direct solve failed, or the scheduler is gone.
 
@@ -143,7 +158,7 @@ def stability_map(
 
 
 def _small_problem(problem: Problem, names: tuple[str, ...], solver: Solver) -> Problem | None:
-    """Return the problem on which boundaries are followed: the projected one, or itself where it is small."""
+    """Return the problem on which boundaries are followed: the reduced one, or itself if it is small, else None."""
     if solver.box is not None:
         return solver.box.collected
     affine = all(problem.is_affine(n) for n in names)
@@ -154,7 +169,7 @@ def _boundaries(
     problem: Problem, axes: tuple[Scaled, Scaled], grids: tuple[np.ndarray, np.ndarray], solving: Solving,
     told: list[str],
 ) -> list[Curve]:  # fmt: skip
-    """Follow the boundary through every seed that lies on no boundary found before."""
+    """Follow the boundary through every seed that is not on a boundary found before."""
     curves: list[Curve] = []
     request = solving.request
 
@@ -186,14 +201,18 @@ def _boundaries(
 
 
 def _rescaled(u: np.ndarray, boundary: Any, curve: Curve) -> np.ndarray:
-    """Return u of one boundary with θ or ω in the unit of another one."""
+    """Return u of one boundary with θ or ω in the unit of another boundary of the same kind."""
     if boundary.kind == "divergence":
         return u
     return np.append(u[0] * boundary.unit / curve.boundary.unit, u[1:])
 
 
 def _uncertainties(curve: Curve, solver: Solver) -> np.ndarray:
-    """Return the uncertainty of each point: Newton's last step, rounding, and the reduction ‖η‖‖ρ‖ / |ψᴴ (∂Q/∂s) φ|."""
+    """Return the uncertainty (k,) of the points of a curve, as a part of the map's width.
+
+    To Newton's last step and rounding it adds the error of the reduced model, ‖η‖‖ρ‖ / |ψᴴ (∂Q/∂s) φ|, with the
+    residuals ρ = Qφ and η = Qᴴψ.
+    """
     found = []
     for point in curve.points:
         error = point.uncertainty

@@ -1,4 +1,4 @@
-"""What solves a study's places: a certified reduced model over the box, or the problem itself."""
+"""Models that solve the places of a study: a reduced model over the box of its parameters, or the problem itself."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ Values = Sequence[float] | np.ndarray
 
 
 class Model(Protocol):
-    """Says what becomes of a place, given the values of the parameters; can be sent to another process."""
+    """Solves for the modes at a place, given the values of the parameters; can be sent to another process."""
 
     def outcome(self, values: Values) -> Outcome | None:
-        """Return the outcome; None where only a direct solve of the problem can tell."""
+        """Return the outcome at a place; None where the model is not accurate enough."""
 
 
 @dataclass(frozen=True)
 class CertifiedModel:
-    """The reduced model: where its estimated error misses the tolerance, it gives no outcome."""
+    """A reduced model with an error estimate: it gives no outcome where the estimate exceeds the tolerance."""
 
     online: OnlineModel
 
     def outcome(self, values: Values) -> Outcome | None:
-        """Return the outcome; None where the estimated error of a mode is above the tolerance."""
+        """Return the outcome at a place; None where the estimated error of a mode exceeds the tolerance."""
         modes, off, relative = self.online.modes(tuple(float(v) for v in values))
         if off.max(initial=0.0) > 1:
             return None
@@ -57,14 +57,14 @@ class DirectModel:
     linear_solver: LinearSolver | str = "auto"
 
     def outcome(self, values: Values) -> Outcome:
-        """Return the outcome; its error is the largest product of backward error and condition of a mode."""
+        """Return the outcome at a place; its error is the largest product of backward error and condition of a mode."""
         at = self.problem.at({n: float(v) for n, v in zip(self.names, values, strict=True)})
         return _solved(at, self.request, self.linear_solver)
 
 
 @dataclass(frozen=True)
 class RemeshedModel:
-    """A scene whose geometry is meshed anew at every place."""
+    """A scene whose geometry is meshed and assembled anew at every place, for parameters of the geometry."""
 
     scene: Scene
     names: tuple[str, ...]
@@ -72,7 +72,7 @@ class RemeshedModel:
     linear_solver: LinearSolver | str = "auto"
 
     def outcome(self, values: Values) -> Outcome:
-        """Return the outcome, of a mesh of its own."""
+        """Return the outcome at a place, on a mesh made for it."""
         moved = {p: float(v) for n, v in zip(self.names, values, strict=True) for p in paths_of(n)}
         scene = with_numbers(self.scene, moved)
         scene = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"file": None})})
@@ -89,17 +89,18 @@ def _solved(problem: Problem, request: Request, linear_solver: LinearSolver | st
 
 @dataclass(frozen=True)
 class Solver:
-    """How a study is solved.
+    """How the places of a study are solved.
 
     Attributes
     ----------
     model : Model
+        The model that is tried first.
     direct : Model or None
-        What solves places at which `model` gives no outcome; None where it always does.
+        Solves the places at which `model` gives no outcome; None if `model` always gives one.
     box : BoxModel or None
-        The reduced model with all its vectors.
+        The reduced model with all its vectors, if there is one.
     why : str
-        A sentence on the method.
+        A sentence on which method was chosen, and why.
     """
 
     model: Model
@@ -123,21 +124,31 @@ def make_solver(
     draw: Callable[[int], list[tuple[float, ...]]], request: Request, linear_solver: LinearSolver | str = "auto",
     scene: Scene | None = None, progress: Callable[[str], None] = lambda text: None,
 ) -> Solver:  # fmt: skip
-    """Return what solves a study: a reduced model where every parameter is a power in coefficients.
+    """Return how a study is solved: by a reduced model if every parameter only changes coefficients of terms.
+
+    Otherwise every place is solved directly, and on a mesh of its own if a parameter is a number of the geometry.
 
     Parameters
     ----------
+    problem : Problem
+    names : sequence of str
+        The d parameters.
     low, high : (d,) float
-        The box.
+        The box that contains all places.
     draw : callable of int
-        As of `BoxModel`.
+        Returns points for the reduced model, see `BoxModel`.
+    request : Request
+        Which modes are asked for, and to what tolerance.
+    linear_solver : LinearSolver or str
     scene : Scene, optional
-        Meshed anew where a parameter is a number of its geometry.
+        The scene of the problem; needed if a parameter is a number of its geometry.
+    progress : callable of str
+        Gets a sentence about what is being done.
 
     Raises
     ------
     SceneError
-        There is no such parameter, or nothing depends on it.
+        The problem does not have a parameter, nothing depends on it, or the scene is needed and missing.
     """
     names = tuple(names)
     meshed = [p for n in names for p in paths_of(n) if p.startswith(GEOMETRY)]
@@ -174,13 +185,14 @@ def make_solver(
 
 
 def _require_effect(problem: Problem, name: str, low: float, high: float) -> None:
-    """Refuse a parameter that nothing depends on.
+    """Check that something in the problem depends on a parameter.
 
     Raises
     ------
     SceneError
+        The problem does not have the parameter, or nothing depends on it.
     """
-    problem.value(name)  # raises where there is none
+    problem.value(name)  # raises SceneError if the problem does not have it
     if problem.is_affine(name):
         depends = any(t.powers.get(p, 0) and t.matrix.nnz for t in problem.terms for p in paths_of(name))
     else:

@@ -1,4 +1,4 @@
-"""What a study keeps of the modes at one place."""
+"""The numbers that a study keeps of the modes at one place."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ MODE_COLUMNS = ("frequency_hz", "re", "re_uncertainty", "damping_ratio")
 
 @dataclass(frozen=True)
 class Outcome:
-    """Verdict at one place, as numbers that can be sent and stored.
+    """What is kept of the modes at one place, as numbers that can be sent and stored.
 
     Attributes
     ----------
     row : (7,) float
-        `COLUMNS`: whether a mode is unstable beyond the uncertainty of its growth rate, 0 or 1; growth rate, frequency,
-        damping ratio and uncertainty of the mode that grows most (of those alike the most uncertain one); the largest
-        estimated |Δλ/λ|; whether it was solved directly, 0 or 1.
+        The columns `COLUMNS`: 1 if a mode is unstable beyond the uncertainty of its growth rate, else 0; growth rate
+        (1/s), frequency (Hz), damping ratio and uncertainty of the growth rate (1/s) of the mode that grows most (of
+        several with equal growth the most uncertain one); the largest estimated |Δλ/λ| of a mode; 1 if the place was
+        solved directly, else 0.
     modes : (k, 4) float
-        `MODE_COLUMNS` of the unstable modes.
+        The columns `MODE_COLUMNS` of the k unstable modes.
     """
 
     row: np.ndarray
@@ -42,10 +43,11 @@ def outcome_of(modes: Modes, error: float, direct: bool) -> Outcome:
 
     Parameters
     ----------
+    modes : Modes
     error : float
         The largest estimated |Δλ/λ|.
     direct : bool
-        Whether they come from a direct solve.
+        Whether the modes come from a direct solve.
     """
     lam, u = modes.lam, modes.re_uncertainty
     size = np.where(lam == 0, 1.0, np.abs(lam))

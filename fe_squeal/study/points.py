@@ -1,4 +1,4 @@
-"""Points of a scatter: scrambled Sobol points, as numbers with given distributions and correlations."""
+"""Points of a scatter: scrambled Sobol points, turned into numbers with given distributions and correlations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.stats import norm, qmc
 from ..errors import SceneError
 from ..scene.study import Distribution, parameter_name
 
-_EDGE = 1e-12  # of 1: how near to 0 and 1 probabilities come, where quantiles of unbounded distributions are infinite
+_EDGE = 1e-12  # least distance of a probability from 0 and 1, where quantiles of unbounded distributions are infinite
 
 
 @dataclass(frozen=True)
@@ -21,9 +21,12 @@ class Scatter:
     Attributes
     ----------
     names : tuple of str
+        The d parameters.
     distributions : tuple of Distribution
+        That of each.
     correlation : (d, d) float
-        Of the normal variables behind normal and lognormal numbers (Gaussian copula); the unit matrix for others.
+        Correlations of the standard normal variables z that normal and lognormal numbers are functions of (a Gaussian
+        copula). Numbers with other distributions are independent: their rows are those of the unit matrix.
     """
 
     names: tuple[str, ...]
@@ -34,12 +37,12 @@ class Scatter:
     def of(
         cls, parameters: Mapping[str, Distribution], pairs: Sequence[tuple[str, str, float]] = ()
     ) -> Scatter:  # fmt: skip
-        """Return the scatter of some parameters with correlations of pairs of them.
+        """Return the scatter of some parameters, given their distributions and the correlations of pairs of them.
 
         Raises
         ------
         SceneError
-            The correlations contradict each other.
+            The correlations contradict each other: their matrix is not positive definite.
         """
         names = tuple(parameter_name(name) for name in parameters)
         R = np.eye(len(names))
@@ -53,16 +56,16 @@ class Scatter:
         return cls(names, tuple(parameters.values()), R)
 
     def normals(self, u: np.ndarray) -> np.ndarray:
-        """Return correlated standard normal numbers (m, d) for independent probabilities (m, d)."""
+        """Return correlated standard normal numbers z (m, d) for independent probabilities u (m, d) between 0 and 1."""
         z = norm.ppf(np.clip(u, _EDGE, 1 - _EDGE))
         return np.asarray(z @ np.linalg.cholesky(self.correlation).T)
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Return the values (m, d) of the parameters for correlated standard normal numbers (m, d)."""
+        """Return the values (m, d) of the parameters for correlated standard normal numbers z (m, d)."""
         return np.stack([quantiles(d, norm.cdf(z[:, i])) for i, d in enumerate(self.distributions)], axis=1)
 
     def redrawn(self, z: np.ndarray, i: int, u: np.ndarray) -> np.ndarray:
-        """Return the normal numbers (m, d) with number i drawn anew at probabilities u (m,), given the others."""
+        """Return z (m, d) with column i drawn anew, given the other columns, at probabilities u (m,)."""
         precision = np.linalg.inv(self.correlation)[i]
         others = np.delete(np.arange(z.shape[1]), i)
         mean = -z[:, others] @ precision[others] / precision[i]
@@ -72,13 +75,13 @@ class Scatter:
 
 
 def sobol_points(count: int, dimension: int, seed: int) -> np.ndarray:
-    """Return scrambled Sobol points (count, dimension) in the unit cube; the first ones are the same for any count."""
+    """Return scrambled Sobol points (count, dimension) in the unit cube; with a larger count more points follow."""
     sampler = qmc.Sobol(dimension, scramble=True, seed=seed)
     return np.asarray(sampler.random_base2(int(np.ceil(np.log2(max(count, 2)))))[:count])
 
 
 def quantiles(distribution: Distribution, u: np.ndarray) -> np.ndarray:
-    """Return the values that a distribution stays below with probabilities u.
+    """Return the quantiles (m,) of a distribution: it stays below them with the probabilities u (m,).
 
     Examples
     --------
@@ -109,11 +112,11 @@ def quantiles(distribution: Distribution, u: np.ndarray) -> np.ndarray:
 
 
 def _cut(u: np.ndarray, low: float | None, high: float | None, mean: float, deviation: float) -> np.ndarray:
-    """Return quantiles of the standard normal distribution cut off at (low − mean) / deviation and the same of high."""
+    """Return quantiles (m,) of the standard normal distribution between (low − mean)/deviation and that of high."""
     below = 0.0 if low is None else norm.cdf((low - mean) / deviation)
     above = 0.0 if high is None else norm.sf((high - mean) / deviation)
     inside = 1 - below - above
-    # From the nearer end, so that digits are kept in both tails.
+    # Each quantile is computed from the nearer end, so that no digits are lost in either tail.
     lower, upper = norm.ppf(below + u * inside), norm.isf(above + (1 - u) * inside)
     return np.where(u < 0.5, lower, upper)
 

@@ -1,4 +1,4 @@
-"""Scatter: what becomes of squeal where several numbers are known by their distributions alone."""
+"""Scatter: how probable instability is if several numbers of a scene are known only by their distributions."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from .solving import TRAINED, Options, Solving
 if TYPE_CHECKING:
     import pandas as pd
 
-SAMPLES = 1000  # where nothing is said
-_SEEDS = 1_000_003  # distance between seeds: each purpose has points of its own
+SAMPLES = 1000  # samples, if their number is not given
+_SEEDS = 1_000_003  # difference between the seeds of points for different purposes
 
 
 @dataclass(frozen=True)
@@ -35,18 +35,21 @@ class ScatterResult:
     Attributes
     ----------
     names : tuple of str
+        The d parameters.
     points : (m, d) float
-        Values of the parameters.
+        Values of the parameters at the m samples.
     rows : (m, columns) float
-        `COLUMNS` of the outcomes.
+        What is kept of the modes of each sample, see `Outcome.row`.
     modes : (k, 1 + columns) float
-        Number of the sample from 0 and `MODE_COLUMNS`, of every unstable mode.
+        For every unstable mode the number of its sample, from 0, and `MODE_COLUMNS`.
     edges : (b + 1,) float, Hz
-        Of the bands.
+        Edges of the b bands of frequency.
     again : (d, q, columns) float
-        Outcomes of the first q samples with one parameter after the other drawn anew.
-    again_modes : list of d (k, 1 + columns)
+        `rows` of the first q samples with one parameter after the other drawn anew.
+    again_modes : list of d (k, 1 + columns) float
+        `modes` of these.
     solver : Solver
+        How the modes were solved for.
     """
 
     names: tuple[str, ...]
@@ -60,12 +63,12 @@ class ScatterResult:
 
     @property
     def probability(self) -> float:
-        """The share of unstable samples."""
+        """The part of the samples that are unstable."""
         return float(self.rows[:, 0].mean())
 
     @property
     def samples(self) -> pd.DataFrame:
-        """One row per sample: the columns of samples.csv."""
+        """A table with a row per sample and the columns of samples.csv."""
         import pandas as pd
 
         frame = pd.DataFrame(self.rows, columns=list(COLUMNS))
@@ -74,13 +77,13 @@ class ScatterResult:
             frame.insert(1 + i, name, self.points[:, i])
         frame["unstable"] = frame["unstable"].astype(int)
         frame["method"] = np.where(frame.pop("direct") > 0, "direct", "reduced")
-        frame["worst_re_uncertainty"] = frame.pop("worst_re_uncertainty")  # to the end
+        frame["worst_re_uncertainty"] = frame.pop("worst_re_uncertainty")  # becomes the last column
         frame["unstable_modes"] = np.bincount(self.modes[:, 0].astype(int), minlength=len(frame))
         return frame
 
     @property
     def unstable_modes(self) -> pd.DataFrame:
-        """One row per unstable mode: the columns of unstable_modes.csv."""
+        """A table with a row per unstable mode and the columns of unstable_modes.csv."""
         import pandas as pd
 
         frame = pd.DataFrame(self.modes, columns=["sample", *MODE_COLUMNS])
@@ -90,10 +93,10 @@ class ScatterResult:
 
     @property
     def bands(self) -> pd.DataFrame:
-        """Probability of instability by band, with its 95 % interval: the columns of bands.csv.
+        """A table of the probability of instability by band, with its 95 % interval and the columns of bands.csv.
 
-        The interval is that of Clopper and Pearson, which holds for any number of samples and is a little too wide for
-        Sobol points. The last row is the whole range.
+        The interval is that of Clopper and Pearson. It is right for any number of independent samples, and a little too
+        wide for Sobol points. The last row is the whole range of frequencies.
         """
         import pandas as pd
         from scipy.stats import binomtest
@@ -108,7 +111,7 @@ class ScatterResult:
 
     @property
     def indices(self) -> pd.DataFrame:
-        """Sobol indices with the half widths of their 95 % intervals: the columns of indices.csv."""
+        """A table of Sobol indices, with half the widths of their 95 % intervals and the columns of indices.csv."""
         import pandas as pd
 
         outputs = {"unstable": self.rows[:, 0], "worst_re": self.rows[:, 1]}
@@ -123,12 +126,15 @@ class ScatterResult:
         return pd.DataFrame(rows, columns=["parameter", "output", "first", "first_error", "total", "total_error"])
 
     def dangerous(self, count: int) -> list[int]:
-        """Return the positions of the unstable samples that grow most, at most so many."""
+        """Return the positions of the `count` unstable samples that grow most, or of all if there are fewer."""
         grows = np.flatnonzero(self.rows[:, 0] > 0)
         return [int(i) for i in grows[np.argsort(-self.rows[grows, 1], kind="stable")][:count]]
 
     def _by_band(self) -> list[tuple[float, float, np.ndarray]]:
-        """Return the bands, and for each which samples have an unstable mode there; the whole range comes last."""
+        """Return the edges of each band, Hz, and (m,) bool which samples have an unstable mode in it.
+
+        The last entry is the whole range of frequencies.
+        """
         count = len(self.rows)
         found = [(float(a), float(b), _in_band(self.modes, count, a, b)) for a, b in pairwise(self.edges)]
         return [*found, (float(self.edges[0]), float(self.edges[-1]), self.rows[:, 0] > 0)]
@@ -153,25 +159,36 @@ def scatter(
 
     Parameters
     ----------
-    parameters : mapping of parameter to distribution
-        As in the tables of `[study.parameters]`: {"mu": {"normal": {"mean": 0.4, "deviation": 0.06}}}.
+    problem : Problem
+        From `assemble`.
+    parameters : mapping of str to mapping
+        The distribution of each parameter, as the tables of `[study.parameters]` in a scene:
+        {"mu": {"normal": {"mean": 0.4, "deviation": 0.06}}}.
     samples : int
-        Scrambled Sobol points.
+        Number of samples, which are scrambled Sobol points.
     seed : int
-        Of their scrambling.
-    correlation : sequence of (parameter, parameter, coefficient)
-        Of normal numbers, of the logarithms of lognormal ones.
+        Of the scrambling.
+    correlation : sequence of (str, str, float)
+        Pairs of parameters with their correlation coefficient: that of the numbers themselves if they are normal, of
+        their logarithms if they are lognormal.
     bands : sequence of float, Hz, optional
-        Edges; octaves over the range of the unstable modes by default.
+        Edges of the bands of frequency; by default octaves that cover all unstable modes.
     indices : bool
-        Whether as many samples are solved again for total Sobol indices (not where every sample is solved directly).
+        Whether to solve as many samples again for total Sobol indices; it is not done if every sample has to be solved
+        directly.
     **options
-        modes, max_frequency, tolerance, workers, scheduler, linear_solver, scene, parts and progress: `Options`.
+        modes, max_frequency, tolerance, workers, scheduler, linear_solver, scene, parts and progress, see
+        `fe_squeal.study.solving.Options`.
+
+    Returns
+    -------
+    ScatterResult
 
     Raises
     ------
     SceneError
-        A parameter that is not there or has no effect, a distribution that leaves what the scene allows.
+        The problem does not have a parameter, nothing depends on it, or its distribution reaches values that the scene
+        does not allow.
     NotConvergedError
         A direct solve failed, or the scheduler is gone.
 
@@ -208,7 +225,7 @@ def scatter(
     cheap = solving.solver.box is not None or problem.unknowns <= 100
     if indices and cheap:
         q = min(samples, max(samples // d, 64))
-        # Independent of the samples, as other Sobol points would not be.
+        # Random numbers, since these have to be independent of the samples, and further Sobol points are not.
         again = np.random.default_rng([seed, _SEEDS]).random((q, d))
         redrawn = np.stack([whole.values(whole.redrawn(z[:q], i, again[:, i])) for i in range(d)])
     more = [solving.places(f"indices {i + 1}", places) for i, places in enumerate(redrawn)] if redrawn.shape[1] else []
@@ -220,7 +237,7 @@ def scatter(
 
 
 def _edges(bands: Sequence[float] | None, modes: np.ndarray) -> np.ndarray:
-    """Return the edges of the bands, Hz: by default octaves from 1 kHz down and up that hold all unstable modes."""
+    """Return the edges (b + 1,) of the bands, Hz: those given, or octaves about 1 kHz that cover all unstable modes."""
     if bands is not None:
         return np.asarray(bands, float)
     hz = modes[:, 1]
@@ -235,11 +252,12 @@ def _edges(bands: Sequence[float] | None, modes: np.ndarray) -> np.ndarray:
 def _check_values(
     of: Problem | Scene, names: Sequence[str], points: np.ndarray, tables: Mapping[str, Distribution]
 ) -> None:
-    """Refuse a distribution that leaves what is allowed, at its least and its largest sample.
+    """Check that the scene allows the smallest and the largest sample of each parameter.
 
     Raises
     ------
     SceneError
+        A distribution reaches a value that the scene does not allow.
     """
     from ..problem.parameters import paths_of
     from ..scene.numbers import with_numbers

@@ -1,4 +1,7 @@
-"""Points from which boundaries are followed: onsets along the lines of the grid, and islands between them."""
+"""Find points from which boundaries are followed: onsets along the lines of the grid, and islands between the lines.
+
+An island is a closed unstable region of the map that no line of the grid crosses.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +18,14 @@ from ..sweep.sweep import sweep
 from .boundary import Boundary, Kind, Scaled
 from .curves import CurvePoint, corrected
 
-_NEAR = 1e-4  # relative, of θ: how near an eigenvalue is to that of an onset
-_PROMISING = 0.2  # times the squared gap at a node: an interpolated minimum below it is looked into
-_CALLS = 80  # of the modes, for one minimum
-_FINE = 1e-4  # of the map's width: how close a minimum is looked for
-_HALVINGS = 14
+_NEAR = 1e-4  # of θ: an eigenvalue closer to that of an onset than this is the same
+_PROMISING = 0.2  # times the gap at a place: a minimum is looked for if the gap interpolated beside it is smaller
+_CALLS = 80  # solves for the modes to find one minimum, at most
+_FINE = 1e-4  # of the map's width: the accuracy of the place of a minimum
+_HALVINGS = 14  # of the line from inside an island to outside
 
 Axes = tuple[Scaled, Scaled]
-Seed = tuple[Boundary, CurvePoint, int]  # an equation, a point of its boundary, which coordinate of u was held
+Seed = tuple[Boundary, CurvePoint, int]  # the equations, a point of the boundary, the coordinate of u that was held
 
 
 def seeds_on_lines(
@@ -33,12 +36,19 @@ def seeds_on_lines(
 
     Parameters
     ----------
+    problem : Problem
+        With few unknowns.
+    axes : (Scaled, Scaled)
+    grids : ((k,) float, (l,) float)
+        Values of both parameters on the grid.
     along : 0 or 1
         The axis along which the lines run.
     lines : (k,) float
-        Their places on the other axis.
+        Values of the other parameter at which there are lines.
+    modes, max_frequency
+        Which modes count, as for `sweep`.
     told : callable of str
-        Gets a sentence on what could not be refined.
+        Gets a sentence on each onset that could not be refined.
     """
     name, other = axes[along].name, axes[1 - along].name
     for line in lines:
@@ -61,7 +71,10 @@ def seeds_on_lines(
 
 
 def point_near(problem: Problem, axes: Axes, s: np.ndarray, frequency_hz: float, held: int) -> Seed | None:
-    """Return the point of a boundary near a place, at about a frequency, with one axis held; None if there is none."""
+    """Return the point of a boundary near a place s (2,), for a mode of about a frequency; None if there is none.
+
+    It has the same value as the place on the axis `held`, 0 or 1.
+    """
     place = {a.name: a.value(float(x)) for a, x in zip(axes, s, strict=True)}
     omega = 2 * np.pi * frequency_hz
     kind: Kind = "divergence" if omega == 0 else "hopf" if problem.is_damped else "flutter"
@@ -92,23 +105,24 @@ def point_near(problem: Problem, axes: Axes, s: np.ndarray, frequency_hz: float,
 
 
 def _real(vector: np.ndarray) -> np.ndarray:
-    """Return the larger of real and imaginary part: near a coalescence both have its shape."""
+    """Return the larger of real and imaginary part: where two modes meet, both parts have the shape of the mode."""
     if not np.iscomplexobj(vector):
         return vector
     return vector.real if np.linalg.norm(vector.real) >= np.linalg.norm(vector.imag) else vector.imag.copy()
 
 
 class Gap:
-    """The squared gap (θ_i − θ_j)² of the pair nearest to each other about a frequency; below zero where it flutters.
+    """A smooth number that is negative where a mode near some frequency is unstable, to look for islands by its minima.
 
-    With dampers it is −Re λ of the mode about that frequency that grows most: below zero inside an island as well.
+    Without damping it is the smallest squared gap (θ_i − θ_j)² of two neighbouring modes, which is negative where they
+    are a growing pair. With damping it is −Re λ of the mode that grows most.
     """
 
     def __init__(self, problem: Problem, axes: Axes, modes_at: Callable[[float, float], Modes]) -> None:
         self._damped, self._axes, self._modes_at = problem.is_damped, axes, modes_at
 
     def values(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return gaps (k,) of neighbouring modes and their frequencies, rad/s, at a place."""
+        """Return the numbers (k,) of all pairs of modes, or of all modes, and their frequencies (k,), rad/s, at s."""
         modes = self._modes_at(*(a.value(float(x)) for a, x in zip(self._axes, s, strict=True)))
         lam = modes.lam
         if self._damped:
@@ -119,7 +133,7 @@ class Gap:
         return np.append(gaps, -4 * (pairs**2).imag ** 2), np.append(omega, np.abs(pairs))
 
     def about(self, s: np.ndarray, omega: float, width: float) -> float:
-        """Return the least gap about a frequency."""
+        """Return the smallest number at s (2,) for frequencies within `width` omega of omega; infinite off the map."""
         if (s < 0).any() or (s > 1).any():
             return float(np.inf)
         gaps, where = self.values(s)
@@ -130,10 +144,18 @@ def islands(
     problem: Problem, axes: Axes, grids: tuple[np.ndarray, np.ndarray], modes_at: Callable[[float, float], Modes],
     most: int = 40,
 ) -> Iterator[Seed]:  # fmt: skip
-    """Yield points of boundaries around unstable islands that no line of the grid meets.
+    """Yield points of boundaries around islands that no line of the grid crosses.
 
-    From every node at which the gap of a pair is least among its neighbours the minimum between nodes is looked for; a
-    parabola through the neighbours says whether that may get below zero.
+    Where the gap at a place of the grid is smaller than at all its neighbours, a parabola through the neighbours shows
+    whether it may become negative between them. If so, its minimum is looked for. At most `most` minima are.
+
+    Parameters
+    ----------
+    problem, axes, grids
+        As for `seeds_on_lines`.
+    modes_at : callable of (float, float)
+        Returns the modes at values of both parameters.
+    most : int
     """
     gap = Gap(problem, axes, modes_at)
     sx, sy = ([a.at(float(v)) for v in grid] for a, grid in zip(axes, grids, strict=True))
@@ -158,7 +180,7 @@ def islands(
 
 
 def _promising(g: float, around: dict[tuple[int, int], float]) -> bool:
-    """Return whether a parabola along either axis says that the gap comes close to zero between the nodes."""
+    """Return whether parabolas along the axes say that the gap g of a place comes close to zero beside the place."""
     least = g
     for step in ((1, 0), (0, 1)):
         a, b = around.get((-step[0], -step[1])), around.get(step)

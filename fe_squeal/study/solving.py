@@ -1,4 +1,4 @@
-"""What every kind of study shares: which modes are wanted, how they are solved for, and where progress is told."""
+"""What all kinds of studies share: which modes are asked for, how they are solved for, and how progress is reported."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..eigen.request import Request
 from ..problem.problem import Problem
 from ..scene import Scene
 from ..sweep.sweep import MODES
-from .engine import Cluster, Parts, solve_places
+from .engine import Parts, Processes, solve_places
 from .models import make_solver
 
 if TYPE_CHECKING:
@@ -23,25 +23,28 @@ Progress = Callable[[str, int, int, float], None]  # stage, places done, places 
 
 
 class Options(TypedDict, total=False):
-    """What `scatter` and `stability_map` both take by name; the defaults are those of `Solving`.
+    """The options that `scatter` and `stability_map` both take by name.
 
     Attributes
     ----------
-    modes, max_frequency
-        As of `sweep`.
+    modes : int, optional
+        Number of modes, those of the lowest frequencies (default 20).
+    max_frequency : float, Hz, optional
+        All modes up to this frequency, instead of a number of modes.
     tolerance : float
-        Relative error of every λ, next to a double one times its condition.
+        Relative error of every λ (default 1e-6); close to a double eigenvalue this error times its condition.
     workers : int
-        Processes on this machine, by dask.distributed; 0 for none.
+        Processes on this machine, by dask.distributed; 0 (default) to use this process.
     scheduler : str
-        Address of a running scheduler of Dask.
-    linear_solver : LinearSolver or str
-        As of `sweep`.
+        Address of a running scheduler of Dask, instead of `workers`.
+    linear_solver : "auto", "pardiso", "superlu", "mumps" or LinearSolver
+        As for `sweep`.
     scene : Scene, optional
-        Of the problem; needed where parameters are numbers of its geometry.
+        The scene of the problem; needed if a parameter is a number of its geometry.
     parts : callable of str, optional
-        Returns where finished chunks of a stage are kept.
-    progress : callable of (stage, places done, places in all, places per second)
+        Returns, by the name of a stage, an object that keeps its finished chunks, see `Parts`.
+    progress : callable of (str, int, int, float)
+        Gets the stage, the places done, all places, and places per second.
     """
 
     modes: int | None
@@ -60,22 +63,27 @@ class Solving:
 
     Parameters
     ----------
-    names : d str
-        Of the parameters.
+    problem : Problem
+    names : sequence of str
+        The d parameters.
     low, high : (d,) float
-        The box that holds all places.
+        The box that contains all places.
     draw : callable of int
-        Returns points that fill the box, other ones for each number: (TRAINED, d) float.
+        Returns (TRAINED, d) points that fill the box, different ones for each number.
+    modes, max_frequency, tolerance, workers, scheduler, linear_solver, scene, parts, progress
+        See `Options`.
 
     Raises
     ------
     SceneError
-        There is no such parameter, or nothing depends on it.
+        The problem does not have a parameter, or nothing depends on it.
 
     Attributes
     ----------
     request : Request
+        Which modes are asked for, and to what tolerance.
     solver : Solver
+        How the places are solved.
     """
 
     def __init__(
@@ -90,21 +98,21 @@ class Solving:
             problem, names, low, high, lambda i: [tuple(map(float, point)) for point in draw(i)], self.request,
             linear_solver, scene, lambda text: progress(text, 0, 0, 0.0),
         )  # fmt: skip
-        self._cluster, self._parts, self._progress = Cluster(workers, scheduler), parts, progress
+        self._processes, self._parts, self._progress = Processes(workers, scheduler), parts, progress
 
     def places(self, stage: str, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rows (m, columns of an outcome) and unstable modes (k, 1 + columns) of places (m, d).
+        """Return the rows and the unstable modes of places (m, d), see `solve_places`.
 
         Raises
         ------
         NotConvergedError
-            A direct solve failed, or the scheduler is gone; what is finished is kept.
+            A direct solve failed, or the scheduler is gone; finished chunks are kept.
         """
         kept = None if self._parts is None else self._parts(stage.replace(" ", "_"))
         return solve_places(
-            self.solver, places, self._cluster, kept, lambda *numbers: self._progress(stage, *numbers)
+            self.solver, places, self._processes, kept, lambda *numbers: self._progress(stage, *numbers)
         )
 
     def tell(self, stage: str, done: int, total: int) -> None:
-        """Tell the progress of a stage that is not one of places."""
+        """Report the progress of a stage that does not solve places."""
         self._progress(stage, done, total, 0.0)

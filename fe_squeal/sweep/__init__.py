@@ -1,1 +1,1 @@
-"""From a problem and values of a parameter to modes, branches and onsets, and what is proven of them."""
+"""Sweeps over a parameter: modes at every value, branches, onsets, and checks that none of these is missing."""

@@ -1,4 +1,4 @@
-"""Whether onsets explain which modes are unstable: from value to value of a sweep, and on both sides of each onset."""
+"""Check that onsets explain the number of unstable modes: from value to value of a sweep, and beside each onset."""
 
 from __future__ import annotations
 
@@ -12,23 +12,27 @@ from .nodes import Node
 from .onset import Onset
 from .step import Step
 
-_APART = 0.02  # of a frequency: modes that lie farther than this from a limit do not pass it within a step
-_BESIDE = 4.0, 100.0, 2000.0  # times its uncertainty: how far from an onset modes are counted, until they can be told
+_APART = 0.02  # of a frequency: a mode farther from the limit than this is not expected to pass it within a step
+# Times the uncertainty of an onset: the distance at which modes are counted beside it. The next larger one is tried
+# while the counts do not agree.
+_BESIDE = 4.0, 100.0, 2000.0
 
 
 def unbalanced(before: np.ndarray, now: np.ndarray, onsets: Sequence[Onset], limit: float) -> str:
-    """Return a sentence if onsets do not explain how many modes are unstable behind them, else "".
+    """Return a sentence if the onsets between two values do not explain how many modes are unstable at each, or "".
 
-    The balance is: unstable before + onsets into − onsets out of instability = unstable now.
-
-    What lies above `limit` is not counted, since modes may enter and leave the range there. The limit is lowered until
-    no unstable mode and no onset is near it; where no such limit is left, nothing is said.
+    The balance is: unstable before + onsets into − onsets out of instability = unstable now. Modes and onsets above
+    `limit` are not counted, since modes may enter and leave the range there. The limit is lowered until no unstable
+    mode and no onset is near it; if that leaves none, the balance is not checked.
 
     Parameters
     ----------
-    before, now : (·,) complex, rad/s
-        λ of the unstable modes.
+    before, now : (k,) and (l,) complex, rad/s
+        λ of the unstable modes at the two values.
+    onsets : sequence of Onset
+        Those between the two values.
     limit : float, rad/s
+        Frequency up to which modes are counted.
     """
     lam = [before.imag, now.imag]
     known = np.concatenate([*lam, [2 * np.pi * o.frequency_hz for o in onsets]])
@@ -44,18 +48,19 @@ def unbalanced(before: np.ndarray, now: np.ndarray, onsets: Sequence[Onset], lim
 
 
 def unshown(step: Step, onsets: Sequence[Onset], limit: float) -> str:
-    """Return a sentence if the modes of the step model on both sides of an onset do not differ by that one, else "".
+    """Return a sentence if the unstable modes on both sides of an onset do not differ by this onset, or "".
 
-    Modes are counted at some multiples of its uncertainty below and above each onset, or half way to the next one where
-    that is nearer. Together with the modes at both ends of the step this is a balance along the whole step. Next to an
-    onset growth may still be lost in rounding, though its value is not: then modes are counted farther away.
+    Unstable modes of the step model are counted below and above each onset, at a multiple of its uncertainty, or half
+    way to the next onset if that is nearer. With the counts at both ends of the step this is a balance along the whole
+    step. Close to an onset the growth rate may be smaller than its rounding; then modes are counted farther away.
 
     Parameters
     ----------
+    step : Step
     onsets : sequence of Onset
-        All of a step.
+        All onsets of the step.
     limit : float, rad/s
-        Up to where modes are counted.
+        Frequency up to which modes are counted.
     """
     ordered = sorted(onsets, key=lambda o: o.value)
     told = ""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-FINEST = 1e-6  # of a step: two changes of stability nearer to each other than this are not told apart
-SETTLED = 1e-5  # of a step: values are added until no window wider than this can hide in the error of the group matrix
+FINEST = 1e-6  # of a step: two changes of stability that are closer together than this are not distinguished
+SETTLED = 1e-5  # of a step: values are added until no window of instability wider than this can be hidden by errors
 
 
 @dataclass(frozen=True)
@@ -17,22 +17,22 @@ class Change:
     Attributes
     ----------
     kind : str
-        "meeting": two eigenvalues θ become a complex pair, or a pair becomes two. "zero": an undamped θ passes zero.
-        "crossing": λ crosses the imaginary axis. "parting": a growing pair λ, λ* becomes two real λ, or these a pair.
+        "meeting": two real eigenvalues θ become a complex pair, or the reverse. "zero": a real θ passes zero.
+        "crossing": λ crosses the imaginary axis. "parting": a growing pair λ, λ* becomes two real λ, or the reverse.
     gains : int
-        How many unstable modes are gained for a rising parameter; negative where some are lost.
+        Number of unstable modes more above the change than below it; negative if there are fewer.
     low, high : float
-        Values between which the change lies.
+        Values of the parameter between which the change is.
     limits : (float, float)
-        The wider interval around it in which nothing else changes in the group.
+        A wider interval around it in which the stability of the group does not change otherwise.
     v : complex
-        The eigenvalue there, θ without dampers or λ with them.
+        The eigenvalue that changes: θ without dampers, rad²/s², or λ with dampers, rad/s.
     right, left : (r,) complex
-        Its vectors on the step model, approximately.
-    group : (r, ·) complex
-        Right vectors of all modes of the group, at both ends of the interval.
+        Its right and left vector in the coordinates of the step model, approximately.
+    group : (r, 2m) complex
+        Right vectors of all m modes of the group at both ends of the group's interval.
     at_start : bool
-        Whether the interval begins at the first value of the step.
+        Whether the change may be at the first value of the step itself: two modes of equal frequency may couple there.
     """
 
     kind: str
@@ -48,12 +48,12 @@ class Change:
 
 
 class Asked(Exception):
-    """Raised where stability cannot be told without the modes at one more value.
+    """Raised where the modes at one more value are needed to decide whether stability changes.
 
     Attributes
     ----------
     t : float
-        That value, 0 … 1 between the ends of the interval.
+        Where this value is in the interval of the group: 0 at its beginning, 1 at its end.
     """
 
     def __init__(self, t: float) -> None:

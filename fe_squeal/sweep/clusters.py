@@ -1,10 +1,10 @@
-"""Eigenvalues that may meet between two values of the parameter: a group, and its matrix H(p), which stays smooth.
+"""Groups of eigenvalues that may meet between two values of the parameter, and the matrix H(p) of a group.
 
-Of a group of m eigenvalues that no other one comes near, right and left vectors R, L with LᴴBR = 1 give the matrix
-H = LᴴAR with these eigenvalues, the group matrix. It is analytic in the parameter p even where eigenvalues meet and
-themselves have branch points.
-With bases that are carried along so that LᴴBR' = 0, its derivative is LᴴA'R − LᴴB'RH. (Kato, Perturbation Theory for
-Linear Operators, II §4: analytic bases of a group, and the transformation between the bases of two values.)
+Let A φ = θ B φ and let no other eigenvalue come near a group of m eigenvalues. With right and left bases R, L of the
+group, scaled so that LᴴBR = 1, the group matrix H = LᴴAR (m, m) has these eigenvalues. It is analytic in the parameter
+p, also where eigenvalues of the group meet and are not differentiable themselves. If the bases change with p so that
+LᴴBR' = 0, its derivative is LᴴA'R − LᴴB'RH. (T. Kato, Perturbation Theory for Linear Operators, II §4: analytic bases
+of a group, and the transformation between the bases at two values.)
 """
 
 from __future__ import annotations
@@ -21,17 +21,18 @@ from scipy.sparse.csgraph import connected_components
 from .nodes import Node
 from .scale import LINEAR, Scale
 
-_REACH = 2.0  # times how much nearer their slopes would bring two eigenvalues: if their distance is less, they may meet
-_ALIKE = 0.1  # MAC from which two modes at different values belong to one group
-_SAME = 0.5  # MAC from which the only two modes of a group continue each other
-_DEFECTIVE = 10.0  # condition from which the slope of a single eigenvalue says little
-_TURNED = 0.5  # how far a group may have turned over an interval, as |LᴴBR·LᴴBR − 1|
+_REACH = 2.0  # times the distance that two eigenvalues move, by their slopes: if they are closer, they may meet
+_ALIKE = 0.1  # MAC: two modes at different values with a larger one belong to the same group
+_SAME = 0.5  # MAC: if a group has one mode at either value and their MAC is larger, they are the same mode
+_DEFECTIVE = 10.0  # condition of an eigenvalue: from here on its slope says little about where it moves
+_TURNED = 0.5  # the space of a group may turn by so much over an interval, measured as |L₀ᴴBR₁·L₁ᴴBR₀ − 1|
 
 
 def groups(first: Node, second: Node) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the groups: positions, at both values, of eigenvalues that may meet between them or have changed places.
+    """Return the groups of eigenvalues that may meet, or exchange places, between two values.
 
-    Eigenvalues whose stability cannot change between the two values are left out.
+    A group is given by the positions of its eigenvalues at the first value and at the second. An eigenvalue that stays
+    alone and cannot change its stability between the two values is left out.
     """
     k = len(first)
     links = np.zeros((k + len(second),) * 2, bool)
@@ -41,17 +42,18 @@ def groups(first: Node, second: Node) -> list[tuple[np.ndarray, np.ndarray]]:
     links[:k, k:] = alike > _ALIKE
     found = _components(links, k)
     if len(first) == len(second) and any(len(s0) != len(s1) for s0, s1 in found):
-        # Nothing has come or gone, so shapes have misled: modes near to being one are like many others.
+        # Both values have equally many eigenvalues, so no mode has come or gone, and the likeness of shapes must have
+        # misled: the shapes of nearly defective modes resemble those of many others.
         _link_across(links, first, second, found)
         found = _components(links, k)
     single = [len(s0) == len(s1) == 1 and _is_idle(first, s0[0], second, s1[0], alike) for s0, s1 in found]
     found = [members for members, idle in zip(found, single, strict=True) if not idle]
-    # Groups below the real axis are the mirror images of others above.
+    # A group with Im λ < 0 throughout is the mirror image of one with Im λ > 0, and not looked at.
     return [(s0, s1) for s0, s1 in found if (first.lam[s0].imag >= 0).any() or (second.lam[s1].imag >= 0).any()]
 
 
 def _components(links: np.ndarray, k: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the connected groups of linked eigenvalues, the first k of one value and the others of the other."""
+    """Return the groups of eigenvalues that links connect; the first k rows of `links` are those of the first value."""
     count, label = connected_components(links, directed=False)
     return [(np.flatnonzero(label[:k] == i), np.flatnonzero(label[k:] == i)) for i in range(count)]
 
@@ -59,7 +61,10 @@ def _components(links: np.ndarray, k: int) -> list[tuple[np.ndarray, np.ndarray]
 def _link_across(
     links: np.ndarray, first: Node, second: Node, found: list[tuple[np.ndarray, np.ndarray]]
 ) -> None:  # fmt: skip
-    """Link the eigenvalues of groups with more members at one value than at the other, so that they move least."""
+    """Add links between groups that have more members at one value than at the other.
+
+    All eigenvalues of such groups at the first value are paired with those at the second so that they move least.
+    """
     odd = [(s0, s1) for s0, s1 in found if len(s0) != len(s1)]
     s0, s1 = (np.concatenate(side) for side in zip(*odd, strict=True))
     rows, columns = linear_sum_assignment(np.abs(first.v[s0][:, None] - second.v[s1][None, :]))
@@ -67,7 +72,10 @@ def _link_across(
 
 
 def _is_idle(a: Node, i: int, b: Node, j: int, alike: np.ndarray) -> bool:
-    """Whether an eigenvalue that meets no other one stays on its side of zero (θ), or of the imaginary axis (λ)."""
+    """Return whether an eigenvalue that meets no other one keeps its stability between two values.
+
+    Without dampers a real θ has to stay on its side of zero, with dampers λ on its side of the imaginary axis.
+    """
     if alike[i, j] < _SAME:
         return False
     width = abs(b.value - a.value)
@@ -78,7 +86,8 @@ def _is_idle(a: Node, i: int, b: Node, j: int, alike: np.ndarray) -> bool:
         distance, slopes = v.imag, 1j * slopes
     else:
         distance = -v.real
-    # A cubic with these slopes at the ends leaves the straight line by at most 4/27 of each slope times the width.
+    # A cubic with these values and slopes at its ends differs from the straight line between its ends by at most 4/27
+    # of each slope times the width. Twice that is allowed for.
     overshoot = 2 * 4 / 27 * width * np.abs(slopes.real).sum() + a.blur[i] + b.blur[j]
     return bool(np.abs(distance).min() > overshoot and distance[0] * distance[1] > 0)
 
@@ -94,7 +103,8 @@ def _likeness(a: Node, b: Node, side: str) -> np.ndarray:
     alike = np.asarray(np.abs(u.conj().T @ a.M @ w) / size) ** 2
     if a.C is None:
         return alike
-    # States (φ, λφ) tell the two eigenvalues of an overdamped mode, or a mode and its mirror image, from each other.
+    # With dampers the states (φ, λφ) are compared: the two eigenvalues of an overdamped mode, and a mode and its mirror
+    # image, have equal shapes φ and different states.
     v, x = np.abs(a.v)[:, None], np.abs(b.v)[None, :]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         turn = np.conj(a.v / np.abs(a.v))[:, None] * (b.v / np.abs(b.v))[None, :]
@@ -103,7 +113,10 @@ def _likeness(a: Node, b: Node, side: str) -> np.ndarray:
 
 
 def _may_meet(node: Node, width: float) -> np.ndarray:
-    """Return which pairs of eigenvalues may meet within a width, by gap, slopes and coupling of each pair alone."""
+    """Return which pairs of eigenvalues (k, k) bool may meet within a width of the parameter.
+
+    Each pair is judged by itself: by its gap, by its slopes, and by how strongly the parameter couples the two.
+    """
     if not len(node):
         return np.zeros((0, 0), bool)
     rate = np.ones(len(node)) if node.C is None else 2 * np.maximum(np.abs(node.v), np.finfo(float).tiny)
@@ -121,7 +134,7 @@ def _may_meet(node: Node, width: float) -> np.ndarray:
     reach = _REACH * width * (approach + 2 * np.sqrt(plain * plain.T))
     blur = node.blur[:, None] + node.blur[None, :]
     near = np.abs(node.v[:, None] - node.v[None, :]) <= reach + blur
-    if node.paired or node.conservative:  # a growing mode and its decaying mirror image part and meet together
+    if node.paired or node.conservative:  # a growing mode and its decaying mirror image belong to the same group
         v = node.v if node.paired else -1j * node.v
         mirrored = np.abs(v[:, None] - v[None, :].conj()) <= 4 * blur + 1e-9 * np.abs(v)[:, None]
         near |= mirrored & (np.abs(v.imag) > 0)[:, None]
@@ -130,13 +143,17 @@ def _may_meet(node: Node, width: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Cluster:
-    """A group over an interval of x, t = 0 … 1: H(t) is the cubic with the values and slopes at its ends.
+    """A group of eigenvalues over an interval, and the cubic H(t) that interpolates its matrix.
+
+    The interval is that of the coordinate x, the parameter or its logarithm; t goes from 0 to 1 over it. The cubic has
+    the group matrix and its derivative at both ends.
 
     Attributes
     ----------
     ends : (Node, Node)
-    members : (m,) int each
-        Positions of the group at both ends.
+        The modes at both ends of the interval.
+    members : ((m,) int, (m,) int)
+        Positions of the group's eigenvalues among these modes.
     scale : Scale
         Whether x is the parameter or its logarithm.
     """
@@ -147,21 +164,21 @@ class Cluster:
 
     @property
     def m(self) -> int:
-        """Number of eigenvalues."""
+        """Number of eigenvalues of the group."""
         return len(self.members[0])
 
     @property
     def width(self) -> float:
-        """Of the interval, in x."""
+        """Length of the interval in x."""
         return self.scale.x(self.ends[1].value) - self.scale.x(self.ends[0].value)
 
     @cached_property
     def _bases(self) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray], list[np.ndarray], float]:
-        """Return H, dH/dt, right and left bases at both ends, and how far the space of the group turns between them."""
+        """H, dH/dt, right and left bases, each at both ends, and how far the group's space turns between them."""
         bases = []
         for node, s in self._both():
             basis = node.basis(s)
-            # Orthonormal combinations, since eigenvectors next to a meeting are nearly dependent.
+            # The bases are made orthonormal, since eigenvectors close to a meeting are nearly parallel.
             S, T = (la.qr(_states(u, H, node), mode="r")[0][: len(s)] for u, H in
                     ((basis.right, basis.H), (basis.left, basis.HL.conj().T)))  # fmt: skip
             bases.append(basis.changed(S, T))
@@ -188,18 +205,18 @@ class Cluster:
 
     @cached_property
     def is_smooth(self) -> bool:
-        """Whether both ends have as many eigenvalues, in spaces so close that a cubic can join their matrices."""
+        """Whether the cubic can be used: both ends have as many eigenvalues, and their spaces are close (`_TURNED`)."""
         if len(self.members[0]) != len(self.members[1]):
             return False
         with warnings.catch_warnings():
             warnings.simplefilter("error", la.LinAlgWarning)
             try:
                 return self._bases[4] <= _TURNED
-            except (la.LinAlgError, la.LinAlgWarning, ValueError):  # modes that rounding makes one
+            except (la.LinAlgError, la.LinAlgWarning, ValueError):  # two modes are the same up to rounding
                 return False
 
     def matrix(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return H and dH/dt (len(t), m, m)."""
+        """Return H and dH/dt, both (s, m, m) complex, at t (s,)."""
         (a, b), (da, db) = self._bases[:2]
         t = np.asarray(t, float)[:, None, None]
         H = a * (1 + 2 * t) * (1 - t) ** 2 + da * t * (1 - t) ** 2 + b * t**2 * (3 - 2 * t) + db * t**2 * (t - 1)
@@ -207,40 +224,52 @@ class Cluster:
         return H, dH
 
     def error(self, t: np.ndarray) -> np.ndarray:
-        """Return how far the cubic may be from H: its difference from a parabola, and what turned bases leave open."""
+        """Return how far the cubic may be from the true group matrix at t (s,).
+
+        It is estimated by the difference of the cubic from a parabola, and by how far the bases turn over the interval.
+        """
         (a, b), (da, db), *_, turned = self._bases
         rest = la.norm(b - a - (da + db) / 2, 2) + turned * la.norm(b - a, 2)
         return np.asarray(16 * rest * (t * (1 - t)) ** 2)
 
     def remainder(self, t: np.ndarray) -> np.ndarray:
-        """Return the difference of the cubic from a parabola (len(t), m, m)."""
+        """Return the difference (s, m, m) of the cubic from a parabola at t (s,)."""
         (a, b), (da, db), *_ = self._bases
         return np.asarray(16 * (t * (1 - t))[:, None, None] ** 2 * (b - a - (da + db) / 2))
 
     @property
     def shapes(self) -> np.ndarray:
-        """Right vectors (r, 2m) of the group at both ends."""
+        """Right vectors (r, 2m) of the group, those at both ends beside each other."""
         return np.hstack([n.right[:, s] for n, s in self._both()])
 
     def vectors(self, t: float, right: np.ndarray, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return right and left vectors (r, ·) of the step model from those of H."""
+        """Return right and left vectors (r,) or (r, k) of the step model from vectors (m,) or (m, k) of H at t."""
         _, _, R, L, _ = self._bases
         return ((1 - t) * R[0] + t * R[1]) @ right, ((1 - t) * L[0] + t * L[1]) @ left
 
     def value(self, t: float) -> float:
-        """Return the parameter at t."""
+        """Return the value of the parameter at t."""
         return self.scale.p(self.scale.x(self.ends[0].value) + t * self.width)
 
     def extent(self, share: float) -> float:
-        """Return how far such a share of the interval reaches in the parameter, at most."""
+        """Return the largest length, in the parameter, of a part of the interval that has the length `share` in t."""
         return share * self.width * self.scale.slope(self.ends[1].value)
 
 
 def cluster_of(ends: tuple[Node, Node], members: tuple[np.ndarray, np.ndarray], scale: Scale) -> Cluster:
-    """Return a group along p, or on a logarithmic scale along ln p where its cubic has the smaller error there.
+    """Return the group with its cubic along p; where the scale is logarithmic, along ln p if the error is smaller so.
 
-    Where the group is most of what p acts on, H is nearly linear in p; where p stiffens what holds it from one limit to
-    another, H changes evenly with ln p.
+    If p is a stiffness that most of the group's energy is in, H is nearly linear in p. If p is the stiffness of a
+    support that goes from nearly free to nearly fixed, H changes evenly with ln p.
+
+    Parameters
+    ----------
+    ends : (Node, Node)
+        The modes at both ends of the interval.
+    members : ((m,) int, (m,) int)
+        Positions of the group's eigenvalues among these modes.
+    scale : Scale
+        Of the sweep.
     """
     plain = Cluster(ends, members)
     if not scale.logarithmic or not plain.is_smooth:
@@ -250,7 +279,7 @@ def cluster_of(ends: tuple[Node, Node], members: tuple[np.ndarray, np.ndarray], 
 
 
 def _states(u: np.ndarray, H: np.ndarray, node: Node) -> np.ndarray:
-    """Return the states of vectors (r, m): u alone, or with dampers u above uH, the velocities, in units of |λ|."""
+    """Return the states of vectors u (r, m): u itself, or with dampers (2r, m), below u the velocities uH over |λ|."""
     u = node.weighted(u)
     if node.C is None:
         return u

@@ -1,4 +1,4 @@
-"""A count of modes with damping or friction, where the inertia of the matrices does not give one."""
+"""Count the modes of problems with damping or friction, where the inertia of a matrix does not give the number."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from ..errors import NotConvergedError
 from ..problem.problem import Problem
 from ..reduced import ReducedModel
 
-_CLEAR = 1e-5  # of a frequency: how wide a gap must be for a count to end in it
-_SAME = 1e-5  # of |λ|: eigenvalues nearer to each other than this are those of one mode
-_VALUE = "value"
+_CLEAR = 1e-5  # of a frequency: a count ends in a gap between two frequencies that is at least so wide
+_SAME = 1e-5  # of |λ|: two eigenvalues that are closer together belong to the same mode
+_VALUE = "value"  # name of a parameter that nothing depends on, for a reduced model at a single value
 
 
 def count_apart(
@@ -25,22 +25,26 @@ def count_apart(
 ) -> int | None:
     """Count the modes up to the highest of those found, by another method than the one that found them.
 
-    Modes with damping and friction grow out of those without, which the inertia of K − σM counts (Sylvester). A reduced
-    model begins with these. It is extended until every residual meets the tolerance and a search from random vectors
-    finds no other mode. The count is how many modes it has up to a clear gap between two frequencies.
+    The modes without damping and friction are counted by the inertia of K − σM (Sylvester's law). They make a first
+    reduced model. It is extended until every residual of the modes with damping and friction meets the tolerance and a
+    search from random vectors finds no other mode. The count is the number of its modes up to a clear gap between two
+    frequencies.
 
     Parameters
     ----------
     problem : Problem
-        At the values of its parameters for which the modes were found.
+        At the values of its parameters at which the modes were found.
+    modes : Modes
+        The modes found.
     request : Request
-        That of the modes.
+        What was asked for when they were solved for.
     linear_solver : LinearSolver or str
+        As for `sweep`.
 
     Returns
     -------
     int or None
-        None where there is no clear gap, the solver does not give the inertia, or the reduced model does not converge.
+        None if there is no clear gap, the solver does not give the inertia, or the reduced model does not converge.
     """
     swinging = np.sort(modes.lam.imag[(modes.lam.imag > 0) & ~is_beside(modes)])
     gaps = np.flatnonzero(np.diff(swinging) > _CLEAR * swinging[1:])
@@ -55,13 +59,13 @@ def count_apart(
         others = model.modes(0.0)
     except NotConvergedError:
         return None
-    # Structural damping reaches every mode; of a problem with dampers the lightly damped modes alone are promised.
+    # With structural damping every mode is counted. With dampers the solver promises the lightly damped modes alone.
     every = any(t.imaginary for t in problem.terms)
     lam, found = (
         m.lam[(m.lam.imag > 0) & (m.lam.imag < end) & (every | (m.lam.real > -LIGHT * m.lam.imag)) & ~is_beside(m)]
         for m in (others, modes)
     )
     alike = np.abs(lam[:, None] - modes.lam[None, :]) <= _SAME * np.abs(lam)[:, None]
-    i, j = linear_sum_assignment(alike, maximize=True)  # every mode found stands for one of the model
+    i, j = linear_sum_assignment(alike, maximize=True)  # each mode found is identified with a mode of the model
     matched = int(np.count_nonzero(alike[i, j]))
     return None if matched < len(found) and len(lam) < len(found) else len(modes) + len(lam) - matched

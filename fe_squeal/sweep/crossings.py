@@ -10,23 +10,25 @@ from scipy.optimize import linear_sum_assignment
 from .changes import Asked, Change
 from .samples import Samples
 
-_SAFE = 4.0  # times the difference of H from a parabola: its error
+_SAFE = 4.0  # times the difference of the cubic H from a parabola: taken for its error
 _REAL = 1e-6  # of |λ|: a real eigenvalue has less of an imaginary part
-_VARIES = 8.0  # times its size: slope of an error of H, over an interval of length 1
+_VARIES = 8.0  # times the error of H: its slope over the interval (t from 0 to 1) is taken to be at most so large
 
 
 def _growth(samples: Samples, v: np.ndarray) -> np.ndarray:
-    """Return Re λ of eigenvalues λ, or of θ = −λ²: of its two roots that with Im λ ≥ 0."""
+    """Return Re λ of eigenvalues v, which are λ, or θ = −λ²: then of that root λ which has Im λ ≥ 0."""
     return v.real if not samples.theta else np.sqrt(-v + 0j).real * np.where(np.sqrt(-v + 0j).imag < 0, -1.0, 1.0)
 
 
 def find_crossings(samples: Samples) -> tuple[list[Change], float]:
-    """Return the changes of a group, and the widest window of instability, as share of the interval, left unseen.
+    """Return the changes of stability of a group, and the width of the widest window that may have been missed.
+
+    The width is a part of the interval, whose length is 1.
 
     Raises
     ------
     Asked
-        If the error of the group matrix leaves a change open.
+        The error of the group matrix is so large that a change cannot be told from none.
     """
     _follow(samples)
     t, growth, error = samples.t, _growth(samples, samples.v), samples.cluster.error(samples.t)
@@ -37,7 +39,7 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
         blur = samples.blur
     i, j = np.triu_indices(samples.cluster.m, 1)
     apart = np.abs(samples.v[:, i] - samples.v[:, j]).min(axis=1, initial=np.inf)
-    # An error of H moves an eigenvalue by as much times its condition, and next to a meeting by its square root.
+    # An error of H moves an eigenvalue by the error times its condition number; close to a meeting by the root of it.
     amplified = error * (1 + samples.departure / np.maximum(apart, error + np.finfo(float).tiny))
     worst = np.sqrt(error * (error + samples.departure)) + error
     group = np.minimum(amplified, worst) if samples.cluster.m > 1 else error
@@ -55,7 +57,7 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
         borders = [0, *(int(k) + 1 for k in jumps), len(t)]
         for begin, end in itertools.pairwise(borders):
             inside = slice(begin, end)
-            at_end = begin == 0 or end == len(t)  # there stability is that of computed modes, not of H
+            at_end = begin == 0 or end == len(t)  # at the ends modes were solved for, and H is not needed
             sure = at_end or bool((np.abs(g[inside]) > unsure[inside]).any())
             close = ~up[inside] & (g[inside] > -unsure[inside]) & (unsure[inside] > blur)
             close[[0, -1]] = False
@@ -100,7 +102,7 @@ def _is_mirror_image(samples: Samples, unstable: np.ndarray, k: int, there: int,
 
 
 def _shifts(samples: Samples) -> np.ndarray:
-    """Return by how much the difference of the cubic H from a parabola moves each Re λ (s, m), to first order."""
+    """Return how far (s, m) each Re λ moves, to first order, if H is changed from the cubic to a parabola."""
     with np.errstate(all="ignore"):
         try:
             inverse = np.linalg.inv(samples.W)
@@ -113,14 +115,23 @@ def _shifts(samples: Samples) -> np.ndarray:
 
 
 def _hidden(samples: Samples, growth: np.ndarray, unsure: np.ndarray, blur: float) -> float:
-    """Return the widest window, as share of the interval, that errors of Re λ may hide beside its zeros.
+    """Return the width of the widest window of instability, in t, that errors of one Re λ may hide near its zeros.
 
-    Where Re λ passes zero faster than an error that itself varies over the whole interval may, it passes once.
+    Where Re λ passes zero more steeply than its error can change, it passes zero once, and nothing is hidden.
+
+    Parameters
+    ----------
+    growth : (s,) float
+        Re λ at the samples.
+    unsure : (s,) float
+        Its error.
+    blur : float
+        What rounding alone makes of it.
 
     Raises
     ------
     Asked
-        If such a window may be wide.
+        Such a window may be wider than `SETTLED`.
     """
     near = (np.abs(growth) <= unsure) & (unsure > blur)
     k, t, widest = np.flatnonzero(near), samples.t, 0.0
@@ -135,12 +146,18 @@ def _hidden(samples: Samples, growth: np.ndarray, unsure: np.ndarray, blur: floa
 
 
 def _partings(samples: Samples, growth: np.ndarray, blur: float, crossed: np.ndarray) -> list[Change]:
-    """Return where growing pairs λ, λ* become two growing real λ, which count as two unstable modes, or the reverse.
+    """Return the changes where a growing pair λ, λ* becomes two growing real λ, or the reverse.
+
+    A pair counts as one unstable mode, two real λ as two, so that the number of unstable modes changes.
 
     Parameters
     ----------
+    growth : (s, m) float
+        Re λ at the samples.
+    blur : float
+        How far Re λ may be off by rounding.
     crossed : (s − 1,) int
-        How many unstable modes are gained between two samples by crossings of the imaginary axis.
+        Number of unstable modes gained between two samples by crossings of the imaginary axis.
     """
     real = np.abs(samples.v.imag) <= 1e-9 * np.abs(samples.v) + np.maximum(blur, samples.rounding)[:, None]
     single = (real & (growth > blur)).sum(axis=1)
@@ -154,7 +171,7 @@ def _partings(samples: Samples, growth: np.ndarray, blur: float, crossed: np.nda
         gains = int(rest[k])
         before = samples.t[jumps[n - 1] + 1] if n else 0.0
         limits = (float(before), float(samples.t[jumps[n + 1]]) if n + 1 < len(jumps) else 1.0)
-        there = int(k + 1 if pairs[k + 1] > pairs[k] else k)  # where they are a pair
+        there = int(k + 1 if pairs[k + 1] > pairs[k] else k)  # the sample at which they are a pair
         upper = np.flatnonzero(~real[there] & (growth[there] > blur) & (samples.v[there].imag > 0))
         for i in upper[np.argsort(samples.v[there, upper].imag)][: abs(gains)]:
             found.append(samples.made("parting", int(np.sign(gains)), int(k), there, int(i), limits))
@@ -162,7 +179,10 @@ def _partings(samples: Samples, growth: np.ndarray, blur: float, crossed: np.nda
 
 
 def _follow(samples: Samples) -> None:
-    """Put the eigenvalues of every sample in the order of those before; add samples where one crosses and returns."""
+    """Order the eigenvalues of every sample like those of the sample before: each column follows one eigenvalue.
+
+    Samples are added where an eigenvalue crosses the imaginary axis and returns between two of them.
+    """
     for _ in range(12):
         for k in range(1, len(samples.t)):
             h = samples.t[k] - samples.t[k - 1]
@@ -183,7 +203,10 @@ def _follow(samples: Samples) -> None:
 
 
 def _turning_points(samples: Samples) -> np.ndarray:
-    """Return where the cubic through two samples of one eigenvalue changes sign twice: a window between the samples."""
+    """Return values of t between two samples where Re λ has another sign than at both of them.
+
+    Between two samples Re λ is taken to be the cubic with the values and slopes at both.
+    """
     growth = _growth(samples, samples.v)
     rate = samples.slope.real if not samples.theta else -samples.slope.imag / (2 * np.sqrt(np.abs(samples.v)))
     h = np.diff(samples.t)[:, None]
@@ -199,7 +222,7 @@ def _turning_points(samples: Samples) -> np.ndarray:
 
 
 def _towards_a_change(close: np.ndarray) -> bool:
-    """Whether all samples close to zero in a stable stretch lie at its ends, where a change of stability is."""
+    """Return whether all samples of a stable stretch with Re λ near zero are at its ends, where stability changes."""
     k = np.flatnonzero(close)
     runs = np.split(k, np.flatnonzero(np.diff(k) > 1) + 1)
     return all(int(run[0]) <= 1 or int(run[-1]) >= len(close) - 2 for run in runs)

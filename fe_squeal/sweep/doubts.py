@@ -1,4 +1,4 @@
-"""Pairs of modes that come so close to each other that rounding hides whether they turn unstable."""
+"""Pairs of modes that come so close to each other that, because of rounding, it is not known if they turn unstable."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ from .nodes import Node
 from .onset import Onset
 from .step import Step
 
-_ONE = 1e-2  # relative distance of two frequencies up to which neighbouring doubts are about the same pair
-_MET = 4.0  # times the rounding of two eigenvalues: if they are nearer to each other they may be one
+_ONE = 1e-2  # of a frequency: neighbouring doubts whose frequencies are closer together are about the same pair
+_MET = 4.0  # times the rounding of two eigenvalues: if they are closer together, they may be one double eigenvalue
 
 
 @dataclass(frozen=True)
 class Doubt:
-    """An interval of the parameter in which two modes are one within rounding.
+    """An interval of the parameter in which two eigenvalues are equal up to rounding.
 
     Attributes
     ----------
     low, high : float
-    frequency_hz : float
+        The ends of the interval.
+    frequency_hz : float, Hz
+        Frequency of the two modes.
     """
 
     low: float
@@ -32,14 +34,14 @@ class Doubt:
     frequency_hz: float
 
     def sentence(self, parameter: str) -> str:
-        """Return what is to be told."""
+        """Return the warning about it; `parameter` is the name of the parameter."""
         return (
             f"between {parameter} = {self.low:.6g} and {self.high:.6g} two modes at {self.frequency_hz:.5g} Hz are one"
             " within rounding of the matrices: whether they turn unstable there is not known"
         )
 
     def joined(self, other: Doubt) -> Doubt | None:
-        """Return one doubt over both intervals if they are about the same pair and lie close together, else None."""
+        """Return one doubt over both intervals if they are close together and about the same two modes, else None."""
         apart = abs(self.frequency_hz - other.frequency_hz) > _ONE * self.frequency_hz
         if apart or other.low > self.high + (self.high - self.low) + (other.high - other.low):
             return None
@@ -47,7 +49,7 @@ class Doubt:
 
 
 def joined(doubts: Iterable[Doubt]) -> list[Doubt]:
-    """Return doubts with neighbouring ones about the same pair as one."""
+    """Return the doubts, with neighbouring ones about the same pair of modes joined to one."""
     merged: list[Doubt] = []
     for doubt in sorted(doubts, key=lambda d: (d.low, d.high)):
         for i, known in enumerate(merged):
@@ -60,7 +62,11 @@ def joined(doubts: Iterable[Doubt]) -> list[Doubt]:
 
 
 def lost_in_rounding(step: Step, change: Change) -> Doubt | None:
-    """Return the doubt about a meeting that could not be refined, if rounding hides it also beyond the meeting."""
+    """Return the doubt about a meeting of two modes that could not be refined, or None.
+
+    There is a doubt if the two eigenvalues are still equal up to rounding in the interval in which they should have
+    become a growing pair.
+    """
     if change.kind != "meeting" or step.end(0).C is not None:
         return None
     low, high = (change.low, change.limits[1]) if change.gains > 0 else (change.limits[0], change.high)
@@ -70,10 +76,11 @@ def lost_in_rounding(step: Step, change: Change) -> Doubt | None:
 
 
 def split_doubtful(step: Step, onsets: Sequence[Onset]) -> tuple[list[Onset], list[Doubt]]:
-    """Return the onsets of a step that are sure, and doubts for windows narrower than the uncertainty of their ends.
+    """Return the onsets of a step that are sure, and doubts in place of the others.
 
-    Of a window that reaches beyond the step the end of the step tells whether its modes are unstable. Windows so narrow
-    that steps are not searched for them are left out.
+    A window of instability inside the step is doubtful if it is narrower than the uncertainty of its two onsets. A
+    window that reaches beyond the step is doubtful if its onset may lie beyond the end of the step and the modes there
+    are equal up to rounding. Windows narrower than `FINEST` are left out altogether: steps are not searched for them.
     """
     kept: list[Onset] = []
     doubts: list[Doubt] = []
@@ -90,13 +97,13 @@ def split_doubtful(step: Step, onsets: Sequence[Onset]) -> tuple[list[Onset], li
         narrow = out.value - into.value <= into.uncertainty + out.uncertainty
         if into in kept and out in kept and pair and narrow and {into.direction, out.direction} == {"into", "out of"}:
             kept = [o for o in kept if o is not into and o is not out]
-            if out.value - into.value > FINEST * (step.ends[1] - step.ends[0]):  # narrower ones are not looked for
+            if out.value - into.value > FINEST * (step.ends[1] - step.ends[0]):
                 doubts.append(Doubt(into.value, out.value, into.frequency_hz))
     return kept, doubts
 
 
 def _are_one(node: Node, theta: float) -> bool:
-    """Whether the two eigenvalues next to θ are stable, and one within rounding."""
+    """Return whether the two eigenvalues nearest to θ are stable, and equal up to rounding."""
     near = np.argsort(np.abs(node.v - theta))[:2]
     apart = float(np.abs(np.diff(node.v[near])).max(initial=0.0))
     return bool(len(near) == 2 and not node.unstable[near].any() and apart <= _MET * node.blur[near].max())

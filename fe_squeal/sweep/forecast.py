@@ -1,4 +1,4 @@
-"""How much memory a sweep will take, before anything is solved."""
+"""Predict how much memory a sweep will take, before anything is solved."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from ..eigen.shift import shift_below, symmetric_part
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
 
-VALUES, UNKNOWNS = 5, 2000  # from which a reduced model pays
-# Vectors of length n per mode asked for: of a reduced basis while it grows, and of Arnoldi iterations for both sides.
+VALUES, UNKNOWNS = 5, 2000  # values of the sweep and unknowns from which a reduced model is faster than direct solves
+# Vectors of length n for each mode asked for: in a reduced basis while it grows, and in Arnoldi iterations for right
+# and left modes.
 _REDUCED_VECTORS, _DIRECT_VECTORS = 24, 12
-_REDUCED_COPIES, _DIRECT_COPIES = 4, 2  # of the matrices: sums of terms and what the solver keeps
+_REDUCED_COPIES, _DIRECT_COPIES = 4, 2  # copies of the matrices: sums of terms, and what the solver keeps
 
 
 def is_reduced(problem: Problem, parameter: str, values: int, method: str) -> bool:
-    """Whether a sweep works on a reduced model of the problem: where that is asked for, or pays."""
-    # A few values without friction and damping cost least by Lanczos iteration. In all other problems left modes are
-    # needed and modes are counted, which costs less by a reduced model, even at one value.
+    """Return whether a sweep uses a reduced model: if `method` asks for it, and with "auto" where that is faster."""
+    # Without friction and damping a few values cost least by Lanczos iterations. In all other problems left modes are
+    # needed and modes are counted, and both take less time with a reduced model, even at one value.
     plain = all(t.symmetric and t.slot != "C" and not t.imaginary for t in problem.terms)
     enough = values >= VALUES or not plain
     pays = enough and problem.unknowns >= UNKNOWNS and problem.is_affine(parameter)
@@ -36,15 +37,18 @@ def is_reduced(problem: Problem, parameter: str, values: int, method: str) -> bo
 
 @dataclass(frozen=True)
 class MemoryPrediction:
-    """What a sweep takes at its peak.
+    """The memory that a sweep is predicted to take at its peak.
 
     Attributes
     ----------
-    total, factors : int, bytes
-        Of this process with everything loaded, and of the sparse factors among it.
+    total : int, bytes
+        Of the whole process, with everything that is loaded now.
+    factors : int, bytes
+        Of the sparse factors, as part of the total.
     free : int, bytes
         What the process may still take now.
     reduced : bool
+        Whether the sweep uses a reduced model.
     """
 
     total: int
@@ -54,7 +58,7 @@ class MemoryPrediction:
 
     @property
     def fits(self) -> bool:
-        """Whether as much is free."""
+        """Whether so much memory is free."""
         return self.total - psutil.Process().memory_info().rss <= self.free
 
     def __str__(self) -> str:
@@ -66,16 +70,20 @@ class MemoryPrediction:
 def predict_memory(
     problem: Problem, parameter: str, values: int, modes: int, method: str, linear_solver: LinearSolver | str = "auto"
 ) -> MemoryPrediction:
-    """Predict the memory of a sweep from an analysis of the matrices; about a third is uncertain.
+    """Predict the memory of a sweep from a symbolic analysis of the matrices, to about a third.
 
     Parameters
     ----------
     problem : Problem
-        Assembled: what it takes by itself is measured.
+        The assembled problem; its own memory is measured.
+    parameter : str
+        The parameter of the sweep.
     values, modes : int
-        How many of each are asked for.
+        Number of values and of modes that are asked for.
+    method : "auto", "direct", "reduced" or "modal"
+        As for `sweep`.
     linear_solver : LinearSolver or str
-        Whose factors they are.
+        The solver that will factorise the matrices.
     """
     loaded = int(psutil.Process().memory_info().rss)
     reduced = is_reduced(problem, parameter, values, method)
@@ -96,7 +104,7 @@ def predict_memory(
 
 
 def _shifted(pencil: Pencil, sigma: float) -> sp.csr_array:
-    """Return a matrix with the entries of the one that a direct solve factorises; its values do not matter."""
+    """Return a matrix with the same pattern as the one that a direct solve factorises; only the pattern is analysed."""
     A = pencil.K - sigma * pencil.M
     return sp.csr_array(A if pencil.C is None else A + np.sqrt(-sigma) * pencil.C)
 
@@ -104,7 +112,7 @@ def _shifted(pencil: Pencil, sigma: float) -> sp.csr_array:
 def _factors(A: sp.csr_array, symmetric: bool, definite: bool, linear_solver: LinearSolver | str) -> int:
     try:
         return factor_memory(A, symmetric, definite, linear_solver)
-    except NotConvergedError:  # an analysis that fails: the solve says why
+    except NotConvergedError:  # the analysis fails, and so will the solve, which reports why
         return 0
     except MemoryError:  # the analysis itself did not fit
         return superlu_memory(A, symmetric)

@@ -1,4 +1,4 @@
-"""Changes of stability without dampers: real eigenvalues that meet and become a pair, or that pass zero."""
+"""Changes of stability without dampers: two real eigenvalues meet and become a complex pair, or one passes zero."""
 
 from __future__ import annotations
 
@@ -9,26 +9,28 @@ from .samples import Samples
 
 
 def find_meetings(samples: Samples) -> tuple[list[Change], float]:
-    """Return the changes of a group, and the widest window of instability, as share of the interval, left unseen.
+    """Return the changes of stability of a group, and the width of the widest window that may have been missed.
+
+    The width is a part of the interval, whose length is 1.
 
     Raises
     ------
     Asked
-        If the error of the group matrix leaves a change open.
+        The error of the group matrix is so large that a change cannot be told from none.
     """
     v, t = samples.v, samples.t
-    low = samples.rounding  # imaginary parts below this may be those of a real double eigenvalue
+    low = samples.rounding  # a double real eigenvalue may have imaginary parts up to this by rounding
     hidden = _require_settled_pairs(samples, samples.cluster.error(t))
     complex_ = v.imag > low[:, None]
-    if samples.turned:  # v = −iλ: Re v < 0 are the mirror images, Im λ < 0
+    if samples.turned:  # v = −iλ: those with Re v < 0 have Im λ < 0 and are mirror images of others
         complex_ &= v.real >= -low[:, None]
     pairs = complex_.sum(axis=1)
     negative = ((v.real < -samples.blur) & (np.abs(v.imag) <= low[:, None]) & (not samples.turned)).sum(axis=1)
-    for end, at in ((0, 0), (1, -1)):  # there stability is that of computed modes, not of H
+    for end, at in ((0, 0), (1, -1)):  # at the ends modes were solved for, and their stability counts, not that of H
         node, s = samples.cluster.ends[end], samples.cluster.members[end]
         swinging = node.lam[s].imag >= 0 if samples.turned else node.lam[s].imag > 0
         pairs[at] = np.count_nonzero(node.unstable[s] & swinging)
-        # Of a gyroscopic system the others are mirror images, Im λ < 0.
+        # In a gyroscopic system those with Re v < 0 are mirror images and do not count.
         negative[at] = 0 if samples.turned else np.count_nonzero(node.unstable[s] & ~swinging)
     jumps = np.flatnonzero((np.diff(pairs) != 0) | (np.diff(negative) != 0))
     found = []
@@ -49,18 +51,23 @@ def _change(samples: Samples, k: int, pairs: int, negative: int, limits: tuple[f
         chosen = upper[np.argsort(v[upper].imag)][:many]
     else:
         chosen = np.argsort(np.abs(v))[:many]
-    if not len(chosen):  # the modes at the end are unstable, H is not: take the eigenvalue nearest to a double one
+    if not len(chosen):  # the modes at the end are unstable, those of H are not: take the one nearest to a double one
         chosen = np.argsort(np.abs(v - v.mean()))[:1]
     each = int(np.sign(gains)) if gains else 0
-    if pairs and negative:  # a pair becomes two negative θ, or these a pair
+    if pairs and negative:  # a pair becomes two negative θ, or the reverse
         each = gains
     return [samples.made(kind, each, k, there, int(i), limits) for i in chosen]
 
 
 def _require_settled_pairs(samples: Samples, error: np.ndarray) -> float:
-    """Ask for a value where the error of H could hide that a pair meets and parts again, or feign it.
+    """Check that no pair of eigenvalues may meet and part again unseen, or only seems to, by the error of H.
 
-    Returns the widest window that this error may hide, as share of the interval.
+    Returns the width of the widest window, in t, that this error may still hide.
+
+    Raises
+    ------
+    Asked
+        A wider window may be hidden.
     """
     v, t, m = samples.v, samples.t, samples.cluster.m
     hidden = 0.0
@@ -74,20 +81,20 @@ def _require_settled_pairs(samples: Samples, error: np.ndarray) -> float:
     blurred = samples.blurred(i, j, error)
     drift = np.abs(samples.slope[:, i] - samples.slope[:, j])
     for pair in range(len(i)):
-        # Only pairs that are both real or conjugate to each other may meet; for these D is real.
+        # Two eigenvalues may meet if both are real or they are conjugate to each other: then D is real.
         d = D[:, pair].real
         meant = np.abs(D[:, pair].imag) <= 1e-6 * np.abs(D[:, pair]) + samples.blur**2
         unsure = meant & (np.abs(d) <= blurred[:, pair]) & (blurred[:, pair] > samples.rounding**2)
         if not unsure.any():
             continue
-        # Unsure samples between sure ones of different sign hold one change, whatever the error.
+        # If D is sure before and behind a run of unsure samples and has different signs there, it passes zero once.
         edges = np.flatnonzero(np.diff(np.concatenate([[0], unsure.astype(int), [0]])))
         for begin, end in zip(edges[::2], edges[1::2], strict=True):
             before = np.sign(d[begin - 1]) if begin else 0
             behind = np.sign(d[end]) if end < len(d) else 0
             if before * behind < 0 or (not before and not behind and len(d) == end):
                 continue
-            # A window may hide where |drift|·t/2 is less than the root of the error of D.
+            # The two eigenvalues may be a pair as long as their distance, |drift| t, is below twice √(error of D).
             best = begin + int(np.argmin(np.abs(d[begin:end])))
             steep = np.median(drift[max(begin - 1, 0) : end + 1, pair])
             width = 4 * np.sqrt(blurred[best, pair]) / steep if steep > 0 else 1.0

@@ -14,8 +14,8 @@ from ..errors import NotConvergedError
 from ..problem.problem import Problem
 from ..problem.terms import Slot
 
-_STEPS = 12
-_SMALL = 1e-6  # of the value, or of the step of the sweep: Newton steps below that stop shrinking are rounding
+_STEPS = 12  # Newton steps, at most
+_SMALL = 1e-6  # of the value, or of the sweep's step: Newton steps below this that no longer shrink are rounding
 _SLOTS: tuple[Slot, ...] = "M", "C", "K"
 
 
@@ -26,14 +26,15 @@ class Root:
     Attributes
     ----------
     value : float
+        The critical value p_c.
     theta : float, rad²/s²
-        The eigenvalue −λ² there.
+        The eigenvalue θ = −λ² there.
     coefficient : float
-        Factor of √|p − p_c| in Re λ beyond the root, rad/s; at a crossing dRe λ/dp.
+        Where two eigenvalues meet, c in Re λ = c √|p − p_c| beyond the root, rad/s; at a crossing dRe λ/dp.
     uncertainty : float
-        Of `value`: last Newton step and rounding.
-    right, left : (n,)
-        Vectors of Q(λ) there.
+        Of `value`: the last Newton step, and rounding.
+    right, left : (n,) float or complex
+        The right and left vector of Q(λ) there.
     coefficient_sign : int
         1 where two eigenvalues become a complex pair for a rising parameter, −1 where a pair becomes two.
     """
@@ -51,26 +52,35 @@ def find_coalescence(
     problem: Problem, parameter: str, value: float, v: float, x: np.ndarray, y: np.ndarray, width: float,
     linear_solver: LinearSolver | str = "auto", damped: bool = False,
 ) -> Root:  # fmt: skip
-    """Return where an undamped pair meets, or a pair on the real axis with dampers: a double root of g(v, p) in v.
+    """Return where two real eigenvalues meet: two θ without dampers, or two λ with dampers.
 
     With borders b, c the system [[K − θM, b], [cᵀ, 0]] [x; g] = [0; 1] is regular at a defective eigenvalue, and g = 0
-    exactly where K − θM is singular. The pair meets where g = ∂g/∂θ = 0, solved by Newton in (θ, p): a regular root
-    although the eigenvalues themselves move with √|p − p_c|. With dampers the same with the real Q(λ) and real λ.
-    (Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM 2000, ch. 3 and 4: bordered matrices and
-    singular points.)
+    exactly where K − θM is singular. Two eigenvalues meet where g = ∂g/∂θ = 0. Newton's method in (θ, p) finds this
+    root as a regular one, although the eigenvalues themselves change like √|p − p_c|. With dampers Q(λ) with real λ
+    takes the place of K − θM. Source: W. Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM
+    2000, chapters 3 and 4 (bordered matrices, singular points).
 
     Parameters
     ----------
+    problem : Problem
+    parameter : str
+        Name of p.
+    value : float
+        Approximate critical value.
     v : float
-        About θ, or about λ with dampers.
-    x, y : (n,) real
+        Approximate θ, rad²/s², or with dampers λ, rad/s.
+    x, y : (n,) float
         Approximate right and left mode near the meeting, for the borders.
     width : float
-        Of the step of the sweep: beside the value itself the measure of how small a Newton step is.
+        A length in p, such as a part of the sweep's step: Newton steps are small against it or against the value.
+    linear_solver : LinearSolver or str
+    damped : bool
+        Whether there are dampers, and v is λ.
 
     Raises
     ------
     NotConvergedError
+        The iteration does not converge, or the two eigenvalues touch without becoming a pair.
     """
     p, scale, last = value, abs(v), np.inf
     for _ in range(_STEPS):
@@ -83,10 +93,10 @@ def find_coalescence(
         v, p = v + step[0], p + step[1]
         x, y = b.x, b.w
         size = abs(step[1])
-        # Quadratic convergence ends at rounding level: stop where a step no longer shrinks.
+        # Newton's method converges quadratically until rounding, where steps stop shrinking.
         if size <= b.p_rounding or (size < _SMALL * max(abs(p), width) and size >= 0.25 * last):
             coefficient = np.sqrt(2 * abs(b.g_p / b.g_v_v)) / (1.0 if damped else 2 * np.sqrt(abs(v)))
-            # g = g_p dp + g_vv dv²/2 = 0: dv² < 0 for dp > 0 where both have one sign.
+            # From g = g_p dp + g_vv dv²/2 = 0: if g_p and g_vv have the same sign, dv² < 0 for dp > 0, which is a pair.
             sign = int(np.sign(b.g_p / b.g_v_v))
             theta = -(v**2) if damped else v
             return Root(float(p), float(theta), float(coefficient), float(size + b.p_rounding), x, y, sign)
@@ -104,13 +114,18 @@ def find_zero(
 
     Parameters
     ----------
+    problem, parameter, value, x, y, linear_solver
+        As for `find_coalescence`.
+    width : float
+        How far from `value` the root may be, in p.
     rigid : (n, k) float, optional
-        Motions that K leaves free at every p. They are deflated, or K would be singular all along: with KZ = 0 the
-        matrix K + s MZ(MZ)ᵀ has all eigenvalues of K but those of Z.
+        Motions Z with KZ = 0 at every p. K would be singular at every p because of them, so K + s MZ(MZ)ᵀ is used
+        instead: it has the eigenvalues of K except for the zeros of Z.
 
     Raises
     ------
     NotConvergedError
+        The iteration does not converge, or K does not depend on the parameter.
     """
     p, last = value, np.inf
     for _ in range(_STEPS):
@@ -134,19 +149,24 @@ def find_crossing(
 ) -> Root:  # fmt: skip
     """Return where an eigenvalue of a damped problem crosses the imaginary axis: g(iω, p) = 0, by Newton in (ω, p).
 
-    The two real equations are the parts of the complex g of the bordered Q(iω). `coefficient` is dRe λ/dp there, from
-    dλ/dp = −(∂g/∂p)/(∂g/∂λ), and `theta` is ω².
+    The two equations are the real and the imaginary part of g of the bordered Q(iω). `coefficient` of the root is
+    dRe λ/dp, from dλ/dp = −(∂g/∂p)/(∂g/∂λ), and its `theta` is ω².
 
     Parameters
     ----------
+    problem, parameter, value, linear_solver
+        As for `find_coalescence`.
+    omega : float, rad/s
+        Approximate ω.
     x, y : (n,) complex
         Approximate right and left mode.
     width : float
-        How far from `value` the root may lie. Where Re λ hardly depends on p, a root could lie anywhere by rounding.
+        How far from `value` the root may be, in p. If Re λ hardly depends on p, rounding could put a root anywhere.
 
     Raises
     ------
     NotConvergedError
+        The iteration does not converge within `width`.
     """
     p, last = value, np.inf
     for _ in range(_STEPS):
@@ -184,9 +204,9 @@ def find_crossing(
 
 
 class _Bordered:
-    """The scalar g of the bordered matrix and its derivatives at one (v, p), from one factorisation.
+    """The scalar g of the bordered matrix and its derivatives (g_v = ∂g/∂v) at one (v, p), from one factorisation.
 
-    The matrix is K − θM with v = θ, or with dampers Q(λ) = λ²M + λC + K with v = λ, real.
+    The matrix is K − θM with v = θ, or with dampers Q(λ) = λ²M + λC + K with v = λ; v is real.
     """
 
     def __init__(
@@ -197,7 +217,7 @@ class _Bordered:
         M, n = pencil.M, pencil.n
         zero = sp.csr_array((n, n))
         C = zero if pencil.C is None else pencil.C
-        # Q, and its derivatives by v: once, twice.
+        # The matrix, and what its first and second derivative by v are times.
         A = sp.csr_array(v**2 * M + v * C + pencil.K if damped else pencil.K - v * M)
         A_v, A_vv = (sp.csr_array(2 * v * M + C), 2 * M) if damped else (-M, zero)
         changes = (problem.derivative(parameter, slot, {parameter: p}) for slot in _SLOTS)

@@ -1,4 +1,4 @@
-"""The modes at one value of the parameter, with matrices by which modes at other values are compared with them."""
+"""The modes at one value of the parameter, with the matrices by which modes at other values are compared with them."""
 
 from __future__ import annotations
 
@@ -14,21 +14,25 @@ from ..eigen.pencil import Modes
 from ..problem.problem import Problem
 from ..problem.terms import POWER, Slot
 
-_PARALLEL = 1e-9  # 1 − MAC of two modes below which they are one, that of a defective double eigenvalue
-_EQUAL = 1e-6  # relative distance of the two eigenvalues there
-_ASIDE = 1e-6  # of such an eigenvalue: distance of the shift of inverse iteration, or the matrix would be singular
-_ROUNDS, _SEED = 4, 20261122
+# Two modes are taken for the one mode of a defective double eigenvalue if their eigenvalues differ by less than _EQUAL,
+# relatively, and 1 − MAC of their shapes is less than _PARALLEL.
+_PARALLEL = 1e-9
+_EQUAL = 1e-6
+_ASIDE = 1e-6  # of such an eigenvalue: the shift of inverse iteration is so far from it that the matrix is regular
+_ROUNDS, _SEED = 4, 20261122  # rounds of inverse iteration, and the seed of its random start
 
 
 @dataclass(frozen=True)
 class Basis:
-    """Right and left vectors of a group of eigenvalues, with the matrices that stand for these.
+    """Right and left bases of a group of m eigenvalues, and matrices whose eigenvalues these are.
 
     Attributes
     ----------
     right, left : (r, m) complex
+        The bases U and W.
     H, HL : (m, m) complex
-        M U H² + C U H + K U = 0 and HL² WᴴM + HL WᴴC + WᴴK = 0, or K U = M U H and WᴴK = HL WᴴM without dampers.
+        The matrices with K U = M U H and WᴴK = HL WᴴM; with dampers M U H² + C U H + K U = 0 and
+        HL² WᴴM + HL WᴴC + WᴴK = 0.
     """
 
     right: np.ndarray
@@ -37,7 +41,7 @@ class Basis:
     HL: np.ndarray
 
     def changed(self, S: np.ndarray, T: np.ndarray) -> Basis:
-        """Return the same group with right vectors U S⁻¹ and left ones W T⁻¹."""
+        """Return the same group with the right basis U S⁻¹ and the left basis W T⁻¹; S and T are (m, m)."""
         inverse, other = la.inv(S), la.inv(T)
         H, HL = S @ self.H @ inverse, other.conj().T @ self.HL @ T.conj().T
         return Basis(self.right @ inverse, self.left @ other, H, HL)
@@ -53,23 +57,27 @@ class Node:
     Attributes
     ----------
     value : float
+        Of the parameter.
     v : (k,) complex
+        The eigenvalues: θ, rad²/s², or λ, rad/s.
     right, left : (r, k) complex
-    lam : (k,) complex
-        Those of the modes.
+        Right and left vectors of the modes.
+    lam : (k,) complex, rad/s
+        λ of the modes.
     blur : (k,) float
-        How far v may be off by rounding and residuals.
+        How far v may be off by rounding and residuals, in the unit of v.
     unstable : (k,) bool
-    M, K : (r, r)
-    C : (r, r) float, or None where v is θ
-    slopes : mapping of slot to (r, r)
-        Derivatives of the matrices by the parameter, where they depend on it.
+    M, K : (r, r) float or complex
+    C : (r, r) float or None
+        None without dampers, where v is θ.
+    slopes : mapping of "M", "C" or "K" to (r, r)
+        Derivatives by the parameter of those matrices that depend on it.
     paired : bool
-        Whether every eigenvalue v that is not real has its conjugate beside it: real matrices without dampers.
+        Whether v is real or has its conjugate among the eigenvalues: the matrices are real and there are no dampers.
     symmetric : bool
-        Whether the matrices are symmetric: every v is real at every value, and no two become a complex pair.
+        Whether the matrices are symmetric, so that every v is real at every value and no two become a complex pair.
     conservative : bool
-        Whether every λ has −λ* beside it although there is C: gyroscopic forces and a symmetric stiffness.
+        Whether −λ* is an eigenvalue for every λ although there is C: gyroscopic forces and a symmetric stiffness.
     """
 
     value: float
@@ -91,18 +99,22 @@ class Node:
         return len(self.v)
 
     def all(self) -> Basis:
-        """Return a basis of all modes, each by itself."""
+        """Return the basis of all modes, whose columns are the modes themselves."""
         return Basis(self.right, self.left, np.diag(self.v), np.diag(self.v))
 
     def weighted(self, u: np.ndarray) -> np.ndarray:
-        """Return vectors in units in which every unknown has the same mass; unknowns without mass stay as they are."""
+        """Return vectors u (r, k) with every row times the root of its mass, so that rows are of one unit.
+
+        Rows of unknowns without mass stay as they are.
+        """
         mass = self.M.diagonal()
         return np.asarray(np.sqrt(np.where(mass > 0, mass, 1.0))[:, None] * u)
 
     def basis(self, members: np.ndarray) -> Basis:
-        """Return a basis of some of the modes.
+        """Return a basis of some of the modes; `members` (m,) int are their positions.
 
-        At a defective double eigenvalue two modes are the same; inverse iteration then finds the space of both.
+        At a defective double eigenvalue two modes have the same vector. The space of dimension two that belongs to the
+        eigenvalue is then found by inverse iteration.
         """
         right, left, v = self.right[:, members].copy(), self.left[:, members].copy(), self.v[members]
         H, HL = np.diag(v).astype(complex), np.diag(v).astype(complex)
@@ -122,7 +134,7 @@ class Node:
         return Basis(right, left, H, HL)
 
     def _invariant(self, v: np.ndarray, m: int, adjoint: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Return m vectors that span the invariant space of a multiple eigenvalue, and the matrix H on it."""
+        """Return m vectors that span the invariant space of nearly equal eigenvalues v (m,), and the matrix H on it."""
         M, K = (A.conj().T if adjoint else A for A in (self.M, self.K))
         if self.C is None:
             A, B = K, M
@@ -140,7 +152,10 @@ class Node:
 
     @property
     def shift(self) -> float:
-        """Return how far the quotients of right and left vectors lie from v, of all modes the largest share of |v|."""
+        """Return the largest relative difference between v of a mode and the quotient of its right and left vector.
+
+        The quotient is the eigenvalue that the matrices of the step model give for these vectors.
+        """
         if not len(self.v):
             return 0.0
         U, W, v = self.right, self.left.conj(), self.v
@@ -153,17 +168,17 @@ class Node:
 
     @cached_property
     def rates(self) -> np.ndarray:
-        """Return dv/dp (k,) of every mode by itself; not finite at a double eigenvalue."""
+        """dv/dp (k,) of every mode; not finite at a double eigenvalue."""
         modes = self.all()
         with np.errstate(all="ignore"):
             return np.asarray(self.push(modes).diagonal() / self.cross(modes, modes).diagonal())
 
     def cross(self, own: Basis, other: Basis) -> np.ndarray:
-        """Return WᴴMU, or HL WᴴMU + WᴴMU H + WᴴCU with dampers, of left vectors here with right vectors elsewhere.
+        """Return the products (m, l) of the left vectors of `own` with the right vectors of `other`.
 
-        This is the product of left with right vectors of K φ = θ M φ, or of the linearised problem
-        [[0, 1], [−K, −C]] z = λ diag(1, M) z, z = (φ, λφ), whose left vector ends with ψ. It is zero between modes of
-        one value with different v.
+        They are WᴴMU, or with dampers HL WᴴMU + WᴴMU H + WᴴCU. That is the product of left and right vectors of
+        K φ = θ M φ, or of the linearised problem [[0, 1], [−K, −C]] z = λ diag(1, M) z with z = (φ, λφ) and a left
+        vector that ends with ψ. For two modes at the same value with different v it is zero.
         """
         W = own.left.conj().T
         product = W @ self.M @ other.right
@@ -172,7 +187,10 @@ class Node:
         return np.asarray(own.HL @ product + product @ other.H + W @ self.C @ other.right)
 
     def push(self, own: Basis) -> np.ndarray:
-        """Return Wᴴ(∂K U − ∂M U H), or −Wᴴ(∂M U H² + ∂C U H + ∂K U): how the parameter moves the eigenvalues."""
+        """Return how the parameter moves a group: Wᴴ(∂K U − ∂M U H), or with dampers −Wᴴ(∂M U H² + ∂C U H + ∂K U).
+
+        ∂ is the derivative by the parameter. The result (m, m) is divided by `cross(own, own)` to give dH/dp.
+        """
         total = np.zeros((own.left.shape[1], own.right.shape[1]), complex)
         for slot, A in self.slopes.items():
             moved = own.left.conj().T @ (A @ own.right)
@@ -186,16 +204,19 @@ class Node:
 def node_of(
     problem: Problem, parameter: str, value: float, modes: Modes, shapes: tuple[np.ndarray, np.ndarray]
 ) -> Node:  # fmt: skip
-    """Return the node of a value.
+    """Return the node of modes at one value.
 
     Parameters
     ----------
     problem : Problem
         The step model.
+    parameter : str
+    value : float
+        Of the parameter.
     modes : Modes
-        Rigid motions at λ = 0 are left out, and without dampers λ = −s beside λ = s.
-    shapes : (r, k) right and left vectors
-        Of these modes in the coordinates of the step model.
+        Motions with λ = 0 are left out, and without dampers those with real λ < 0, whose θ is that of −λ.
+    shapes : ((r, k), (r, k)) float or complex
+        Right and left vectors of these modes in the coordinates of the step model.
     """
     pencil = problem.pencil({parameter: value})
     plain = pencil.C is None and not any(t.slot == "C" for t in problem.terms)
@@ -204,7 +225,8 @@ def node_of(
     lam, spread = modes.lam[index], modes.re_uncertainty[index]
     unstable = modes.stability[index] == "unstable"
     right, left = (s[:, index].astype(complex) for s in shapes)
-    if not plain and not any(t.imaginary for t in problem.terms):  # a pair λ, λ* may meet on the real axis
+    # With dampers and real matrices λ* is added to every λ, since the two may meet on the real axis.
+    if not plain and not any(t.imaginary for t in problem.terms):
         lower = lam.imag > 0
         lam, spread = np.concatenate([lam, lam[lower].conj()]), np.concatenate([spread, spread[lower]])
         right, left = (np.hstack([u, u[:, lower].conj()]) for u in (right, left))

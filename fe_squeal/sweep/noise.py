@@ -1,7 +1,8 @@
-"""Names of brake noise by frequency."""
+"""Names of brake noise by its frequency."""
 
 from __future__ import annotations
 
+# Bounds between the kinds of noise, see `classify_noise`.
 GROAN_BELOW_HZ = 100.0
 SQUEAL_FROM_HZ = 1000.0
 
@@ -9,9 +10,9 @@ SQUEAL_FROM_HZ = 1000.0
 def classify_noise(frequency_hz: float) -> str:
     """Return the name of the noise that an instability of this frequency makes.
 
-    Creep groan lies below 0.1 kHz and squeal from 1 kHz to beyond 10 kHz; the range between is moan and howl (Akay,
-    Acoustics of friction, J. Acoust. Soc. Am. 111, 2002). An instability that does
-    not oscillate makes no sound and is called by its kind.
+    Creep groan is below 100 Hz, squeal from 1 kHz to beyond 10 kHz, and moan and howl are between these (A. Akay,
+    "Acoustics of friction", J. Acoust. Soc. Am. 111, 2002). An instability that does not oscillate makes no sound and
+    is called divergence.
 
     Examples
     --------

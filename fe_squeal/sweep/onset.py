@@ -13,23 +13,29 @@ class Onset:
 
     Attributes
     ----------
-    parameter, value : str, float
-    frequency_hz : float
+    parameter : str
+        Name of the parameter p.
+    value : float
+        The critical value p_c.
+    frequency_hz : float, Hz
+        Frequency of the mode there; 0 for divergence.
     kind : "flutter" or "divergence"
-    direction : "into" or "out of" instability, for a rising parameter
+    direction : "into" or "out of"
+        Whether a mode becomes unstable or stable for a rising parameter.
     crossing_speed : float
-        dRe λ/dp; where two eigenvalues meet, the factor of √|p − p_c| in Re λ. NaN for two modes of equal frequency
-        that couple as soon as the parameter leaves the first value: there is no threshold then.
+        dRe λ/dp, 1/s over the unit of p; where two eigenvalues meet, c in Re λ = c √|p − p_c|. NaN for two modes of
+        equal frequency that couple as soon as the parameter leaves the first value: there is no threshold then.
     branch_a, branch_b : int or None
-        The branches that take part; one of them alone where an eigenvalue crosses by itself.
+        The branches that take part; `branch_b` is None where one mode crosses by itself.
     uncertainty : float
-        Of `value`.
+        Of `value`, from rounding and residuals.
     two_mode_value : float
-        What the two branches' modes at the start of the sweep alone would predict; NaN if they never meet.
+        What the modes of the two branches at the first value, without all other modes, predict for `value`; NaN if they
+        never meet.
     discretisation : float
         Error of `value` by the mesh; NaN where it is not estimated.
     extrapolated : float
-        The value that meshes finer and finer are likely to tend to; NaN where it is not estimated.
+        The likely value for an infinitely fine mesh; NaN where it is not estimated.
     """
 
     parameter: str

@@ -1,4 +1,4 @@
-"""Where modes turn unstable: changes of stability on the step model, refined on the problem."""
+"""Find the onsets of one step of a sweep: changes of stability of the step model, refined on the problem itself."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ from .scan import Open, scan
 from .step import Step
 from .tracking import mirror_partners, modal_assurance
 
-_BEYOND = 1.05  # of the frequency up to which modes matter: what is found just above it is listed
-_TOGETHER = 4  # times `FINEST`: changes nearer to each other than this may be one, or none
-_SLOW = 1e-3  # of the largest |λ|: how far |λ| of such changes may differ
-_RIM = 0.9  # of the highest |λ| known: a mode above may vanish by leaving the range, which is no fault
+_BEYOND = 1.05  # times the highest frequency that matters: changes of stability up to here are looked for
+_TOGETHER = 4  # times `FINEST`: changes that are closer together than this may be a single one, or cancel
+_SLOW = 1e-3  # of the largest |λ|: changes whose |λ| differ by more are never taken for the same one
+_RIM = 0.9  # of the highest |λ| known: a mode above this may leave the range of modes, so its absence is no error
 
 
 @dataclass(frozen=True)
 class Found:
-    """What one step of a sweep holds.
+    """The onsets that were found in one step of a sweep, and what could not be decided.
 
     Attributes
     ----------
     onsets : list of Onset
     warnings : list of str
-        Sentences about changes of stability that could not be settled.
+        Sentences about changes of stability that could not be refined or followed.
     missing : list of str
-        Sentences about modes that vanish inside the range of frequencies, where no branch can end: the solver has
-        overlooked them at one of the values.
+        Sentences about modes that are known at one end of the step alone, inside the range of frequencies. Since no
+        branch can end there, the solver must have missed them at the other end.
     width : float
-        Every window of instability wider than this was found, in the parameter.
+        Every window of instability wider than this, in the parameter, was found.
     doubts : list of Doubt
         Intervals in which rounding hides whether two modes turn unstable.
     """
@@ -58,31 +58,39 @@ def find_step_onsets(
     branches: tuple[np.ndarray, np.ndarray], below: float, reduced_model: ReducedModel | None = None,
     precise: bool = False, linear_solver: LinearSolver | str = "auto", scale: Scale = LINEAR, starts: bool = True,
 ) -> Found:  # fmt: skip
-    """Return the onsets between two neighbouring values of a sweep, and what they leave unexplained.
+    """Return the onsets between two neighbouring values of a sweep, and what could not be decided.
 
     Parameters
     ----------
-    values : (a, b)
-    modes : at a and at b, with shapes
-    branches : (k,) int each, the branch of every mode
+    problem : Problem
+    parameter : str
+    values : (float, float)
+        The two values, ascending.
+    modes : (Modes, Modes)
+        The modes at these values, with shapes.
+    branches : ((k,) int, (l,) int)
+        The branch of each of these modes.
     below : float, rad/s
         Frequency up to which modes matter.
     reduced_model : ReducedModel, optional
-        The one that the modes come from; without it they are those of the problem itself.
+        The reduced model that the modes are given on; without it they are given on the problem itself.
     precise : bool
-        Refine the onsets of a reduced model on the problem itself, whatever it costs.
+        Whether to refine onsets on the problem itself even if the reduced model gives them accurately enough.
     linear_solver : LinearSolver or str
     scale : Scale
-        Of the sweep.
+        Whether steps go along the parameter or its logarithm.
     starts : bool
-        Whether the first value is that of the sweep: two modes of equal frequency may couple as soon as it is left.
+        Whether the first value is the first of the whole sweep: two modes of equal frequency may couple as soon as the
+        parameter leaves it.
     """
     if not len(modes[0]) or not len(modes[1]):
         return Found()
     step = Step(problem, parameter, values, modes, reduced_model, linear_solver)
     limit = _BEYOND * below
     seen = scan(step.end(0), step.end(1), step.between, limit, scale)
-    if seen.open and problem.is_damped:  # a pair that parts into two real ones: the decaying one may not be listed
+    if seen.open and problem.is_damped:
+        # A pair that becomes two real eigenvalues may leave a strongly decaying one that the solver does not list. The
+        # step model has all of them, so its own modes are taken at the ends too.
         seen = scan(step.between(values[0]), step.between(values[1]), step.between, limit, scale)
     found = Found(width=seen.width)
     refiner = Refiner(step, precise, starts)
@@ -102,7 +110,7 @@ def find_step_onsets(
                 continue
             first, second = _names(step, change, branches)
             refined.append(replace(onset, branch_a=first, branch_b=second))
-        if failed and len(changes) > 1:  # nearer to each other than can be told: only their sum is known
+        if failed and len(changes) > 1:  # changes too close together to be distinguished: only their sum is certain
             refined, failed = _sum(refined, sum(c.gains for c in changes), failed)
         found.onsets.extend(refined)
         found.warnings.extend(failed)
@@ -123,7 +131,7 @@ def find_step_onsets(
 
 
 def _told_apart(step: Step, changes: list[Change]) -> list[list[Change]]:
-    """Return changes, by rising value, in runs of those that are too near to each other to be told apart."""
+    """Return the changes, ascending, in runs; those in a run are too close together to be distinguished."""
     width = _TOGETHER * FINEST * abs(step.ends[1] - step.ends[0])
     near = _SLOW * max(float(np.abs(m.lam).max(initial=0.0)) for m in step.modes_at_ends)
     runs: list[list[Change]] = []
@@ -138,9 +146,17 @@ def _told_apart(step: Step, changes: list[Change]) -> list[list[Change]]:
 
 
 def _sum(onsets: list[Onset], gains: int, failed: list[str]) -> tuple[list[Onset], list[str]]:
-    """Return the surest onsets of a run of changes, as many as it gains or loses modes in all, and no warning.
+    """Return the onsets that a run of changes amounts to, and the warnings that remain.
 
-    Where fewer onsets than that could be refined, return all of them, with the warnings.
+    Parameters
+    ----------
+    onsets : list of Onset
+        Those changes of the run that were refined.
+    gains : int
+        Number of unstable modes that the whole run gains (negative: loses). As many onsets are kept, those of least
+        uncertainty, and no warning remains. If fewer were refined, all of them and the warnings are returned.
+    failed : list of str
+        Warnings about the changes that were not refined.
     """
     direction = "into" if gains > 0 else "out of"
     likely = sorted((o for o in onsets if o.direction == direction), key=lambda o: o.uncertainty)
@@ -154,7 +170,10 @@ def _frequency(step: Step, change: Change) -> float:
 
 
 def _names(step: Step, change: Change, branches: tuple[np.ndarray, np.ndarray]) -> tuple[int, int | None]:
-    """Return the branches whose shapes are like those of a change, by preference at the end where they are unstable."""
+    """Return the one or two branches whose shapes are most like those of a change.
+
+    The shapes at that end of the step are compared first where the modes are unstable.
+    """
     pair = change.kind == "meeting"
     plane = np.column_stack([change.right.real, change.right.imag]) if pair else change.right[:, None]
     best: tuple[float, list[int]] = (-1.0, [0])
@@ -182,7 +201,10 @@ def _named(branches: list[int]) -> tuple[int, int | None]:
 
 
 def _tell_open(found: Found, group: Open, parameter: str, below: float) -> None:
-    """Add a sentence where modes at one value have no counterpart at the other although they lie inside the range."""
+    """Add a sentence to `found.missing` if modes of a group have no counterpart at the other value, inside the range.
+
+    If the numbers of unstable modes of the group differ as well, a warning is added too.
+    """
     (a, b), (s0, s1) = group.nodes, group.members
     more, own = (a, s0) if len(s0) > len(s1) else (b, s1)
     rim = _RIM * min(float(np.abs(n.lam).max(initial=0.0)) for n in group.nodes)
@@ -204,9 +226,9 @@ def _tell_open(found: Found, group: Open, parameter: str, below: float) -> None:
 
 
 def windows(onsets: Sequence[Onset], low: float, high: float) -> list[tuple[float, tuple[Onset, Onset]]]:
-    """Return the middles of windows of instability between two values of a sweep, and the onsets that bound them.
+    """Return the windows of instability between two values of a sweep: the middle of each, and its two onsets.
 
-    A window goes from an onset into instability to the next one out of it of the same branch.
+    A window goes from an onset into instability to the next onset out of instability of the same branch.
     """
     found = []
     ordered = sorted((o for o in onsets if low < o.value < high), key=lambda o: o.value)
@@ -220,10 +242,22 @@ def windows(onsets: Sequence[Onset], low: float, high: float) -> list[tuple[floa
 
 
 def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes, a: int, b: int) -> float:
-    """Return where two modes of the start value meet if the sweep only recombines these two; NaN if nowhere.
+    """Return where two modes of the first value would meet if all other modes were left out; NaN if they never meet.
 
-    With F_ij = ψ_iᵀ K' φ_j the reduced pencil is diag(θ) + δF, and the discriminant (Δθ + δΔF)² + 4δ²F_12F_21 is a
-    quadratic in the parameter's change δ; its smallest positive root counts.
+    With F_ij = ψ_iᵀ (dK/dp) φ_j and a change δ of the parameter, the eigenvalues of the two modes are those of
+    diag(θ) + δF. They meet where the discriminant (Δθ + δΔF)² + 4δ²F₁₂F₂₁ is zero; its smallest positive root is taken.
+
+    Parameters
+    ----------
+    problem : Problem
+        In whose coordinates the modes are given.
+    parameter : str
+    start : float
+        The first value.
+    modes : Modes
+        At the first value, with right and left shapes.
+    a, b : int
+        Positions of the two modes.
     """
     dK = problem.derivative(parameter, "K", {parameter: start})
     left, right = modes.left, modes.right
@@ -235,9 +269,9 @@ def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes,
     d_theta, d_F = theta[0] - theta[1], F[0, 0] - F[1, 1]
     cross = 4 * F[0, 1] * F[1, 0]
     if abs(cross) <= 1e-12 * np.abs(F).max() ** 2:
-        return np.nan  # the two are not coupled: their frequencies may cross, but both stay stable
+        return np.nan  # the two modes are not coupled, or so that frequencies may cross but both stay stable
     roots = np.roots([d_F**2 + cross, 2 * d_theta * d_F, d_theta**2])
-    # Two modes alone predict nothing about a change so large that it shifts eigenvalues by more than their size.
+    # Two modes alone predict nothing where the change moves eigenvalues by more than their own size.
     sensible = (roots.real > 0) & (roots.real * np.abs(F).max() <= theta.max())
     real = roots.real[(np.abs(roots.imag) <= 1e-12 * np.abs(roots)) & sensible]
     return float(start + real.min()) if len(real) else np.nan

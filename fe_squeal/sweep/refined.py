@@ -1,4 +1,4 @@
-"""From a change of stability on the step model to a critical value of the problem itself."""
+"""Refine a change of stability of the step model to a critical value of the problem itself."""
 
 from __future__ import annotations
 
@@ -21,15 +21,17 @@ from .onset import Onset
 from .step import Step, real_direction
 from .tracking import modal_assurance
 
-_BISECTED = 1e-7  # of the step: the width at which a bisection ends
-_CHEAP = 20_000  # unknowns up to which factorisations cost little
-_SURE = 1e-7, 1e-8  # relative uncertainty at which an onset of a reduced model is left as it is; where they cost little
-_MOVED = 0.1  # of the step: how far a root of the problem may lie from that of the step model
-_ONE_SHAPE = 0.999  # MAC of two modes of equal frequency from which they are one defective mode and no doublet
-_SAME_SHAPE = 0.9  # MAC of the modes of two roots, of the step model and of the problem, from which they are the same
-_WITHIN = 0.5  # of a mode's energy: with more of it in the span of a group's shapes the mode belongs to the group
-_FAST = 4.0  # times the highest frequency: |λ| up to which modes may grow
-_ASIDE = 1e-3  # of the step: how far from a bisected onset its growth rate is measured
+_BISECTED = 1e-7  # of the step: width at which a bisection ends
+_CHEAP = 20_000  # unknowns up to which a few factorisations of the problem itself take little time
+# Of the value: an onset of a reduced model that is less uncertain than this is not refined on the problem itself. The
+# second number holds for problems of up to _CHEAP unknowns.
+_SURE, _SURE_IF_CHEAP = 1e-7, 1e-8
+_MOVED = 0.1  # of the step: a root of the problem may be so far from the root of the step model
+_ONE_SHAPE = 0.999  # MAC: two modes of equal frequency with a larger one are one defective mode, and no doublet
+_SAME_SHAPE = 0.9  # MAC: roots of the step model and of the problem whose modes have a larger one are the same root
+_WITHIN = 0.5  # of a mode's energy: a mode with more than this in the span of a group's shapes belongs to the group
+_FAST = 4.0  # times the highest frequency: growing modes are looked for up to this |λ|
+_ASIDE = 1e-3  # of the step: distance from a bisected onset at which its growth rate is measured
 
 _Newton = Callable[[Problem, float, np.ndarray, np.ndarray], Root]
 
@@ -42,7 +44,7 @@ class Refiner:
     ----------
     step : Step
     precise : bool
-        Refine roots of a reduced model on the problem itself, whatever it costs.
+        Whether to refine onsets on the problem itself even if the reduced model gives them accurately enough.
     starts : bool
         Whether the step is the first of the sweep.
     """
@@ -52,12 +54,12 @@ class Refiner:
     starts: bool
 
     def onset(self, change: Change) -> Onset:
-        """Return the critical value that a change on the step model leads to.
+        """Return the onset that a change of stability of the step model stands for, without its branches.
 
         Raises
         ------
         NotConvergedError
-            If there is none between the limits of the change.
+            Neither Newton's method nor bisection finds a critical value between the limits of the change.
         """
         if self.starts and change.at_start and change.kind == "meeting" and self._theta and self._is_doublet(change):
             lam = np.sqrt(-change.v + 0j)
@@ -65,11 +67,11 @@ class Refiner:
             return self._made(change, start, abs(lam.imag) or abs(lam), np.nan, self._doublet_width(change))
         around = self._around(change)
         root, sure = None, False
-        # Newton's method fails where several equal pairs meet at once, or where damping is so small that Re λ is lost
-        # in rounding on the stable side. Whether modes are unstable can still be told: bisection.
+        # Newton's method fails if several equal pairs meet at once, or if damping is so small that Re λ is lost in
+        # rounding on the stable side. Bisection still works then: it only needs to know whether modes are unstable.
         with suppress(NotConvergedError, ValueError, np.linalg.LinAlgError):
             root, sure = self._root(change)
-        if not sure:  # it may be that of another change of the group
+        if not sure:  # the root may belong to another change of the group
             with suppress(NotConvergedError, ValueError, np.linalg.LinAlgError):
                 return self._bisected(replace(change, limits=around))
         if root is None:
@@ -83,7 +85,7 @@ class Refiner:
         return abs(self.step.ends[1] - self.step.ends[0])
 
     def _around(self, change: Change) -> tuple[float, float]:
-        """Return where a change is looked for first: between its samples and as far beyond, inside the limits."""
+        """Return the interval in which a root surely belongs to a change: its samples, widened, within its limits."""
         spread = abs(change.high - change.low) + FINEST * self._width
         low, high = sorted(change.limits)
         return max(low, change.low - spread), min(high, change.high + spread)
@@ -106,7 +108,10 @@ class Refiner:
         )  # fmt: skip
 
     def _is_doublet(self, change: Change) -> bool:
-        """Whether a change is that of two modes of equal frequency and different shapes, which couple at once."""
+        """Return whether a change is that of a doublet: two modes of equal frequency and different shapes at the start.
+
+        Such modes couple as soon as the parameter leaves its first value.
+        """
         start = self.step.end(0)
         near = np.argsort(np.abs(start.v - change.v))[:2]
         if len(near) < 2 or change.gains < 0:
@@ -118,10 +123,10 @@ class Refiner:
         return bool(modal_assurance(u[:, :1], u[:, 1:], start.M)[0, 0] <= _ONE_SHAPE)
 
     def _doublet_width(self, change: Change) -> float:
-        """Return how far from the start a doublet may still be stable: its two eigenvalues are equal to rounding only.
+        """Return how far from the start a doublet may still be stable, since its θ are equal only up to rounding.
 
-        The coupling grows in proportion to the parameter, up to |Im θ| at the upper end of the change. The pair is
-        unstable from where it exceeds half the distance that rounding may have left between the two eigenvalues.
+        The coupling of the two modes grows in proportion to the parameter and reaches |Im θ| at the upper end of the
+        change. They are unstable once it exceeds half the distance that their θ may have by rounding.
         """
         start, width = self.step.end(0), abs(change.high - self.step.ends[0])
         near = np.argsort(np.abs(start.v - change.v))[:2]
@@ -131,10 +136,10 @@ class Refiner:
     # Newton's method, on the step model first.
 
     def _root(self, change: Change) -> tuple[Root, bool]:
-        """Return the root of the problem, and whether it is sure to be that of this change and of no other.
+        """Return the root of the problem by Newton's method, and whether it surely belongs to this change.
 
-        It is where the root of the step model lies between the samples of the change or close to them, and the problem
-        has the same mode there.
+        It does if the root of the step model is between the samples of the change or close to them, and the root of the
+        problem has the same mode or is there too.
         """
         if change.kind == "meeting" and not self._theta:
             raise NotConvergedError("two λ that meet on the imaginary axis: left to bisection")
@@ -154,6 +159,7 @@ class Refiner:
         return self._between(change, better, slack + 2 * shift), sure and (same or low <= better.value <= high)
 
     def _newton(self, change: Change) -> _Newton:
+        """Return Newton's method for the kind of a change: a function of problem, parameter, right and left mode."""
         name, solver, width = self.step.parameter, self.step.linear_solver, _MOVED * self._width
         theta = float(change.v.real) if self._theta else abs(change.v) ** 2
 
@@ -193,11 +199,12 @@ class Refiner:
         return {"parting": parting, "meeting": meeting, "zero": zero, "crossing": crossing}[change.kind]
 
     def _between(self, change: Change, root: Root, slack: float) -> Root:
-        """Return a root that lies between the limits of its change; beyond them it belongs to another change.
+        """Return a root if it is between the limits of its change.
 
         Raises
         ------
         NotConvergedError
+            It is beyond the limits, and so belongs to another change.
         """
         slack += root.uncertainty
         low, high = sorted(change.limits)
@@ -206,18 +213,18 @@ class Refiner:
         return root
 
     def _on_problem(self, newton: _Newton, root: Root, x: np.ndarray, y: np.ndarray) -> tuple[Root, bool]:
-        """Return a root of the problem, starting from one of the step model, and whether their modes are the same.
+        """Return a root of the problem from one of the step model, and whether the two roots have the same mode.
 
-        Without a reduced model Newton's method goes on with the problem itself. With one it goes on with the reduced
-        model, and the residuals tell how far that root may be off. Newton's method on the problem itself follows only
-        where that is more than rounding and too much, or where a few factorisations cost little.
+        Without a reduced model Newton's method continues on the problem itself. With a reduced model it continues on
+        that, and residuals tell how far its root may be from that of the problem. If this is more than rounding and
+        more than `_SURE` allows, or with `precise`, Newton's method on the problem itself follows.
         """
         step, reduced, first = self.step, self.step.reduced_model, x
         root = newton(step.problem, root.value, x, y)
         if reduced is None:
             return root, _is_one_shape(first, root.right, step.problem.mass)
         error, rounding = reduced.root_error(root.value, root.theta, root.right, root.left)
-        sure = _SURE[step.full.unknowns <= _CHEAP] * abs(root.value)
+        sure = (_SURE_IF_CHEAP if step.full.unknowns <= _CHEAP else _SURE) * abs(root.value)
         if error <= max(rounding, sure) and not self.precise:
             same = _is_one_shape(first, root.right, step.problem.mass)
             return replace(root, uncertainty=root.uncertainty + error + rounding), same
@@ -228,7 +235,13 @@ class Refiner:
     # Bisection, where Newton's method fails.
 
     def _bisected(self, change: Change) -> Onset:
-        """Return the onset between two ever closer values with different numbers of unstable modes of the group."""
+        """Return the onset by bisection between the limits of the change, by the number of unstable modes of its group.
+
+        Raises
+        ------
+        NotConvergedError
+            The numbers at the two limits do not differ by what the change gains.
+        """
         step, highest = self.step, 1.1 * self._highest(change)
         request = Request(max_frequency_hz=highest / (2 * np.pi))
 
@@ -236,7 +249,7 @@ class Refiner:
             pencil = step.problem.pencil({step.parameter: p})
             if step.reduced_model is None:
                 modes = solve_modes(pencil, request, linear_solver=step.linear_solver)
-            else:  # its matrices are full
+            else:  # the matrices of a reduced model are small and dense
                 modes = solve_dense(pencil, _FAST * highest, step.linear_solver)
                 modes = modes.select(np.flatnonzero(modes.lam.imag <= highest))
             growing = modes.select(np.flatnonzero(modes.stability == "unstable"))
@@ -257,8 +270,8 @@ class Refiner:
             else:
                 low, before = middle, found
         more = behind if change.gains > 0 else before
-        # Of the unstable modes the one that grows least has become unstable last. Its growth rate is measured a little
-        # farther from the onset, where it is no longer lost in rounding.
+        # The mode that became unstable last is the unstable one that grows least. Its growth rate is measured at a
+        # small distance from the onset, where it is larger than its rounding.
         lam = complex(more.lam[np.argmin(more.lam.real)])
         value, into = (low + high) / 2, np.sign(change.gains) * np.sign(high - low)
         aside = min(_ASIDE * self._width, abs((change.limits[1] if change.gains > 0 else change.limits[0]) - value))
@@ -268,14 +281,14 @@ class Refiner:
         i = int(np.argmin(np.abs(growing.lam - lam)))
         power = 0.5 if change.kind == "meeting" else 1.0
         speed = growing.lam[i].real / aside**power
-        # A mode counts as unstable once Re λ exceeds its uncertainty, so that the onset itself lies a little before.
-        # Twice that distance is allowed for, since growth is no straight line.
+        # A mode counts as unstable only once Re λ exceeds its uncertainty, which is a little beyond the onset itself.
+        # Twice the distance that the growth rate gives is allowed for, since growth is not linear.
         unseen = float(2 * growing.re_uncertainty[i] / speed) ** (1 / power) + abs(high - low)
         if step.reduced_model is not None and growing.left is not None:
             pair = growing.right[:, i], growing.left[:, i]
             right, left = (real_direction(u[:, None]) for u in pair) if change.kind == "meeting" else pair
             error = step.reduced_model.root_error(value, lam.imag**2, right, left)[0]
-            unseen += error if error < self._width else 0.0  # no use as a bound: a modal projection tells by itself
+            unseen += error if error < self._width else 0.0  # a larger error, as of a modal projection, is no bound
         return self._made(change, value, lam.imag, float(speed * np.sign(change.gains)), unseen)
 
     def _highest(self, change: Change) -> float:

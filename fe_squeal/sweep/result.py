@@ -1,4 +1,4 @@
-"""What a sweep gives: modes at every value, branches, onsets, and their tables."""
+"""The result of a sweep: modes at every value, branches, onsets, and tables of these."""
 
 from __future__ import annotations
 
@@ -36,7 +36,15 @@ SENSITIVITY_COLUMNS = ("parameter", "value", "mode", "branch", "number", "at", "
 
 
 class LiftedShapes(Mapping[int, np.ndarray]):
-    """Shapes Vy (n,) by position of the mode, made from their coordinates y on a basis when they are asked for."""
+    """Shapes u = Vy (n,) by the position of the mode; each is made from its coordinates y when it is asked for.
+
+    Parameters
+    ----------
+    coordinates : mapping of int to (r,) complex
+        y, by the position of the mode.
+    V : (n, r) float
+        The basis of the reduced model.
+    """
 
     def __init__(self, coordinates: Mapping[int, np.ndarray], V: np.ndarray) -> None:
         self.coordinates, self._V = coordinates, V
@@ -58,26 +66,31 @@ class SweepPoint:
     Attributes
     ----------
     value : float
+        Of the parameter.
     modes : Modes
-        Without shapes.
+        The k modes, by rising Im λ, without their shapes: `modes.lam` (k,) complex, rad/s, and what is known of each.
     branches : (k,) int
-    shapes : mapping of mode position to (n,) shape
-        Of the unstable modes, and of all modes where the sweep was asked to keep them.
-    sensitivities : mapping of mode position to {path: (number, ∂λ/∂number)}
-        Of the unstable modes.
-    pressed : mapping of contact to {quantity: number}
-        Pressed area, force and the like in the static state under preload, see `contact_summary`.
-    discretisation : (k,) complex or None
-        Errors of Re λ and Im λ by the mesh, where they are estimated.
+        The branch of each mode.
+    shapes : mapping of int to (n,) complex
+        By the position of the mode, displacements of all n unknowns: of the unstable modes, or of all modes if the
+        sweep was asked to keep them.
+    sensitivities : mapping of int to {str: (float, complex)}
+        By the position of an unstable mode and the path of a number in the scene: this number, and ∂λ/∂number.
+    pressed : mapping of str to {str: float}
+        By the name of a contact: pressed area, force and the like in the static state under preload, see
+        `contact_summary`.
+    discretisation : (k,) complex or None, rad/s
+        Errors of Re λ and of Im λ by the mesh, where they are estimated.
     extrapolated : (k,) complex or None, rad/s
-        The λ that meshes finer and finer are likely to tend to, where that is estimated; NaN for a mode that the
-        refined mesh does not have.
+        Likely λ for an infinitely fine mesh, where that is estimated; NaN for a mode that the refined mesh does not
+        have.
     above : tuple of complex, rad/s
-        Unstable λ beyond the modes that were asked for, as far as the solver happened to find any.
+        Unstable λ above the modes that were asked for, if the solver happened to find any.
     between : bool
-        Whether this is no value of the sweep but the middle of a window of instability between two of them.
-    description : mapping of column to (k,) entries
-        What the modes look like, see `fe_squeal.problem.description`; empty where nobody says.
+        Whether this is not a value of the sweep but the middle of a window of instability between two values.
+    description : mapping of str to (k,) entries
+        What the modes look like, by the column of modes.csv, see `fe_squeal.problem.description`; empty if the problem
+        has no describer.
     """
 
     value: float
@@ -95,25 +108,30 @@ class SweepPoint:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Result of a sweep.
+    """Result of a sweep: the modes at every value, followed into branches, and the onsets of instability.
 
     Attributes
     ----------
     problem : Problem
+        That was solved.
     parameter : str
+        Name of the parameter.
     points : tuple of SweepPoint
+        The modes at each value, ascending; also in the middle of windows of instability between values (`between`).
     onsets : tuple of Onset
+        The critical values, ascending.
     completeness : Completeness
-        Of the modes at the first value.
-    seconds : mapping of stage to float, s
+        Whether a count confirms that no mode is missing at the first value.
+    seconds : mapping of str to float, s
+        Time by stage.
     warnings : tuple of str
-        Sentences about what could not be made sure.
+        Sentences about what is not certain.
     reduced_model : ReducedModel or None
-        On which the modes were found; None where every value was solved directly.
+        The reduced model that the modes were found on; None if every value was solved directly.
     window : float
-        Every window of instability wider than this was found, in the parameter.
+        Every window of instability wider than this, in the parameter, was found.
     unsettled : tuple of str
-        Those of the warnings that are about onsets.
+        The warnings that are about onsets.
     """
 
     problem: Problem
@@ -134,20 +152,20 @@ class Sweep:
 
     @property
     def method(self) -> str:
-        """How the modes were solved for."""
+        """How the modes were solved for: "direct", "reduced" or "modal"."""
         return self.points[0].modes.method
 
     @property
     def values(self) -> tuple[float, ...]:
-        """The values of the sweep that were solved, without those between."""
+        """The values of the sweep that were solved, without the middles of windows between them."""
         return tuple(p.value for p in self.points if not p.between)
 
     @property
     def onsets_complete(self) -> dict[str, object]:
-        """Whether all onsets between the first and the last value are there, of the modes that were asked for.
+        """Whether all onsets of the modes asked for, between the first and the last value, were found.
 
-        "sure" is False where an onset was left unrefined or unexplained, see `unsettled`. A window of instability
-        narrower than "width", in the parameter, could have been overlooked.
+        "sure" is False if an onset was not refined or the number of unstable modes is not explained, see `unsettled`. A
+        window of instability narrower than "width", in the parameter, may have been missed.
         """
         return {
             "sure": not self.unsettled,
@@ -159,7 +177,11 @@ class Sweep:
         }
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return one row per mode and value, the columns of modes.csv, and those extrapolated where they are known."""
+        """Return a row per mode and value, with the columns of modes.csv; λ as re and im, 1/s and rad/s.
+
+        If the error of the mesh was estimated, `re_extrapolated` and `im_extrapolated` are the likely values for an
+        infinitely fine mesh.
+        """
         import pandas as pd
 
         rows = []
@@ -187,7 +209,10 @@ class Sweep:
         return frame.astype(dict.fromkeys(counts, "Int64") | dict.fromkeys(shares, float) | {"body": object})
 
     def onsets_dataframe(self) -> pd.DataFrame:
-        """Return one row per onset, the columns of onsets.csv, and the value extrapolated where it is known."""
+        """Return a row per onset, with the columns of onsets.csv.
+
+        If the error of the mesh was estimated, `value_extrapolated` is the likely value for an infinitely fine mesh.
+        """
         import pandas as pd
 
         rows = [
@@ -201,16 +226,28 @@ class Sweep:
         return frame.astype({"branch_a": "Int64", "branch_b": "Int64"})
 
     def balance(self, point: SweepPoint, i: int) -> dict[str, Share]:
-        """Return the shares of the terms in one mode whose shape is known."""
+        """Return the shares of all terms in Re λ and in the energy of mode i of a point, by the name of the term.
+
+        Raises
+        ------
+        KeyError
+            The shape of this mode is not known: only those of unstable modes are, unless `keep_shapes` was asked for.
+        """
         problem, shapes = self.problem, point.shapes
         if self.reduced_model is not None and isinstance(shapes, LiftedShapes):
             problem, shapes = self.reduced_model.projected, shapes.coordinates
         return energy_balance(problem.at({self.parameter: point.value}), complex(point.modes.lam[i]), shapes[i])
 
     def exact_shapes(self, point: SweepPoint, positions: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-        """Return shapes (n, k) of some modes of a point and their backward errors (k,), which meet the tolerance.
+        """Return shapes (n, k) of some modes of a point, and their backward errors (k,), which meet the tolerance.
 
-        Those of a reduced model, whose eigenvalues are more exact than its shapes, are corrected for that.
+        Shapes of a reduced model are less accurate than its eigenvalues, and are corrected first.
+
+        Parameters
+        ----------
+        point : SweepPoint
+        positions : sequence of int
+            Of modes whose shapes are known.
         """
         if self.reduced_model is not None and isinstance(point.shapes, LiftedShapes):
             return self.reduced_model.shapes(point.value, positions)
@@ -218,7 +255,7 @@ class Sweep:
         return shapes, point.modes.backward_error[list(positions)]
 
     def contributions_dataframe(self) -> pd.DataFrame:
-        """Return the shares of Re λ and of the energy by term, of every unstable mode (contributions.csv)."""
+        """Return a row per unstable mode and term with its shares in Re λ (1/s) and energy: contributions.csv."""
         import pandas as pd
 
         rows = []
@@ -231,7 +268,10 @@ class Sweep:
         return pd.DataFrame(rows, columns=list(CONTRIBUTION_COLUMNS))
 
     def sensitivities_dataframe(self) -> pd.DataFrame:
-        """Return ∂Re λ and ∂Im λ by every number that terms scale with, of every unstable mode (sensitivities.csv)."""
+        """Return a row per unstable mode and number of the scene, with ∂Re λ and ∂Im λ by this: sensitivities.csv.
+
+        The numbers are those that terms are proportional to, or to a power of.
+        """
         import pandas as pd
 
         rows = [
@@ -247,8 +287,8 @@ class Sweep:
 
         Parameters
         ----------
-        path : path, optional
-            Where to write; the suffix chooses the format (png, pdf, svg).
+        path : str or Path, optional
+            The file to write; its suffix chooses the format (png, pdf, svg). Without it nothing is written.
 
         Returns
         -------
@@ -257,7 +297,14 @@ class Sweep:
         return _viewer().plot_stability(self, path)
 
     def plot_damping(self, value: float | None = None, path: str | Path | None = None) -> Figure:
-        """Draw damping ratio against frequency at the value of the sweep nearest to the given one, by default the last.
+        """Draw the damping ratio −Re λ/|λ| against the frequency of all modes at one value.
+
+        Parameters
+        ----------
+        value : float, optional
+            The value of the sweep nearest to this is drawn; by default the last one.
+        path : str or Path, optional
+            As for `plot_stability`.
 
         Returns
         -------
@@ -271,9 +318,10 @@ class Sweep:
         Parameters
         ----------
         branch : int
-            As in the column of that name; its shape has to be known, as those of unstable modes are.
+            The number of the branch, as in the column "branch" of the tables. Its shape has to be known, as those of
+            unstable modes are.
         off_screen : bool
-            Open nothing; the plotter that is returned can take a screenshot.
+            Whether to open no window: the plotter that is returned can take a screenshot.
 
         Returns
         -------
@@ -287,10 +335,10 @@ class Sweep:
         return _viewer().show(self, branch, off_screen)
 
     def _repr_html_(self) -> str:
-        """Return the answer in words, with tables of what is unstable and of the onsets, for a notebook."""
+        """Return HTML for a notebook: the answer in words, and tables of unstable modes and of onsets."""
         return str(_viewer().html(self))
 
 
 def _viewer() -> Any:
-    """Return the module that draws: it imports this room, so that this room cannot import it, but looks it up."""
+    """Return the module that draws. It imports this one, and so is looked up by name when it is needed."""
     return importlib.import_module("fe_squeal.run.show")

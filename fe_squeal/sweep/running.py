@@ -1,6 +1,7 @@
-"""The state of a running sweep: modes of the last value, branches, onsets and warnings so far.
+"""A running sweep: modes of the last value, branches, onsets and warnings so far.
 
-In one file, since every step reads and changes the same state, which is stored and restored as a whole.
+This file is longer than others, since every step reads and changes the same state, which is stored and restored as a
+whole.
 """
 
 from __future__ import annotations
@@ -34,13 +35,26 @@ from .state import Record, Store, SweepState, lifted
 from .tracking import match_modes, mirror_partners
 from .warnings import rounding_warnings, tie_warnings
 
-_INSIDE = 0.95  # of the highest frequency reported: a mode below belongs to the range whatever branch it is on
-_CHECKED = 4  # equal steps of a sweep, at whose ends at least a reduced model meets the tolerance
-_REFINEMENTS = 4  # how often a step is halved while it is not clear which mode continues which
+_INSIDE = 0.95  # of the highest frequency reported: an onset below this is reported whatever its branches are
+_CHECKED = 4  # equal parts of the sweep: a reduced model meets the tolerance at least at the ends of these
+_REFINEMENTS = 4  # halvings of a step, at most, while it is not clear which mode continues which
 
 
 class RunningSweep:
-    """The state of a running sweep."""
+    """A sweep between two of its values: everything that is known so far, and the step to the next value.
+
+    Parameters
+    ----------
+    problem : Problem
+    parameter : str
+    request : Request
+        Which modes are asked for, and to what tolerance.
+    values : (m,) float
+        All values of the sweep, ascending.
+    precise : bool
+        Whether to refine onsets on the problem itself even if the reduced model gives them accurately enough.
+    linear_solver : LinearSolver or str
+    """
 
     def __init__(
         self, problem: Problem, parameter: str, request: Request, values: np.ndarray, precise: bool,
@@ -56,8 +70,8 @@ class RunningSweep:
         self.seconds = dict.fromkeys(stages, 0.0)
         self.warnings: list[str] = []
         self.window = 0.0  # every window of instability wider than this was found
-        self.unsettled: list[str] = []  # those of the warnings that are about onsets
-        self._doubt: Doubt | None = None  # the last one told
+        self.unsettled: list[str] = []  # the warnings that are about onsets
+        self._doubt: Doubt | None = None  # the last doubt that there is a warning about
         self.completeness = Completeness(0, None, False)
         self._first: Modes | None = None
         self._previous: Modes | None = None
@@ -65,19 +79,30 @@ class RunningSweep:
         self._first_branches = np.zeros(0, int)
         self._next_branch = 1
         self._start = self._value = np.nan
-        self._M = problem.mass  # shapes are compared by it at all values, also where the sweep changes mass
+        self._M = problem.mass  # shapes are compared by this mass at all values, even if the sweep changes mass
         self._reduced_model: ReducedModel | None = None
         self._describer: Describer | None = None
-        self._described: np.ndarray | None = None  # the basis in whose coordinates it describes
-        self._tracked = problem  # in whose coordinates the modes are given: this one, or that of the reduced model
+        self._described: np.ndarray | None = None  # the basis in whose coordinates the describer takes shapes
+        self._tracked = problem  # modes are given in coordinates of this one: the problem, or that of the reduced model
 
     def reduce(self, values: np.ndarray, method: str, store: Store | None, known: SweepState | None) -> None:
-        """Make the reduced model, if the method asks for it, or take the one that is stored."""
+        """Make the reduced model if the method uses one, or take the one that `store` has.
+
+        Parameters
+        ----------
+        values : (m,) float
+            The values of the sweep that are to be solved.
+        method : "auto", "direct", "reduced" or "modal"
+        store : Store, optional
+            Where the reduced model is kept.
+        known : SweepState, optional
+            The state that the sweep resumes from.
+        """
         if not is_reduced(self.problem, self.parameter, len(values), method) or (known and not known.reduced):
             return
         clock = time.perf_counter()
         stored = None if store is None else store.load_model()
-        # Steps are halved and onsets lie between the values: the model has to hold there, too.
+        # The reduced model has to be accurate between the values too, where steps are halved and onsets are found.
         values = self._scale.filled(values, _CHECKED)
         try:
             with one_openblas_thread():
@@ -107,7 +132,7 @@ class RunningSweep:
             store.save_model(Record(*model.stored()))
 
     def state(self) -> SweepState:
-        """Return what the sweep needs to go on after its last value."""
+        """Return what is needed to resume the sweep after its last value."""
         assert self._first is not None and self._previous is not None
         return SweepState(
             tuple(self.points), tuple(self.onsets), tuple(self.warnings), self.completeness, dict(self.seconds),
@@ -116,7 +141,7 @@ class RunningSweep:
         )  # fmt: skip
 
     def restore(self, state: SweepState) -> None:
-        """Take over a state, to go on after its last value."""
+        """Take over a state, to continue after its last value."""
         V = None if self._reduced_model is None else self._reduced_model.basis.V
         self.points = [point if V is None else lifted(point, V) for point in state.points]
         self.onsets, self.warnings = list(state.onsets), list(state.warnings)
@@ -127,7 +152,7 @@ class RunningSweep:
         self.window, self.unsettled = state.window, list(state.unsettled)
 
     def advance(self, value: float, keep_all: bool) -> None:
-        """Solve at the next value and follow the modes there."""
+        """Solve at the next value and follow the modes to it; `keep_all` keeps the shapes of all its modes."""
         modes = self._solve(value)
         known = len(self.onsets)
         if self._previous is None:
@@ -163,7 +188,7 @@ class RunningSweep:
         )  # fmt: skip
 
     def _describe(self, here: Problem, shapes: np.ndarray) -> Description:
-        """Return what modes look like; nothing where nobody says."""
+        """Return what modes look like, from their shapes (n, k); empty if the problem has no describer."""
         if self.problem.describer is None:
             return {}
         clock = time.perf_counter()
@@ -176,7 +201,7 @@ class RunningSweep:
         return description
 
     def _window(self, middle: float, pair: tuple[Onset, Onset]) -> SweepPoint:
-        """Return the point in the middle of a window of instability that holds no value of the sweep."""
+        """Return the point in the middle of a window of instability between two values of the sweep."""
         assert self._previous is not None
         modes = self._solve(middle)
         origin = match_modes(self._previous, modes, self._M).origin
@@ -236,7 +261,11 @@ class RunningSweep:
         self._spend("completeness", clock)
 
     def _follow(self, value: float, modes: Modes, refinements: int) -> None:
-        """Name the branches at the next value and find the onsets on the way; halve the step where they are unclear."""
+        """Name the branches at the next value and find the onsets on the way to it.
+
+        If it is not clear which mode continues which, or an onset is not found, the step is halved; `refinements` says
+        how often it still may be.
+        """
         assert self._previous is not None
         clock = time.perf_counter()
         match = match_modes(self._previous, modes, self._M)
@@ -263,7 +292,10 @@ class RunningSweep:
         self._follow(value, modes, refinements - 1)
 
     def _tell(self, doubts: list[Doubt]) -> None:
-        """Warn of intervals in which rounding hides onsets; of those of neighbouring steps about one pair once."""
+        """Add a warning for each interval in which rounding hides onsets.
+
+        Intervals of neighbouring steps about the same pair of modes give one warning.
+        """
         for doubt in joined(doubts):
             if self._doubt is not None and (both := self._doubt.joined(doubt)) is not None:
                 old, doubt = self._doubt.sentence(self.parameter), both
@@ -274,7 +306,7 @@ class RunningSweep:
                 told.append(doubt.sentence(self.parameter))
 
     def result(self) -> Sweep:
-        """Return what was solved so far."""
+        """Return the result so far."""
         return Sweep(
             self.problem, self.parameter, tuple(self.points), tuple(sorted(self.onsets, key=lambda o: o.value)),
             self.completeness, dict(self.seconds), tuple(self.warnings), self._reduced_model, self.window,
@@ -282,11 +314,11 @@ class RunningSweep:
         )  # fmt: skip
 
     def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray) -> Found:
-        """Return the onsets of the reported branches between the last value and this one, and what stays open."""
+        """Return the onsets of the reported branches between the last value and this one, and what was not decided."""
         assert self._previous is not None and self._first is not None
         name = self.parameter
         known, wanted = wanted_count(self._previous, self.request), wanted_count(modes, self.request)
-        # A branch that is reported to turn unstable is followed until it is stable again, even if it leaves the range.
+        # A branch with a reported onset is reported until it is stable again, even if it leaves the range.
         reported_before = {name for o in self.onsets for name in (o.branch_a, o.branch_b)} - {None}
         reported = {*self._branches[:known], *branches[:wanted], *reported_before}
         below = max(_reach(self._previous, known), _reach(modes, wanted))
@@ -295,7 +327,8 @@ class RunningSweep:
             self._reduced_model, self._precise, self._linear_solver, self._scale,
             self._value == self._start,
         )  # fmt: skip
-        # The branches of an onset are found by shape, which may err: well inside the range it is reported in any case.
+        # The branches of an onset are found by shape and may be wrong. Well inside the range it is reported in any
+        # case.
         inside = _INSIDE * min(m.lam[:k].imag.max(initial=0.0) for m, k in ((self._previous, known), (modes, wanted)))
         onsets = []
         for onset in found.onsets:
@@ -307,7 +340,8 @@ class RunningSweep:
                 onset = replace(onset, two_mode_value=predicted)
             onsets.append(onset)
         before, now = (m.lam[m.stability == "unstable"] for m in (self._previous, modes))
-        # Where no more modes are found than asked for these are all, and none enters or leaves the range.
+        # If the solver found no more modes than were asked for, there are no others, and none enters or leaves the
+        # range.
         complete = all(m.exhaustive and len(m) <= (self.request.count or 0) for m in (self._previous, modes))
         imbalance = unbalanced(before, now, onsets, np.inf if complete else float(inside))
         if imbalance and not found.warnings:
@@ -321,13 +355,13 @@ class RunningSweep:
 
 
 def _reach(modes: Modes, wanted: int) -> float:
-    """Return the highest frequency of the first modes, or |λ| of one that grows without oscillating, rad/s."""
+    """Return the highest frequency Im λ of the first `wanted` modes, rad/s; of a growing mode |λ| counts instead."""
     lam, growing = modes.lam[:wanted], modes.stability[:wanted] == "unstable"
     return float(np.where(growing, np.abs(lam), lam.imag).max(initial=0.0))
 
 
 def _with_guard(request: Request) -> Request:
-    """Return a request for some more modes: one that enters the range has then been followed from before."""
+    """Return a request for some more modes, so that a mode is followed already when it enters the range asked for."""
     if request.max_frequency_hz is not None:
         return replace(request, max_frequency_hz=1.1 * request.max_frequency_hz)
     assert request.count is not None

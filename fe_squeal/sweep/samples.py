@@ -1,4 +1,4 @@
-"""The eigenvalues of a group over an interval of the parameter, sampled ever more closely where two of them meet."""
+"""The eigenvalues of a group over an interval of the parameter, with samples closer together where two of them meet."""
 
 from __future__ import annotations
 
@@ -7,50 +7,54 @@ import numpy as np
 from .changes import FINEST, SETTLED, Change
 from .clusters import Cluster
 
-_FIRST = 9  # samples to begin with
-_NEAR = 0.5  # of the distance to the next meeting: how far apart samples may lie
-_MOST = 4000  # samples of a group
-_ROUNDING = 1e-14  # of the size of a group's matrix
+_FIRST = 9  # samples at the start
+_NEAR = 0.5  # of the estimated distance to the next meeting: samples are at most so far apart
+_MOST = 4000  # samples of a group, at most
+_ROUNDING = 1e-14  # of the size of a group's matrix: the rounding of its entries
 
 
 class Samples:
-    """Eigenvalues of a group at values that lie the closer, the nearer two eigenvalues are to meeting.
+    """Eigenvalues of a group at samples of the interval, which are closer together where two eigenvalues may meet.
 
-    For a pair of eigenvalues the square of half their difference, D, is smooth where they meet, so that |D/D'| tells
-    how far away that may be. Samples lie closer than that, down to `FINEST` of a step of the sweep.
+    D = ((v_i − v_j)/2)² of two eigenvalues is smooth where they meet (D = 0), and so |D/D'| estimates the distance to
+    the next meeting. Samples are closer together than that, down to `FINEST` of a step of the sweep.
 
     Attributes
     ----------
     cluster : Cluster
+        The group and its matrix H(t).
+    starts : bool
+        Whether the interval begins at the first value of the step.
     finest, settled : float
-        `FINEST` and `SETTLED` as shares of the interval.
+        `FINEST` and `SETTLED` as lengths in t.
     theta : bool
-        Whether eigenvalues are θ = −λ².
+        Whether the eigenvalues v are θ = −λ².
     turned : bool
-        Whether eigenvalues are −iλ, those of a gyroscopic system: they come in conjugate pairs, as θ do.
+        Whether v is −iλ, in gyroscopic systems. These are real or come in conjugate pairs, as θ do.
     blur : float
         How far eigenvalues may be off by rounding.
     t : (s,) float
-        Samples, 0 … 1.
+        The samples, from 0 to 1 over the interval.
     v, slope : (s, m) complex
-        Eigenvalues and dv/dt.
+        Eigenvalues, and dv/dt.
     W : (s, m, m) complex
         Eigenvectors of H.
-    departure : (s,)
-        From normality: the root of ‖H‖² − Σ|v|², both about the mean eigenvalue.
-    condition : (s, m)
-        Of each eigenvalue of H; infinite at a double one.
+    departure : (s,) float
+        Departure of H from normality: √(‖H‖² − Σ|v|²), both after subtracting the mean eigenvalue.
+    condition : (s, m) float
+        Condition number of each eigenvalue of H; infinite at a double one.
     """
 
     def __init__(self, cluster: Cluster, scale: float, at_start: bool) -> None:
         self.cluster, self.finest, self.settled = cluster, FINEST / scale, SETTLED / scale
         self.starts = at_start
         self.theta = cluster.ends[0].C is None
-        # −iλ of a gyroscopic system is real or stands beside its conjugate, as θ does without dampers.
+        # In a gyroscopic system −iλ is real or has its conjugate beside it, as θ has without dampers.
         self.turned = cluster.ends[0].conservative
         blur = [n.blur[s] for n, s in zip(cluster.ends, cluster.members, strict=True)]
         size = max(float(np.abs(n.v[s]).max()) for n, s in zip(cluster.ends, cluster.members, strict=True))
-        # The least blur of the group: that of a mode next to a double eigenvalue is a square root, H has no such error.
+        # The smallest blur of the group is taken. Close to a double eigenvalue the blur of a mode is the square root of
+        # the rounding, but H does not have such an error.
         self.blur = max(float(min(b.min() for b in blur)), _ROUNDING * size)
         self._evaluate()
 
@@ -59,7 +63,7 @@ class Samples:
         samples = self.at(t)
         while len(t) < _MOST:
             gap = np.diff(t)
-            near = np.maximum(samples[2][:-1], samples[2][1:])  # the farther end of two decides
+            near = np.maximum(samples[2][:-1], samples[2][1:])  # of two samples that farther from a meeting decides
             wide = ((gap > _NEAR * near) | self._is_change(samples)) & (gap > self.finest)
             if not wide.any():
                 break
@@ -72,7 +76,7 @@ class Samples:
         self.v, self.slope, _, self.W, self.departure, self.condition = samples
 
     def _is_change(self, samples: tuple[np.ndarray, ...]) -> np.ndarray:
-        """Whether eigenvalues become a pair, or a pair two, between each sample and the next."""
+        """Return (s − 1,) bool, whether the number of complex pairs changes between each sample and the next."""
         v, departure = samples[0], samples[4]
         if not (self.cluster.ends[0].paired or self.turned):
             return np.zeros(len(v) - 1, bool)
@@ -80,7 +84,7 @@ class Samples:
         return np.asarray(np.diff(pairs) != 0)
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return v, slope, how far the next meeting may be, W, departure and condition."""
+        """Return v, slope, the estimated distance to the next meeting, W, departure and condition at t (s,)."""
         H, dH = self.cluster.matrix(t)
         if self.turned:
             H, dH = -1j * H, -1j * dH
@@ -106,7 +110,18 @@ class Samples:
         return v, slope, reach, W, np.sqrt(np.maximum(energy, 0.0)), condition
 
     def made(self, kind: str, gains: int, k: int, there: int, i: int, limits: tuple[float, float]) -> Change:
-        """Return a change of eigenvalue i between samples k and k + 1, with value and vectors of sample `there`."""
+        """Return a change of eigenvalue i between samples k and k + 1.
+
+        Parameters
+        ----------
+        kind, gains
+            As in `Change`.
+        k, i : int
+        there : int
+            The sample whose eigenvalue and vectors are taken, k or k + 1.
+        limits : (float, float)
+            As in `Change`, but in t.
+        """
         c, t = self.cluster, self.t
         W = self.W[there]
         with np.errstate(all="ignore"):
@@ -119,17 +134,17 @@ class Samples:
         )  # fmt: skip
 
     def _is_double(self, k: int, near: float) -> bool:
-        """Whether two eigenvalues near a number are one within rounding at all samples up to k."""
+        """Return whether the two eigenvalues nearest to a number are equal up to rounding at all samples up to k."""
         v, low = self.v[: k + 1], self.rounding[: k + 1]
         pair = np.take_along_axis(v, np.argsort(np.abs(v - near), axis=1)[:, :2], axis=1)
         return bool(pair.shape[1] == 2 and (np.abs(pair[:, 0] - pair[:, 1]) <= 2 * low).all())
 
     def blurred(self, i: np.ndarray, j: np.ndarray, error: np.ndarray) -> np.ndarray:
-        """Return by how much an error of H (s,) may move D = ((v_i − v_j)/2)² of pairs, (s, pairs).
+        """Return how far (s, pairs) errors of H (s,) may move D = ((v_i − v_j)/2)² of pairs i, j.
 
-        With H disturbed by E and its eigenvectors as basis D becomes ((v_i − v_j + E_ii − E_jj)/2)² + E_ij E_ji, where
-        |E_ij| is at most the error times the root of both conditions. At a double eigenvalue these are infinite: there
-        the departure from normality of the group bounds what E does.
+        If H changes by E, given in the basis of its eigenvectors, D becomes ((v_i − v_j + E_ii − E_jj)/2)² + E_ij E_ji,
+        and |E_ij| is at most the error times the root of the product of both conditions. At a double eigenvalue these
+        are infinite; there the departure of the group from normality gives the bound.
         """
         half, error = np.abs(self.v[:, i] - self.v[:, j]) / 2, error[:, None]
         whole = error * (2 * half + self.departure[:, None]) + error**2
@@ -140,7 +155,7 @@ class Samples:
 
     @property
     def rounding(self) -> np.ndarray:
-        """√|D| (s,) of a double eigenvalue that rounding has parted: D moves by rounding times the departure."""
+        """√|D| (s,) that a double eigenvalue may have by rounding, which moves D by rounding times the departure."""
         return self._parted(self.v, self.departure)
 
     def _parted(self, v: np.ndarray, departure: np.ndarray) -> np.ndarray:
@@ -149,10 +164,11 @@ class Samples:
 
 
 def _real_or_paired(v: np.ndarray) -> np.ndarray:
-    """Return eigenvalues (s, m) that are real or stand beside their conjugate, from those that only nearly do.
+    """Return eigenvalues (s, m) that are exactly real or in conjugate pairs, from v (s, m) which are only nearly so.
 
-    The cubic between two matrices of a gyroscopic group does not keep this symmetry, but the eigenvalues have it. Two
-    make a pair if each is the nearest to the other's conjugate, and that by less than its own distance from the axis.
+    −iλ of a gyroscopic group has this symmetry, but the cubic between two of its matrices does not keep it exactly. Two
+    eigenvalues are a pair if each is the nearest one to the conjugate of the other, and this distance is smaller than
+    their distance from the real axis.
     """
     distance = np.abs(v[:, :, None] - v[:, None, :].conj())
     own = np.arange(v.shape[1])

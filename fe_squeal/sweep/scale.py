@@ -1,4 +1,4 @@
-"""Along what a sweep interpolates: its parameter p, or ln p where the values go over decades."""
+"""The coordinate along which a sweep divides its steps and interpolates: p itself, or ln p over decades."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_DECADE = 10.0  # ratio of the last to the first value from which a sweep goes over decades
-_EVEN = 0.1  # of the mean step: by how much the widest and the narrowest step may differ where steps are even
+_DECADE = 10.0  # ratio of the last to the first value from which a sweep is taken to be logarithmic
+_EVEN = 0.1  # of the mean step: steps that differ by less than this count as equal
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Scale:
         return p if self.logarithmic else 1.0
 
     def filled(self, values: np.ndarray, steps: int) -> np.ndarray:
-        """Return values with others between them, so that none lies farther from the next than 1/steps of all.
+        """Return values with others added between them, so that no step in x is longer than 1/steps of their range.
 
         Examples
         --------
@@ -71,7 +71,7 @@ class Scale:
         return np.sort(np.concatenate([values, between]))
 
     def middle(self, a: float, b: float) -> float:
-        """Return the parameter half way between two others."""
+        """Return the parameter half way between two values, in x."""
         return float(np.sqrt(a) * np.sqrt(b)) if self.logarithmic else (a + b) / 2
 
 

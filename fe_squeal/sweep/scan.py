@@ -1,4 +1,4 @@
-"""All changes of stability inside one step of a sweep, with values added where the modes of the ends do not suffice."""
+"""Find all changes of stability in one step of a sweep, from the modes at its ends and at further values as needed."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .nodes import Node
 from .samples import Samples
 from .scale import LINEAR, Scale
 
-_NODES = 24  # values besides the ends at which modes are asked for in a step
-_RIM = 0.9  # of the highest |λ| known: a mode above may be known at one value and not at the next
+_NODES = 24  # values besides the ends at which modes of the step model are taken, at most
+_RIM = 0.9  # of the highest |λ| known: a mode above this may be known at one value and not at the next
 
 
 @dataclass(frozen=True)
 class Open:
-    """A group with more modes at one value than at the other."""
+    """A group with more modes at one of two values than at the other; `members` are positions in `nodes`."""
 
     nodes: tuple[Node, Node]
     members: tuple[np.ndarray, np.ndarray]
@@ -29,19 +29,20 @@ class Open:
 
 @dataclass(frozen=True)
 class Scan:
-    """The changes of stability of a step, and what stays open.
+    """The changes of stability of a step, and what was not decided.
 
     Attributes
     ----------
-    changes : list of Change, by rising value
+    changes : list of Change
+        By rising value.
     open : list of Open
-        Groups that have lost or gained modes.
+        Groups with more modes at one value than at the next.
     unsettled : list of (float, float, float)
-        Intervals with a frequency, rad/s, in which stability could not be told with as many values as are allowed.
+        Both ends of an interval, and a frequency, rad/s: stability there could not be decided with `_NODES` values.
     width : float
-        Every window of instability wider than this was found, in the parameter.
+        Every window of instability wider than this, in the parameter, was found.
     nodes : int
-        Values at which modes were asked for.
+        Number of values, besides the ends, at which modes were taken.
     """
 
     changes: list[Change]
@@ -59,13 +60,13 @@ def scan(
     Parameters
     ----------
     first, second : Node
-        At the ends of a step.
+        The modes at both ends of the step.
     modes : callable
-        Returns the node of a value between.
+        Returns the node of a value between them.
     below : float, rad/s
-        What lies above as a whole is left out.
+        Groups whose |λ| are all above this are left out.
     scale : Scale
-        Of the sweep.
+        Whether steps go along the parameter or its logarithm.
     """
     step = scale.x(second.value) - scale.x(first.value)
     width, count = FINEST * step * scale.slope(second.value), 0
@@ -119,22 +120,23 @@ def _lowest(a: Node, b: Node, members: tuple[np.ndarray, np.ndarray]) -> float:
 
 
 def _is_idle(a: Node, b: Node, members: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Whether the stability of a group cannot change: symmetric matrices without θ < 0 at either end.
+    """Return whether the stability of a group cannot change: matrices are symmetric, and θ > 0 at both ends.
 
-    The lowest θ of symmetric matrices that are linear in the parameter is concave: it lies above its chord.
+    The lowest θ of symmetric matrices that are linear in the parameter is a concave function: between two values it is
+    above the straight line, and so it is positive there too.
     """
     v = np.concatenate([a.v[members[0]], b.v[members[1]]])
     return not len(v) or (a.symmetric and b.symmetric and bool((v.real > 0).all()))
 
 
 def _without_rim(a: Node, b: Node, s0: np.ndarray, s1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a group without modes that are missing at one value because they lie beyond the highest known there."""
+    """Return a group without those modes that the other value lacks because they are above the highest known there."""
     reach = _RIM * min(float(np.abs(n.lam).max(initial=0.0)) for n in (a, b))
     while len(s0) != len(s1):
         more, node = (s0, a) if len(s0) > len(s1) else (s1, b)
         size = np.abs(node.lam[more])
         if size.max() < reach:
             break
-        kept = more[size < (1 - 1e-6) * size.max()]  # of mirror images both or none
+        kept = more[size < (1 - 1e-6) * size.max()]  # a mode and its mirror image have equal |λ|: both are dropped
         s0, s1 = (kept, s1) if more is s0 else (s0, kept)
     return s0, s1

@@ -1,4 +1,4 @@
-"""What a sweep has to know to go on after a value, as plain arrays and numbers."""
+"""The state that a sweep resumes from, and its conversion to plain arrays and numbers, to be stored."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ _NUMBERS = ("lam", "backward_error", "re_uncertainty", "condition")
 
 
 class Record(NamedTuple):
-    """Arrays by name, and beside them what JSON can hold."""
+    """Arrays by name, and everything else in a form that JSON can hold."""
 
     arrays: dict[str, np.ndarray]
     data: dict[str, Any]
 
 
 class Store(Protocol):
-    """Where a sweep keeps what is finished."""
+    """Keeps what a sweep has finished, so that it can be resumed."""
 
     def load(self) -> SweepState | None:
-        """Return the state that was kept last; None if no value was finished."""
+        """Return the state that was kept last, or None."""
 
     def load_model(self) -> Record | None:
-        """Return the reduced model that was kept, if there is one."""
+        """Return the reduced model that was kept, or None."""
 
     def save_model(self, model: Record) -> None:
         """Keep the reduced model."""
 
     def save(self, state: SweepState) -> None:
-        """Keep a state, soon if not at once."""
+        """Keep a state, now or a little later."""
 
     def flush(self) -> None:
-        """Keep the last state now."""
+        """Write the last state now, if that is still due."""
 
 
 @dataclass(frozen=True)
@@ -50,25 +50,18 @@ class SweepState:
 
     Attributes
     ----------
-    points : tuple of SweepPoint
-        Of a sweep on a reduced model, with shapes in its coordinates.
-    onsets : tuple of Onset
-    warnings : tuple of str
-    completeness : Completeness
-    seconds : mapping of stage to float, s
+    points, onsets, warnings, completeness, seconds, window, unsettled
+        As in `Sweep`. With a reduced model the shapes of the points are given in its coordinates.
     first, previous : Modes
-        At the first and at the last value, with shapes.
+        At the first value and at the last one solved, with shapes.
     first_branches, branches : (k,) int
-        Names of the branches of these modes.
+        The branches of these modes.
     next_branch : int
+        Number of the next new branch.
     start, value : float
-        The first and the last value.
+        The first value, and the last one solved.
     reduced : bool
         Whether the modes are those of a reduced model.
-    window : float
-        Every window of instability wider than this was found so far, in the parameter.
-    unsettled : tuple of str
-        Those of the warnings that are about onsets.
     """
 
     points: tuple[SweepPoint, ...]
@@ -88,13 +81,13 @@ class SweepState:
     unsettled: tuple[str, ...]
 
     def sweep(self, problem: Problem, parameter: str) -> Sweep:
-        """Return the result so far, for its tables of modes and onsets."""
+        """Return the result so far, from which tables of modes and onsets can be made."""
         onsets = tuple(sorted(self.onsets, key=lambda o: o.value))
         return Sweep(problem, parameter, self.points, onsets, self.completeness, dict(self.seconds), self.warnings)
 
 
 def record_of_point(point: SweepPoint) -> Record:
-    """Return a point as arrays, with shapes of a reduced model in its coordinates."""
+    """Return a point as a record; shapes of a reduced model are stored in its coordinates."""
     shapes = point.shapes.coordinates if isinstance(point.shapes, LiftedShapes) else point.shapes
     arrays = {name: getattr(point.modes, name) for name in _NUMBERS}
     arrays |= {"branches": point.branches} | {f"shape_{i}": u for i, u in shapes.items()}
@@ -115,7 +108,7 @@ def record_of_point(point: SweepPoint) -> Record:
 
 
 def point_of_record(record: Record) -> SweepPoint:
-    """Return the point of `record_of_point`."""
+    """Return the point that `record_of_point` made a record of."""
     arrays, data = record
     modes = Modes(
         arrays["lam"], np.zeros((0, len(arrays["lam"]))), None, arrays["backward_error"], arrays["re_uncertainty"],
@@ -134,13 +127,13 @@ def point_of_record(record: Record) -> SweepPoint:
 
 
 def record_of_modes(modes: Modes) -> Record:
-    """Return modes with their shapes as arrays."""
+    """Return modes with their shapes as a record."""
     names = [*_NUMBERS, *(v for v in _VECTORS if getattr(modes, v) is not None)]
     return Record({name: getattr(modes, name) for name in names}, {"method": modes.method})
 
 
 def modes_of_record(record: Record) -> Modes:
-    """Return the modes of `record_of_modes`."""
+    """Return the modes that `record_of_modes` made a record of."""
     a = record.arrays
     return Modes(
         a["lam"], a["right"], a.get("left"), a["backward_error"], a["re_uncertainty"], a["condition"],
@@ -149,7 +142,7 @@ def modes_of_record(record: Record) -> Modes:
 
 
 def record_of_state(state: SweepState) -> Record:
-    """Return a state without its points and first modes, which do not change."""
+    """Return a state as a record, without its points and first modes, which do not change and are stored once."""
     modes = record_of_modes(state.previous)
     data = {
         "points": len(state.points), "onsets": [asdict(o) for o in state.onsets], "warnings": list(state.warnings),
@@ -162,7 +155,7 @@ def record_of_state(state: SweepState) -> Record:
 
 
 def state_of_record(record: Record, first: Modes, points: tuple[SweepPoint, ...]) -> SweepState:
-    """Return the state of `record_of_state`."""
+    """Return the state that `record_of_state` made a record of, with its points and first modes."""
     a, data = record
     return SweepState(
         points, tuple(Onset(**o) for o in data["onsets"]), tuple(data["warnings"]),
@@ -173,5 +166,5 @@ def state_of_record(record: Record, first: Modes, points: tuple[SweepPoint, ...]
 
 
 def lifted(point: SweepPoint, V: np.ndarray) -> SweepPoint:
-    """Return a point of a reduced model with shapes of the problem, V its basis."""
+    """Return a point of a reduced model with shapes of the problem itself; V (n, r) is the model's basis."""
     return replace(point, shapes=LiftedShapes(point.shapes, V))

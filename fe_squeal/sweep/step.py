@@ -16,38 +16,41 @@ from ..problem.problem import Problem
 from ..reduced import ReducedModel, SlowMotions
 from .nodes import Node, node_of
 
-_DEPENDENT = 1e-12  # of the largest eigenvalue of a Gram matrix: directions below are left out of the basis of a step
-_BALANCED = 1e-11  # of |K||z|: what rounding leaves of the forces Kz of a rigid motion, which cancel
-_SPANNED = 1e-4  # of a vector's length: a part outside the rigid motions that is shorter is rounding
-_ALIKE = 1e-6  # of θ, or of λ: how far those of the ends may lie from those of the step model
+_DEPENDENT = 1e-12  # of the largest eigenvalue of a Gram matrix: directions with smaller ones are left out of the basis
+_BALANCED = 1e-11  # of |K||z|: if the forces Kz of a motion are smaller, they are rounding, and the motion is rigid
+_SPANNED = 1e-4  # of a vector's length: if its part outside the rigid motions is shorter, that is rounding
+_ALIKE = 1e-6  # of θ, or of λ: the eigenvalues at the ends may differ so much from those of the step model
 _SMALL = 60  # unknowns up to which the step model is the problem itself
 
 
 class Step:
     """One step of a sweep, with its step model: the projection of the problem on the modes of both ends.
 
-    With right and left modes in the basis the error of an eigenvalue is the product of the two subspace errors. Inside
-    one step that is small enough to tell which modes change stability, and to start Newton's method on the problem.
+    With right and left modes in the basis the error of an eigenvalue is the product of the errors of both. Inside one
+    step this is small enough to see which modes change their stability, and to start Newton's method on the problem.
 
-    The step model is not the reduced model, which holds over the whole sweep: where there is a reduced model, the step
-    model is a projection of that, and otherwise one of the problem itself.
+    The step model is not the reduced model, which is accurate over the whole sweep. If there is a reduced model, the
+    step model is a projection of it; otherwise it is a projection of the problem itself.
 
     Attributes
     ----------
     full : Problem
         The problem itself.
     problem : Problem
-        In whose coordinates the modes are given: that of the reduced model if there is one, else `full`.
+        The problem that the modes are given on, with n unknowns: that of the reduced model if there is one, else
+        `full`.
     reduced_model : ReducedModel or None
     parameter : str
     ends : (float, float)
+        Values of the parameter at both ends.
     model : Problem
-        The step model, r unknowns.
+        The step model, with r unknowns.
     V : (n, r) float
         Its basis, in the coordinates of `problem`.
     MV : (n, r) float
+        The basis times the mass matrix.
     rigid : (n, k) float or None
-        Modes at λ = 0 of either end, M-orthonormal.
+        The modes with λ = 0 at either end, M-orthonormal.
     modes_at_ends : (Modes, Modes)
     """
 
@@ -66,12 +69,13 @@ class Step:
         else:
             vectors = [v for m in modes for v in (m.right, m.left) if v is not None]
             self.V = _orthonormal(np.hstack([p for v in vectors for p in (v.real, v.imag) if p.any()]), M)
-            if self.rigid is not None:  # exactly: what is wrong with them deforms elements, which are stiff
+            if self.rigid is not None:
+                # Rigid motions are put into the basis exactly: even a small error of theirs deforms stiff elements.
                 Z = self.rigid
                 rest = self.V - Z @ (Z.T @ (M @ self.V))
                 size = np.sqrt(np.maximum(np.einsum("ij,ij->j", rest, M @ rest), 0.0))
                 self.V = np.hstack([Z, _orthonormal(rest[:, size > _SPANNED], M)])
-            if self.V.shape[1] == problem.unknowns:  # all modes were asked for: the step model is the problem
+            if self.V.shape[1] == problem.unknowns:  # all modes are in the basis: the step model is the problem itself
                 self.V = np.eye(problem.unknowns)
         self._inside = interpolate(problem, parameter, *values)
         self.model = project(self._inside, self.V)
@@ -93,7 +97,7 @@ class Step:
         return solve_dense(pencil, linear_solver=self.linear_solver)
 
     def shapes(self, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
-        """Return right and left modes of `problem` in the coordinates of the step model, (r, k)."""
+        """Return right and left modes of `problem` in the coordinates of the step model, both (r, k)."""
         pair = (modes.right, modes.right if modes.left is None else modes.left)
         if len(self.V) == self.V.shape[1]:
             return pair
@@ -103,8 +107,8 @@ class Step:
     def end(self, which: int) -> Node:
         """Return the node of one of the ends, 0 or 1.
 
-        Where rounding moves eigenvalues of the ends by more than `_ALIKE`, those of the step model stand for them:
-        these are one and the same smooth function of the parameter at every value.
+        If rounding has moved eigenvalues of the end by more than `_ALIKE`, those of the step model are taken instead:
+        they are smooth functions of the parameter over the whole step.
         """
         node = self._known[which]
         return node if node.shift <= _ALIKE else self.between(self.ends[which])
@@ -118,10 +122,10 @@ class Step:
         return first, second
 
     def between(self, p: float) -> Node:
-        """Return the node of a value between: modes of the step model, up to the highest |λ| known at the ends.
+        """Return the node of a value between the ends: modes of the step model, up to the highest |λ| known at these.
 
-        Rounding of the problem's own matrices is in the step model, too: no eigenvalue is known better than those of
-        the ends that lie nearest to it.
+        The step model contains the rounding of the problem's own matrices. So each eigenvalue is taken to be at least
+        as uncertain as the nearest one at the ends.
         """
         reach = 1.2 * max(float(np.abs(m.lam).max(initial=0.0)) for m in self.modes_at_ends)
         modes = self.modes(p)
@@ -136,9 +140,12 @@ class Step:
         return replace(node, blur=blur, unstable=node.unstable & (node.lam.real > spread))
 
     def free(self, problem: Problem) -> np.ndarray | None:
-        """Return the rigid motions Z of both ends in the coordinates of a problem; None unless KZ = 0 at both ends.
+        """Return the rigid motions Z (n, k) of both ends in the coordinates of a problem; None unless KZ = 0 at both.
 
-        The problem is one of `full`, `problem` and `model`.
+        Parameters
+        ----------
+        problem : Problem
+            `full`, `problem` or `model`.
         """
         if self.rigid is None:
             return None
@@ -153,18 +160,22 @@ class Step:
 
 
 def real_direction(vectors: np.ndarray) -> np.ndarray:
-    """Return the real vector that the columns have in common: the leading left singular vector of their parts."""
+    """Return the real vector (n,) that complex columns (n, k) have in common.
+
+    It is the leading left singular vector of their real and imaginary parts.
+    """
     parts = np.hstack([vectors.real, vectors.imag])
     _, v = np.linalg.eigh(parts.T @ parts)
     return np.asarray(parts @ v[:, -1])
 
 
 def _orthonormal(vectors: np.ndarray, M: sp.csr_array) -> np.ndarray:
-    """Return an M-orthonormal basis of the columns' span."""
-    # Columns of equal length first: left and right vectors may differ in length by any factor.
+    """Return an M-orthonormal basis of the span of the columns."""
+    # Columns are scaled to equal length first, since left and right vectors may differ in length by any factor.
     size = np.sqrt(np.maximum(np.einsum("ij,ij->j", vectors, M @ vectors), 0.0))
     vectors = vectors[:, size > 0] / size[size > 0]
-    for _ in range(2):  # the second pass restores what the squared condition of the Gram matrix cost
+    # The Gram matrix has the squared condition of the columns, which costs accuracy; a second pass restores it.
+    for _ in range(2):
         w, v = np.linalg.eigh(vectors.T @ (M @ vectors))
         keep = w > _DEPENDENT * w.max()
         vectors = np.asarray(vectors @ (v[:, keep] / np.sqrt(w[keep])))

@@ -1,7 +1,7 @@
 """A sweep over one parameter: modes at every value, followed into branches, with the onsets between them.
 
-The name `fe_squeal.sweep` is that of the function and of this folder. So that it always means the function, the package
-imports this file at once; solvers are therefore imported inside the function.
+`fe_squeal.sweep` is the name of the function and of this folder. So that it always means the function, `fe_squeal`
+imports this file at once; to keep that quick, solvers are imported inside the function.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .result import Sweep
     from .state import Store
 
-MODES = 20  # asked for where nothing is said
+MODES = 20  # number of modes, if neither a number nor a highest frequency is given
 
 
 def sweep(
@@ -38,39 +38,75 @@ def sweep(
     store: Store | None = None,
     linear_solver: LinearSolver | str = "auto",
 ) -> Sweep:
-    """Solve for the complex modes at every value of a parameter, track them, and find the onsets.
+    """Solve for the complex modes at every value of a parameter, follow them, and find the onsets of instability.
+
+    The modes satisfy (λ²M + λC + K)u = 0 with λ in rad/s, where M, C and K depend on the parameter; a mode is unstable
+    where Re λ > 0.
 
     Parameters
     ----------
-    values : (m,) float, increasing
+    problem : Problem
+        From `assemble`.
+    values : (m,) float
+        Values of the parameter, ascending, in its unit.
+    parameter : str
+        "mu" (friction coefficient), or the path of another number in the scene, such as "springs.along.stiffness".
     modes : int, optional
-        Number of lowest modes (default 20).
+        Number of modes, those of the lowest frequencies (default 20).
     max_frequency : float, Hz, optional
-        All modes up to here instead.
+        All modes up to this frequency, instead of a number of modes.
+    tolerance : float
+        For the backward error of every mode, relative.
     keep_shapes : bool
-        Keep the shapes of all modes at the last value, not of the unstable ones alone.
+        Whether to keep the shapes of all modes at the last value; those of unstable modes are kept at every value.
     method : "auto", "direct", "reduced" or "modal"
-        A solve at every value; a reduced model that holds over the sweep within the tolerance; or a projection on the
-        modes without friction and damping, whatever its error. "auto" takes the reduced model where that pays.
+        "direct" solves the problem itself at every value; "reduced" solves a reduced model that meets the tolerance
+        over the whole sweep; "modal" projects on the modes without friction and damping, whatever error this makes.
+        "auto" is "reduced" where that is faster, else "direct".
     precise : bool
-        Refine onsets on the problem itself, a few factorisations each, also where the problem is large and those of
-        the reduced model are sure to 1e-7 of the value.
-    progress : callable of (values done, values in all)
+        Whether to refine onsets on the problem itself, with a few factorisations each, even if the problem is large and
+        the reduced model gives them to 1e-7 of their value.
+    progress : callable of (int, int)
+        Gets the number of values done, and of all values.
     store : Store, optional
-        Where every finished value is kept, and from which the sweep goes on if it holds some.
-    linear_solver : "auto", "pardiso", "superlu" or LinearSolver
-        What factorises sparse matrices, see `fe_squeal.eigen.linear`; "auto" is PARDISO where it can be loaded, else
-        SuperLU. Static states under preload that the sweep solves anew take it too.
+        Keeps every finished value. If it has some already, the sweep continues after them.
+    linear_solver : "auto", "pardiso", "superlu", "mumps" or LinearSolver
+        What factorises sparse matrices, see `fe_squeal.eigen.linear`; "auto" is PARDISO if it can be loaded, else
+        SuperLU. Static states under preload that the sweep solves anew use it too.
+
+    Returns
+    -------
+    Sweep
 
     Raises
     ------
     SceneError
-        Values that are empty, not finite or not increasing; a parameter that the problem does not have; no static state
-        at the first value; a linear solver that is not there.
+        The values are empty, not finite or not ascending; the problem does not have the parameter; there is no static
+        state at the first value; or the linear solver is not installed.
     NotConvergedError
-        `partial` is the sweep so far (None if no value was finished).
+        Modes were not found at some value; `partial` is the sweep so far (None if no value was finished).
+    TooLargeError
+        The problem does not fit into memory.
     KeyboardInterrupt
-        With the sweep so far as its argument.
+        Ctrl-C; its argument is the sweep so far (None if no value was finished).
+
+    Examples
+    --------
+    Two masses on springs, coupled by friction. Their θ = 1.5 ± √(1/4 − μ²) meet at μ = 0.5.
+
+    >>> import scipy.sparse as sp
+    >>> from fe_squeal.problem.problem import Problem
+    >>> from fe_squeal.problem.terms import Term
+    >>> terms = (
+    ...     Term("inertia", "M", sp.eye_array(2, format="csr"), symmetric=True),
+    ...     Term("springs", "K", sp.csr_array([[1.0, 0.0], [0.0, 2.0]]), symmetric=True),
+    ...     Term("friction", "K", sp.csr_array([[0.0, 1.0], [-1.0, 0.0]]), symmetric=False, powers={"mu": 1}),
+    ... )
+    >>> result = sweep(Problem(terms, {"mu": 0.0}), [0.0, 0.4, 0.8], modes=2)
+    >>> [(o.kind, round(o.value, 6)) for o in result.onsets]
+    [('flutter', 0.5)]
+    >>> result.points[-1].modes.lam.round(4)
+    array([ 0.2498+1.25j, -0.2498+1.25j])
     """
     from ..eigen.linear.choice import choose
     from ..eigen.request import Request
@@ -100,7 +136,8 @@ def sweep(
         except (NotConvergedError, SceneError) as error:
             if store is not None:
                 store.flush()
-            # A scene may cease to make sense at some value (a contact opens): the sweep ends there and keeps the rest.
+            # A scene may not have a solution from some value on (a contact opens): the sweep ends and keeps what it
+            # has.
             text = f"{parameter} = {value:g}: {error}"
             if isinstance(error, SceneError) and not tracker.points:
                 raise SceneError(text) from error
@@ -119,17 +156,33 @@ def sweep(
 
 
 def find_onsets(
-    problem: Problem, values: np.ndarray, parameter: str = "mu", modes: int = 20,
+    problem: Problem, values: Sequence[float] | np.ndarray, parameter: str = "mu", modes: int = MODES,
     linear_solver: LinearSolver | str = "auto",
 ) -> tuple[Onset, ...]:  # fmt: skip
     """Return the critical values of a parameter between the first and the last of the given values, to full precision.
 
     Parameters
     ----------
-    values : (m,) float, increasing
-        Where modes are solved for; critical values are refined between them.
-    linear_solver : "auto", "pardiso", "superlu" or LinearSolver
-        As of `sweep`.
+    problem : Problem
+        From `assemble`.
+    values : (m,) float
+        Values of the parameter, ascending, at which modes are solved for; critical values are found between them.
+    parameter : str
+        "mu" (friction coefficient), or the path of another number in the scene.
+    modes : int
+        Number of modes, those of the lowest frequencies.
+    linear_solver : "auto", "pardiso", "superlu", "mumps" or LinearSolver
+        As for `sweep`.
+
+    Returns
+    -------
+    tuple of Onset
+        Ascending.
+
+    Raises
+    ------
+    SceneError, NotConvergedError, TooLargeError
+        As `sweep`.
     """
     return sweep(problem, values, parameter, modes=modes, precise=True, linear_solver=linear_solver).onsets
 
@@ -139,5 +192,5 @@ def _checked(problem: Problem, parameter: str, values: Sequence[float] | np.ndar
     if grid.ndim != 1 or not len(grid) or not np.isfinite(grid).all() or (np.diff(grid) <= 0).any():
         raise SceneError(f"sweep: given the values {values}; expected finite numbers that increase, at least one")
     if len(grid) > 1:
-        problem.value(parameter)  # raises where there is none
+        problem.value(parameter)  # raises SceneError if the problem does not have it
     return grid

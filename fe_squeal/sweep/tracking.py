@@ -1,4 +1,4 @@
-"""Following modes from one parameter value to the next, by shape and eigenvalue together."""
+"""Follow modes from one value of the parameter to the next, by shape and eigenvalue together."""
 
 from __future__ import annotations
 
@@ -10,22 +10,26 @@ from scipy.optimize import linear_sum_assignment
 
 from ..eigen.pencil import Modes
 
-_FREQUENCY_SCALE = 0.02  # relative change of an eigenvalue that costs half of what a wholly different shape costs
-_NO_MATCH = 1.5  # cost from which a mode counts as new
-_DOUBT = 0.4  # change of shape, 1 − MAC, from which a mode is followed in smaller steps
-_EQUAL = 1e-3  # relative distance below which shapes may have mixed
+_FREQUENCY_SCALE = 0.02  # of |λ|: a change of λ by this costs 1/2, as much as a change of shape to MAC = 1/2
+_NO_MATCH = 1.5  # cost from which on a mode counts as new
+_DOUBT = 0.4  # 1 − MAC: a mode whose shape changes by more than this is followed in smaller steps
+_EQUAL = 1e-3  # of |λ|: the shapes of modes whose eigenvalues are closer than this may have mixed
 
 
 def modal_assurance(a: np.ndarray, b: np.ndarray, M: sp.csr_array) -> np.ndarray:
-    """Return |a_iᴴ M b_j|² / (a_iᴴ M a_i · b_jᴴ M b_j), the MAC weighted by mass.
+    """Return the modal assurance criterion (MAC) weighted by mass: |a_iᴴ M b_j|² / (a_iᴴ M a_i · b_jᴴ M b_j).
 
     Parameters
     ----------
-    a : (n, k), b : (n, l)
+    a, b : (n, k) and (n, l) float or complex
+        Shapes; their lengths do not matter.
+    M : (n, n) sparse or dense
+        Mass matrix.
 
     Returns
     -------
-    (k, l) float in [0, 1]
+    (k, l) float
+        From 0 to 1.
     """
     Ma, Mb = M @ a, M @ b
     size = np.sqrt(np.outer(_energy(a, Ma), _energy(b, Mb)))
@@ -35,14 +39,14 @@ def modal_assurance(a: np.ndarray, b: np.ndarray, M: sp.csr_array) -> np.ndarray
 
 @dataclass(frozen=True)
 class Match:
-    """How the modes of one value continue those of the value before.
+    """How the modes at one value continue those at the value before.
 
     Attributes
     ----------
     origin : (k,) int
-        For each current mode the position of the previous one that it continues, or −1 for a new one.
+        For each current mode the position of the previous mode that it continues; −1 for a new mode.
     doubtful : (k,) bool
-        Whether the shape has changed so much that a value in between is needed to tell which mode continues.
+        Whether the shape has changed so much that modes at a value in between are needed to follow it.
     """
 
     origin: np.ndarray
@@ -50,12 +54,19 @@ class Match:
 
 
 def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> Match:
-    """Find for each mode the one that it continues.
+    """Find for each mode the mode at the value before that it continues.
 
-    The assignment minimises the sum of 1 − MAC and x/(1 + x), x the relative change of λ in units of 2 %. In a
-    coupled pair λ, −λ* both shapes resemble both predecessors alike; there the growing mode continues the growing one,
-    and where two uncoupled modes have merged, the lower of them. Where a pair couples or comes apart shapes change
-    abruptly, and within a multiple eigenvalue they are arbitrary; such modes are not doubtful.
+    The assignment minimises the sum of the costs 1 − MAC and x/(1 + x), where x is the relative change of λ in units of
+    2 %. In a coupled pair λ, −λ* both shapes resemble both modes before. Then the growing mode continues the growing
+    one, or the one of lower frequency if the two modes were not coupled before. Where a pair couples or comes apart
+    shapes change abruptly, and within a multiple eigenvalue they are arbitrary: such modes are not doubtful.
+
+    Parameters
+    ----------
+    previous, current : Modes
+        With shapes of n unknowns.
+    M : (n, n) sparse or dense
+        Mass matrix, for the MAC.
     """
     origin = np.full(len(current), -1)
     if not len(previous) or not len(current):
@@ -65,7 +76,7 @@ def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> Match:
     moved = np.divide(distance, size + distance, out=np.zeros_like(distance), where=distance > 0)
     assurance = modal_assurance(previous.right, current.right, M)
     cost = 1 - assurance + moved
-    # Among modes of equal frequency a growing one continues a growing one: growth begins and ends at onsets alone.
+    # A mode that grows continues one that grows, if there is a choice: growth begins and ends only at onsets.
     changed = np.abs(_sign(previous)[:, None] - _sign(current)[None, :]) / 2
     rows, columns = linear_sum_assignment(cost + changed)
     taken = np.full(len(current), np.inf)
@@ -75,8 +86,8 @@ def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> Match:
     before, now = mirror_partners(previous), mirror_partners(current)
     _order_pairs(origin, previous.lam, current.lam, before, now)
     coupling = (now >= 0) | ((origin >= 0) & (before[origin] >= 0))
-    # Shapes of equal frequency may be any combination of each other: what counts is how much of a mode lies in all of
-    # them together.
+    # Shapes of equal frequency may be any linear combination of each other. So a mode is compared with the span of all
+    # shapes of nearly equal frequency before.
     near = np.abs(previous.lam[:, None] - previous.lam[None, :]) <= _EQUAL * np.abs(previous.lam)[:, None]
     group = near.astype(float) @ assurance
     kept = np.where(origin >= 0, group[origin, np.arange(len(current))], 0.0)
@@ -85,9 +96,9 @@ def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> Match:
 
 
 def mirror_partners(modes: Modes) -> np.ndarray:
-    """Return for each mode the position of its mirror image −λ*, or −1.
+    """Return (k,) int for each mode the position of its mirror image −λ*, or −1 if it has none.
 
-    Only an undamped spectrum has them: a coupled pair is one growing and one decaying mode of the same frequency.
+    Mirror images exist without damping: a coupled pair is a growing and a decaying mode of the same frequency.
     """
     lam, found = modes.lam, np.full(len(modes), -1)
     for i in np.flatnonzero(_sign(modes) > 0):
@@ -102,14 +113,18 @@ def mirror_partners(modes: Modes) -> np.ndarray:
 def _order_pairs(
     origin: np.ndarray, lam_before: np.ndarray, lam_now: np.ndarray, before: np.ndarray, now: np.ndarray
 ) -> None:
-    """Let modes of equal rank continue each other where a pair couples, stays coupled or comes apart (see match_modes).
+    """Change `origin` where a pair couples, stays coupled or comes apart: modes of equal rank continue each other.
 
-    Coupled modes rank by growth, others by falling frequency.
+    Coupled modes rank by growth, others by falling frequency, as `match_modes` says.
 
     Parameters
     ----------
-    before, now : (k,) int
-        Mirror partners, or −1.
+    origin : (k,) int
+        As in `Match`; changed in place.
+    lam_before, lam_now : (l,) and (k,) complex, rad/s
+        Eigenvalues at the value before and at this one.
+    before, now : (l,) and (k,) int
+        Positions of their mirror images, or −1.
     """
     coupled = [(i, j) for i, j in enumerate(now) if i < j]
     parted = [
@@ -122,7 +137,7 @@ def _order_pairs(
         p, q = origin[i], origin[j]
         if p < 0 or q < 0:
             if now[i] == j and (lam_now[i].real > lam_now[j].real) == (p < 0):
-                origin[i], origin[j] = q, p  # of the two predecessors only one is known: the growing mode continues it
+                origin[i], origin[j] = q, p  # only one of the two modes before is known: the growing mode continues it
             continue
         rank_now = lam_now[[i, j]].real if now[i] == j else -lam_now[[i, j]].imag
         rank_before = lam_before[[p, q]].real if before[p] == q else -lam_before[[p, q]].imag

@@ -1,4 +1,4 @@
-"""Warnings that follow from modes themselves: frequencies lost in rounding, or lowered by the penalty of a tie."""
+"""Warnings that follow from the modes: frequencies lost in rounding, or lowered by the finite stiffness of a tie."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from ..eigen.pencil import Modes
 from ..eigen.quality import ROUNDING
 from ..problem.problem import Problem
 
-_ROUGH = 1e-4  # relative error of a frequency from which on there is a warning
-_SOFT_TIE = 5e-3  # relative drop of a frequency by the penalty of a tie from which on there is a warning; chosen like
-# what the error of a mesh usually is
+_ROUGH = 1e-4  # of a frequency: there is a warning if its error by rounding is larger
+# Of a frequency: there is a warning if the finite stiffness of a tie lowers it by more. Chosen: the error of a mesh is
+# usually of this size.
+_SOFT_TIE = 5e-3
 
 
 def rounding_warnings(modes: Modes) -> list[str]:
-    """Return a sentence about modes at zero, and one about those whose frequency is lost in rounding of the entries."""
+    """Return a sentence about modes with λ = 0, and one about modes whose frequency is lost in rounding of entries."""
     warnings = []
     free, lam = modes.lam == 0, np.abs(modes.lam)
     if free.any():
@@ -34,10 +35,10 @@ def rounding_warnings(modes: Modes) -> list[str]:
 
 
 def tie_warnings(problem: Problem, modes: Modes) -> list[str]:
-    """Return a sentence for each tied contact whose stiffness lets frequencies drop.
+    """Return a sentence for each tied contact that is so soft that it lowers frequencies.
 
-    A tie is a penalty: its energy share e = φᴴK_tφ / φᴴKφ is d ln θ / d ln k, and for θ = θ_∞ − a/k, as a stiff tie
-    has, θ lies below θ_∞ by just e θ.
+    A tie has a stiffness k for each area. Its share e = φᴴK_tφ / φᴴKφ in the energy of a mode is d ln θ / d ln k. For a
+    stiff tie θ = θ_∞ − a/k, and so θ is lower than θ_∞, that of a rigid tie, by e θ.
     """
     found = []
     for name in dict.fromkeys(t.name for t in problem.terms if t.penalty):

@@ -1,4 +1,4 @@
-"""Seeded damage to scenes and files, and what the command may do with the result."""
+"""Random damage to scenes and files, and what the command may do with the result."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import pytest
 
 from fe_squeal.cli import main
 
-SECONDS = 10.0  # of this process's time: what the slowest input may take; most take hundredths
+SECONDS = 10.0  # CPU time that the slowest input may take; most take hundredths of a second
 Rng = np.random.Generator
 
 ODD = [
@@ -35,12 +35,12 @@ SNIPPETS = [
 
 
 class TooSlowError(BaseException):
-    """Not an Exception, so that nothing takes it for a fault of its own."""
+    """An input took too long. It is no Exception, so that no handler of the program catches it."""
 
 
 @contextmanager
 def time_limit(seconds: float = SECONDS) -> Iterator[None]:
-    """Raise TooSlowError behind so many seconds of this process, however busy the machine is."""
+    """Raise TooSlowError if the block takes more CPU time of this process, however busy the machine is."""
 
     def late(*_: object) -> None:
         raise TooSlowError
@@ -55,7 +55,7 @@ def time_limit(seconds: float = SECONDS) -> Iterator[None]:
 
 
 def dump(data: dict[str, Any]) -> str:
-    """Return TOML, inner tables in one line each."""
+    """Return nested tables as TOML; each inner table is written in one line."""
     return "\n".join(f"{_key(key)} = {_value(value)}" for key, value in data.items()) + "\n"
 
 
@@ -78,7 +78,7 @@ def _value(value: Any) -> str:
 
 
 def places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Return the paths of everything inside nested tables and lists."""
+    """Return the paths of all entries of nested tables and lists."""
     inner = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
     return [place for key, value in inner for place in ((*path, key), *places(value, (*path, key)))]
 
@@ -90,7 +90,7 @@ def holder(data: Any, place: tuple[Any, ...]) -> Any:
 
 
 def mutated_data(base: dict[str, Any], rng: Rng) -> dict[str, Any]:
-    """Return a scene with one to three faults: odd values, what is missing, doubled, renamed, swapped or nested."""
+    """Return a scene with one to three faults: odd values, and entries that are missing, doubled, renamed or moved."""
     data = copy.deepcopy(base)
     for _ in range(rng.choice([1, 1, 1, 2, 3])):
         known = places(data)
@@ -124,7 +124,7 @@ def mutated_data(base: dict[str, Any], rng: Rng) -> dict[str, Any]:
 
 
 def mutated_bytes(base: bytes, rng: Rng) -> bytes:
-    """Return a file with some bytes flipped, cut off, doubled, moved, or with something else in between."""
+    """Return the content of a file with some bytes flipped, cut off, doubled, moved, or with other bytes inserted."""
     data = bytearray(base)
     for _ in range(rng.choice([1, 1, 2, 3])):
         at = int(rng.integers(len(data) + 1))

@@ -25,7 +25,7 @@ from fe_squeal.cli import main
 from fe_squeal.eigen.memory import peak_memory_mib
 from fe_squeal.errors import MeshError, OutputError, SceneError
 from fe_squeal.mesh import load_mesh
-from fe_squeal.run.measurements import Measurements
+from fe_squeal.run.measurements import MeasurementFolder
 from fe_squeal.scene.file import load_scene
 
 NODES = "1, 0., 0., 0.\n2, 1., 0., 0.\n3, 0., 1., 0.\n4, 0., 0., 1.\n5, 1., 1., 1.\n"
@@ -239,7 +239,7 @@ def test_files_larger_than_the_memory_are_not_read(name: str, tmp_path: Path) ->
 
 
 def test_damaged_measurements_are_told(tmp_path: Path) -> None:
-    store = Measurements(tmp_path)
+    store = MeasurementFolder(tmp_path)
     for content in (b"", b"PK", b"\x93NUMPY"):
         (tmp_path / "probes.npy").write_bytes(content)
         (tmp_path / "a.npz").write_bytes(content)

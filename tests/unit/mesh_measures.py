@@ -17,7 +17,7 @@ def _one(w):
 
 
 def volume(mesh, elements=None):
-    """Volume, exact for the quadratic maps here (degree 6 at most)."""
+    """Return the volume of a mesh; the quadrature is exact for its quadratic maps (degree 6 at most)."""
     return _one.assemble(Basis(mesh, mesh.elem(), intorder=8, elements=elements))
 
 
@@ -26,12 +26,12 @@ def area(mesh, facets):
 
 
 def centre(mesh, facets):
-    """Mean corner of the facets."""
+    """Return the mean (3,) of the corners of some facets."""
     return mesh.p[:, np.unique(mesh.facets[:, facets])].mean(axis=1)
 
 
 def single(kind, move=lambda x: x):
-    """One cell of a kind, its reference nodes moved."""
+    """Return one cell of a kind, with its reference nodes moved."""
     nodes = np.arange(len(REFERENCE[kind]))
     return RawMesh(
         move(REFERENCE[kind]), nodes + 1, (CellBlock(kind, nodes[None], np.array([7])),), {"body": np.array([0])}, {}
@@ -39,9 +39,9 @@ def single(kind, move=lambda x: x):
 
 
 def grid_of_kinds(n, kinds, move, seed):
-    """An n^3 grid of unit cubes cut into the kinds in turn; linear or quadratic; nodes numbered at random.
+    """Return a grid of n³ unit cubes cut into cells of some kinds in turn; its nodes are numbered at random.
 
-    "pyramid" cubes consist of six pyramids about their centre.
+    The cubes of "pyramid" consist of six pyramids about their centre.
     """
     rng = np.random.default_rng(seed)
     places: dict[tuple, int] = {}
@@ -60,7 +60,7 @@ def grid_of_kinds(n, kinds, move, seed):
         "pyramid": [np.vstack([cube[list(f)], [[0.5] * 3]]) for f in sides],
     }
     for i, corner in enumerate(product(range(n), repeat=3)):
-        kind = kinds[i // n % len(kinds)]  # by columns: the triangles of wedges must meet
+        kind = kinds[i // n % len(kinds)]  # all cubes of a column have one kind, since triangles of wedges have to fit
         for shape in base[SHAPE[kind]]:
             x = shape_functions(SHAPE[kind], REFERENCE[kind]) @ (shape + np.array(corner))
             cells.setdefault(kind, []).append([node(p) for p in x])

@@ -22,7 +22,7 @@ from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.cli import main
 from fe_squeal.errors import NotConvergedError, SceneError
 from fe_squeal.run.accuracy import study_scene
-from fe_squeal.run.measurements import Measurements
+from fe_squeal.run.measurements import MeasurementFolder
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def study_with(tiny, tmp_path, monkeypatch, stop_after=None, budget=None, second
         return replace(found, seconds={"assembly": seconds}), np.zeros((1, 4))
 
     monkeypatch.setattr(study_module, "measure_apart", made_up)
-    store = Measurements(tmp_path / "kept")
+    store = MeasurementFolder(tmp_path / "kept")
     try:
         found = run_study(load_scene(tiny), store, budget, progress=lambda *told: said.append(told))
     except KeyboardInterrupt as stop:
@@ -139,7 +139,7 @@ def measured(tiny, tmp_path_factory):
     """Folder of measurements of some settings, the settings, and their study."""
     scene, folder = load_scene(tiny), tmp_path_factory.mktemp("measured")
     settings = [s for s in plan(scene) if s.size > 0.019 and s.knob in ("size", "modes") and s.modes == 8]
-    return folder, settings, run_study(scene, Measurements(folder), None, settings)
+    return folder, settings, run_study(scene, MeasurementFolder(folder), None, settings)
 
 
 @pytest.mark.slow
@@ -155,7 +155,7 @@ def test_study_is_resumed_and_bounded(tiny, measured, tmp_path):
     files = {p.name: p.stat().st_mtime_ns for p in tmp_path.glob("*.npz")}
     missing = next(iter(files))
     (tmp_path / missing).unlink()
-    again = run_study(scene, Measurements(tmp_path), 1e-9, settings)
+    again = run_study(scene, MeasurementFolder(tmp_path), 1e-9, settings)
     assert len(again.measurements) == len(settings) - 1 and len(again.left_out) == 1
     assert "budget" in again.left_out[0][1]
     assert {p.name: p.stat().st_mtime_ns for p in tmp_path.glob("*.npz")} == {
@@ -165,7 +165,7 @@ def test_study_is_resumed_and_bounded(tiny, measured, tmp_path):
 
 def test_nothing_within_the_budget(tiny, tmp_path):
     with pytest.raises(NotConvergedError, match="nothing could be measured"):
-        run_study(load_scene(tiny), Measurements(tmp_path), 1e-9)
+        run_study(load_scene(tiny), MeasurementFolder(tmp_path), 1e-9)
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from closed_forms import exact_frequencies, sliding_block, sliding_plate, wave_s
 from fe_squeal import parse_scene
 from fe_squeal.accuracy.settings import Setting
 from fe_squeal.accuracy.study import run_study
-from fe_squeal.run.measurements import Measurements
+from fe_squeal.run.measurements import MeasurementFolder
 
 SPEEDS = wave_speeds(**STEEL)
 
@@ -85,7 +85,7 @@ def test_reference_of_a_study(tmp_path):
     """Errors against exact frequencies, whose own uncertainty is nothing, on meshes of which none is fine."""
     scene, exact = sliding_scene("hex", 1, 0.02)
     settings = [Setting(order, 0.04, 14, "reduced", 1e-8, estimated=order == 2) for order in (1, 2)]
-    study = run_study(scene, Measurements(tmp_path), None, settings, exact=exact_frequencies(scene, 30))
+    study = run_study(scene, MeasurementFolder(tmp_path), None, settings, exact=exact_frequencies(scene, 30))
     assert study.exact and study.reference.uncertainty.frequency == 0.0
     np.testing.assert_allclose(np.sort(study.reference.lam.imag)[:8], 2 * np.pi * exact, rtol=1e-14)
     fine = study.measurements[study.settings.index(settings[1])]

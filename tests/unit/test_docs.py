@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import pkgutil
 import re
 import shutil
@@ -82,6 +83,40 @@ def test_architecture_names_what_is_there() -> None:
         missing += [] if there else [name]
         seen += 1
     assert seen > 80 and not missing
+
+
+def _raised(function: ast.AST) -> set[str]:
+    """Return the names of this program's errors that a function raises itself, not in functions inside it."""
+    found: set[str] = set()
+    for node in ast.iter_child_nodes(function):
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and isinstance(node.exc.func, ast.Name):
+            found.add(node.exc.func.id)
+        if not isinstance(node, ast.FunctionDef | ast.Lambda):
+            found |= _raised(node)
+    return found & {"SceneError", "MeshError", "OutputError", "TooLargeError", "NotConvergedError"}
+
+
+def test_docstrings_of_shared_functions_name_errors_and_shapes() -> None:
+    """What another module imports has a docstring, which names the errors raised in its body and shapes of arrays."""
+    trees = {p: ast.parse(p.read_text(encoding="utf-8")) for p in sorted((ROOT / "fe_squeal").rglob("*.py"))}
+    imports = [node for tree in trees.values() for node in tree.body if isinstance(node, ast.ImportFrom)]
+    imported = {alias.name for node in imports for alias in node.names}
+    shape, array = re.compile(r"\([^()]*[\w…](?:,[^()]*)?\)"), re.compile("ndarray|Floats|Ints|Complexes|Integers")
+    seen, lacking = 0, []
+    for path, tree in trees.items():
+        if path.parent.name == "commands":  # the docstring of a command is its help on the terminal
+            continue
+        shared = [n for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name in imported]
+        methods = [m for n in shared if isinstance(n, ast.ClassDef) for m in n.body if isinstance(m, ast.FunctionDef)]
+        for node in (n for n in [*shared, *methods] if not n.name.startswith("_")):
+            text, where = ast.get_docstring(node) or "", f"{path.name}: {node.name}"
+            lacking += [] if text else [where]
+            if isinstance(node, ast.FunctionDef):
+                lacking += [f"{where}: {error}" for error in _raised(node) if error not in text]
+                annotations = [ast.unparse(a.annotation) for a in node.args.args if a.annotation is not None]
+                lacking += [f"{where}: shape"] if any(map(array.search, annotations)) and not shape.search(text) else []
+            seen += 1
+    assert seen > 900 and not lacking
 
 
 def test_every_picture_is_shown() -> None:

@@ -183,7 +183,8 @@ def test_differences_are_counted() -> None:
     known = {"version": "1", "scene": {"a": [{"b": k} for k in range(6)]}, "content": {}}
     given = {"version": "1", "scene": {"a": [{"b": -k} for k in range(6)]}, "content": {}}
     assert len(differences(known, given)) == 5
-    assert fe_squeal.run.inputs.listed(differences(known, given)).endswith("a[3].b is 3 there and -3 here; and 2 more")
+    told = fe_squeal.run.inputs.joined_differences(differences(known, given))
+    assert told.endswith("a[3].b is 3 there and -3 here; and 2 more")
     assert differences(known, known) == []
 
 

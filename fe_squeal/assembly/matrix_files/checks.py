@@ -15,7 +15,15 @@ _MOST_ROWS = 20_000_000  # the row pointers alone are 160 MB; a damaged header c
 
 
 def checked(matrix: Any, source: str) -> sparse.csr_array:
-    """Return a real, square and finite matrix as float64 with sorted indices, no duplicates and no zeros."""
+    """Return a matrix as (n, n) sparse float with sorted indices, without duplicates and zeros.
+
+    Raises
+    ------
+    SceneError
+        The matrix is complex, not square, or has entries that are not finite or absurdly large.
+    ValueError
+        Its index pointers or indices are wrong.
+    """
     check_shape(matrix.shape, source)
     if matrix.dtype.kind == "c":
         raise SceneError(no_complex(source))
@@ -48,7 +56,7 @@ def checked(matrix: Any, source: str) -> sparse.csr_array:
 
 
 def check_shape(shape: tuple[int, ...], source: str) -> None:
-    """Refuse what is not square, empty or absurdly large."""
+    """Raise SceneError for a shape that is not square, is empty or is absurdly large."""
     sizes = sizes_of(shape)
     if len(shape) != 2 or shape[0] != shape[1]:
         what = f"of {sizes}" if len(shape) > 1 else f"one row of {sizes} numbers" if shape else "a single number"
@@ -59,7 +67,13 @@ def check_shape(shape: tuple[int, ...], source: str) -> None:
 
 
 def coordinates(table: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return rows and columns, counted from 0, and values of a table of them with numbers counted from 1."""
+    """Return rows and columns (m,) int, counted from 0, and values (m,) of a table (m, 3) that counts from 1.
+
+    Raises
+    ------
+    ValueError
+        The table does not have three columns, or a row or column is not a whole number from 1 to n.
+    """
     if table.shape[1] != 3:
         raise ValueError(f"{table.shape[1]} numbers per entry; expected row, column and value")
     if not np.all((table[:, :2] == np.floor(table[:, :2])) & (table[:, :2] >= 1) & (table[:, :2] <= n)):

@@ -40,7 +40,17 @@ class _Variable(NamedTuple):
 
 
 def read_matlab(data: bytes, variable: str | None, source: str) -> Any:
-    """Read a .mat file; not with scipy.io.loadmat, which crashes Python at unknown type codes of damaged files."""
+    """Return the matrix of a .mat file.
+
+    scipy.io.loadmat is not used, since unknown type codes in damaged files crash Python there.
+
+    Raises
+    ------
+    SceneError
+        It is a file of MATLAB 7.3, the matrix is complex, there is no such variable, or several and none is named.
+    ValueError
+        The file is damaged.
+    """
     if b"\x89HDF\r\n" in (data[:6], data[512:518]):  # at 0 as Octave writes it
         raise SceneError(f"{source}: a MATLAB 7.3 file (HDF5) is not read; save it with -v7")
     contents = _level4(data) if 0 in data[:4] else _level5(data, source)

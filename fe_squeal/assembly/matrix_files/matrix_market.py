@@ -16,7 +16,15 @@ _COMMENTS, _LINE = 1_000_000, 128  # bytes: of a header with its comments at mos
 
 
 def read_matrix_market(data: bytes, source: str) -> sparse.coo_array:
-    """Read the text strictly: scipy.io.mmread takes 1.5D+03 for 1.5, 0x10 for 0 and the integer 9.7 for 9."""
+    """Return the matrix of a Matrix Market file, which is read strictly.
+
+    scipy.io.mmread is not used, since it takes 1.5D+03 for 1.5, 0x10 for 0 and the integer 9.7 for 9.
+
+    Raises
+    ------
+    SceneError
+        The file is not in this format, or its numbers or their count are wrong.
+    """
     stream = io.BytesIO(data)
     layout, symmetry, n, sizes = _header(stream, source)
     body = stream.read().translate(bytes.maketrans(b"Dd", b"Ee"))  # as Fortran writes exponents

@@ -22,7 +22,15 @@ _INDICES = {
 
 
 def read_array(data: bytes, source: str, kinds: str) -> np.ndarray:
-    """Read an .npy file without the code that could unpickle; the data must fill exactly the shape of the header."""
+    """Return the array of an .npy file, read without any unpickling.
+
+    Raises
+    ------
+    SceneError
+        The array has another kind of numbers than those in `kinds` (NumPy's letters).
+    ValueError
+        The data do not fill exactly the shape of the header, or it is no such file.
+    """
     stream = io.BytesIO(data)
     version = npy.read_magic(stream)
     if version not in ((1, 0), (2, 0)):
@@ -48,7 +56,15 @@ def _promised(head: bytes) -> tuple[int, int]:
 
 
 def read_scipy_sparse(data: bytes, source: str) -> Any:
-    """Read what scipy.sparse.save_npz wrote, with the arrays checked before SciPy sees them."""
+    """Return the matrix that scipy.sparse.save_npz wrote; its arrays are checked before SciPy gets them.
+
+    Raises
+    ------
+    SceneError
+        An array is missing or has another kind of numbers, or the matrix is not square or too large for the memory.
+    ValueError
+        The arrays do not make a sparse matrix of a known format.
+    """
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         names = [name.removesuffix(".npy") for name in archive.namelist()]
         if missing := {"format", "shape", "data"} - set(names):

@@ -128,8 +128,15 @@ def write_springs(content: Content, points: Mapping[int, list[dict[str, Value]]]
 
     Parameters
     ----------
-    points : mapping of row to list
-        What takes the springs of each reference node, as tables of the scene.
+    content : Content
+        Of the deck; the springs are added to its scene.
+    points : mapping of int to list of dict
+        By the row of a reference node, the tables of the scene that take springs at this node.
+
+    Raises
+    ------
+    MeshError
+        A *Spring or *Dashpot of the deck is wrong.
     """
     links = [(scope, link) for scope, link in links_of(content) if link.kind.startswith(("SPRING", "DASHPOT"))]
     given = {s.block.value("ELSET").upper() for s in content.springs}
@@ -272,6 +279,7 @@ def held_at(content: Content, row: int) -> set[int]:
 
 
 def links_of(content: Content) -> list[tuple[str, Links]]:
+    """Return the springs, dampers and masses of a deck, each with the key of its part or instance ("" for neither)."""
     model = content.model
     scopes = [("", model.assembly), *model.parts.items(), *((k, item.scope) for k, item in model.instances.items())]
     return [(key, link) for key, scope in scopes for link in scope.links]

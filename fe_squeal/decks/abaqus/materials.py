@@ -181,7 +181,13 @@ def material_name(content: Content, key: str) -> str:
 
 
 def write_bodies(content: Content) -> None:
-    """Write a body for each section and instance, or one for each instance that a section fills."""
+    """Write a body for each section and instance, or one for each instance that a section fills.
+
+    Raises
+    ------
+    MeshError
+        A section of the deck is wrong.
+    """
     taken: list[str] = []
     groups = content.loaded.mesh.subdomains or {}
     covered = np.zeros(content.loaded.mesh.nelements, bool)

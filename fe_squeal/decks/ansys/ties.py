@@ -16,7 +16,13 @@ _MASS = 21
 
 
 def write_ties(content: Content) -> None:
-    """Write [[rigid]] for each reference node of CERIG, with its mass, inertia and held freedoms."""
+    """Write [[rigid]] for each reference node of CERIG, with its mass, inertia and held freedoms.
+
+    Raises
+    ------
+    MeshError
+        A command of the deck is wrong.
+    """
     slaves: dict[int, list[str]] = {}
     places: dict[int, str] = {}
     for fields, where in content.lines:

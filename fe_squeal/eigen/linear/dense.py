@@ -29,15 +29,15 @@ class DenseFactor:
                 raise NotConvergedError(f"LAPACK: the matrix cannot be factorised: {error}") from error
 
     def solve(self, b: np.ndarray) -> np.ndarray:
-        """Return A⁻¹ b."""
+        """Return A⁻¹ b for b (n,) or (n, k)."""
         return self._apply(self._rows, b, 0, self._columns)
 
     def solve_transposed(self, b: np.ndarray) -> np.ndarray:
-        """Return A⁻ᵀ b."""
+        """Return A⁻ᵀ b for b (n,) or (n, k)."""
         return self._apply(self._columns, b, 1, self._rows)
 
     def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
-        """Return A⁻ᴴ b."""
+        """Return A⁻ᴴ b for b (n,) or (n, k)."""
         return self._apply(self._columns, b, 2, self._rows)
 
     def _apply(self, before: np.ndarray, b: np.ndarray, which: int, after: np.ndarray) -> np.ndarray:

@@ -28,10 +28,10 @@ class Factor(Protocol):
         """Return A⁻¹ b for b (n,) or (n, k), real or complex."""
 
     def solve_transposed(self, b: np.ndarray) -> np.ndarray:
-        """Return A⁻ᵀ b."""
+        """Return A⁻ᵀ b for b (n,) or (n, k)."""
 
     def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
-        """Return A⁻ᴴ b."""
+        """Return A⁻ᴴ b for b (n,) or (n, k)."""
 
 
 class DefiniteFactor(Protocol):
@@ -41,10 +41,10 @@ class DefiniteFactor(Protocol):
         """Return A⁻¹ b for b (n,) or (n, k) real."""
 
     def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
-        """Return the same: A is symmetric."""
+        """Return A⁻¹ b for b (n,) or (n, k), since A is real and symmetric."""
 
     def half_solve(self, b: np.ndarray) -> np.ndarray:
-        """Return L⁻ᵀ b, so that for random b of unit covariance the result has A⁻¹."""
+        """Return L⁻ᵀ b for b (n,) or (n, k), with A = LLᵀ: for random b of unit covariance that of L⁻ᵀ b is A⁻¹."""
 
 
 class LinearSolver(Protocol):
@@ -86,7 +86,7 @@ class LinearSolver(Protocol):
 
 
 def solve_real_parts(solve: Solve, b: np.ndarray) -> np.ndarray:
-    """Solve for real and imaginary parts as columns of one real right-hand side."""
+    """Return A⁻¹ b for complex b (n,) or (n, k), by solving for its real and imaginary parts as real columns."""
     if not np.iscomplexobj(b):
         return np.asarray(solve(b))
     columns = b.reshape(len(b), -1)

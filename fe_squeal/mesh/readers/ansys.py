@@ -56,7 +56,13 @@ def text_of(sources: Sources) -> list[str]:
 
 
 def mesh_of(archive: Archive, lines: Sequence[str], source: str) -> RawMesh:
-    """Return the mesh of what mapdl-archive has read, with the lines of the archive; see `read_ansys`."""
+    """Return the mesh from the arrays that mapdl-archive has read and the lines of the archive; see `read_ansys`.
+
+    Raises
+    ------
+    MeshError
+        There are no solids, or elements use nodes that are not defined.
+    """
     numbers, points = np.asarray(archive.nnum, dtype=np.int64), np.asarray(archive.nodes, dtype=np.float64)[:, :3]
     numbers, points = check_unique_nodes(numbers, points, source)
     types = {int(row[0]): int(row[1]) for row in archive.ekey}

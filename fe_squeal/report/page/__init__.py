@@ -1,1 +1,1 @@
-"""The page of a run: one file with the answer, charts, shapes that move, and what it rests on."""
+"""The page of a run: one HTML file with the answer, charts, moving shapes, and the evidence for the answer."""

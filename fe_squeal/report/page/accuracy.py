@@ -1,4 +1,4 @@
-"""The page of a study of accuracy: what to choose, and error against time."""
+"""The page of a study of accuracy: which setting to choose, and error against time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Puts the page together: one file, with the library that draws inside it."""
+"""Put the page together: one file that contains the JavaScript library for its charts."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def write_run_page(results: Results, path: Path) -> Path:
     Raises
     ------
     OutputError
-        It cannot be written.
+        The file cannot be written.
     """
     title = str(results.record.get("title") or "Results of a run")
     axis = (results.record.get("axis") or {}).get("direction") or Z_AXIS
@@ -70,10 +70,17 @@ def write_page(title: str, sections: Sequence[Section], path: Path, data: dict[s
 
     Parameters
     ----------
+    title : str
     sections : sequence of (name, heading, HTML)
-    data : dict
-        "charts" and "shapes" of a run, or "plots": a list of {"id", "data", "layout"} as Plotly takes them, each for an
-        element of that id.
+    path : Path
+    data : dict, optional
+        What the page's JavaScript draws: "charts" and "shapes" of a run, or "plots", a list of {"id", "data", "layout"}
+        with Plotly's data and layout for the element with this id.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
     """
     navigation = "".join(f'<a href="#{name}">{text(heading)}</a>' for name, heading, _ in sections)
     body = "".join(
@@ -81,7 +88,7 @@ def write_page(title: str, sections: Sequence[Section], path: Path, data: dict[s
         "</section>"
         for name, heading, html in sections
     )
-    # A "<" in a text could end the script that holds it.
+    # A text with "</script>" would end the script element that contains the data, so "<" is escaped.
     data_text = json.dumps(_finite(data or {}), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
     pieces = {
         "title": text(title), "style": _template("page.css"), "navigation": navigation, "body": body,
@@ -109,7 +116,7 @@ def _template(name: str) -> str:
 
 
 def _finite(data: Any) -> Any:
-    """Return data for JSON, which knows neither NaN nor infinity: None instead."""
+    """Return data for JSON, with None in place of NaN and infinity, which JSON does not have."""
     if isinstance(data, dict):
         return {str(k): _finite(v) for k, v in data.items()}
     if isinstance(data, list | tuple):

@@ -1,4 +1,4 @@
-"""What the charts of the page draw, as plain lists."""
+"""The data of the page's charts, as plain lists for JSON."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from fe_squeal.report.results import Results
 
 
 def chart_data(results: Results) -> dict[str, Any]:
-    """Return branches with all their modes, curves of growth between them, onsets and what was measured."""
+    """Return the branches with all their modes and curves of growth, the onsets, and measured frequencies."""
     modes = results.modes
     name = results.parameter
     values = np.unique(numbers(modes, "value"))
@@ -68,7 +68,7 @@ def _branches(results: Results) -> list[dict[str, Any]]:
             "way": [way_text(row) for row in table],
             "body": [body_text(row) for row in table],
             "plane": [plane_text(row) for row in table],
-            # lines, broken where the branch has a hole; thick where it is unstable
+            # Lines are interrupted where the branch is missing at a value, and thick where it is unstable.
             "line": _polyline([b.value, b.frequency_hz], b.joined),
             "thick": _polyline([b.value, b.frequency_hz], inside),
             "growth": _joined(curves, b.joined),
@@ -93,7 +93,7 @@ def _onsets(results: Results) -> list[dict[str, Any]]:
 
 
 def law_text(row: dict[Any, Any], symbol: str) -> str:
-    """Return how growth begins behind an onset, or ends before it.
+    """Return the law of growth near an onset, as a formula.
 
     Examples
     --------
@@ -115,7 +115,7 @@ def _finite(values: Any) -> list[float | None]:
 
 
 def _polyline(columns: list[Any], shown: Any) -> list[list[float | None]]:
-    """Return x and y of the segments that are shown, None between those that do not join."""
+    """Return x and y of the segments that are shown, with None between segments that are not neighbours."""
     points = np.column_stack(columns)
     return _joined([points[i : i + 2] for i in range(len(points) - 1)], shown)
 

@@ -1,4 +1,4 @@
-"""The page of designs side by side."""
+"""The page that shows two or more designs side by side."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fe_squeal.report.page.markup import bullets, paragraph, table, text
 
 
 def read_and_write_page(table_file: Path, record_file: Path, path: Path) -> tuple[str, ...]:
-    """Write the page of what `fe-squeal diff` has written, and return a sentence on each thing that it lacks.
+    """Write the page from the table and the record of `fe-squeal diff`; return sentences on what could not be shown.
 
     Raises
     ------

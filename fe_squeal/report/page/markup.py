@@ -1,4 +1,4 @@
-"""Pieces of HTML; every text that goes in is escaped here."""
+"""Pieces of HTML; every text is escaped here."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from fe_squeal.errors import one_line
 
 
 def text(value: object) -> str:
-    """Return a text as HTML; control characters of names are spelled out."""
+    """Return a text as escaped HTML; control characters are spelled out."""
     return escape(one_line(str(value)))
 
 
 def paragraph(*sentences: str) -> str:
-    """Return sentences as a paragraph; "" without any."""
+    """Return sentences as a paragraph; "" if there are none."""
     return f"<p>{text(' '.join(s for s in sentences if s))}</p>" if any(sentences) else ""
 
 
 def bullets(items: Iterable[str]) -> str:
-    """Return texts as a list; "" without any."""
+    """Return texts as a list; "" if there are none."""
     rows = "".join(f"<li>{text(item)}</li>" for item in items)
     return f"<ul>{rows}</ul>" if rows else ""
 
 
 def image(png: bytes, words: str) -> str:
-    """Return a picture that is part of the page, with words for those who cannot see it."""
+    """Return a picture that is embedded in the page, with a text for those who cannot see it."""
     data = base64.b64encode(png).decode()
     return f'<img src="data:image/png;base64,{data}" alt="{text(words)}" style="max-width:100%">'
 
 
 def table(caption: str, heads: Sequence[str], rows: Iterable[Sequence[object]], names: int = 1) -> str:
-    """Return a table; the first `names` columns are words and aligned left, the others numbers; "" without rows."""
+    """Return a table; "" without rows. The first `names` columns are words, aligned left, the others numbers."""
     body = "".join(
         "<tr>" + "".join(
             f'<th scope="row">{text(cell)}</th>' if i == 0 else f"<td{_side(i, names)}>{text(cell)}</td>"

@@ -1,4 +1,4 @@
-"""Sections of the page that need no script: the verdict, each unstable mode, the certificate, the scene."""
+"""Sections of the page that need no JavaScript: the verdict, each unstable mode, the certificate, the scene."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from fe_squeal.report.results import Results
 from fe_squeal.report.tables import UnstableInterval, with_uncertainty
 from fe_squeal.report.terms import ELASTIC, MASS, TermName, term_of
 
-_MOST_MODES = 40  # unstable modes with a section of their own
-_ROWS = 12  # terms and numbers in a table of a mode
-_SMALL = 1e-3  # share of the energy below which a spring or contact is left out
+_MOST_MODES = 40  # unstable modes with a section of their own, at most
+_ROWS = 12  # rows in the tables of a mode, at most
+_SMALL = 1e-3  # of the energy: springs and contacts with a smaller share are left out
 
 
 def verdict_section(results: Results) -> str:
-    """Return what squeals, in words; what is in doubt and what could not be shown stands with it."""
+    """Return what squeals, in words, with what is in doubt and what could not be shown."""
     first, *rest = verdict.answer(results)
     doubts = verdict.doubts(results)
     parts = [f'<p class="answer">{text(first)}</p>', *(paragraph(sentence) for sentence in rest)]
@@ -41,7 +41,7 @@ def verdict_section(results: Results) -> str:
 
 
 def onset_table(results: Results) -> str:
-    """Return the onsets with their laws and errors."""
+    """Return the table of onsets with their laws of growth and errors."""
     onsets = results.onsets.sort_values("value", kind="stable")
     symbol = parameter_symbol(results.parameter)
     value, solver = numbers(onsets, "value"), numbers(onsets, "uncertainty")
@@ -61,7 +61,7 @@ def onset_table(results: Results) -> str:
 
 
 def interval_table(results: Results) -> str:
-    """Return the unstable intervals; each row has a button that shows its mode."""
+    """Return the table of unstable intervals; each row has a button that shows its mode."""
     symbol = parameter_symbol(results.parameter)
     rows = [
         (f"{row.branch:.0f}", f"{row.first:.4g} … {row.last:.4g}", frequency_text(verdict.peak_hz(results, row)),
@@ -75,7 +75,7 @@ def interval_table(results: Results) -> str:
 
 
 def mac_table(results: Results) -> str:
-    """Return the best matches of each measured shape; "" where none was measured."""
+    """Return the table of the best matches of each measured shape; "" if no shape was measured."""
     rows = []
     for name, own in results.mac.groupby("measured", sort=False) if len(results.mac) else ():
         for r in own.sort_values("mac", ascending=False).iloc[:_ROWS].to_dict("records"):
@@ -143,7 +143,7 @@ def _partner(results: Results, interval: UnstableInterval, symbol: str) -> list[
 
 
 def _body_table(results: Results, row: dict[str, Any]) -> str:
-    """Return the kinetic and elastic energy by body."""
+    """Return the table of kinetic and elastic energy by body."""
     shares = verdict.shares_of(results, row)
     if "energy_share" not in shares:
         return ""
@@ -154,7 +154,7 @@ def _body_table(results: Results, row: dict[str, Any]) -> str:
 
 
 def mesh_error_section(results: Results) -> str:
-    """Return where the error of the mesh comes from, as a picture with the advice that follows; "" where not known."""
+    """Return where the error of the mesh comes from, as a picture and advice; "" if it was not estimated."""
     parts = results.mesh_error
     if not len(parts):
         return ""
@@ -176,7 +176,7 @@ def mesh_error_section(results: Results) -> str:
 
 
 def certificate(results: Results) -> str:
-    """Return what the result rests on."""
+    """Return the evidence for the result: completeness, errors, solver, and everything needed to repeat the run."""
     r = results.record
     if not r:
         return paragraph("run.json is missing, so that there is no record of how this was found.")
@@ -219,7 +219,7 @@ def certificate(results: Results) -> str:
 
 
 def scene_section(results: Results) -> str:
-    """Return the scene as it was read, as TOML-like lines."""
+    """Return the scene as it was read, in lines like those of TOML."""
     scene = (results.record.get("inputs") or {}).get("scene")
     if not isinstance(scene, dict):
         return paragraph("The scene was not recorded.")

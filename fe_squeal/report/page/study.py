@@ -13,7 +13,7 @@ from fe_squeal.errors import OutputError
 from fe_squeal.report.page.build import Section, write_page
 from fe_squeal.report.page.markup import bullets, image, paragraph, table, text
 
-_MOST = 200  # rows of a table
+_MOST = 200  # rows of a table, at most
 
 
 def write_study_page(record: Path, tables: dict[str, Path], figures: dict[str, Path], page: Path) -> tuple[str, ...]:
@@ -23,8 +23,12 @@ def write_study_page(record: Path, tables: dict[str, Path], figures: dict[str, P
     ----------
     record : Path
         study.json.
-    tables, figures : mapping of name to path
-        "bands", "indices", "samples"; "boundaries", "map"; "probability", "scatter", "indices", "map".
+    tables : mapping of str to Path
+        "bands", "indices" and "samples" of a scatter; "boundaries" and "map" of a map.
+    figures : mapping of str to Path
+        "probability", "scatter" and "indices" of a scatter; "map" of a map.
+    page : Path
+        The file to write.
 
     Raises
     ------

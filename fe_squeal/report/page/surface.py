@@ -1,4 +1,4 @@
-"""The surface of the bodies and the shapes on it, small enough for a page."""
+"""The surface of the bodies and the shapes on it, thinned so that a page can show it."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ from fe_squeal.report.shapes import (
     sharp_edges,
 )
 
-MOST_NODES = 20_000  # that a browser moves smoothly: measured, 40 000 triangles take 50 ms a frame
-BUDGET = 5_000_000  # bytes of the page that points, triangles and shapes may take; Plotly itself takes 4.8 MB of 12
-_NODE, _PER_SHAPE = 16 + 32, 16  # bytes of a node's place with its two triangles, and of its displacement, in base64
-_ROUNDS = 40
+MOST_NODES = 20_000  # so that a browser moves a shape smoothly: 40 000 triangles take 50 ms a frame (measured)
+BUDGET = 5_000_000  # bytes of the page for points, triangles and shapes; Plotly takes 4.8 MB of the 12 MB of a page
+_NODE, _PER_SHAPE = 16 + 32, 16  # bytes in base64: of a node's place and its two triangles, and of its displacement
+_ROUNDS = 40  # bisections for the size of the lattice
 
 
 @dataclass(frozen=True)
-class Surface:
-    """Triangles and sharp edges on some of a grid's nodes.
+class PageSurface:
+    """The surface of all bodies: triangles and sharp edges between some nodes of a grid.
 
     Attributes
     ----------
     nodes : (n,) int
-        Of the grid; a node on two bodies counts for each.
+        Nodes of the grid; a node of two bodies is listed for each.
     triangles : (t, 3) int
-        Into `nodes`, those of a body after each other.
+        Positions in `nodes`; the triangles of a body follow each other.
     bounds : (bodies + 1,) int
-        Where the triangles of each body begin.
+        The first triangle of each body, and t.
     edges : (m, 2) int
-        Into `nodes`.
+        The sharp edges, as positions in `nodes`.
     whole : int
         Number of nodes on the surface before it was thinned.
     """
@@ -57,11 +57,11 @@ class Surface:
         return len(self.nodes) < self.whole
 
 
-def make_surface(grid: ShapeGrid, most: int = MOST_NODES) -> Surface:
-    """Return the surface of the bodies with at most so many nodes."""
+def make_surface(grid: ShapeGrid, most: int = MOST_NODES) -> PageSurface:
+    """Return the surface of the bodies of a grid, with at most `most` nodes."""
     triangles, body = boundary_triangles(grid)
     count = len(grid.body_names)
-    key = triangles + body[:, None] * len(grid.points)  # a node for each body
+    key = triangles + body[:, None] * len(grid.points)  # gives a node a number for each body that it is on
     used, inverse = np.unique(key, return_inverse=True)
     triangles = np.asarray(inverse).reshape(-1, 3)
     nodes, owner = used % len(grid.points), used // len(grid.points)
@@ -74,13 +74,13 @@ def make_surface(grid: ShapeGrid, most: int = MOST_NODES) -> Surface:
         edges = np.unique(np.sort(edges[edges[:, 0] != edges[:, 1]], axis=1), axis=0)
     order = np.argsort(body, kind="stable")
     bounds = np.searchsorted(body[order], np.arange(count + 1))
-    return Surface(nodes, triangles[order], bounds, edges, whole)
+    return PageSurface(nodes, triangles[order], bounds, edges, whole)
 
 
 def _thinned(points: Floats, owner: Integers, most: int) -> tuple[Integers, Integers]:
-    """Return which nodes stand for all, at most so many, and the position of that of each node.
+    """Return the nodes that are kept, at most `most`, and for each node the position of the kept node in its place.
 
-    Nodes of a body in one cell of a regular lattice have the same one; the size of the cells is found by bisection.
+    Of all nodes of a body in one cell of a regular lattice, one is kept. The size of the cells is found by bisection.
     """
     size = float(np.ptp(points, axis=0).max())
     low, high = 0.0, size
@@ -102,7 +102,7 @@ def _thinned(points: Floats, owner: Integers, most: int) -> tuple[Integers, Inte
 
 
 def _proper(triangles: Integers, body: Integers) -> tuple[Integers, Integers]:
-    """Return the triangles that still have three corners, each once."""
+    """Return the triangles that still have three different corners, each once, and their bodies."""
     flat = (triangles[:, [0, 1, 2]] == triangles[:, [1, 2, 0]]).any(axis=1)
     triangles, body = triangles[~flat], body[~flat]
     _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
@@ -114,7 +114,17 @@ def shape_data(
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the surface and its shapes for the page, and sentences on what was thinned or left out.
 
-    The axis becomes z. Places are float32, displacements 16-bit integers (of 32767, the largest amplitude).
+    Everything is turned so that the axis becomes z. Places are written as float32, displacements as 16-bit integers, in
+    which 32767 is the largest amplitude.
+
+    Parameters
+    ----------
+    grid : ShapeGrid
+    shapes : sequence of Shape
+    axis : (3,) float
+        Axis of the disc, or normal of the belt.
+    most : int
+        Number of nodes, at most.
     """
     room = max(BUDGET // (_NODE + _PER_SHAPE * min(len(shapes), 40)), 2000)
     surface = make_surface(grid, min(most, room))

@@ -1,4 +1,4 @@
-"""The answer of a run in sentences: what squeals, from where on, how sure that is, what feeds it and what moves it."""
+"""The answer of a run in sentences: what squeals, from which value on, how sure that is, and what drives it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fe_squeal.report.results import Results
 from fe_squeal.report.tables import UnstableInterval, unstable_intervals, window_intervals, with_uncertainty
 from fe_squeal.report.warnings import told_once
 
-_NAMED = 5  # modes, terms or numbers in one sentence
+_NAMED = 5  # modes, terms or numbers that a sentence names, at most
 
 
 def answer(results: Results) -> list[str]:
@@ -29,7 +29,7 @@ def answer(results: Results) -> list[str]:
 
 
 def doubts(results: Results) -> list[str]:
-    """Return what is in doubt, the gravest last."""
+    """Return sentences on what is in doubt, the most serious last."""
     record, found = results.record, []
     count = record.get("completeness") or {}
     if count and not count.get("proven"):
@@ -47,7 +47,7 @@ def doubts(results: Results) -> list[str]:
 
 
 def all_intervals(results: Results) -> list[UnstableInterval]:
-    """Return the unstable intervals of all branches with windows between values, the fastest growing first."""
+    """Return the unstable intervals of all branches, also windows between two values, the fastest growing first."""
     modes = results.modes
     if "branch" not in modes or "damping_ratio" not in modes:
         return []
@@ -59,7 +59,7 @@ def all_intervals(results: Results) -> list[UnstableInterval]:
 
 
 def row_of(results: Results, interval: UnstableInterval) -> dict[str, Any]:
-    """Return the row of modes.csv where an interval's mode grows fastest; empty for a window between two values."""
+    """Return the row of modes.csv where the mode of an interval grows fastest; empty for a window between values."""
     modes = results.modes
     same = (numbers(modes, "value") == interval.peak_value) & (numbers(modes, "mode") == interval.mode)
     found = modes[same]
@@ -67,17 +67,17 @@ def row_of(results: Results, interval: UnstableInterval) -> dict[str, Any]:
 
 
 def peak_hz(results: Results, interval: UnstableInterval) -> float:
-    """Return the frequency where an interval's mode grows fastest."""
+    """Return the frequency, Hz, where the mode of an interval grows fastest."""
     return float(row_of(results, interval).get("frequency_hz", interval.highest_hz))
 
 
 def shares_of(results: Results, row: dict[str, Any]) -> pd.DataFrame:
-    """Return what the terms give to a mode, the largest shares of Re λ first."""
+    """Return the shares of the terms in a mode, the largest in Re λ first."""
     return _own(results.contributions, row, lambda f: f[f["term"] != "sum"], "re_share")
 
 
 def sensitivities_of(results: Results, row: dict[str, Any]) -> pd.DataFrame:
-    """Return what one per cent more of each number does to Re λ (`dre_percent`, 1/s) and to the frequency (Hz)."""
+    """Return by how much one per cent more of each number changes Re λ (`dre_percent`, 1/s) and the frequency (Hz)."""
     found = _own(results.sensitivities, row, lambda f: f, "dre")
     found = found.assign(dre_percent=0.01 * numbers(found, "at") * numbers(found, "dre"),
                          dhz_percent=0.01 * numbers(found, "at") * numbers(found, "dim") / (2 * np.pi))  # fmt: skip
@@ -115,7 +115,7 @@ def _what_squeals(results: Results, intervals: list[UnstableInterval]) -> str:
     noises = {row.noise for row in branches if row.noise}
     word = "It squeals" if not noises or "squeal" in noises else "It is unstable"
     beyond = any(peak_hz(results, row) > top for row in branches) if top else False
-    if beyond:  # where the parameter moves frequencies, the range that is known at every value is the narrowest
+    if beyond:  # a mode may be beyond the range that is known at all values, and inside that of its own value
         return f"{word}: {count} unstable for {span}: {named}{more}. All modes are known{where}."
     return f"{word}: {count} unstable{where} for {span}: {named}{more}."
 

@@ -28,9 +28,11 @@ class Placed:
     part: str = ""
 
     def sets(self, word: str, name: str) -> list[Members]:
+        """Return the *NSET (word "NSET") or *ELSET blocks with a name."""
         return [member for scope in self.scopes for member in scope.sets.get((word, name.upper()), [])]
 
     def names(self, word: str) -> dict[str, str]:
+        """Return the names of all sets of nodes (word "NSET") or elements ("ELSET") as spelled, by their keys."""
         return {key: text for scope in self.scopes for (kind, key), text in scope.spelled.items() if kind == word}
 
 
@@ -41,7 +43,7 @@ class Assembly:
         self.source, self.own, self.instances, self.skins = source, own, instances, skins
 
     def skin_of(self, rows: Ints) -> list[Ints]:
-        """Return the corners of the shells of an element set, triangles and quadrilaterals; see `Placed.rows`."""
+        """Return the corners (f, 3) and (f, 4) of the shells among positions (n,) of elements, see `Placed.rows`."""
         corners = self.skins[-2 - rows[rows <= -2]]
         three = corners[:, 3] < 0
         return [corners[three][:, :3], corners[~three]]
