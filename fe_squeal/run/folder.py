@@ -17,6 +17,7 @@ from ..errors import OutputError
 from ..report.files import owned_by
 from .lock import LOCK, is_lock, locked
 from .manifest import MANIFEST, MISSING, UNFINISHED, Manifest
+from .open_folder import OpenFolder
 
 # Every file and folder that a run or a study of accuracy writes.
 RECORD = "run.json"
@@ -97,12 +98,12 @@ def hold_folder(folder: Path, inputs: Iterable[Path] = ()) -> Iterator[Manifest]
                 with suppress(FileExistsError):  # another command has just made it
                     place.mkdir()
                     made.append(place)
-        with _explained(folder, inside := _Inside()), locked(folder):
+        with _explained(folder, inside := _Inside()), OpenFolder(folder) as opened, locked(opened):
             _refuse_foreign(folder)
-            manifest = Manifest(folder, () if Manifest.marks(folder) else tuple(_earlier(folder)))
+            manifest = Manifest(opened, () if Manifest.marks(folder) else tuple(_earlier(folder)))
             _refuse_names(manifest)
             _refuse_inputs(manifest, inputs)
-            manifest.remove_partial(FOLDERS)
+            manifest.remove_partial()
             manifest.remove(lambda name: _EARLIER_PARTIAL.fullmatch(name) is not None)
             inside.begun = True
             with owned_by(manifest):
@@ -192,18 +193,18 @@ def _refuse_foreign(folder: Path) -> None:
 
 def _refuse_names(manifest: Manifest) -> None:
     """Refuse to begin where files that this program did not write have names that will be written."""
-    listed = set(manifest.names(lambda name: True))
-    for name in {*RUN_FILES, *STUDY_FILES, *SCATTER_FILES, *MAP_FILES, *DIFFERENCE_FILES, *_CHECKPOINT_FILES} - listed:
-        if manifest.state(name) != MISSING:
-            raise OutputError(
-                f"{manifest.folder / name}: is no file that fe-squeal wrote; move it, or give another folder by -o"
-            )
     for name in FOLDERS:
         path = manifest.folder / name
         if os.path.lexists(path) and (path.is_symlink() or not path.is_dir()):
             raise OutputError(
                 f"{path}: is no folder but a link or a file; nothing is written through links: move it, or give another"
                 " folder by -o"
+            )
+    listed = set(manifest.names(lambda name: True))
+    for name in {*RUN_FILES, *STUDY_FILES, *SCATTER_FILES, *MAP_FILES, *DIFFERENCE_FILES, *_CHECKPOINT_FILES} - listed:
+        if manifest.state(name) != MISSING:
+            raise OutputError(
+                f"{manifest.folder / name}: is no file that fe-squeal wrote; move it, or give another folder by -o"
             )
 
 

@@ -14,7 +14,7 @@ from ..mesh.writing import write_loaded
 from ..report.files import replace_atomically, write_json
 from ..scene import Scene
 from .checkpoint import read_json
-from .folder import CHECKPOINT, NEXT_MESH, SEARCH
+from .folder import NEXT_MESH, SEARCH
 from .inputs import differences, listed
 from .manifest import Manifest
 
@@ -34,7 +34,6 @@ class KeptSearch:
 
     def save(self, trials: list[Trial], candidate: Candidate) -> None:
         """Keep the trials so far, and the mesh that is tried next."""
-        (self._out / CHECKPOINT).mkdir(exist_ok=True)
         with replace_atomically(self._out / NEXT_MESH) as temporary:
             write_loaded(candidate.loaded, temporary)
         geometry = candidate.scene.mesh.geometry
