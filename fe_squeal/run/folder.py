@@ -61,11 +61,16 @@ _LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}  # of the systems' file brow
 _UNFINISHED = re.compile(re.escape(UNFINISHED).replace(re.escape("{}"), "[0-9a-f]{32}"))
 _NAMED = 3  # files in one message
 _LATER = {*MEASURED_FILES, *MESH_ERROR_FILES, REPORT, MESH}  # that came with the manifest
+_SHAPE_FILE = rf"{SHAPES}/(branch|mode)_\d+\w*[\w.+-]*Hz(\.(vtu|pvd|png|npz|gif)|_frames/[\w.+-]+\.vtu)"
+# Names inside these folders that are made as the work goes on.
+_MADE = re.compile(
+    rf"{_SHAPE_FILE}|{CHECKPOINT}/(point_\d+\.npz|next_\d+\.msh|search\.json)|{MEASUREMENTS}/[\w.+-]+\.np[yz]"
+    rf"|{DANGEROUS}/sample_\d+\.toml|{PARTS}/(inputs\.json|\w+_\d+\.npz)"
+)
 # Names of files of the version that wrote no manifest: a folder with such files alone holds its results.
 _EARLIER = re.compile(
     "|".join(map(re.escape, {*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES} - _LATER))
-    + rf"|{CHECKPOINT}/point_\d+\.npz|{MEASUREMENTS}/[\w.+-]+\.np[yz]"
-    rf"|{SHAPES}/(branch|mode)_\d+\w*[\w.+-]*Hz(\.(vtu|pvd|png|npz)|_frames/[\w.+-]+\.vtu)"
+    + rf"|{CHECKPOINT}/point_\d+\.npz|{MEASUREMENTS}/[\w.+-]+\.np[yz]|{_SHAPE_FILE}"
 )
 _STUDY_MARKS = ((ACCURACY_TABLE, b"order,size,modes,method,"), (f"{MEASUREMENTS}/probes.npy", b"\x93NUMPY"))
 _EARLIER_PARTIAL = re.compile(r"(.*/)?\.[^/]*\.\d+\.partial\.\w+")  # of a command that was killed
@@ -201,7 +206,11 @@ def _refuse_names(manifest: Manifest) -> None:
                 " folder by -o"
             )
     listed = set(manifest.names(lambda name: True))
-    for name in {*RUN_FILES, *STUDY_FILES, *SCATTER_FILES, *MAP_FILES, *DIFFERENCE_FILES, *_CHECKPOINT_FILES} - listed:
+    found = (path for name in FOLDERS for path in manifest.folder.glob(f"{name}/**/*"))
+    inside = {path.relative_to(manifest.folder).as_posix() for path in found}
+    made = {name for name in inside if _MADE.fullmatch(name)}
+    fixed = {*RUN_FILES, *STUDY_FILES, *SCATTER_FILES, *MAP_FILES, *DIFFERENCE_FILES, *_CHECKPOINT_FILES}
+    for name in sorted((fixed | made) - listed):
         if manifest.state(name) != MISSING:
             raise OutputError(
                 f"{manifest.folder / name}: is no file that fe-squeal wrote; move it, or give another folder by -o"

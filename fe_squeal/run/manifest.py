@@ -57,7 +57,7 @@ class Manifest:
         self._path = opened.path / MANIFEST
         self.token = secrets.token_hex(16)
         self._known: dict[str, list[str]] = {}
-        self._scratch = False
+        self._scratch = self._touched = False
         with opened.entry(MANIFEST) as entry:
             self._kept = entry.stat() is not None  # whether the manifest is a file in the folder
             if self._kept:
@@ -201,7 +201,7 @@ class Manifest:
         if self._scratch:
             with self._opened.entry(self._scratch_name) as entry:
                 entry.remove_tree()
-        if not self._kept:
+        if not (self._kept and self._touched):  # what was refused stays as it is
             return
         left = {}
         for name, digests in self._known.items():
@@ -227,6 +227,7 @@ class Manifest:
         """Remove a file if it is as it was written."""
         with suppress(LinkError, FileNotFoundError, NotADirectoryError), self._opened.entry(name) as entry:
             if self._state(name, entry) == OURS:
+                self._touched = True
                 entry.remove()
 
     def _read(self, entry: Entry) -> None:
@@ -260,6 +261,7 @@ class Manifest:
             self._kept = True
 
     def _write(self, known: dict[str, list[str]]) -> None:
+        self._touched = True
         with self._opened.entry(UNFINISHED.format(self.token)) as draft, self._opened.entry(MANIFEST) as entry:
             try:
                 handle = draft.open(os.O_WRONLY | os.O_CREAT | os.O_EXCL)
@@ -271,6 +273,7 @@ class Manifest:
 
     def _append(self, line: str) -> None:
         data = line.encode()
+        self._touched = True
         self._kept = False  # until the line is whole: nothing may be added after a line that was cut off
         with self._opened.entry(MANIFEST) as entry:
             handle = entry.open(os.O_WRONLY | os.O_APPEND)

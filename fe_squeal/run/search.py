@@ -6,8 +6,10 @@ last.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -52,6 +54,7 @@ class _Kept(_Table):
     inputs: dict[str, Any]
     trials: list[_Trial]
     file: Annotated[str, Field(pattern=rf"^{NEXT_MESH.format('[0-9]+')}$")]
+    digest: str
     mesh: str
     geometry: dict[str, Any] | None
     before: _Before | None
@@ -75,10 +78,11 @@ class KeptSearch:
         name = NEXT_MESH.format(len(trials))
         with replace_atomically(self._out / CHECKPOINT / name) as temporary:
             write_loaded(candidate.loaded, temporary)
+            digest = _digest(temporary)
         geometry = candidate.scene.mesh.geometry
         kept = {
-            "inputs": dict(self._inputs), "trials": [asdict(t) for t in trials], "file": name, "mesh": candidate.told,
-            "geometry": None if geometry is None else geometry.model_dump(mode="json"),
+            "inputs": dict(self._inputs), "trials": [asdict(t) for t in trials], "file": name, "digest": digest,
+            "mesh": candidate.told, "geometry": None if geometry is None else geometry.model_dump(mode="json"),
             "before": _before(candidate.errors),
         }  # fmt: skip
         write_json(kept, self._out / SEARCH)
@@ -93,9 +97,7 @@ class KeptSearch:
         SceneError
             It belongs to another scene.
         OutputError
-            It is damaged.
-        MeshError
-            The mesh is.
+            It is damaged, or its mesh.
         """
         path = self._out / SEARCH
         if not path.exists():
@@ -111,10 +113,17 @@ class KeptSearch:
             kept = _Kept.model_validate(found)
             trials = [Trial(t.mesh, t.unknowns, np.nan if t.error is None else t.error, t.seconds) for t in kept.trials]
             errors = _line_errors(scene, kept.before)
-            loaded = load_mesh(self._out / CHECKPOINT / kept.file)
-            return trials, restored(scene, loaded, kept.geometry, kept.mesh, errors)
-        except ValueError as error:  # pydantic's among them
+            mesh = self._out / CHECKPOINT / kept.file
+            if _digest(mesh) != kept.digest:
+                raise ValueError("the mesh is another one")
+            return trials, restored(scene, load_mesh(mesh), kept.geometry, kept.mesh, errors)
+        except (OSError, ValueError) as error:  # pydantic's among them
             raise OutputError(f"{path}: is damaged; run without --resume to start the search anew") from error
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _before(errors: LineErrors | None) -> dict[str, Any] | None:

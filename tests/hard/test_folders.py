@@ -156,6 +156,17 @@ def test_file_that_was_changed_or_is_foreign_is_not_replaced(
     assert main(["run", str(place / "block.toml"), "-o", str(out)]) == 0
 
 
+def test_foreign_shape_of_a_name_that_will_be_written(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The names of shapes follow from the sweep; a file that has one is found before the older results are removed."""
+    out = place / "out"
+    lines = (out / "manifest.sha256").read_text("utf-8").splitlines(keepends=True)
+    name = next(line[66:].strip() for line in lines if "_frames/" in line)
+    (out / "manifest.sha256").write_text("".join(line for line in lines if name not in line), encoding="utf-8")
+    before = content(place)
+    assert name in refused(["run", str(place / "block.toml"), "-o", str(out)], capsys)
+    assert content(place) == before
+
+
 @pytest.mark.skipif(not hasattr(os, "symlink"), reason="no links")
 @pytest.mark.parametrize(
     "name",
