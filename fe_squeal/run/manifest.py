@@ -14,7 +14,7 @@ import re
 import secrets
 import stat
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -58,6 +58,7 @@ class Manifest:
         self.token = secrets.token_hex(16)
         self._known: dict[str, list[str]] = {}
         self._scratch = self._touched = False
+        self._reached: set[str] = set()  # files that were about to be written
         with opened.entry(MANIFEST) as entry:
             self._kept = entry.stat() is not None  # whether the manifest is a file in the folder
             if self._kept:
@@ -142,9 +143,7 @@ class Manifest:
                 self._remove(name)
         except OSError as error:
             raise OutputError(f"{self.folder / name}: cannot be removed ({error.strerror or error})") from error
-        for parent in sorted({p.as_posix() for name in names for p in Path(name).parents if p.parts}, reverse=True):
-            with suppress(OSError), self._opened.entry(parent) as entry:
-                entry.remove_empty_folder()
+        self._remove_empty_folders(names)
 
     def temporary(self, path: Path) -> Path:
         """Return where a file is written until `place` gives it its name.
@@ -165,6 +164,7 @@ class Manifest:
         """
         self._keep()
         name = self._name(path)
+        self._reached.add(name)
         with (
             self._opened.entry(self._name(temporary)) as written,
             self._opened.entry(name, make=True) as entry,
@@ -203,6 +203,7 @@ class Manifest:
                 entry.remove_tree()
         if not (self._kept and self._touched):  # what was refused stays as it is
             return
+        self._remove_empty_folders(self._reached)  # made for files that were not written any more
         left = {}
         for name, digests in self._known.items():
             try:
@@ -218,6 +219,12 @@ class Manifest:
                 entry.remove()
             elif left != self._known or _text_of(entry).count("\n") - 1 != len(left):
                 self._write(left)
+
+    def _remove_empty_folders(self, names: Iterable[str]) -> None:
+        """Remove the folders of files where nothing else is in them."""
+        for parent in sorted({p.as_posix() for name in names for p in Path(name).parents if p.parts}, reverse=True):
+            with suppress(OSError), self._opened.entry(parent) as entry:
+                entry.remove_empty_folder()
 
     @property
     def _scratch_name(self) -> str:

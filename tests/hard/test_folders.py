@@ -16,6 +16,7 @@ from selection import some
 from test_safety import matrix_scene
 
 import fe_squeal.report.export
+import fe_squeal.run.manifest
 import fe_squeal.run.run
 from fe_squeal.cli import main
 from fe_squeal.sweep.running import RunningSweep
@@ -299,6 +300,20 @@ def test_folder_that_vanishes(place: Path, monkeypatch: pytest.MonkeyPatch, caps
     said = refused(["run", str(place / "block.toml"), "-o", str(out)], capsys)
     assert "expected the folder of results to stay until the end" in said
     assert not [p for p in out.rglob("*") if p.is_file()] and (place / "moved" / "manifest.sha256").exists()
+
+
+def test_interrupted_as_the_first_file_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No folder is left, in which the next command would see somebody else's."""
+    scene, out = str(write_sweep(tmp_path, 3)), tmp_path / "out"
+
+    def stopping(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(fe_squeal.run.manifest.Manifest, "_append", stopping)
+        assert main(["run", scene, "-o", str(out)]) == 130
+    assert not out.exists()
+    assert main(["run", scene, "-o", str(out), "--resume"]) == 0
 
 
 def test_empty_file_after_a_power_failure(place: Path) -> None:
