@@ -6,6 +6,7 @@ This file is longer than others, since it has what each command promises, beside
 from __future__ import annotations
 
 import itertools
+import json
 import os
 import shutil
 import signal
@@ -25,6 +26,7 @@ import pandas as pd
 import psutil
 from interrupted import assert_same_results, assert_valid, sweep_text
 from scene_texts import environment, write_scene
+from trust_kinds import COARSE, brake
 
 from fe_squeal.cli import main
 
@@ -37,9 +39,22 @@ indices = false
 mu = { uniform = { low = 0.1, high = 0.5 } }
 "springs.across.stiffness" = { uniform = { low = 1e7, high = 2e7 } }
 """
-_PAST = 0.75  # of the signals: so many come after everything is imported
-_IMPORTS = 1.5  # s that imports take
-# If this search runs in the background, signals may be ignored, which commands inherit and respect.
+MAP = """
+[study.x]
+parameter = "mu"
+from = 0.1
+to = 0.5
+points = 3
+[study.y]
+parameter = "springs.across.stiffness"
+from = 1e7
+to = 2e7
+points = 3
+"""
+TARGET = ("--accuracy", "0.05")
+_PAST = 0.75  # share of the signals that come when all is imported
+_IMPORTS = 1.5  # s that these take
+# Where the search runs in the background, signals may be ignored, which the command respects.
 _PLAIN = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
     "signal.signal(signal.SIGHUP, signal.SIG_DFL); import sys, fe_squeal_start; sys.exit(fe_squeal_start.main())"
@@ -52,10 +67,13 @@ class Task:
 
     name: str
     arguments: tuple[str, ...]
-    same: Callable[[Path, Path], None]  # asserts that two folders have the same results
-    again: tuple[str, ...] = ()  # options with which the command finishes after a signal has ended it
-    share: int = 1  # weight in the number of signals
-    ends: tuple[int, ...] = (0,)  # exit codes without a signal: on a busy machine a budget may be too short
+    same: Callable[[Path, Path], None]  # of two folders
+    again: tuple[str, ...] = ()  # options that finish what a signal has ended
+    share: int = 1  # of all signals
+    ends: tuple[int, ...] = (0,)  # exit codes of one that comes to its end: a budget may be too short on a busy machine
+    of: str = ""  # the task whose results it is about
+    once: bool = False  # it replaces nothing: what is there is whole
+    forks: bool = True  # it may begin as a copy of this process; not with what starts threads that a copy lacks
 
 
 @dataclass
@@ -80,15 +98,28 @@ def same_run(found: Path, whole: Path) -> None:
     assert_same_results(found / "out", whole / "out")
 
 
+def same_search(found: Path, whole: Path) -> None:
+    """A search that was interrupted has chosen the mesh of an unbroken one, whose modes are the same."""
+    assert (found / "out/mesh.msh").read_bytes() == (whole / "out/mesh.msh").read_bytes()
+    a, b = (pd.read_csv(folder / "out/modes.csv") for folder in (found, whole))
+    np.testing.assert_allclose(a[["value", "re", "im"]], b[["value", "re", "im"]], rtol=1e-9, atol=1e-9 * b["im"].max())
+    assert not (found / "out/checkpoint").exists()
+    assert json.loads((found / "out/run.json").read_text("utf-8"))["status"] == "complete"
+
+
 def same_files(found: Path, whole: Path) -> None:
     names = [{p.relative_to(f).as_posix() for p in f.rglob("*")} for f in (found, whole)]
     assert names[0] == names[1], names
-    for path in (whole / "out").rglob("*.csv"):
+    for path in (p for p in whole.rglob("*") if p.suffix in (".csv", ".msh", ".toml")):
         assert (found / path.relative_to(whole)).read_bytes() == path.read_bytes(), path.name
 
 
-def same_mesh(found: Path, whole: Path) -> None:
-    assert (found / "out.msh").read_bytes() == (whole / "out.msh").read_bytes()
+def same_difference(found: Path, whole: Path) -> None:
+    """But for the names of the folders."""
+    a, b = (pd.read_csv(folder / "diff/diff.csv").drop(columns=["a", "b"]) for folder in (found, whole))
+    pd.testing.assert_frame_equal(a, b)
+    names = [{p.name for p in (f / "diff").iterdir()} for f in (found, whole)]
+    assert names[0] == names[1], names
 
 
 def same_study(found: Path, whole: Path) -> None:
@@ -110,17 +141,28 @@ def tasks(place: Path) -> list[Task]:
     shown = sweep_text(4).replace('shapes = "none"\nreport = false', 'shapes = "unstable"')
     write_scene(place, shown, "shapes.toml")
     write_scene(place, sweep_text(4) + STUDY, "study.toml")
+    write_scene(place, sweep_text(4) + MAP, "map.toml")
+    (place / "coarse.toml").write_text(COARSE)
+    (place / "brake.cdb").write_text(brake())
     return [
         Task("run, direct", ("run", "direct.toml", "-o", "{}/out"), same_run, ("--resume",), 5),
         Task("run, reduced", ("run", "reduced.toml", "-o", "{}/out"), same_run, ("--resume",), 5),
         Task("run, shapes", ("run", "shapes.toml", "-o", "{}/out"), same_run, ("--resume",), 4),
+        Task("run, accuracy", ("run", "coarse.toml", "-o", "{}/out", *TARGET), same_search, ("--resume",), 3),
         Task("check", ("check", "direct.toml"), nothing_to_compare),
         Task("onset", ("onset", "direct.toml"), nothing_to_compare, (), 2),
-        Task("mesh", ("mesh", "direct.toml", "-o", "{}/out.msh"), same_mesh),
+        Task("new", ("new", "brake.cdb", "-o", "{}/scene.toml"), same_files, once=True),
+        Task("mesh", ("mesh", "direct.toml", "-o", "{}/out.msh"), same_files),
         Task("compare", ("compare", "minimal"), nothing_to_compare),
         Task("lumped", ("lumped", "oscillator", "--study", "all", "-o", "{}/out"), same_files, (), 2),
         Task("study", ("study", "study.toml", "-o", "{}/out"), same_files, ("--resume",), 2),
+        Task("study, map", ("study", "map.toml", "-o", "{}/out"), same_files, ("--resume",), 2),
+        Task("study, workers", ("study", "study.toml", "-o", "{}/out", "--workers", "2"), same_files, ("--resume",),
+             forks=False),
         Task("accuracy", ("accuracy", "shapes.toml", "-o", "{}/out", "--budget", "10"), same_study, (), 1, (0, 3)),
+        Task("report", ("report", "{}/out"), same_files, of="run, shapes"),
+        Task("diff", ("diff", "{}/out", "{}/out", "-o", "{}/diff"), same_difference, of="run, shapes"),
+        Task("animate", ("animate", "{}/out"), same_files, of="run, shapes"),
     ]
 
 
@@ -191,8 +233,11 @@ def search(
     each = [task for task in chosen for _ in range(task.share)]
     order = [each[i] for i in rng.permutation(len(each))]  # random, so that a short search has commands of all kinds
     used = [task for task in chosen if task in order[:count]]
-    _unbroken(replace(used[0], name="imports"), place)  # imports everything: the time of the others is their own then
-    seconds = {task.name: _unbroken(task, place) for task in used}
+    # Those first that others need, and one before all others: these then tell their own time, without the imports.
+    needed = {task.of for task in used} - {""}
+    first = [task for task in tasks(place) if task.name in needed]
+    _unbroken(replace((first or used)[0], name="imports"), place)
+    seconds = {task.name: _unbroken(task, place) for task in (*first, *(t for t in used if t not in first))}
     for number in range(count):
         task, signal_ = order[number % len(order)], SIGNALS[(number // len(order) + number) % len(SIGNALS)]
         outcome = outcomes[task.name]
@@ -214,16 +259,29 @@ def _arguments(task: Task, folder: Path, more: tuple[str, ...] = ()) -> list[str
 def _unbroken(task: Task, place: Path) -> float:
     """Run a command to its end in this process, which imports everything; return its seconds, with `_IMPORTS`."""
     folder, before = place / f"whole {task.name}", os.getcwd()
-    folder.mkdir()
+    _begin(task, folder, place)
     os.chdir(place)
     begun = time.perf_counter()
     try:
-        with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
-            code = main(_arguments(task, folder))
+        if task.forks:
+            with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
+                code = main(_arguments(task, folder))
+        else:
+            process = Process(_arguments(task, folder), place, False)
+            assert process.wait(120), task.name
+            code = process.code
     finally:
         os.chdir(before)
     assert code == 0, task.name
     return time.perf_counter() - begun
+
+
+def _begin(task: Task, folder: Path, place: Path) -> None:
+    """Make the folder that a command is given."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    if task.of:
+        shutil.copytree(place / f"whole {task.of}" / "out", folder / "out")
 
 
 def _interrupted(
@@ -231,10 +289,9 @@ def _interrupted(
 ) -> str:
     """Start a command, send it a signal, and return which promise was broken, if any."""
     folder, whole = place / "found", place / f"whole {task.name}"
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir()
-    process = Process(_arguments(task, folder), place, past)
-    time.sleep(moment)
+    _begin(task, folder, place)
+    process = Process(_arguments(task, folder), place, past and task.forks)
+    time.sleep(moment + (_IMPORTS if past and not task.forks else 0.0))
     family = []
     if process.poll() is None:
         with suppress(psutil.NoSuchProcess):
@@ -260,9 +317,12 @@ def _interrupted(
         shutil.rmtree(place / "tmp")
         return f"left {found} in TMPDIR"
     try:
-        if task.again and (folder / "out").exists():
+        if task.same is same_run and (folder / "out").exists():
             assert_valid(folder / "out", whole / "out")
-        process = Process(_arguments(task, folder, task.again), place, True)
+        if task.once and list(folder.iterdir()):
+            task.same(folder, whole)
+            return ""
+        process = Process(_arguments(task, folder, task.again), place, task.forks)
         if process.wait(600) and process.code in task.ends[1:]:
             return ""
         if process.code:
@@ -288,10 +348,14 @@ def both_at_once(place: Path, step: int = 1, first: int = 0) -> dict[str, str]:
     write_scene(place, sweep_text(6, "direct"), "direct.toml")
     write_scene(place, sweep_text(6, "reduced"), "reduced.toml")
     write_scene(place, sweep_text(4) + STUDY, "study.toml")
+    (place / "coarse.toml").write_text(COARSE)
+    with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
+        assert main(["run", str(place / "direct.toml"), "-o", str(place / "results")]) == 0
     commands = {
         "run": ("run", "direct.toml"), "run of another scene": ("run", "reduced.toml"),
-        "run --resume": ("run", "direct.toml", "--resume"), "lumped": ("lumped", "oscillator", "--study", "noise-map"),
-        "accuracy": ("accuracy", "direct.toml", "--budget", "5"), "study": ("study", "study.toml"),
+        "run --resume": ("run", "direct.toml", "--resume"), "run --accuracy": ("run", "coarse.toml", *TARGET),
+        "lumped": ("lumped", "oscillator", "--study", "noise-map"), "study": ("study", "study.toml"),
+        "accuracy": ("accuracy", "direct.toml", "--budget", "5"), "diff": ("diff", "results", "results"),
     }  # fmt: skip
     found = {}
     pairs = list(itertools.combinations_with_replacement(commands, 2))

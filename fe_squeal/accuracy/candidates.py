@@ -72,26 +72,24 @@ def first_candidate(scene: Scene) -> Candidate:
     return _candidate(changed, read_mesh(changed), words)
 
 
-def restored(scene: Scene, loaded: LoadedMesh, geometry: Mapping[str, Any] | None, words: str) -> Candidate:
-    """Return a candidate from what an interrupted search has saved of it.
+def restored(
+    scene: Scene, loaded: LoadedMesh, geometry: Mapping[str, Any] | None, words: str, errors: LineErrors | None
+) -> Candidate:
+    """Return a candidate from what was kept of it: its mesh, the numbers of a parametric geometry, and `errors`.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene of the search, as the user wrote it.
-    loaded : LoadedMesh
-        The mesh of the candidate.
-    geometry : mapping, optional
-        The table of the candidate's parametric geometry.
-    words : str
-        What the mesh is, see `Candidate.told`.
+    Raises
+    ------
+    ValueError
+        The numbers are not those of such a geometry.
     """
     update: dict[str, object] = {"order": ORDER}
-    if geometry is not None:
-        assert scene.mesh.geometry is not None
-        update |= {"file": None, _key(scene): type(scene.mesh.geometry).model_validate(dict(geometry))}
+    own = scene.mesh.geometry
+    if (geometry is None) != (own is None):
+        raise ValueError("a geometry for a scene that has none, or none for one that has")
+    if geometry is not None and own is not None:
+        update |= {"file": None, _key(scene): type(own).model_validate(dict(geometry))}
     mesh = scene.mesh.model_copy(update=update)
-    return _candidate(scene.model_copy(update={"mesh": mesh}), loaded, words)
+    return replace(_candidate(scene.model_copy(update={"mesh": mesh}), loaded, words), errors=errors)
 
 
 def next_candidate(candidate: Candidate, assembly: Assembly, split: Split, target: float) -> Candidate:

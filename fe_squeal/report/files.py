@@ -25,13 +25,12 @@ class Owner(Protocol):
     """Decides which files of a folder may be replaced; the manifest of a folder of results does."""
 
     folder: Path
-    token: str
 
-    def prepare(self, path: Path) -> None:
-        """Make the folder of a file that is about to be written."""
+    def temporary(self, path: Path) -> Path:
+        """Return where a file is written until it is whole."""
 
-    def admit(self, path: Path, temporary: Path) -> None:
-        """Allow that a temporary file is renamed to `path`, or raise OutputError."""
+    def place(self, temporary: Path, path: Path) -> None:
+        """Have a whole file take the place of `path`, or raise OutputError."""
 
 
 _owners: list[Owner] = []  # of the blocks of `owned_by`, the innermost last
@@ -53,15 +52,16 @@ def _owner_of(path: Path) -> Owner | None:
 
 
 def temporary_path(path: Path) -> Path:
-    """Return the name under which a file is written until it is complete: beside it, random, with the same suffix."""
+    """Return where a file is written until it is whole, with its suffix: beside it, or where its owner says."""
     owner = _owner_of(path)
-    token = owner.token if owner is not None else secrets.token_hex(8)
-    return path.with_name(f".{path.stem}.{token}.partial{path.suffix}")
+    if owner is not None:
+        return owner.temporary(path)
+    return path.with_name(f".{path.stem}.{secrets.token_hex(8)}.partial{path.suffix}")
 
 
 @contextmanager
 def replace_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path in the folder of `path`; the file there is renamed to `path` when the block ends.
+    """Yield a temporary path; it takes the place of `path` when the block ends well.
 
     The temporary name has the same suffix, since Matplotlib and VTK choose the format by it. If the block raises, the
     temporary file is removed, and an older file at `path` stays as it was.
@@ -81,21 +81,22 @@ def replace_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
     ['a.txt']
     """
     path = Path(path)
-    owner, temporary = _owner_of(path), temporary_path(path)
+    owner, temporary = _owner_of(path), None
     try:
-        if owner is not None:
-            owner.prepare(path)
-        else:
+        temporary = temporary_path(path)
+        if owner is None:
             path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
-        if owner is not None:
-            owner.admit(path, temporary)
-        os.replace(temporary, path)
+        if owner is None:
+            os.replace(temporary, path)
+        else:
+            owner.place(temporary, path)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
     finally:
-        with suppress(OSError):  # the block may not have made the file
-            temporary.unlink(missing_ok=True)
+        if temporary is not None:
+            with suppress(OSError):  # it may not have been made
+                temporary.unlink(missing_ok=True)
 
 
 def write_csv(frame: pd.DataFrame, path: str | os.PathLike[str]) -> Path:

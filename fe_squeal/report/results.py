@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from fe_squeal.errors import one_line
+from fe_squeal.report.record import readable
 from fe_squeal.report.shapes import Complexes, ShapeGrid
 
 _NEEDED = {
@@ -22,6 +25,11 @@ _NEEDED = {
 }
 _MAC = ("measured", "value", "branch", "frequency_hz", "mac")
 _MESH_ERROR = ("quantity", "kind", "change", "scale", "body", "direction", "part")
+_WORDS = {  # columns that hold words; every other one holds numbers
+    "parameter", "stability", "noise", "body", "term", "number", "kind", "direction", "measured", "quantity", "output",
+    "method",
+}  # fmt: skip
+_CELLS = {"tetra": 10, "tetra10": 24, "hexahedron": 12, "hexahedron27": 29}  # VTK's numbers of meshio's types
 _STATUS = {
     "running": "The run is still going on, or was killed: what is shown is what was finished until then.",
     "interrupted": "The run was interrupted: what is shown is what was finished until then. fe-squeal run --resume goes"
@@ -134,7 +142,9 @@ def _read_record(path: Path) -> tuple[dict[str, Any], list[str]]:
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
         if isinstance(record, dict):
-            return record, []
+            record, wrong = readable(record)
+            told = f"{path.name}: {', '.join(wrong)}: not as fe-squeal writes it; it is left out."
+            return record, [told] if wrong else []
         why = "it is no table"
     except FileNotFoundError:
         why = "it is missing"
@@ -146,14 +156,32 @@ def _read_record(path: Path) -> tuple[dict[str, Any], list[str]]:
 def _read_table(path: Path, needed: Sequence[str]) -> tuple[pd.DataFrame, str]:
     try:
         frame = pd.read_csv(path)
+        check_table(frame, needed)
     except FileNotFoundError:
         return pd.DataFrame(columns=list(needed)), f"{path.name} is missing; what it holds cannot be shown."
     except (OSError, ValueError) as error:
         return pd.DataFrame(columns=list(needed)), f"{path.name} cannot be read ({error}); it is left out."
+    return frame, ""
+
+
+def check_table(frame: pd.DataFrame, needed: Sequence[str] = ()) -> None:
+    """Raise ValueError where a table is not one that this program writes.
+
+    Columns that are needed are there and have no holes, all columns but those of words hold numbers, and branches are
+    numbered.
+    """
     missing = [name for name in needed if name not in frame.columns]
     if missing:
-        return pd.DataFrame(columns=list(needed)), f"{path.name} has no column {', '.join(missing)}; it is left out."
-    return frame, ""
+        raise ValueError(f"it has no column {', '.join(missing)}")
+    for name in frame.columns:
+        column = frame[name]
+        if name in _WORDS:
+            good = name not in needed or bool(column.notna().all())
+        else:
+            good = column.dtype.kind in "fiub" and bool(name not in needed or np.isfinite(column.to_numpy(float)).all())
+            good = good and bool(name != "branch" or (column % 1 == 0).all())
+        if len(column) and not good:
+            raise ValueError(f"column {name} does not hold what it should")
 
 
 def read_shapes(folder: Path) -> tuple[ShapeGrid | None, list[Shape], list[str]]:
@@ -189,38 +217,55 @@ def read_shape(path: Path) -> tuple[ShapeGrid, Shape]:
     OSError, KeyError, ValueError, IndexError
         It is not such a file.
     """
-    # It is read by VTK's own reader, since importing pyvista takes half a second.
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
-
-    from fe_squeal.report.vtk_files import names_in
-
-    if not path.read_bytes()[:200].lstrip().startswith(b"<"):
-        raise ValueError("it is no VTK file")
-    reader = vtkXMLUnstructuredGridReader()
-    reader.SetFileName(str(path))
-    reader.Update()
-    data = reader.GetOutput()
-    if not data.GetNumberOfCells() or not data.IsHomogeneous():
+    found = _mesh_of(path)
+    if len(found.cells) != 1 or found.cells[0].type not in _CELLS:
         raise ValueError("its cells are not all of one type")
-    cells = vtk_to_numpy(data.GetCells().GetConnectivityArray()).reshape(data.GetNumberOfCells(), -1)
-
-    def array(owner: Any, name: str) -> Any:
-        if not owner.HasArray(name):
-            raise KeyError(f"no array {name}")
-        return vtk_to_numpy(owner.GetArray(name))
-
-    body = np.asarray(array(data.GetCellData(), "body"), dtype=np.int64)
-    names = names_in(data, "body") or [f"body {i}" for i in range(int(body.max(initial=0)) + 1)]
-    u = array(data.GetPointData(), "u_re") + 1j * array(data.GetPointData(), "u_im")
+    points, cells = np.asarray(found.points, float), np.asarray(found.cells[0].data, np.int64)
+    u = found.point_data["u_re"] + 1j * found.point_data["u_im"]
+    body = np.asarray(found.cell_data["body"][0], np.int64)
+    if points.shape != u.shape or points.shape[1:] != (3,) or body.shape != cells.shape[:1] or not len(cells):
+        raise ValueError("its arrays do not fit together")
+    if cells.min() < 0 or cells.max() >= len(points) or not (np.isfinite(points).all() and np.isfinite(u).all()):
+        raise ValueError("its arrays do not hold what they should")
+    names = _names_in(found, "body") or {i: f"body {i}" for i in range(int(body.max()) + 1)}
+    if body.min() < 0 or sorted(names) != list(range(max(len(names), int(body.max()) + 1))):
+        raise ValueError("its bodies are not numbered")
     info: dict[str, Any] = {
-        name: float(array(data.GetFieldData(), name)[0])
+        name: float(found.field_data[name][0])
         for name in ("value", "mode", "branch", "re", "im", "frequency_hz")
-        if data.GetFieldData().HasArray(name)
+        if name in found.field_data
     }
-    parameter = names_in(data, "parameter")
-    if parameter:
-        info["parameter"] = parameter[0]
-    points = np.array(vtk_to_numpy(data.GetPoints().GetData()), dtype=float)
-    kind = int(data.GetCellType(0))
-    return ShapeGrid(points, np.array(cells, dtype=np.int64), kind, body, tuple(names)), Shape(info, u)
+    if not np.isfinite(list(info.values())).all():
+        raise ValueError("its numbers do not hold what they should")
+    for parameter in _names_in(found, "parameter").values():
+        info["parameter"] = parameter
+    grid = ShapeGrid(points, cells, _CELLS[found.cells[0].type], body, tuple(names[i] for i in sorted(names)))
+    return grid, Shape(info, u)
+
+
+def _mesh_of(path: Path) -> Any:
+    """Read a .vtu file by meshio: VTK's own reader ends the process at some damaged files.
+
+    Raises
+    ------
+    OSError, ValueError
+    """
+    import meshio
+
+    with path.open("rb") as file:
+        if not file.read(200).lstrip().startswith(b"<"):
+            raise ValueError("it is no VTK file")
+    printed = io.StringIO()
+    try:
+        with redirect_stdout(printed), redirect_stderr(printed), np.errstate(all="ignore"):
+            return meshio.read(path, "vtu")
+    except OSError:
+        raise
+    except (Exception, SystemExit) as error:  # meshio stops at damaged files with almost any exception
+        raise ValueError(one_line(str(error))[:160] or "it is damaged") from error
+
+
+def _names_in(found: Any, kind: str) -> dict[int, str]:
+    """Return numbered names, which `vtk_files.add_names` has written as arrays `KIND: NAME`."""
+    head = f"{kind}: "
+    return {int(array[0]): name.removeprefix(head) for name, array in found.field_data.items() if name.startswith(head)}

@@ -203,7 +203,7 @@ def _write(path: Path, record: Record) -> None:
 def _read(path: Path, *names: str) -> Record:
     """Return all arrays of a file, or those with some names."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             arrays = {name: file[name] for name in names or file.files}
         data = json.loads(str(arrays.pop(_JSON)), object_hook=lambda found: _Kept(path, found))
         return Record(_Kept(path, arrays), data)

@@ -17,6 +17,7 @@ from ..errors import OutputError
 from ..report.files import owned_by
 from .lock import LOCK, is_lock, locked
 from .manifest import MANIFEST, MISSING, UNFINISHED, Manifest
+from .open_folder import OpenFolder
 
 # Every file and folder that a run or a study of accuracy writes.
 RECORD = "run.json"
@@ -54,17 +55,22 @@ RUN_FILES = (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES, *MEASURED_FILES, *MESH_E
 STUDY_FILES = (ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, REPORT)
 FOLDERS = (SHAPES, CHECKPOINT, MEASUREMENTS, DANGEROUS, PARTS)
 CHECKPOINT_INPUTS = f"{CHECKPOINT}/inputs.json"
-SEARCH, NEXT_MESH = f"{CHECKPOINT}/search.json", f"{CHECKPOINT}/next.msh"  # of the search for a mesh for a target
+SEARCH, NEXT_MESH = f"{CHECKPOINT}/search.json", "next_{}.msh"  # of a mesh for a target
 _CHECKPOINT_FILES = (CHECKPOINT_INPUTS, *(f"{CHECKPOINT}/{name}.npz" for name in ("model", "first", "state")))
 _LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}  # files that file browsers leave; an empty folder may have them
 _UNFINISHED = re.compile(re.escape(UNFINISHED).replace(re.escape("{}"), "[0-9a-f]{32}"))
-_NAMED = 3  # files that a message names, at most
-_LATER = {*MEASURED_FILES, *MESH_ERROR_FILES, REPORT, MESH}  # files that versions without a manifest did not write
-# Names of files that versions without a manifest wrote: a folder with no other files has results of such a version.
+_NAMED = 3  # files in one message
+_LATER = {*MEASURED_FILES, *MESH_ERROR_FILES, REPORT, MESH}  # that came with the manifest
+_SHAPE_FILE = rf"{SHAPES}/(branch|mode)_\d+\w*[\w.+-]*Hz(\.(vtu|pvd|png|npz|gif)|_frames/[\w.+-]+\.vtu)"
+# Names inside these folders that are made as the work goes on.
+_MADE = re.compile(
+    rf"{_SHAPE_FILE}|{CHECKPOINT}/(point_\d+\.npz|next_\d+\.msh|search\.json)|{MEASUREMENTS}/[\w.+-]+\.np[yz]"
+    rf"|{DANGEROUS}/sample_\d+\.toml|{PARTS}/(inputs\.json|\w+_\d+\.npz)"
+)
+# Names of files of the version that wrote no manifest: a folder with such files alone holds its results.
 _EARLIER = re.compile(
     "|".join(map(re.escape, {*RUN_FILES, *STUDY_FILES, *_CHECKPOINT_FILES} - _LATER))
-    + rf"|{CHECKPOINT}/point_\d+\.npz|{MEASUREMENTS}/[\w.+-]+\.np[yz]"
-    rf"|{SHAPES}/(branch|mode)_\d+\w*[\w.+-]*Hz(\.(vtu|pvd|png|npz)|_frames/[\w.+-]+\.vtu)"
+    + rf"|{CHECKPOINT}/point_\d+\.npz|{MEASUREMENTS}/[\w.+-]+\.np[yz]|{_SHAPE_FILE}"
 )
 _STUDY_MARKS = ((ACCURACY_TABLE, b"order,size,modes,method,"), (f"{MEASUREMENTS}/probes.npy", b"\x93NUMPY"))
 _EARLIER_PARTIAL = re.compile(r"(.*/)?\.[^/]*\.\d+\.partial\.\w+")  # unfinished files of a command that was killed
@@ -103,12 +109,12 @@ def hold_folder(folder: Path, inputs: Iterable[Path] = ()) -> Iterator[Manifest]
                 with suppress(FileExistsError):  # another command made it in the meantime
                     place.mkdir()
                     made.append(place)
-        with _explained(folder, inside := _Inside()), locked(folder):
+        with _explained(folder, inside := _Inside()), OpenFolder(folder) as opened, locked(opened):
             _refuse_foreign(folder)
-            manifest = Manifest(folder, () if Manifest.marks(folder) else tuple(_earlier(folder)))
+            manifest = Manifest(opened, () if Manifest.marks(folder) else tuple(_earlier(folder)))
             _refuse_names(manifest)
             _refuse_inputs(manifest, inputs)
-            manifest.remove_partial(FOLDERS)
+            manifest.remove_partial()
             manifest.remove(lambda name: _EARLIER_PARTIAL.fullmatch(name) is not None)
             inside.begun = True
             with owned_by(manifest):
@@ -199,19 +205,23 @@ def _refuse_foreign(folder: Path) -> None:
 
 
 def _refuse_names(manifest: Manifest) -> None:
-    """Raise OutputError if files that this program did not write have the names of files that will be written."""
-    listed = set(manifest.names(lambda name: True))
-    for name in {*RUN_FILES, *STUDY_FILES, *SCATTER_FILES, *MAP_FILES, *DIFFERENCE_FILES, *_CHECKPOINT_FILES} - listed:
-        if manifest.state(name) != MISSING:
-            raise OutputError(
-                f"{manifest.folder / name}: is no file that fe-squeal wrote; move it, or give another folder by -o"
-            )
+    """Refuse to begin where files that this program did not write have names that will be written."""
     for name in FOLDERS:
         path = manifest.folder / name
         if os.path.lexists(path) and (path.is_symlink() or not path.is_dir()):
             raise OutputError(
                 f"{path}: is no folder but a link or a file; nothing is written through links: move it, or give another"
                 " folder by -o"
+            )
+    listed = set(manifest.names(lambda name: True))
+    found = (path for name in FOLDERS for path in manifest.folder.glob(f"{name}/**/*"))
+    inside = {path.relative_to(manifest.folder).as_posix() for path in found}
+    made = {name for name in inside if _MADE.fullmatch(name)}
+    fixed = {*RUN_FILES, *STUDY_FILES, *SCATTER_FILES, *MAP_FILES, *DIFFERENCE_FILES, *_CHECKPOINT_FILES}
+    for name in sorted((fixed | made) - listed):
+        if manifest.state(name) != MISSING:
+            raise OutputError(
+                f"{manifest.folder / name}: is no file that fe-squeal wrote; move it, or give another folder by -o"
             )
 
 

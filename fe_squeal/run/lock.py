@@ -14,15 +14,17 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..errors import OutputError
+from .open_folder import Entry, OpenFolder
 
 LOCK = ".lock"
-_TEXT = re.compile(rb"(process \d+ since [-\d]+ [:\d]+\n?)?")  # the file is empty for a moment after it was made
+_TEXT = re.compile(rb"(process \d+ since [-\d]+ [:\d]+\n?)?")  # empty before it is written
+_MOST_BYTES = 200  # of a file that may be a lock
 _TAKEN = {errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK, errno.EDEADLK}
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Keep other commands from writing into a folder during the block.
+def locked(folder: OpenFolder) -> Iterator[None]:
+    """Keep other commands out of a folder inside the block.
 
     The operating system locks the file `.lock` in the folder, and releases it when the process ends, however that
     happens.
@@ -34,39 +36,60 @@ def locked(folder: Path) -> Iterator[None]:
     OSError
         Nothing can be written there.
     """
-    path = folder / LOCK
-    handle = _locked(path)
-    if handle is None:
-        raise OutputError(
-            f"{folder}: is held by another run{_holder(path)}; expected a folder of its own for every run at a"
-            " time, given by -o"
-        )
-    try:
-        os.ftruncate(handle, 0)
-        os.write(handle, f"process {os.getpid()} since {time.strftime('%Y-%m-%d %H:%M:%S')}\n".encode())
-        yield
-    finally:
-        _release(handle, path)
+    path = folder.path / LOCK
+    with folder.entry(LOCK) as entry:
+        handle = _locked(entry, path)
+        if handle is None:
+            raise OutputError(
+                f"{folder.path}: is held by another run{_holder(path)}; expected a folder of its own for every run at a"
+                " time, given by -o"
+            )
+        try:
+            os.ftruncate(handle, 0)
+            os.write(handle, f"process {os.getpid()} since {time.strftime('%Y-%m-%d %H:%M:%S')}\n".encode())
+            yield
+        finally:
+            _release(handle, entry)
 
 
 def is_lock(path: Path) -> bool:
     """Return whether a file is the lock of a command that is running, or was killed."""
     try:
-        if not stat.S_ISREG(path.lstat().st_mode) or path.stat().st_size > 200:
-            return False
-        return _TEXT.fullmatch(path.read_bytes()) is not None
+        handle = Entry(None, str(path)).open_regular()
     except OSError:
         return False
+    try:
+        return _holds_lock(handle)
+    finally:
+        os.close(handle)
 
 
-def _locked(path: Path) -> int | None:
-    """Return the handle of the file after locking it, or None if another process has locked it."""
+def _holds_lock(handle: int) -> bool:
+    """Return whether an opened file has the content of a lock, and stand at its beginning again."""
+    try:
+        if not stat.S_ISREG(os.fstat(handle).st_mode):
+            return False
+        text = os.read(handle, _MOST_BYTES)
+        os.lseek(handle, 0, os.SEEK_SET)
+    except OSError:
+        return False
+    return _TEXT.fullmatch(text) is not None
+
+
+def _locked(entry: Entry, path: Path) -> int | None:
+    """Return the handle of the file, locked, or None if it is locked by another process."""
+    foreign = OutputError(f"{path}: is no file that fe-squeal wrote; move it, or give another folder by -o")
     while True:
-        if os.path.lexists(path) and not is_lock(path):
-            raise OutputError(
-                f"{path}: is no file that fe-squeal wrote; move it, or give another folder by -o"
-            )
-        handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
+        try:
+            handle = entry.open(os.O_RDWR | os.O_CREAT)
+        except OSError as error:
+            if not is_lock(path) and os.path.lexists(path):
+                raise foreign from error
+            raise
+        # Of the opened file, not of the path: another one may have come there since.
+        if not _holds_lock(handle):
+            os.close(handle)
+            raise foreign
         try:
             _lock(handle)
         except OSError as error:
@@ -74,21 +97,29 @@ def _locked(path: Path) -> int | None:
                 os.close(handle)
                 return None
             warnings.warn(f"{path.parent}: this file system knows no locks ({error.strerror})", stacklevel=2)
-        # The process that held it before may have removed the file between opening and locking.
-        with suppress(OSError):
-            if os.path.samestat(os.fstat(handle), os.stat(path)):
-                return handle
+        if _is_still(handle, entry):  # else its last holder has removed the file between the two steps
+            return handle
         os.close(handle)
 
 
-def _release(handle: int, path: Path) -> None:
-    """Remove the file while it is locked; after unlocking, where the system does not allow that (Windows)."""
+def _is_still(handle: int, entry: Entry) -> bool:
+    """Return whether an entry is the opened file."""
     with suppress(OSError):
-        path.unlink()
+        found = entry.stat()
+        return found is not None and os.path.samestat(os.fstat(handle), found)
+    return False
+
+
+def _release(handle: int, entry: Entry) -> None:
+    """Remove the file while it is locked, or after that where the system does not allow it (Windows)."""
+    ours = _is_still(handle, entry)
+    with suppress(OSError):
+        if ours:
+            entry.remove()
     os.close(handle)
-    if sys.platform == "win32":
+    if sys.platform == "win32" and ours:
         with suppress(OSError):
-            path.unlink()
+            entry.remove()
 
 
 def _holder(path: Path) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 from pathlib import Path
 
 import lumped
@@ -23,12 +22,8 @@ def study_model(model: str, study: str, out: Path) -> list[Path]:
         The folder cannot be used, or a file cannot be written.
     """
     with hold_folder(out) as held:
-        scratch = held.scratch()
-        try:
-            written = lumped.run_study(model, study, scratch)
-            for path in written:
-                with replace_atomically(out / path.name) as temporary:
-                    os.replace(path, temporary)
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
+        written = lumped.run_study(model, study, held.scratch())
+        for path in written:
+            with replace_atomically(out / path.name) as temporary:
+                os.replace(path, temporary)
     return [out / path.name for path in written]

@@ -9,26 +9,27 @@ reached through a symbolic link.
 from __future__ import annotations
 
 import errno
-import hashlib
 import os
 import re
 import secrets
-import shutil
 import stat
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 
 from ..errors import OutputError
 from ..version import __version__
+from .open_folder import Entry, LinkError, OpenFolder
 
 MANIFEST = "manifest.sha256"
 UNFINISHED = ".manifest.{}.partial.sha256"
 _HEAD = re.compile(r"# fe-squeal \S+ ([0-9a-f]{32}): .*")
 _LINE = re.compile(r"([0-9a-f]{64})  ([^\\:\0]+)")
-_MOST_BYTES = 100_000_000  # of a manifest: a larger file is none
-_NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)  # Windows has none
-MISSING, OURS, CHANGED, FOREIGN = "missing", "ours", "changed", "foreign"  # states of a file, see `Manifest.state`
+_MOST_BYTES = 100_000_000
+# Windows gives files the rights of the folder that they are made in, and they keep them when they are moved.
+_PRIVATE = 0o777 if sys.platform == "win32" else 0o700
+MISSING, OURS, CHANGED, FOREIGN = "missing", "ours", "changed", "foreign"
 
 
 class Manifest:
@@ -36,7 +37,7 @@ class Manifest:
 
     Parameters
     ----------
-    folder : Path
+    opened : OpenFolder
     adopted : tuple of str
         Files that a version without a manifest has written; they are listed from now on.
 
@@ -51,15 +52,20 @@ class Manifest:
         The manifest cannot be read.
     """
 
-    def __init__(self, folder: Path, adopted: tuple[str, ...] = ()) -> None:
-        self.folder, self._path = folder, folder / MANIFEST
+    def __init__(self, opened: OpenFolder, adopted: tuple[str, ...] = ()) -> None:
+        self.folder, self._opened = opened.path, opened
+        self._path = opened.path / MANIFEST
         self.token = secrets.token_hex(16)
         self._known: dict[str, list[str]] = {}
-        self._kept = os.path.lexists(self._path)  # whether the folder has a complete manifest file
-        if self._kept:
-            self._read()
+        self._scratch = self._touched = False
+        self._reached: set[str] = set()  # files that were about to be written
+        with opened.entry(MANIFEST) as entry:
+            self._kept = entry.stat() is not None  # whether the manifest is a file in the folder
+            if self._kept:
+                self._read(entry)
         for name in adopted:
-            self._known.setdefault(name, []).append(digest_of(folder / name))
+            with opened.entry(name) as entry:
+                self._known.setdefault(name, []).append(entry.digest())
 
     @staticmethod
     def marks(folder: Path) -> bool:
@@ -72,7 +78,7 @@ class Manifest:
         """
         path = folder / MANIFEST
         try:
-            text = _open_regular(path)
+            text = _text_of(Entry(None, str(path)))
         except PermissionError as error:
             raise OutputError(f"{path}: cannot be read ({error.strerror or error})") from error
         except OSError:
@@ -80,16 +86,23 @@ class Manifest:
         return text == "" or _HEAD.fullmatch(text.split("\n", 1)[0]) is not None
 
     def state(self, name: str) -> str:
-        """Return the state of a file: missing, ours (as this program wrote it), changed since, or foreign."""
-        path = self.folder / name
+        """Return whether a file is missing, this program's, changed since, or somebody else's."""
         try:
-            found = path.lstat()
-        except OSError:
-            return MISSING
-        if not stat.S_ISREG(found.st_mode) or name not in self._known or not self._reached(path):
+            with self._opened.entry(name) as entry:
+                return self._state(name, entry)
+        except LinkError:
             return FOREIGN
-        # A file that was written just before a power failure may be empty. Nothing is lost if it is replaced.
-        return OURS if found.st_size == 0 or digest_of(path) in self._known[name] else CHANGED
+        except (FileNotFoundError, NotADirectoryError):
+            return MISSING
+
+    def _state(self, name: str, entry: Entry) -> str:
+        found = entry.stat()
+        if found is None:
+            return MISSING
+        if not stat.S_ISREG(found.st_mode) or name not in self._known:
+            return FOREIGN
+        # A file written just before a power failure may be empty. It then holds nothing that could be lost.
+        return OURS if found.st_size == 0 or entry.digest() in self._known[name] else CHANGED
 
     def names(self, chosen: Callable[[str], bool]) -> list[str]:
         """Return the listed names for which `chosen` is true."""
@@ -128,93 +141,114 @@ class Manifest:
         names = sorted(self.names(chosen), key=lambda name: (name != first, name))
         if not names:
             return
+        name = MANIFEST
         try:
             self._keep()
-            ours = [name for name in names if self.state(name) == OURS]
-            for place in sorted({(self.folder / name).parent for name in ours}):
-                if not os.access(place, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids):
-                    # Checked for all files first, so that either all are removed or none.
-                    raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(place))
-            for name in ours:
-                (self.folder / name).unlink(missing_ok=True)
-            for parent in sorted({p for name in names for p in Path(name).parents if p.parts}, reverse=True):
-                if self._reached(self.folder / parent / MANIFEST):
-                    with suppress(OSError):  # the folder is not empty
-                        (self.folder / parent).rmdir()
+            for name in names:  # all or nothing
+                with suppress(LinkError, FileNotFoundError, NotADirectoryError), self._opened.entry(name) as entry:
+                    if entry.stat() is not None and not entry.may_be_removed():
+                        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+            for name in names:
+                self._remove(name)
         except OSError as error:
-            raise OutputError(f"{error.filename}: cannot be removed ({error.strerror or error})") from error
+            raise OutputError(f"{self.folder / name}: cannot be removed ({error.strerror or error})") from error
+        self._remove_empty_folders(names)
 
-    def prepare(self, path: Path) -> None:
-        """Make the folder of a file that is about to be written.
+    def temporary(self, path: Path) -> Path:
+        """Return where a file is written until `place` gives it its name.
+
+        The names in there are random, so that even a link in the place of the scratch folder makes nobody lose a file.
+        """
+        return self.scratch() / f"{secrets.token_hex(8)}{path.suffix}"
+
+    def place(self, temporary: Path, path: Path) -> None:
+        """List a file, and give the temporary one its name.
 
         Raises
         ------
         OutputError
-            The folder is reached through a link.
+            There is a file of that name that this program did not write, or that was changed since.
+        OSError
+            Also where the way to it is through a link.
         """
         self._keep()
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if not self._reached(path):
-            raise OutputError(f"{path.parent}: is a link; expected a folder, since nothing is written through links")
-
-    def admit(self, path: Path, temporary: Path) -> None:
-        """List a file, with the digest of the temporary file that is about to be renamed to it.
-
-        Raises
-        ------
-        OutputError
-            There is a file of this name that this program did not write, or that was changed since.
-        """
         name = self._name(path)
-        if self.state(name) in (CHANGED, FOREIGN):
-            raise OutputError(
-                f"{path}: is no file that fe-squeal wrote, or was changed since; it is not replaced: move it, or give"
-                " another folder by -o"
-            )
-        digest = digest_of(temporary)
-        self._known.setdefault(name, []).append(digest)
-        self._append(f"{digest}  {name}\n")
+        self._reached.add(name)
+        with (
+            self._opened.entry(self._name(temporary)) as written,
+            self._opened.entry(name, make=True) as entry,
+        ):
+            if self._state(name, entry) in (CHANGED, FOREIGN):
+                raise OutputError(
+                    f"{path}: is no file that fe-squeal wrote, or was changed since; it is not replaced: move it, or"
+                    " give another folder by -o"
+                )
+            digest = written.digest()
+            self._known.setdefault(name, []).append(digest)
+            self._append(f"{digest}  {name}\n")
+            written.replace(entry)
 
     def scratch(self) -> Path:
-        """Make a folder inside for files that are not complete yet; the caller removes it, or `remove_partial` does."""
+        """Return a folder inside for files that are not whole yet, where nobody else may look; `close` removes it."""
         self._keep()
-        path = self.folder / f".{self.token}.partial"
-        path.mkdir()
-        return path
+        name = self._scratch_name
+        if not self._scratch:
+            with self._opened.entry(name) as entry:
+                entry.make_folder(_PRIVATE)
+            self._scratch = True
+        return self.folder / name
 
-    def remove_partial(self, folders: tuple[str, ...]) -> None:
-        """Remove the unfinished files that a killed command has left in this folder and in some folders inside."""
-        places = {Path(), *map(Path, folders), *(Path(name).parent for name in self._known)}
-        for place in [*places, *(p for p in map(Path, folders) for p in self._folders_in(p))]:
-            if self._reached(self.folder / place / MANIFEST) and (self.folder / place).is_dir():
-                for entry in list(os.scandir(self.folder / place)):
-                    if f".{self.token}.partial" in entry.name:  # only this program knows the token
-                        if entry.is_dir(follow_symlinks=False):
-                            shutil.rmtree(entry.path, ignore_errors=True)
-                        else:
-                            with suppress(OSError):
-                                os.unlink(entry.path)
+    def remove_partial(self) -> None:
+        """Remove the unfinished files that a killed command left."""
+        for name in self._opened.names():
+            if f".{self.token}.partial" in name:  # ours: nobody else knows the token
+                with self._opened.entry(name) as entry:
+                    entry.remove_tree()
 
     def close(self) -> None:
-        """Rewrite the manifest with one line for each listed file that exists; remove it if there is none."""
-        if not self._kept:
+        """Remove the scratch folder, and shorten the manifest to one line for each file; remove it if there is none."""
+        if self._scratch:
+            with self._opened.entry(self._scratch_name) as entry:
+                entry.remove_tree()
+        if not (self._kept and self._touched):  # what was refused stays as it is
             return
+        self._remove_empty_folders(self._reached)  # made for files that were not written any more
         left = {}
         for name, digests in self._known.items():
-            path = self.folder / name
-            if len(digests) == 1 and os.path.lexists(path):
+            try:
+                with self._opened.entry(name) as entry:
+                    if entry.stat() is not None and (len(digests) == 1 or self._state(name, entry) == OURS):
+                        left[name] = digests if len(digests) == 1 else [entry.digest()]
+            except (FileNotFoundError, NotADirectoryError):
+                pass
+            except OSError:
                 left[name] = digests
-            elif len(digests) > 1 and self.state(name) == OURS:
-                left[name] = [digest_of(path)]
-        with suppress(OSError):  # the old manifest is right too, only longer
+        with suppress(OSError), self._opened.entry(MANIFEST) as entry:  # as it stands it is right as well, only longer
             if not left:
-                self._path.unlink()
-            elif left != self._known or self._lines() != len(left):
+                entry.remove()
+            elif left != self._known or _text_of(entry).count("\n") - 1 != len(left):
                 self._write(left)
 
-    def _read(self) -> None:
+    def _remove_empty_folders(self, names: Iterable[str]) -> None:
+        """Remove the folders of files where nothing else is in them."""
+        for parent in sorted({p.as_posix() for name in names for p in Path(name).parents if p.parts}, reverse=True):
+            with suppress(OSError), self._opened.entry(parent) as entry:
+                entry.remove_empty_folder()
+
+    @property
+    def _scratch_name(self) -> str:
+        return f".{self.token}.partial"
+
+    def _remove(self, name: str) -> None:
+        """Remove a file if it is as it was written."""
+        with suppress(LinkError, FileNotFoundError, NotADirectoryError), self._opened.entry(name) as entry:
+            if self._state(name, entry) == OURS:
+                self._touched = True
+                entry.remove()
+
+    def _read(self, entry: Entry) -> None:
         try:
-            text = _open_regular(self._path)
+            text = _text_of(entry)
         except OSError as error:
             raise OutputError(f"{self._path}: cannot be read ({error.strerror or error})") from error
         head, *lines = text.split("\n")[:-1] or [""]  # a last line without an end was cut off, and does not count
@@ -233,28 +267,32 @@ class Manifest:
         Raises
         ------
         OutputError
-            Somebody has removed it in the meantime, perhaps with the folder.
+            It has been removed meanwhile, or the folder was moved away.
         """
-        if self._kept:
-            if not os.path.lexists(self._path):
+        with self._opened.entry(MANIFEST) as entry:
+            if not self._opened.is_at_its_path or (self._kept and entry.stat() is None):
                 raise OutputError(f"{self._path}: is gone; expected the folder of results to stay until the end")
-            return
-        self._write(self._known)
-        self._kept = True
+        if not self._kept:
+            self._write(self._known)
+            self._kept = True
 
     def _write(self, known: dict[str, list[str]]) -> None:
-        temporary = self.folder / UNFINISHED.format(self.token)
-        try:
-            with open(temporary, "x", encoding="utf-8", newline="\n") as file:
-                file.write(self._text(known))
-            os.replace(temporary, self._path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        self._touched = True
+        with self._opened.entry(UNFINISHED.format(self.token)) as draft, self._opened.entry(MANIFEST) as entry:
+            try:
+                handle = draft.open(os.O_WRONLY | os.O_CREAT | os.O_EXCL)
+                with open(handle, "w", encoding="utf-8", newline="\n") as file:
+                    file.write(self._text(known))
+                draft.replace(entry)
+            finally:
+                draft.remove()
 
     def _append(self, line: str) -> None:
         data = line.encode()
-        self._kept = False  # until the line is complete: no line may follow one that was cut off
-        handle = os.open(self._path, os.O_WRONLY | os.O_APPEND | _NO_FOLLOW)
+        self._touched = True
+        self._kept = False  # until the line is whole: nothing may be added after a line that was cut off
+        with self._opened.entry(MANIFEST) as entry:
+            handle = entry.open(os.O_WRONLY | os.O_APPEND)
         try:
             self._kept = os.write(handle, data) == len(data)
         finally:
@@ -266,35 +304,13 @@ class Manifest:
         head = f"# fe-squeal {__version__} {self.token}: the files that it wrote here, and no others, it may replace\n"
         return head + "".join(f"{digest}  {name}\n" for name, digests in known.items() for digest in digests)
 
-    def _lines(self) -> int:
-        return _open_regular(self._path).count("\n") - 1
-
     def _name(self, path: Path) -> str:
         return Path(os.path.abspath(path)).relative_to(os.path.abspath(self.folder)).as_posix()
 
-    def _reached(self, path: Path) -> bool:
-        """Return whether all folders between the folder and a path exist and are no links."""
-        parents = [self.folder / p for p in Path(self._name(path)).parents if p.parts]
-        return all(not p.is_symlink() and (p.is_dir() or not os.path.lexists(p)) for p in parents)
 
-    def _folders_in(self, place: Path) -> Iterator[Path]:
-        if self._reached(self.folder / place / MANIFEST) and (self.folder / place).is_dir():
-            for entry in os.scandir(self.folder / place):
-                if entry.is_dir(follow_symlinks=False):
-                    yield place / entry.name
-
-
-def digest_of(path: Path) -> str:
-    """Return the SHA-256 of a file's content, in hexadecimal."""
-    handle = os.open(path, os.O_RDONLY | _NO_FOLLOW | getattr(os, "O_BINARY", 0))
-    with open(handle, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _open_regular(path: Path) -> str:
-    """Return the text of a regular file of reasonable size; OSError for a link, a pipe or a larger file."""
-    if not stat.S_ISREG(path.lstat().st_mode) or path.lstat().st_size > _MOST_BYTES:
-        raise OSError(0, "it is no file that fe-squeal wrote")
-    handle = os.open(path, os.O_RDONLY | _NO_FOLLOW)
-    with open(handle, encoding="utf-8", errors="replace", newline="\n") as file:
+def _text_of(entry: Entry) -> str:
+    """Return the text of a regular file of reasonable size; no link and no pipe is opened."""
+    with open(entry.open_regular(), encoding="utf-8", errors="replace", newline="\n") as file:
+        if os.fstat(file.fileno()).st_size > _MOST_BYTES:
+            raise OSError(0, "it is no file that fe-squeal wrote")
         return file.read()

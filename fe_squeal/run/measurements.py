@@ -31,7 +31,7 @@ class MeasurementFolder:
         if not path.exists():
             return None
         try:
-            with np.load(path, allow_pickle=False) as file:
+            with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                 found = {f.name: file[f.name] for f in fields(Measurement)}
                 seconds = dict(zip(file["stages"].tolist(), file["seconds"].tolist(), strict=True))
             found |= {"unknowns": int(found["unknowns"]), "peak_memory_mib": float(found["peak_memory_mib"])}

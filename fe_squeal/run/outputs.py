@@ -150,8 +150,7 @@ def _shapes(result: Sweep, chosen: Sequence[tuple[SweepPoint, int]]) -> list[tup
 
 
 def _write_array(name: str, u: np.ndarray, info: dict[str, Any], folder: Path) -> Path:
-    """Write a shape (n,) complex as the array `u` of an .npz file, with the description of its mode beside it."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write a shape (n,) complex as the array `u` of an .npz file, with what it belongs to beside it."""
     path = folder / f"{name}.npz"
     with replace_atomically(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, u=u, **info)

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import OutputError, SceneError
 from ..report.files import replace_atomically, write_json
+from ..study.outcome import COLUMNS, MODE_COLUMNS
 from .checkpoint import read_json
 from .folder import PARTS, PARTS_INPUTS, is_part
 from .inputs import differences, joined_differences
@@ -33,12 +34,11 @@ class StudyParts:
         return (self.results.folder / PARTS_INPUTS).exists()
 
     def check(self, inputs: Mapping[str, Any]) -> None:
-        """Check that the parts belong to the study with these inputs.
+        """Refuse to go on from parts of another study, or damaged ones.
 
         Raises
         ------
-        SceneError
-            They belong to another study.
+        SceneError, OutputError
         """
         found = differences(read_json(self.results.folder / PARTS_INPUTS), inputs)
         if found:
@@ -46,6 +46,8 @@ class StudyParts:
                 f"{self.results.folder}: the interrupted study was another one: {joined_differences(found)}; expected"
                 " the same one: start anew without --resume, or give another folder by -o"
             )
+        for path in self.folder.glob("*.npz"):
+            _read(path)
 
     def begin(self, inputs: Mapping[str, Any]) -> None:
         """Begin a new study with these inputs, and remove the parts of an earlier one."""
@@ -80,14 +82,22 @@ class StageParts:
             match = re.fullmatch(rf"{self._stage}_(\d+)\.npz", path.name)
             if match is None:
                 continue
-            try:
-                with np.load(path, allow_pickle=False) as data:
-                    found[int(match[1])] = (data["rows"], data["modes"])
-            except (OSError, ValueError, KeyError) as error:
-                raise OutputError(f"{path}: cannot be read ({error}); start anew without --resume") from error
+            found[int(match[1])] = _read(path)
         return found
 
     def save(self, chunk: int, rows: np.ndarray, modes: np.ndarray) -> None:
         """Keep the tables of a finished chunk under its number."""
         with replace_atomically(self._folder / f"{self._stage}_{chunk:05d}.npz") as temporary:
             np.savez(temporary, rows=rows, modes=modes)
+
+
+def _read(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows (m, columns) and unstable modes (k, 1 + columns) of a chunk."""
+    try:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as data:
+            rows, modes = np.asarray(data["rows"], float), np.asarray(data["modes"], float)
+        if rows.shape[1:] != (len(COLUMNS),) or modes.shape[1:] != (1 + len(MODE_COLUMNS),):
+            raise ValueError("its tables have other columns")
+    except Exception as error:  # the reader stops at damaged files with almost any exception
+        raise OutputError(f"{path}: is damaged ({error}); start anew without --resume") from error
+    return rows, modes

@@ -1,14 +1,24 @@
-"""Keep the search for a mesh, its trials and the next mesh, so that it can resume after any interruption."""
+"""What is kept of the search for a mesh, so that it can go on after any interruption: its trials, and the next mesh.
+
+Every mesh has a file of its own, which `search.json` names. So both belong together at any moment, whatever was written
+last.
+"""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from ..accuracy.adapt import LineErrors
 from ..accuracy.candidates import Candidate, restored
 from ..accuracy.choose import Trial
-from ..errors import SceneError
+from ..errors import OutputError, SceneError
 from ..mesh import load_mesh
 from ..mesh.writing import write_loaded
 from ..report.files import replace_atomically, write_json
@@ -17,6 +27,37 @@ from .checkpoint import read_json
 from .folder import CHECKPOINT, NEXT_MESH, SEARCH
 from .inputs import differences, joined_differences
 from .manifest import Manifest
+
+_Number = float | None  # None: not finite, which JSON has no number for
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class _Trial(_Table):
+    mesh: str
+    unknowns: int
+    error: _Number
+    seconds: float
+
+
+class _Before(_Table):
+    """The `LineErrors` of the mesh before, by line; `elements` are its numbers."""
+
+    elements: dict[str, int]
+    errors: dict[str, list[_Number]]
+    rates: dict[str, float]
+
+
+class _Kept(_Table):
+    inputs: dict[str, Any]
+    trials: list[_Trial]
+    file: Annotated[str, Field(pattern=rf"^{NEXT_MESH.format('[0-9]+')}$")]
+    digest: str
+    mesh: str
+    geometry: dict[str, Any] | None
+    before: _Before | None
 
 
 class KeptSearch:
@@ -31,20 +72,23 @@ class KeptSearch:
     """
 
     def __init__(self, results: Manifest, inputs: Mapping[str, Any]) -> None:
-        self._out, self._inputs = results.folder, inputs
+        self._results, self._out, self._inputs = results, results.folder, inputs
 
     def save(self, trials: list[Trial], candidate: Candidate) -> None:
-        """Keep the trials so far and the mesh that is tried next."""
-        (self._out / CHECKPOINT).mkdir(exist_ok=True)
-        with replace_atomically(self._out / NEXT_MESH) as temporary:
+        """Keep the trials so far, and the mesh that is tried next."""
+        name = NEXT_MESH.format(len(trials))
+        with replace_atomically(self._out / CHECKPOINT / name) as temporary:
             write_loaded(candidate.loaded, temporary)
+            digest = _digest(temporary)
         geometry = candidate.scene.mesh.geometry
-        numbers = None if geometry is None else geometry.model_dump(mode="json")
         kept = {
-            "inputs": dict(self._inputs), "trials": [asdict(t) for t in trials], "mesh": candidate.told,
-            "geometry": numbers,
+            "inputs": dict(self._inputs), "trials": [asdict(t) for t in trials], "file": name, "digest": digest,
+            "mesh": candidate.told, "geometry": None if geometry is None else geometry.model_dump(mode="json"),
+            "before": _before(candidate.errors),
         }  # fmt: skip
         write_json(kept, self._out / SEARCH)
+        others = {f"{CHECKPOINT}/{NEXT_MESH.format(n)}" for n in range(len(trials))}
+        self._results.remove(others.__contains__)
 
     def load(self, scene: Scene) -> tuple[list[Trial], Candidate] | None:
         """Return the trials so far and the mesh that is tried next, or None if nothing was kept.
@@ -52,16 +96,52 @@ class KeptSearch:
         Raises
         ------
         SceneError
-            The search that was kept is that of another scene.
+            It belongs to another scene.
+        OutputError
+            It is damaged, or its mesh.
         """
-        kept = read_json(self._out / SEARCH)
-        if not isinstance(kept, dict):
+        path = self._out / SEARCH
+        if not path.exists():
             return None
-        found = differences(kept.get("inputs"), self._inputs)
-        if found:
+        found = read_json(path)
+        another = differences(found.get("inputs") if isinstance(found, dict) else None, self._inputs)
+        if another:
             raise SceneError(
-                f"{self._out}: the interrupted run was another one: {joined_differences(found)}; run without --resume"
-                " to start anew, or give another folder by -o"
+                f"{self._out}: the interrupted run was another one: {joined_differences(another)}; run without --resume to start"
+                " anew, or give another folder by -o"
             )
-        trials = [Trial(**t) for t in kept["trials"]]
-        return trials, restored(scene, load_mesh(self._out / NEXT_MESH), kept["geometry"], kept["mesh"])
+        try:
+            kept = _Kept.model_validate(found)
+            trials = [Trial(t.mesh, t.unknowns, np.nan if t.error is None else t.error, t.seconds) for t in kept.trials]
+            errors = _line_errors(scene, kept.before)
+            mesh = self._out / CHECKPOINT / kept.file
+            if _digest(mesh) != kept.digest:
+                raise ValueError("the mesh is another one")
+            return trials, restored(scene, load_mesh(mesh), kept.geometry, kept.mesh, errors)
+        except (OSError, ValueError) as error:  # pydantic's among them
+            raise OutputError(f"{path}: is damaged; run without --resume to start the search anew") from error
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _before(errors: LineErrors | None) -> dict[str, Any] | None:
+    if errors is None:
+        return None
+    return {
+        "elements": {key: line.elements for key, line in errors.lines.items()}, "errors": dict(errors.errors),
+        "rates": dict(errors.rates),
+    }  # fmt: skip
+
+
+def _line_errors(scene: Scene, before: _Before | None) -> LineErrors | None:
+    if before is None:
+        return None
+    if scene.mesh.geometry is None:
+        raise ValueError("a mesh from a file has no lines")
+    lines = scene.mesh.geometry.with_counts(before.elements).lines
+    if not lines.keys() == before.errors.keys() == before.rates.keys() == before.elements.keys():
+        raise ValueError("the lines are others")
+    return LineErrors(lines, {key: np.array(e, float) for key, e in before.errors.items()}, before.rates)

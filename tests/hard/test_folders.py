@@ -16,6 +16,7 @@ from selection import some
 from test_safety import matrix_scene
 
 import fe_squeal.report.export
+import fe_squeal.run.manifest
 import fe_squeal.run.run
 from fe_squeal.cli import main
 from fe_squeal.sweep.running import RunningSweep
@@ -156,6 +157,17 @@ def test_file_that_was_changed_or_is_foreign_is_not_replaced(
     assert main(["run", str(place / "block.toml"), "-o", str(out)]) == 0
 
 
+def test_foreign_shape_of_a_name_that_will_be_written(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The names of shapes follow from the sweep; a file that has one is found before the older results are removed."""
+    out = place / "out"
+    lines = (out / "manifest.sha256").read_text("utf-8").splitlines(keepends=True)
+    name = next(line[66:].strip() for line in lines if "_frames/" in line)
+    (out / "manifest.sha256").write_text("".join(line for line in lines if name not in line), encoding="utf-8")
+    before = content(place)
+    assert name in refused(["run", str(place / "block.toml"), "-o", str(out)], capsys)
+    assert content(place) == before
+
+
 @pytest.mark.skipif(not hasattr(os, "symlink"), reason="no links")
 @pytest.mark.parametrize(
     "name",
@@ -288,6 +300,20 @@ def test_folder_that_vanishes(place: Path, monkeypatch: pytest.MonkeyPatch, caps
     said = refused(["run", str(place / "block.toml"), "-o", str(out)], capsys)
     assert "expected the folder of results to stay until the end" in said
     assert not [p for p in out.rglob("*") if p.is_file()] and (place / "moved" / "manifest.sha256").exists()
+
+
+def test_interrupted_as_the_first_file_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No folder is left, in which the next command would see somebody else's."""
+    scene, out = str(write_sweep(tmp_path, 3)), tmp_path / "out"
+
+    def stopping(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(fe_squeal.run.manifest.Manifest, "_append", stopping)
+        assert main(["run", scene, "-o", str(out)]) == 130
+    assert not out.exists()
+    assert main(["run", scene, "-o", str(out), "--resume"]) == 0
 
 
 def test_empty_file_after_a_power_failure(place: Path) -> None:

@@ -125,12 +125,12 @@ def test_full_disc(
     out, whole = tmp_path / "out", place / f"whole_{method}"
     replace, done = os.replace, 0
 
-    def full(source: Path, target: Path) -> None:
+    def full(source: Path, target: Path, **folders: int | None) -> None:
         nonlocal done
         done += 1
         if done % 6 == 0:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(source))
-        replace(source, target)
+        replace(source, target, **folders)
 
     monkeypatch.setattr(files.os, "replace", full)
     codes = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import meshio
 import numpy as np
@@ -12,10 +13,15 @@ from rich.console import Console
 
 from fe_squeal import assemble, load_mesh, sweep
 from fe_squeal.accuracy import choose as choosing
-from fe_squeal.accuracy.choose import choose, estimated_error
+from fe_squeal.accuracy.adapt import LineErrors
+from fe_squeal.accuracy.choose import Trial, choose, estimated_error
 from fe_squeal.cli import main
+from fe_squeal.errors import InputError
 from fe_squeal.mesh.refining import refine
 from fe_squeal.run.accuracy import run_to_accuracy
+from fe_squeal.run.folder import hold_folder
+from fe_squeal.run.inputs import run_inputs
+from fe_squeal.run.search import KeptSearch
 from fe_squeal.scene.file import load_scene
 
 BLOCK = """
@@ -193,6 +199,55 @@ def test_a_search_of_another_scene_is_not_resumed(tmp_path, capsys, monkeypatch)
     scene.write_text(scene.read_text("utf-8").replace("7800.0", "7900.0"), encoding="utf-8")
     assert main([*run, "--resume"]) == 2
     assert "the interrupted run was another one" in " ".join(capsys.readouterr().err.split())
+
+
+def at_next_mesh(scene):
+    """The first candidate, and a finer one with what the first has told of its lines."""
+    first = choosing.first_candidate(scene)
+    finer = choosing.finer_candidate(first)
+    lines = first.scene.mesh.geometry.lines
+    errors = LineErrors(lines, {key: np.array([0.1, np.nan]) for key in lines}, {key: 1.9 for key in lines})
+    return first, replace(finer, errors=errors)
+
+
+def test_what_is_kept_of_a_search_belongs_together(tmp_path, monkeypatch):
+    """Killed between writing the next mesh and its record, the search goes on with the mesh before."""
+    scene = load_scene(write(tmp_path))
+    first, finer = at_next_mesh(scene)
+    trial = Trial("the scene's own mesh", 300, float("nan"), 0.1)
+    with hold_folder(tmp_path / "out") as held:
+        kept = KeptSearch(held, run_inputs(scene, None))
+        kept.save([], first)
+        with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+            patched.setattr("fe_squeal.run.search.write_json", lambda *_: exec("raise KeyboardInterrupt"))
+            kept.save([trial], finer)
+        trials, again = kept.load(scene)
+        assert trials == [] and again.unknowns == first.unknowns and again.told == first.told
+        kept.save([trial], finer)
+        (found,), again = kept.load(scene)
+        assert np.isnan(found.error) and "error not known" in str(found)
+        assert again.scene.mesh.geometry == finer.scene.mesh.geometry and again.unknowns == finer.unknowns
+        assert again.errors.lines == finer.errors.lines and again.errors.rates == finer.errors.rates
+        for key, errors in finer.errors.errors.items():
+            np.testing.assert_array_equal(again.errors.errors[key], errors)
+        assert sorted(p.name for p in (tmp_path / "out" / "checkpoint").iterdir()) == ["next_1.msh", "search.json"]
+
+
+@pytest.mark.parametrize(("old", "new"), [
+    ('"next_1.msh"', '"../../block.toml"'), ('"next_1.msh"', '"next_7.msh"'), ('"seconds": 0.1', '"seconds": []'),
+    ('"geometry"', '"geometri"'), ('"layers": ', '"layers": -'), ('"rates"', '"lines"'), ("{", ""), ('"trials"', '"x"'),
+])  # fmt: skip
+def test_a_search_that_is_damaged_is_told(tmp_path, old, new):
+    scene = load_scene(write(tmp_path))
+    _, finer = at_next_mesh(scene)
+    with hold_folder(tmp_path / "out") as held:
+        kept = KeptSearch(held, run_inputs(scene, None))
+        kept.save([Trial("", 300, 1.0, 0.1)], finer)
+        path = tmp_path / "out" / "checkpoint" / "search.json"
+        assert old in path.read_text("utf-8")
+        path.write_text(path.read_text("utf-8").replace(old, new), encoding="utf-8")
+        with pytest.raises(InputError, match=r"is damaged; run without|interrupted run was another"):
+            kept.load(scene)
 
 
 @pytest.mark.parametrize("element", ["hex", "tet"])

@@ -37,6 +37,8 @@ def write_study_page(record: Path, tables: dict[str, Path], figures: dict[str, P
     """
     try:
         said: dict[str, Any] = json.loads(record.read_text(encoding="utf-8"))
+        if not isinstance(said, dict):
+            raise ValueError("it is no table")
         frames = {name: pd.read_csv(path) for name, path in tables.items() if path.exists()}
     except (OSError, ValueError) as error:
         raise OutputError(f"{record}: cannot be read ({error}); expected what fe-squeal study writes") from error
