@@ -10,6 +10,7 @@ from fe_squeal.scene.study import Distribution
 from fe_squeal.study.indices import first_order, total_order
 from fe_squeal.study.points import Scatter, quantiles, sobol_points
 from fe_squeal.study.scatter import scatter
+from fe_squeal.study.solving import TRAINED, Solving
 from tests.studies import STIFFNESS, two_modes
 
 UNIFORM = {"mu": {"uniform": {"low": 0.0, "high": 0.1}}, "delta": {"uniform": {"low": 0.0, "high": 0.3}}}
@@ -78,6 +79,27 @@ def test_distributions_have_the_quantiles_that_they_promise():
     angle = quantiles(Distribution.model_validate({"triangular": {"low": 0.0, "mode": 1.0, "high": 4.0}}), u)
     assert angle.mean() == pytest.approx(5 / 3, abs=1e-4)
     assert np.mean(angle < 1.0) == pytest.approx(0.25, abs=1e-4)
+
+
+def test_every_place_lies_in_the_box_of_the_model(monkeypatch):
+    """The softest corner of the box is what the estimated errors rest on; no place may be beyond it."""
+    seen = []
+
+    class Watched(Solving):
+        def __init__(self, problem, names, low, high, draw, **options):
+            super().__init__(problem, names, low, high, draw, **options)
+            seen.extend([low, high, *draw(0), *draw(1)])
+
+        def places(self, stage, places):
+            seen.extend(places)
+            return super().places(stage, places)
+
+    monkeypatch.setattr("fe_squeal.study.scatter.Solving", Watched)
+    normal = {name: {"normal": {"mean": 0.2, "deviation": 0.02}} for name in ("mu", "delta")}
+    scatter(two_modes(), normal, samples=16)
+    low, high, *places = seen
+    assert len(places) == 2 * TRAINED + 16 + 2 * 16
+    assert (low <= np.array(places)).all() and (np.array(places) <= high).all()
 
 
 def test_samples_do_not_depend_on_how_many_there_are(result):
