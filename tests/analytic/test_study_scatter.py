@@ -31,6 +31,18 @@ def test_every_verdict_is_that_of_the_closed_form(result):
     assert list(frame.columns[:3]) == ["sample", "mu", "delta"]
 
 
+def test_verdicts_of_two_damped_modes_are_those_of_the_hopf_curve():
+    """With C = c √k modes grow where μ² − δ²/4 > c² (1 + δ/2)."""
+    c = 0.02
+    found = scatter(two_modes(damping=c), UNIFORM, samples=256, indices=False)
+    mu, delta = found.points.T
+    exact = mu**2 - delta**2 / 4 > c**2 * (1 + delta / 2)
+    assert (found.samples["unstable"].to_numpy() == exact).all() and 0.2 < exact.mean() < 0.4
+    theta = 1 + delta / 2 + 1j * np.sqrt((mu**2 - delta**2 / 4).astype(complex))
+    grows = np.sqrt(STIFFNESS) * np.abs((-c + np.sqrt(c**2 - 4 * theta + 0j)).real) / 2
+    assert found.samples["worst_re"].to_numpy()[exact] == pytest.approx(grows[exact], rel=1e-6)
+
+
 def test_probability_lies_in_its_interval_and_is_nearly_exact(result):
     exact = 1 / 3  # of the rectangle 0.1 × 0.3 the triangle δ < 2μ has 0.1 · 0.2 / 2
     band = result.bands.iloc[-1]
