@@ -1,7 +1,9 @@
-"""Figures of docs/studies.md: python benchmarks/studies.py [--write] [--keep FOLDER]
+"""Figures of docs/studies.md: python benchmarks/studies.py [--write] [--keep FOLDER] [--samples N] [--fine SIZE]
 
 Makes the scatter and the map of the examples, solves some of the samples directly, and says what that took in CPU
-seconds of one thread; --write puts pictures into docs/images and what was measured into the page.
+seconds of one thread; --samples solves many samples by one worker and by two, --fine makes the model of a finer mesh.
+--write puts pictures into docs/images and what was measured into the page; what is in the folder already is not
+measured again.
 """
 
 from __future__ import annotations
@@ -9,9 +11,13 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import resource
 import shutil
 import sys
 import tempfile
+import time
+import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 for _key in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
@@ -23,9 +29,13 @@ import pandas as pd  # noqa: E402
 from fe_squeal.assembly.assembly import assemble  # noqa: E402
 from fe_squeal.cli import main as fe_squeal  # noqa: E402
 from fe_squeal.eigen.request import Request  # noqa: E402
+from fe_squeal.problem.problem import Problem  # noqa: E402
 from fe_squeal.scene import Scene  # noqa: E402
-from fe_squeal.scene.file import load_scene  # noqa: E402
+from fe_squeal.scene.file import load_scene, parse_scene  # noqa: E402
+from fe_squeal.study.engine import Cluster, solve_places  # noqa: E402
 from fe_squeal.study.models import DirectModel  # noqa: E402
+from fe_squeal.study.points import Scatter, sobol_points  # noqa: E402
+from fe_squeal.study.solving import TRAINED, Solving  # noqa: E402
 
 ROOT = Path(__file__).parents[1]
 PAGE, IMAGES = ROOT / "docs" / "studies.md", ROOT / "docs" / "images"
@@ -59,6 +69,87 @@ def direct_checks(out: Path, count: int) -> str:
         f"Of {count} samples that were also solved directly, {same} have the same verdict; the largest growth rates"
         f" differ by {off:.0e} of |λ| at most."
     )
+
+
+def solving(scene: Scene, problem: Problem, samples: int) -> tuple[Solving, np.ndarray]:
+    """Return what solves the scatter of a scene, with its model, and points."""
+    assert scene.study is not None and scene.study.parameters is not None
+    whole = Scatter.of(scene.study.parameters, scene.study.correlation)
+
+    def draw(i: int) -> np.ndarray:
+        return whole.values(whole.normals(sobol_points(TRAINED, len(whole.names), i + 1)))
+
+    points = whole.values(whole.normals(sobol_points(samples, len(whole.names), 0)))
+    return Solving(
+        problem, whole.names, points.min(axis=0), points.max(axis=0), draw, max_frequency=scene.solve.max_frequency,
+        progress=lambda text, done, total, rate: print(text, flush=True) if not total else None,
+    ), points  # fmt: skip
+
+
+def worker_lines(samples: int) -> list[str]:
+    """Solve many samples of the example by one worker and by two, and say what that took."""
+    scene = load_scene(ROOT / "examples" / "disc_pad_scatter.toml")
+    assert isinstance(scene, Scene)
+    solver, points = solving(scene, assemble(scene), samples)
+    lines, rows, rates = [], [], []
+    for workers in (1, 2):
+        before, finished = resource.getrusage(resource.RUSAGE_CHILDREN), []
+
+        def count(done: int, total: int, rate: float, finished: list[tuple[float, int]] = finished) -> None:
+            finished.append((time.perf_counter(), done))
+
+        rows.append(solve_places(solver.solver, points, Cluster(workers), None, count)[0])
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        (begun, first), (ended, last) = finished[1], finished[-1]  # without the start of the workers
+        rates.append((last - first) / (ended - begun))
+        lines.append(
+            f"- {samples} samples by {workers} worker{'s' if workers > 1 else ''}: {cpu:.0f} CPU seconds with the"
+            f" start, so {samples / cpu:.0f} samples a second and core; {ended - finished[0][0]:.0f} s by the clock,"
+            f" {rates[-1]:.0f} a second; a worker took {after.ru_maxrss / 1024:.0f} MiB."
+        )
+        print(lines[-1], flush=True)
+    apart = np.abs(rows[1] - rows[0]).max()
+    lines.append(
+        f"- Two workers did {rates[1] / rates[0]:.2f} times as much by the clock as one, on two cores that had other"
+        f" work; {int((rows[0][:, 6] > 0).sum())} samples were solved directly, and the largest difference of a number"
+        f" between both tables is {apart:.0e}."
+    )
+    return lines
+
+
+def fine_lines(size: float, samples: int = 200, checks: int = 5) -> list[str]:
+    """Make the model of the example on a finer mesh, and say what it and its samples took."""
+    data = tomllib.loads((ROOT / "examples" / "disc_pad_scatter.toml").read_text(encoding="utf-8"))
+    data["mesh"].pop("file")
+    data["mesh"]["disc_pad"]["size"] = size
+    scene = parse_scene(data)
+    assert isinstance(scene, Scene) and scene.study is not None
+    problem, start = assemble(scene), time.process_time()
+    solver, points = solving(scene, problem, samples)
+    made = time.process_time()
+    model = solver.solver
+    rows = np.array([model.outcome(p).row for p in points])
+    solved = time.process_time()
+    direct = DirectModel(problem, scene.study.names, Request(None, scene.solve.max_frequency, 1e-8))
+    exact = np.array([direct.outcome(p).row for p in points[:checks]])
+    off = np.abs(exact[:, 1] - rows[:checks, 1]) / (2 * np.pi * rows[:checks, 2])
+    same = int((exact[:, 0] == rows[:checks, 0]).sum())
+    return [
+        f"- The same on {problem.unknowns} unknowns: {model.why}. {made - start:.0f} CPU seconds until the model is"
+        f" there, then {samples / (solved - made):.0f} samples a CPU second, {int((rows[:, 6] > 0).sum())} of {samples}"
+        f" solved directly. Of {checks} that were also solved directly, {same} have the same verdict, and growth rates"
+        f" differ by {off.max():.0e} of |λ| at most; a direct solve took"
+        f" {(time.process_time() - solved) / checks:.0f} CPU seconds."
+        f" {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB at most."
+    ]
+
+
+def kept(path: Path, measure: Callable[[], list[str]] | None) -> list[str]:
+    """Return lines that were measured before, or are measured now; none where neither is so."""
+    if not path.exists() and measure is not None:
+        path.write_text("\n".join(measure()) + "\n", encoding="utf-8")
+    return path.read_text(encoding="utf-8").splitlines() if path.exists() else []
 
 
 def scatter_lines(out: Path, checks: int) -> list[str]:
@@ -113,10 +204,18 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="put pictures and figures into docs/")
     parser.add_argument("--keep", type=Path, help="folder of the studies; what is there already is not made again")
     parser.add_argument("--checks", type=int, default=20, help="samples that are solved directly")
+    parser.add_argument("--samples", type=int, help="that one worker and two solve")
+    parser.add_argument("--fine", type=float, metavar="SIZE", help="of the elements of a finer mesh, m")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
-        folders = {name: results(name, options.keep or Path(scratch)) for name in PICTURES}
-        lines = scatter_lines(folders["disc_pad_scatter"], options.checks) + map_lines(folders["disc_pad_map"])
+        folder = options.keep or Path(scratch)
+        folder.mkdir(parents=True, exist_ok=True)
+        folders = {name: results(name, folder) for name in PICTURES}
+        scatter, samples, size = folders["disc_pad_scatter"], options.samples, options.fine
+        lines = kept(folder / "scatter.md", lambda: scatter_lines(scatter, options.checks))
+        lines += kept(folder / "workers.md", (lambda: worker_lines(samples)) if samples else None)
+        lines += kept(folder / "fine.md", (lambda: fine_lines(size)) if size else None)
+        lines += map_lines(folders["disc_pad_map"])
         print("\n".join(lines))
         if options.write:
             for name, pictures in PICTURES.items():

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from .pencil import Pencil
 
@@ -131,8 +129,10 @@ def defective_error(
 def _clusters(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return for each eigenvalue the number of its group of equal ones, and the size of each group."""
     near = np.abs(values[:, None] - values[None, :]) <= _EQUAL * np.maximum(np.abs(values)[:, None], np.abs(values))
-    groups = connected_components(sp.csr_array(near), directed=False)[1]
-    _, cluster, size = np.unique(groups, return_inverse=True, return_counts=True)
+    first = np.arange(len(values))  # of those connected to each; sparse graphs of SciPy cost more than small modes do
+    while len(first) and (lower := np.where(near, first, len(first)).min(axis=1)).tolist() != first.tolist():
+        first = lower
+    _, cluster, size = np.unique(first, return_inverse=True, return_counts=True)
     return cluster, size
 
 

@@ -116,8 +116,7 @@ class Pencil:
 
     def dense(self) -> Pencil:
         """Return the pencil with full arrays, whose products are faster where the matrices are small and full."""
-        C = None if self.C is None else self.C.toarray()
-        return replace(self, M=self.M.toarray(), K=self.K.toarray(), C=C)
+        return replace(self, M=_full(self.M), K=_full(self.K), C=None if self.C is None else _full(self.C))
 
     def transposed(self) -> Pencil:
         """Return the pencil of the left modes, λ*²M + λ*Cᵀ + Kᴴ: the left mode of λ is its mode of λ*."""
@@ -186,6 +185,10 @@ class Modes:
         """(k,) str: unstable or stable beyond the uncertainty of Re λ, else marginal."""
         re, u = self.lam.real, self.re_uncertainty
         return np.where(re > u, "unstable", np.where(re < -u, "stable", "marginal"))
+
+
+def _full(A: sp.csr_array | np.ndarray) -> np.ndarray:
+    return A if isinstance(A, np.ndarray) else np.asarray(A.toarray())
 
 
 def _scale_of_entries(A: sp.csr_array) -> sp.csr_array:

@@ -20,7 +20,7 @@ from ..eigen.pencil import FreeMotions, Modes
 from ..eigen.quality import ROUNDING
 from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
-from ..problem.terms import POWER
+from ..problem.terms import POWER, Slot
 from .projection import Projection
 from .vectors import DEPENDENT, lift, normalising
 
@@ -235,7 +235,8 @@ class ReducedBasis(Projection):
         small._units = self._units[self._lines]
         small._lines = np.arange(len(self._lines))
         small.__dict__.pop("_acting", None)
-        small._slow, small._contained, small._last = (small.V, self.slow), None, None
+        small._slow, small._contained = (small.V, self.slow), None
+        small._last = small._last_matrices = None
         n = self.problem.unknowns
         empty = sp.csr_array((n, n))
         terms = tuple(replace(t, matrix=empty) for t in self.problem.terms)
@@ -295,10 +296,10 @@ class ReducedBasis(Projection):
         assert modes.left is not None
         rho, eta = self._sampled(value, modes.lam, modes.right, modes.left)
         both = self._product(rho, eta, np.abs(modes.lam), highest)
-        pencil = self.pencil(value)
-        size = np.abs(modes.lam)
-        mass = np.abs(np.einsum("ij,ij->j", modes.left.conj(), pencil.M @ modes.right))
-        slope = np.abs(np.einsum("ij,ij->j", modes.left.conj(), pencil.derivative(modes.lam, modes.right)))
+        M, C, _, _ = self.matrices(value)
+        size, inertia = np.abs(modes.lam), M @ modes.right
+        derivative = 2 * modes.lam * inertia if C is None else 2 * modes.lam * inertia + C @ modes.right
+        mass, slope = (np.abs(np.einsum("ij,ij->j", modes.left.conj(), x)) for x in (inertia, derivative))
         with np.errstate(divide="ignore", invalid="ignore"):
             error = np.fmin(both / slope, np.sqrt(both / mass))
         lengths = np.linalg.norm(modes.right, axis=0) * np.linalg.norm(modes.left, axis=0)  # in the P-norm
@@ -356,11 +357,20 @@ class ReducedBasis(Projection):
         at = self.at(value)
         rho = np.zeros((2 * _SAMPLES, len(lam)), complex)
         eta = np.zeros_like(rho)
-        for term, right, left in zip(at.terms, self._right, self._left, strict=True):
-            c = term.factor(lam, at.parameters)
-            rho += (right @ phi) * c
-            eta += (left @ psi) * c.conj()
+        for slot, power in POWER.items():
+            right, left = self._summed(self._right, slot, at), self._summed(self._left, slot, at)
+            if right is not None and left is not None:
+                rho += lift(right, phi) * lam**power
+                eta += lift(left.conj(), psi) * (lam**power).conj()
         return rho, eta
+
+    def _summed(self, of_terms: list[np.ndarray], slot: Slot, at: Problem) -> np.ndarray | None:
+        """Return the sum over the terms of one slot at some values of the parameters."""
+        total = None
+        for term, A in zip(at.terms, of_terms, strict=True):
+            if term.slot == slot and (c := term.factor(1.0, at.parameters)):
+                total = c * A if total is None else total + c * A
+        return total
 
     def _product(self, rho: np.ndarray, eta: np.ndarray, size: np.ndarray, highest: float) -> np.ndarray:
         """Return ‖η‖‖ρ‖ in the norm of P⁻¹, enlarged for |λ| near `highest`, where Q(λ) is smaller than P."""

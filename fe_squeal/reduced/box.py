@@ -12,11 +12,12 @@ from scipy.optimize import linear_sum_assignment
 from ..eigen.blocks import combine
 from ..eigen.linear.factor import DefiniteFactor, LinearSolver
 from ..eigen.pencil import Modes
-from ..eigen.request import Request, select_wanted
+from ..eigen.request import Request
 from ..problem.parameters import Place, paths_of
 from ..problem.problem import Problem
 from .basis import ReducedBasis
-from .estimate import SLIGHT, Condensed, Estimate, OnlineModel, neighbours
+from .estimate import SLIGHT, CertifiedBasis, Estimate, OnlineModel, neighbours
+from .lowest import Blocks, KnownModes
 from .model import ReducedModel
 from .vectors import unit_columns
 
@@ -26,9 +27,11 @@ _NODES = 60  # places whose modes span the basis, at most
 _TURNED = 0.3
 _MOST = 600  # vectors: with more, an eigenvalue problem of this size costs as much as a direct solve of a small brake
 _LEAST = (1.0, 0.5, 0.3, 0.2, 0.15, 0.1)  # times √tolerance: singular values that a condensed basis leaves out
+_COST = 2  # power of the size of a basis with which the work for its lowest modes grows
 _TRIALS = 30  # places at which it is tried
 _MARGIN = 3.0  # times the largest ratio of true errors to estimated ones there
 _FAR = 100.0  # times the tolerance: beyond it the next place is the farthest from all others
+_FEW = 10  # places that miss the tolerance, from which on the basis is made better before others are checked
 _CHECKS = 4  # rounds of places that had no part in making the basis
 
 Places = Sequence[tuple[float, ...]]
@@ -80,24 +83,41 @@ class BoxModel(ReducedModel):
             If the problem without damping and friction is not positive semidefinite.
         """
         names = tuple(parameters)
-        self._seen: dict[Place, np.ndarray] = {}  # right and left modes in coordinates of the basis
+        self._seen: dict[Place, np.ndarray] = {}  # right and left modes asked for, in coordinates of the basis
+        self._blocks = KnownModes(np.maximum(np.subtract(high, low), np.finfo(float).tiny))
+        self.condensed: CertifiedBasis | None = None
         definite = self._begin(problem, names, softest_corner(problem, names, low, high), request, linear_solver)
         self._first = len(self.basis)
         self.places: list[Place] = []
         self._made_for(draw(0), definite, (softest_corner(problem, names, high, low),), progress)
         for i in range(1, _CHECKS + 1):
-            self.condensed = self._condense()
-            places, online = draw(i), self._online()
-            found = {p: online.modes(p) for p in places}
-            missed = [p for p in places if found[p][1].max(initial=0.0) > 1]
-            self.checked, self.missed = len(places), len(missed)
-            self.error = max(float(found[p][2].max(initial=0.0)) for p in places)
-            progress(f"{len(self.basis)} vectors, largest error {self.error:.1e} at {self.checked} other places")
+            places = draw(i)
+            missed = self._missed_at(places)
             if not missed or i == _CHECKS or not self._has_room():
                 break
+            worst = max(self._off(p) for p in missed)
+            progress(f"{len(self.basis)} vectors, {worst:.1e} times the tolerance at other places")
             self._made_for(missed, definite, (), progress)
+        self.condensed = self._condense()
+        online = self.certified()
+        found = [online.modes(p) for p in places]
+        self.checked, self.missed = len(places), sum(bool(off.max(initial=0.0) > 1) for _, off, _ in found)
+        self.error = max(float(relative.max(initial=0.0)) for _, _, relative in found)
+        progress(f"{len(self.basis)} vectors, largest error {self.error:.1e} at {self.checked} other places")
         self._without = self.basis.undamped_values(self._sigma)
-        self._known, self._seen = {}, {}
+        self._known, self._seen, self._blocks = {}, {}, self._blocks.first(_TRIALS)
+
+    def _missed_at(self, places: Places) -> Places:
+        """Return places that miss the tolerance, the first few of them, and keep nothing of all others."""
+        missed: list[tuple[float, ...]] = []
+        for place in places:
+            if self._off(place) > 1:
+                missed.append(place)
+            else:
+                del self._seen[place], self._blocks.blocks[place]
+            if len(missed) == _FEW:
+                break
+        return missed
 
     def online(self) -> OnlineModel | None:
         """Return what gives modes and errors without vectors of the problem's length.
@@ -106,9 +126,16 @@ class BoxModel(ReducedModel):
         """
         if self.basis.problem.free_motions().motions.shape[1]:
             return None
-        small = self.condensed
-        condensed = None if small is None else replace(small, basis=small.basis.without_vectors())
-        return OnlineModel(self.basis.without_vectors(), self.request, self.highest, condensed)
+        both = self.certified()
+        small = None if both.condensed is None else both.condensed.without_vectors()
+        return OnlineModel(both.whole.without_vectors(), small)
+
+    def certified(self) -> OnlineModel:
+        """Return what gives modes and errors, with all vectors."""
+        return OnlineModel(self._whole(self._blocks.first(_TRIALS)), self.condensed)
+
+    def _whole(self, known: KnownModes) -> CertifiedBasis:
+        return CertifiedBasis(self.basis, self.request, self.highest, known)
 
     def modes(self, value: Place) -> Modes:
         """Return the modes asked for at one place, with vectors of length r and the errors of the projection."""
@@ -116,46 +143,49 @@ class BoxModel(ReducedModel):
 
     def estimate(self, place: Place) -> Estimate:
         """Return the modes asked for at a place, for each how far it misses the tolerance, and |Δλ/λ|."""
-        return self._online().modes(place)
+        return self.certified().modes(place)
 
-    def _online(self) -> OnlineModel:
-        return OnlineModel(self.basis, self.request, self.highest, self.condensed)
-
-    def _condense(self) -> Condensed | None:
+    def _condense(self) -> CertifiedBasis | None:
         """Return that of some bases inside this one with which modes cost least; None where that is the whole one.
 
         Each has the modes of the softest corner, on which the errors rest, and the directions in which the modes asked
         for at all places of the making reach furthest (proper orthogonal decomposition).
 
         """
-        columns = np.zeros((len(self.basis), sum(x.shape[1] for x in self._seen.values())))
-        at = 0
+        gram = np.zeros((len(self.basis), len(self.basis)))
         for x in self._seen.values():  # of a smaller basis: the first vectors of this one
-            columns[: len(x), at : at + x.shape[1]] = x
-            at += x.shape[1]
+            gram[: len(x), : len(x)] += x @ x.T
         exact = np.eye(len(self.basis), self._first)
-        U, s, _ = la.svd(columns - exact @ (exact.T @ columns), full_matrices=False)
-        trials = list(self._seen)[:_TRIALS]
+        gram[: self._first] = gram[:, : self._first] = 0.0
+        w, U = (a[..., ::-1] for a in la.eigh(gram))
+        s = np.sqrt(np.maximum(w, 0.0))
+        known = self._blocks.first(_TRIALS)
+        trials = list(known.blocks)
         exact_modes = [self._estimated(p)[0] for p in trials]
-        best, least_cost = None, float(len(self.basis)) ** 3
+        best, least_cost = None, float(len(self.basis)) ** _COST
         for least in _LEAST:
             W = np.hstack([exact, U[:, s > least * self.request.tolerance**0.5 * s[0]]])
-            small = Condensed(self.basis.restricted(W))
-            found = [small.modes(p, self.request, self.highest) for p in trials]
+            small = CertifiedBasis(self.basis.restricted(W), self.request, self.highest, known.on(W))
+            found = [small.modes(p) for p in trials]
             ratios = [_ratio(f, e, SLIGHT * self.request.tolerance) for f, e in zip(found, exact_modes, strict=True)]
             scale = min(_MARGIN * max(ratios), 1.0)
             missed = np.mean([scale * off.max(initial=0.0) > 1 for _, off, _ in found])
-            cost = W.shape[1] ** 3 + missed * len(self.basis) ** 3
+            cost = W.shape[1] ** _COST + missed * len(self.basis) ** _COST
+            if best is not None and cost > least_cost:
+                break  # larger bases cost more still
             if cost < least_cost:
                 best, least_cost = replace(small, scale=scale), cost
         return best
 
-    def _estimate(self, value: Place, basis: ReducedBasis, every: Modes) -> Estimate:
-        if basis is self.basis:
-            wanted = select_wanted(every, self.request, np.inf)
-            assert wanted is not None and wanted.left is not None
+    def _estimated(self, value: Place) -> Estimate:
+        self._forget()
+        if value not in self._known:
+            self._known[value], every = self._whole(self._blocks).found(value)
+            self._blocks.blocks[value] = Blocks.of(every, self.request)
+            wanted = self._known[value][0]
+            assert wanted.left is not None
             self._seen[value] = unit_columns(wanted.right, wanted.left)
-        return super()._estimate(value, basis, every)
+        return self._known[value]
 
     def residual_product(self, place: Place, lam: complex, right: np.ndarray, left: np.ndarray) -> float:
         """Return how far ψᴴQ(λ)φ may be off by the reduction, for vectors (r,) of the projected problem."""
@@ -258,4 +288,3 @@ def softest_corner(
         wanted = moved["K"] | {-sign for sign in moved["M"]}
         corner.append(float(least if wanted == {1} else most if wanted == {-1} else (least + most) / 2))
     return tuple(corner)
-

@@ -10,11 +10,13 @@ from ..eigen.pencil import Modes
 from ..eigen.request import Request, select_wanted
 from ..problem.parameters import Place
 from .basis import ReducedBasis
+from .lowest import Blocks, KnownModes, lowest_modes
 
 _BESIDE = 1.1  # times the highest frequency asked for: modes up to there are its neighbours
 SLIGHT = 0.1  # times the tolerance: errors that need not be known better
 GUARDED = 1.2  # times the highest frequency of the basis: modes up to there are known
 _SAFETY = 0.5  # of the tolerance: what the estimated errors of eigenvalues are driven below
+_FALLS = 0.7  # times the largest error before: one that falls less is not that of the search
 _ILL = 10.0  # relative condition from which a mode is near a double eigenvalue
 
 Estimate = tuple[Modes, np.ndarray, np.ndarray]  # modes asked for, how far each misses the tolerance, and |Δλ/λ|
@@ -67,24 +69,56 @@ def neighbours(every: Modes, request: Request) -> Modes:
 
 
 @dataclass(frozen=True)
-class Condensed:
-    """A smaller basis inside that of a reduced model, for the modes asked for alone.
+class CertifiedBasis:
+    """A basis that gives modes with their errors.
 
     Attributes
     ----------
     basis : ReducedBasis
+    request : Request
+    highest : float, rad/s
+        Frequency up to which the basis holds the modes of the problem without damping and friction.
+    known : KnownModes
+        Where the search for modes starts.
     scale : float
-        Of its estimated errors, which are bounds; how much too large they are is known from the whole basis, whose
-        modes are more exact.
+        Of the estimated errors, which are bounds; of a smaller basis it is known how much too large they are.
     """
 
     basis: ReducedBasis
+    request: Request
+    highest: float
+    known: KnownModes
     scale: float = 1.0
 
-    def modes(self, place: Place, request: Request, highest: float) -> Estimate:
-        """Return modes with their errors, see `estimated`."""
-        every = self.basis.modes(place, GUARDED * highest)
-        return estimated(self.basis, place, every, request, highest, self.scale)
+    def modes(self, place: Place) -> Estimate:
+        """Return the modes asked for at a place, see `estimated`; vectors are in coordinates of the basis."""
+        return self.found(place)[0]
+
+    def found(self, place: Place) -> tuple[Estimate, Modes]:
+        """Return the same, and all modes that were found.
+
+        These are the lowest ones, whose search goes on for as long as that makes large errors smaller, or all of the
+        basis by LAPACK where it is not sure that no mode is missing.
+        """
+        near, before = self.known.nearest(place), np.inf
+        while near is not None:
+            modes = lowest_modes(self.basis, place, self.request, GUARDED * self.highest, near)
+            if modes is None:
+                break
+            estimate = self._estimated(place, modes)
+            off = float(estimate[1].max(initial=0.0))
+            if off <= 1 or off > _FALLS * before:
+                return estimate, modes
+            near, before = Blocks.of(modes, self.request), off
+        modes = self.basis.modes(place, GUARDED * self.highest)
+        return self._estimated(place, modes), modes
+
+    def _estimated(self, place: Place, modes: Modes) -> Estimate:
+        return estimated(self.basis, place, modes, self.request, self.highest, self.scale)
+
+    def without_vectors(self) -> CertifiedBasis:
+        """Return the same with no vector of the problem's length, see `ReducedBasis.without_vectors`."""
+        return replace(self, basis=self.basis.without_vectors())
 
 
 @dataclass(frozen=True)
@@ -93,24 +127,19 @@ class OnlineModel:
 
     Attributes
     ----------
-    basis : ReducedBasis
-        Without its vectors, see `ReducedBasis.without_vectors`.
-    request : Request
-    highest : float, rad/s
-    condensed : Condensed or None
-        Where its errors meet the tolerance its modes are returned, else those of the whole basis.
+    whole : CertifiedBasis
+    condensed : CertifiedBasis or None
+        A smaller one inside it, for the modes asked for alone. Where its errors meet the tolerance its modes are
+        returned, else those of the whole basis.
     """
 
-    basis: ReducedBasis
-    request: Request
-    highest: float
-    condensed: Condensed | None = None
+    whole: CertifiedBasis
+    condensed: CertifiedBasis | None = None
 
     def modes(self, place: Place) -> Estimate:
         """Return the modes at a place with their errors, see `estimated`; vectors are in coordinates of a basis."""
         if self.condensed is not None:
-            found = self.condensed.modes(place, self.request, self.highest)
+            found = self.condensed.modes(place)
             if found[1].max(initial=0.0) <= 1:
                 return found
-        every = self.basis.modes(place, GUARDED * self.highest)
-        return estimated(self.basis, place, every, self.request, self.highest)
+        return self.whole.modes(place)

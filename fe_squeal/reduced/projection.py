@@ -25,6 +25,7 @@ from .vectors import SlowMotions, lift
 _SPARSE = 0.3  # of all rows: a term that acts in fewer is multiplied in these rows alone
 _SLOW = 1e-3  # of the shift σ: a motion with less |θ| counts as hardly held
 _CONTAINED = 1e-12  # of the mass of a motion: a part outside the basis that is smaller is rounding
+_Matrices = tuple[np.ndarray, np.ndarray | None, np.ndarray, bool]
 _Acting = tuple[np.ndarray | None, sp.csr_array, sp.csr_array | None]
 
 
@@ -53,7 +54,9 @@ class Projection:
         self.V = np.zeros((problem.unknowns, 0))
         self._projected = [np.zeros((0, 0)) for _ in problem.terms]
         self.has_slow = False
-        self._last: tuple[Place, np.ndarray, Pencil] | None = None  # with the V that the pencil belongs to
+        # Of the last calls, with the V that they belong to.
+        self._last: tuple[Place, np.ndarray, Pencil] | None = None
+        self._last_matrices: tuple[Place, np.ndarray, _Matrices] | None = None
         self._slow: tuple[np.ndarray, SlowMotions | None] | None = None  # with the V that they belong to
         # Of the last call of `_coordinates`: the motions, the basis, and what was found for them.
         self._contained: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
@@ -80,6 +83,20 @@ class Projection:
         return self._last[2]
 
     def _pencil(self, value: Place) -> Pencil:
+        M, C, K, symmetric = self.matrices(value)
+        slow = self.slow
+        return Pencil(
+            sp.csr_array(M), sp.csr_array(K), None if C is None else sp.csr_array(C), symmetric,
+            None if slow is None else slow.cancelled, self.free_motions(value),
+        )  # fmt: skip
+
+    def matrices(self, value: Place) -> _Matrices:
+        """Return the projected M, C and K at a value, (r, r) each, and whether K is symmetric; the last are kept."""
+        if self._last_matrices is None or self._last_matrices[0] != value or self._last_matrices[1] is not self.V:
+            self._last_matrices = value, self.V, self._matrices(value)
+        return self._last_matrices[2]
+
+    def _matrices(self, value: Place) -> _Matrices:
         at = self.at(value)
         sums: dict[Slot, np.ndarray | None] = {"M": None, "C": None, "K": None}
         symmetric = True
@@ -91,10 +108,9 @@ class Projection:
             part = A * c
             before = sums[term.slot]
             sums[term.slot] = part if before is None else before + part
-        M, C, K = (None if A is None else sp.csr_array(A) for A in sums.values())
+        M, C, K = sums.values()
         assert M is not None and K is not None
-        slow = self.slow
-        return Pencil(M, K, C, symmetric, None if slow is None else slow.cancelled, self.free_motions(value))
+        return M, C, K, symmetric
 
     def free_motions(self, value: Place) -> FreeMotions:
         """Return the motions that nothing holds at a value of the parameter, in the coordinates of the basis."""

@@ -107,8 +107,8 @@ class KeptSearch:
         another = differences(found.get("inputs") if isinstance(found, dict) else None, self._inputs)
         if another:
             raise SceneError(
-                f"{self._out}: the interrupted run was another one: {joined_differences(another)}; run without --resume to start"
-                " anew, or give another folder by -o"
+                f"{self._out}: the interrupted run was another one: {joined_differences(another)}; run without --resume"
+                " to start anew, or give another folder by -o"
             )
         try:
             kept = _Kept.model_validate(found)

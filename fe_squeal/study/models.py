@@ -179,9 +179,7 @@ def make_solver(
         f" {len(box.places)} places; largest error {box.error:.1e} at {box.checked} other places, {box.missed} of which"
         " miss the tolerance"
     )
-    if online is None:
-        online = OnlineModel(box.basis, request, box.highest, box.condensed)
-    return Solver(CertifiedModel(online), direct, box, why)
+    return Solver(CertifiedModel(online or box.certified()), direct, box, why)
 
 
 def _require_effect(problem: Problem, name: str, low: float, high: float) -> None:

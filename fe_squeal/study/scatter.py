@@ -214,21 +214,21 @@ def scatter(
     names, d = whole.names, len(whole.names)
     z = whole.normals(sobol_points(samples, d, seed))
     points = whole.values(z)
-    _check_values(options.get("scene") or problem, names, points, tables)
-    redrawn = np.zeros((d, 0, d))
+    q = min(samples, max(samples // d, 64)) if indices else 0
+    # Independent of the samples, as other Sobol points would not be.
+    again = np.random.default_rng([seed, _SEEDS]).random((q, d))
+    redrawn = np.stack([whole.values(whole.redrawn(z[:q], i, again[:, i])) for i in range(d)])
+    places = np.vstack([points, *redrawn])
+    _check_values(options.get("scene") or problem, names, places, tables)
+    low, high = places.min(axis=0), places.max(axis=0)
 
     def draw(i: int) -> np.ndarray:
-        return whole.values(whole.normals(sobol_points(TRAINED, d, seed + _SEEDS * (i + 1))))
+        return np.clip(whole.values(whole.normals(sobol_points(TRAINED, d, seed + _SEEDS * (i + 1)))), low, high)
 
-    solving = Solving(problem, names, points.min(axis=0), points.max(axis=0), draw, **options)
+    solving = Solving(problem, names, low, high, draw, **options)
     rows, found = solving.places("samples", points)
     cheap = solving.solver.box is not None or problem.unknowns <= 100
-    if indices and cheap:
-        q = min(samples, max(samples // d, 64))
-        # Random numbers, since these have to be independent of the samples, and further Sobol points are not.
-        again = np.random.default_rng([seed, _SEEDS]).random((q, d))
-        redrawn = np.stack([whole.values(whole.redrawn(z[:q], i, again[:, i])) for i in range(d)])
-    more = [solving.places(f"indices {i + 1}", places) for i, places in enumerate(redrawn)] if redrawn.shape[1] else []
+    more = [solving.places(f"indices {i + 1}", new) for i, new in enumerate(redrawn)] if q and cheap else []
     columns = rows.shape[1]
     return ScatterResult(
         names, points, rows, found, _edges(bands, found), np.array([r for r, _ in more]).reshape(d, -1, columns),
@@ -252,7 +252,7 @@ def _edges(bands: Sequence[float] | None, modes: np.ndarray) -> np.ndarray:
 def _check_values(
     of: Problem | Scene, names: Sequence[str], points: np.ndarray, tables: Mapping[str, Distribution]
 ) -> None:
-    """Check that the scene allows the smallest and the largest sample of each parameter.
+    """Refuse a distribution that leaves what is allowed, at its least and its largest value (m, d).
 
     Raises
     ------

@@ -10,6 +10,7 @@ from fe_squeal.errors import SceneError
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 from fe_squeal.study.map import stability_map
+from fe_squeal.study.scatter import scatter
 from tests.studies import STIFFNESS, two_modes
 
 
@@ -56,15 +57,31 @@ def test_hopf_curve_of_two_damped_modes():
     assert (grid["unstable"] == (grid["x"] ** 2 - grid["y"] ** 2 / 4 > c**2 * (1 + grid["y"] / 2))).all()
 
 
-@pytest.mark.slow
-def test_the_curve_turns_at_a_cusp_where_three_modes_meet():
-    """θ = 10 + t with t³ + pt + q = 0: two of three meet where 4p³ + 27q² = 0, all three at p = q = 0."""
+def three_modes():
+    """Return K with the eigenvalues θ = 10 + t, t³ + pt + q = 0."""
     low, shift = np.zeros((3, 3)), np.diag([1.0, 1.0], 1) + 10 * np.eye(3)
     p, q = low.copy(), low.copy()
     p[2, 1], q[2, 0] = -1.0, -1.0
-    found = stability_map(
-        problem_of({"p": -0.1, "q": 0.01}, always=shift, p=p, q=q), axis("p", -0.5, 0.1), axis("q", -0.1, 0.12), modes=3
-    )
+    return problem_of({"p": -0.1, "q": 0.01}, always=shift, p=p, q=q)
+
+
+def test_verdicts_around_a_cusp():
+    box = {"p": {"uniform": {"low": -0.5, "high": 0.1}}, "q": {"uniform": {"low": -0.1, "high": 0.12}}}
+    found = scatter(three_modes(), box, samples=256, modes=3, indices=False)
+    p, q = found.points.T
+    assert (found.samples["unstable"] == (4 * p**3 + 27 * q**2 > 0)).all()
+    # Stable is what lies between both branches, |q| < √(4|p|³/27), as far as it is in the box.
+    p = np.linspace(-0.5, 0.0, 10_001)
+    half = np.sqrt(4 * -(p**3) / 27)
+    stable = np.mean(np.minimum(half, 0.12) + np.minimum(half, 0.1)) * 0.5 / (0.6 * 0.22)
+    assert found.bands["lower"].iloc[-1] < 1 - stable < found.bands["upper"].iloc[-1]
+    assert found.probability == pytest.approx(1 - stable, abs=0.015)
+
+
+@pytest.mark.slow
+def test_the_curve_turns_at_a_cusp_where_three_modes_meet():
+    """θ = 10 + t with t³ + pt + q = 0: two of three meet where 4p³ + 27q² = 0, all three at p = q = 0."""
+    found = stability_map(three_modes(), axis("p", -0.5, 0.1), axis("q", -0.1, 0.12), modes=3)
     curve = found.boundaries
     assert curve["curve"].nunique() == 1
     x, y = curve[["x", "y"]].to_numpy().T
@@ -88,6 +105,36 @@ def test_an_island_that_no_line_meets_is_found():
     assert np.hypot(curve["x"] - x0, curve["y"] - y0).to_numpy() == pytest.approx(np.full(len(curve), r), rel=1e-9)
     angle = np.unwrap(np.arctan2(curve["y"] - y0, curve["x"] - x0))
     assert abs(angle[-1] - angle[0]) == pytest.approx(2 * np.pi)
+
+
+def test_a_circle_that_leaves_the_box_ends_at_its_edges():
+    """As the island, but met by lines of the grid, and cut by the edge x = 0."""
+    x0, y0, r = 0.1, 0.5, 0.25
+    always = np.array([[1 + x0, r - y0], [-r - y0, 1 - x0]])
+    x, y = np.diag([-1.0, 1.0]), np.array([[0.0, 1.0], [1.0, 0.0]])
+    problem = problem_of({"x": 0.0, "y": 0.0}, always=3 * np.eye(2) + always, x=x, y=y)
+    curve = stability_map(problem, axis("x", 0.0, 1.0, 4), axis("y", 0.0, 1.0, 4), modes=2).boundaries
+    assert curve["curve"].nunique() == 1 and curve["x"].max() == pytest.approx(x0 + r, abs=0.01)
+    assert np.hypot(curve["x"] - x0, curve["y"] - y0).to_numpy() == pytest.approx(np.full(len(curve), r), rel=1e-9)
+    ends = curve[["x", "y"]].iloc[[0, -1]].sort_values("y").to_numpy()
+    half = np.sqrt(r**2 - x0**2)
+    assert ends == pytest.approx(np.array([[0.0, y0 - half], [0.0, y0 + half]]), abs=1e-9)
+
+
+@pytest.mark.parametrize("far", [4.0, 1.0], ids=["apart", "same frequency"])
+def test_curves_of_two_pairs_that_cross_are_both_followed(far):
+    """Pairs with the gaps δ and 0.3 − δ: their curves δ = 2μ and 0.3 − δ = 2μ cross at δ = 0.15."""
+    skew, zero = np.array([[0.0, 1.0], [-1.0, 0.0]]), np.zeros((2, 2))
+    friction, gaps = np.block([[skew, zero], [zero, skew]]), np.diag([0.0, 1.0, 0.0, -1.0])
+    values = {"mu": 0.05, "delta": 0.1}
+    problem = problem_of(values, always=np.diag([1.0, 1.0, far, far + 0.3]), mu=friction, delta=gaps)
+    curve = stability_map(problem, axis("mu", 0.01, 0.12, 4), axis("delta", 0.02, 0.28, 4), modes=4).boundaries
+    assert curve["curve"].nunique() == 2
+    off = [(g["y"] - 2 * g["x"], 0.3 - g["y"] - 2 * g["x"]) for _, g in curve.groupby("curve")]
+    first, second = sorted((np.abs(a).max(), np.abs(b).max()) for a, b in off)
+    assert first[0] < 1e-12 < first[1] and second[1] < 1e-12 < second[0]
+    for _, g in curve.groupby("curve"):  # past the crossing, from edge to edge
+        assert g["x"].min() == pytest.approx(0.01) and g["x"].max() == pytest.approx(0.12)
 
 
 def test_divergence_is_followed():

@@ -10,6 +10,7 @@ from fe_squeal.scene.study import Distribution
 from fe_squeal.study.indices import first_order, total_order
 from fe_squeal.study.points import Scatter, quantiles, sobol_points
 from fe_squeal.study.scatter import scatter
+from fe_squeal.study.solving import TRAINED, Solving
 from tests.studies import STIFFNESS, two_modes
 
 UNIFORM = {"mu": {"uniform": {"low": 0.0, "high": 0.1}}, "delta": {"uniform": {"low": 0.0, "high": 0.3}}}
@@ -28,6 +29,18 @@ def test_every_verdict_is_that_of_the_closed_form(result):
     assert (frame["unstable"].to_numpy() == exact).all()
     assert frame["worst_re"].to_numpy() == pytest.approx(grows, rel=1e-6, abs=1e-6)
     assert list(frame.columns[:3]) == ["sample", "mu", "delta"]
+
+
+def test_verdicts_of_two_damped_modes_are_those_of_the_hopf_curve():
+    """With C = c √k modes grow where μ² − δ²/4 > c² (1 + δ/2)."""
+    c = 0.02
+    found = scatter(two_modes(damping=c), UNIFORM, samples=256, indices=False)
+    mu, delta = found.points.T
+    exact = mu**2 - delta**2 / 4 > c**2 * (1 + delta / 2)
+    assert (found.samples["unstable"].to_numpy() == exact).all() and 0.2 < exact.mean() < 0.4
+    theta = 1 + delta / 2 + 1j * np.sqrt((mu**2 - delta**2 / 4).astype(complex))
+    grows = np.sqrt(STIFFNESS) * np.abs((-c + np.sqrt(c**2 - 4 * theta + 0j)).real) / 2
+    assert found.samples["worst_re"].to_numpy()[exact] == pytest.approx(grows[exact], rel=1e-6)
 
 
 def test_probability_lies_in_its_interval_and_is_nearly_exact(result):
@@ -78,6 +91,27 @@ def test_distributions_have_the_quantiles_that_they_promise():
     angle = quantiles(Distribution.model_validate({"triangular": {"low": 0.0, "mode": 1.0, "high": 4.0}}), u)
     assert angle.mean() == pytest.approx(5 / 3, abs=1e-4)
     assert np.mean(angle < 1.0) == pytest.approx(0.25, abs=1e-4)
+
+
+def test_every_place_lies_in_the_box_of_the_model(monkeypatch):
+    """The softest corner of the box is what the estimated errors rest on; no place may be beyond it."""
+    seen = []
+
+    class Watched(Solving):
+        def __init__(self, problem, names, low, high, draw, **options):
+            super().__init__(problem, names, low, high, draw, **options)
+            seen.extend([low, high, *draw(0), *draw(1)])
+
+        def places(self, stage, places):
+            seen.extend(places)
+            return super().places(stage, places)
+
+    monkeypatch.setattr("fe_squeal.study.scatter.Solving", Watched)
+    normal = {name: {"normal": {"mean": 0.2, "deviation": 0.02}} for name in ("mu", "delta")}
+    scatter(two_modes(), normal, samples=16)
+    low, high, *places = seen
+    assert len(places) == 2 * TRAINED + 16 + 2 * 16
+    assert (low <= np.array(places)).all() and (np.array(places) <= high).all()
 
 
 def test_samples_do_not_depend_on_how_many_there_are(result):

@@ -43,7 +43,7 @@ def test_every_mode_all_over_the_box(kind):
     assert model.missed == 0 and model.error < TOLERANCE
     assert 0 < len(model.places) < 12 and len(model.basis) < N // 2
     online = pickle.loads(pickle.dumps(model.online()))
-    assert online.basis.V.size == 0 and all(t.matrix.nnz == 0 for t in online.basis.problem.terms)
+    assert online.whole.basis.V.size == 0 and all(t.matrix.nnz == 0 for t in online.whole.basis.problem.terms)
     for place in draw(99)[:4]:
         modes, off, relative = online.modes(place)
         exact = solve_dense(problem.pencil(dict(zip(NAMES, place, strict=True)))).lam
