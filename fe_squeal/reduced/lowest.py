@@ -51,7 +51,7 @@ class Blocks:
         return cls(right, left, _square_of(wanted, request))
 
     def on(self, W: np.ndarray) -> Blocks:
-        """Return the blocks in the coordinates of a smaller basis, whose columns are W in theirs."""
+        """Return the blocks in the coordinates of a smaller basis, whose columns are W (r, s) in theirs."""
         return replace(self, right=W[: len(self.right)].T @ self.right, left=W[: len(self.left)].T @ self.left)
 
 
@@ -74,7 +74,7 @@ class KnownModes:
         return KnownModes(self.widths, dict(list(self.blocks.items())[:count]))
 
     def on(self, W: np.ndarray) -> KnownModes:
-        """Return those in the coordinates of a smaller basis, whose columns are W in theirs."""
+        """Return those in the coordinates of a smaller basis, whose columns are W (r, s) in theirs."""
         return KnownModes(self.widths, {p: b.on(W) for p, b in self.blocks.items()})
 
 
