@@ -58,23 +58,23 @@ test-mpi: .venv-mpi/installed
 .venv-mpi/installed: pyproject.toml
 	@test -d "$(PETSC)/petsc4py" || { echo "no petsc4py: apt-get install python3-petsc4py python3-mpi4py libopenblas0-pthread"; exit 1; }
 	/usr/bin/python3 -m venv .venv-mpi
-	.venv-mpi/bin/pip install --quiet --disable-pip-version-check -e ".[test]" "numpy<2"
+	.venv-mpi/bin/pip install --quiet --no-compile --disable-pip-version-check -e ".[test]" "numpy<2"
 	echo "$(PETSC)" > $$(.venv-mpi/bin/python -c "import site; print(site.getsitepackages()[0])")/petsc4py.pth
 	ln -sfn /usr/lib/python3/dist-packages/mpi4py $$(.venv-mpi/bin/python -c "import site; print(site.getsitepackages()[0])")/mpi4py
 	@touch $@
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --disable-pip-version-check -e .
+	$(BIN)/pip install --quiet --no-compile --disable-pip-version-check -e .
 	@touch $@
 
 .venv/installed-test: .venv/installed
-	$(BIN)/pip install --quiet --disable-pip-version-check -e ".[test]"
+	$(BIN)/pip install --quiet --no-compile --disable-pip-version-check -e ".[test]"
 	@touch $@
 
 .venv-lowest/installed: pyproject.toml tests/lowest.txt
 	$(PYTHON) -m venv .venv-lowest
-	.venv-lowest/bin/pip install --quiet --disable-pip-version-check -c tests/lowest.txt -e ".[measured]" pytest pytest-xdist hypothesis
+	.venv-lowest/bin/pip install --quiet --no-compile --disable-pip-version-check -c tests/lowest.txt -e ".[measured]" pytest pytest-xdist hypothesis
 	@touch $@
 
 clean:
