@@ -302,8 +302,10 @@ def page(rows: list[str]) -> str:
         " coarse mesh; the true values are those of order 2 on meshes two levels finer, extrapolated. A mode is not"
         " paired where its shape on the coarse mesh is another one (MAC below one half), or where no bar is known. The"
         f" bars are {bars.BARS[1]:g} (order 1) and {bars.BARS[2]:g} (order 2) times the change on the mesh refined"
-        f" once, with a floor of {bars.SHARE:g} of this times |Δλ|; the factor of order 1 was fitted on other"
-        " scenes (`FITTED` there) than those measured here, the floor chosen.\n\n"
+        " once, in Re λ of growing modes and in onsets widened by how far the parts of the change by body, direction"
+        f" and place cancel; for order 1 and modes that do not grow with a floor of {bars.SHARE:g} of this times |Δλ|."
+        " The factor of order 1 was fitted on other scenes (`FITTED` there) than those measured here, the floor"
+        " chosen.\n\n"
     )
     return text + "\n".join([head, "|---" * 10 + "|", *rows]) + "\n"
 
