@@ -13,7 +13,8 @@ from ..eigen.dense import solve_dense
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..sweep.onsets import Onset
-from ..sweep.result import Sweep, SweepPoint
+from ..sweep.point import SweepPoint
+from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
 from ..sweep.tracking import match_modes, mirror_partners
 from .bars import BARS, bar_of, bent_change, enveloped, extrapolated, mirrored

@@ -1,4 +1,7 @@
-"""From a scene to the sum of its terms: what the scene calls for, and nothing else."""
+"""From a scene to the sum of its terms: what the scene calls for, and nothing else.
+
+This file is longer than others, since every part is kept in one cache and made anew for other numbers of the scene.
+"""
 
 from __future__ import annotations
 

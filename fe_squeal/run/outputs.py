@@ -13,7 +13,8 @@ import numpy as np
 from ..assembly.discretisation import discretisation_of
 from ..report.files import replace_atomically, write_csv
 from ..report.shape_names import shape_name
-from ..sweep.result import Sweep, SweepPoint
+from ..sweep.point import SweepPoint
+from ..sweep.result import Sweep
 from .compared import mac_table
 from .folder import (
     CONTRIBUTIONS_FIGURE,

@@ -12,7 +12,8 @@ from ..eigen.pencil import Modes
 from ..eigen.request import Completeness
 from ..problem.problem import Problem
 from .onset import Onset
-from .result import LiftedShapes, Sweep, SweepPoint
+from .point import LiftedShapes, SweepPoint
+from .result import Sweep
 
 _VECTORS = ("right", "left")
 _NUMBERS = ("lam", "backward_error", "re_uncertainty", "condition")

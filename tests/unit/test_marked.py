@@ -1,4 +1,7 @@
-"""Tetrahedra refined where they are marked: the same space and groups, no hanging nodes, good shapes, nested fields."""
+"""Tetrahedra refined where they are marked: the same domain and groups, no hanging nodes, good shapes, nested fields.
+
+This file is longer than others, since all properties are checked on the same meshes.
+"""
 
 from dataclasses import replace
 from pathlib import Path
