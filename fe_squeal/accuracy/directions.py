@@ -71,6 +71,6 @@ def split_dataframe(split: Split, assembly: Assembly) -> pd.DataFrame:
     for i, quantity in enumerate(split.names):
         for body, cells in assembly.bodies.items():
             for direction in directions:
-                part = float((split.parts[i, cells] * (names[cells] == direction)).sum())
+                part = float(np.where(names[cells] == direction, split.parts[i, cells], 0.0).sum())
                 rows.append((quantity, split.kinds[i], split.changes[i], split.scales[i], body, direction, part))
     return pd.DataFrame(rows, columns=list(COLUMNS))
