@@ -20,7 +20,7 @@ _SAME = 1e-9  # relative distance of waves with and against the turning, below w
 
 @dataclass(frozen=True)
 class ModeDescriber:
-    """Describes the modes of a discretisation, or of a small model of it.
+    """Describes the modes of a discretisation, or of a reduced model of it.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ from ..problem.problem import Problem
 from .basis import ReducedBasis
 from .estimate import GUARDED, Estimate, estimated
 from .missing import SEARCH_SOLVES, missing_modes
-from .shapes import corrected
+from .shapes import corrected_shapes
 from .undamped import factorize_undamped
 from .vectors import lift, range_of, real_columns, unit_columns
 
@@ -213,7 +213,7 @@ class ReducedModel:
         _, at = linear_sum_assignment(np.abs(wanted[:, None] - every.lam[None, :]))
         lifted = replace(every, right=self.lift(every.right), left=None)
         pencil = self.basis.problem.pencil(values_at(self.parameter, value))
-        return corrected(pencil, lifted, at, self._factorize(value), self.request.tolerance)
+        return corrected_shapes(pencil, lifted, at, self._factorize(value), self.request.tolerance)
 
     @cached_property
     def projected(self) -> Problem:

@@ -18,7 +18,7 @@ _ROUNDS = 8
 _FINE = 1e-8  # of a unit vector: directions in which columns depend on each other are left out
 
 
-def corrected(
+def corrected_shapes(
     pencil: Pencil, modes: Modes, wanted: np.ndarray, factor: Factor, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return shapes whose backward error meets a tolerance, and these errors.
