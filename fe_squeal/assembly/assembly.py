@@ -82,7 +82,7 @@ def assemble(
     Raises
     ------
     SceneError
-        The scene and the mesh do not fit together, or a matrix file is bad.
+        `scene` is no scene, the scene and the mesh do not fit together, or a matrix file is bad.
     MeshError
         The mesh cannot be read or made.
     TooLargeError
@@ -90,6 +90,8 @@ def assemble(
     NotConvergedError
         The static state under preload is not found.
     """
+    if not isinstance(scene, Scene | MatrixScene):
+        raise SceneError(f'assemble: given {scene!r:.60}; expected a scene, as in assemble(load_scene("brake.toml"))')
     where = f"{scene.source}: " if scene.source is not None else ""
     try:
         if isinstance(scene, MatrixScene):

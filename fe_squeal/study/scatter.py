@@ -205,6 +205,10 @@ def scatter(
     """
     if not parameters or samples < 8:
         raise SceneError(f"scatter: given {len(parameters)} parameters, {samples} samples; expected at least 1 and 8")
+    for name, table in parameters.items():
+        if not isinstance(table, Distribution | Mapping):
+            example = '{"normal": {"mean": 0.4, "deviation": 0.06}}'
+            raise SceneError(f"scatter: {name}: given {table!r:.60}; expected a distribution, as {example}")
     tables = {
         name: table if isinstance(table, Distribution) else validated(Distribution, dict(table), name)
         for name, table in parameters.items()
