@@ -51,7 +51,7 @@ def bar_of(change: np.ndarray, bent: np.ndarray, balanced: np.ndarray, order: in
     balanced : (k,) bool
         Modes whose Re λ is zero on both meshes, by symmetry.
     order : int
-        Of the elements.
+        Order of the elements.
     """
     factor = BARS[order]
     floor = SHARE * np.abs(change)
@@ -72,7 +72,7 @@ def bent_change(lam: np.ndarray, refined: np.ndarray, order: int) -> np.ndarray:
     lam, refined : (k,) complex, rad/s
         The same modes on the mesh and on the refined one; NaN where a mode is not found again.
     order : int
-        Of the elements.
+        Order of the elements.
     """
     found = np.zeros(len(lam), dtype=complex)
     known = np.flatnonzero(np.isfinite(refined) & (lam.imag > 0))
@@ -148,7 +148,7 @@ def mirrored(bars: np.ndarray, partner: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     bars : (k,) complex, rad/s
-        Of Re λ and of Im λ.
+        Error bars of Re λ (real parts) and of Im λ (imaginary parts).
     partner : (k,) int
         Positions of the mirror images; −1 for a mode that has none.
 

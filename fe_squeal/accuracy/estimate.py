@@ -66,7 +66,7 @@ def with_discretisation(result: Sweep, linear_solver: LinearSolver | str = "auto
     Parameters
     ----------
     result : Sweep
-        Of a problem that was assembled from a mesh.
+        Sweep of a problem that was assembled from a mesh.
     linear_solver : LinearSolver or str
         As for `sweep`.
 
@@ -240,12 +240,12 @@ def pair_onsets(
     Parameters
     ----------
     onsets, found : sequence of Onset
-        On two meshes.
+        Onsets on two meshes.
     same : mapping of int to int
         The position of each mode at the first value of the sweep among those on the other mesh. Branches are numbered
         by the modes at the first value, from 1 on.
     width : float
-        Of the interval of the parameter.
+        Width of the interval of the parameter.
     """
 
     def branches(onset: Onset) -> set[int]:

@@ -102,7 +102,7 @@ def shares(
     Parameters
     ----------
     coarse, fine : DisplacementSpace
-        On the mesh itself and on the refined one.
+        Spaces on the mesh itself and on the refined one.
     E : (n_fine, n_coarse) sparse
         The prolongation from the first to the second.
     residual : (n_fine, k) float or complex

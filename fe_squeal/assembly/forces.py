@@ -44,9 +44,9 @@ class PartForces:
     Attributes
     ----------
     bodies : tuple of str
-        That the part is made of.
+        Bodies that the part is made of.
     applied : (3,) float, N
-        By pressures and, of a body that rotates, centrifugal.
+        Force of pressures and, on a body that rotates, centrifugal force.
     contacts, springs : mapping of name to (3,) float, N
     held : (3,) bool
         Directions in which a support holds a node of the part.

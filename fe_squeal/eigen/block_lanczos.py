@@ -27,12 +27,12 @@ def lowest_modes(
     Parameters
     ----------
     factor : DefiniteFactor
-        Of K − σM.
+        Factors of K − σM.
     M : (n, n) sparse, positive semidefinite
     count : int
         Fewer are returned where the rank of M is smaller.
     tolerance : float
-        Of the vectors; the error of θ is its square.
+        Relative error of the vectors; the error of θ is its square.
 
     Raises
     ------

@@ -114,7 +114,7 @@ def defective_error(
     Parameters
     ----------
     right, left : (n, k)
-        Of unit mass.
+        Modes of unit mass.
     """
     error = np.zeros(len(values))
     cluster, size = _clusters(values)

@@ -122,7 +122,7 @@ def make_describer(
     turning : tuple of str
         Bodies that turn about the axis; none where nothing with a mesh turns.
     axis : (3,) float
-        Of the rotation, along the angular velocity; of a belt the normal of its contact.
+        Axis of the rotation, along the angular velocity; for a belt the normal of its contact.
     centre : (3,) float, m, or None
         A point of the axis; None for a belt.
     """

@@ -24,7 +24,7 @@ class Harmonics:
     Attributes
     ----------
     nodes : (s,) int
-        Those that are fitted to.
+        The nodes at which the displacements are fitted.
     frame : (s, 3, 3) float
         Rows at each node: along the radius, around the axis (right-handed), along the axis.
     weights : (s,) float, m^3

@@ -31,7 +31,7 @@ def check_revolution(mesh: skfem.Mesh, elements: np.ndarray, rotation: SteadyMot
     rotation : SteadyMotion
         Not a belt.
     name : str
-        Of the body, for the message.
+        Name of the body, for the message.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def check_ring(mesh: skfem.Mesh, facets: np.ndarray, rotation: SteadyMotion, key
     Parameters
     ----------
     facets : (f,) int
-        Of the rotating body's surface.
+        Facets of the rotating body's surface.
     rotation : SteadyMotion
         Not a belt.
     key, name : str
@@ -102,7 +102,7 @@ def check_ring_of_nodes(
     nodes : (m,) int
         Corners of elements.
     elements : (e,) int
-        Of the rotating body: their width around the axis tells how dense a ring of nodes would be.
+        Elements of the rotating body: their width around the axis tells how dense a ring of nodes would be.
 
     Raises
     ------

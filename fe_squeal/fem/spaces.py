@@ -40,7 +40,7 @@ class Patch:
     ----------
     points : (q, 3) float, m
     weights : (q,) float
-        Of a surface in m^2, of nodes one each.
+        Weights of the points: areas in m^2 for a surface, 1 for each node of a set of nodes.
     values : (q, nodes) sparse
         Shape-function values: `values @ u_nodes` interpolates at the points.
     """

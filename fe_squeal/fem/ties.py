@@ -137,7 +137,7 @@ def mean_tie(name: str, nodes: np.ndarray, x: np.ndarray, weights: np.ndarray, h
     Parameters
     ----------
     weights : (m,) float
-        Of the nodes in the mean; their sum is 1.
+        Weights of the nodes in the mean; their sum is 1.
     held : (3 m,) bool
         Displacements that supports hold at zero.
     """

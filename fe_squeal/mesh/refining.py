@@ -33,7 +33,7 @@ def refine(loaded: LoadedMesh) -> LoadedMesh:
     Parameters
     ----------
     loaded : LoadedMesh
-        Of tetrahedra or hexahedra, straight or curved.
+        Mesh of tetrahedra or hexahedra, straight or curved.
 
     Raises
     ------

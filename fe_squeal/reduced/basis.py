@@ -288,7 +288,7 @@ class ReducedBasis(Projection):
         Parameters
         ----------
         modes : Modes
-            Of the projected problem.
+            Modes of the projected problem.
         highest : float, rad/s
             Frequency up to which the basis holds the modes of the problem without damping and friction.
         """

@@ -28,11 +28,11 @@ def estimated(
     Parameters
     ----------
     every : Modes
-        Of the projected problem, up to `GUARDED` times `highest`.
+        All modes of the projected problem up to `GUARDED` times `highest`.
     highest : float, rad/s
         Frequency up to which the basis holds the modes of the problem without damping and friction.
     scale : float
-        Of the errors, where it is known how much too large their estimates are.
+        Factor of the estimated errors, below 1 where it is known how much too large they are.
 
     Returns
     -------
@@ -74,8 +74,8 @@ class Condensed:
     ----------
     basis : ReducedBasis
     scale : float
-        Of its estimated errors, which are bounds; how much too large they are is known from the whole basis, whose
-        modes are more exact.
+        Factor of its estimated errors, which are bounds; how much too large they are is known from the whole basis,
+        whose modes are more exact.
     """
 
     basis: ReducedBasis

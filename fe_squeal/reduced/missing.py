@@ -31,14 +31,14 @@ def missing_modes(
     Parameters
     ----------
     values : sequence of float, or of tuples of them
-        Of the parameter, at which modes are compared.
+        Values of the parameter at which modes are compared.
     before : sequence of Modes
-        Those of the basis at these values, at least up to `highest`.
+        Modes of the basis at these values, at least up to `highest`.
     request : Request
     highest : float, rad/s
         Frequency up to which the basis holds the modes of the problem without damping and friction.
     definite : DefiniteFactor
-        Of P.
+        Factors of P.
     """
     trial = basis.copy()
     block = np.random.default_rng(_SEED).standard_normal((basis.problem.unknowns, _BLOCK))

@@ -206,7 +206,7 @@ class ReducedModel:
     def shapes(self, value: Place, positions: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Return shapes (n, k) of modes at a value, as exact as the tolerance asks, and their backward errors (k,).
 
-        Those of `modes` lifted are only as exact as their eigenvalues need.
+        The lifted vectors of `modes` are less exact: only as exact as their eigenvalues need.
         """
         every = self._every(value)
         wanted = self._estimated(value)[0].lam[list(positions)]
@@ -296,8 +296,8 @@ class ReducedModel:
     def _add_modes(self, value: Place, factor: DefiniteFactor | None) -> None:
         """Add the right and left modes at a value, corrected on a basis of their own until they meet the tolerance.
 
-        Of the corrections on the way nothing stays. Between the values whose modes the basis has an eigenvalue is off
-        by the product of what right and left modes lack, so that few values do.
+        The corrections tried on the way do not stay in the basis. At a value between those whose modes the basis has,
+        the error of an eigenvalue is the product of the errors of its right and left modes, so that few values suffice.
         """
         inverse: Factor | DefiniteFactor = self._factorize(value) if factor is None else factor
         again = self._added[value]
@@ -314,12 +314,13 @@ class ReducedModel:
         self._join(local, every, again)
 
     def _join(self, local: ReducedBasis, every: Modes, again: int) -> None:
-        """Add the modes at a value, which are those of a basis of their own, to the basis.
+        """Add the modes at a value, found on a basis made for this value alone, to the basis.
 
-        An eigenvalue is off by the product of what right and left modes lack, so that the root of the tolerance is left
-        out of each. Where this was done before and did not do, a tenth of that.
+        The error of an eigenvalue is the product of the errors of its right and left modes, so that each of these may
+        be the root of the tolerance. If modes were added at this value before and that was not enough, a tenth of it.
         """
-        # Modes above those asked for stay, too: what the basis lacks is then far from these, as its errors suppose.
+        # Modes above those asked for stay too: what the basis lacks is then far from the modes asked for, as the
+        # estimated errors suppose.
         every = every.select(np.flatnonzero(np.abs(every.lam) <= self.highest))
         assert every.left is not None
         least = _KEPT * self.request.tolerance**0.5 * 0.1**again

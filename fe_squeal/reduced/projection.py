@@ -36,7 +36,7 @@ class Projection:
     problem : Problem
         Affine in the parameter, its terms collected by powers: few of them.
     parameter : str or tuple of str
-        Of several, a value is the tuple of theirs.
+        If there are several parameters, a value is the tuple of their values.
     metric : (terms,) float
         The coefficients of the terms in P, see `factorize_undamped`.
     sigma : float, rad²/s²

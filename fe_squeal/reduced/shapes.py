@@ -30,13 +30,13 @@ def corrected_shapes(
     Parameters
     ----------
     pencil : Pencil
-        Of the problem, n unknowns.
+        Pencil of the problem, n unknowns.
     modes : Modes
         Right vectors (n, m) of the reduced model, those wanted and their neighbours.
     wanted : (k,) int
         Positions among them.
     factor : Factor
-        Of Q(λ) somewhere in the range of these modes.
+        Factors of Q(λ) for a λ somewhere in the range of these modes.
     tolerance : float
 
     Returns

@@ -62,7 +62,7 @@ def factorize_undamped(
     metric : list of float
         Coefficients of the terms in P.
     factor : DefiniteFactor
-        Of P.
+        Factors of P.
 
     Raises
     ------

@@ -167,7 +167,7 @@ def scatter(
     samples : int
         Number of samples, which are scrambled Sobol points.
     seed : int
-        Of the scrambling.
+        Seed of the scrambling.
     correlation : sequence of (str, str, float)
         Pairs of parameters with their correlation coefficient: that of the numbers themselves if they are normal, of
         their logarithms if they are lognormal.

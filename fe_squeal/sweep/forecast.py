@@ -42,9 +42,9 @@ class MemoryPrediction:
     Attributes
     ----------
     total : int, bytes
-        Of the whole process, with everything that is loaded now.
+        Memory of the whole process, with everything that is loaded now.
     factors : int, bytes
-        Of the sparse factors, as part of the total.
+        Memory of the sparse factors, as part of the total.
     free : int, bytes
         What the process may still take now.
     reduced : bool

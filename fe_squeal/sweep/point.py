@@ -42,7 +42,7 @@ class SweepPoint:
     Attributes
     ----------
     value : float
-        Of the parameter.
+        Value of the parameter.
     modes : Modes
         The k modes, by rising Im λ, without their shapes: `modes.lam` (k,) complex, rad/s, and what is known of each.
     branches : (k,) int

@@ -176,7 +176,7 @@ class Sweep:
         ----------
         point : SweepPoint
         positions : sequence of int
-            Of modes whose shapes are known.
+            Positions of modes whose shapes are known.
         """
         if self.reduced_model is not None and isinstance(point.shapes, LiftedShapes):
             return self.reduced_model.shapes(point.value, positions)

@@ -54,7 +54,7 @@ class SweepState:
     points, onsets, warnings, completeness, seconds, window, unsettled
         As in `Sweep`. With a reduced model the shapes of the points are given in its coordinates.
     first, previous : Modes
-        At the first value and at the last one solved, with shapes.
+        Modes at the first value and at the last one solved, with shapes.
     first_branches, branches : (k,) int
         The branches of these modes.
     next_branch : int

@@ -87,7 +87,7 @@ class TieData:
     springs : list of dict
         Between the reference and the ground, as the scene has them.
     freedoms : set of int, optional
-        Of 1 to 3, those alone that follow the members (*Equation); None where all do.
+        Those of the freedoms 1 to 3 that follow the members (*Equation); None if all of them do.
     place : (3,) array, optional
         Where the reference counts, if not at its node.
     """

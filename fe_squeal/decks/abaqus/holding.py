@@ -129,7 +129,7 @@ def write_springs(content: Content, points: Mapping[int, list[dict[str, Value]]]
     Parameters
     ----------
     content : Content
-        Of the deck; the springs are added to its scene.
+        Content of the deck; the springs are added to its scene.
     points : mapping of int to list of dict
         By the row of a reference node, the tables of the scene that take springs at this node.
 
