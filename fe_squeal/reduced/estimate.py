@@ -11,10 +11,10 @@ from ..eigen.request import Request, select_wanted
 from ..problem.parameters import Place
 from .basis import ReducedBasis
 
-_BESIDE = 1.1  # times the highest frequency asked for: modes up to there are its neighbours
-SLIGHT = 0.1  # times the tolerance: errors that need not be known better
+_BESIDE = 1.1  # times the highest frequency asked for: modes up to there are neighbours of the modes asked for
+SLIGHT = 0.1  # times the tolerance: errors below this need not be known better
 GUARDED = 1.2  # times the highest frequency of the basis: modes up to there are known
-_SAFETY = 0.5  # of the tolerance: what the estimated errors of eigenvalues are driven below
+_SAFETY = 0.5  # times the tolerance: estimated errors of eigenvalues are driven below this
 _ILL = 10.0  # relative condition from which a mode is near a double eigenvalue
 
 Estimate = tuple[Modes, np.ndarray, np.ndarray]  # modes asked for, how far each misses the tolerance, and |Δλ/λ|
@@ -38,13 +38,14 @@ def estimated(
     -------
     modes : Modes
     off : (k,) float
-        1 where the tolerance is just met.
+        How far each misses the tolerance: its error by the one allowed, 1 where the tolerance is just met.
     relative : (k,) float
     """
     modes = select_wanted(every, request, np.inf)
     assert modes is not None
     error, backward, condition, rounding = basis.errors(value, modes, highest)
-    # Of errors that are slight anyway it is not known how much too large their estimates are.
+    # How much too large the estimates are was measured on errors above the slight ones only, so that the scale does not
+    # make an estimate smaller than a slight error.
     error = np.minimum(error, np.maximum(scale * error, SLIGHT * request.tolerance * np.abs(modes.lam)))
     # The tolerance is meant for well-conditioned modes: next to a double eigenvalue no solver finds λ so closely.
     relative = error / np.maximum(np.abs(modes.lam), 1e-3 * highest)
@@ -98,7 +99,7 @@ class OnlineModel:
     request : Request
     highest : float, rad/s
     condensed : Condensed or None
-        Where its errors meet the tolerance its modes are returned, else those of the whole basis.
+        Its modes are returned if their errors meet the tolerance, otherwise those of the whole basis.
     """
 
     basis: ReducedBasis

@@ -1,4 +1,4 @@
-"""A search for modes that a basis does not hold; residuals, which are those of the modes it has, cannot tell."""
+"""A search for modes that a basis does not hold: residuals of the modes that it has cannot tell."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .basis import ReducedBasis
 from .vectors import lift, real_columns
 
 _SEED, _BLOCK, _STEPS = 20251107, 8, 5
-_FOUND = 0.99  # of the highest |λ| asked for: a mode below that is found only with more vectors was missing
+_FOUND = 0.99  # times the highest |λ| asked for: a mode below this that only the extended basis has was missing
 SEARCH_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
 
 

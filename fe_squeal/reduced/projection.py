@@ -22,9 +22,9 @@ from ..problem.terms import Slot, Term
 from .undamped import weighted
 from .vectors import SlowMotions, lift
 
-_SPARSE = 0.3  # of all rows: a term that acts in fewer is multiplied in these rows alone
-_SLOW = 1e-3  # of the shift σ: a motion with less |θ| counts as hardly held
-_CONTAINED = 1e-12  # of the mass of a motion: a part outside the basis that is smaller is rounding
+_SPARSE = 0.3  # part of all rows: a term that acts in fewer is multiplied in these rows alone
+_SLOW = 1e-3  # part of |σ|, the shift: a motion whose |θ| is smaller counts as hardly held
+_CONTAINED = 1e-12  # part of the mass of a motion: what lies outside the basis and is smaller is rounding
 _Acting = tuple[np.ndarray | None, sp.csr_array, sp.csr_array | None]
 
 
@@ -55,7 +55,7 @@ class Projection:
         self.has_slow = False
         self._last: tuple[Place, np.ndarray, Pencil] | None = None  # with the V that the pencil belongs to
         self._slow: tuple[np.ndarray, SlowMotions | None] | None = None  # with the V that they belong to
-        # Of the last call of `_coordinates`: the motions, the basis, and what was found for them.
+        # The motions and the basis of the last call of `_coordinates`, and what it found for them.
         self._contained: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
 
     def __len__(self) -> int:
@@ -196,7 +196,7 @@ class Projection:
 
 
 def _acting(term: Term) -> _Acting:
-    """Return the rows in which a term acts, None for all, and these of its matrix and of the transposed one."""
+    """Return the rows in which a term acts (None for all rows), its matrix and the transposed one in these rows."""
     A = term.matrix
     transposed = None if term.symmetric else sp.csr_array(A.T)
     rows = np.flatnonzero(np.diff(sp.csr_array(abs(A) + abs(A.T)).indptr))
