@@ -57,7 +57,7 @@ from .warnings import warnings_of_coverage, warnings_of_scene
 # Of the entries of all element matrices, what is left when those of elements that share nodes are added, or less, since
 # memory is predicted from below.
 _SHARED = 0.15
-_COPIES = 3  # of the stiffness, while two sums are added to a third
+_COPIES = 3  # so many matrices of the stiffness's size exist at once, while two sums are added to a third
 
 
 def assemble(

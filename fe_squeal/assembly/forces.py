@@ -34,7 +34,7 @@ from .assembly import Assembly
 from .discretisation import Discretisation, discretisation_of
 from .places import find_patch
 
-_ELSEWHERE = 0.05  # of the load on a part with a contact: what springs and supports may take without a word
+_ELSEWHERE = 0.05  # part of the load on a part with a contact: if springs and supports take more, there is a warning
 
 
 @dataclass

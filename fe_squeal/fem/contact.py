@@ -16,7 +16,7 @@ from .spaces import ROUNDED, DisplacementSpace
 
 _NEWTON_STEPS = 25
 _INSIDE = 1e-6  # slack of reference coordinates: a point on an edge belongs to the facets on both sides
-_MOST_PARTS = 8  # of a pad facet's edge in the quadrature of meshes that do not match
+_MOST_PARTS = 8  # largest number of parts that a pad facet's edge is cut into for quadrature if meshes do not match
 _BATCH = 200_000  # candidate (point, facet) pairs treated at once
 
 

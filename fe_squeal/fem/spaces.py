@@ -28,7 +28,7 @@ _ELEMENTS = {
     (False, 1): skfem.ElementHex1,
     (False, 2): skfem.ElementHex2,
 }
-CANCELLED = 1e-12  # of Σ|products|: thousands of rounded products that cancel leave less than that
+CANCELLED = 1e-12  # part of Σ|products|: thousands of rounded products that cancel leave less than that
 ROUNDED = 1e-13  # size below which shape functions and direction components, of order 1, are rounding
 
 

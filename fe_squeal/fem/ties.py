@@ -25,7 +25,7 @@ import scipy.sparse as sp
 
 FREEDOMS = ("x", "y", "z", "rx", "ry", "rz")
 _LEAF = 8  # nodes in the smallest cluster: more than carry six motions, few enough for sparse columns
-_RANK = 1e-6  # of the radius: nodes nearer to a line than this do not turn about it
+_RANK = 1e-6  # part of the radius: nodes nearer to a line than this do not turn about it
 
 
 @dataclass(frozen=True)
