@@ -19,6 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 import skfem
+from planes import on_plane
 
 import fe_squeal
 from fe_squeal.eigen.request import Request
@@ -44,7 +45,7 @@ def block(counts: tuple[int, int, int], size: tuple[float, float, float]) -> Loa
     mesh = skfem.MeshTet.init_tensor(*axes)
     ends = {"left": (0, 0.0), "right": (0, size[0]), "front": (1, 0.0), "back": (1, size[1]), "bottom": (2, 0.0),
             "top": (2, size[2])}  # fmt: skip
-    sides = {name: (lambda x, a=a, at=at: np.abs(x[a] - at) < 1e-9) for name, (a, at) in ends.items()}
+    sides = {name: on_plane(axis, at) for name, (axis, at) in ends.items()}
     return from_skfem(mesh.with_subdomains({"body": np.arange(mesh.nelements)}).with_boundaries(sides))
 
 

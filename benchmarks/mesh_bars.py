@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import skfem
+from planes import on_plane
 from scipy.spatial import cKDTree
 
 import fe_squeal
@@ -111,7 +112,7 @@ def _box(kind: str, counts: Iterable[int], size: Any, corner: Any, name: str) ->
     axes = [c + np.linspace(0, s, n + 1) for c, s, n in zip(corner, size, counts, strict=True)]
     mesh = (skfem.MeshHex if kind == "hex" else skfem.MeshTet).init_tensor(*axes)
     suffix = "" if name == "pad" else f"_{name}"
-    sides = {s + suffix: (lambda x, a=a, at=axes[a][end]: np.abs(x[a] - at) < 1e-9) for s, (a, end) in _SIDES.items()}
+    sides = {s + suffix: on_plane(a, axes[a][end]) for s, (a, end) in _SIDES.items()}
     return mesh.with_subdomains({name: np.arange(mesh.nelements)}).with_boundaries(sides)
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import skfem
+from planes import on_plane
 
 import fe_squeal
 from fe_squeal.eigen.request import Request
@@ -50,10 +51,8 @@ def frequencies(
     """Return the lowest frequencies in Hz of a block with held sides, its unknowns and the entries of K."""
     axes = [np.linspace(0, s, n + 1) for s, n in zip(size, counts, strict=True)]
     mesh = (skfem.MeshHex if kind == "hexahedra" else skfem.MeshTet).init_tensor(*axes)
-    tests = {
-        name: (lambda x, a=axis, at=end * size[axis]: np.abs(x[a] - at) < 1e-9) for name, (axis, end) in SIDES.items()
-    }
-    mesh = mesh.with_subdomains({"lining": np.arange(mesh.nelements)}).with_boundaries(tests)
+    sides = {name: on_plane(axis, end * size[axis]) for name, (axis, end) in SIDES.items()}
+    mesh = mesh.with_subdomains({"lining": np.arange(mesh.nelements)}).with_boundaries(sides)
     scene = fe_squeal.parse_scene({
         "mesh": {"file": "none.msh", "order": order},
         "materials": {"lining": {"youngs_modulus": MODULUS, "poisson_ratio": nu, "density": DENSITY}},

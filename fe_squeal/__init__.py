@@ -2,16 +2,16 @@
 
     load_scene(path)                a scene from its TOML file
     parse_scene(tables)             the same from nested dictionaries
-    load_mesh(path), from_skfem(m)  a mesh to be used instead of the scene's own
+    load_mesh(path), from_skfem(m)  a mesh, for assemble(scene, mesh), instead of the scene's own
     assemble(scene)                 the Problem: mass, damping and stiffness as a sum of terms
-    problem.at({"mu": 0.4})         the same Problem at other numbers of the scene, by their paths
+    problem.at({"mu": 0.4})         the same Problem with other numbers of the scene, by their paths
     sweep(problem, values)          a Sweep: complex modes over a parameter (friction, unless another is named),
                                     followed by their shapes, and the onsets of instability between the values
     result.to_dataframe()           its modes as a table; onsets_dataframe(), contributions_dataframe() and
                                     sensitivities_dataframe() are the others
     find_onsets(problem, values)    the critical values alone, to full precision
     result.plot_stability()         figures, also in notebooks: plot_damping(value), and show(branch), a shape in 3-D
-    scatter(problem, parameters)    how probable instability is where several numbers are known by distributions alone
+    scatter(problem, parameters)    how probable instability is if several numbers are known by their distributions only
     stability_map(problem, x, y)    the boundaries of stability over two numbers, followed exactly
     run_many(scenes)                modes and onsets of many scenes, such as design variants, in several processes
     export_shapes(result, folder)   shapes of the unstable modes for ParaView

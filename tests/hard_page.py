@@ -21,7 +21,11 @@ HEADER = "| case | what breaks | SciPy's `eigs`, plainly called | digits there |
 
 @dataclass(frozen=True)
 class Result:
-    """The result of a run; `there`: digits of `eigs`, None if unusable; `drift`: its |Re λ|/|λ|, where that is 0."""
+    """The result of a run.
+
+    `there` are the digits of `eigs`, None if it cannot be used. `drift` is the |Re λ|/|λ| of `eigs` if all exact
+    Re λ are zero.
+    """
 
     digits: float
     here: str

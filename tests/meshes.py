@@ -27,11 +27,13 @@ def box(kind, counts, size=(1.0, 1.0, 1.0), corner=(0.0, 0.0, 0.0), name="block"
     mesh = (skfem.MeshHex if kind.startswith("hex") else skfem.MeshTet).init_tensor(*axes)
     suffix = "" if name == "block" else f"_{name}"
     tiny = 1e-9 * max(size)
-    sides = {
-        side + suffix: (lambda x, a=axis, at=axes[axis][end]: np.abs(x[a] - at) < tiny)
-        for side, (axis, end) in _SIDES.items()
-    }
+    sides = {side + suffix: _on_plane(axis, axes[axis][end], tiny) for side, (axis, end) in _SIDES.items()}
     return _raise(mesh.with_subdomains({name: np.arange(mesh.nelements)}).with_boundaries(sides), kind)
+
+
+def _on_plane(axis, at, tiny):
+    """Return a function of points x (3, k) that says which have the coordinate `at` along an axis."""
+    return lambda x: np.abs(x[axis] - at) < tiny
 
 
 def annulus(kind, counts, inner, outer, thickness, bottom=0.0, name="disc"):
@@ -55,9 +57,7 @@ def annulus(kind, counts, inner, outer, thickness, bottom=0.0, name="disc"):
     suffix = "" if name == "disc" else f"_{name}"
     middle = (inner + outer) / 2
     flat_face = {"bottom": z[0], "top": z[-1]}
-    groups = {
-        s + suffix: (lambda x, at=at: np.abs(x[2] - at) < 1e-9 * outer) for s, at in flat_face.items()
-    }  # fmt: skip
+    groups = {s + suffix: _on_plane(2, at, 1e-9 * outer) for s, at in flat_face.items()}
     mesh = mesh.with_subdomains({name: np.arange(mesh.nelements)}).with_boundaries(groups)
     radius = np.linalg.norm(mesh.p[:2][:, mesh.facets], axis=0)  # (corners, facets)
     on = {"hub": np.abs(radius - inner).max(axis=0), "rim": np.abs(radius - outer).max(axis=0)}

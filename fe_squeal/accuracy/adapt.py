@@ -105,7 +105,7 @@ def counts_for(errors: LineErrors, geometry: DiscPad | Block, target: float) -> 
     Parameters
     ----------
     errors : LineErrors
-        On the present mesh.
+        Errors on the present mesh.
     geometry : DiscPad or Block
         The geometry that the present mesh was made from.
     target : float

@@ -107,7 +107,7 @@ def bent_change(lam: np.ndarray, refined: np.ndarray, order: int) -> np.ndarray:
     lam, refined : (k,) complex, rad/s
         The same modes on the mesh and on the refined one; NaN where a mode is not found again.
     order : int
-        Of the elements.
+        Order of the elements.
     """
     found = np.zeros(len(lam), dtype=complex)
     known = np.flatnonzero(np.isfinite(refined) & (lam.imag > 0))
@@ -183,7 +183,7 @@ def mirrored(bars: np.ndarray, partner: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     bars : (k,) complex, rad/s
-        Of Re λ and of Im λ.
+        Error bars of Re λ (real parts) and of Im λ (imaginary parts).
     partner : (k,) int
         Positions of the mirror images; −1 for a mode that has none.
 

@@ -39,7 +39,7 @@ class Trial:
     mesh : str
         What the mesh is, in words.
     unknowns : int
-        Of the problem on this mesh.
+        Number of unknowns of the problem on this mesh.
     error : float
         The largest estimated error of the kinds of quantities that are to meet the target, relative; infinite or NaN
         where it is not known.

@@ -13,7 +13,8 @@ from ..eigen.dense import solve_dense
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..sweep.onsets import Onset
-from ..sweep.result import Sweep, SweepPoint
+from ..sweep.point import SweepPoint
+from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
 from ..sweep.tracking import match_modes, mirror_partners
 from .bars import bar_of, bar_of_parts, bent_change, enveloped, extrapolated, mirrored
@@ -72,7 +73,7 @@ def with_discretisation(result: Sweep, linear_solver: LinearSolver | str = "auto
     Parameters
     ----------
     result : Sweep
-        Of a problem that was assembled from a mesh.
+        Sweep of a problem that was assembled from a mesh.
     linear_solver : LinearSolver or str
         As for `sweep`.
 
@@ -284,12 +285,12 @@ def pair_onsets(
     Parameters
     ----------
     onsets, found : sequence of Onset
-        On two meshes.
+        Onsets on two meshes.
     same : mapping of int to int
         The position of each mode at the first value of the sweep among those on the other mesh. Branches are numbered
         by the modes at the first value, from 1 on.
     width : float
-        Of the interval of the parameter.
+        Width of the interval of the parameter.
     """
 
     def branches(onset: Onset) -> set[int]:

@@ -36,7 +36,7 @@ class Measurement:
     Attributes
     ----------
     unknowns : int
-        Of the problem.
+        Number of unknowns of the problem.
     seconds : mapping of str to float, s
         By stage: "mesh", "assembly", those of the sweep, and "estimate".
     peak_memory_mib : float, MiB

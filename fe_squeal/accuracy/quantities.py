@@ -77,7 +77,7 @@ def split_changes(result: Sweep, refined: Refined) -> Split:
     Parameters
     ----------
     result : Sweep
-        On the mesh itself.
+        Result on the mesh itself.
     refined : Refined
         The problem of this sweep on the refined mesh, see `refine_problem`.
 

@@ -52,12 +52,12 @@ class Errors:
     Attributes
     ----------
     frequency : float
-        Of the frequencies at the first value of the sweep, for all modes up to 0.8 of the highest frequency. A mode
-        that is not found counts as an error of 1.
+        Error of the frequencies at the first value of the sweep, for all modes up to 0.8 of the highest frequency. A
+        mode that is not found counts as an error of 1.
     growth : float
-        Of Re λ at the last value, for the unstable modes, relative to the largest Re λ.
+        Error of Re λ at the last value, for the unstable modes, relative to the largest Re λ.
     onset : float
-        Of the critical values, relative to the value or to a tenth of the interval of the sweep, whichever is larger.
+        Error of the critical values, relative to the value or to a tenth of the sweep's interval, whichever is larger.
         An onset that is not found counts as an error of 1.
     """
 

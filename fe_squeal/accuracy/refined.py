@@ -37,11 +37,11 @@ class Refined:
     Attributes
     ----------
     coarse, fine : Assembly
-        On the mesh itself and on the refined one.
+        What assembly knows of the mesh itself and of the refined one.
     problem : Problem
-        On the refined mesh, its terms collected by powers of the parameter.
+        The problem on the refined mesh, its terms collected by powers of the parameter.
     model : ReducedModel
-        Of the problem on the mesh itself.
+        Reduced model of the problem on the mesh itself.
     parameter : str
         The parameter of the sweep. If the sweep has a single value, a parameter that nothing depends on stands in.
     values : (m,) float
@@ -85,7 +85,7 @@ def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") ->
     Parameters
     ----------
     result : Sweep
-        Of a problem that was assembled from a mesh.
+        Sweep of a problem that was assembled from a mesh.
     linear_solver : LinearSolver or str
         As for `sweep`.
 

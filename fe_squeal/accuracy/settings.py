@@ -30,7 +30,7 @@ class Setting:
     Attributes
     ----------
     order : int
-        Of the elements, 1 or 2.
+        Order of the elements, 1 or 2.
     size : float, m
         Edge length of the elements.
     modes : int
@@ -38,7 +38,7 @@ class Setting:
     method : "reduced", "direct" or "modal"
         How the sweep is solved.
     tolerance : float
-        Of the reduced model, relative.
+        Relative tolerance of the reduced model.
     refinement : int
         How often the mesh of a file is refined; 0 for a parametric geometry, which is meshed with the size.
     knob : "size", "modes", "tolerance", "method" or ""

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from ..eigen.blocks import times
 from ..errors import NotConvergedError
 from ..fem.cells import geometry_map
-from ..fem.contact import interpolate
+from ..fem.contact import interpolation
 from ..fem.spaces import DisplacementSpace
 
 _CHILDREN = 8  # elements that replace one
@@ -49,7 +49,7 @@ def prolongation(coarse: DisplacementSpace, fine: DisplacementSpace) -> sp.csr_a
         )
     parent = np.empty(fine.nodes, int)
     parent[fine.dofs.element_dofs] = np.arange(fine.mesh.nelements) // _CHILDREN
-    values = interpolate(coarse, parent, reference_coordinates(coarse, parent, fine.coordinates.T))
+    values = interpolation(coarse, parent, reference_coordinates(coarse, parent, fine.coordinates.T))
     nodal = sp.csr_array(sp.kron(values, sp.eye_array(3), format="csr"))
     if coarse.ties or fine.ties:
         return sp.csr_array(fine.nodal_inverse @ nodal @ coarse.nodal_map)

@@ -1,4 +1,7 @@
-"""From a scene to the sum of its terms: what the scene calls for, and nothing else."""
+"""From a scene to the sum of its terms: what the scene calls for, and nothing else.
+
+This file is longer than others, since every part is kept in one cache and made anew for other numbers of the scene.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +57,7 @@ from .warnings import warnings_of_coverage, warnings_of_scene
 # Of the entries of all element matrices, what is left when those of elements that share nodes are added, or less, since
 # memory is predicted from below.
 _SHARED = 0.15
-_COPIES = 3  # of the stiffness, while two sums are added to a third
+_COPIES = 3  # so many matrices of the stiffness's size exist at once, while two sums are added to a third
 
 
 def assemble(
@@ -79,7 +82,7 @@ def assemble(
     Raises
     ------
     SceneError
-        The scene and the mesh do not fit together, or a matrix file is bad.
+        `scene` is no scene, the scene and the mesh do not fit together, or a matrix file is bad.
     MeshError
         The mesh cannot be read or made.
     TooLargeError
@@ -87,6 +90,8 @@ def assemble(
     NotConvergedError
         The static state under preload is not found.
     """
+    if not isinstance(scene, Scene | MatrixScene):
+        raise SceneError(f'assemble: given {scene!r:.60}; expected a scene, as in assemble(load_scene("brake.toml"))')
     where = f"{scene.source}: " if scene.source is not None else ""
     try:
         if isinstance(scene, MatrixScene):

@@ -34,7 +34,7 @@ def make_contact(
     contact : Contact
         The table of the scene.
     motion : SteadyMotion or None
-        Of the counterface.
+        Motion of the counterface.
     key : str
         The key of the contact in the scene, for messages.
 

@@ -34,7 +34,7 @@ from .assembly import Assembly
 from .discretisation import Discretisation, discretisation_of
 from .places import find_patch
 
-_ELSEWHERE = 0.05  # of the load on a part with a contact: what springs and supports may take without a word
+_ELSEWHERE = 0.05  # part of the load on a part with a contact: if springs and supports take more, there is a warning
 
 
 @dataclass
@@ -44,9 +44,9 @@ class PartForces:
     Attributes
     ----------
     bodies : tuple of str
-        That the part is made of.
+        Bodies that the part is made of.
     applied : (3,) float, N
-        By pressures and, of a body that rotates, centrifugal.
+        Force of pressures and, on a body that rotates, centrifugal force.
     contacts, springs : mapping of name to (3,) float, N
     held : (3,) bool
         Directions in which a support holds a node of the part.
@@ -84,15 +84,15 @@ class PartForces:
 
 def force_balance(problem: Problem) -> list[PartForces]:
     """Return the forces on each part of the model in the static state at the nominal values; none without preload."""
-    model, assembly = discretisation_of(problem), problem.source
-    if model is None or model.static_state is None or not isinstance(assembly, Assembly):
+    made, assembly = discretisation_of(problem), problem.source
+    if made is None or made.static_state is None or not isinstance(assembly, Assembly):
         return []
     scene = with_numbers(assembly.scene, problem.changed) if problem.changed else assembly.scene
-    balance = _Balance(model, model.static_state, scene, assembly)
+    balance = _Balance(made, made.static_state, scene, assembly)
     balance.add_loads(assembly.motions(problem.changed))
     for i, spring in enumerate(scene.springs):
         balance.add_spring(spring, f"springs[{i}]")
-    for (_, table), tie in zip(scene.ties, model.space.ties, strict=False):
+    for (_, table), tie in zip(scene.ties, made.space.ties, strict=False):
         balance.add_reference(table, tie)
     for i, (name, contact) in enumerate(zip(scene.contact_names, scene.contacts, strict=True)):
         balance.add_contact(name, contact, f"contacts[{i}]")
@@ -102,16 +102,16 @@ def force_balance(problem: Problem) -> list[PartForces]:
 class _Balance:
     """The parts of a model, and what acts on them."""
 
-    def __init__(self, model: Discretisation, base: StaticState, scene: Scene, assembly: Assembly) -> None:
-        self.model, self.base, self.scene, self.loaded = model, base, scene, assembly.loaded
-        self.space = space = model.space
+    def __init__(self, made: Discretisation, state: StaticState, scene: Scene, assembly: Assembly) -> None:
+        self.discretisation, self.state, self.scene, self.loaded = made, state, scene, assembly.loaded
+        self.space = space = made.space
         self.part = connected_parts(space)
-        self.u = space.expand(base.u)
+        self.u = space.expand(state.u)
         first = space.dofs.element_dofs[0]
         self.of_element = self.part[first]
         self.parts = [PartForces((), np.zeros(3)) for _ in range(self.part.max() + 1)]
         for i, p in enumerate(self.parts):
-            p.bodies = tuple(name for name, e in model.bodies.items() if (self.of_element[e] == i).any())
+            p.bodies = tuple(name for name, e in made.bodies.items() if (self.of_element[e] == i).any())
             p.held = space.fixed.reshape(-1, 3)[self.part == i].any(axis=0)
 
     def add_loads(self, motions: Mapping[str, SteadyMotion]) -> None:
@@ -127,7 +127,7 @@ class _Balance:
         free = replace(self.space, fixed=np.zeros_like(self.space.fixed), ties=())
         for name, motion in motions.items():
             density = self.scene.materials[self.scene.bodies[name].material].density
-            load = free.expand(centrifugal_load(free, self.model.bodies[name], density, motion))
+            load = free.expand(centrifugal_load(free, self.discretisation.bodies[name], density, motion))
             for i, p in enumerate(self.parts):
                 p.applied = p.applied + load[self.part == i].sum(axis=0)
 
@@ -156,7 +156,7 @@ class _Balance:
         """Add the forces of springs at a tie's reference, and the directions in which it is held."""
         part = self.parts[int(self.part[tie.nodes[0]])]
         part.held = part.held | table.held[:3]
-        motion = self.space.reference(tie) @ self.base.u
+        motion = self.space.reference(tie) @ self.state.u
         for i, spring in enumerate(table.springs):
             if spring.direction is not None and spring.stiffness:
                 d = np.array(spring.direction) / np.linalg.norm(spring.direction)
@@ -164,13 +164,13 @@ class _Balance:
 
     def add_contact(self, name: str, contact: Contact, path: str) -> None:
         """Add the forces of a contact on both its sides."""
-        c = self.model.contacts[name]
-        if name in self.base.contacts:
-            mu = self.base.mu * (contact.friction_ratio if contact.kind == "sliding" else 0.0)
-            traction = self.base.contacts[name].pressure[:, None] * (c.normals + mu * c.directions)
+        c = self.discretisation.contacts[name]
+        if name in self.state.contacts:
+            mu = self.state.mu * (contact.friction_ratio if contact.kind == "sliding" else 0.0)
+            traction = self.state.contacts[name].pressure[:, None] * (c.normals + mu * c.directions)
         else:  # tied: all three components of the jump
             axes = ((c.gap, c.normals), (c.slip, c.directions), (c.cross, np.cross(c.normals, c.directions)))
-            traction = -contact.normal_stiffness * sum((G @ self.base.u)[:, None] * axis for G, axis in axes)
+            traction = -contact.normal_stiffness * sum((G @ self.state.u)[:, None] * axis for G, axis in axes)
         forces = traction * c.weights[:, None]
         sides = [(contact.surface, "surface", 1.0)]
         if not contact.is_rigid:

@@ -21,7 +21,7 @@ _MODULUS = (1e6, 1e13)  # Pa: from rubber to beyond diamond
 # usual tolerance of 1e-8 that leaves four digits.
 _DISTORTED = 100.0
 _NAMED = 5  # elements in one sentence
-_LARGE_GAP = 0.05  # of the model's size
+_LARGE_GAP = 0.05  # part of the model's size: a larger gap_tolerance was probably meant in another unit
 _LOCKING = 0.48  # Poisson's ratio above which standard elements lose digits; see docs/near_incompressible.md
 
 

@@ -36,7 +36,7 @@ def brick(name: str, centre: tuple[float, float, float], size: tuple[float, floa
     return Body(name, x, y, z)
 
 
-def build_mesh(bodies: list[Body], patches: dict[str, tuple[str, tuple[float, float], float]]) -> LoadedMesh:
+def mesh_of_bodies(bodies: list[Body], patches: dict[str, tuple[str, tuple[float, float], float]]) -> LoadedMesh:
     """Return one mesh of several bodies that share no nodes.
 
     Surface groups, NAME the body: NAME.ends (across x), NAME.sides (across y), NAME.bottom and NAME.top (its lowest and

@@ -20,7 +20,7 @@ from ..assembly.discretisation import discretisation_of
 from ..mesh import LoadedMesh
 from ..problem.problem import Problem
 from ..scene.file import parse_scene
-from .blocks import Body, brick, build_mesh
+from .blocks import Body, brick, mesh_of_bodies
 
 Field = Callable[[np.ndarray], np.ndarray]  # positions (n, 3) to displacements (n, 3)
 ALONG: tuple[float, ...] = (1.0, 0.0, 0.0)
@@ -87,7 +87,7 @@ def minimal(model: lumped.Minimal | None = None, springs_on: str = "ends") -> Ca
         {"block": model.m}, springs, [_contact("block.bottom", "rigid", model.k3, model.c3, 1.0)],
         [{"surface": "block.sides", "fixed": "y"}],
     )  # fmt: skip
-    mesh = build_mesh([brick("block", (0.0, 0.0, 0.5), (1.0, 1.0, 1.0))], {})
+    mesh = mesh_of_bodies([brick("block", (0.0, 0.0, 0.5), (1.0, 1.0, 1.0))], {})
     return Case("minimal", model, scene, mesh, ((("block",), shift(ALONG)), (("block",), shift(NORMAL))))
 
 
@@ -103,7 +103,7 @@ def two_mass(model: lumped.TwoMass | None = None) -> Case:
     supports = [{"surface": "one.sides", "fixed": "yz"}, {"surface": "two.sides", "fixed": "y"}]
     contacts = [_contact("two.bottom", "rigid", model.ky, model.cy, 1.0)]
     scene = _scene({"one": model.m1, "two": model.m2}, springs, contacts, supports)
-    mesh = build_mesh([brick(n, (x, 0.0, 0.5), (1.0, 1.0, 1.0)) for n, x in (("one", -2.0), ("two", 0.0))], {})
+    mesh = mesh_of_bodies([brick(n, (x, 0.0, 0.5), (1.0, 1.0, 1.0)) for n, x in (("one", -2.0), ("two", 0.0))], {})
     motions = ((("one",), shift(ALONG)), (("two",), shift(ALONG)), (("two",), shift(NORMAL)))
     return Case("two-mass", model, scene, mesh, motions)
 
@@ -128,7 +128,7 @@ def nine_dof(model: lumped.NineDof | None = None) -> Case:
         for name, reach, z in (("face", 0.2, 0.0), ("under", width / 2, -thickness))
     }
     patches["plane"] = ("belt", (-lever - 0.2, lever + 0.2), 0.0)  # both notches: where a turning belt has no u_x
-    mesh = build_mesh([belt, *pads], patches)
+    mesh = mesh_of_bodies([belt, *pads], patches)
 
     def inclined(degrees: float) -> tuple[float, ...]:
         return float(np.sin(np.radians(degrees))), 0.0, -float(np.cos(np.radians(degrees)))
@@ -180,7 +180,7 @@ def uncoupled_disc(model: lumped.UncoupledDisc | None = None) -> Case:
     ]
     supports = [{"surface": f"{name}.sides", "fixed": "y"} for name in bodies]
     scene = _scene({name: mass for name, (_, mass) in bodies.items()}, springs, contacts, supports)
-    mesh = build_mesh([brick(name, (0.0, 0.0, z), (1.0, 1.0, 1.0)) for name, (z, _) in bodies.items()], {})
+    mesh = mesh_of_bodies([brick(name, (0.0, 0.0, z), (1.0, 1.0, 1.0)) for name, (z, _) in bodies.items()], {})
     motions = tuple(((name,), shift(d)) for d in (NORMAL, ALONG) for name in bodies)
     return Case("uncoupled-disc", model, scene, mesh, motions)
 

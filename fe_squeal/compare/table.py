@@ -52,7 +52,7 @@ SETUPS = {
 def compare(name: str = "all", linear_solver: LinearSolver | str = "auto") -> pd.DataFrame:
     """Return a row per quantity: case, quantity, lumped, finite_elements, difference.
 
-    Of a spectrum the eigenvalue that differs most is shown, with its relative difference; of the friction matrix,
+    For a spectrum it is the eigenvalue that differs most, with its relative difference; for the friction matrix,
     projected on the rigid motions, the largest entry, with the largest difference of any entry relative to it.
 
     Parameters

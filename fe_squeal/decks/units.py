@@ -77,7 +77,7 @@ def recognise(materials: Sequence[tuple[float, float]], size: float) -> tuple[Un
     ----------
     materials : sequence of (Young's modulus, density)
     size : float
-        Of the mesh.
+        Size of the mesh.
 
     Returns
     -------

@@ -74,11 +74,11 @@ class ContactPart:
     name, kind : str
         "sliding", "frictionless" or "tied".
     operators : ContactOperators
-        On the whole surface.
+        Operators on the whole surface.
     normal_stiffness : float, N/m per m^2
     friction_ratio : float
     motion : SteadyMotion or None
-        Of the counterface.
+        Motion of the counterface.
     carriers : frozenset of str
         Bodies that carry the counterface.
     state : ContactState or None
@@ -129,7 +129,7 @@ class ContactPart:
         Parameters
         ----------
         path : str
-            Of the pressure in the scene, where there is no static state that gives it.
+            Path of the pressure in the scene, used where there is no static state that gives the pressure.
         """
         ratio = {f"{self.path}.friction_ratio": 1}
         return ratio if self.state is not None else {**ratio, path: 1}
@@ -150,7 +150,7 @@ class Context:
     holding : tuple of (path, kind, group)
         Surfaces and node sets on which supports and springs act.
     tables : mapping of effect to table
-        Of the effects that are on.
+        Tables of the effects that are on.
     number : function of a path
         Returns a number of the scene.
     cache : Cache
@@ -158,7 +158,7 @@ class Context:
     static : tuple of Term
         Stiffnesses of bodies, springs and tied contacts.
     motions : mapping of body to SteadyMotion
-        Of the bodies that rotate.
+        Motions of the bodies that rotate.
     static_state : StaticState or None
         The static state under preload.
     linear_solver : LinearSolver or str

@@ -21,7 +21,7 @@ class Outline:
     ----------
     bodies : tuple of str
     mixed_bodies : tuple of str
-        Those of the mixed formulation.
+        Names of the bodies of the mixed formulation.
     sliding_contacts : tuple of str
     """
 
@@ -100,7 +100,7 @@ class Effect(Section):
         others : sequence of Term
             All terms but those of this effect.
         parameters : mapping of name to value
-            Of all terms.
+            Values of the parameters of all terms.
         """
         return ()
 

@@ -20,7 +20,7 @@ def elastic_terms(
     ----------
     elements : (e,) int
     path : str
-        Of the material, for the parameters' names.
+        Path of the material in the scene, with which the parameters' names begin.
     axes : (3, 3) float or None
         Rows: axes of an orthotropic material.
     mixed : bool

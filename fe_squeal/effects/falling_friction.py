@@ -65,9 +65,9 @@ def falling_friction_terms(
     Parameters
     ----------
     pressure : (q,) float, Pa
-        Of the steady state; 1 where `powers` has it.
+        Contact pressure of the steady state; 1 if `powers` has the pressure as a parameter.
     powers : mapping of parameter to exponent
-        Has the slope.
+        Exponents of the parameters that the term is multiplied by; the slope is one of them.
     """
     size = operators.weights * pressure
     if not size.any():

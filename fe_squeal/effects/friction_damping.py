@@ -61,11 +61,11 @@ def friction_damping_terms(
     Parameters
     ----------
     pressure : (q,) float, Pa
-        Of the steady state; 1 where `powers` has it.
+        Contact pressure of the steady state; 1 if `powers` has the pressure as a parameter.
     speed : (q,) float, m/s
         |v|; where it is zero, as in a centre of rotation, nothing slides and nothing is damped.
     powers : mapping of parameter to exponent
-        Has mu.
+        Exponents of the parameters that the term is multiplied by; mu is one of them.
     """
     size = np.divide(operators.weights * pressure, speed, out=np.zeros(len(speed)), where=speed > 0)
     if not size.any():

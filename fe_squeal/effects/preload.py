@@ -18,7 +18,7 @@ from .effect import Effect
 from .friction import Friction
 from .static_state import PressedContact, StaticState, follower_ratio, solve_preload
 
-_FOLLOWING = 1e-3  # of the friction stiffness: follower terms larger than this are warned of
+_FOLLOWING = 1e-3  # part of the friction stiffness: if the follower terms are larger, there is a warning
 
 
 class Preload(Effect):

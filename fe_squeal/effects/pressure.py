@@ -16,7 +16,7 @@ def check_pressure(
     Parameters
     ----------
     name : str
-        Of the effect.
+        Name of the effect.
     own : float or None, Pa
         The effect's own pressure.
     others : mapping of effect to table

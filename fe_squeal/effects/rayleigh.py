@@ -42,9 +42,9 @@ def rayleigh_terms(rayleigh: Rayleigh, path: str, body: str, mass: Term, elastic
     Parameters
     ----------
     path : str
-        Of the table, for the parameters' names.
+        Path of the table in the scene, with which the parameters' names begin.
     mass, elastic : Term
-        Of the body.
+        Mass and elastic stiffness of the body.
     """
     parts = ((rayleigh.alpha, "alpha", mass), (rayleigh.beta, "beta", elastic))
     return [

@@ -28,7 +28,7 @@ def motion_of_body(
     contacts : mapping of contact to SteadyMotion
         Those whose counterface lies on the body.
     axis : (3,) float or None
-        Of any length; None with what follows where the scene does not say.
+        Direction of the axis, of any length; None, like what follows, where the scene does not give it.
     centre : (3,) float or None, m
     speed : float or None, rad/s
 
@@ -126,9 +126,9 @@ def free_motions(
     Parameters
     ----------
     elements : (e,) int
-        Of the body.
+        Elements of the body.
     terms : sequence of Term
-        Of all bodies, springs and contacts.
+        Terms of all bodies, springs and contacts.
     """
     speed = np.linalg.norm(motion.velocity)
     axis = motion.velocity / speed

@@ -145,7 +145,7 @@ def rotation_terms(
     Parameters
     ----------
     path : str
-        Of the material, for the parameters' names.
+        Path of the material in the scene, with which the parameters' names begin.
     motion : SteadyMotion
         A rotation.
     inertia : pair of (n, n) sparse
@@ -169,7 +169,7 @@ def rotating_damping_terms(
     ----------
     path, motion : as of `rotation_terms`
     elastic : Term
-        Of the body.
+        Elastic stiffness of the body.
     rayleigh : (Rayleigh, path)
         The damping of the body.
     circulatory : pair of (n, n) sparse

@@ -22,13 +22,13 @@ class Spring(Placed):
     Attributes
     ----------
     name : str
-        For messages and results; each spring its own.
+        Name in messages and results; no two springs have the same.
     direction : vector
         Direction in which it acts, in global coordinates, of any length.
     stiffness : float, N/m
-        In all, over the whole surface or all nodes; stiffness or damping above 0.
+        Total stiffness, over the whole surface or all nodes; stiffness or damping above 0.
     damping : float, N s/m
-        In all, over the whole surface or all nodes.
+        Total damping, over the whole surface or all nodes.
     to : str
         A second surface group, or with `nodes` a second node set.
     """

@@ -26,9 +26,9 @@ class ContactState:
     normal_force : float, N
         ∫ p0 dA.
     force : (3,) float, N
-        On the pad, normal force and friction.
+        Force on the pad: normal force and friction.
     torque : float, N m
-        Of the friction about the axis of rotation, with which the pad brakes the counterface; NaN for a straight belt.
+        Torque of the friction about the axis of rotation, which brakes the counterface; NaN for a straight belt.
     """
 
     pressure: np.ndarray
@@ -105,13 +105,13 @@ def solve_preload(
         Bodies, springs and tied contacts.
     load : (n,) float, N
     resultant : (3,) float, N
-        Of the load, for messages.
+        Resultant of the load, for messages.
     contacts : mapping of name to PressedContact
-        Those that can open: sliding and frictionless ones.
+        The contacts that can open: sliding and frictionless ones.
     size : float, m
-        Of the model: larger displacements mean that nothing holds it.
+        Size of the model: larger displacements mean that nothing holds it.
     start : StaticState, optional
-        Of nearly the same problem.
+        Static state of nearly the same problem, from which the iteration starts.
     linear_solver : LinearSolver or str
 
     Raises

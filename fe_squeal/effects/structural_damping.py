@@ -62,9 +62,9 @@ def structural_terms(
     Parameters
     ----------
     path : str
-        Of the loss factor.
+        Path of the loss factor in the scene, the parameter's name.
     elastic : Term
-        Of the body.
+        Elastic stiffness of the body.
     """
     if not loss_factor:
         return []

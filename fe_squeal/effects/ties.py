@@ -56,17 +56,17 @@ class Rigid(Placed):
     Attributes
     ----------
     name : str
-        For messages and results; each its own.
+        Name in messages and results; no two ties have the same.
     reference : vector, m
         The point that mass, held freedoms and springs are at (default: the middle of the nodes); in metres always.
     mass : float, kg
-        Of the body, at the reference, beside that of the elements.
+        Mass of the body at its reference point, added to that of the elements.
     inertia : six numbers, kg m^2
         Ixx, Iyy, Izz, Ixy, Ixz, Iyz of the tensor ∫ρ(|x|² 1 − x x) dV about the reference.
     fixed : str
         Freedoms of the reference that are held: any of x, y, z and the rotations rx, ry, rz, such as "xyz rz".
     springs : list of tables
-        From the reference to the ground.
+        Springs from the reference to the ground.
     """
 
     name: Text
@@ -118,7 +118,7 @@ def tie_terms(space: DisplacementSpace, tie: Tie, table: Rigid, path: str) -> li
     Parameters
     ----------
     path : str
-        Of the table in the scene.
+        Path of the table in the scene.
     """
     motion = space.reference(tie)
     terms = []

@@ -80,7 +80,7 @@ def quadratic_pairs(
     Parameters
     ----------
     restarts : int, optional
-        Of the Krylov spaces, at most.
+        Largest number of restarts of each Krylov space.
 
     Raises
     ------

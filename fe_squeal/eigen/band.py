@@ -26,21 +26,21 @@ from .request import Request, is_beside, select_wanted
 from .shift import light_tilt, symmetric_part
 from .shift_invert import ShiftInverted
 
-_FULL = 150  # eigenvalues of a disc; where it holds more, several smaller ones take its place
-_SPARE = 1.15  # times as many as are expected in a disc are asked for
-_DISCS = 24  # at most
-_RESTARTS = 12  # of a Krylov space; a usual disc takes two to four
-_FEWER = 0.9  # of the eigenvalues that converge where not all do are asked for once more
-_CLEAR, _MOVE, _MOVES = 1e-4, 1.03, 3  # a shift closer than this to an eigenvalue is moved by so much, so often at most
+_FULL = 150  # largest number of eigenvalues in a disc; a disc that holds more is replaced by several smaller ones
+_SPARE = 1.15  # so many times the number of eigenvalues expected in a disc are asked for
+_DISCS = 24  # largest number of discs
+_RESTARTS = 12  # largest number of restarts of a Krylov space; a usual disc takes two to four
+_FEWER = 0.9  # if not all eigenvalues converge, this part of the number that did is asked for in a second try
+_CLEAR, _MOVE, _MOVES = 1e-4, 1.03, 3  # a shift relatively closer to an eigenvalue is multiplied, at most thrice
 _OVERLAP = 1.2  # times the lower end of a disc: the next one below reaches up to here, since discs have no sharp rim
-_SLIVER = 1e-3  # of the band: creeping motions may crowd so near zero that no disc reaches farther down than to here
-_ROUNDING = 1e-12  # what rounding may leave of zero: of |λ|, and of the largest ratio of stiffness to mass
-_REAL, _NEAR = 8, 0.05  # real growth is looked for among so many eigenvalues around this part of the band
+_SLIVER = 1e-3  # part of the band: creeping motions may crowd so near zero that no disc reaches farther down than this
+_ROUNDING = 1e-12  # what rounding may leave of zero, relative to |λ| or to the largest ratio of stiffness to mass
+_REAL, _NEAR = 8, 0.05  # real growth is looked for among 8 eigenvalues around a shift at this part of the band
 
 
 @dataclass
 class _Band:
-    """What is known of a band: eigenpairs, and up to where they are all."""
+    """What is known of a band: eigenpairs, and the frequencies between which none is missing."""
 
     pencil: Pencil
     free: FreeModes | None
@@ -48,8 +48,8 @@ class _Band:
     lam: np.ndarray = field(default_factory=lambda: np.zeros(0, complex))
     right: np.ndarray | None = None
     left: np.ndarray | None = None
-    top: float = 0.0  # rad/s, up to which all is known once a range is covered
-    low: float = 0.0  # rad/s, below which nothing is known
+    top: float = 0.0  # rad/s: all eigenvalues up to here are known once a range is covered
+    low: float = 0.0  # rad/s: nothing is known below
     discs: int = 0
     thin: bool = False  # only what lies near the imaginary axis is known in some part
     every: bool = False  # all eigenvalues of the pencil were found at once
@@ -161,7 +161,7 @@ class _Band:
 
 
 def _some(expected: float) -> int:
-    """Return how many eigenvalues to ask for where about so many are expected."""
+    """Return how many eigenvalues to ask for if about `expected` are expected."""
     return int(np.ceil(1.1 * expected)) + 5
 
 
@@ -170,12 +170,12 @@ def band_modes(
 ) -> Modes:
     """Return the wanted modes of a real pencil with C: oscillating ones, and real ones that do not decay.
 
-    Of heavily damped modes, and of real decaying ones, those alone are found that happen to lie in a disc.
+    Heavily damped modes, and real decaying ones, are found only if they happen to lie in a disc.
 
     Parameters
     ----------
     band : float, rad/s
-        About where the wanted modes end.
+        Approximate frequency at which the wanted modes end.
 
     Raises
     ------
@@ -206,7 +206,7 @@ def band_modes(
 
 
 def _on_ray(omega: float, radius: float, tilt: float) -> tuple[float, float]:
-    """Return between which Im λ a disc around iω holds the rays Re λ = ∓tilt · Im λ; the same twice if it misses them.
+    """Return the two Im λ between which the rays Re λ = ∓tilt · Im λ lie in a disc around iω; equal if they miss it.
 
     On these |λ − iω|² = (1 + tilt²)(Im λ)² − 2ω Im λ + ω².
     """

@@ -20,19 +20,19 @@ def lowest_modes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return θ (count,), rising, and vectors of unit mass of K φ = θ M φ, all θ > σ.
 
-    The time of a solve is that of reading the factors from memory, which a block of right-hand sides does once for
-    all of them. The iteration keeps its whole basis orthogonal. (Golub and Underwood, in: Mathematical Software III,
+    A solve takes as long as reading the factors from memory, and a block of right-hand sides reads them once for all.
+    The iteration keeps its whole basis orthogonal. (Golub and Underwood, in: Mathematical Software III,
     1977; Grimes, Lewis and Simon, SIAM J. Matrix Anal. Appl. 15, 1994.)
 
     Parameters
     ----------
     factor : DefiniteFactor
-        Of K − σM.
+        Factors of K − σM.
     M : (n, n) sparse, positive semidefinite
     count : int
         Fewer are returned where the rank of M is smaller.
     tolerance : float
-        Of the vectors; the error of θ is its square.
+        Relative error of the vectors; the error of θ is its square.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def lowest_modes(
 
 
 def _unit(W: np.ndarray, MW: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return X, of unit mass, MX, and R with W = XR, without what is linearly dependent."""
+    """Return X of unit mass, MX, and R with W = XR; directions that are linearly dependent are left out."""
     w, v = la.eigh(cross(W, MW))
     keep = w > _RANK * max(w.max(initial=0.0), np.finfo(float).tiny)
     root = np.sqrt(w[keep])

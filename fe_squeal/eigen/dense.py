@@ -12,13 +12,13 @@ from ..errors import NotConvergedError
 from .free_modes import FreeModes, split_off
 from .linear.factor import LinearSolver
 from .pencil import Modes, Pencil
-from .polish import ACCURATE, pair_errors, refine
+from .polish import ACCURATE, pair_errors, polish_pairs
 from .quality import in_upper_half, modes_from_lambda, modes_from_theta
 
 DENSE_LIMIT = 400  # unknowns up to which all modes come from LAPACK: seconds, tens of them where QZ is needed
 
 Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # eigenvalues (k,), right and left vectors (n, k)
-_FEW = 0.1  # share of inaccurate pairs up to which they are refined one by one, instead of trying another method
+_FEW = 0.1  # part of inaccurate pairs up to which these are polished one by one, instead of trying another method
 # Eigenvalues larger than _HUGE, in units of ω0, with a backward error above _WRONG are what rounding makes of infinite
 # ones, or of several equal penalties; they are dropped.
 _HUGE, _WRONG = 1e4, 1e-8
@@ -67,7 +67,7 @@ def _undamped_pairs(pencil: Pencil, M: np.ndarray, K: np.ndarray, highest: float
         return np.zeros(0), np.zeros((len(K), 0)), np.zeros((len(K), 0))
     real_symmetric = pencil.symmetric and not pencil.is_complex
     methods = (_symmetric_methods if real_symmetric else _undamped_methods)(-A[1], A[0])
-    theta, right, left = _finite(A, refine(A, *_best(A, methods, highest)), _HUGE**2)
+    theta, right, left = _finite(A, polish_pairs(A, *_best(A, methods, highest)), _HUGE**2)
     if X is None or free is None:
         return theta, right, left
     right, left, Z, MW = X @ right, X @ left, free.right / d, M @ (free.left / d)
@@ -101,7 +101,7 @@ def _damped_pairs(
     keep = in_upper_half(pencil, omega0 * lam)
     if free is not None:  # how many eigenvalues are zero is known: they are the nearest to zero, and are added exactly
         keep[np.argsort(np.abs(lam), kind="stable")[: free.zeros]] = False
-    lam, right, left = _finite(A, refine(A, lam[keep], right[:, keep], left[:, keep], error[keep]), _HUGE)
+    lam, right, left = _finite(A, polish_pairs(A, lam[keep], right[:, keep], left[:, keep], error[keep]), _HUGE)
     if X is None or Z is None:
         return lam, right, left
     # With C Z = M Z D and XᵀMZ = 0 the motions Z exert no force on the others, which were solved for by themselves.

@@ -14,7 +14,7 @@ from .multiple import ROUNDING
 from .pencil import FreeMotions, Pencil
 
 _CANCELLED = 64 * ROUNDING  # a sum this small beside the sizes of its parts is zero but for rounding
-_WITHOUT_MASS = 1e-12  # of the largest mass of a motion: a motion that has none
+_WITHOUT_MASS = 1e-12  # times the largest mass of a motion: a motion with less counts as one without mass
 _TOGETHER = 1e-9  # relative distance of eigenvalues that count as one
 _DEFECTIVE = 1e6  # condition of eigenvectors beyond which their matrix counts as defective
 

@@ -13,11 +13,11 @@ from .multiple import ROUNDING
 from .pencil import Pencil
 
 _CANCELLED = 8 * ROUNDING  # a force in Kz this small beside the parts of its sum is zero but for rounding
-_LEAST = 1e-3  # of the largest entry of a motion: every other entry counts as at least so large in the size of a sum
+_LEAST = 1e-3  # times the largest entry of a motion: smaller entries count as this large in the size of a sum
 _DENSE = 400  # unknowns up to which a singular value decomposition is cheapest
-_SHIFT = 1e-9  # of the largest ratio of stiffness to mass: nearer to zero than any elastic mode
+_SHIFT = 1e-9  # times the largest ratio of stiffness to mass: nearer to zero than any elastic mode
 _SEED, _BLOCK, _STEPS, _MOST = 20251122, 8, 4, 200
-_REGULAR = 1e-6  # of the largest singular value: the least one of a matrix that is surely regular
+_REGULAR = 1e-6  # a matrix is surely regular if its smallest singular value is above this times its largest one
 
 
 def null_columns(B: np.ndarray, least: float) -> np.ndarray:
@@ -55,7 +55,7 @@ def unforced(A: sp.csr_array, Z: np.ndarray, rounding: float) -> np.ndarray:
 
 
 def kernel_within(pencil: Pencil, motions: np.ndarray) -> np.ndarray:
-    """Return the motions (n, k) in the span of some, (n, m), that K leaves free to rounding."""
+    """Return the motions (n, k) in the span of `motions` (n, m) that K does not hold, to within rounding."""
     d = pencil.units[0][:, None]
     return np.asarray(d * _in_kernel(_scaled_parts(pencil), la.qr(motions / d, mode="economic")[0]))
 

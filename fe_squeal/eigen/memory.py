@@ -26,7 +26,7 @@ def available_memory() -> int:
     with suppress(OSError, ValueError):  # no such files, or no limit ("max")
         limit, used = (int((_GROUP / f"memory.{name}").read_text()) for name in ("max", "current"))
         free.append(limit - used)
-    with suppress(AttributeError):  # not on every system
+    with suppress(AttributeError):  # not every system has these
         process = psutil.Process()
         limit = int(process.rlimit(psutil.RLIMIT_AS)[0])
         if limit != psutil.RLIM_INFINITY:

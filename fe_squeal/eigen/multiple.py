@@ -106,13 +106,14 @@ def defective_error(
 ) -> np.ndarray:
     """Return the error of multiple eigenvalues whose k modes are one shape, for which no first order exists; else 0.
 
-    A block with J above the diagonal moves by (δJ)^½ where δ below it is rounding, ε|ψ|ᵀmagnitude with ψ of unit mass,
-    and so does one of k by (δJᵏ⁻¹)^(1/k). J is at most what cancels in the mode, |ψ|ᵀmagnitude.
+    The eigenvalues of a 2×2 Jordan block with J above the diagonal move by (δJ)^½ if the entry below it is δ instead of
+    0, and those of a k×k block by (δJᵏ⁻¹)^(1/k). δ is rounding, ε|ψ|ᵀmagnitude with ψ of unit mass. J is at most the
+    size of the sums that cancel in the mode, |ψ|ᵀmagnitude.
 
     Parameters
     ----------
     right, left : (n, k)
-        Of unit mass.
+        Modes of unit mass.
     """
     error = np.zeros(len(values))
     cluster, size = _clusters(values)

@@ -1,4 +1,4 @@
-"""Accuracy of small eigenproblems (A0 + v A1 + v² A2) x = 0: scaling before, refinement of single pairs after."""
+"""Accuracy of small eigenproblems (A0 + v A1 + v² A2) x = 0: scaling before, polishing of single pairs after."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-ACCURATE = 1e-12  # backward error, some thousand roundings, beyond which a pair is worth the work of refinement
+ACCURATE = 1e-12  # backward error, some thousand roundings: a pair with a larger one is polished
 _STEPS = 3
 
 
@@ -54,7 +54,7 @@ def pair_errors(A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray, y: np.nda
     return np.maximum(_backward_errors(A, v, x), left)
 
 
-def refine(
+def polish_pairs(
     A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray, y: np.ndarray, error: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the pairs with the inaccurate ones improved by inverse iteration with the Rayleigh quotient of both sides.

@@ -57,7 +57,7 @@ class ShiftInverted:
     Attributes
     ----------
     negative_pivots : int or None
-        Of K − σM where K is symmetric.
+        Number of negative pivots of K − σM if K is symmetric; None otherwise.
     linear_solver : LinearSolver
     size : int
         Number of unknowns of the operator.
@@ -98,9 +98,9 @@ class ShiftInverted:
         Parameters
         ----------
         adjoint : bool
-            Of the adjoint problem, whose vectors are the left modes of λ*, nearest the conjugate of the shift.
+            Whether to solve the adjoint problem, whose vectors are the left modes of λ*, nearest the shift's conjugate.
         restarts : int, optional
-            Of the Krylov space, at most.
+            Largest number of restarts of the Krylov space.
 
         Raises
         ------

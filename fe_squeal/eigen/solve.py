@@ -19,7 +19,8 @@ from .shift_invert import ShiftInverted
 # A shift nearer to an eigenvalue than this, relatively, makes its 1/(θ − σ) so large that rounding of it costs the
 # other eigenvalues digits. The shift is then multiplied by a factor, at most so many times.
 _CLEAR, _MOVE, _MOVES = 1e-4, 1.15, 3
-# Times as many eigenvalues as modes are wanted around a real shift, and more: strong dampers crowd there.
+# Strong dampers crowd real eigenvalues around a real shift: if more than so many times the number sought at first are
+# needed, complex shifts take over.
 _CROWD = 2.5
 
 

@@ -37,7 +37,7 @@ class Bubbles:
     Attributes
     ----------
     elements : (elements,) bool
-        Those of the mixed formulation.
+        Which elements are of the mixed formulation.
     in_cells : bool
         Whether cells have one, beside the faces between them.
     directions : (3 functions, unknowns) sparse

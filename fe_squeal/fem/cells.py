@@ -42,7 +42,7 @@ def _tensor_map(places: np.ndarray, points: np.ndarray, X: np.ndarray) -> tuple[
     places : (n, 3) float
         Reference coordinates of the nodes.
     points : (3, n, k) float, m
-        Of the nodes.
+        Places of the nodes.
     X : (3, k) float
     """
     order = 1 if len(places) == 8 else 2

@@ -16,7 +16,7 @@ from .spaces import ROUNDED, DisplacementSpace
 
 _NEWTON_STEPS = 25
 _INSIDE = 1e-6  # slack of reference coordinates: a point on an edge belongs to the facets on both sides
-_MOST_PARTS = 8  # of a pad facet's edge in the quadrature of meshes that do not match
+_MOST_PARTS = 8  # largest number of parts that a pad facet's edge is cut into for quadrature if meshes do not match
 _BATCH = 200_000  # candidate (point, facet) pairs treated at once
 
 
@@ -104,7 +104,7 @@ def contact_operators(
                 f"{name}: the surface and its counterface do not touch: {gap}; expected at most gap_tolerance ="
                 f" {tolerance:.3g} m; check the groups, or set gap_tolerance"
             )
-        counter = interpolate(space, hit.elements[keep], hit.reference[:, keep])
+        counter = interpolation(space, hit.elements[keep], hit.reference[:, keep])
         values = values[keep] - counter
     points, n = pad.points[keep], n[keep]
     t = _tangents(n) if sliding is None else sliding.directions(points, n)
@@ -229,7 +229,7 @@ def _parts(mesh: skfem.Mesh, pad: np.ndarray, counter: np.ndarray) -> int:
     return int(np.clip(np.ceil(2 * sizes[0] / sizes[1]), 2, _MOST_PARTS))
 
 
-def interpolate(space: DisplacementSpace, elements: np.ndarray, X: np.ndarray) -> sp.csr_array:
+def interpolation(space: DisplacementSpace, elements: np.ndarray, X: np.ndarray) -> sp.csr_array:
     """Return the (q, nodes) operator that evaluates a nodal field at reference points X (3, q) of elements (q,)."""
     nodes = space.dofs.element_dofs[:, elements]
     data = np.stack([np.broadcast_to(space.element.lbasis(X, i)[0], elements.shape) for i in range(len(nodes))])

@@ -20,7 +20,7 @@ _SAME = 1e-9  # relative distance of waves with and against the turning, below w
 
 @dataclass(frozen=True)
 class ModeDescriber:
-    """Describes the modes of a discretisation, or of a small model of it.
+    """Describes the modes of a discretisation, or of a reduced model of it.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ def make_describer(
     turning : tuple of str
         Bodies that turn about the axis; none where nothing with a mesh turns.
     axis : (3,) float
-        Of the rotation, along the angular velocity; of a belt the normal of its contact.
+        Axis of the rotation, along the angular velocity; for a belt the normal of its contact.
     centre : (3,) float, m, or None
         A point of the axis; None for a belt.
     """

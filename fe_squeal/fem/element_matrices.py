@@ -14,7 +14,7 @@ from .bubbles import bubble_functions
 from .pressures import pressure_functions
 from .spaces import DisplacementSpace
 
-_BYTES_PER_CHUNK = 2e8  # of element matrices held at once
+_BYTES_PER_CHUNK = 2e8  # size of the element matrices held at once
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from ..errors import MeshError
 
 _CLOSEST = 1e-12  # residual, summed over points, at which scikit-fem stops Newton's method for reference coordinates
 _ROUNDING = 4.0  # roundings of a coordinate, over the size of the element, that remain at each point
-_LARGEST = 1e-6  # of the size of an element: a larger error would show in results
+_LARGEST = 1e-6  # part of the size of an element: a larger error would show in results
 
 
 def facet_mapping(mesh: skfem.Mesh, facets: np.ndarray, points: int) -> Any:

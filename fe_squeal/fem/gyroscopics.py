@@ -43,7 +43,7 @@ def gyroscopic_matrices(
     Parameters
     ----------
     elements : (e,) int
-        Of a body of revolution, see `fe_squeal.fem.revolution`.
+        Elements of a body of revolution, see `fe_squeal.fem.revolution`.
     density : float, kg/m^3
     rotation : SteadyMotion
         Not a belt; the matrices are those at its angular speed.
@@ -69,7 +69,7 @@ def circulatory_matrices(
     Parameters
     ----------
     elements : (e,) int
-        Of a body of revolution, see `fe_squeal.fem.revolution`; so must its supports be.
+        Elements of a body of revolution, see `fe_squeal.fem.revolution`; its supports must be of revolution too.
     stiffness_matrix : (n, n) sparse, N/m
         Elastic stiffness of these elements alone, on the unknowns; of a material for which `is_transversal` holds.
     density : float, kg/m^3

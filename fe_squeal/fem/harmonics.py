@@ -8,12 +8,12 @@ import numpy as np
 import scipy.linalg as la
 
 ORDERS = 16  # highest number of nodal diameters that is told apart; brake discs squeal with 2 to about 12
-_DEGREE = 5  # of the polynomials along the radius: up to four nodal circles
+_DEGREE = 5  # degree of the polynomials along the radius: up to four nodal circles
 _ACROSS = 2  # polynomials through the thickness: a mean, and a slope that bending has in the plane
 _MOST_POINTS = 6000  # nodes that the harmonics are fitted to; more tell no more of so few unknowns
-_DEPENDENT = 0.1  # of a fitted function's norm: what the lower ones leave of it where the mesh is too coarse for it
+_DEPENDENT = 0.1  # part of a function's norm: if less lies outside the lower functions, the mesh is too coarse for it
 _SEED = 20261122
-_VISIBLE = 0.08  # of the largest displacement along the radius: below it a change of sign is no nodal circle
+_VISIBLE = 0.08  # part of the largest displacement along the radius: below it a change of sign is no nodal circle
 _RADII = np.linspace(-1.0, 1.0, 81)
 
 
@@ -24,7 +24,7 @@ class Harmonics:
     Attributes
     ----------
     nodes : (s,) int
-        Those that are fitted to.
+        The nodes at which the displacements are fitted.
     frame : (s, 3, 3) float
         Rows at each node: along the radius, around the axis (right-handed), along the axis.
     weights : (s,) float, m^3

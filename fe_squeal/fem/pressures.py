@@ -24,10 +24,10 @@ def pressure_functions(points: np.ndarray, dx: np.ndarray, order: int) -> np.nda
     Parameters
     ----------
     points : (e, 3, q) float, m
-        Of quadrature.
+        Quadrature points.
     dx : (e, q) float, m^3
     order : int
-        Of the displacements.
+        Order of the displacements.
 
     Returns
     -------

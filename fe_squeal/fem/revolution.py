@@ -8,13 +8,13 @@ import skfem
 from ..errors import SceneError
 from .motion import SteadyMotion
 
-_SLOPE = 0.02  # of a facet out of the surface of revolution, as where the axis is off by 2 % of the radius
+_SLOPE = 0.02  # allowed slope of a facet out of the surface of revolution; an axis off by 2 % of the radius gives it
 _STEEPEST = 0.5  # largest slope allowed where the meridian is curved; the wall of a hole or of a slot has 1
 _SHARP = 0.8  # change of the unit normal, about 47°, beyond which an edge belongs to the body, not to its mesh
-_ON_AXIS = 1e-6  # of the facet's distance from the axis
+_ON_AXIS = 1e-6  # part of a facet's distance from the axis: a corner nearer to the axis than this lies on it
 _REVOLUTION = 1e-9  # relative change of a stiffness tensor under a turn that still counts as rounding
-_ORDERS = 16  # of the harmonics around the axis by which a ring is told from a part of one
-_EVEN = 0.05  # of the area: the largest harmonic that a ring may have; on a coarse mesh, too, that of a ring is zero
+_ORDERS = 16  # number of harmonics around the axis by which a ring is told from a part of a ring
+_EVEN = 0.05  # part of the area: the largest harmonic that a ring may have; exactly it has none, on coarse meshes too
 
 
 def check_revolution(mesh: skfem.Mesh, elements: np.ndarray, rotation: SteadyMotion, name: str) -> None:
@@ -31,7 +31,7 @@ def check_revolution(mesh: skfem.Mesh, elements: np.ndarray, rotation: SteadyMot
     rotation : SteadyMotion
         Not a belt.
     name : str
-        Of the body, for the message.
+        Name of the body, for the message.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def check_ring(mesh: skfem.Mesh, facets: np.ndarray, rotation: SteadyMotion, key
     Parameters
     ----------
     facets : (f,) int
-        Of the rotating body's surface.
+        Facets of the rotating body's surface.
     rotation : SteadyMotion
         Not a belt.
     key, name : str
@@ -102,7 +102,7 @@ def check_ring_of_nodes(
     nodes : (m,) int
         Corners of elements.
     elements : (e,) int
-        Of the rotating body: their width around the axis tells how dense a ring of nodes would be.
+        Elements of the rotating body: their width around the axis tells how dense a ring of nodes would be.
 
     Raises
     ------

@@ -28,7 +28,7 @@ _ELEMENTS = {
     (False, 1): skfem.ElementHex1,
     (False, 2): skfem.ElementHex2,
 }
-CANCELLED = 1e-12  # of Σ|products|: thousands of rounded products that cancel leave less than that
+CANCELLED = 1e-12  # part of Σ|products|: thousands of rounded products that cancel leave less than that
 ROUNDED = 1e-13  # size below which shape functions and direction components, of order 1, are rounding
 
 
@@ -40,7 +40,7 @@ class Patch:
     ----------
     points : (q, 3) float, m
     weights : (q,) float
-        Of a surface in m^2, of nodes one each.
+        Weights of the points: areas in m^2 for a surface, 1 for each node of a set of nodes.
     values : (q, nodes) sparse
         Shape-function values: `values @ u_nodes` interpolates at the points.
     """

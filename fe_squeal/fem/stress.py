@@ -21,7 +21,8 @@ def element_stress(
     ----------
     elements : (e,) int
     law : Elasticity
-        With its own pressure in the mixed formulation, where λ div u means nothing in the limit ν = ½.
+        The body's law; in the mixed formulation with a pressure of its own, since λ div u means nothing in the limit
+        ν = ½.
     u : (n,) float, m
     """
     amplitudes = space.amplitudes(u)

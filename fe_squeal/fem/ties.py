@@ -25,7 +25,7 @@ import scipy.sparse as sp
 
 FREEDOMS = ("x", "y", "z", "rx", "ry", "rz")
 _LEAF = 8  # nodes in the smallest cluster: more than carry six motions, few enough for sparse columns
-_RANK = 1e-6  # of the radius: nodes nearer to a line than this do not turn about it
+_RANK = 1e-6  # part of the radius: nodes nearer to a line than this do not turn about it
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def mean_tie(name: str, nodes: np.ndarray, x: np.ndarray, weights: np.ndarray, h
     Parameters
     ----------
     weights : (m,) float
-        Of the nodes in the mean; their sum is 1.
+        Weights of the nodes in the mean; their sum is 1.
     held : (3 m,) bool
         Displacements that supports hold at zero.
     """

@@ -25,7 +25,7 @@ class Block(Geometry):
     Attributes
     ----------
     length, width, height : float, length
-        Of each block, along x, y and z.
+        Size of each block along x, y and z.
     count : int
         Number of blocks (default 1).
     spacing : float, length, optional

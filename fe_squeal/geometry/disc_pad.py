@@ -29,12 +29,16 @@ class DiscPad(Geometry):
 
     Attributes
     ----------
-    inner_radius, outer_radius, thickness : float, length
-        Of the disc.
+    inner_radius, outer_radius : float, length
+        Radius of the disc.
+    thickness : float, length
+        Thickness of the disc.
     pads : 1 or 2
         One pad on the +z face, or one on each face (default).
-    pad_inner_radius, pad_outer_radius, pad_thickness : float, length
-        Of the lining. It may overhang the disc, but has to lie over some of it.
+    pad_inner_radius, pad_outer_radius : float, length
+        Radius of the lining. It may overhang the disc, but has to lie over some of it.
+    pad_thickness : float, length
+        Thickness of the lining.
     pad_angle_deg : float, degrees
         Angle that the pad spans, in (0, 360]; 360 is a full ring.
     back_plate_thickness : float, length

@@ -60,7 +60,7 @@ def gmsh_model(name: str, options: dict[str, float]) -> Iterator[ModuleType]:
     Parameters
     ----------
     name : str
-        Of the model.
+        Name of the model.
     options : dict of str to float
         gmsh's numeric options, such as "Mesh.Algorithm".
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fe_squeal.mesh.gmsh_cells import Cells, raw_mesh
+from fe_squeal.mesh.gmsh_cells import GmshCells, raw_mesh
 from fe_squeal.mesh.raw import Floats, Ints, RawMesh
 
 GMSH_TYPE = {(2, 4): 3, (2, 9): 10, (3, 8): 5, (3, 27): 12}  # gmsh's element type by (dimension, nodes per element)
@@ -51,7 +51,7 @@ def as_raw(mesh: GroupedMesh) -> RawMesh:
     cells, names, first = [], {}, 1
     for tag, (dimension, name, nodes) in enumerate(groups, start=1):
         names[dimension, tag] = name
-        cells.append(Cells(GMSH_TYPE[dimension, nodes.shape[1]], first + np.arange(len(nodes)), nodes + 1, (tag,)))
+        cells.append(GmshCells(GMSH_TYPE[dimension, nodes.shape[1]], first + np.arange(len(nodes)), nodes + 1, (tag,)))
         first += len(nodes)
     return raw_mesh("the geometry", order + 1, mesh.points[order], cells, names)
 

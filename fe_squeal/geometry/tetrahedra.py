@@ -14,7 +14,7 @@ from fe_squeal.errors import MeshError
 from fe_squeal.geometry.block import Block
 from fe_squeal.geometry.disc_pad import DiscPad
 from fe_squeal.geometry.gmsh_session import gmsh_model
-from fe_squeal.mesh.gmsh_cells import Cells, raw_mesh
+from fe_squeal.mesh.gmsh_cells import GmshCells, raw_mesh
 from fe_squeal.mesh.raw import RawMesh
 
 DimTags = list[tuple[int, int]]
@@ -49,7 +49,7 @@ def mesh_tetrahedra(geometry: DiscPad | Block) -> RawMesh:
             groups = tuple(int(g) for g in model.getPhysicalGroupsForEntity(d, tag))
             for kind, numbers, nodes in zip(*model.mesh.getElements(d, tag), strict=True) if groups else ():
                 width = len(nodes) // len(numbers)
-                cells.append(Cells(int(kind), numbers.astype(int), nodes.astype(int).reshape(-1, width), groups))
+                cells.append(GmshCells(int(kind), numbers.astype(int), nodes.astype(int).reshape(-1, width), groups))
     # gmsh also meshes the curves that bodies were revolved from. A file would not have their nodes: they are left out.
     used = np.isin(labels, np.concatenate([some.nodes.ravel() for some in cells]))
     return raw_mesh("the geometry", labels[used].astype(int), points.reshape(-1, 3)[used], cells, names)

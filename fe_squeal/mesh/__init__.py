@@ -1,6 +1,6 @@
 """Meshes: read from a file or taken from Python, checked, with named volume and surface groups."""
 
-from .building import from_skfem
+from .from_python import from_skfem
 from .groups import LoadedMesh, surface_group, volume_group
 from .loading import load_mesh
 

@@ -32,7 +32,7 @@ HELD = " (held)"
 
 
 @dataclass(frozen=True)
-class Cells:
+class GmshCells:
     """Cells of one type that belong to the same physical groups.
 
     Attributes
@@ -54,7 +54,7 @@ class Cells:
 
 
 def raw_mesh(
-    source: str, labels: Ints, points: Floats, cells: list[Cells], names: dict[tuple[int, int], str],
+    source: str, labels: Ints, points: Floats, cells: list[GmshCells], names: dict[tuple[int, int], str],
     repeats: bool = False,
 ) -> RawMesh:  # fmt: skip
     """Return the mesh of numbered nodes and cells in physical groups.
@@ -65,7 +65,7 @@ def raw_mesh(
         The file's name, for messages.
     labels, points : (n,) int, (n, 3) float
         Numbers and coordinates of the nodes.
-    cells : list of Cells
+    cells : list of GmshCells
         Volume cells, surface cells and points.
     names : mapping of (dimension, tag) to str
         Names of the physical groups. A volume or surface group without a name is called by its tag. A group of points

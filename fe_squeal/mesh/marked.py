@@ -96,7 +96,7 @@ def refine_marked(loaded: LoadedMesh, marked: Ints, halvings: int = 3) -> tuple[
     Examples
     --------
     >>> import skfem
-    >>> from .building import from_skfem
+    >>> from .from_python import from_skfem
     >>> fine, parents = refine_marked(from_skfem(skfem.MeshTet().refined(1)), np.array([0]))
     >>> int((parents == 0).sum()), fine.mesh.nelements < 160
     (8, True)

@@ -17,7 +17,7 @@ def doerfler(shares: Floats, part: float) -> Ints:
     shares : (m,) float
         What each element adds to the error, not negative, in any unit.
     part : float
-        Of the sum of the shares, above 0 and at most 1.
+        Part of the sum of the shares, above 0 and at most 1.
 
     Returns
     -------

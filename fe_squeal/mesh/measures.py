@@ -7,7 +7,7 @@ import skfem
 
 from .raw import Floats, Ints
 
-_DEGREE = 6  # of the quadrature: curved hexahedra are integrated exactly
+_DEGREE = 6  # degree of the quadrature: curved hexahedra are integrated exactly
 
 
 def volume_of(mesh: skfem.Mesh, elements: Ints) -> tuple[float, Floats]:

@@ -33,7 +33,7 @@ def refine(loaded: LoadedMesh) -> LoadedMesh:
     Parameters
     ----------
     loaded : LoadedMesh
-        Of tetrahedra or hexahedra, straight or curved.
+        Mesh of tetrahedra or hexahedra, straight or curved.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def refine(loaded: LoadedMesh) -> LoadedMesh:
     Examples
     --------
     >>> import skfem
-    >>> from .building import from_skfem
+    >>> from .from_python import from_skfem
     >>> refine(from_skfem(skfem.MeshTet().refined(1))).mesh.nelements
     320
     """

@@ -107,7 +107,7 @@ def local_tetrahedra(shape: str, corners: Ints) -> tuple[Ints, Ints]:
     Parameters
     ----------
     shape : str
-        Of the cells, a key of `elements.FACES`.
+        Shape of the cells, a key of `elements.FACES`.
     corners : (n, k) int
         Numbers of the corner nodes, in any numbering that all cells share.
 
@@ -176,7 +176,7 @@ def split_cells(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats, 
     points : (m, 3) float, m
         The new mid-edge nodes stand at the end.
     block : CellBlock
-        Of kind "tetra" or "tetra10"; its labels are those of the cells that the tetrahedra came from.
+        Cells of kind "tetra" or "tetra10"; its labels are those of the cells that the tetrahedra came from.
     parent : (t,) int
         The cell of each tetrahedron, counted through all blocks.
     """

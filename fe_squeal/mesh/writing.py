@@ -50,7 +50,7 @@ def write_loaded(loaded: LoadedMesh, path: str | Path, length_unit: str = "m") -
     Examples
     --------
     >>> import tempfile, skfem
-    >>> from .building import from_skfem
+    >>> from .from_python import from_skfem
     >>> from .loading import load_mesh
     >>> block = from_skfem(skfem.MeshHex().refined(1).with_subdomains({"pad": [0, 1]}))
     >>> with tempfile.TemporaryDirectory() as folder:

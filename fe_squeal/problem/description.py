@@ -27,7 +27,7 @@ class Describer(Protocol):
         Parameters
         ----------
         terms, parameters
-            Of the problem that the shapes belong to, at its values: masses count as they are there.
+            Those of the problem that the shapes belong to, at its values: masses count as they are there.
         """
 
     def on(self, V: np.ndarray) -> Describer:

@@ -37,7 +37,7 @@ def energy_balance(problem: Problem, lam: complex, u: np.ndarray) -> dict[str, S
     Parameters
     ----------
     problem : Problem
-        At the values of its parameters that the mode belongs to.
+        The problem, at the values of its parameters that the mode belongs to.
     lam : complex, rad/s
     u : (n,)
 

@@ -1,4 +1,7 @@
-"""The problem: the sum of the terms that exist, and the class that follows from them."""
+"""The problem: the sum of the terms that exist, and the class that follows from them.
+
+This file is longer than others, since changing parameters, summing terms and keeping sums need the same private state.
+"""
 
 from __future__ import annotations
 

@@ -22,14 +22,14 @@ def sensitivities(
     Parameters
     ----------
     problem : Problem
-        At the values that the modes belong to.
+        The problem, at the values that the modes belong to.
     modes : Modes
         With left and right vectors.
     paths : iterable of str, optional
         Paths of numbers (default: all that change the coefficients of terms alone, which cost next to nothing; for
         others the terms are made anew twice).
     pencil : Pencil, optional
-        That of the problem, if it is at hand.
+        Pencil of the problem, if it is at hand.
 
     Returns
     -------

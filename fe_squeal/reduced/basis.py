@@ -27,11 +27,13 @@ from .vectors import DEPENDENT, lift, normalising
 _SAMPLES = 24  # random vectors per norm: residual norms come out within some 15 %
 _SPREAD = 1 + 3 / np.sqrt(_SAMPLES)  # three standard deviations of the product of two such norms, 1/√(2·24) each
 _SEED = 20250411
-_SAMPLED_MODES = 8  # in which the size of what cancels is compared with that in some rows
-_LINES = 1000  # rows of V that stand for all in norms
-_ROOM = 8  # times the vectors there are: for how many an array is allocated; pages not yet written take no memory
-_RANK = 1e-12  # of the square of a vector's length: a part outside the basis that is smaller is rounding
-_CLEAR = 0.1  # of that square: a part outside that is smaller is computed once more, since it is a difference
+_SAMPLED_MODES = 8  # modes in which the size of the sums that cancel is compared with its estimate
+_LINES = 1000  # rows of V that stand for all rows in norms
+_ROOM = 8  # an array is allocated for so many times the present vectors; pages not yet written take no memory
+# Parts of a vector outside the basis, as parts of the square of its length: what is smaller than _RANK is rounding;
+# what is smaller than _CLEAR is computed once more, since as a difference of larger vectors it has lost digits.
+_RANK = 1e-12
+_CLEAR = 0.1
 _OF_TERMS = "projected", "right", "left"  # names of what is stored of each term
 
 
@@ -103,7 +105,7 @@ class ReducedBasis(Projection):
         cls, problem: Problem, parameter: str | tuple[str, ...], arrays: Mapping[str, np.ndarray],
         numbers: Mapping[str, Any], linear_solver: LinearSolver | str = "auto",
     ) -> ReducedBasis:  # fmt: skip
-        """Return the basis from what `stored` gave, the vectors (n, r) among it; it cannot be extended.
+        """Return the basis from what `stored` gave, which includes the vectors (n, r); it cannot be extended.
 
         Parameters
         ----------
@@ -151,8 +153,8 @@ class ReducedBasis(Projection):
         Parameters
         ----------
         together : bool
-            X is orthonormal in the P-norm, and the threshold is one of its directions instead of its columns: of those
-            that include an angle with the basis whose sine is less, none is added.
+            X is orthonormal in the P-norm, and the threshold is for directions in the span of X instead of its columns:
+            a direction is left out if the sine of its angle with the basis is below the threshold.
 
         Returns
         -------
@@ -254,9 +256,9 @@ class ReducedBasis(Projection):
         return smaller
 
     def calibrate(self, value: Place, modes: Modes) -> None:
-        """Set the factor between the size of the sums that cancel in Q(λ)φ and the estimate of it in `errors`.
+        """Set the factor between the size of the sums that cancel in Q(λ)φ and its estimate in `errors`.
 
-        The estimate takes the diagonals of the matrices alone; the factor is the least among some of the modes.
+        The estimate takes only the diagonals of the matrices; the factor is the smallest one among some of the modes.
         """
         modes = modes.select(np.unique(np.linspace(0, len(modes) - 1, _SAMPLED_MODES).astype(int)))
         u = lift(self.V, modes.right)
@@ -289,7 +291,7 @@ class ReducedBasis(Projection):
         Parameters
         ----------
         modes : Modes
-            Of the projected problem.
+            Modes of the projected problem.
         highest : float, rad/s
             Frequency up to which the basis holds the modes of the problem without damping and friction.
         """

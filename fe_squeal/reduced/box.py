@@ -21,11 +21,11 @@ from .lowest import Blocks, KnownModes
 from .model import ReducedModel
 from .vectors import unit_columns
 
-_NODES = 60  # places whose modes span the basis, at most
+_NODES = 60  # largest number of places whose modes span the basis
 # Times √tolerance: directions of new modes that include an angle with the basis whose sine is smaller are left out,
 # since λ is off by the square of such an angle.
 _TURNED = 0.3
-_MOST = 600  # vectors: with more, an eigenvalue problem of this size costs as much as a direct solve of a small brake
+_MOST = 600  # vectors: with more, the projected eigenvalue problem costs as much as a direct solve of a small brake
 _LEAST = (1.0, 0.5, 0.3, 0.2, 0.15, 0.1)  # times √tolerance: singular values that a condensed basis leaves out
 _COST = 2  # power of the size of a basis with which the work for its lowest modes grows
 _TRIALS = 30  # places at which it is tried
@@ -48,11 +48,11 @@ class BoxModel(ReducedModel):
     Attributes
     ----------
     places : list of tuple of float
-        Whose modes are in the basis.
+        The places whose modes are in the basis.
     checked : int
         Number of places that had no part in making the basis, at which it was checked last.
     missed : int
-        At how many of these a mode misses the tolerance.
+        Number of these places at which a mode misses the tolerance.
     error : float
         The largest estimated |Δλ/λ| there.
     """
@@ -72,8 +72,8 @@ class BoxModel(ReducedModel):
         low, high : (d,) float
             The box.
         draw : callable of int
-            Returns places in the box, different ones for each number: those of 0 the basis is made for, at those of 1
-            and so on it is checked.
+            Returns places in the box, different ones for each number: the basis is made for those of number 0, and
+            checked at those of 1, 2 and so on.
         request : Request
         progress : callable of str
 
@@ -151,6 +151,8 @@ class BoxModel(ReducedModel):
         Each has the modes of the softest corner, on which the errors rest, and the directions in which the modes asked
         for at all places of the making reach furthest (proper orthogonal decomposition).
 
+        Each has the modes of the softest corner, on which the errors rest, and the main directions of the modes asked
+        for at all places that the basis was made for (proper orthogonal decomposition).
         """
         gram = np.zeros((len(self.basis), len(self.basis)))
         for x in self._seen.values():  # of a smaller basis: the first vectors of this one
@@ -194,7 +196,7 @@ class BoxModel(ReducedModel):
     def _made_for(
         self, places: Places, definite: DefiniteFactor, corners: Places, progress: Callable[[str], None]
     ) -> None:
-        """Add modes at one place after another, each the worst that is left, until all meet the tolerance."""
+        """Add the modes at the place with the largest errors, and so on until all places meet the tolerance."""
         off: dict[Place, float] = dict.fromkeys(places, np.inf)
         if corners and self._off(self._start) > 1:
             self._add_modes(self._start, definite)
@@ -213,7 +215,7 @@ class BoxModel(ReducedModel):
             self._made_for(places, definite, (), progress)
 
     def _spread_over(self, places: Places, progress: Callable[[str], None]) -> None:
-        """Add modes at places as far apart as possible while these miss the tolerance by far.
+        """Add modes at places as far apart as possible while modes at such places miss the tolerance by far.
 
         As long as that is so, an estimate at every place would cost more than it tells.
         """

@@ -12,8 +12,8 @@ from ..problem.parameters import Place
 from .basis import ReducedBasis
 from .lowest import Blocks, KnownModes, lowest_modes
 
-_BESIDE = 1.1  # times the highest frequency asked for: modes up to there are its neighbours
-SLIGHT = 0.1  # times the tolerance: errors that need not be known better
+_BESIDE = 1.1  # times the highest frequency asked for: modes up to there are neighbours of the modes asked for
+SLIGHT = 0.1  # times the tolerance: errors below this need not be known better
 GUARDED = 1.2  # times the highest frequency of the basis: modes up to there are known
 _SAFETY = 0.5  # of the tolerance: what the estimated errors of eigenvalues are driven below
 _FALLS = 0.7  # times the largest error before: one that falls less is not that of the search
@@ -30,23 +30,24 @@ def estimated(
     Parameters
     ----------
     every : Modes
-        Of the projected problem, up to `GUARDED` times `highest`.
+        All modes of the projected problem up to `GUARDED` times `highest`.
     highest : float, rad/s
         Frequency up to which the basis holds the modes of the problem without damping and friction.
     scale : float
-        Of the errors, where it is known how much too large their estimates are.
+        Factor of the estimated errors, below 1 where it is known how much too large they are.
 
     Returns
     -------
     modes : Modes
     off : (k,) float
-        1 where the tolerance is just met.
+        How far each misses the tolerance: its error by the one allowed, 1 where the tolerance is just met.
     relative : (k,) float
     """
     modes = select_wanted(every, request, np.inf)
     assert modes is not None
     error, backward, condition, rounding = basis.errors(value, modes, highest)
-    # Of errors that are slight anyway it is not known how much too large their estimates are.
+    # How much too large the estimates are was measured on errors above the slight ones only, so that the scale does not
+    # make an estimate smaller than a slight error.
     error = np.minimum(error, np.maximum(scale * error, SLIGHT * request.tolerance * np.abs(modes.lam)))
     # The tolerance is meant for well-conditioned modes: next to a double eigenvalue no solver finds λ so closely.
     relative = error / np.maximum(np.abs(modes.lam), 1e-3 * highest)

@@ -1,4 +1,4 @@
-"""A search for modes that a basis does not hold; residuals, which are those of the modes it has, cannot tell."""
+"""A search for modes that a basis does not hold: residuals of the modes that it has cannot tell."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .basis import ReducedBasis
 from .vectors import lift, real_columns
 
 _SEED, _BLOCK, _STEPS = 20251107, 8, 5
-_FOUND = 0.99  # of the highest |λ| asked for: a mode below that is found only with more vectors was missing
+_FOUND = 0.99  # times the highest |λ| asked for: a mode below this that only the extended basis has was missing
 SEARCH_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
 
 
@@ -31,14 +31,14 @@ def missing_modes(
     Parameters
     ----------
     values : sequence of float, or of tuples of them
-        Of the parameter, at which modes are compared.
+        Values of the parameter at which modes are compared.
     before : sequence of Modes
-        Those of the basis at these values, at least up to `highest`.
+        Modes of the basis at these values, at least up to `highest`.
     request : Request
     highest : float, rad/s
         Frequency up to which the basis holds the modes of the problem without damping and friction.
     definite : DefiniteFactor
-        Of P.
+        Factors of P.
     """
     trial = basis.copy()
     block = np.random.default_rng(_SEED).standard_normal((basis.problem.unknowns, _BLOCK))

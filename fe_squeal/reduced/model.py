@@ -30,23 +30,23 @@ from ..problem.problem import Problem
 from .basis import ReducedBasis
 from .estimate import GUARDED, Estimate, estimated
 from .missing import SEARCH_SOLVES, missing_modes
-from .shapes import corrected
+from .shapes import corrected_shapes
 from .undamped import factorize_undamped
 from .vectors import lift, range_of, real_columns, unit_columns
 
-_GUARD = 1.25  # times the modes asked for: how many of the undamped problem the basis begins with
-_ROUGH = 1e-4  # accuracy of these modes: the corrections that follow mend the rest
-_LANCZOS = 8  # times their number: vectors that the Lanczos iteration keeps at first
-_SLOW = 0.1  # of −σ: a θ below this, found roughly, may be that of a motion that is hardly held
-_ROUNDS = 8  # corrections of the modes at one value
-_NODES = 24  # values whose modes span the basis, at most
-_CANDIDATES = 5  # values of which the worst is the next of these
+_GUARD = 1.25  # the basis begins with so many times as many undamped modes as modes are asked for
+_ROUGH = 1e-4  # accuracy of these undamped modes: the corrections that follow mend the rest
+_LANCZOS = 8  # times the number of undamped modes: vectors that the Lanczos iteration keeps at first
+_SLOW = 0.1  # part of −σ: a smaller θ, which is known roughly, may belong to a motion that is hardly held
+_ROUNDS = 8  # largest number of corrections of the modes at one value
+_NODES = 24  # largest number of values whose modes span the basis
+_CANDIDATES = 5  # number of values among which the one with the largest error is next
 _CORRECTED = 0.3  # times the tolerance: modes with a larger error are corrected along with those that miss it
-_MIDDLE = 0.6  # of the square of the highest frequency of the basis: where Q is factorised
-_FINE = 0.01  # times √tolerance of the largest singular value: directions of modes at a value that are left out
-_KEPT = 0.1  # times √tolerance of a mode's length: parts of modes outside the basis that are left out
-_ALIKE = 1e-8  # of a Gram matrix of unit vectors: directions in which new modes depend on each other
-_SHORT = 1e-4  # of √tolerance times the length of a mode: shorter corrections are left out
+_MIDDLE = 0.6  # times the square of the highest frequency of the basis: ω² at which Q is factorised
+_FINE = 0.01  # times √tolerance and the largest singular value: directions of modes with a smaller one are left out
+_KEPT = 0.1  # times √tolerance and a mode's length: parts of modes outside the basis that are shorter are left out
+_ALIKE = 1e-8  # eigenvalue of a Gram matrix of unit vectors: below it new modes depend on each other
+_SHORT = 1e-4  # times √tolerance and the length of a mode: shorter corrections are left out
 _SUPPLEMENTS = 6  # how often the basis is extended for values that were no candidates
 
 
@@ -206,14 +206,14 @@ class ReducedModel:
     def shapes(self, value: Place, positions: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Return shapes (n, k) of modes at a value, as exact as the tolerance asks, and their backward errors (k,).
 
-        Those of `modes` lifted are only as exact as their eigenvalues need.
+        The lifted vectors of `modes` are less exact: only as exact as their eigenvalues need.
         """
         every = self._every(value)
         wanted = self._estimated(value)[0].lam[list(positions)]
         _, at = linear_sum_assignment(np.abs(wanted[:, None] - every.lam[None, :]))
         lifted = replace(every, right=self.lift(every.right), left=None)
         pencil = self.basis.problem.pencil(values_at(self.parameter, value))
-        return corrected(pencil, lifted, at, self._factorize(value), self.request.tolerance)
+        return corrected_shapes(pencil, lifted, at, self._factorize(value), self.request.tolerance)
 
     @cached_property
     def projected(self) -> Problem:
@@ -276,7 +276,7 @@ class ReducedModel:
         searched = None  # the basis in which no mode was missing
         found = dict.fromkeys(candidates, np.inf)
         for _ in range(_NODES):
-            # Errors fall as the basis grows: where they were small enough they are computed again at the end alone.
+            # Errors fall as the basis grows: those that were small enough are computed again only at the end.
             found = {p: self._off(p) if off > 1 else off for p, off in found.items()}
             if max(found.values()) <= 1:
                 found = {p: self._off(p) for p in candidates}
@@ -296,8 +296,8 @@ class ReducedModel:
     def _add_modes(self, value: Place, factor: DefiniteFactor | None) -> None:
         """Add the right and left modes at a value, corrected on a basis of their own until they meet the tolerance.
 
-        Of the corrections on the way nothing stays. Between the values whose modes the basis has an eigenvalue is off
-        by the product of what right and left modes lack, so that few values do.
+        The corrections tried on the way do not stay in the basis. At a value between those whose modes the basis has,
+        the error of an eigenvalue is the product of the errors of its right and left modes, so that few values suffice.
         """
         inverse: Factor | DefiniteFactor = self._factorize(value) if factor is None else factor
         again = self._added[value]
@@ -314,12 +314,13 @@ class ReducedModel:
         self._join(local, every, again)
 
     def _join(self, local: ReducedBasis, every: Modes, again: int) -> None:
-        """Add the modes at a value, which are those of a basis of their own, to the basis.
+        """Add the modes at a value, found on a basis made for this value alone, to the basis.
 
-        An eigenvalue is off by the product of what right and left modes lack, so that the root of the tolerance is left
-        out of each. Where this was done before and did not do, a tenth of that.
+        The error of an eigenvalue is the product of the errors of its right and left modes, so that each of these may
+        be the root of the tolerance. If modes were added at this value before and that was not enough, a tenth of it.
         """
-        # Modes above those asked for stay, too: what the basis lacks is then far from these, as its errors suppose.
+        # Modes above those asked for stay too: what the basis lacks is then far from the modes asked for, as the
+        # estimated errors suppose.
         every = every.select(np.flatnonzero(np.abs(every.lam) <= self.highest))
         assert every.left is not None
         least = _KEPT * self.request.tolerance**0.5 * 0.1**again

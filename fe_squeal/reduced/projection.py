@@ -37,7 +37,7 @@ class Projection:
     problem : Problem
         Affine in the parameter, its terms collected by powers: few of them.
     parameter : str or tuple of str
-        Of several, a value is the tuple of theirs.
+        If there are several parameters, a value is the tuple of their values.
     metric : (terms,) float
         The coefficients of the terms in P, see `factorize_undamped`.
     sigma : float, rad²/s²
@@ -58,7 +58,7 @@ class Projection:
         self._last: tuple[Place, np.ndarray, Pencil] | None = None
         self._last_matrices: tuple[Place, np.ndarray, _Matrices] | None = None
         self._slow: tuple[np.ndarray, SlowMotions | None] | None = None  # with the V that they belong to
-        # Of the last call of `_coordinates`: the motions, the basis, and what was found for them.
+        # The motions and the basis of the last call of `_coordinates`, and what it found for them.
         self._contained: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
 
     def __len__(self) -> int:
@@ -212,7 +212,7 @@ class Projection:
 
 
 def _acting(term: Term) -> _Acting:
-    """Return the rows in which a term acts, None for all, and these of its matrix and of the transposed one."""
+    """Return the rows in which a term acts (None for all rows), its matrix and the transposed one in these rows."""
     A = term.matrix
     transposed = None if term.symmetric else sp.csr_array(A.T)
     rows = np.flatnonzero(np.diff(sp.csr_array(abs(A) + abs(A.T)).indptr))

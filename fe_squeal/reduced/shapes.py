@@ -15,28 +15,29 @@ from ..eigen.quality import backward_errors
 from .vectors import lift, real_columns
 
 _ROUNDS = 8
-_FINE = 1e-8  # of a unit vector: directions in which columns depend on each other are left out
+_FINE = 1e-8  # part of a unit vector: directions in which columns of length 1 differ by less are left out
 
 
-def corrected(
+def corrected_shapes(
     pencil: Pencil, modes: Modes, wanted: np.ndarray, factor: Factor, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return shapes whose backward error meets a tolerance, and these errors.
 
-    λ of a two-sided reduced model is off by the product of what right and left modes lack, the shape by the first of
-    the two. Residuals Q(λ)φ, solved for with the factors of a matrix near Q(λ), span what is missing; on the modes and
-    these corrections the eigenproblem is solved again (block Davidson: Sleijpen and van der Vorst, SIAM Rev. 42, 2000).
+    The error of λ of a two-sided reduced model is the product of the errors of right and left modes; the error of the
+    shape is that of the right mode alone, and larger. Residuals Q(λ)φ, solved for with the factors of a matrix near
+    Q(λ), span what is missing; on the modes and these corrections the eigenproblem is solved again (block Davidson:
+    Sleijpen and van der Vorst, SIAM Rev. 42, 2000).
 
     Parameters
     ----------
     pencil : Pencil
-        Of the problem, n unknowns.
+        Pencil of the problem, n unknowns.
     modes : Modes
         Right vectors (n, m) of the reduced model, those wanted and their neighbours.
     wanted : (k,) int
         Positions among them.
     factor : Factor
-        Of Q(λ) somewhere in the range of these modes.
+        Factors of Q(λ) for a λ somewhere in the range of these modes.
     tolerance : float
 
     Returns
@@ -66,7 +67,7 @@ def corrected(
 
 
 def _beside(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return an orthonormal basis of what columns have beside an orthonormal basis."""
+    """Return an orthonormal basis of the parts of columns that lie outside an orthonormal basis."""
     for _ in range(2):  # the second time removes what rounding left
         columns = columns - combine(basis, cross(basis, columns))
         columns = columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)

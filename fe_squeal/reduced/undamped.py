@@ -33,7 +33,7 @@ def _stiffnesses(problem: Problem) -> list[list[float]]:
 
 
 def weighted(problem: Problem, coefficients: Sequence[float]) -> sp.csr_array:
-    """Return a sum of the terms' matrices (n, n), of those that are not symmetric their symmetric parts."""
+    """Return a weighted sum (n, n) of the terms' matrices; of a matrix that is not symmetric its symmetric part."""
     parts = [c * (t.matrix if t.symmetric else (t.matrix + t.matrix.T) / 2)
              for c, t in zip(coefficients, problem.terms, strict=True) if c]  # fmt: skip
     zero = sp.csr_array((problem.unknowns, problem.unknowns))
@@ -52,7 +52,7 @@ def factorize_undamped(
     problem : Problem
         Its terms collected by powers of the parameter.
     band : float, rad/s, optional
-        Up to where modes are asked for.
+        Frequency up to which modes are asked for.
     linear_solver : LinearSolver or str
 
     Returns
@@ -62,7 +62,7 @@ def factorize_undamped(
     metric : list of float
         Coefficients of the terms in P.
     factor : DefiniteFactor
-        Of P.
+        Factors of P.
 
     Raises
     ------

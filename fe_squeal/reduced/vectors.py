@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from ..eigen.blocks import combine
 
-_MARGIN = 10.0  # times |z|ᵀ|K||z|: left vectors are longer than z
+_MARGIN = 10.0  # factor of |z|ᵀ|K||z|, since left vectors are longer than z
 DEPENDENT = 1e-4  # eigenvalue of a Gram matrix of unit vectors: directions below are left to the next correction
 
 

@@ -21,9 +21,9 @@ class ChartLine:
     knob : str
         What is varied, as in the column `knob` of accuracy.csv.
     order : int or None
-        Of the elements; None where it is not one line for each order.
+        Order of the elements; None if the line is not for one order alone.
     label : str
-        In the legend.
+        Name in the legend.
     mark : str
         Matplotlib's marker.
     colour : str or None

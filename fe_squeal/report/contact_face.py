@@ -29,7 +29,7 @@ class ContactFace:
         Whether pad and counterface touch.
     normal_force : float, N
     torque : float, N m
-        Of the friction forces about the axis of rotation; NaN if there is no such axis.
+        Torque of the friction forces about the axis of rotation; NaN if there is no such axis.
     """
 
     points: Floats

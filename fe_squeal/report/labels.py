@@ -36,9 +36,9 @@ def place_labels(
     ----------
     axes : Axes
     canvas : FigureCanvasAgg
-        Of the figure.
+        Canvas of the figure.
     points : (n, 2) float
-        In data coordinates.
+        Points in data coordinates.
     texts : n str
     avoid : (m, 2) float
         Samples, in data coordinates, of curves that labels should not cover.

@@ -92,7 +92,7 @@ def hold_folder(folder: Path, inputs: Iterable[Path] = ()) -> Iterator[Manifest]
     Yields
     ------
     Manifest
-        Of the folder.
+        Manifest of the folder.
 
     Raises
     ------

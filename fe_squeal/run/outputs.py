@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 
 from ..assembly.discretisation import discretisation_of
+from ..errors import OutputError
 from ..report.files import replace_atomically, write_csv
 from ..report.shape_names import shape_name
-from ..sweep.result import Sweep, SweepPoint
+from ..sweep.point import SweepPoint
+from ..sweep.result import Sweep
 from .compared import mac_table
 from .folder import (
     CONTRIBUTIONS_FIGURE,
@@ -55,8 +57,10 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
     Raises
     ------
     OutputError
-        A file cannot be written.
+        `which` is neither of the two, or a file cannot be written.
     """
+    if which not in ("unstable", "all"):
+        raise OutputError(f'export_shapes: given which = {which!r:.60}; expected "unstable" or "all"')
     from ..report.export import export_shapes as export  # loads Matplotlib
 
     discretisation = discretisation_of(result.problem)

@@ -15,7 +15,8 @@ from ..eigen.memory import peak_memory_mib
 from ..problem.problem import Problem
 from ..report.files import write_json
 from ..scene import MatrixScene, Scene
-from ..sweep.result import Sweep, SweepPoint
+from ..sweep.point import SweepPoint
+from ..sweep.result import Sweep
 from .compared import measured_record
 from .covered import above_text, frequency_range, unstable_above
 from .folder import RECORD

@@ -1,4 +1,7 @@
-"""The main job: from a scene to a folder of results."""
+"""The main job: from a scene to a folder of results.
+
+This file is longer than others, since the order of everything that a run does and writes is best read in one place.
+"""
 
 from __future__ import annotations
 

@@ -14,7 +14,8 @@ from ..errors import SceneError
 from ..report.damping import damping_figure
 from ..report.figures import stability_figure
 from ..report.files import save_figure
-from ..sweep.result import Sweep, SweepPoint
+from ..sweep.point import SweepPoint
+from ..sweep.result import Sweep
 from .preload import grid_of
 from .record import mode_info
 from .view import view_axis

@@ -17,7 +17,7 @@ def read_universal(path: Path, frequency_hz: float | None, key: str) -> tuple[np
     ----------
     path : Path
     frequency_hz : float, Hz, optional
-        Of several shapes the one nearest to this is taken; without it the file must have a single shape.
+        If the file has several shapes, the one nearest to this is taken; without it the file must have a single shape.
     key : str
         The key of the scene that names the file, for messages.
 

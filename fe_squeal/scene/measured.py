@@ -21,7 +21,7 @@ class Measured(Section):
     Attributes
     ----------
     frequency_hz : float, Hz
-        Of squeal; beside a file with a shape that of the shape.
+        Frequency of squeal; beside a file with a shape, the frequency of that shape.
     level_db : float
         Sound pressure level.
     label : str
@@ -29,7 +29,7 @@ class Measured(Section):
     file : str
         A file instead, relative to the scene file.
     length_unit : "m" or "mm"
-        Of the points in the file.
+        Unit of the points in the file.
     axes : two vectors
         Directions of the file's x and y axes in the model.
     origin : vector, m

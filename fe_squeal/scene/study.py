@@ -50,7 +50,7 @@ class Normal(_Bounded):
     Attributes
     ----------
     mean : float
-        Of the distribution before it is cut off.
+        Mean of the distribution before it is cut off.
     deviation : float
         Standard deviation, of the same.
     """
@@ -72,7 +72,7 @@ class Lognormal(_Bounded):
     ----------
     median : float
     factor : float
-        Of one standard deviation of the logarithm.
+        Factor of one standard deviation of the logarithm.
     """
 
     median: Positive
@@ -223,7 +223,7 @@ class StudySection(Section):
     samples : int
         Number of samples of a scatter (default 1000), scrambled Sobol points.
     seed : int
-        Of their scrambling: the same seed gives the same samples.
+        Seed of their scrambling: the same seed gives the same samples.
     bands : list of float, Hz
         Edges of the bands that probabilities are told for (default: octaves over the frequencies that were solved for).
     parameters : table of tables

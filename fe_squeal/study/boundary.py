@@ -22,7 +22,7 @@ class Scaled:
     Attributes
     ----------
     name : str
-        Of the parameter.
+        Name of the parameter.
     low, high : float
         Values of the parameter at s = 0 and s = 1.
     log : bool

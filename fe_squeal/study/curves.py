@@ -39,7 +39,7 @@ class CurvePoint:
     uncertainty: float
 
 
-def corrected(boundary: Boundary, u: np.ndarray, fixed: np.ndarray) -> CurvePoint:
+def solve_point(boundary: Boundary, u: np.ndarray, fixed: np.ndarray) -> CurvePoint:
     """Return the point of the boundary in the plane through u with the normal `fixed`, by Newton's method.
 
     Parameters
@@ -121,7 +121,7 @@ class Curve:
         start = U[near].copy()
         start[fixed] = u[fixed]
         try:
-            return bool(np.linalg.norm(corrected(self.boundary, start, across).u - u) < _SAME)
+            return bool(np.linalg.norm(solve_point(self.boundary, start, across).u - u) < _SAME)
         except NotConvergedError:
             return False
 
@@ -141,7 +141,7 @@ def _one_way(boundary: Boundary, start: CurvePoint, tangent: np.ndarray) -> tupl
     here, step, away = start, _STEP, False
     while len(points) < _POINTS:
         try:
-            new = corrected(boundary, here.u + step * tangent, tangent)
+            new = solve_point(boundary, here.u + step * tangent, tangent)
             forward = new.tangent * np.sign(new.tangent @ tangent or 1.0)
             good = forward @ tangent > _TURN and np.linalg.norm(new.u - here.u) < 1.5 * step
         except NotConvergedError:
@@ -178,7 +178,7 @@ def _at_the_edge(boundary: Boundary, here: CurvePoint, beyond: CurvePoint) -> Cu
             across = np.zeros(len(u))
             across[i] = 1.0
             try:
-                point = corrected(boundary, u, across)
+                point = solve_point(boundary, u, across)
             except NotConvergedError:
                 continue
             point.u[i] = edge

@@ -11,6 +11,7 @@ import numpy as np
 from ..eigen.dense import DENSE_LIMIT, solve_dense
 from ..eigen.pencil import Modes
 from ..eigen.request import select_wanted
+from ..errors import SceneError
 from ..problem.problem import Problem
 from ..scene.faults import validated
 from ..scene.study import Axis
@@ -133,6 +134,10 @@ def stability_map(
     >>> bool(abs(found["y"] - 2 * found["x"]).max() < 1e-12)
     True
     """
+    for key, axis in (("x", x), ("y", y)):
+        if not isinstance(axis, Axis | Mapping):
+            example = '{"parameter": "mu", "from": 0.0, "to": 0.7, "points": 29}'
+            raise SceneError(f"stability_map: {key}: given {axis!r:.60}; expected an axis, as {example}")
     tables = [a if isinstance(a, Axis) else validated(Axis, dict(a), key) for key, a in (("x", x), ("y", y))]
     first, second = (Scaled(a.parameter, a.start, a.stop, a.scale == "log") for a in tables)
     axes, grids = (first, second), (tables[0].grid, tables[1].grid)

@@ -23,7 +23,7 @@ class Scatter:
     names : tuple of str
         The d parameters.
     distributions : tuple of Distribution
-        That of each.
+        Distribution of each parameter.
     correlation : (d, d) float
         Correlations of the standard normal variables z that normal and lognormal numbers are functions of (a Gaussian
         copula). Numbers with other distributions are independent: their rows are those of the unit matrix.

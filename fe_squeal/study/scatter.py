@@ -167,7 +167,7 @@ def scatter(
     samples : int
         Number of samples, which are scrambled Sobol points.
     seed : int
-        Of the scrambling.
+        Seed of the scrambling.
     correlation : sequence of (str, str, float)
         Pairs of parameters with their correlation coefficient: that of the numbers themselves if they are normal, of
         their logarithms if they are lognormal.
@@ -205,6 +205,10 @@ def scatter(
     """
     if not parameters or samples < 8:
         raise SceneError(f"scatter: given {len(parameters)} parameters, {samples} samples; expected at least 1 and 8")
+    for name, table in parameters.items():
+        if not isinstance(table, Distribution | Mapping):
+            example = '{"normal": {"mean": 0.4, "deviation": 0.06}}'
+            raise SceneError(f"scatter: {name}: given {table!r:.60}; expected a distribution, as {example}")
     tables = {
         name: table if isinstance(table, Distribution) else validated(Distribution, dict(table), name)
         for name, table in parameters.items()

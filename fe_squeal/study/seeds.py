@@ -16,7 +16,7 @@ from ..errors import NotConvergedError, SquealError
 from ..problem.problem import Problem
 from ..sweep.sweep import sweep
 from .boundary import Boundary, Kind, Scaled
-from .curves import CurvePoint, corrected
+from .curves import CurvePoint, solve_point
 
 _NEAR = 1e-4  # of θ: an eigenvalue closer to that of an onset than this is the same
 _PROMISING = 0.2  # times the gap at a place: a minimum is looked for if the gap interpolated beside it is smaller
@@ -96,7 +96,7 @@ def point_near(problem: Problem, axes: Axes, s: np.ndarray, frequency_hz: float,
     coordinate = len(u) - 2 + held
     fixed[coordinate] = 1.0
     try:
-        point = corrected(boundary, u, fixed)
+        point = solve_point(boundary, u, fixed)
     except NotConvergedError:
         return None
     if np.linalg.norm(point.u - u) > 0.05:

@@ -269,7 +269,7 @@ def cluster_of(ends: tuple[Node, Node], members: tuple[np.ndarray, np.ndarray], 
     members : ((m,) int, (m,) int)
         Positions of the group's eigenvalues among these modes.
     scale : Scale
-        Of the sweep.
+        Scale of the sweep.
     """
     plain = Cluster(ends, members)
     if not scale.logarithmic or not plain.is_smooth:

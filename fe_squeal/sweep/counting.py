@@ -33,7 +33,7 @@ def count_apart(
     Parameters
     ----------
     problem : Problem
-        At the values of its parameters at which the modes were found.
+        The problem, at those values of its parameters at which the modes were found.
     modes : Modes
         The modes found.
     request : Request

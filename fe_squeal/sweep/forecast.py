@@ -42,9 +42,9 @@ class MemoryPrediction:
     Attributes
     ----------
     total : int, bytes
-        Of the whole process, with everything that is loaded now.
+        Memory of the whole process, with everything that is loaded now.
     factors : int, bytes
-        Of the sparse factors, as part of the total.
+        Memory of the sparse factors, as part of the total.
     free : int, bytes
         What the process may still take now.
     reduced : bool
@@ -95,9 +95,10 @@ def predict_memory(
     definite = symmetric_part(pencil)
     sigma = shift_below(definite, None)
     if reduced:
-        factors = _factors(sp.csr_array(definite.K - sigma * definite.M), True, True, linear_solver)
+        A, symmetric = sp.csr_array(definite.K - sigma * definite.M), True
     else:
-        factors = _factors(_shifted(pencil, sigma), pencil.symmetric and pencil.C is None, False, linear_solver)
+        A, symmetric = _shifted(pencil, sigma), pencil.symmetric and pencil.C is None
+    factors = _factors(A, symmetric, linear_solver, definite=reduced)
     copies, vectors = (_REDUCED_COPIES, _REDUCED_VECTORS) if reduced else (_DIRECT_COPIES, _DIRECT_VECTORS)
     extra = copies * entries * (number + 4) + vectors * modes * problem.unknowns * 8
     return MemoryPrediction(loaded + extra + factors, factors, available_memory(), reduced)
@@ -109,7 +110,7 @@ def _shifted(pencil: Pencil, sigma: float) -> sp.csr_array:
     return sp.csr_array(A if pencil.C is None else A + np.sqrt(-sigma) * pencil.C)
 
 
-def _factors(A: sp.csr_array, symmetric: bool, definite: bool, linear_solver: LinearSolver | str) -> int:
+def _factors(A: sp.csr_array, symmetric: bool, linear_solver: LinearSolver | str, *, definite: bool) -> int:
     try:
         return factor_memory(A, symmetric, definite, linear_solver)
     except NotConvergedError:  # the analysis fails, and so will the solve, which reports why

@@ -32,7 +32,7 @@ class Root:
     coefficient : float
         Where two eigenvalues meet, c in Re λ = c √|p − p_c| beyond the root, rad/s; at a crossing dRe λ/dp.
     uncertainty : float
-        Of `value`: the last Newton step, and rounding.
+        Uncertainty of `value`: the last Newton step, and rounding.
     right, left : (n,) float or complex
         The right and left vector of Q(λ) there.
     coefficient_sign : int

@@ -57,7 +57,7 @@ class Node:
     Attributes
     ----------
     value : float
-        Of the parameter.
+        Value of the parameter.
     v : (k,) complex
         The eigenvalues: θ, rad²/s², or λ, rad/s.
     right, left : (r, k) complex
@@ -212,7 +212,7 @@ def node_of(
         The step model.
     parameter : str
     value : float
-        Of the parameter.
+        Value of the parameter.
     modes : Modes
         Motions with λ = 0 are left out, and without dampers those with real λ < 0, whose θ is that of −λ.
     shapes : ((r, k), (r, k)) float or complex

@@ -28,7 +28,7 @@ class Onset:
     branch_a, branch_b : int or None
         The branches that take part; `branch_b` is None where one mode crosses by itself.
     uncertainty : float
-        Of `value`, from rounding and residuals.
+        Uncertainty of `value`, from rounding and residuals.
     two_mode_value : float
         What the modes of the two branches at the first value, without all other modes, predict for `value`; NaN if they
         never meet.

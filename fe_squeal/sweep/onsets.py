@@ -250,12 +250,12 @@ def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes,
     Parameters
     ----------
     problem : Problem
-        In whose coordinates the modes are given.
+        The problem in whose coordinates the modes are given.
     parameter : str
     start : float
         The first value.
     modes : Modes
-        At the first value, with right and left shapes.
+        Modes at the first value, with right and left shapes.
     a, b : int
         Positions of the two modes.
     """

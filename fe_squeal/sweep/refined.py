@@ -1,4 +1,8 @@
-"""Refine a change of stability of the step model to a critical value of the problem itself."""
+"""Refine a change of stability of the step model to a critical value of the problem itself.
+
+This file is longer than others, since Newton's method for each kind of change and bisection, where it fails, are one
+way.
+"""
 
 from __future__ import annotations
 

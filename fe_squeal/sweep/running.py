@@ -29,7 +29,8 @@ from .doubts import Doubt, joined
 from .forecast import is_reduced
 from .onset import Onset
 from .onsets import Found, find_step_onsets, two_mode_value, windows
-from .result import LiftedShapes, Sweep, SweepPoint
+from .point import LiftedShapes, SweepPoint
+from .result import Sweep
 from .scale import Scale
 from .state import Record, Store, SweepState, lifted
 from .tracking import match_modes, mirror_partners

@@ -34,7 +34,7 @@ class Scan:
     Attributes
     ----------
     changes : list of Change
-        By rising value.
+        Sorted by rising value.
     open : list of Open
         Groups with more modes at one value than at the next.
     unsettled : list of (float, float, float)

@@ -12,7 +12,8 @@ from ..eigen.pencil import Modes
 from ..eigen.request import Completeness
 from ..problem.problem import Problem
 from .onset import Onset
-from .result import LiftedShapes, Sweep, SweepPoint
+from .point import LiftedShapes, SweepPoint
+from .result import Sweep
 
 _VECTORS = ("right", "left")
 _NUMBERS = ("lam", "backward_error", "re_uncertainty", "condition")
@@ -53,7 +54,7 @@ class SweepState:
     points, onsets, warnings, completeness, seconds, window, unsettled
         As in `Sweep`. With a reduced model the shapes of the points are given in its coordinates.
     first, previous : Modes
-        At the first value and at the last one solved, with shapes.
+        Modes at the first value and at the last one solved, with shapes.
     first_branches, branches : (k,) int
         The branches of these modes.
     next_branch : int

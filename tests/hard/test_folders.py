@@ -1,4 +1,7 @@
-"""Nothing of the user's is touched: what a folder of results holds besides, links in it, inputs, refused commands."""
+"""Files of the user are never touched: other files in a folder of results, links, inputs, and refused commands.
+
+This file is longer than others, since it is a list of situations with one promise.
+"""
 
 from __future__ import annotations
 

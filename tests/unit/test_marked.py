@@ -1,4 +1,7 @@
-"""Tetrahedra refined where they are marked: the same space and groups, no hanging nodes, good shapes, nested fields."""
+"""Tetrahedra refined where they are marked: the same domain and groups, no hanging nodes, good shapes, nested fields.
+
+This file is longer than others, since all properties are checked on the same meshes.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +18,7 @@ from fe_squeal import from_skfem
 from fe_squeal.accuracy import with_discretisation
 from fe_squeal.accuracy.two_level import reference_coordinates
 from fe_squeal.errors import MeshError
-from fe_squeal.fem.contact import interpolate
+from fe_squeal.fem.contact import interpolation
 from fe_squeal.geometry import Block, make_mesh
 from fe_squeal.mesh import load_mesh
 from fe_squeal.mesh.building import build_mesh
@@ -62,7 +65,7 @@ def nested(coarse, fine, parents):
     a, b = (p.discretisation.space for p in (coarse, fine))
     parent = np.empty(b.nodes, int)
     parent[b.dofs.element_dofs] = parents
-    values = interpolate(a, parent, reference_coordinates(a, parent, b.coordinates.T))
+    values = interpolation(a, parent, reference_coordinates(a, parent, b.coordinates.T))
     return lambda u: b.gather(values @ a.expand(u))
 
 

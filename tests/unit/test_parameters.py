@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+import fe_squeal
 from fe_squeal import Problem, SceneError
 from fe_squeal.problem.parameters import values_by_path
 from fe_squeal.problem.terms import Term
@@ -147,3 +149,21 @@ def test_lists_and_tables_of_a_scene_are_not_changed_either(problem: Problem, ch
     with pytest.raises(SceneError, match=r"of the scene: a scene does not change.*problem\.at\(\{.*parse_scene$"):
         change(scene)
     assert scene.model_dump() == before and pickle.loads(pickle.dumps(scene)) == copy.deepcopy(scene) == scene
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda _: fe_squeal.assemble("brake.toml"), r"assemble: given 'brake\.toml'; expected a scene, as in .*"),
+        (lambda p: fe_squeal.scatter(p, {"mu": 0.4}), r"scatter: mu: given 0\.4; expected a distribution, as \{.*"),
+        (lambda p: fe_squeal.stability_map(p, "mu", PISTON), r"stability_map: x: given 'mu'; expected an axis.*"),
+        (lambda p: fe_squeal.export_shapes(p, "out", which="stable"), r"export_shapes: given which = 'stable'; .*"),
+    ],
+    ids=["path for a scene", "number for a distribution", "path for an axis", "unknown choice"],
+)
+def test_a_wrong_kind_of_argument_ends_in_one_sentence_that_says_how(
+    problem: Problem, call: Callable[[Any], Any], sentence: str
+) -> None:
+    with pytest.raises(fe_squeal.SquealError) as caught:
+        call(problem)
+    assert re.fullmatch(sentence, str(caught.value))

@@ -24,7 +24,7 @@ def checked(matrix: Any, source: str) -> sparse.csr_array:
     ValueError
         Its index pointers or indices are wrong.
     """
-    check_shape(matrix.shape, source)
+    check_square(matrix.shape, source)
     if matrix.dtype.kind == "c":
         raise SceneError(no_complex(source))
     if sparse.issparse(matrix):
@@ -55,7 +55,7 @@ def checked(matrix: Any, source: str) -> sparse.csr_array:
     return result
 
 
-def check_shape(shape: tuple[int, ...], source: str) -> None:
+def check_square(shape: tuple[int, ...], source: str) -> None:
     """Raise SceneError for a shape that is not square, is empty or is absurdly large."""
     sizes = sizes_of(shape)
     if len(shape) != 2 or shape[0] != shape[1]:
@@ -97,7 +97,7 @@ def refuse_size(size: int, source: str) -> None:
 
 def sizes_of(shape: tuple[int, ...]) -> str:
     """Return a shape as in 3x8."""
-    return one_line("x".join(str(int(n)) for n in shape))
+    return in_a_line("x".join(str(int(n)) for n in shape))
 
 
 def no_complex(source: str) -> str:
@@ -108,6 +108,6 @@ def no_complex(source: str) -> str:
     )
 
 
-def one_line(text: str) -> str:
+def in_a_line(text: str) -> str:
     """Return a text without line breaks and control characters, cut where it gets long."""
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())[:160].rstrip(" .")

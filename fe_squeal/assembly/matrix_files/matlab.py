@@ -13,7 +13,7 @@ import numpy as np
 from scipy import sparse
 
 from ...errors import SceneError, suggest
-from .checks import check_shape, coordinates, no_complex, one_line, refuse_size, sizes_of
+from .checks import check_square, coordinates, in_a_line, no_complex, refuse_size, sizes_of
 
 _CLASSES = (
     "unknown", "cell", "struct", "object", "char", "sparse", "double", "single", "int8", "uint8", "int16", "uint16",
@@ -59,15 +59,15 @@ def read_matlab(data: bytes, variable: str | None, source: str) -> Any:
         if len(matrices) != 1:
             what = "several matrices; name one by variable" if matrices else "no numeric matrix"
             names = ", ".join(f"{name} ({contents[name]})" for name in matrices or contents)
-            raise SceneError(f"{source}: holds {what}: {one_line(names) or 'it is empty'}")
+            raise SceneError(f"{source}: holds {what}: {in_a_line(names) or 'it is empty'}")
         variable = matrices[0]
     if variable not in contents:
-        raise SceneError(f'{source}: no variable "{variable}"' + one_line(suggest(variable, contents)))
+        raise SceneError(f'{source}: no variable "{variable}"' + in_a_line(suggest(variable, contents)))
     chosen = contents[variable]
     if chosen.kind not in _NUMERIC:
         what = f"{variable} ({chosen}) is not a numeric matrix" + suggest("", matrices)
-        raise SceneError(f"{source}: {one_line(what)}")
-    check_shape(chosen.shape, source)
+        raise SceneError(f"{source}: {in_a_line(what)}")
+    check_square(chosen.shape, source)
     if chosen.is_complex:
         raise SceneError(no_complex(source))
     return chosen.load()

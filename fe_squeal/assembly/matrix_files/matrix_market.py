@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from ...errors import SceneError
-from .checks import check_shape, coordinates, no_complex, one_line, refuse_size
+from .checks import check_square, coordinates, in_a_line, no_complex, refuse_size
 
 _COMMENTS, _LINE = 1_000_000, 128  # bytes: of a header with its comments at most, and of an entry
 
@@ -70,7 +70,7 @@ def _header(stream: io.BytesIO, source: str) -> tuple[str, str, int, tuple[int, 
     banner = stream.readline().decode("latin-1")
     words = banner.lower().split()
     if len(words) != 5 or words[:2] != ["%%matrixmarket", "matrix"]:
-        given = one_line(banner[:80])
+        given = in_a_line(banner[:80])
         raise SceneError(f'{source}: begins with "{given}"; expected "%%MatrixMarket matrix coordinate real general"')
     layout, field, symmetry = words[2:]
     if field == "complex":
@@ -81,14 +81,14 @@ def _header(stream: io.BytesIO, source: str) -> tuple[str, str, int, tuple[int, 
         (symmetry, ("general", "symmetric", "skew-symmetric")),
     ):
         if given not in known:
-            given = one_line(given)
+            given = in_a_line(given)
             raise SceneError(f'{source}: the Matrix Market header has "{given}"; expected one of {", ".join(known)}')
     line = next((line for line in stream if line.strip() and not line.lstrip().startswith(b"%")), b"")
     sizes = line.split()
     if len(sizes) != (3 if layout == "coordinate" else 2) or not all(size.isdigit() for size in sizes):
-        raise SceneError(f'{source}: "{one_line(line[:80].decode("latin-1"))}" is not the line of the sizes')
+        raise SceneError(f'{source}: "{in_a_line(line[:80].decode("latin-1"))}" is not the line of the sizes')
     n, columns, *entries = (int(size) for size in sizes)
-    check_shape((n, columns), source)
+    check_square((n, columns), source)
     return layout, symmetry, n, (n, columns, *entries)
 
 

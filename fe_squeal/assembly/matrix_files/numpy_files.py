@@ -12,7 +12,7 @@ from numpy.lib import format as npy
 from scipy import sparse
 
 from ...errors import SceneError
-from .checks import check_shape, one_line, refuse_size
+from .checks import check_square, in_a_line, refuse_size
 
 _HEADER, _LARGEST = 65_536, 64  # bytes that hold every header, and every number or the name of a format
 _INDICES = {
@@ -39,7 +39,7 @@ def read_array(data: bytes, source: str, kinds: str) -> np.ndarray:
     shape, fortran, dtype = read_header(stream)
     if dtype.kind not in kinds:
         what = "Python objects (pickled), which are never read" if dtype.hasobject else f'data of type "{dtype}"'
-        raise SceneError(f"{source}: holds {one_line(what)}; expected numbers")
+        raise SceneError(f"{source}: holds {in_a_line(what)}; expected numbers")
     count, at = math.prod(shape), stream.tell()
     if min(shape, default=0) < 0 or count * dtype.itemsize != len(data) - at:
         raise ValueError(f"shape {shape} of {dtype} does not fit the {len(data) - at} bytes of data")
@@ -69,7 +69,7 @@ def read_scipy_sparse(data: bytes, source: str) -> Any:
         names = [name.removesuffix(".npy") for name in archive.namelist()]
         if missing := {"format", "shape", "data"} - set(names):
             raise SceneError(
-                f"{source}: there is no {', '.join(sorted(missing))} among its arrays ({one_line(', '.join(names))}); "
+                f"{source}: there is no {', '.join(sorted(missing))} among its arrays ({in_a_line(', '.join(names))}); "
                 "expected a sparse matrix saved with scipy.sparse.save_npz"
             )
 
@@ -87,7 +87,7 @@ def read_scipy_sparse(data: bytes, source: str) -> Any:
 
         layout = member("format", "SU").astype(str).item()
         shape = tuple(int(n) for n in member("shape").ravel())
-        check_shape(shape, source)
+        check_square(shape, source)
         n = shape[0]
         values = member("data", "iufc", 4 * n**2 + 64)  # diagonals and blocks are filled up, entries may be double
         values = values.astype(np.complex128 if values.dtype.kind == "c" else np.float64)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from ...errors import SceneError, suggest
-from .checks import checked, one_line, refuse_size
+from .checks import checked, in_a_line, refuse_size
 from .matlab import read_matlab
 from .matrix_market import read_matrix_market, unpacked
 from .numpy_files import read_array, read_scipy_sparse
@@ -83,7 +83,7 @@ def read_matrix(path: Path, variable: str | None = None) -> sparse.csr_array:
     except MemoryError as error:
         raise SceneError(f"{source}: reading takes more memory than there is; is the file damaged?") from error
     except Exception as error:  # the readers stop at damaged files with almost any exception
-        reason = one_line(str(error).split(";")[0]) or type(error).__name__
+        reason = in_a_line(str(error).split(";")[0]) or type(error).__name__
         raise SceneError(f"{source}: not a readable {_KINDS[kind]} file ({reason}); export it again") from error
 
 

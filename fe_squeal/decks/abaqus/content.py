@@ -13,9 +13,9 @@ import numpy as np
 from ...errors import MeshError
 from ...mesh import LoadedMesh
 from ...mesh.raw import RawMesh
-from ...mesh.readers.abaqus.model import Model, Statement
-from ...mesh.readers.abaqus.sets import Assembly
-from ...mesh.readers.abaqus.text import Block, unquoted
+from ...mesh.readers.abaqus.model import DeckModel, Statement
+from ...mesh.readers.abaqus.sets import ModelSets
+from ...mesh.readers.abaqus.text import KeywordBlock, unquoted
 from ..draft import Draft, Value
 from ..units import SI, Units
 
@@ -87,7 +87,7 @@ class TieData:
     springs : list of dict
         Between the reference and the ground, as the scene has them.
     freedoms : set of int, optional
-        Of 1 to 3, those alone that follow the members (*Equation); None where all do.
+        Those of the freedoms 1 to 3 that follow the members (*Equation); None if all of them do.
     place : (3,) array, optional
         Where the reference counts, if not at its node.
     """
@@ -107,9 +107,9 @@ class Content:
     """The deck with its mesh, what was read so far, and the draft that it becomes."""
 
     source: str
-    model: Model
+    model: DeckModel
     raw: RawMesh
-    assembly: Assembly
+    assembly: ModelSets
     loaded: LoadedMesh  # in the deck's own unit of length
     draft: Draft
     units: Units = SI
@@ -136,7 +136,7 @@ class Content:
     large_displacements: bool = False
     _rows: dict[Reference, np.ndarray] = field(default_factory=dict)
 
-    def floats(self, block: Block, line: str) -> list[float | None]:
+    def floats(self, block: KeywordBlock, line: str) -> list[float | None]:
         """Return the numbers of a data line, None where a field is blank.
 
         Raises
@@ -157,7 +157,7 @@ class Content:
             found.pop()
         return found
 
-    def first(self, block: Block) -> list[float | None]:
+    def first(self, block: KeywordBlock) -> list[float | None]:
         """Return the numbers of the first data line, none where there is no data."""
         return self.floats(block, block.lines[0]) if block.lines else []
 

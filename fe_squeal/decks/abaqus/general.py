@@ -33,7 +33,7 @@ def read_assignment(content: Content, statement: Statement) -> None:
 
 
 def add_general_pairs(content: Content) -> None:
-    """Make contact pairs of those of general contact; one without an interaction is asked for."""
+    """Add the pairs of general contact to the contact pairs; for a pair without an interaction the user is asked."""
     for pair in content.general:
         if pair.interaction:
             content.pairs.append(pair)

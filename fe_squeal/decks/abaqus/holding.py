@@ -19,7 +19,7 @@ _NAMED = {
     "ENCASTRE": (1, 2, 3, 4, 5, 6), "PINNED": (1, 2, 3), "XSYMM": (1, 5, 6), "YSYMM": (2, 4, 6), "ZSYMM": (3, 4, 5),
     "XASYMM": (2, 3, 4), "YASYMM": (1, 3, 5), "ZASYMM": (1, 2, 6), "NOWARP": (), "NOOVAL": (), "NODEFORM": (),
 }  # fmt: skip
-_COINCIDENT = 1e-9  # of the model's size
+_COINCIDENT = 1e-9  # part of the model's size: two nodes nearer to each other than this have no direction between them
 
 
 def read_boundary(content: Content, statement: Statement) -> None:
@@ -129,7 +129,7 @@ def write_springs(content: Content, points: Mapping[int, list[dict[str, Value]]]
     Parameters
     ----------
     content : Content
-        Of the deck; the springs are added to its scene.
+        Content of the deck; the springs are added to its scene.
     points : mapping of int to list of dict
         By the row of a reference node, the tables of the scene that take springs at this node.
 

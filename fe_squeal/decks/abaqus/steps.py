@@ -13,7 +13,7 @@ from .content import Content, Procedure, fields, spoken
 from .holding import _check, _number
 from .materials import clean
 
-_ALONG = 0.99  # of a force that a pressure on its surface gives: cosine of the angle to the mean normal
+_ALONG = 0.99  # cosine of the angle to the mean normal above which a force may come from a pressure on its surface
 
 
 def read_step(content: Content, statement: Statement) -> None:

@@ -85,7 +85,8 @@ def _held(content: Content, told: bool = False) -> dict[int, set[str]]:
 def _masses(content: Content) -> dict[int, dict[str, Value]]:
     """Return mass and inertia by reference node; those of other nodes are told.
 
-    Of KEYOPT(3) = 0 the real constants are three masses and three inertias, of 2 one mass (element reference, MASS21).
+    With KEYOPT(3) = 0 the real constants are three masses and three inertias, with 2 one mass (Ansys element reference,
+    MASS21).
     """
     kinds = {int(row[0]) for row in content.archive.ekey if int(row[1]) == _MASS}
     options = {f[1]: f[3] for f, _ in content.lines if f[0].startswith("KEYOP") and len(f) > 3 and f[2] == "3"}

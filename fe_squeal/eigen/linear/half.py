@@ -10,9 +10,9 @@ from scipy.special import ellipj, ellipk
 
 from .factor import Solve
 
-_LOST = 2e-2  # of A⁻¹ᐟ² b, where norms of random samples are uncertain by 15 %
-_STEPS = 12  # of the power method for the smallest eigenvalue
-_BELOW = 0.5  # of what the power method finds, which comes from above
+_LOST = 2e-2  # relative error of A⁻¹ᐟ² b that is accepted: norms of random samples are uncertain by 15 % anyway
+_STEPS = 12  # number of steps of the power method for the smallest eigenvalue
+_BELOW = 0.5  # times what the power method finds, which is too large: taken for the smallest eigenvalue
 _SEED = 20251124
 
 

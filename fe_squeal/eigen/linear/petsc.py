@@ -42,7 +42,7 @@ class Told:
     zero : int
         Pivots that are zero to working precision.
     largest, total : int, bytes
-        That the analysis expects on the process that needs most, and on all together.
+        What the analysis expects to need on the process that needs most, and on all processes together.
     """
 
     error: int
@@ -58,11 +58,11 @@ class PetscMatrix:
     Parameters
     ----------
     rows : (m, n) sparse
-        Of this process, those of process 0 first.
+        Rows of this process; process 0 has the first ones.
     n : int
     symmetric, definite : bool
     comm
-        Of mpi4py; None for this process alone.
+        Communicator of mpi4py; None for this process alone.
     """
 
     def __init__(self, rows: sp.csr_array, n: int, symmetric: bool, definite: bool, comm: Any) -> None:

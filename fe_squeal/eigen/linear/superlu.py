@@ -159,7 +159,7 @@ class SuperLUCholesky:
 def superlu_memory(A: sp.csr_array, symmetric: bool) -> int:
     """Return the bytes that SuperLU's factors of a solid's matrix take, to a factor of three.
 
-    Those of a real symmetric matrix count twice: SciPy copies them when their pivots are counted.
+    Factors of a real symmetric matrix count twice: SciPy copies them when their pivots are counted.
     """
     entries = _FILL[symmetric] * A.shape[0] ** (4 / 3)
     if symmetric and not np.iscomplexobj(A):

@@ -13,7 +13,7 @@ import numpy as np
 
 from fe_squeal.errors import MeshError
 
-from ..gmsh_cells import NODES, Cells, raw_mesh
+from ..gmsh_cells import NODES, GmshCells, raw_mesh
 from ..raw import Ints, RawMesh
 from .others import read_with_meshio
 from .sources import Sources
@@ -154,7 +154,7 @@ def _nodes4(read: _Cursor) -> tuple[Ints, np.ndarray]:
     return np.concatenate(labels), np.concatenate(points)
 
 
-def _cells4(read: _Cursor, physical: dict[tuple[int, int], tuple[int, ...]]) -> list[Cells]:
+def _cells4(read: _Cursor, physical: dict[tuple[int, int], tuple[int, ...]]) -> list[GmshCells]:
     cells = []
     for _ in range(read.take("u", 4)[0]):
         dimension, tag, kind = (int(v) for v in read.take("i", 3))
@@ -162,7 +162,7 @@ def _cells4(read: _Cursor, physical: dict[tuple[int, int], tuple[int, ...]]) -> 
         if kind not in NODES:
             raise ValueError(f"element type {kind} is not supported; use order 1 or 2")
         rows = read.take("u", count * (1 + NODES[kind])).reshape(count, -1)
-        cells.append(Cells(kind, rows[:, 0], rows[:, 1:], physical.get((dimension, tag), ())))
+        cells.append(GmshCells(kind, rows[:, 0], rows[:, 1:], physical.get((dimension, tag), ())))
     return cells
 
 
@@ -180,7 +180,7 @@ def _nodes2(body: bytes, text: bool, order: str) -> tuple[Ints, np.ndarray]:
     return labels, points
 
 
-def _cells2(body: bytes, text: bool, order: str) -> list[Cells]:
+def _cells2(body: bytes, text: bool, order: str) -> list[GmshCells]:
     first, _, rest = body.lstrip().partition(b"\n")
     count, at, done = int(first), 0, 0
     numbers = np.array(
@@ -209,7 +209,7 @@ def _cells2(body: bytes, text: bool, order: str) -> list[Cells]:
     cells = []
     for (kind, tag), rows in gathered.items():
         table = np.array(rows, dtype=np.int64)
-        cells.append(Cells(kind, table[:, 0], table[:, 1:], (tag,) if tag else ()))
+        cells.append(GmshCells(kind, table[:, 0], table[:, 1:], (tag,) if tag else ()))
     return cells
 
 

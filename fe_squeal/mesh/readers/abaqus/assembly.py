@@ -10,11 +10,11 @@ from ...checking import connect
 from ...raw import CellBlock, Floats, Ints, RawMesh, rows_of
 from .groups import with_groups
 from .loads import add_loaded_faces
-from .model import Instance, Model, Scope, nodes_of
-from .sets import Assembly, Placed
+from .model import DeckModel, Instance, Scope, nodes_of
+from .sets import Located, ModelSets
 
 
-def place_model(model: Model, source: str) -> tuple[RawMesh, Assembly]:
+def place_model(model: DeckModel, source: str) -> tuple[RawMesh, ModelSets]:
     """Return the mesh of the whole model, and an object that looks up its sets.
 
     Raises
@@ -29,7 +29,7 @@ def place_model(model: Model, source: str) -> tuple[RawMesh, Assembly]:
     skins: list[Ints] = [np.empty((0, 4), np.int64)]
     count = {"NSET": 0, "ELSET": 0}
 
-    def place(name: str, scopes: tuple[Scope, ...], where: tuple[tuple[float, ...], ...], part: str = "") -> Placed:
+    def place(name: str, scopes: tuple[Scope, ...], where: tuple[tuple[float, ...], ...], part: str = "") -> Located:
         node_labels, xyz = nodes_of(scopes, f"{source}: {name}" if name else source)
         prefix = f"{name}." if name else ""
         prefixes.append((count["NSET"], prefix))
@@ -53,7 +53,7 @@ def place_model(model: Model, source: str) -> tuple[RawMesh, Assembly]:
         count["NSET"] += len(node_labels)
         others = np.array([label for scope in scopes for label in scope.others], dtype=np.int64)
         skipped = np.setdiff1d(others, np.concatenate(cell_labels))
-        return Placed(
+        return Located(
             name,
             scopes,
             {"NSET": node_labels, "ELSET": np.concatenate([*cell_labels, skipped])},
@@ -82,11 +82,11 @@ def place_model(model: Model, source: str) -> tuple[RawMesh, Assembly]:
         tuple(prefixes),
         ignore_case=True,
     )
-    assembly = Assembly(source, own, instances, np.vstack(skins))
+    assembly = ModelSets(source, own, instances, np.vstack(skins))
     return with_groups(raw, assembly), assembly
 
 
-def _scopes(model: Model, item: Instance, source: str) -> tuple[Scope, ...]:
+def _scopes(model: DeckModel, item: Instance, source: str) -> tuple[Scope, ...]:
     if not item.part:
         return (item.scope,)
     if item.part.upper() not in model.parts:

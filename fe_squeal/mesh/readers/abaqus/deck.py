@@ -14,8 +14,8 @@ from fe_squeal.errors import MeshError, suggest
 
 from ...raw import Floats, Ints
 from ..sources import Sources
-from .model import Cells, Instance, Links, Members, Model, Scope, Statement
-from .text import Block, entries, is_label, label_of, numbers, read_blocks
+from .model import DeckModel, ElementBlock, Instance, Links, Members, Scope, Statement
+from .text import KeywordBlock, entries, is_label, label_of, numbers, read_blocks
 
 # Kind of a solid by the first letters of its Abaqus type. The first entry that fits counts, so longer ones stand first.
 _TYPES = (("C3D10", "tetra10"), ("C3D15", "wedge15"), ("C3D20", "hexahedron20"), ("C3D27", "hexahedron27"),
@@ -33,7 +33,7 @@ _FILLED = {"NODE", "ELEMENT", "NSET", "ELSET"}  # keywords that are an error wit
 _REFUSED = {"NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "NMAP", "SYSTEM"}
 
 
-def parse_model(sources: Sources) -> Model:
+def parse_model(sources: Sources) -> DeckModel:
     """Return the file's parts, instances and assembly as they are written.
 
     Raises
@@ -42,10 +42,10 @@ def parse_model(sources: Sources) -> Model:
         A keyword lacks its name or its data lines, generates nodes or elements, or has numbers that cannot be read.
     """
     source = sources.path.name
-    model = Model()
+    model = DeckModel()
     scope = model.assembly
     ignored: dict[str, int] = {}
-    promised: dict[str, Block] = {}  # element sets that *SOLID SECTION names and that have to exist
+    promised: dict[str, KeywordBlock] = {}  # element sets that *SOLID SECTION names and that have to exist
     seen = False
     for block in read_blocks(sources):
         seen = True
@@ -112,7 +112,7 @@ def parse_model(sources: Sources) -> Model:
     return model
 
 
-def _placement(block: Block, source: str) -> tuple[tuple[float, ...], ...]:
+def _placement(block: KeywordBlock, source: str) -> tuple[tuple[float, ...], ...]:
     rows = [tuple(numbers(block, source, [line])[0].tolist()) for line in block.lines]
     if (
         len(rows) > 2
@@ -126,7 +126,7 @@ def _placement(block: Block, source: str) -> tuple[tuple[float, ...], ...]:
     return tuple((row + (0.0,) * 3)[:3] if i == 0 else row for i, row in enumerate(rows))
 
 
-def _read_nodes(block: Block, scope: Scope, source: str) -> None:
+def _read_nodes(block: KeywordBlock, scope: Scope, source: str) -> None:
     values, ends = numbers(block, source)
     width = np.diff(ends, prepend=0)
     if (width < 2).any() and len(width):
@@ -149,7 +149,7 @@ def _read_nodes(block: Block, scope: Scope, source: str) -> None:
     _name_members("NSET", block, scope, labels)
 
 
-def _read_elements(block: Block, scope: Scope, source: str) -> tuple[str, int]:
+def _read_elements(block: KeywordBlock, scope: Scope, source: str) -> tuple[str, int]:
     """Add the block's solids to the scope; for a block of other elements return their type and number, else ("", 0)."""
     given = block.value("TYPE").upper()
     kind = next((kind for start, kind in _TYPES if given.startswith(start)), "")
@@ -177,12 +177,12 @@ def _read_elements(block: Block, scope: Scope, source: str) -> tuple[str, int]:
     nodes = table[:, 1:]
     if kind == "hexahedron27":
         nodes = nodes[:, _HEX27]
-    scope.cells.append(Cells(kind, table[:, 0], nodes[:, :20] if kind == "hexahedron20" else nodes))
+    scope.cells.append(ElementBlock(kind, table[:, 0], nodes[:, :20] if kind == "hexahedron20" else nodes))
     _name_members("ELSET", block, scope, table[:, 0])
     return "", 0
 
 
-def _read_skin(given: str, block: Block, scope: Scope) -> None:
+def _read_skin(given: str, block: KeywordBlock, scope: Scope) -> None:
     """Keep the corners of shells. Where they lie on faces of solids, as Gmsh exports them, they make surface groups."""
     found = _SKIN.match(given)
     if not found:
@@ -192,7 +192,7 @@ def _read_skin(given: str, block: Block, scope: Scope) -> None:
     rows = [row for row in rows if all(is_label(text) and len(text) < 18 and text[0] != "-" for text in row)]
     if rows:
         table = np.array(rows, dtype=np.int64)
-        scope.skins.append(Cells("triangle" if corners == 3 else "quad", table[:, 0], table[:, 1:]))
+        scope.skins.append(ElementBlock("triangle" if corners == 3 else "quad", table[:, 0], table[:, 1:]))
 
 
 def _fits(values: Floats, ends: Ints, width: int) -> bool:
@@ -210,7 +210,7 @@ def _fits(values: Floats, ends: Ints, width: int) -> bool:
     return len(values) % width == 0 and bool(np.isin(whole, ends).all())
 
 
-def _misfit(block: Block, ends: Ints, width: int) -> str:
+def _misfit(block: KeywordBlock, ends: Ints, width: int) -> str:
     whole = np.arange(width, ends[-1] + width, width) if len(ends) else np.empty(0, np.int64)
     wrong = whole[~np.isin(whole, ends)]
     row = int(np.searchsorted(ends, wrong[0])) if len(wrong) else len(ends) - 1
@@ -218,7 +218,7 @@ def _misfit(block: Block, ends: Ints, width: int) -> str:
     return f'see the data line "{shown}"'
 
 
-def _name_members(word: str, block: Block, scope: Scope, labels: Ints) -> None:
+def _name_members(word: str, block: KeywordBlock, scope: Scope, labels: Ints) -> None:
     name = block.value(word)
     if name:
         scope.sets.setdefault((word, scope.remember(word, name)), []).append(
@@ -226,7 +226,7 @@ def _name_members(word: str, block: Block, scope: Scope, labels: Ints) -> None:
         )
 
 
-def _whole(values: Floats, what: str, block: Block, source: str) -> Ints:
+def _whole(values: Floats, what: str, block: KeywordBlock, source: str) -> Ints:
     if len(values) and not (
         np.isfinite(values).all() and (values == np.floor(values)).all() and (np.abs(values) < 2**53).all()
     ):

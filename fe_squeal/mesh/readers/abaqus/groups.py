@@ -11,7 +11,7 @@ from fe_squeal.errors import MeshError
 from ...elements import SHAPE
 from ...raw import Ints, RawMesh
 from ...surfaces import Faces, faces_of, find_rows
-from .sets import Assembly, Placed
+from .sets import Located, ModelSets
 
 # Corners of the faces S1 ... S6, from 0 (Abaqus Analysis User's Guide, "Three-dimensional solid element library").
 ABAQUS_FACES: dict[str, tuple[tuple[int, ...], ...]] = {
@@ -22,7 +22,7 @@ ABAQUS_FACES: dict[str, tuple[tuple[int, ...], ...]] = {
 }
 
 
-def with_groups(raw: RawMesh, assembly: Assembly) -> RawMesh:
+def with_groups(raw: RawMesh, assembly: ModelSets) -> RawMesh:
     """Return the mesh with a group for every set and surface of the model, under the names of `read_abaqus`."""
     volumes: dict[str, Ints] = {}
     nodes: dict[str, Ints] = {}
@@ -37,7 +37,7 @@ def with_groups(raw: RawMesh, assembly: Assembly) -> RawMesh:
             for key in placed.names(word):
                 homes.setdefault((word, key), set()).add(placed.part or placed.name)
 
-    def names_of(placed: Placed, word: str, key: str, spelled: str) -> list[str]:
+    def names_of(placed: Located, word: str, key: str, spelled: str) -> list[str]:
         if not placed.name:
             return [spelled]
         full = f"{placed.name}.{spelled}"

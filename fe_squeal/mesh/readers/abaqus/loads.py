@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from .model import Model, Scope, Statement
-from .text import Block, entries, is_label
+from .model import DeckModel, Scope, Statement
+from .text import KeywordBlock, entries, is_label
 
 
 @dataclass
@@ -32,7 +32,7 @@ class LoadedFaces:
     lines: list[str]
 
 
-def loaded_faces(model: Model) -> Iterator[LoadedFaces]:
+def loaded_faces(model: DeckModel) -> Iterator[LoadedFaces]:
     """Yield the faces under loads P1 ... P6 of every *DLOAD; other kinds of loads have no faces."""
     statements = [s for s in model.statements if s.block.keyword == "DLOAD"]
     for i, statement in enumerate(statements, 1):
@@ -51,18 +51,18 @@ def loaded_faces(model: Model) -> Iterator[LoadedFaces]:
         yield from single.values()
 
 
-def add_loaded_faces(model: Model) -> None:
+def add_loaded_faces(model: DeckModel) -> None:
     """Add a surface to the model for the faces of each load."""
     seen: set[tuple[str, str]] = set()
     for faces in loaded_faces(model):
         scope = _scope(model, faces.statement.scope)
         if (faces.statement.scope, faces.name) not in seen:  # a later step may load the same faces again
-            block = Block("SURFACE", {"NAME": faces.name}, faces.lines, faces.statement.block.where)
+            block = KeywordBlock("SURFACE", {"NAME": faces.name}, faces.lines, faces.statement.block.where)
             scope.surfaces.setdefault(scope.remember("SURFACE", faces.name), []).append(block)
         seen.add((faces.statement.scope, faces.name))
 
 
-def _scope(model: Model, key: str) -> Scope:
+def _scope(model: DeckModel, key: str) -> Scope:
     if key in model.parts:
         return model.parts[key]
     return model.instances[key].scope if key in model.instances else model.assembly

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...raw import Floats, Ints, check_unique_nodes
-from .text import Block
+from .text import KeywordBlock
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Members:
 
 
 @dataclass(frozen=True)
-class Cells:
+class ElementBlock:
     """The solid elements of one *ELEMENT block: numbers (n,), and numbers of their nodes (n, k) in VTK's order."""
 
     kind: str
@@ -57,7 +57,7 @@ class Links:
 class Statement:
     """A keyword block that is not part of the mesh (material, step, ...), and the part or instance it stands in."""
 
-    block: Block
+    block: KeywordBlock
     scope: str
 
 
@@ -71,12 +71,12 @@ class Scope:
     name: str
     labels: list[Ints] = field(default_factory=list)
     points: list[Floats] = field(default_factory=list)
-    cells: list[Cells] = field(default_factory=list)
-    skins: list[Cells] = field(default_factory=list)  # shells and membranes, with their corner nodes alone
+    cells: list[ElementBlock] = field(default_factory=list)
+    skins: list[ElementBlock] = field(default_factory=list)  # shells and membranes, with their corner nodes alone
     links: list[Links] = field(default_factory=list)
     others: list[int] = field(default_factory=list)  # numbers of all elements that are neither solids nor shells
     sets: dict[tuple[str, str], list[Members]] = field(default_factory=dict)
-    surfaces: dict[str, list[Block]] = field(default_factory=dict)
+    surfaces: dict[str, list[KeywordBlock]] = field(default_factory=dict)
     spelled: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def remember(self, kind: str, name: str) -> str:
@@ -98,7 +98,7 @@ class Instance:
 
 
 @dataclass
-class Model:
+class DeckModel:
     """The content of a whole Abaqus file."""
 
     assembly: Scope = field(default_factory=lambda: Scope(""))

@@ -16,7 +16,7 @@ _ROW = {"NSET": "nodes", "ELSET": "elements"}
 
 
 @dataclass(frozen=True)
-class Placed:
+class Located:
     """An instance (or the assembly itself), and the positions of its nodes and elements in the whole mesh."""
 
     name: str
@@ -36,19 +36,19 @@ class Placed:
         return {key: text for scope in self.scopes for (kind, key), text in scope.spelled.items() if kind == word}
 
 
-class Assembly:
+class ModelSets:
     """Looks up sets and surfaces by name over all instances."""
 
-    def __init__(self, source: str, own: Placed, instances: dict[str, Placed], skins: Ints) -> None:
+    def __init__(self, source: str, own: Located, instances: dict[str, Located], skins: Ints) -> None:
         self.source, self.own, self.instances, self.skins = source, own, instances, skins
 
     def skin_of(self, rows: Ints) -> list[Ints]:
-        """Return the corners (f, 3) and (f, 4) of the shells among positions (n,) of elements, see `Placed.rows`."""
+        """Return the corners (f, 3) and (f, 4) of the shells among positions (n,) of elements, see `Located.rows`."""
         corners = self.skins[-2 - rows[rows <= -2]]
         three = corners[:, 3] < 0
         return [corners[three][:, :3], corners[~three]]
 
-    def members(self, word: str, placed: Placed, name: str, path: tuple[str, ...] = ()) -> Ints:
+    def members(self, word: str, placed: Located, name: str, path: tuple[str, ...] = ()) -> Ints:
         """Return the positions (n,) of the members of a set of nodes (word "NSET") or elements ("ELSET").
 
         Raises
@@ -73,7 +73,7 @@ class Assembly:
                     )
         return np.unique(np.concatenate(parts))
 
-    def find(self, word: str, placed: Placed, text: str, user: str, path: tuple[str, ...] = ()) -> Ints:
+    def find(self, word: str, placed: Located, text: str, user: str, path: tuple[str, ...] = ()) -> Ints:
         """Return the positions (n,) of what a reference means: a number, a set, INSTANCE.SET or INSTANCE.number.
 
         Raises
@@ -97,7 +97,7 @@ class Assembly:
             + suggest(text, placed.names(word).values())
         )
 
-    def surface(self, placed: Placed, name: str) -> tuple[str, list[tuple[Ints, str]]]:
+    def surface(self, placed: Located, name: str) -> tuple[str, list[tuple[Ints, str]]]:
         """Return the type of a surface, and for each of its lines the members and the label of the face.
 
         The label is "S1" ... "S6", or "" for all free faces.
@@ -113,7 +113,7 @@ class Assembly:
                     out.append((self.find(word, placed, fields[0], f'surface "{name}"'), label))
         return kind, out
 
-    def _instance(self, name: str, user: str) -> Placed:
+    def _instance(self, name: str, user: str) -> Located:
         if name.upper() not in self.instances:
             raise MeshError(
                 f'{self.source}: {user} refers to instance "{name}", which does not exist'
@@ -121,7 +121,7 @@ class Assembly:
             )
         return self.instances[name.upper()]
 
-    def _rows(self, word: str, placed: Placed, wanted: Ints, name: str, strict: bool = True) -> Ints:
+    def _rows(self, word: str, placed: Located, wanted: Ints, name: str, strict: bool = True) -> Ints:
         found = rows_of(wanted, placed.labels[word])
         if strict and (found < 0).any():
             where = f' of "{placed.name}"' if placed.name else ""

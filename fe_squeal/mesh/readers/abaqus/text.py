@@ -24,7 +24,7 @@ _FIELD = re.compile(r'"[^"]*"|[^,]+|(?<=,)(?=,)')
 
 
 @dataclass(frozen=True)
-class Block:
+class KeywordBlock:
     """One keyword with its parameters (names in capitals, values as spelled) and its data lines.
 
     Attributes
@@ -49,7 +49,7 @@ class Block:
         return text[: len(self.keyword) if self.foreign else 60]
 
 
-def read_blocks(sources: Sources) -> Iterator[Block]:
+def read_blocks(sources: Sources) -> Iterator[KeywordBlock]:
     """Yield the keyword blocks of the file; the lines of an included file stand where its *INCLUDE stands.
 
     Raises
@@ -105,7 +105,7 @@ def _logical_lines(sources: Sources, path: Path, depth: int) -> Iterator[tuple[s
             yield line, path, number
 
 
-def _with_input(block: Block, sources: Sources, path: Path) -> Block:
+def _with_input(block: KeywordBlock, sources: Sources, path: Path) -> KeywordBlock:
     """Return the block with the data lines of the file that its parameter INPUT names."""
     name = block.value("INPUT")
     if not name:
@@ -116,13 +116,13 @@ def _with_input(block: Block, sources: Sources, path: Path) -> Block:
     return replace(block, lines=block.lines + lines, foreign=True)
 
 
-def _keyword(line: str, where: str) -> Block:
+def _keyword(line: str, where: str) -> KeywordBlock:
     fields = [field.strip() for field in _FIELD.findall(line[1:])]
     parameters = {}
     for field in fields[1:]:
         key, _, value = field.partition("=")
         parameters[" ".join(key.upper().split())] = unquoted(value)
-    return Block(" ".join((fields or [""])[0].upper().split()), parameters, [], where)
+    return KeywordBlock(" ".join((fields or [""])[0].upper().split()), parameters, [], where)
 
 
 def unquoted(text: str) -> str:
@@ -155,7 +155,7 @@ def label_of(text: str) -> int:
     return number if abs(number) < LARGEST else LARGEST
 
 
-def numbers(block: Block, source: str, lines: list[str] | None = None) -> tuple[Floats, Ints]:
+def numbers(block: KeywordBlock, source: str, lines: list[str] | None = None) -> tuple[Floats, Ints]:
     """Return all numbers (n,) of a block's data lines, and how many of them stand up to the end of each line (l,).
 
     Parameters

@@ -67,7 +67,7 @@ def _face(shape: str, corners: Ints, given: Ints, opposite: bool) -> Ints:
     Parameters
     ----------
     shape : str
-        Of the solid, a key of `elements.FACES`.
+        Shape of the solid, a key of `elements.FACES`.
     corners : (c,) int
         The corners of the solid.
     given : (1, 2, 3 or 4,) int
