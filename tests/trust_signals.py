@@ -170,17 +170,17 @@ class Process:
     """A command that runs: from its first line on, or forked from this process, in which all is imported."""
 
     def __init__(self, arguments: list[str], place: Path, forked: bool) -> None:
-        self._said = place / "stderr"
+        self._said, self._told = place / "stderr", place / "stdout"
         (place / "tmp").mkdir(exist_ok=True)
         if forked:
             self.pid = os.fork()
             if not self.pid:
                 self._run(arguments, place)
         else:
-            with self._said.open("w") as said:
+            with self._said.open("w") as said, self._told.open("w") as told:
                 # Nobody waits for it but `poll`: the module need not know that it has ended.
                 self.pid = subprocess.Popen(
-                    [sys.executable, "-P", "-c", _PLAIN, *arguments], cwd=place, stdout=subprocess.DEVNULL, stderr=said,
+                    [sys.executable, "-P", "-c", _PLAIN, *arguments], cwd=place, stdout=told, stderr=said,
                     env=environment(TMPDIR=str(place / "tmp")),
                 ).pid  # fmt: skip
         self.code: int | None = None
@@ -217,6 +217,12 @@ class Process:
             time.sleep(0.005)
         return self.code is not None
 
+    def wait_for_words(self, seconds: float) -> None:
+        """Wait until it has said something, which it does when all is imported; for so long at most."""
+        end = time.monotonic() + seconds
+        while self.poll() is None and not self._told.stat().st_size and time.monotonic() < end:
+            time.sleep(0.01)
+
     @property
     def said(self) -> str:
         """What it wrote on stderr."""
@@ -236,7 +242,8 @@ def search(
     # Those first that others need, and one before all others: these then tell their own time, without the imports.
     needed = {task.of for task in used} - {""}
     first = [task for task in tasks(place) if task.name in needed]
-    _unbroken(replace((first or used)[0], name="imports"), place)
+    for task in [task for task in (*first, *used) if task.forks][:1]:
+        _unbroken(replace(task, name="imports"), place)
     seconds = {task.name: _unbroken(task, place) for task in (*first, *(t for t in used if t not in first))}
     for number in range(count):
         task, signal_ = order[number % len(order)], SIGNALS[(number // len(order) + number) % len(SIGNALS)]
@@ -291,7 +298,9 @@ def _interrupted(
     folder, whole = place / "found", place / f"whole {task.name}"
     _begin(task, folder, place)
     process = Process(_arguments(task, folder), place, past and task.forks)
-    time.sleep(moment + (_IMPORTS if past and not task.forks else 0.0))
+    if past and not task.forks:
+        process.wait_for_words(60)
+    time.sleep(moment)
     family = []
     if process.poll() is None:
         with suppress(psutil.NoSuchProcess):
