@@ -83,7 +83,8 @@ def _no_figures() -> Iterator[None]:
 
 def _search(folder: Path, count: int, seed: int, tell: Callable[[str], None]) -> dict[str, Outcome]:
     found = kinds(folder / "good")
-    for kind in found:  # what the program imports for it is there before the processes part
+    different = {(kind.command[0], kind.target.suffix): kind for kind in found}
+    for kind in different.values():  # what the program imports for them is there before the processes part
         with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):
             main(_prepared(kind, folder))
     outcomes = {}

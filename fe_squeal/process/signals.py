@@ -6,12 +6,14 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
+_ENDS = ("SIGINT", "SIGTERM", "SIGHUP")
+
 
 @contextmanager
 def stopped_by_signals() -> Iterator[None]:
     """Let every signal that asks for the end do what Ctrl-C does: what is finished is kept, children are ended."""
     before = {}
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+    for name in _ENDS:
         number = getattr(signal, name, None)  # Windows knows no SIGHUP
         if number is None or signal.getsignal(number) in (signal.SIG_IGN, None):
             continue
@@ -22,3 +24,22 @@ def stopped_by_signals() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def signals_deferred() -> Iterator[None]:
+    """Let these signals wait until the block has ended, so that what it starts is whole before it is ended again."""
+    came: list[int] = []
+    before = {}
+    for name in _ENDS:
+        number = getattr(signal, name, None)
+        if number is not None and callable(signal.getsignal(number)):
+            with suppress(ValueError):  # not in the main thread
+                before[number] = signal.signal(number, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if came:
+        raise KeyboardInterrupt

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
+import logging
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -14,6 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from ..errors import NotConvergedError, SceneError
 from ..process.isolation import isolated_children
+from ..process.signals import signals_deferred
 from .models import Model, Solver
 from .outcome import COLUMNS, MODE_COLUMNS, Outcome
 
@@ -167,11 +170,27 @@ def _client(distributed: Any, processes: Processes) -> Iterator[Any]:
     with (
         tempfile.TemporaryDirectory(prefix="fe_squeal_", ignore_cleanup_errors=True) as scratch,
         dask.config.set(temporary_directory=scratch),
-        isolated_children(),  # during the whole block, since Dask restarts workers that have died
-        distributed.LocalCluster(**settings, scheduler_kwargs=free, silence_logs=50) as local,
-        distributed.Client(local) as client,
+        isolated_children(),  # for as long as the cluster is there: Dask starts workers again that have died
+        _quiet_asyncio(),
+        ExitStack() as opened,
     ):
+        with signals_deferred():  # a cluster that is only half there cannot be closed
+            local = opened.enter_context(distributed.LocalCluster(**settings, scheduler_kwargs=free, silence_logs=50))
+            client = opened.enter_context(distributed.Client(local))
         yield client
+
+
+@contextmanager
+def _quiet_asyncio() -> Iterator[None]:
+    """Keep errors of Dask's own tasks, which lose their workers when a study is interrupted, from the terminal."""
+    logger = logging.getLogger("asyncio")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        gc.collect()  # a task tells what became of it when it is collected
+        logger.setLevel(level)
 
 
 def _on_cluster(

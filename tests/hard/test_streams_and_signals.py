@@ -18,6 +18,7 @@ from test_safety import matrix_scene
 
 import fe_squeal.run.run
 from fe_squeal.cli import main
+from fe_squeal.process.signals import signals_deferred, stopped_by_signals
 from fe_squeal.process.streams import lasting_streams
 from fe_squeal.sweep.running import RunningSweep
 
@@ -190,6 +191,45 @@ def test_signal_while_importing(number: signal.Signals, scene: Path) -> None:
         _, said = child.communicate(timeout=60)
         assert child.returncode == 130 and said.startswith("interrupted") and said.count("\n") == 1
     assert main(["run", str(scene), "-o", str(scene.parent / "out"), "--resume"]) == 0
+
+
+@POSIX
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_that_wait(number: signal.Signals) -> None:
+    """What a block starts is whole before the signal counts; without a signal nothing is raised."""
+    done = []
+    with stopped_by_signals():
+        with signals_deferred():
+            done.append("alone")
+        with pytest.raises(KeyboardInterrupt), signals_deferred():
+            os.kill(os.getpid(), number)
+            time.sleep(0.01)
+            done.append("whole")
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), number)
+            time.sleep(1)
+            done.append("too late")
+    assert done == ["alone", "whole"]
+
+
+@POSIX
+@pytest.mark.slow
+def test_signal_while_workers_start(tmp_path: Path) -> None:
+    """Dask's cluster, half there, could not be closed, and said so on many lines."""
+    pytest.importorskip("distributed")
+    study = '[study]\nsamples = 64\nindices = false\n[study.parameters]\nmu = { uniform = { low = 0.1, high = 0.5 } }\n'
+    path = write_scene(tmp_path, sweep_text(2) + study)
+    child = subprocess.Popen(
+        [*HEARING, "study", str(path), "-o", str(tmp_path / "out"), "--workers", "2"],
+        env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8",
+    )  # fmt: skip
+    assert child.stdout is not None
+    while "samples" not in child.stdout.readline():  # the cluster starts
+        assert child.poll() is None
+    time.sleep(0.7)
+    child.send_signal(signal.SIGINT)
+    _, said = child.communicate(timeout=60)
+    assert child.returncode == 130 and said.startswith("interrupted") and said.count("\n") == 1
 
 
 @POSIX
