@@ -27,7 +27,7 @@ _NODES = 60  # largest number of places whose modes span the basis
 _TURNED = 0.3
 _MOST = 600  # vectors: with more, the projected eigenvalue problem costs as much as a direct solve of a small brake
 _LEAST = (1.0, 0.5, 0.3, 0.2, 0.15, 0.1)  # times √tolerance: singular values that a condensed basis leaves out
-_COST = 2  # power of the size of a basis with which the work for its lowest modes grows
+_LOWEST, _EVERY = 2, 3  # powers of the size of a basis with which the work for its lowest modes, or for all, grows
 _TRIALS = 30  # places at which it is tried
 _MARGIN = 3.0  # times the largest ratio of true errors to estimated ones there
 _FAR = 100.0  # times the tolerance: beyond it the next place is the farthest from all others
@@ -114,7 +114,8 @@ class BoxModel(ReducedModel):
             if self._off(place) > 1:
                 missed.append(place)
             else:
-                del self._seen[place], self._blocks.blocks[place]
+                del self._seen[place]
+                self._blocks.blocks.pop(place, None)
             if len(missed) == _FEW:
                 break
         return missed
@@ -161,10 +162,10 @@ class BoxModel(ReducedModel):
         gram[: self._first] = gram[:, : self._first] = 0.0
         w, U = (a[..., ::-1] for a in la.eigh(gram))
         s = np.sqrt(np.maximum(w, 0.0))
-        known = self._blocks.first(_TRIALS)
-        trials = list(known.blocks)
+        known, trials = self._blocks.first(_TRIALS), list(self._seen)[:_TRIALS]
+        power = _LOWEST if known.blocks else _EVERY
         exact_modes = [self._estimated(p)[0] for p in trials]
-        best, least_cost = None, float(len(self.basis)) ** _COST
+        best, least_cost = None, float(len(self.basis)) ** power
         for least in _LEAST:
             W = np.hstack([exact, U[:, s > least * self.request.tolerance**0.5 * s[0]]])
             small = CertifiedBasis(self.basis.restricted(W), self.request, self.highest, known.on(W))
@@ -172,7 +173,7 @@ class BoxModel(ReducedModel):
             ratios = [_ratio(f, e, SLIGHT * self.request.tolerance) for f, e in zip(found, exact_modes, strict=True)]
             scale = min(_MARGIN * max(ratios), 1.0)
             missed = np.mean([scale * off.max(initial=0.0) > 1 for _, off, _ in found])
-            cost = W.shape[1] ** _COST + missed * len(self.basis) ** _COST
+            cost = W.shape[1] ** power + missed * len(self.basis) ** power
             if best is not None and cost > least_cost:
                 break  # larger bases cost more still
             if cost < least_cost:
@@ -183,7 +184,8 @@ class BoxModel(ReducedModel):
         self._forget()
         if value not in self._known:
             self._known[value], every = self._whole(self._blocks).found(value)
-            self._blocks.blocks[value] = Blocks.of(every, self.request)
+            if self.problem.problem_class in ("symmetric", "nonsymmetric"):  # others are left to LAPACK
+                self._blocks.blocks[value] = Blocks.of(every, self.request)
             wanted = self._known[value][0]
             assert wanted.left is not None
             self._seen[value] = unit_columns(wanted.right, wanted.left)

@@ -274,7 +274,8 @@ def _check_values(
                 else:
                     with_numbers(of, dict.fromkeys(paths_of(name), value))
             except SceneError as error:
+                expected = str(error).rpartition("expected ")[2]  # what the message about the value itself ends with
                 raise SceneError(
-                    f"study.parameters: the distribution of {name} reaches {value:.6g}: {error}; expected one that"
-                    " stays in the allowed range, cut off by low and high"
+                    f"study.parameters: the distribution of {name} reaches {value:.6g}; expected {expected}: cut it off"
+                    " by low and high"
                 ) from error
