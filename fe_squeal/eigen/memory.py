@@ -25,13 +25,21 @@ def available_memory() -> int:
     free = [int(psutil.virtual_memory().available)]
     with suppress(OSError, ValueError):  # no such files, or no limit ("max")
         limit, used = (int((_GROUP / f"memory.{name}").read_text()) for name in ("max", "current"))
-        free.append(limit - used)
+        free.append(limit - used + _reclaimable())
     with suppress(AttributeError):  # not every system has these
         process = psutil.Process()
         limit = int(process.rlimit(psutil.RLIMIT_AS)[0])
         if limit != psutil.RLIM_INFINITY:
             free.append(limit - int(process.memory_info().vms))
     return max(min(free), 0)
+
+
+def _reclaimable() -> int:
+    """Return the bytes of files that the container's memory holds, unused: the system gives them up when asked."""
+    with suppress(OSError, ValueError):
+        known = dict(line.split() for line in (_GROUP / "memory.stat").read_text().splitlines())
+        return int(known.get("inactive_file", 0))
+    return 0
 
 
 def peak_memory_mib() -> float | None:

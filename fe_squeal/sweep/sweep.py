@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from numbers import Integral, Real
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from .result import Sweep
     from .state import Store
 
+METHODS = "auto", "direct", "reduced", "modal"
 MODES = 20  # number of modes, if neither a number nor a highest frequency is given
 
 
@@ -82,7 +84,8 @@ def sweep(
     ------
     SceneError
         The values are empty, not finite or not ascending; the problem does not have the parameter; there is no static
-        state at the first value; or the linear solver is not installed.
+        state at the first value; the linear solver is not installed; or modes, frequency, tolerance or method are not
+        what is described above.
     NotConvergedError
         Modes were not found at some value; `partial` is the sweep so far (None if no value was finished).
     TooLargeError
@@ -113,11 +116,12 @@ def sweep(
     from ..eigen.threads import one_openblas_thread
     from .running import RunningSweep
 
+    _check_request(modes, max_frequency, tolerance, method)
     values, solver = _checked(problem, parameter, values), choose(linear_solver)
     if len(values) == 1 and not problem.has(parameter):  # a scene without friction has no mu, and needs none
         problem = replace(problem, parameters={**problem.parameters, parameter: float(values[0])})
     problem = problem.solved_with(solver).prepared(parameter, values)
-    request = Request(None if max_frequency else modes or MODES, max_frequency, tolerance)
+    request = Request(None if max_frequency else MODES if modes is None else modes, max_frequency, tolerance)
     tracker = RunningSweep(problem, parameter, request, values, precise, solver)
     known = None if store is None else store.load()
     tracker.reduce(values, method, store, known)
@@ -185,6 +189,18 @@ def find_onsets(
         As `sweep`.
     """
     return sweep(problem, values, parameter, modes=modes, precise=True, linear_solver=linear_solver).onsets
+
+
+def _check_request(modes: int | None, max_frequency: float | None, tolerance: float, method: str) -> None:
+    """Raise SceneError where a caller from Python asks for something that there is not; scenes are checked before."""
+    if modes is not None and not (isinstance(modes, Integral) and modes > 0):
+        raise SceneError(f"modes: given {modes!r}; expected a whole number above 0")
+    if max_frequency is not None and not (isinstance(max_frequency, Real) and 0 < max_frequency < np.inf):
+        raise SceneError(f"max_frequency: given {max_frequency!r}; expected a frequency in Hz above 0")
+    if not (isinstance(tolerance, Real) and 0 < tolerance < 1):
+        raise SceneError(f"tolerance: given {tolerance!r}; expected a relative backward error between 0 and 1")
+    if method not in METHODS:
+        raise SceneError(f"method: given {method!r}; expected {', '.join(METHODS[:-1])} or {METHODS[-1]}")
 
 
 def _checked(problem: Problem, parameter: str, values: Sequence[float] | np.ndarray) -> np.ndarray:

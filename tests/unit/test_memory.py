@@ -36,6 +36,8 @@ def test_there_is_memory_and_limits_count(tmp_path, monkeypatch):
     (tmp_path / "memory.current").write_text("400000\n")
     monkeypatch.setattr(memory, "_GROUP", tmp_path)
     assert memory.available_memory() == 600_000
+    (tmp_path / "memory.stat").write_text("anon 300000\ninactive_file 100000\nactive_file 0\n")
+    assert memory.available_memory() == 700_000  # files that were read count as used until somebody wants the memory
     (tmp_path / "memory.max").write_text("max\n")
     assert memory.available_memory() > 2**28
 

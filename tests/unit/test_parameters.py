@@ -167,3 +167,18 @@ def test_a_wrong_kind_of_argument_ends_in_one_sentence_that_says_how(
     with pytest.raises(fe_squeal.SquealError) as caught:
         call(problem)
     assert re.fullmatch(sentence, str(caught.value))
+
+
+@pytest.mark.parametrize(("given", "told"), [
+    ({"modes": 0}, "modes: given 0; expected a whole number above 0"),
+    ({"modes": "x"}, "modes: given 'x'; expected a whole number above 0"),
+    ({"max_frequency": -1.0}, "max_frequency: given -1.0; expected a frequency in Hz above 0"),
+    ({"tolerance": -1.0}, "tolerance: given -1.0; expected a relative backward error between 0 and 1"),
+    ({"method": "fast"}, "method: given 'fast'; expected auto, direct, reduced or modal"),
+])  # fmt: skip
+def test_what_a_sweep_cannot_be_asked_for(given, told):
+    one = sp.eye_array(2, format="csr")
+    terms = Term("inertia", "M", one, symmetric=True), Term("springs", "K", one, symmetric=True, powers={"mu": 1})
+    with pytest.raises(SceneError) as caught:
+        fe_squeal.sweep(Problem(terms, {"mu": 1.0}), [1.0, 2.0], **given)
+    assert str(caught.value) == told
