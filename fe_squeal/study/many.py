@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..assembly.assembly import assemble
 from ..assembly.swept import swept
-from ..errors import NotConvergedError, SceneError
+from ..errors import MeshError, NotConvergedError, SceneError, TooLargeError
 from ..scene import MatrixScene, Scene
 from ..scene.file import load_scene
 from ..sweep.result import Sweep
@@ -44,13 +44,15 @@ def run_many(
     ------
     SceneError
         There are no scenes, one of them is wrong (the message has its name), or dask.distributed is not installed.
+    MeshError, TooLargeError
+        Of one scene, whose name the message has.
     NotConvergedError
         A sweep failed (the message has the name of the scene), or the scheduler does not answer.
     """
     import pandas as pd
 
     if not isinstance(scenes, Mapping):
-        scenes = {str(s) if isinstance(s, str | Path) else str(i): s for i, s in enumerate(scenes, 1)}
+        scenes = _named(scenes)
     if not scenes:
         raise SceneError("run_many: given no scenes; expected at least one")
     loaded = {name: load_scene(s) if isinstance(s, str | Path) else s for name, s in scenes.items()}
@@ -62,14 +64,21 @@ def run_many(
     return modes, onsets
 
 
+def _named(scenes: Sequence[Variant]) -> dict[str, Variant]:
+    """Return scenes by name: by that of their file, or by number; the same file again has a number behind its name."""
+    named: dict[str, Variant] = {}
+    for i, scene in enumerate(scenes, 1):
+        name = str(scene) if isinstance(scene, str | Path) else str(i)
+        named[f"{name} ({i})" if name in named else name] = scene
+    return named
+
+
 def _tables(shared: None, named: tuple[str, Any]) -> tuple[pd.DataFrame, pd.DataFrame]:
     name, scene = named
     try:
         result = _sweep_of(scene)
-    except SceneError as error:
-        raise SceneError(f"{name}: {error}") from error
-    except NotConvergedError as error:
-        raise NotConvergedError(f"{name}: {error}") from error
+    except (SceneError, MeshError, NotConvergedError, TooLargeError) as error:
+        raise type(error)(f"{name}: {error}") from error
     modes, onsets = result.to_dataframe(), result.onsets_dataframe()
     for frame in (modes, onsets):
         frame.insert(0, "scene", name)

@@ -274,6 +274,8 @@ def test_many_scenes(scene, tmp_path, workers):
     assert modes["scene"].value_counts().to_dict() == {"narrow": 8, "wide": 8}
     with pytest.raises(fe_squeal.SceneError, match="no such file"):
         fe_squeal.run_many([tmp_path / "missing.toml"])
+    twice, _ = fe_squeal.run_many([tmp_path / "wide.toml", tmp_path / "wide.toml"])
+    assert twice["scene"].nunique() == 2 and len(twice) % 2 == 0
 
 
 def test_without_dask_the_message_says_what_to_install(scene, tmp_path, capsys, monkeypatch):
