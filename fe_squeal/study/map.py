@@ -190,7 +190,7 @@ def _boundaries(
     stages = [
         *(seeds_on_lines(problem, axes, grids, 0, np.array([y]), count, limit, told.append) for y in grids[1]),
         *(seeds_on_lines(problem, axes, grids, 1, np.array([x]), count, limit, told.append) for x in columns),
-        islands(problem, axes, grids, modes_at),
+        islands(problem, axes, grids, modes_at, told.append),
     ]
     solving.tell("boundaries", 0, total)
     for i, stage in enumerate(stages):

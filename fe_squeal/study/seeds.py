@@ -142,12 +142,13 @@ class Gap:
 
 def islands(
     problem: Problem, axes: Axes, grids: tuple[np.ndarray, np.ndarray], modes_at: Callable[[float, float], Modes],
-    most: int = 40,
+    tell: Callable[[str], None] = lambda text: None, most: int = 40,
 ) -> Iterator[Seed]:  # fmt: skip
     """Yield points of boundaries around islands that no line of the grid crosses.
 
     Where the gap at a place of the grid is smaller than at all its neighbours, a parabola through the neighbours shows
-    whether it may become negative between them. If so, its minimum is looked for. At most `most` minima are.
+    whether it may become negative between them. If so, its minimum is looked for. At most `most` minima are; where
+    there are more, a sentence says so.
 
     Parameters
     ----------
@@ -155,6 +156,8 @@ def islands(
         As for `seeds_on_lines`.
     modes_at : callable of (float, float)
         Returns the modes at values of both parameters.
+    tell : callable of str
+        Gets that sentence.
     most : int
     """
     gap = Gap(problem, axes, modes_at)
@@ -173,10 +176,14 @@ def islands(
                             gaps, where = table[i + di][j + dj]
                             near = np.abs(where - omega) <= 0.03 * omega
                             around[di, dj] = float(gaps[near].min(initial=np.inf))
-                if min(around.values()) < g or not _promising(g, around) or tried >= most:
+                if min(around.values()) < g or not _promising(g, around):
                     continue
                 tried += 1
+                if tried > most:
+                    continue
                 yield from _island(problem, axes, gap, np.array([sx[i], sy[j]]), float(omega), _spacing(sx, sy))
+    if tried > most:
+        tell(f"small islands of instability were looked for at {most} of {tried} places of the grid: take a finer grid")
 
 
 def _promising(g: float, around: dict[tuple[int, int], float]) -> bool:
