@@ -232,6 +232,7 @@ def _results(folder: Path) -> Iterator[Kind]:
     _run(["study", str(scene), "-o", str(study)])
     shape = next((out / "shapes").glob("*.vtu")).relative_to(out).as_posix()
     yield from _results_of(out, ("run", str(scene), "-o", "{out}"), "manifest.sha256")
+    yield from _results_of(out, ("run", str(scene), "-o", "{out}", "--resume"), "modes.csv", "run.json")
     yield from _results_of(out, ("report", "{out}"), "modes.csv", "run.json", shape)
     yield from _results_of(study, ("report", "{out}"), "samples.csv", "study.json")
     yield from _results_of(out, ("diff", str(out), "{out}", "-o", "{more}"), "modes.csv", "run.json", shape)

@@ -80,9 +80,11 @@ def _lines(loaded: LoadedMesh, scale: float) -> Iterator[str]:
     mesh = loaded.mesh
     kind, nodes = vtk_nodes(mesh)
     points = mesh.doflocs.T / scale
+    # By name: a mesh that was read back is written as before.
     groups: dict[int, Mapping[str, Ints]] = {
-        0: _node_groups(loaded), 2: mesh.boundaries or {}, 3: mesh.subdomains or {}
-    }  # fmt: skip
+        d: dict(sorted((found or {}).items()))
+        for d, found in ((0, _node_groups(loaded)), (2, mesh.boundaries), (3, mesh.subdomains))
+    }
     tags = {(d, name): tag for tag, (d, name) in enumerate(((d, n) for d in groups for n in groups[d]), start=1)}
     yield from ("$MeshFormat", "4.1 0 8", "$EndMeshFormat")
     yield from ("$PhysicalNames", str(len(tags)))

@@ -159,7 +159,7 @@ def _read_table(path: Path, needed: Sequence[str]) -> tuple[pd.DataFrame, str]:
         check_table(frame, needed)
     except FileNotFoundError:
         return pd.DataFrame(columns=list(needed)), f"{path.name} is missing; what it holds cannot be shown."
-    except (OSError, ValueError) as error:
+    except (OSError, OverflowError, ValueError) as error:
         return pd.DataFrame(columns=list(needed)), f"{path.name} cannot be read ({error}); it is left out."
     return frame, ""
 

@@ -119,7 +119,7 @@ def _placed(entry: Measured, x: np.ndarray, u: np.ndarray, path: Path) -> TestSh
 def _table(path: Path, key: str) -> pd.DataFrame:
     try:
         frame = pd.read_csv(path, skipinitialspace=True)
-    except (OSError, ValueError) as error:
+    except (OSError, OverflowError, ValueError) as error:
         raise SceneError(f"{key}: {path} cannot be read ({error}); expected a table in CSV") from error
     return frame.rename(columns=lambda name: str(name).strip())
 
@@ -168,5 +168,5 @@ def _shape(frame: pd.DataFrame, key: str, path: Path) -> tuple[np.ndarray, np.nd
 def _numbers(frame: pd.DataFrame, column: str, key: str, path: Path) -> np.ndarray:
     try:
         return np.asarray(pd.to_numeric(frame[column]), dtype=float)
-    except (ValueError, TypeError) as error:
+    except (OverflowError, TypeError, ValueError) as error:
         raise SceneError(f"{key}: {path}, column {column}: {error}; expected numbers") from error

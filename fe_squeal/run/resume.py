@@ -64,7 +64,7 @@ def show_finished(out: Path, console: Console) -> int:
         covered = (read_json(out / RECORD) or {}).get("frequency_range_hz")
         print_onsets(onsets, console, covered_text(tuple(covered)) if covered else "")
         print_unstable(modes, console, onsets)
-    except (OSError, ValueError, KeyError) as error:
+    except (ArithmeticError, AttributeError, LookupError, OSError, TypeError, ValueError) as error:  # it was changed
         raise OutputError(
             f"{out}: the results are complete by run.json, but a table cannot be read ({error}); run without --resume"
             " to make them anew"

@@ -34,10 +34,10 @@ def read_universal(path: Path, frequency_hz: float | None, key: str) -> tuple[np
         ) from error
     try:
         sets = pyuff.UFF(str(path)).read_sets()
-    except Exception as error:  # pyuff raises almost any exception at damaged files
+        sets = sets if isinstance(sets, list) else [sets]
+        places = _places(sets)
+    except Exception as error:  # the reader stops at damaged files with almost any exception, or leaves parts out
         raise SceneError(f"{key}: {path} cannot be read ({error}); expected a universal file") from error
-    sets = sets if isinstance(sets, list) else [sets]
-    places = _places(sets)
     shapes = [s for s in sets if s.get("type") == 55]
     responses = [s for s in sets if s.get("type") == 58]
     if not places or not (shapes or responses):
@@ -45,11 +45,17 @@ def read_universal(path: Path, frequency_hz: float | None, key: str) -> tuple[np
         raise SceneError(
             f"{key}: {path} has the data sets {kinds}; expected points (2411 or 15) and shapes (55) or responses (58)"
         )
-    found = _shape(shapes, frequency_hz, path, key) if shapes else _lines(responses, frequency_hz, path, key)
+    try:
+        found = _shape(shapes, frequency_hz, path, key) if shapes else _lines(responses, frequency_hz, path, key)
+    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+        raise SceneError(f"{key}: {path} has shapes that are not whole ({error}); save it again") from error
     lost = [node for node in found if node not in places]
     if lost:
         raise SceneError(f"{key}: {path} has displacements at node {lost[0]:g}, and no point of that number")
-    return np.array([places[node] for node in found]), np.array(list(found.values()))
+    points = np.array([places[node] for node in found])
+    if not np.isfinite(points).all():
+        raise SceneError(f"{key}: {path} has points without coordinates; expected a number for each of x, y, z")
+    return points, np.array(list(found.values()))
 
 
 def _places(sets: list[dict[str, Any]]) -> dict[int, np.ndarray]:

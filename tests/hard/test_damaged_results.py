@@ -78,6 +78,18 @@ def test_records_with_other_things_in_them(key: str, value: Any, place: Path) ->
     assert f"run.json: {key}: not as fe-squeal writes it; it is left out." in found.lacks
 
 
+def test_the_scene_in_a_record(place: Path) -> None:
+    """A list of tables with something else in it is shown as it is; so is a number that no column can hold."""
+    path = place / "out" / "run.json"
+    record = json.loads(path.read_text("utf-8"))
+    record["inputs"]["scene"]["springs"].append(1.5)
+    path.write_text(json.dumps(record), encoding="utf-8")
+    (place / "out" / "onsets.csv").write_text(f"value,frequency_hz\n{'1' * 500},2\n0.5,3.0\n")
+    assert main(["report", str(place / "out")]) == 0
+    page = (place / "out" / "report.html").read_text("utf-8")
+    assert "onsets.csv cannot be read" in page and "springs = [{" in page
+
+
 def test_damaged_shapes(results: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Every single byte of the arrays at which VTK's reader prints pages, or ends the process: ValueError, no word."""
     good = next((results / "out" / "shapes").glob("*.vtu"))

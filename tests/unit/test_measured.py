@@ -13,6 +13,7 @@ from scene_texts import SCENE, replaced, write_scene
 
 import fe_squeal
 from fe_squeal.cli import main
+from fe_squeal.errors import SceneError
 from fe_squeal.report.mac import mac
 from fe_squeal.report.results import read_shapes
 from fe_squeal.run.measured import read_measured
@@ -161,6 +162,25 @@ def test_universal_files(tmp_path: Path, shape, kind: str) -> None:
     assert mac((found.u @ found.frame)[order[0]], u[order[1]]) == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.parametrize("lost", ["y", "r2"])
+def test_universal_files_of_which_a_part_is_lost(tmp_path: Path, shape, lost: str, monkeypatch) -> None:
+    """pyuff gives columns of different lengths for some damaged files."""
+    universal(tmp_path / "test.unv", shape, "55")
+    read = pyuff.UFF.read_sets
+
+    def shortened(*arguments):
+        sets = read(*arguments)
+        for s in sets:
+            if lost in s:
+                s[lost] = s[lost][:-1]
+        return sets
+
+    monkeypatch.setattr(pyuff.UFF, "read_sets", shortened)
+    scene = write_scene(tmp_path, f'{SCENE}[[measured]]\nfile = "test.unv"\nfrequency_hz = 710.0\n{KEYS}')
+    with pytest.raises(SceneError, match=r"test\.unv (cannot be read|has shapes that are not whole)"):
+        read_measured(fe_squeal.load_scene(scene))
+
+
 BAD = {
     "nothing": ("[[measured]]\nlabel = 'x'\n", "given neither frequency_hz nor file"),
     "missing": ("[[measured]]\nfile = 'no.csv'\n", "there is no file"),
@@ -171,6 +191,7 @@ BAD = {
     "no displacement": ("[[measured]]\nfile = 'points.csv'\n", "expected x, y, z and some of ux_re"),
     "damaged": ("[[measured]]\nfile = 'bad.unv'\n", "bad.unv"),
     "skew axes": ("[[measured]]\nfrequency_hz = 5.0\naxes = [[1, 0, 0], [1, 1, 0]]\n", "two vectors at right angles"),
+    "long number": ("[[measured]]\nfile = 'long.csv'\n", "long.csv"),
     "unit": ("[[measured]]\nfrequency_hz = 5.0\nlength_unit = 'in'\n", "length_unit"),
 }
 
@@ -181,7 +202,8 @@ def test_what_is_refused_before_anything_is_solved(
 ) -> None:
     measured, said = BAD[case]
     for name, text in (("bad.csv", "a,b\n1,2\n"), ("words.csv", "frequency_hz\nloud\n"), ("bad.unv", "no\n"),
-                       ("negative.csv", "frequency_hz\n5\n-5\n"), ("points.csv", "x,y,z\n0,0,0\n")):  # fmt: skip
+                       ("negative.csv", "frequency_hz\n5\n-5\n"),
+                       ("long.csv", f"frequency_hz\n{'1' * 500}\n5\n"), ("points.csv", "x,y,z\n0,0,0\n")):  # fmt: skip
         (tmp_path / name).write_text(text)
     scene = write_scene(tmp_path, SCENE + measured)
     assert main(["run", str(scene), "-o", str(tmp_path / "out")]) == 2

@@ -27,7 +27,7 @@ def write_accuracy_page(path: Path, page: Path) -> tuple[str, ...]:
     expected = "expected the table that fe-squeal accuracy writes"
     try:
         frame = pd.read_csv(path)
-    except (OSError, ValueError) as error:
+    except (OSError, OverflowError, ValueError) as error:
         raise OutputError(f"{path}: cannot be read ({error}); {expected}") from error
     missing = [name for name in _NEEDED if name not in frame]
     if missing:

@@ -30,7 +30,7 @@ def read_and_write_page(table_file: Path, record_file: Path, path: Path) -> tupl
         words = {"b": str, "state": str, "look": str}
         differences = pd.read_csv(table_file, dtype=words, keep_default_na=False, na_values=[""])
         _ = differences[["b", "state", "look", "mac", "onset_bar", "re_bar", "onset_exceeds"]]
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, OverflowError, ValueError, KeyError) as error:
         raise OutputError(f"{table_file}: is no table of fe-squeal diff ({one_line(str(error))})") from error
     try:
         record |= json.loads(record_file.read_text(encoding="utf-8"))

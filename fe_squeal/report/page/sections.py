@@ -233,7 +233,7 @@ def _flat(data: Mapping[str, Any], prefix: str) -> list[tuple[str, str]]:
         path = f"{prefix}.{key}".removeprefix(".")
         if isinstance(value, Mapping):
             found += _flat(value, path)
-        elif isinstance(value, list) and any(isinstance(v, Mapping) for v in value):
+        elif isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
             for i, v in enumerate(value):
                 found += _flat(v, f"{path}[{i}]")
         else:

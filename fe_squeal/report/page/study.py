@@ -40,7 +40,7 @@ def write_study_page(record: Path, tables: dict[str, Path], figures: dict[str, P
         if not isinstance(said, dict):
             raise ValueError("it is no table")
         frames = {name: pd.read_csv(path) for name, path in tables.items() if path.exists()}
-    except (OSError, ValueError) as error:
+    except (OSError, OverflowError, ValueError) as error:
         raise OutputError(f"{record}: cannot be read ({error}); expected what fe-squeal study writes") from error
     lacks = [f"{path.name} is missing, so it is not shown." for path in (*tables.values(), *figures.values())
              if not path.exists()]  # fmt: skip
