@@ -25,6 +25,7 @@ for _key in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
+import psutil  # noqa: E402
 
 from fe_squeal.assembly.assembly import assemble  # noqa: E402
 from fe_squeal.cli import main as fe_squeal  # noqa: E402
@@ -95,8 +96,14 @@ def worker_lines(samples: int) -> list[str]:
     for workers in (1, 2):
         before, finished = resource.getrusage(resource.RUSAGE_CHILDREN), []
 
+        largest = 0
+
         def count(done: int, total: int, rate: float, finished: list[tuple[float, int]] = finished) -> None:
+            nonlocal largest
             finished.append((time.perf_counter(), done))
+            # Of a child that has ended the system tells the memory of this process, from which it was forked.
+            here = [child.memory_info().rss for child in psutil.Process().children(recursive=True)]
+            largest = max([largest, *here])
 
         rows.append(solve_places(solver.solver, points, Cluster(workers), None, count)[0])
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -106,7 +113,7 @@ def worker_lines(samples: int) -> list[str]:
         lines.append(
             f"- {samples} samples by {workers} worker{'s' if workers > 1 else ''}: {cpu:.0f} CPU seconds with the"
             f" start, so {samples / cpu:.0f} samples a second and core; {ended - finished[0][0]:.0f} s by the clock,"
-            f" {rates[-1]:.0f} a second; a worker took {after.ru_maxrss / 1024:.0f} MiB."
+            f" {rates[-1]:.0f} a second; a worker took {largest / 2**20:.0f} MiB."
         )
         print(lines[-1], flush=True)
     apart = np.abs(rows[1] - rows[0]).max()

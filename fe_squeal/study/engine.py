@@ -169,7 +169,8 @@ def _client(distributed: Any, processes: Processes) -> Iterator[Any]:
 
     with (
         tempfile.TemporaryDirectory(prefix="fe_squeal_", ignore_cleanup_errors=True) as scratch,
-        dask.config.set(temporary_directory=scratch),
+        # Profiles of what workers do would take more memory the longer they work.
+        dask.config.set({"temporary-directory": scratch, "distributed.worker.profile.enabled": False}),
         isolated_children(),  # for as long as the cluster is there: Dask starts workers again that have died
         _quiet_asyncio(),
         ExitStack() as opened,
@@ -202,7 +203,9 @@ def _on_cluster(
     try:
         sent = client.scatter(shared, broadcast=True, hash=False)
         futures = {client.submit(function, sent, item, pure=False, retries=2): i for i, item in work}
-        for future in distributed.as_completed(futures):
-            yield futures[future], future.result()
+        for future in distributed.as_completed(list(futures)):
+            number, result = futures.pop(future), future.result()
+            future.release()  # or workers would keep all results to the end
+            yield number, result
     except gone as error:
         raise NotConvergedError(f"the scheduler is gone ({type(error).__name__})") from error
