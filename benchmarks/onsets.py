@@ -29,6 +29,7 @@ from families import FAMILIES, judge  # noqa: E402
 from fe_squeal import sweep  # noqa: E402
 from fe_squeal.errors import SquealError  # noqa: E402
 
+_TOLD = 2  # warnings of one sweep that the page shows
 FIRST_SEED = 10_000  # tests use smaller ones
 # Without `large`: the judge counts all eigenvalues, and a sweep of a few of many modes does not have all.
 KINDS = (*(kind for kind in FAMILIES if kind is not families.large), *structures.KINDS)
@@ -124,7 +125,9 @@ def page(rows: list[dict]) -> str:
     lines += ["", f"Sweeps that were wrong, warned or ended with an error ({len(told)}):", ""] if told else []
     for r in told:
         what = [f"missed {v:.8g}" for v in r.get("missed", [])] + [f"invented {v:.8g}" for v in r.get("invented", [])]
-        what += [f"warned: {w}" for w in r.get("warnings", [])] + ([f"no result: {r['error']}"] if r["error"] else [])
+        warnings = r.get("warnings", [])
+        what += [f"warned: {w}" for w in warnings[:_TOLD]] + ([f"no result: {r['error']}"] if r["error"] else [])
+        what += [f"{len(warnings) - _TOLD} more warnings of this kind"] if len(warnings) > _TOLD else []
         lines.append(f"- {r['kind']}, seed {r['seed']} ({r['name']}): {'; '.join(what)}")
     return "\n".join([f"{NOTE}{len(rows)} sweeps, {date.today()}.", "", *lines, CAUSES])
 
