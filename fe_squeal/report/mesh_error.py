@@ -70,11 +70,13 @@ def mesh_error_figure(parts: pd.DataFrame, title: str = "") -> Figure:
         relative=lambda t: 100 * t["part"] / t["scale"],
         where=lambda t: np.where(t["direction"] == _WHOLE, t["body"], t["body"] + ", " + t["direction"]),
     )
-    tables = [_rows(table, "where", shown), _rows(table.replace({"place": _PLACES}), "place", shown)]
+    tables = [_rows(table, "where", shown)]
+    if "place" in table:  # which folders of earlier versions lack
+        tables.append(_rows(table.replace({"place": _PLACES}), "place", shown))
     sizes = [len(rows) for rows in tables]
     figure = Figure(figsize=(9.0, 2.3 + 0.42 * sum(sizes) + 0.3 * len(shown)), layout="constrained")
     FigureCanvasAgg(figure)
-    panels = figure.subplots(2, 1, sharex=True, height_ratios=sizes, squeeze=True)
+    panels = figure.subplots(len(tables), 1, sharex=True, height_ratios=sizes, squeeze=False)[:, 0]
     changes = table.drop_duplicates("quantity").set_index("quantity")
     relative = 100 * changes["change"] / changes["scale"]
     labels = [figure_text(f"{quantity}: {relative[quantity]:+.2g} % in all") for quantity in shown]

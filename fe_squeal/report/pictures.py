@@ -126,7 +126,8 @@ def _draw_in_child(jobs: Sequence[PictureJob], seconds: float) -> tuple[set[int]
     """Return the indices of the jobs that the child drew, and why it did not draw the others."""
     if not sys.executable:
         return set(), "no Python interpreter to start"
-    unfinished = [temporary_path(job.picture.absolute()) for job in jobs]
+    # Absolute, since the child has another working folder.
+    unfinished = [temporary_path(job.picture.absolute()).absolute() for job in jobs]
     try:
         drawn, reason = _drawn_by_child(jobs, unfinished, seconds)
         for i in drawn:

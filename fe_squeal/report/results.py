@@ -27,7 +27,7 @@ _MAC = ("measured", "value", "branch", "frequency_hz", "mac")
 _MESH_ERROR = ("quantity", "kind", "change", "scale", "body", "direction", "part")
 _WORDS = {  # columns that hold words; every other one holds numbers
     "parameter", "stability", "noise", "body", "term", "number", "kind", "direction", "measured", "quantity", "output",
-    "method",
+    "method", "place",
 }  # fmt: skip
 _CELLS = {"tetra": 10, "tetra10": 24, "hexahedron": 12, "hexahedron27": 29}  # VTK's numbers of meshio's types
 _STATUS = {

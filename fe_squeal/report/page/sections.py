@@ -158,7 +158,8 @@ def mesh_error_section(results: Results) -> str:
     parts = results.mesh_error
     if not len(parts):
         return ""
-    sums = parts.assign(relative=(parts["part"] / parts["scale"]).abs())
+    sums = parts.groupby(["quantity", "body", "direction"], sort=False).agg({"part": "sum", "scale": "first"})
+    sums = sums.reset_index().assign(relative=lambda t: (t["part"] / t["scale"]).abs())
     worst = sums.groupby("quantity")["relative"].sum().idxmax()
     own = sums[sums["quantity"] == worst].sort_values("relative", ascending=False, kind="stable")
     first = own.iloc[0]
