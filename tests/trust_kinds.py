@@ -1,4 +1,7 @@
-"""What the search through spoilt inputs spoils: good files of every format, and in folders that commands go on from."""
+"""What the search through spoilt inputs spoils: good files of every format, and in folders that commands go on from.
+
+This file is longer than others, since it is a list of kinds.
+"""
 
 from __future__ import annotations
 

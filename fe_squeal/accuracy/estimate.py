@@ -19,9 +19,8 @@ from ..sweep.sweep import sweep
 from ..sweep.tracking import match_modes, mirror_partners
 from .bars import bar_of, bar_of_parts, bent_change, enveloped, extrapolated, mirrored
 from .corrected import CorrectedModel
-from .rates import by_eigenvalue, onset_factor
 from .refined import Refined, refine_problem
-from .spread import Asked, spreads
+from .spread import growth_asked, spreads_of
 
 # Times the change by refining the mesh once. The error is between 1 and 2 times this change, see `bars`. EXTRAPOLATED
 # is about the middle of this range, and UNSURE how far from it the error may be.
@@ -201,7 +200,7 @@ def changes_by(result: Sweep, refined: Refined, linear_solver: LinearSolver | st
         same = _same(corrected, before, now)
         first = same if first is None else first
         pairs.append(_changes(point, before, now, same))
-        growing.append(_growing(refined, point, value, before, pairs[-1][1][2]))
+        growing.append(growth_asked(refined, point, value, before, pairs[-1][1][2]))
     onsets: list[float] = []
     appeared: list[Onset] = []
     if len(values) > 1:
@@ -220,38 +219,10 @@ def changes_by(result: Sweep, refined: Refined, linear_solver: LinearSolver | st
             replace(o, parameter=parameter, branch_a=0, branch_b=None, two_mode_value=np.nan, discretisation=np.inf)
             for j, o in enumerate(found) if j not in paired and o.frequency_hz < COMPARED * top
         ]  # fmt: skip
-    by_point, by_onset = _spreads(result, refined, corrected, growing)
+    by_point, by_onset = spreads_of(result, refined, corrected, growing)
     return Changes(
         tuple(c for c, _ in pairs), tuple(onsets), tuple(b for _, b in pairs), tuple(appeared), by_point, by_onset
     )
-
-
-def _growing(
-    refined: Refined, point: SweepPoint, value: float, before: Modes, near: np.ndarray
-) -> tuple[np.ndarray, Asked]:
-    """Return which modes of a point grow (k,) bool, and their growth rates, of those of `before` that they are."""
-    grows = (point.modes.stability == "unstable") & (point.modes.lam.imag > 0)
-    modes = before.select(near[grows])
-    return grows, Asked(value, modes, 1 / by_eigenvalue(refined, value, modes))
-
-
-def _spreads(
-    result: Sweep, refined: Refined, corrected: CorrectedModel, growing: Sequence[tuple[np.ndarray, Asked]]
-) -> tuple[tuple[np.ndarray, ...], tuple[float, ...]]:
-    """Return `Changes.spreads` and `Changes.onset_spreads`."""
-    onsets = []
-    for onset in result.onsets if len(refined.values) > 1 else ():
-        modes = refined.model.modes(onset.value)
-        modes = modes.select(np.flatnonzero(modes.lam.imag > 0))
-        k, factor = onset_factor(refined, onset, modes)
-        onsets.append(Asked(onset.value, modes.select(np.array([k])), np.array([factor])))
-    found = spreads(refined, corrected, [*(asked for _, asked in growing), *onsets])
-    by_point = []
-    for (grows, _), spread in zip(growing, found[: len(growing)], strict=True):
-        own = np.full(len(grows), np.nan)
-        own[grows] = spread
-        by_point.append(own)
-    return tuple(by_point), tuple(float(s[0]) for s in found[len(growing) :])
 
 
 def _same(corrected: CorrectedModel, before: Modes, now: Modes) -> dict[int, int]:

@@ -16,8 +16,10 @@ import scipy.linalg as la
 from ..eigen.blocks import combine, cross, times
 from ..eigen.pencil import Modes
 from ..reduced.vectors import lift, unit_columns
+from ..sweep.result import Sweep, SweepPoint
 from .corrected import CorrectedModel
 from .groups import element_groups
+from .rates import by_eigenvalue, onset_factor
 from .refined import Refined
 
 _SAME = 1e-4  # part of a mode outside the span of others, relative to it, that is left out
@@ -40,6 +42,57 @@ class Asked:
     value: float
     modes: Modes
     factors: np.ndarray
+
+
+def growth_asked(
+    refined: Refined, point: SweepPoint, value: float, before: Modes, near: np.ndarray
+) -> tuple[np.ndarray, Asked]:
+    """Return which modes of a point grow (k,) bool, and their growth rates as what is asked for.
+
+    Parameters
+    ----------
+    refined : Refined
+    point : SweepPoint
+    value : float
+        Of `Refined.parameter`.
+    before : Modes
+        Those of the model of the mesh itself there.
+    near : (k,) int
+        Which of these each mode of the point is.
+    """
+    grows = (point.modes.stability == "unstable") & (point.modes.lam.imag > 0)
+    modes = before.select(near[grows])
+    return grows, Asked(value, modes, 1 / by_eigenvalue(refined, value, modes))
+
+
+def spreads_of(
+    result: Sweep, refined: Refined, corrected: CorrectedModel, growing: Sequence[tuple[np.ndarray, Asked]]
+) -> tuple[tuple[np.ndarray, ...], tuple[float, ...]]:
+    """Return sums of the sizes of parts: (k,) 1/s of every point, NaN for modes that do not grow, and of each onset.
+
+    Parameters
+    ----------
+    result : Sweep
+    refined : Refined
+        Of this sweep.
+    corrected : CorrectedModel
+        Of `refined`.
+    growing : sequence of (k,) bool and Asked
+        Of each point, see `growth_asked`.
+    """
+    onsets = []
+    for onset in result.onsets if len(refined.values) > 1 else ():
+        modes = refined.model.modes(onset.value)
+        modes = modes.select(np.flatnonzero(modes.lam.imag > 0))
+        k, factor = onset_factor(refined, onset, modes)
+        onsets.append(Asked(onset.value, modes.select(np.array([k])), np.array([factor])))
+    found = spreads(refined, corrected, [*(asked for _, asked in growing), *onsets])
+    by_point = []
+    for (grows, _), spread in zip(growing, found[: len(growing)], strict=True):
+        own = np.full(len(grows), np.nan)
+        own[grows] = spread
+        by_point.append(own)
+    return tuple(by_point), tuple(float(s[0]) for s in found[len(growing) :])
 
 
 def spreads(refined: Refined, corrected: CorrectedModel, asked: Sequence[Asked]) -> list[np.ndarray]:

@@ -4,6 +4,8 @@ It has a line for every file that a command wrote, in the format of the program 
 the name. The line is added before the file appears, so that a run that is killed at any moment leaves no file of its
 own that is not listed. A file is replaced or removed only if it is listed, still has the listed content, and is not
 reached through a symbolic link.
+
+This file is longer than others, since every step on a file has to agree with the list.
 """
 
 from __future__ import annotations
