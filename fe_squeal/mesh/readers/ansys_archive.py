@@ -1,4 +1,4 @@
-"""Read an Ansys archive with mapdl-archive: python -m fe_squeal.mesh.readers.ansys_archive FILE OUT.npz
+"""Read an Ansys archive with mapdl-archive: python -m fe_squeal.mesh.readers.ansys_archive FILE > OUT.npz
 
 This runs as a process of its own, because the compiled reader of mapdl-archive may crash on a damaged file.
 """
@@ -6,6 +6,7 @@ This runs as a process of its own, because the compiled reader of mapdl-archive 
 from __future__ import annotations
 
 import importlib.util
+import os
 import subprocess
 import sys
 import tempfile
@@ -62,17 +63,18 @@ def read_apart(path: Path) -> Archive:
     if importlib.util.find_spec("mapdl_archive") is None:
         what = 'Ansys archives need the package mapdl-archive: pip install "fe-squeal[ansys]"'
         raise MeshError(f"{path.name}: {what}")
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "archive.npz"
-        command = [sys.executable, "-m", "fe_squeal.mesh.readers.ansys_archive", str(path.resolve()), str(out)]
+    command = [sys.executable, "-m", "fe_squeal.mesh.readers.ansys_archive", str(path.resolve())]
+    with tempfile.TemporaryFile() as out:  # it has no name, so that nothing is left of it if this process is killed
         try:
             done = subprocess.run(
-                command, capture_output=True, timeout=_SECONDS, env=isolated_environment(), check=False
-            )
+                command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.DEVNULL, timeout=_SECONDS,
+                env=isolated_environment(), check=False,
+            )  # fmt: skip
         except subprocess.TimeoutExpired as error:
             raise MeshError(f"{path.name}: reading this Ansys archive took more than {_SECONDS} s") from error
-        if done.returncode or not out.is_file():
+        if done.returncode or not out.seek(0, os.SEEK_END):
             raise MeshError(f"{path.name}: not a readable Ansys archive; it is damaged: write it again by CDWRITE,DB")
+        out.seek(0)
         with np.load(out) as data:
             parts: dict[str, dict[str, np.ndarray]] = {"node": {}, "element": {}, "real": {}}
             for key in data.files:
@@ -86,7 +88,9 @@ def read_apart(path: Path) -> Archive:
 
 
 def main() -> int:
-    """Read the file of the first argument and save its arrays in that of the second; return 0."""
+    """Read the file that the argument names, and write its arrays to the standard output; return 0."""
+    out = os.dup(1)
+    os.dup2(2, 1)  # what the compiled reader prints does not belong to them
     from mapdl_archive import Archive as Reader
 
     archive = Reader(sys.argv[1], parse_vtk=False, verbose=False)
@@ -103,7 +107,8 @@ def main() -> int:
             arrays[f"{kind}.{str(name).strip().replace('/', '_')}"] = np.asarray(members, dtype=np.int64)
     for number, values in zip(archive.rlblock_num, archive.rlblock, strict=True):
         arrays[f"real.{int(number)}"] = np.asarray(values, dtype=float)
-    np.savez(sys.argv[2], **arrays)  # type: ignore[arg-type]
+    with os.fdopen(out, "wb") as file:
+        np.savez(file, **arrays)  # type: ignore[arg-type]
     return 0
 
 

@@ -79,14 +79,14 @@ def with_sized_integers(path: Path) -> object | None:
 
     An int has four bytes there, and meshio takes eight.
     """
-    import meshio
+    from meshio.vtk._main import read_buffer
 
     if path.suffix.lower() != ".vtk":
         return None
     data = path.read_bytes()
     if b"Version 5" not in data[:40] or b"\nBINARY" not in data[:400] or not _INT.search(data):
         return None
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder, path.name)
-        copy.write_bytes(_INT.sub(rb"\1\2vtktypeint32\3\n", data))
-        return meshio.read(copy)
+    with tempfile.TemporaryFile() as copy:  # it has no name, so that nothing is left of it if this process is killed
+        copy.write(_INT.sub(rb"\1\2vtktypeint32\3\n", data))
+        copy.seek(0)
+        return read_buffer(copy)
