@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -61,24 +62,24 @@ def write_film(
 
 def _drawn(shape: Path, frames: int, axis: Sequence[float], scale: float) -> list[Pixels]:
     """Return the frames, drawn by another process, all cut to the part of the picture that is not always white."""
-    with tempfile.TemporaryDirectory() as folder:
-        job = {"shape": str(shape.absolute()), "folder": folder, "count": frames, "axis": list(axis), "scale": scale}
+    job = {"shape": str(shape.absolute()), "count": frames, "axis": list(axis), "scale": scale}
+    with tempfile.TemporaryFile() as out:  # it has no name, so that nothing is left of it if this process is killed
         try:
             child = subprocess.run(
-                [sys.executable, "-m", "fe_squeal.report.frames"], input=json.dumps(job), capture_output=True,
-                env=isolated_environment(), timeout=_PATIENCE, encoding="utf-8", errors="replace",
-                cwd=Path(__file__).parent, check=False,
+                [sys.executable, "-m", "fe_squeal.report.frames"], input=json.dumps(job), stdout=out,
+                stderr=subprocess.PIPE, env=isolated_environment(), timeout=_PATIENCE, encoding="utf-8",
+                errors="replace", cwd=Path(__file__).parent, check=False,
             )  # fmt: skip
         except (OSError, subprocess.TimeoutExpired) as error:
             raise OutputError(f"{shape}: cannot be drawn: {error}") from error
-        files = [Path(folder) / f"{k}.png" for k in range(frames)]
-        if child.returncode or not all(file.exists() for file in files):
+        if child.returncode or not out.seek(0, os.SEEK_END):
             last = (child.stderr.strip().splitlines() or ["no reason given"])[-1]
             raise OutputError(
                 f"{shape}: cannot be drawn: VTK's process ended with code {child.returncode} ({last}); the .pvd file"
                 " beside it moves in ParaView"
             )
-        pictures = [np.asarray(Image.open(file).convert("RGB")) for file in files]
+        out.seek(0)
+        pictures = list(np.load(out))
     inked = np.any([np.any(p < 250, axis=2) for p in pictures], axis=0)
     rows, columns = np.flatnonzero(inked.any(axis=1)), np.flatnonzero(inked.any(axis=0))
     if not len(rows):

@@ -2,13 +2,14 @@
 standard input.
 
 `fe_squeal.report.animation` runs it as a process of its own, since VTK ends the process where it cannot draw. The job
-is JSON, `{"shape": .vtu, "folder": ..., "count": ..., "axis": [x, y, z], "scale": ...}`; frame k of a period is written
-to `folder/k.png`.
+is JSON, `{"shape": .vtu, "count": ..., "axis": [x, y, z], "scale": ...}`; the frames (count, rows, columns, 3) uint8 of
+a period go to standard output as a .npy file.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -24,8 +25,13 @@ _SUBDIVISION = 1  # each face of a quadratic cell becomes 4 triangles
 _TOWARDS = (1.0, -1.3, 1.15)
 
 
-def draw_frames(shape: Path, folder: Path, count: int, axis: list[float], scale: float) -> None:
-    """Draw one period of Re(u e^{iφ}), φ = 2πk/count: after the last frame the first one follows without a jump."""
+def draw_frames(shape: Path, count: int, axis: list[float], scale: float) -> np.ndarray:
+    """Return one period of Re(u e^{iφ}), φ = 2πk/count: after the last frame the first one follows without a jump.
+
+    Returns
+    -------
+    (count, rows, columns, 3) uint8
+    """
     grid = pyvista.read(shape)
     frame = axis_frame(axis)
     size = float(grid.length)
@@ -41,7 +47,7 @@ def draw_frames(shape: Path, folder: Path, count: int, axis: list[float], scale:
     plotter.enable_anti_aliasing("ssaa")
     plotter.add_mesh(edges, color="dimgray", line_width=1.5, opacity=0.6)
     bounds = np.stack([rest.min(axis=0), rest.max(axis=0)], axis=1) + scale * size * np.array([-1.0, 1.0])
-    actor = None
+    actor, frames = None, []
     for k in range(count):
         grid.points = rest + scale * size * np.real(u * np.exp(2j * np.pi * k / count))
         surface = grid.extract_surface(nonlinear_subdivision=_SUBDIVISION)
@@ -54,15 +60,20 @@ def draw_frames(shape: Path, folder: Path, count: int, axis: list[float], scale:
             plotter.view_vector(_TOWARDS, viewup=(0.0, 0.0, 1.0))
             plotter.reset_camera(bounds=bounds.ravel().tolist())
             plotter.camera.zoom(1.35)  # VTK fits a ball around the bounds into the picture, which is too small
-        plotter.screenshot(str(folder / f"{k}.png"))
+        frames.append(np.asarray(plotter.screenshot(return_img=True), np.uint8)[..., :3])
     plotter.close()
+    return np.stack(frames)
 
 
 def main() -> None:
-    """Draw the job on standard input."""
+    """Draw the job on standard input, and write its frames to standard output."""
+    out = os.dup(1)
+    os.dup2(2, 1)  # what VTK prints does not belong to them
     pyvista.OFF_SCREEN = True
     job = json.load(sys.stdin)
-    draw_frames(Path(job["shape"]), Path(job["folder"]), int(job["count"]), job["axis"], float(job["scale"]))
+    frames = draw_frames(Path(job["shape"]), int(job["count"]), job["axis"], float(job["scale"]))
+    with os.fdopen(out, "wb") as file:
+        np.save(file, frames)
 
 
 if __name__ == "__main__":
