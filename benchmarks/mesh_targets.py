@@ -152,7 +152,7 @@ where the error comes from, cuts there finer, and ends when the bars of frequenc
 target. Made by `python benchmarks/mesh_targets.py --write`; {when}. The true errors are those against a mesh with 1.5
 times as many elements along every line, extrapolated: of the frequencies at the first value, of growth at the last one
 relative to the fastest, of the critical values; where the name ends in "onsets" these alone are to meet the target
-(`--accuracy-of onsets`), since growth rates have the wider bars. Seconds are those of the whole search; other work on
+(`--accuracy-of onsets`). Seconds are those of the whole search; other work on
 the machine makes them longer.
 
 {within} of {all} are within their targets.

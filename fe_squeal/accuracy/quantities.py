@@ -133,7 +133,9 @@ def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: 
             if lam.real > _SLOW * fastest:
                 asked.append(_Asked(f"growth of {told}", "growth", fastest, k, 1 / turn[k]))
     for onset in onsets:
-        k, factor = onset_factor(refined, onset, modes)
+        if (found := onset_factor(refined, onset, modes)) is None:
+            continue
+        k, factor = found
         told = f"onset{name}, {onset.frequency_hz:.5g} Hz"
         asked.append(_Asked(told, "onsets", max(abs(onset.value), SMALLEST * width), k, factor))
     return asked

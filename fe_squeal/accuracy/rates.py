@@ -8,6 +8,7 @@ from ..eigen.pencil import Modes
 from ..sweep.onset import Onset
 from .refined import Refined
 
+_NEAR = 0.01  # of an onset's frequency: a mode that is farther away is not that of the onset
 _STEP = 1e-4  # of the sweep: how far apart the values are that ∂Q/∂p is formed from
 
 
@@ -26,13 +27,17 @@ def by_parameter(refined: Refined, value: float, modes: Modes) -> np.ndarray:
     return np.asarray(np.einsum("ij,ij->j", modes.left.conj(), high - low) / h)
 
 
-def onset_factor(refined: Refined, onset: Onset, modes: Modes) -> tuple[int, complex]:
+def onset_factor(refined: Refined, onset: Onset, modes: Modes) -> tuple[int, complex] | None:
     """Return which of the modes at an onset's value is the one of the onset, and the factor of its change.
 
     Refining the mesh changes the onset by Re(factor ψᴴδQφ). Where two modes meet, ψᴴ(δQ + ∂Q/∂p δp)φ = 0; where one
-    crosses alone, Re(δλ + ∂λ/∂p δp) = 0.
+    crosses alone, Re(δλ + ∂λ/∂p δp) = 0. None where none of the modes has the onset's frequency, as with a divergence.
     """
-    k = int(np.argmin(np.abs(modes.lam.imag - 2 * np.pi * onset.frequency_hz)))
+    omega = 2 * np.pi * onset.frequency_hz
+    away = np.abs(modes.lam.imag - omega)
+    if not (away <= _NEAR * omega).any() or not omega:
+        return None
+    k = int(np.argmin(away))
     own = modes.select(np.array([k]))
     rate = by_parameter(refined, onset.value, own)[0]
     if onset.branch_b is not None and not refined.problem.is_damped:

@@ -70,6 +70,8 @@ def spreads_of(
 ) -> tuple[tuple[np.ndarray, ...], tuple[float, ...]]:
     """Return sums of the sizes of parts: (k,) 1/s of every point, NaN for modes that do not grow, and of each onset.
 
+    It is NaN of an onset, too, that has no mode of its frequency: a divergence.
+
     Parameters
     ----------
     result : Sweep
@@ -84,15 +86,16 @@ def spreads_of(
     for onset in result.onsets if len(refined.values) > 1 else ():
         modes = refined.model.modes(onset.value)
         modes = modes.select(np.flatnonzero(modes.lam.imag > 0))
-        k, factor = onset_factor(refined, onset, modes)
-        onsets.append(Asked(onset.value, modes.select(np.array([k])), np.array([factor])))
+        k, factor = onset_factor(refined, onset, modes) or (None, 0j)
+        chosen = np.array([] if k is None else [k], int)
+        onsets.append(Asked(onset.value, modes.select(chosen), np.full(len(chosen), factor)))
     found = spreads(refined, corrected, [*(asked for _, asked in growing), *onsets])
     by_point = []
     for (grows, _), spread in zip(growing, found[: len(growing)], strict=True):
         own = np.full(len(grows), np.nan)
         own[grows] = spread
         by_point.append(own)
-    return tuple(by_point), tuple(float(s[0]) for s in found[len(growing) :])
+    return tuple(by_point), tuple(float(s[0]) if len(s) else np.nan for s in found[len(growing) :])
 
 
 def spreads(refined: Refined, corrected: CorrectedModel, asked: Sequence[Asked]) -> list[np.ndarray]:

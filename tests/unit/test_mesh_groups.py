@@ -10,10 +10,13 @@ from scipy.sparse.linalg import splu
 
 from fe_squeal import sweep
 from fe_squeal.accuracy.bars import bar_of_parts
+from fe_squeal.accuracy.corrected import CorrectedModel
 from fe_squeal.accuracy.estimate import changes_by, with_changes
 from fe_squeal.accuracy.groups import PLACES, element_groups, element_places, split_dataframe
 from fe_squeal.accuracy.quantities import split_changes
+from fe_squeal.accuracy.rates import onset_factor
 from fe_squeal.accuracy.refined import refine_problem
+from fe_squeal.accuracy.spread import spreads_of
 from meshes import BELT, box, make_problem
 
 
@@ -68,6 +71,18 @@ def test_parts_from_the_corrected_basis_are_those_of_the_refined_matrices(kind, 
     assert here.sum() == len(split.names) >= 1
     np.testing.assert_allclose(np.sort(spread[here]), np.sort(by_parts), rtol=0.1)
     rules_hold(result, changes, order)
+
+
+def test_a_divergence_has_no_mode_that_swings_and_is_not_given_that_of_another():
+    result = sweep(pad(order=1), np.linspace(0.0, 1.2, 5), modes=6)
+    refined = refine_problem(result)
+    onset, modes = result.onsets[0], refined.model.modes(result.onsets[0].value)
+    k, factor = onset_factor(refined, onset, modes)
+    assert modes.lam[k].imag == pytest.approx(2 * np.pi * onset.frequency_hz, rel=1e-3) and factor
+    assert onset_factor(refined, replace(onset, frequency_hz=0.0, kind="divergence"), modes) is None
+    still = replace(result, onsets=(replace(onset, frequency_hz=0.0, kind="divergence"),))
+    _, [spread] = spreads_of(still, refined, CorrectedModel(refined), [])
+    assert np.isnan(spread)
 
 
 class Exact:
