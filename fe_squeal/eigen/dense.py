@@ -18,7 +18,9 @@ from .quality import in_upper_half, modes_from_lambda, modes_from_theta
 DENSE_LIMIT = 400  # unknowns up to which all modes come from LAPACK: seconds, tens of them where QZ is needed
 
 Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # eigenvalues (k,), right and left vectors (n, k)
-_FEW = 0.1  # part of inaccurate pairs up to which these are polished one by one, instead of trying another method
+# Up to so many inaccurate pairs are polished one by one, instead of trying another method: as parts of all eigenvalues
+# of the matrices, and of those that are asked for.
+_FEW, _FEW_OF_ASKED = 0.1, 0.3
 # Eigenvalues larger than _HUGE, in units of ω0, with a backward error above _WRONG are what rounding makes of infinite
 # ones, or of several equal penalties; they are dropped.
 _HUGE, _WRONG = 1e4, 1e-8
@@ -66,7 +68,7 @@ def _undamped_pairs(pencil: Pencil, M: np.ndarray, K: np.ndarray, highest: float
     if not len(A[0]):
         return np.zeros(0), np.zeros((len(K), 0)), np.zeros((len(K), 0))
     real_symmetric = pencil.symmetric and not pencil.is_complex
-    methods = (_symmetric_methods if real_symmetric else _undamped_methods)(-A[1], A[0])
+    methods = _symmetric_methods(-A[1], A[0]) if real_symmetric else _undamped_methods(-A[1], A[0], highest)
     theta, right, left = _finite(A, polish_pairs(A, *_best(A, methods, highest)), _HUGE**2)
     if X is None or free is None:
         return theta, right, left
@@ -97,7 +99,9 @@ def _damped_pairs(
         A = [X.T @ part @ X for part in A]
     if not len(A[0]):
         return np.zeros(0, complex), np.zeros((len(K), 0)), np.zeros((len(K), 0))
-    lam, right, left, error = _best(A, _damped_methods(*A[::-1]), highest)
+    # Eigenvalues of real matrices come in conjugate pairs. Those of free motions may be pairs by rounding alone.
+    upper = free is None and not pencil.is_complex
+    lam, right, left, error = _best(A, _damped_methods(A[2], A[1], A[0], highest, upper), highest)
     keep = in_upper_half(pencil, omega0 * lam)
     if free is not None:  # how many eigenvalues are zero is known: they are the nearest to zero, and are added exactly
         keep[np.argsort(np.abs(lam), kind="stable")[: free.zeros]] = False
@@ -131,7 +135,7 @@ def _best(
         errors = pair_errors(A, *pairs)
         wrong = ~(errors <= ACCURATE)
         tried.append((float(wrong.mean()) if len(wrong) else 0.0, (*pairs, errors)))
-        if tried[-1][0] <= _FEW:
+        if tried[-1][0] <= _FEW_OF_ASKED and np.count_nonzero(wrong) <= _FEW * len(A[0]) * (len(A) - 1):
             break
     if not tried:
         raise NotConvergedError("LAPACK finds no eigenvalues of these matrices")
@@ -180,18 +184,25 @@ def _symmetric_methods(M: np.ndarray, K: np.ndarray) -> list[Callable[[], Pairs]
     return [direct, inverted, constrained, lambda: _qz(K, M)]
 
 
-def _undamped_methods(M: np.ndarray, K: np.ndarray) -> list[Callable[[], Pairs]]:
+def _undamped_methods(M: np.ndarray, K: np.ndarray, highest: float) -> list[Callable[[], Pairs]]:
+    """Methods for K x = θ M x; pairs beyond |θ| = highest may be left out."""
     def standard() -> Pairs:
         """With M = LLᵀ the standard problem L⁻¹KL⁻ᵀ is several times cheaper than QZ."""
         L = la.cholesky(M, lower=True)
         theta, left, right = la.eig(_congruent(L, K), left=True, right=True)
-        return theta, _back(L, right), _back(L, left)
+        keep = np.abs(theta) <= highest
+        return theta[keep], _back(L, right[:, keep]), _back(L, left[:, keep])
 
     return [standard, lambda: _qz(K, M)]
 
 
-def _damped_methods(M: np.ndarray, C: np.ndarray, K: np.ndarray) -> list[Callable[[], Pairs]]:
-    """Linearise [[0, I], [−K, −C]] z = λ [[I, 0], [0, M]] z, z = (u, λu); the lower half of a left z is a left mode."""
+def _damped_methods(
+    M: np.ndarray, C: np.ndarray, K: np.ndarray, highest: float, upper: bool
+) -> list[Callable[[], Pairs]]:  # fmt: skip
+    """Linearise [[0, I], [−K, −C]] z = λ [[I, 0], [0, M]] z, z = (u, λu); the lower half of a left z is a left mode.
+
+    Pairs beyond |λ| = highest, and with `upper` those with Im λ < 0, may be left out.
+    """
     n = len(M)
     zero, identity = np.zeros((n, n)), np.eye(n)
 
@@ -200,7 +211,8 @@ def _damped_methods(M: np.ndarray, C: np.ndarray, K: np.ndarray) -> list[Callabl
         L = la.cholesky(M, lower=True)
         A = np.block([[zero, identity], [-_congruent(L, K), -_congruent(L, C)]])
         lam, left, right = la.eig(A, left=True, right=True)
-        return lam, _back(L, right[:n]), _back(L, left[n:])
+        keep = (np.abs(lam) <= highest) & ((lam.imag >= 0) | (not upper))
+        return lam[keep], _back(L, right[:n, keep]), _back(L, left[n:, keep])
 
     def general(unit: float = 1.0) -> Pairs:
         """QZ with λ in multiples of a unit: a linearisation is accurate for λ near it where C is large."""

@@ -22,8 +22,8 @@ from .nodes import Node
 from .scale import LINEAR, Scale
 
 _REACH = 2.0  # times the distance that two eigenvalues move, by their slopes: if they are closer, they may meet
-_ALIKE = 0.1  # MAC: two modes at different values with a larger one belong to the same group
-_SAME = 0.5  # MAC: if a group has one mode at either value and their MAC is larger, they are the same mode
+_ALIKE = 0.1  # likeness (1: the same): two modes at different values with a larger one belong to the same group
+_SAME = 0.5  # likeness: if a group has one mode at either value and theirs is larger, they are the same mode
 _DEFECTIVE = 10.0  # condition of an eigenvalue: from here on its slope says little about where it moves
 _TURNED = 0.5  # the space of a group may turn by so much over an interval, measured as |L₀ᴴBR₁·L₁ᴴBR₀ − 1|
 
@@ -38,7 +38,7 @@ def groups(first: Node, second: Node) -> list[tuple[np.ndarray, np.ndarray]]:
     links = np.zeros((k + len(second),) * 2, bool)
     width = abs(second.value - first.value)
     links[:k, :k], links[k:, k:] = _may_meet(first, width), _may_meet(second, width)
-    alike = np.maximum(_likeness(first, second, "right"), _likeness(first, second, "left"))
+    alike = _likeness(first, second)
     links[:k, k:] = alike > _ALIKE
     found = _components(links, k)
     if len(first) == len(second) and any(len(s0) != len(s1) for s0, s1 in found):
@@ -46,8 +46,12 @@ def groups(first: Node, second: Node) -> list[tuple[np.ndarray, np.ndarray]]:
         # misled: the shapes of nearly defective modes resemble those of many others.
         _link_across(links, first, second, found)
         found = _components(links, k)
-    single = [len(s0) == len(s1) == 1 and _is_idle(first, s0[0], second, s1[0], alike) for s0, s1 in found]
-    found = [members for members, idle in zip(found, single, strict=True) if not idle]
+    idle = [
+        (len(s0) == len(s1) == 1 and _is_idle(first, s0[0], second, s1[0], alike))
+        or (len(s0) == len(s1) == 2 and _stays_a_pair(first, s0, second, s1, alike))
+        for s0, s1 in found
+    ]
+    found = [members for members, rests in zip(found, idle, strict=True) if not rests]
     # A group with Im λ < 0 throughout is the mirror image of one with Im λ > 0, and not looked at.
     return [(s0, s1) for s0, s1 in found if (first.lam[s0].imag >= 0).any() or (second.lam[s1].imag >= 0).any()]
 
@@ -92,24 +96,31 @@ def _is_idle(a: Node, i: int, b: Node, j: int, alike: np.ndarray) -> bool:
     return bool(np.abs(distance).min() > overshoot and distance[0] * distance[1] > 0)
 
 
-def _lengths(node: Node, side: str) -> np.ndarray:
-    u = node.right if side == "right" else node.left
-    return np.sqrt(np.maximum(np.einsum("ij,ij->j", u.conj(), node.M @ u).real, np.finfo(float).tiny))
+def _stays_a_pair(a: Node, s0: np.ndarray, b: Node, s1: np.ndarray, alike: np.ndarray) -> bool:
+    """Return whether a complex pair v, v* of real matrices, which meets no other eigenvalue, stays one between values.
+
+    D = ((v − v*)/2)² = −(Im v)² is smooth where a pair becomes two real eigenvalues. It is judged as in `_is_idle`.
+    """
+    i, j = (int(s[np.argmax(n.v[s].imag)]) for n, s in ((a, s0), (b, s1)))
+    conjugate = all(n.v[s].sum().imag == 0 for n, s in ((a, s0), (b, s1)))
+    if not a.paired or not conjugate or alike[i, j] < _SAME:
+        return False
+    width, parts = abs(b.value - a.value), np.array([a.v[i].imag, b.v[j].imag])
+    slopes = 2 * parts * np.array([a.rates[i].imag, b.rates[j].imag])
+    blur = 2 * parts * np.array([a.blur[i], b.blur[j]])
+    return bool((parts**2).min() > 2 * 4 / 27 * width * np.abs(slopes).sum() + blur.sum())
 
 
-def _likeness(a: Node, b: Node, side: str) -> np.ndarray:
-    u, w = (n.right if side == "right" else n.left for n in (a, b))
-    size = np.outer(_lengths(a, side), _lengths(b, side))
-    alike = np.asarray(np.abs(u.conj().T @ a.M @ w) / size) ** 2
-    if a.C is None:
-        return alike
-    # With dampers the states (φ, λφ) are compared: the two eigenvalues of an overdamped mode, and a mode and its mirror
-    # image, have equal shapes φ and different states.
-    v, x = np.abs(a.v)[:, None], np.abs(b.v)[None, :]
+def _likeness(a: Node, b: Node) -> np.ndarray:
+    """Return how much of each mode (k) at one value is in each mode (l) at another, as a MAC: 1 if they are the same.
+
+    A mode at b is Σ c_i φ_i of the modes at a with c_i = ψ_iᴴBφ / ψ_iᴴBφ_i. The product of this share and that of φ_i
+    in the modes at b is taken. Different modes at one value have zero, although their right vectors may be alike.
+    """
+    here, there = a.all(), b.all()
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        turn = np.conj(a.v / np.abs(a.v))[:, None] * (b.v / np.abs(b.v))[None, :]
-        same = np.abs(1 + turn) ** 2 / (2 + v / x + x / v)
-    return np.where((v > 0) & (x > 0), alike * same, alike)
+        shares = a.cross(here, there) * a.cross(there, here).T / np.outer(a.own[1], b.own[1])
+    return np.nan_to_num(np.abs(shares), nan=1.0)
 
 
 def _may_meet(node: Node, width: float) -> np.ndarray:
@@ -120,9 +131,9 @@ def _may_meet(node: Node, width: float) -> np.ndarray:
     if not len(node):
         return np.zeros((0, 0), bool)
     rate = np.ones(len(node)) if node.C is None else 2 * np.maximum(np.abs(node.v), np.finfo(float).tiny)
-    right, left, modes = _lengths(node, "right"), _lengths(node, "left"), node.all()
-    push, own, slope = node.push(modes), node.cross(modes, modes).diagonal(), node.rates
-    plain = np.abs(push) / np.outer(left, right) / rate
+    (right, left), (pushes, own) = node.lengths, node.own
+    slope = node.rates
+    plain = np.abs(pushes) / np.outer(left, right) / rate
     size = np.abs(own)
     with np.errstate(divide="ignore", invalid="ignore"):
         condition = left * right * rate / size
@@ -177,7 +188,7 @@ class Cluster:
         """H, dH/dt, right and left bases, each at both ends, and how far the group's space turns between them."""
         bases = []
         for node, s in self._both():
-            basis = node.basis(s)
+            basis = node.basis(s).real() if node.paired else node.basis(s)
             # The bases are made orthonormal, since eigenvectors close to a meeting are nearly parallel.
             S, T = (la.qr(_states(u, H, node), mode="r")[0][: len(s)] for u, H in
                     ((basis.right, basis.H), (basis.left, basis.HL.conj().T)))  # fmt: skip
@@ -194,7 +205,9 @@ class Cluster:
         there, again = own[0] @ cross(0, 1), own[1] @ cross(1, 0)
         turned = there @ again
         w, W = la.eig(turned)
-        root = W @ np.diag(1 / np.sqrt(w)) @ la.inv(W)
+        root = W / np.sqrt(w) @ la.inv(W)
+        if not np.iscomplexobj(turned):
+            root = root.real
         into, out = root @ there, again @ root
         H[1], slopes[1] = into @ H[1] @ out, into @ slopes[1] @ out
         right[1], left[1] = right[1] @ out, left[1] @ into.conj().T

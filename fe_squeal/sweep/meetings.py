@@ -80,13 +80,11 @@ def _require_settled_pairs(samples: Samples, error: np.ndarray) -> float:
     D = ((v[:, i] - v[:, j]) / 2) ** 2
     blurred = samples.blurred(i, j, error)
     drift = np.abs(samples.slope[:, i] - samples.slope[:, j])
-    for pair in range(len(i)):
-        # Two eigenvalues may meet if both are real or they are conjugate to each other: then D is real.
-        d = D[:, pair].real
-        meant = np.abs(D[:, pair].imag) <= 1e-6 * np.abs(D[:, pair]) + samples.blur**2
-        unsure = meant & (np.abs(d) <= blurred[:, pair]) & (blurred[:, pair] > samples.rounding**2)
-        if not unsure.any():
-            continue
+    # Two eigenvalues may meet if both are real or they are conjugate to each other: then D is real.
+    meant = np.abs(D.imag) <= 1e-6 * np.abs(D) + samples.blur**2
+    doubtful = meant & (np.abs(D.real) <= blurred) & (blurred > samples.rounding[:, None] ** 2)
+    for pair in np.flatnonzero(doubtful.any(axis=0)):
+        d, unsure = D[:, pair].real, doubtful[:, pair]
         # If D is sure before and behind a run of unsure samples and has different signs there, it passes zero once.
         edges = np.flatnonzero(np.diff(np.concatenate([[0], unsure.astype(int), [0]])))
         for begin, end in zip(edges[::2], edges[1::2], strict=True):

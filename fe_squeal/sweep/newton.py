@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 
 from ..eigen.linear.choice import factorize, factorize_complex
 from ..eigen.linear.factor import LinearSolver
+from ..eigen.pencil import Pencil
 from ..eigen.quality import ROUNDING
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
@@ -17,6 +19,8 @@ from ..problem.terms import Slot
 _STEPS = 12  # Newton steps, at most
 _SMALL = 1e-6  # of the value, or of the sweep's step: Newton steps below this that no longer shrink are rounding
 _SLOTS: tuple[Slot, ...] = "M", "C", "K"
+_FULL = 1000  # unknowns up to which matrices that are at least half full are taken as arrays
+_Matrix: TypeAlias = sp.csr_array | np.ndarray
 
 
 @dataclass(frozen=True)
@@ -170,23 +174,20 @@ def find_crossing(
     """
     p, last = value, np.inf
     for _ in range(_STEPS):
-        pencil, lam = problem.pencil({parameter: p}), 1j * omega
-        C = sp.csr_array(pencil.M.shape) if pencil.C is None else pencil.C
-        A = sp.csr_array(lam**2 * pencil.M + lam * C + pencil.K)
+        lam = 1j * omega
+        pencil, slopes = _matrices(problem, parameter, p)
+        A = pencil.K + lam**2 * pencil.M if pencil.C is None else pencil.K + lam * pencil.C + lam**2 * pencil.M
         size = abs(A).max()
         b, c = (v / np.linalg.norm(v) * size for v in (pencil.M @ y, pencil.M @ x))
-        corner = sp.csr_array((1, 1), dtype=complex)
-        full = sp.block_array([[A, sp.csr_array(b[:, None])], [sp.csr_array(c.conj()[None, :]), corner]], format="csr")
-        solve, solve_adjoint = factorize_complex(full, linear_solver)
+        bordered = _joined([[A, b[:, None]], [c.conj()[None, :], np.zeros((1, 1))]])
+        solve, solve_adjoint = factorize_complex(bordered, linear_solver)
         e = np.zeros(pencil.n + 1, complex)
         e[-1] = size
         z, w = solve(e), solve_adjoint(e)
         x, y, g = z[:-1], w[:-1], complex(z[-1])
         change = np.zeros(pencil.n, complex)
-        for slot, factor in (("M", lam**2), ("C", lam), ("K", 1.0)):
-            d = problem.derivative(parameter, slot, {parameter: p})  # type: ignore[arg-type]
-            if d is not None:
-                change += factor * (d @ x)
+        for slot, factor in zip(_SLOTS, (lam**2, lam, 1.0), strict=True):
+            change += factor * _times(slopes[slot], x)
         g_lam = -complex(np.vdot(y, pencil.derivative(np.array([lam]), x[:, None])[:, 0])) / size
         g_p = -complex(np.vdot(y, change)) / size
         jacobian = np.array([[(1j * g_lam).real, g_p.real], [(1j * g_lam).imag, g_p.imag]])
@@ -213,46 +214,66 @@ class _Bordered:
         self, problem: Problem, parameter: str, p: float, v: float, x: np.ndarray, y: np.ndarray,
         linear_solver: LinearSolver | str, rigid: np.ndarray | None = None, damped: bool = False,
     ) -> None:  # fmt: skip
-        pencil = problem.pencil({parameter: p})
-        M, n = pencil.M, pencil.n
-        zero = sp.csr_array((n, n))
-        C = zero if pencil.C is None else pencil.C
-        # The matrix, and what its first and second derivative by v are times.
-        A = sp.csr_array(v**2 * M + v * C + pencil.K if damped else pencil.K - v * M)
-        A_v, A_vv = (sp.csr_array(2 * v * M + C), 2 * M) if damped else (-M, zero)
-        changes = (problem.derivative(parameter, slot, {parameter: p}) for slot in _SLOTS)
-        dM, dC, dK = (zero if change is None else change for change in changes)
-        A_p = sp.csr_array(v**2 * dM + v * dC + dK if damped else dK - v * dM)
-        A_v_p = sp.csr_array(2 * v * dM + dC if damped else -dM)
+        pencil, slopes = _matrices(problem, parameter, p)
+        M, C, n = pencil.M, pencil.C, pencil.n
+        # The matrix, and what its first derivative by v is times.
+        A, A_v = pencil.K - v * M, -M
+        if damped:
+            A, A_v = (pencil.K + v**2 * M, 2 * v * M) if C is None else (pencil.K + v**2 * M + v * C, 2 * v * M + C)
         # Borders along M y and M x are far from the range of A and its transpose; their size is that of A.
         size = abs(A).max()
         b, c = (M @ y), (M @ x)
         b, c = b / np.linalg.norm(b) * size, c / np.linalg.norm(c) * size
-        rows = [[A, b[:, None]], [c[None, :], None]]
-        if rigid is not None:
-            MZ = M @ rigid
-            MZ = MZ / np.linalg.norm(MZ, axis=0) * size
-            held = -size * sp.eye_array(MZ.shape[1])
-            rows = [[A, MZ, b[:, None]], [MZ.T, held, None], [c[None, :], None, None]]
-        full = sp.block_array(rows, format="csr")
-        more = full.shape[0] - n
-        corner = sp.csr_array(([0.0], ([n + more - 1], [n + more - 1])), shape=full.shape)
-        factor = factorize(sp.csr_array(full + corner), False, linear_solver)
+        MZ = np.zeros((n, 0)) if rigid is None else M @ rigid
+        MZ = MZ / np.linalg.norm(MZ, axis=0) * size
+        beside, below = np.column_stack([MZ, b]), np.vstack([MZ.T, c])
+        more = beside.shape[1]
+        corner = np.diag([*[-size] * (more - 1), 0.0])
+        factor = factorize(_joined([[A, beside], [below, corner]]), False, linear_solver)
         e = np.zeros(n + more)
         e[-1] = size
         z, zt = factor.solve(e), factor.solve_transposed(e)
-        self.x, self.g = z[:n], float(z[-1])
-        self.w = zt[:n]
-        Ax, Aw = A_v @ self.x, A_v.T @ self.w
-        Px, Pw = A_p @ self.x, A_p.T @ self.w
+        self.x, self.w, self.g = z[:n], zt[:n], float(z[-1])
+        x, w = self.x, self.w
+        # A is the sum of the three matrices times these factors, A_v of them times the derivatives of the factors.
+        factors, rates = ((v**2, v, 1.0), (2 * v, 1.0, 0.0)) if damped else ((-v, 0.0, 1.0), (-1.0, 0.0, 0.0))
+        moved = [_times(slopes[slot], x) for slot in _SLOTS]
+        Px, A_vp_x = (sum(k * u for k, u in zip(by, moved, strict=True)) for by in (factors, rates))
+        Pw = sum(k * _times(slopes[slot], w, transposed=True) for k, slot in zip(factors, _SLOTS, strict=True))
+        Ax, Aw = A_v @ x, A_v.T @ w
+        A_vv_x = 2 * (M @ x) if damped else np.zeros(n)
         # With Bz = e and Bᵀw = e: ∂z = −B⁻¹ ∂B z, and from eᵀz = size·g: ∂g = −wᵀ ∂B z / size.
-        x_v = -factor.solve(np.pad(Ax, (0, more)))[:n]
-        self.g_v = -float(self.w @ Ax) / size
-        self.g_p = -float(self.w @ Px) / size
-        self.g_v_v = -float(2 * (Aw @ x_v) + self.w @ (A_vv @ self.x)) / size
+        x_v, x_p = -factor.solve(np.pad(np.column_stack([Ax, Px]), ((0, more), (0, 0))))[:n].T
+        self.g_v = -float(w @ Ax) / size
+        self.g_p = -float(w @ Px) / size
+        self.g_v_v = -float(2 * (Aw @ x_v) + w @ A_vv_x) / size
         # ∂²g/∂v∂p = −(w_p A_v x + w A_v x_p + w A_vp x), w_p A_v x = w A_p x_v.
-        x_p = -factor.solve(np.pad(Px, (0, more)))[:n]
-        self.g_v_p = -float(Pw @ x_v + Aw @ x_p + self.w @ (A_v_p @ self.x)) / size
+        self.g_v_p = -float(Pw @ x_v + Aw @ x_p + w @ A_vp_x) / size
         lam = np.array([v + 0j]) if damped else np.array([1j * np.sqrt(abs(v))])
         magnitude = float(np.abs(self.w) @ pencil.magnitude(lam, self.x[:, None])[:, 0])
         self.p_rounding = ROUNDING * magnitude / size / abs(self.g_p) if self.g_p else np.inf
+
+
+def _matrices(problem: Problem, parameter: str, p: float) -> tuple[Pencil, dict[Slot, _Matrix | None]]:
+    """Return the pencil at a value and the derivatives of its matrices, as full arrays where it is small and full."""
+    pencil, at = problem.pencil({parameter: p}), {parameter: p}
+    slopes = {slot: problem.derivative(parameter, slot, at) for slot in _SLOTS}
+    if pencil.n > _FULL or pencil.K.nnz <= pencil.n**2 / 2:
+        return pencil, slopes
+    return pencil.dense(), {slot: None if A is None else A.toarray() for slot, A in slopes.items()}
+
+
+def _times(A: _Matrix | None, x: np.ndarray, transposed: bool = False) -> np.ndarray:
+    """Return A x or Aᵀ x, and zeros where there is no matrix."""
+    if A is None:
+        return np.zeros_like(x)
+    return np.asarray((A.T if transposed else A) @ x)
+
+
+def _joined(rows: list[list[Any]]) -> sp.csr_array:
+    """Return the sparse matrix of blocks; where the first block is an array, with all entries."""
+    if not isinstance(rows[0][0], np.ndarray):
+        return sp.csr_array(sp.block_array(rows, format="csr"))
+    full = np.block(rows)
+    n = len(full)
+    return sp.csr_array((full.ravel(), np.tile(np.arange(n), n), np.arange(n + 1) * n), shape=(n, n))

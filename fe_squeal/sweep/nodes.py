@@ -13,12 +13,14 @@ from scipy.sparse.csgraph import connected_components
 from ..eigen.pencil import Modes
 from ..problem.problem import Problem
 from ..problem.terms import POWER, Slot
+from ..reduced.vectors import lift
 
 # Two modes are taken for the one mode of a defective double eigenvalue if their eigenvalues differ by less than _EQUAL,
 # relatively, and 1 − MAC of their shapes is less than _PARALLEL.
 _PARALLEL = 1e-9
 _EQUAL = 1e-6
 _ASIDE = 1e-6  # of such an eigenvalue: the shift of inverse iteration is so far from it that the matrix is regular
+_REAL = 1e-12  # of the largest entry: so small an imaginary part of the mode of a real eigenvalue is rounding
 _ROUNDS, _SEED = 4, 20261122  # rounds of inverse iteration, and the seed of its random start
 
 
@@ -45,6 +47,34 @@ class Basis:
         inverse, other = la.inv(S), la.inv(T)
         H, HL = S @ self.H @ inverse, other.conj().T @ self.HL @ T.conj().T
         return Basis(self.right @ inverse, self.left @ other, H, HL)
+
+    def real(self) -> Basis:
+        """Return the same group, of real matrices without dampers, with real bases; itself where that is not possible.
+
+        Its eigenvalues have to be real or in conjugate pairs, and the columns of the bases its modes. With K u = v M u
+        the real and the imaginary part of u span what u and its conjugate do: K [Re u, Im u] = M [Re u, Im u] B with
+        B = [[Re v, Im v], [−Im v, Re v]].
+        """
+        v = self.H.diagonal()
+        upper, lower, alone = (np.flatnonzero(f) for f in (v.imag > 0, v.imag < 0, v.imag == 0))
+        plain = not (self.H - np.diag(v)).any() and not (self.HL - np.diag(v)).any()
+        if not plain or sorted(v[upper].tolist(), key=_parts) != sorted(v[lower].conj().tolist(), key=_parts):
+            return self
+        columns = []
+        for u in (self.right, self.left):
+            one = u[:, alone]
+            largest = np.take_along_axis(one, np.abs(one).argmax(axis=0)[None, :], axis=0)
+            one = one / np.where(largest == 0, 1.0, largest)
+            if np.abs(one.imag).max(initial=0.0) > _REAL:
+                return self
+            columns.append(np.hstack([one.real, u[:, upper].real, u[:, upper].imag]))
+        a, b = np.diag(v[upper].real), np.diag(v[upper].imag)
+        H = la.block_diag(np.diag(v[alone].real), np.block([[a, b], [-b, a]]))
+        return Basis(columns[0], columns[1], H, H)
+
+
+def _parts(z: complex) -> tuple[float, float]:
+    return z.real, z.imag
 
 
 @dataclass(frozen=True)
@@ -167,11 +197,26 @@ class Node:
         return float(np.nan_to_num(share, nan=0.0, posinf=0.0).max())
 
     @cached_property
+    def lengths(self) -> tuple[np.ndarray, np.ndarray]:
+        """√(φᴴMφ) and √(ψᴴMψ), both (k,), of right and left vectors."""
+        right, left = (
+            np.sqrt(np.maximum(np.einsum("ij,ij->j", u.conj(), lift(self.M, u)).real, np.finfo(float).tiny))
+            for u in (self.right, self.left)
+        )
+        return right, left
+
+    @cached_property
+    def own(self) -> tuple[np.ndarray, np.ndarray]:
+        """`push` (k, k) of all modes, and the diagonal (k,) of `cross` of all modes with themselves."""
+        modes = self.all()
+        return self.push(modes), self.cross(modes, modes).diagonal()
+
+    @cached_property
     def rates(self) -> np.ndarray:
         """dv/dp (k,) of every mode; not finite at a double eigenvalue."""
-        modes = self.all()
+        push, own = self.own
         with np.errstate(all="ignore"):
-            return np.asarray(self.push(modes).diagonal() / self.cross(modes, modes).diagonal())
+            return np.asarray(push.diagonal() / own)
 
     def cross(self, own: Basis, other: Basis) -> np.ndarray:
         """Return the products (m, l) of the left vectors of `own` with the right vectors of `other`.
@@ -181,19 +226,19 @@ class Node:
         vector that ends with ψ. For two modes at the same value with different v it is zero.
         """
         W = own.left.conj().T
-        product = W @ self.M @ other.right
+        product = W @ lift(self.M, other.right)
         if self.C is None:
             return np.asarray(product)
-        return np.asarray(own.HL @ product + product @ other.H + W @ self.C @ other.right)
+        return np.asarray(own.HL @ product + product @ other.H + W @ lift(self.C, other.right))
 
     def push(self, own: Basis) -> np.ndarray:
         """Return how the parameter moves a group: Wᴴ(∂K U − ∂M U H), or with dampers −Wᴴ(∂M U H² + ∂C U H + ∂K U).
 
         ∂ is the derivative by the parameter. The result (m, m) is divided by `cross(own, own)` to give dH/dp.
         """
-        total = np.zeros((own.left.shape[1], own.right.shape[1]), complex)
+        total = np.zeros((own.left.shape[1], own.right.shape[1]), np.result_type(own.left, own.right, own.H))
         for slot, A in self.slopes.items():
-            moved = own.left.conj().T @ (A @ own.right)
+            moved = own.left.conj().T @ lift(A, own.right)
             if self.C is None:
                 total += moved if slot == "K" else -moved @ own.H
             else:

@@ -23,6 +23,7 @@ from .step import Step
 from .tracking import mirror_partners, modal_assurance
 
 _BEYOND = 1.05  # times the highest frequency that matters: changes of stability up to here are looked for
+_MATTERS = 1.02  # times that frequency: up to here it is told where stability is not decided
 _TOGETHER = 4  # times `FINEST`: changes that are closer together than this may be a single one, or cancel
 _SLOW = 1e-3  # of the largest |λ|: changes whose |λ| differ by more are never taken for the same one
 _RIM = 0.9  # of the highest |λ| known: a mode above this may leave the range of modes, so its absence is no error
@@ -57,6 +58,7 @@ def find_step_onsets(
     problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
     branches: tuple[np.ndarray, np.ndarray], below: float, reduced_model: ReducedModel | None = None,
     precise: bool = False, linear_solver: LinearSolver | str = "auto", scale: Scale = LINEAR, starts: bool = True,
+    halved: bool = False,
 ) -> Found:  # fmt: skip
     """Return the onsets between two neighbouring values of a sweep, and what could not be decided.
 
@@ -82,17 +84,33 @@ def find_step_onsets(
     starts : bool
         Whether the first value is the first of the whole sweep: two modes of equal frequency may couple as soon as the
         parameter leaves it.
+    halved : bool
+        Whether the step is halved and searched again if anything is not decided: the search then ends at the first
+        thing that is not, with what it has found so far.
     """
     if not len(modes[0]) or not len(modes[1]):
         return Found()
     step = Step(problem, parameter, values, modes, reduced_model, linear_solver)
-    limit = _BEYOND * below
-    seen = scan(step.end(0), step.end(1), step.between, limit, scale)
+    limit, mattering = _BEYOND * below, _MATTERS * below
+    seen = scan(step.end(0), step.end(1), step.between, limit, scale, mattering if halved else 0.0)
     if seen.open and problem.is_damped:
         # A pair that becomes two real eigenvalues may leave a strongly decaying one that the solver does not list. The
         # step model has all of them, so its own modes are taken at the ends too.
-        seen = scan(step.between(values[0]), step.between(values[1]), step.between, limit, scale)
+        seen = scan(
+            step.between(values[0]), step.between(values[1]), step.between, limit, scale, mattering if halved else 0.0
+        )
     found = Found(width=seen.width)
+    unsettled = [
+        f"between {parameter} = {a:.8g} and {b:.8g} modes near {omega / (2 * np.pi):.5g} Hz change too much for"
+        " their stability to be followed"
+        for a, b, omega in seen.unsettled
+        if omega <= mattering
+    ]
+    left_open = Found()
+    for group in seen.open:
+        _tell_open(left_open, group, parameter, below)
+    if halved and (unsettled or left_open.warnings or left_open.missing):
+        return replace(left_open, warnings=unsettled + left_open.warnings)
     refiner = Refiner(step, precise, starts)
     for changes in _told_apart(step, [c for c in seen.changes if _frequency(step, c) <= limit]):
         refined: list[Onset] = []
@@ -114,20 +132,15 @@ def find_step_onsets(
             refined, failed = _sum(refined, sum(c.gains for c in changes), failed)
         found.onsets.extend(refined)
         found.warnings.extend(failed)
-    for a, b, omega in seen.unsettled:
-        if omega <= 1.02 * below:
-            found.warnings.append(
-                f"between {parameter} = {a:.8g} and {b:.8g} modes near {omega / (2 * np.pi):.5g} Hz change too much for"
-                " their stability to be followed"
-            )
+        if halved and failed:
+            return found
+    found.warnings.extend(unsettled)
     found.onsets[:], unclear = split_doubtful(step, found.onsets)
     found.doubts.extend(unclear)
     rim = _RIM * min(float(np.abs(m.lam).max(initial=0.0)) for m in modes)
     if not found.warnings and (told := unshown(step, found.onsets, min(rim, below))):
         found.warnings.append(told)
-    for group in seen.open:
-        _tell_open(found, group, parameter, below)
-    return found
+    return replace(found, warnings=found.warnings + left_open.warnings, missing=left_open.missing)
 
 
 def _told_apart(step: Step, changes: list[Change]) -> list[list[Change]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -33,6 +33,7 @@ _SURE, _SURE_IF_CHEAP = 1e-7, 1e-8
 _MOVED = 0.1  # of the step: a root of the problem may be so far from the root of the step model
 _ONE_SHAPE = 0.999  # MAC: two modes of equal frequency with a larger one are one defective mode, and no doublet
 _SAME_SHAPE = 0.9  # MAC: roots of the step model and of the problem whose modes have a larger one are the same root
+_ALONE = 0.05  # of the distance to the next change of the group: a root that is nearer than this belongs to the change
 _WITHIN = 0.5  # of a mode's energy: a mode with more than this in the span of a group's shapes belongs to the group
 _FAST = 4.0  # times the highest frequency: growing modes are looked for up to this |λ|
 _ASIDE = 1e-3  # of the step: distance from a bisected onset at which its growth rate is measured
@@ -56,6 +57,8 @@ class Refiner:
     step: Step
     precise: bool
     starts: bool
+    # Growing modes of the reduced model at some values, and up to which |λ| they are known.
+    _solved: dict[float, tuple[float, Modes]] = field(default_factory=dict, repr=False)
 
     def onset(self, change: Change) -> Onset:
         """Return the onset that a change of stability of the step model stands for, without its branches.
@@ -142,8 +145,8 @@ class Refiner:
     def _root(self, change: Change) -> tuple[Root, bool]:
         """Return the root of the problem by Newton's method, and whether it surely belongs to this change.
 
-        It does if the root of the step model is between the samples of the change or close to them, and the root of the
-        problem has the same mode or is there too.
+        It does if the root of the step model is between the samples of the change or close to them, or `_is_alone`, and
+        the root of the problem has the same mode or is there too.
         """
         if change.kind == "meeting" and not self._theta:
             raise NotConvergedError("two λ that meet on the imaginary axis: left to bisection")
@@ -152,7 +155,7 @@ class Refiner:
         step, slack = self.step, FINEST * self._width
         root = self._between(change, newton(step.model, near, change.right, change.left), slack)
         low, high = self._around(change)
-        sure = low <= root.value <= high
+        sure = low <= root.value <= high or self._is_alone(change, root)
         x, y = (step.V @ v for v in (root.right, root.left))
         if step.problem.unknowns == step.model.unknowns and step.reduced_model is None:
             return root, sure
@@ -161,6 +164,18 @@ class Refiner:
         if shift > _MOVED * self._width:
             raise NotConvergedError("Newton's method left the step")
         return self._between(change, better, slack + 2 * shift), sure and (same or low <= better.value <= high)
+
+    def _is_alone(self, change: Change, root: Root) -> bool:
+        """Return whether a root of the step model is far nearer to a change than to any other of the same group.
+
+        Its mode has to belong to the group. Samples are of the group matrix, whose error may move a change by more than
+        the distance between two samples.
+        """
+        middle = 0.5 * (change.low + change.high)
+        room = min(abs(limit - middle) for limit in change.limits)
+        right, M = root.right[:, None].astype(complex), self.step.model.mass
+        inside = _share_within(change.group, right, M)[0] > _SAME_SHAPE
+        return bool(inside) and abs(root.value - middle) <= _ALONE * room
 
     def _newton(self, change: Change) -> _Newton:
         """Return Newton's method for the kind of a change: a function of problem, parameter, right and left mode."""
@@ -247,16 +262,9 @@ class Refiner:
             The numbers at the two limits do not differ by what the change gains.
         """
         step, highest = self.step, 1.1 * self._highest(change)
-        request = Request(max_frequency_hz=highest / (2 * np.pi))
 
         def unstable(p: float) -> Modes:
-            pencil = step.problem.pencil({step.parameter: p})
-            if step.reduced_model is None:
-                modes = solve_modes(pencil, request, linear_solver=step.linear_solver)
-            else:  # the matrices of a reduced model are small and dense
-                modes = solve_dense(pencil, _FAST * highest, step.linear_solver)
-                modes = modes.select(np.flatnonzero(modes.lam.imag <= highest))
-            growing = modes.select(np.flatnonzero(modes.stability == "unstable"))
+            growing = self._growing(p, highest)
             u, _ = step.shapes(growing)
             return growing.select(np.flatnonzero(_share_within(change.group, u, step.model.mass) > _WITHIN))
 
@@ -294,6 +302,28 @@ class Refiner:
             error = step.reduced_model.root_error(value, lam.imag**2, right, left)[0]
             unseen += error if error < self._width else 0.0  # a larger error, as of a modal projection, is no bound
         return self._made(change, value, lam.imag, float(speed * np.sign(change.gains)), unseen)
+
+    def _growing(self, p: float, highest: float) -> Modes:
+        """Return the growing modes of the problem at a value with Im λ up to a frequency, rad/s.
+
+        Those of a reduced model are kept: changes of one step are bisected between the same values.
+        """
+        step = self.step
+        if step.reduced_model is not None and (known := self._solved.get(p)) and known[0] >= _FAST * highest:
+            modes = known[1]
+        else:
+            pencil = step.problem.pencil({step.parameter: p})
+            if step.reduced_model is None:
+                request = Request(max_frequency_hz=highest / (2 * np.pi))
+                modes = solve_modes(pencil, request, linear_solver=step.linear_solver)
+            else:  # the matrices of a reduced model are small and dense
+                reach = _FAST * max(highest, *(float(np.abs(m.lam).max(initial=0.0)) for m in step.modes_at_ends))
+                modes = solve_dense(pencil, reach, step.linear_solver)
+            modes = modes.select(np.flatnonzero(modes.stability == "unstable"))
+            if step.reduced_model is not None:
+                self._solved[p] = reach, modes
+        lam = modes.lam
+        return modes.select(np.flatnonzero((lam.imag <= highest) & (np.abs(lam) <= _FAST * highest)))
 
     def _highest(self, change: Change) -> float:
         lam = change.v if not self._theta else np.sqrt(-change.v + 0j)

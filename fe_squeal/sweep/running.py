@@ -275,7 +275,7 @@ class RunningSweep:
         if not (doubtful and refinements):
             names = itertools.count(self._next_branch)
             branches = np.array([self._branches[i] if i >= 0 else next(names) for i in match.origin], dtype=int)
-            found = self._find_onsets(value, modes, branches)
+            found = self._find_onsets(value, modes, branches, refinements > 0)
             clock = self._spend("onsets", clock)
             if not ((found.warnings or found.missing) and refinements):
                 if found.missing:
@@ -314,7 +314,7 @@ class RunningSweep:
             tuple(self.unsettled),
         )  # fmt: skip
 
-    def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray) -> Found:
+    def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray, halved: bool) -> Found:
         """Return the onsets of the reported branches between the last value and this one, and what was not decided."""
         assert self._previous is not None and self._first is not None
         name = self.parameter
@@ -326,7 +326,7 @@ class RunningSweep:
         found = find_step_onsets(
             self.problem, name, (self._value, value), (self._previous, modes), (self._branches, branches), below,
             self._reduced_model, self._precise, self._linear_solver, self._scale,
-            self._value == self._start,
+            self._value == self._start, halved,
         )  # fmt: skip
         # The branches of an onset are found by shape and may be wrong. Well inside the range it is reported in any
         # case.

@@ -89,6 +89,7 @@ class Samples:
         if self.turned:
             H, dH = -1j * H, -1j * dH
         v, W = np.linalg.eig(H)
+        v = v.astype(complex)
         if self.turned:
             v = _real_or_paired(v)
         m = v.shape[1]

@@ -15,7 +15,9 @@ from .nodes import Node
 from .samples import Samples
 from .scale import LINEAR, Scale
 
-_NODES = 24  # values besides the ends at which modes of the step model are taken, at most
+# Values besides the ends at which modes of the step model are taken, at most. A step that may be halved is left after a
+# few: narrower steps need fewer values, and their step models are more exact.
+_NODES, _NODES_IF_HALVED = 24, 8
 _RIM = 0.9  # of the highest |λ| known: a mode above this may be known at one value and not at the next
 
 
@@ -53,8 +55,9 @@ class Scan:
 
 
 def scan(
-    first: Node, second: Node, modes: Callable[[float], Node], below: float = np.inf, scale: Scale = LINEAR
-) -> Scan:
+    first: Node, second: Node, modes: Callable[[float], Node], below: float = np.inf, scale: Scale = LINEAR,
+    halved: float = 0.0,
+) -> Scan:  # fmt: skip
     """Find the changes of stability between two values.
 
     Parameters
@@ -67,6 +70,9 @@ def scan(
         Groups whose |λ| are all above this are left out.
     scale : Scale
         Whether steps go along the parameter or its logarithm.
+    halved : float, rad/s
+        If stability up to this frequency is not decided with a few values, the step is halved and searched again: the
+        search then ends, with what is not decided so far. Zero if the step is not halved.
     """
     step = scale.x(second.value) - scale.x(first.value)
     width, count = FINEST * step * scale.slope(second.value), 0
@@ -100,15 +106,17 @@ def scan(
             except Asked as more:
                 asked.append(scale.x(cluster.value(more.t)))
                 unsettled.append(members)
+        lams = [np.concatenate([a.lam[s0], b.lam[s1]]) for s0, s1 in unsettled]
+        told = [(a.value, b.value, float(lam.imag.mean())) for lam in lams]
+        if asked and count == _NODES_IF_HALVED and any(omega <= halved for *_, omega in told):
+            return Scan([], [], told, width, count)
         if asked and count < _NODES and share > SETTLED:
             rim = 0.05 * (end - begin)
             middle = modes(scale.p(float(np.clip(sorted(asked)[len(asked) // 2], begin + rim, end - rim))))
             count += 1
             todo += [(middle, b), (a, middle)]
             continue
-        for s0, s1 in unsettled:
-            lam = np.concatenate([a.lam[s0], b.lam[s1]])
-            result.unsettled.append((a.value, b.value, float(lam.imag.mean())))
+        result.unsettled.extend(told)
         result.changes.extend(found)
         result.open.extend(opened)
     changes = sorted(result.changes, key=lambda c: (c.low, c.high))

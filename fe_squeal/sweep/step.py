@@ -87,14 +87,14 @@ class Step:
             slow = reduced_model.basis.slow.on(self.V)
         self._cancelled = None if slow is None else slow.cancelled
 
-    def modes(self, p: float) -> Modes:
-        """Return all modes of the step model at a value."""
+    def modes(self, p: float, highest: float = np.inf) -> Modes:
+        """Return the modes of the step model at a value, up to |λ| = highest, rad/s."""
         known = self._inside.at({self.parameter: p}).free_motions()
         if len(self.V) > self.V.shape[1]:
             damping = None if known.damping is None else self.V.T @ known.damping
             known = FreeMotions(self.MV.T @ known.motions, damping)
         pencil = replace(self.model.pencil({self.parameter: p}), cancelled=self._cancelled, free=known)
-        return solve_dense(pencil, linear_solver=self.linear_solver)
+        return solve_dense(pencil, highest, self.linear_solver)
 
     def shapes(self, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
         """Return right and left modes of `problem` in the coordinates of the step model, both (r, k)."""
@@ -128,8 +128,7 @@ class Step:
         as uncertain as the nearest one at the ends.
         """
         reach = 1.2 * max(float(np.abs(m.lam).max(initial=0.0)) for m in self.modes_at_ends)
-        modes = self.modes(p)
-        modes = modes.select(np.flatnonzero(np.abs(modes.lam) <= reach))
+        modes = self.modes(p, reach)
         left = modes.right if modes.left is None else modes.left
         node = node_of(self.model, self.parameter, p, modes, (modes.right, left))
         at, blur = (np.concatenate([getattr(n, name) for n in self._known]) for name in ("v", "blur"))
