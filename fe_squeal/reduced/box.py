@@ -240,19 +240,6 @@ class BoxModel(ReducedModel):
         X = combine(local.V, self._span(local, near))
         self.basis.append(X, _TURNED * self.request.tolerance**0.5, together=True)
 
-    def _worst(self, off: dict[Place, float]) -> Place:
-        """Return the place that misses the tolerance most.
-
-        Errors fall as the basis grows, so that an earlier error bounds one that was not estimated anew.
-        """
-        fresh: set[Place] = set()
-        while True:
-            worst = max(off, key=lambda p: off[p])
-            if worst in fresh:
-                return worst
-            off[worst] = self._off(worst)
-            fresh.add(worst)
-
     def _has_room(self) -> bool:
         return len(self.places) < _NODES and len(self.basis) < min(_MOST, self.problem.unknowns // 2)
 

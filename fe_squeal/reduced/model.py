@@ -264,6 +264,19 @@ class ReducedModel:
         """Return how far the worst mode at a value is from meeting the tolerance: 1 where it just does."""
         return float(self._estimated(value)[1].max(initial=0.0))
 
+    def _worst(self, off: dict[Place, float]) -> Place:
+        """Return the place that misses the tolerance most.
+
+        Errors fall as the basis grows, so that an earlier error bounds one that was not estimated anew.
+        """
+        fresh: set[Place] = set()
+        while True:
+            worst = max(off, key=lambda p: off[p])
+            if worst in fresh:
+                return worst
+            off[worst] = self._off(worst)
+            fresh.add(worst)
+
     def _estimate(self, value: Place, basis: ReducedBasis, every: Modes) -> Estimate:
         return estimated(basis, value, every, self.request, self.highest)
 
@@ -274,13 +287,12 @@ class ReducedModel:
         if self._off(start) > 1:
             self._add_modes(start, definite)
         searched = None  # the basis in which no mode was missing
-        found = dict.fromkeys(candidates, np.inf)
+        found: dict[Place, float] = dict.fromkeys(candidates, np.inf)
         for _ in range(_NODES):
-            # Errors fall as the basis grows: those that were small enough are computed again only at the end.
-            found = {p: self._off(p) if off > 1 else off for p, off in found.items()}
-            if max(found.values()) <= 1:
+            worst = self._worst(found)
+            if found[worst] <= 1:
                 found = {p: self._off(p) for p in candidates}
-            worst = max(found, key=lambda p: found[p])
+                worst = max(found, key=lambda p: found[p])
             if found[worst] <= 1 and searched is self.basis.V:
                 return
             if found[worst] > 1:

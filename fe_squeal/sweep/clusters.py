@@ -204,6 +204,9 @@ class Cluster:
         right, left = [b.right for b in bases], [b.left @ o.conj().T for b, o in zip(bases, own, strict=True)]
         there, again = own[0] @ cross(0, 1), own[1] @ cross(1, 0)
         turned = there @ again
+        angle = float(la.norm(turned - np.eye(self.m), 2))
+        if angle > _TURNED:  # the group is not followed over this interval, and a mode may have turned altogether
+            return H, slopes, right, left, angle
         w, W = la.eig(turned)
         root = W / np.sqrt(w) @ la.inv(W)
         if not np.iscomplexobj(turned):
@@ -211,7 +214,7 @@ class Cluster:
         into, out = root @ there, again @ root
         H[1], slopes[1] = into @ H[1] @ out, into @ slopes[1] @ out
         right[1], left[1] = right[1] @ out, left[1] @ into.conj().T
-        return H, slopes, right, left, float(la.norm(turned - np.eye(self.m), 2))
+        return H, slopes, right, left, angle
 
     def _both(self) -> list[tuple[Node, np.ndarray]]:
         return list(zip(self.ends, self.members, strict=True))

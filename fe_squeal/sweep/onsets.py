@@ -92,12 +92,12 @@ def find_step_onsets(
         return Found()
     step = Step(problem, parameter, values, modes, reduced_model, linear_solver)
     limit, mattering = _BEYOND * below, _MATTERS * below
-    seen = scan(step.end(0), step.end(1), step.between, limit, scale, mattering if halved else 0.0)
+    seen = scan(step.end(0), step.end(1), step.between, limit, scale, mattering if halved else None)
     if seen.open and problem.is_damped:
         # A pair that becomes two real eigenvalues may leave a strongly decaying one that the solver does not list. The
         # step model has all of them, so its own modes are taken at the ends too.
         seen = scan(
-            step.between(values[0]), step.between(values[1]), step.between, limit, scale, mattering if halved else 0.0
+            step.between(values[0]), step.between(values[1]), step.between, limit, scale, mattering if halved else None
         )
     found = Found(width=seen.width)
     unsettled = [

@@ -56,7 +56,7 @@ class Scan:
 
 def scan(
     first: Node, second: Node, modes: Callable[[float], Node], below: float = np.inf, scale: Scale = LINEAR,
-    halved: float = 0.0,
+    halved: float | None = None,
 ) -> Scan:  # fmt: skip
     """Find the changes of stability between two values.
 
@@ -70,9 +70,9 @@ def scan(
         Groups whose |λ| are all above this are left out.
     scale : Scale
         Whether steps go along the parameter or its logarithm.
-    halved : float, rad/s
+    halved : float, rad/s, optional
         If stability up to this frequency is not decided with a few values, the step is halved and searched again: the
-        search then ends, with what is not decided so far. Zero if the step is not halved.
+        search then ends, with what is not decided so far. None if the step is not halved.
     """
     step = scale.x(second.value) - scale.x(first.value)
     width, count = FINEST * step * scale.slope(second.value), 0
@@ -108,7 +108,7 @@ def scan(
                 unsettled.append(members)
         lams = [np.concatenate([a.lam[s0], b.lam[s1]]) for s0, s1 in unsettled]
         told = [(a.value, b.value, float(lam.imag.mean())) for lam in lams]
-        if asked and count == _NODES_IF_HALVED and any(omega <= halved for *_, omega in told):
+        if halved is not None and count >= _NODES_IF_HALVED and any(omega <= halved for *_, omega in told):
             return Scan([], [], told, width, count)
         if asked and count < _NODES and share > SETTLED:
             rim = 0.05 * (end - begin)
