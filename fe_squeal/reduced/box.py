@@ -149,9 +149,6 @@ class BoxModel(ReducedModel):
     def _condense(self) -> CertifiedBasis | None:
         """Return that of some bases inside this one with which modes cost least; None where that is the whole one.
 
-        Each has the modes of the softest corner, on which the errors rest, and the directions in which the modes asked
-        for at all places of the making reach furthest (proper orthogonal decomposition).
-
         Each has the modes of the softest corner, on which the errors rest, and the main directions of the modes asked
         for at all places that the basis was made for (proper orthogonal decomposition).
         """
