@@ -57,6 +57,8 @@ class BoxModel(ReducedModel):
         The largest estimated |Δλ/λ| there.
     """
 
+    enough = 0.3  # errors at other places are larger than at those of the making
+
     def __init__(
         self, problem: Problem, parameters: Sequence[str], low: np.ndarray, high: np.ndarray,
         draw: Callable[[int], Places], request: Request, linear_solver: LinearSolver | str = "auto",
@@ -180,7 +182,7 @@ class BoxModel(ReducedModel):
     def _estimated(self, value: Place) -> Estimate:
         self._forget()
         if value not in self._known:
-            self._known[value], every = self._whole(self._blocks).found(value)
+            self._known[value], every = self._whole(self._blocks).found(value, self.enough)
             if self.problem.problem_class in ("symmetric", "nonsymmetric"):  # others are left to LAPACK
                 self._blocks.blocks[value] = Blocks.of(every, self.request)
             wanted = self._known[value][0]
@@ -205,7 +207,7 @@ class BoxModel(ReducedModel):
             self._spread_over(places, progress)
         while self._has_room():
             worst = self._worst(off)
-            if off[worst] <= 1:
+            if off[worst] <= self.enough:
                 break
             progress(f"{len(self.basis)} vectors, {off[worst]:.1e} times the tolerance")
             self._add_modes(worst, None)
