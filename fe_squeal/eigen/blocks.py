@@ -17,10 +17,15 @@ _TALL = 5000  # rows from which the work of slicing them pays
 _Part = TypeVar("_Part")
 
 
+def faster(A: sp.csr_array) -> sp.csr_array | np.ndarray:
+    """Return a matrix as an array if more than half of its entries are stored: products with blocks are faster so."""
+    return np.asarray(A.toarray()) if A.nnz > A.shape[0] * A.shape[1] / 2 else A
+
+
 def times(A: sp.csr_array, X: np.ndarray) -> np.ndarray:
     """Return A X for a sparse A (m, n) and X (n, k)."""
     if A.shape[0] < _TALL:
-        return np.asarray(A @ X)
+        return np.asarray((faster(A) if X.ndim > 1 else A) @ X)
 
     out = np.empty((A.shape[0], *X.shape[1:]), np.result_type(A.dtype, X))
 

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from ..eigen.blocks import faster
 from ..eigen.dense import solve_dense
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes
@@ -61,7 +62,7 @@ class Step:
         self.full, self.parameter, self.reduced_model, self.ends = problem, parameter, reduced_model, values
         self.linear_solver, self.modes_at_ends = linear_solver, modes
         self.problem = problem = problem if reduced_model is None else reduced_model.collected
-        M = problem.pencil({parameter: values[0]}).M
+        M = faster(problem.pencil({parameter: values[0]}).M)
         rigid = np.hstack([m.right[:, m.lam == 0].real for m in modes])
         self.rigid = _orthonormal(rigid, M) if rigid.any() else None
         if problem.unknowns <= _SMALL:
@@ -168,7 +169,7 @@ def real_direction(vectors: np.ndarray) -> np.ndarray:
     return np.asarray(parts @ v[:, -1])
 
 
-def _orthonormal(vectors: np.ndarray, M: sp.csr_array) -> np.ndarray:
+def _orthonormal(vectors: np.ndarray, M: sp.csr_array | np.ndarray) -> np.ndarray:
     """Return an M-orthonormal basis of the span of the columns."""
     # Columns are scaled to equal length first, since left and right vectors may differ in length by any factor.
     size = np.sqrt(np.maximum(np.einsum("ij,ij->j", vectors, M @ vectors), 0.0))
