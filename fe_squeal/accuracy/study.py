@@ -167,7 +167,9 @@ def run_study(
                 leave_out(setting, f"it would take about {expected:.0f} s" if rest > 0 else "the budget is spent")
                 continue
             unknowns = forecast.unknowns(setting)
-            progress(len(done), len(every), f"{setting}: about {unknowns} unknowns, {expected:.0f} s", False)
+            mib = forecast.memory(setting, [(s, m.peak_memory_mib) for s, m in done])
+            told = f"{setting}: about {unknowns} unknowns, {expected:.0f} s, {mib:.0f} MiB"
+            progress(len(done), len(every), told, False)
             try:
                 found = measure_apart(scene, setting, probes, setting.estimated, rest)
             except SquealError as error:
@@ -208,8 +210,9 @@ def _spent(measured: Measurement) -> float:
 
 
 def _announced(settings: list[Setting], forecast: Forecast, budget: float | None) -> str:
-    """Return the first line of a study: its number of settings, the largest number of unknowns, and seconds in all."""
-    largest = max(forecast.unknowns(s) for s in settings)
+    """Return the first line of a study: its settings, the most unknowns and MiB that one takes, and seconds in all."""
+    largest, mib = max(forecast.unknowns(s) for s in settings), max(forecast.memory(s) for s in settings)
     whole = sum(forecast.seconds(s, []) for s in settings)
     bounded = "" if budget is None else f", of which {budget:g} s may be spent (--budget)"
-    return f"{len(settings)} settings, up to about {largest} unknowns: some {whole:.0f} s in all{bounded}"
+    most = f"up to about {largest} unknowns and {mib:.0f} MiB"
+    return f"{len(settings)} settings, {most}: some {whole:.0f} s in all{bounded}"

@@ -162,6 +162,10 @@ class Geometry(BaseModel):
         """The lines of the structured mesh, each by the key of the geometry that sets its number of elements."""
         raise NotImplementedError
 
+    def nodes(self, order: int) -> int:
+        """Return how many nodes the structured mesh has with elements of an order."""
+        raise NotImplementedError
+
     @property
     def placements(self) -> tuple[Self, ...]:
         """This geometry with as many elements, and the lines between them in other places that may suit its modes."""

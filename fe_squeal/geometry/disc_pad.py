@@ -188,6 +188,13 @@ class DiscPad(Geometry):
         n_r, n_theta, n_lining, n_plate = self.pad_counts
         return math.prod(self.disc_counts) + self.pads * n_r * n_theta * (n_lining + n_plate)
 
+    def nodes(self, order: int) -> int:
+        """Return how many nodes the structured mesh has with elements of an order."""
+        r, around, z = (order * n for n in self.disc_counts)
+        pad_r, pad_around, lining, plate = (order * n for n in self.pad_counts)
+        pad = (pad_r + 1) * (pad_around + (not self.is_ring)) * (lining + plate + 1)
+        return (r + 1) * around * (z + 1) + self.pads * pad
+
     @model_validator(mode="after")
     def _check(self) -> Self:
         for smaller, larger in (("inner_radius", "outer_radius"), ("pad_inner_radius", "pad_outer_radius")):
