@@ -18,6 +18,7 @@ import tempfile
 import time
 import tomllib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 for _key in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
@@ -33,9 +34,11 @@ from fe_squeal.eigen.request import Request  # noqa: E402
 from fe_squeal.problem.problem import Problem  # noqa: E402
 from fe_squeal.scene import Scene  # noqa: E402
 from fe_squeal.scene.file import load_scene, parse_scene  # noqa: E402
-from fe_squeal.study.engine import Cluster, solve_places  # noqa: E402
+from fe_squeal.study.engine import solve_places  # noqa: E402
 from fe_squeal.study.models import DirectModel  # noqa: E402
+from fe_squeal.study.outcome import COLUMNS  # noqa: E402
 from fe_squeal.study.points import Scatter, sobol_points  # noqa: E402
+from fe_squeal.study.pools import Processes  # noqa: E402
 from fe_squeal.study.solving import TRAINED, Solving  # noqa: E402
 
 ROOT = Path(__file__).parents[1]
@@ -93,19 +96,21 @@ def worker_lines(samples: int) -> list[str]:
     assert isinstance(scene, Scene)
     solver, points = solving(scene, assemble(scene), samples)
     lines, rows, rates = [], [], []
+    direct = COLUMNS.index("direct")
     for workers in (1, 2):
         before, finished = resource.getrusage(resource.RUSAGE_CHILDREN), []
-
         largest = 0
 
         def count(done: int, total: int, rate: float, finished: list[tuple[float, int]] = finished) -> None:
             nonlocal largest
             finished.append((time.perf_counter(), done))
-            # Of a child that has ended the system tells the memory of this process, from which it was forked.
-            here = [child.memory_info().rss for child in psutil.Process().children(recursive=True)]
-            largest = max([largest, *here])
+            for child in psutil.Process().children(recursive=True):
+                with suppress(psutil.Error):  # a child that has ended
+                    # A child that has not started its own program yet shares the memory of this process.
+                    if "spawn_main" in " ".join(child.cmdline()):
+                        largest = max(largest, child.memory_info().rss)
 
-        rows.append(solve_places(solver.solver, points, Cluster(workers), None, count)[0])
+        rows.append(solve_places(solver.solver, points, Processes(workers), None, count)[0])
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         (begun, first), (ended, last) = finished[1], finished[-1]  # without the start of the workers
@@ -118,9 +123,9 @@ def worker_lines(samples: int) -> list[str]:
         print(lines[-1], flush=True)
     apart = np.abs(rows[1] - rows[0]).max()
     lines.append(
-        f"- Two workers did {rates[1] / rates[0]:.2f} times as much by the clock as one, on two cores that had other"
-        f" work; {int((rows[0][:, 6] > 0).sum())} samples were solved directly, and the largest difference of a number"
-        f" between both tables is {apart:.0e}."
+        f"- Two workers did {rates[1] / rates[0]:.2f} times as much by the clock as one;"
+        f" {int((rows[0][:, direct] > 0).sum())} samples were solved directly, by the workers as well,"
+        f" and the largest difference of a number between both tables is {apart:.0e}."
     )
     return lines
 
@@ -137,14 +142,14 @@ def fine_lines(size: float, samples: int = 200, checks: int = 5) -> list[str]:
     made = time.process_time()
     model = solver.solver
     rows = np.array([model.outcome(p).row for p in points])
-    solved = time.process_time()
+    solved, missed = time.process_time(), int((rows[:, COLUMNS.index("direct")] > 0).sum())
     direct = DirectModel(problem, scene.study.names, Request(None, scene.solve.max_frequency, 1e-8))
     exact = np.array([direct.outcome(p).row for p in points[:checks]])
     off = np.abs(exact[:, 1] - rows[:checks, 1]) / (2 * np.pi * rows[:checks, 2])
     same = int((exact[:, 0] == rows[:checks, 0]).sum())
     return [
         f"- The same on {problem.unknowns} unknowns: {model.why}. {made - start:.0f} CPU seconds until the model is"
-        f" there, then {samples / (solved - made):.0f} samples a CPU second, {int((rows[:, 6] > 0).sum())} of {samples}"
+        f" there, then {samples / (solved - made):.0f} samples a CPU second, {missed} of {samples}"
         f" solved directly. Of {checks} that were also solved directly, {same} have the same verdict, and growth rates"
         f" differ by {off.max():.0e} of |λ| at most; a direct solve took"
         f" {(time.process_time() - solved) / checks:.0f} CPU seconds."

@@ -57,6 +57,8 @@ class BoxModel(ReducedModel):
         The largest estimated |Δλ/λ| there.
     """
 
+    enough = 0.3  # errors at other places are larger than at those of the making
+
     def __init__(
         self, problem: Problem, parameters: Sequence[str], low: np.ndarray, high: np.ndarray,
         draw: Callable[[int], Places], request: Request, linear_solver: LinearSolver | str = "auto",
@@ -149,9 +151,6 @@ class BoxModel(ReducedModel):
     def _condense(self) -> CertifiedBasis | None:
         """Return that of some bases inside this one with which modes cost least; None where that is the whole one.
 
-        Each has the modes of the softest corner, on which the errors rest, and the directions in which the modes asked
-        for at all places of the making reach furthest (proper orthogonal decomposition).
-
         Each has the modes of the softest corner, on which the errors rest, and the main directions of the modes asked
         for at all places that the basis was made for (proper orthogonal decomposition).
         """
@@ -183,7 +182,7 @@ class BoxModel(ReducedModel):
     def _estimated(self, value: Place) -> Estimate:
         self._forget()
         if value not in self._known:
-            self._known[value], every = self._whole(self._blocks).found(value)
+            self._known[value], every = self._whole(self._blocks).found(value, self.enough)
             if self.problem.problem_class in ("symmetric", "nonsymmetric"):  # others are left to LAPACK
                 self._blocks.blocks[value] = Blocks.of(every, self.request)
             wanted = self._known[value][0]
@@ -208,7 +207,7 @@ class BoxModel(ReducedModel):
             self._spread_over(places, progress)
         while self._has_room():
             worst = self._worst(off)
-            if off[worst] <= 1:
+            if off[worst] <= self.enough:
                 break
             progress(f"{len(self.basis)} vectors, {off[worst]:.1e} times the tolerance")
             self._add_modes(worst, None)

@@ -95,11 +95,11 @@ class CertifiedBasis:
         """Return the modes asked for at a place, see `estimated`; vectors are in coordinates of the basis."""
         return self.found(place)[0]
 
-    def found(self, place: Place) -> tuple[Estimate, Modes]:
+    def found(self, place: Place, enough: float = 1.0) -> tuple[Estimate, Modes]:
         """Return the same, and all modes that were found.
 
-        These are the lowest ones, whose search goes on for as long as that makes large errors smaller, or all of the
-        basis by LAPACK where it is not sure that no mode is missing.
+        These are the lowest ones, whose search goes on for as long as that makes errors smaller of which one is above
+        `enough` times the allowed one, or all of the basis by LAPACK where it is not sure that no mode is missing.
         """
         near, before = self.known.nearest(place), np.inf
         while near is not None:
@@ -108,7 +108,7 @@ class CertifiedBasis:
                 break
             estimate = self._estimated(place, modes)
             off = float(estimate[1].max(initial=0.0))
-            if off <= 1 or off > _FALLS * before:
+            if off <= enough or off > _FALLS * before:
                 return estimate, modes
             near, before = Blocks.of(modes, self.request), off
         modes = self.basis.modes(place, GUARDED * self.highest)

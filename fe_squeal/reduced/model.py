@@ -63,7 +63,11 @@ class ReducedModel:
     linear_solver : LinearSolver
     factorizations, solves : int
         Matrices factorised and right-hand sides solved for.
+    enough : float
+        Of what an error may be: below that modes that are put into the basis are not corrected any more.
     """
+
+    enough = 1.0
 
     def __init__(
         self, problem: Problem, parameter: str, values: Sequence[float] | np.ndarray, request: Request,
@@ -307,9 +311,10 @@ class ReducedModel:
             W = self._span(local, every)
             local, every = local.restricted(W), _on(every, W)
             modes, off, _ = self._estimate(value, local, every)
-            if off.max(initial=0.0) <= 1 or not more:
+            if off.max(initial=0.0) <= self.enough or not more:
                 break
-            self._correct(local, value, modes.select(np.flatnonzero(off > _CORRECTED)), inverse, factor is not None)
+            inexact = modes.select(np.flatnonzero(off > _CORRECTED * self.enough))
+            self._correct(local, value, inexact, inverse, factor is not None)
             every = local.modes(value, GUARDED * self.highest)
         self._join(local, every, again)
 

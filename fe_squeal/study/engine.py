@@ -2,44 +2,20 @@
 
 from __future__ import annotations
 
-import gc
-import logging
-import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
-from typing import Any, Protocol
+from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ..errors import NotConvergedError, SceneError
-from ..process.isolation import isolated_children
-from ..process.signals import signals_deferred
-from .models import Model, Solver
+from .models import DirectModel, Model, Solver
 from .outcome import COLUMNS, MODE_COLUMNS, Outcome
+from .pools import Pool, Processes, pool_of
 
-_PATIENCE = 5  # s: a scheduler has to answer within this time
 CHUNK = 32  # places that are sent to a process, and kept, together: about a second of work on a reduced model
 
 Solved = list[Outcome | None]
-
-
-@dataclass(frozen=True)
-class Processes:
-    """The processes that solve places, if not this one.
-
-    Attributes
-    ----------
-    workers : int
-        Processes that are started on this machine, with one thread each; 0 for none.
-    scheduler : str
-        Address of a running scheduler of Dask; "" for none.
-    """
-
-    workers: int = 0
-    scheduler: str = ""
 
 
 class Parts(Protocol):
@@ -93,13 +69,21 @@ def solve_places(
     before = finished = sum(len(chunks[i]) for i in done)
     start = time.perf_counter()
     progress(finished, len(places), 0.0)
-    left = [i for i in range(len(chunks)) if i not in done]
-    work = ((i, places[chunks[i]]) for i in left)
-    with spread(processes) as call:
-        for i, outcomes in call(solve_chunk, solver.model, work):
-            here = zip(outcomes, places[chunks[i]], strict=True)
-            whole = [solver.outcome(place) if found is None else found for found, place in here]
+    open_chunks: dict[int, Solved] = {}  # those with places that are left to direct solves
+    with pool_of(processes) as pool:
+        pool.add(solve_chunk, solver.model, ((i, places[chunks[i]]) for i in range(len(chunks)) if i not in done))
+        for key, result in pool:
+            if isinstance(key, tuple):  # one place of a chunk, solved directly
+                i, k = key
+                open_chunks[i][k] = result
+            else:
+                i, open_chunks[key] = key, result
+                _add_missed(pool, solver.direct, i, places[chunks[i]], result)
+            whole = [found for found in open_chunks[i] if found is not None]
+            if len(whole) < len(chunks[i]):
+                continue
             done[i] = _tables(whole, chunks[i])
+            del open_chunks[i]
             if parts is not None:
                 parts.save(i, *done[i])
             finished += len(whole)
@@ -107,6 +91,22 @@ def solve_places(
     rows = [done[i][0] for i in range(len(chunks))] or [np.zeros((0, len(COLUMNS)))]
     modes = [done[i][1] for i in range(len(chunks))] or [np.zeros((0, 1 + len(MODE_COLUMNS)))]
     return np.concatenate(rows), np.concatenate(modes)
+
+
+def _add_missed(pool: Pool, direct: DirectModel | None, chunk: int, places: np.ndarray, outcomes: Solved) -> None:
+    """Have the places of a chunk solved directly for which the model gave no outcome.
+
+    Where the workers have not enough memory for a direct solve this process does it, and puts it into `outcomes`.
+    """
+    missed = [k for k, found in enumerate(outcomes) if found is None]
+    if not missed:
+        return
+    assert direct is not None
+    if pool.has_room(direct.memory):
+        pool.add(solve_place, direct, (((chunk, k), places[k]) for k in missed))
+        return
+    for k in missed:
+        outcomes[k] = direct.outcome(places[k])
 
 
 def _tables(outcomes: Sequence[Outcome], numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -121,91 +121,6 @@ def solve_chunk(model: Model, places: np.ndarray) -> Solved:
         return [model.outcome(p) for p in places]
 
 
-@contextmanager
-def spread(processes: Processes | None) -> Iterator[Callable[..., Iterator[tuple[int, Any]]]]:
-    """Yield a callable that applies a function to many items, in this process or in others.
-
-    The callable takes (function, shared, work), where `work` yields pairs (number, item). It yields pairs
-    (number, function(shared, item)) in the order in which items are finished. `shared` is sent to each process once.
-
-    Raises
-    ------
-    SceneError
-        Other processes are asked for, and dask.distributed is not installed.
-    NotConvergedError
-        The scheduler does not answer, or is gone.
-    """
-    if processes is None or not (processes.workers or processes.scheduler):
-        yield lambda function, shared, work: ((i, function(shared, item)) for i, item in work)
-        return
-    try:
-        import distributed
-    except ImportError as error:
-        raise SceneError(
-            "--workers and --scheduler need dask.distributed, which is not installed; expected"
-            ' pip install "fe-squeal[cluster]"'
-        ) from error
-    with _client(distributed, processes) as client:
-        yield lambda function, shared, work: _on_cluster(distributed, client, function, shared, work)
-
-
-@contextmanager
-def _client(distributed: Any, processes: Processes) -> Iterator[Any]:
-    """Yield a client of the scheduler, or of processes that are started for the block and ended after it."""
-    if processes.scheduler:
-        try:
-            client = distributed.Client(processes.scheduler, timeout=_PATIENCE)
-        except (OSError, ValueError) as error:
-            raise NotConvergedError(
-                f"--scheduler: no scheduler of Dask answers at {processes.scheduler} ({type(error).__name__})"
-            ) from error
-        with client:
-            yield client
-        return
-    settings = {"n_workers": processes.workers, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
-    # Dask serves HTTP even without a dashboard, by default at port 8787, which may be taken: any free port is used.
-    free = {"dashboard_address": "127.0.0.1:0"}
-    import dask
-
-    with (
-        tempfile.TemporaryDirectory(prefix="fe_squeal_", ignore_cleanup_errors=True) as scratch,
-        # Profiles of what workers do would take more memory the longer they work.
-        dask.config.set({"temporary-directory": scratch, "distributed.worker.profile.enabled": False}),
-        isolated_children(),  # for as long as the cluster is there: Dask starts workers again that have died
-        _quiet_asyncio(),
-        ExitStack() as opened,
-    ):
-        with signals_deferred():  # a cluster that is only half there cannot be closed
-            local = opened.enter_context(distributed.LocalCluster(**settings, scheduler_kwargs=free, silence_logs=50))
-            client = opened.enter_context(distributed.Client(local))
-        yield client
-
-
-@contextmanager
-def _quiet_asyncio() -> Iterator[None]:
-    """Keep errors of Dask's own tasks, which lose their workers when a study is interrupted, from the terminal."""
-    logger = logging.getLogger("asyncio")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
-    try:
-        yield
-    finally:
-        gc.collect()  # a task tells what became of it when it is collected
-        logger.setLevel(level)
-
-
-def _on_cluster(
-    distributed: Any, client: Any, function: Callable[[Any, Any], Any], shared: Any, work: Iterable[tuple[int, Any]]
-) -> Iterator[tuple[int, Any]]:  # fmt: skip
-    """Yield results as processes finish them; if one dies, another one does its items."""
-    lost = distributed.client
-    gone = (OSError, TimeoutError, distributed.core.CommClosedError, lost.CancelledError, lost.FuturesCancelledError)
-    try:
-        sent = client.scatter(shared, broadcast=True, hash=False)
-        futures = {client.submit(function, sent, item, pure=False, retries=2): i for i, item in work}
-        for future in distributed.as_completed(list(futures)):
-            number, result = futures.pop(future), future.result()
-            future.release()  # or workers would keep all results to the end
-            yield number, result
-    except gone as error:
-        raise NotConvergedError(f"the scheduler is gone ({type(error).__name__})") from error
+def solve_place(model: Model, place: np.ndarray) -> Outcome | None:
+    """Return the outcome of one place (d,), on all threads of the process."""
+    return model.outcome(place)

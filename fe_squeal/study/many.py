@@ -13,7 +13,7 @@ from ..scene import MatrixScene, Scene
 from ..scene.file import load_scene
 from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
-from .engine import Processes, spread
+from .pools import Processes, pool_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,10 +56,9 @@ def run_many(
     if not scenes:
         raise SceneError("run_many: given no scenes; expected at least one")
     loaded = {name: load_scene(s) if isinstance(s, str | Path) else s for name, s in scenes.items()}
-    found: dict[int, tuple[pd.DataFrame, pd.DataFrame]] = {}
-    with spread(Processes(workers, scheduler)) as call:
-        for i, frames in call(_tables, None, enumerate(loaded.items())):
-            found[i] = frames
+    with pool_of(Processes(workers, scheduler)) as pool:
+        pool.add(_tables, None, enumerate(loaded.items()))
+        found = dict(pool)
     modes, onsets = (pd.concat([found[i][k] for i in range(len(loaded))], ignore_index=True) for k in (0, 1))
     return modes, onsets
 

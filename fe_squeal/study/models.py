@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+import psutil
 from threadpoolctl import threadpool_limits
 
 from ..assembly.assembly import assemble
@@ -20,9 +22,12 @@ from ..problem.problem import Problem
 from ..reduced import BoxModel, OnlineModel
 from ..scene import Scene
 from ..scene.numbers import GEOMETRY, with_numbers
+from ..sweep.forecast import predict_memory
 from .outcome import Outcome, outcome_of
 
 _DIRECT = 1e-8  # backward error of direct solves
+_MODES = 100  # for a prediction of memory where their number is not given
+_PROCESS = 200 * 2**20  # bytes: of a worker that has not solved anything yet
 Values = Sequence[float] | np.ndarray
 
 
@@ -55,6 +60,14 @@ class DirectModel:
     names: tuple[str, ...]
     request: Request
     linear_solver: LinearSolver | str = "auto"
+
+    @cached_property
+    def memory(self) -> int:
+        """The bytes that a process of its own is predicted to take for a direct solve."""
+        modes = self.request.count or _MODES
+        forecast = predict_memory(self.problem, self.names[0], 1, modes, "direct", self.linear_solver)
+        terms = sum(t.matrix.nnz * (t.matrix.dtype.itemsize + 4) for t in self.problem.terms)
+        return forecast.total - int(psutil.Process().memory_info().rss) + terms + _PROCESS
 
     def outcome(self, values: Values) -> Outcome:
         """Return the outcome at a place; its error is the largest product of backward error and condition of a mode."""
@@ -95,7 +108,7 @@ class Solver:
     ----------
     model : Model
         The model that is tried first.
-    direct : Model or None
+    direct : DirectModel or None
         Solves the places at which `model` gives no outcome; None if `model` always gives one.
     box : BoxModel or None
         The reduced model with all its vectors, if there is one.
@@ -104,7 +117,7 @@ class Solver:
     """
 
     model: Model
-    direct: Model | None
+    direct: DirectModel | None
     box: BoxModel | None
     why: str
 

@@ -11,8 +11,9 @@ from ..eigen.request import Request
 from ..problem.problem import Problem
 from ..scene import Scene
 from ..sweep.sweep import MODES
-from .engine import Parts, Processes, solve_places
+from .engine import Parts, solve_places
 from .models import make_solver
+from .pools import Processes
 
 if TYPE_CHECKING:
     from ..eigen.linear.factor import LinearSolver

@@ -19,7 +19,7 @@ from fe_squeal.accuracy.measure import measure_apart
 from fe_squeal.accuracy.settings import Setting
 from fe_squeal.errors import MeshError
 from fe_squeal.process.isolation import isolated_children, isolated_environment
-from fe_squeal.study.engine import Processes, spread
+from fe_squeal.study.pools import Processes, pool_of
 
 MODULES = ("json", "queue", "pickle", "socket", "numpy", "selectors", "sitecustomize", "fe_squeal", "fe_squeal_start")
 
@@ -78,8 +78,9 @@ def test_workers_of_a_study(strange: Path, tmp_path_factory: pytest.TempPathFact
     temporary = tmp_path_factory.mktemp("temporary")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tempfile, "tempdir", str(temporary))
-        with spread(Processes(workers=2)) as call:
-            assert sorted(call(pow, 2, [(0, 3), (1, 5)])) == [(0, 8), (1, 32)]
+        with pool_of(Processes(workers=2)) as pool:
+            pool.add(pow, 2, [(0, 3), (1, 5)])
+            assert sorted(pool) == [(0, 8), (1, 32)]
             own = psutil.Process()
             sockets = [s for p in (own, *own.children(recursive=True)) for s in p.net_connections("tcp")]
             addresses = {s.laddr.ip for s in sockets if s.status == psutil.CONN_LISTEN}

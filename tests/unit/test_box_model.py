@@ -44,6 +44,8 @@ def test_every_mode_all_over_the_box(kind):
     assert 0 < len(model.places) < 12 and len(model.basis) < N // 2
     online = pickle.loads(pickle.dumps(model.online()))
     assert online.whole.basis.V.size == 0 and all(t.matrix.nnz == 0 for t in online.whole.basis.problem.terms)
+    for place in draw(0):  # with a margin, as errors elsewhere are larger
+        assert online.whole.found(place, model.enough)[0][1].max() <= model.enough
     for place in draw(99)[:4]:
         modes, off, relative = online.modes(place)
         exact = solve_dense(problem.pencil(dict(zip(NAMES, place, strict=True)))).lam

@@ -21,7 +21,7 @@ import fe_squeal
 from fe_squeal.cli import main
 from fe_squeal.errors import NotConvergedError
 from fe_squeal.scene.file import load_scene
-from fe_squeal.study import engine
+from fe_squeal.study import engine, pools
 from tests.studies import STIFFNESS
 
 TERMS = """
@@ -254,7 +254,7 @@ def test_a_cluster_that_loses_a_part(scene, tmp_path, victim):
 @pytest.mark.slow
 def test_a_scheduler_that_does_not_answer_is_told(scene, tmp_path, capsys, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr(engine, "_PATIENCE", 0.5)
+    monkeypatch.setattr(pools, "_PATIENCE", 0.5)
     out = tmp_path / "out"
     assert main(["study", str(scene(SCATTER)), "-o", str(out), "--scheduler", "tcp://127.0.0.1:9"]) == 3
     assert "no scheduler of Dask answers" in capsys.readouterr().err

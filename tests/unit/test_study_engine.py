@@ -1,0 +1,175 @@
+"""Places that the model leaves to direct solves: where these are done, and what is kept when they are interrupted."""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fe_squeal.eigen.request import Request
+from fe_squeal.errors import NotConvergedError
+from fe_squeal.study import engine
+from fe_squeal.study.models import DirectModel, Solver
+from fe_squeal.study.outcome import Outcome
+from fe_squeal.study.pools import Here, Processes, pool_of
+from tests.studies import two_modes
+
+PLACES = np.arange(80.0)[:, None]  # two chunks of 32 and one of 16
+
+
+def answer(place: np.ndarray, direct: bool) -> Outcome:
+    """Return an outcome that names its place, and the process that found it."""
+    row = np.array([0.0, float(place[0]), 0.0, 0.0, 0.0, os.getpid(), direct])
+    return Outcome(row, np.full((int(place[0]) % 3, 4), float(place[0])))
+
+
+@dataclass
+class Sparing:
+    """A model that gives no outcome at every fifth place."""
+
+    asked: list[int] = field(default_factory=list)
+
+    def outcome(self, values: np.ndarray) -> Outcome | None:
+        """Return the outcome at a place, or None."""
+        self.asked.append(int(values[0]))
+        return None if int(values[0]) % 5 == 0 else answer(values, False)
+
+
+@dataclass
+class Thorough:
+    """A model that gives an outcome everywhere, and stands for direct solves."""
+
+    memory: float = 0.0
+    asked: list[int] = field(default_factory=list)
+    stop: int = -1
+
+    def outcome(self, values: np.ndarray) -> Outcome:
+        """Return the outcome at a place; an interruption at one of them."""
+        if int(values[0]) == self.stop:
+            raise KeyboardInterrupt
+        self.asked.append(int(values[0]))
+        return answer(values, True)
+
+
+@dataclass
+class Kept:
+    """Keeps finished chunks in memory."""
+
+    parts: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+
+    def load(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+        """Return what is kept."""
+        return dict(self.parts)
+
+    def save(self, chunk: int, rows: np.ndarray, modes: np.ndarray) -> None:
+        """Keep a chunk."""
+        self.parts[chunk] = rows, modes
+
+
+def check_tables(rows: np.ndarray, modes: np.ndarray) -> None:
+    """Every place has its own outcome, and every fifth that of a direct solve."""
+    assert rows[:, 1].tolist() == PLACES[:, 0].tolist()
+    assert rows[:, 6].tolist() == (PLACES[:, 0] % 5 == 0).tolist()
+    assert modes[:, 0].tolist() == modes[:, 1].tolist() == np.repeat(np.arange(80), np.arange(80) % 3).tolist()
+
+
+def test_places_without_an_outcome_are_solved_directly() -> None:
+    model, direct, seen = Sparing(), Thorough(), []
+    solver = Solver(model, direct, None, "")
+    check_tables(*engine.solve_places(solver, PLACES, progress=lambda done, total, rate: seen.append(done)))
+    assert direct.asked == list(range(0, 80, 5)) and model.asked == list(range(80))
+    assert seen == [0, 32, 64, 80]
+
+
+def test_an_interrupted_direct_solve_loses_its_own_chunk_alone() -> None:
+    """Chunks that are whole are kept; what is gone on with solves no place of them again."""
+    kept, model, direct = Kept(), Sparing(), Thorough(stop=45)
+    with pytest.raises(KeyboardInterrupt):
+        engine.solve_places(Solver(model, direct, None, ""), PLACES, parts=kept)
+    assert list(kept.parts) == [0] and max(model.asked) < 64  # the direct solves of a chunk come before the next chunk
+    again, exact = Sparing(), Thorough()
+    check_tables(*engine.solve_places(Solver(again, exact, None, ""), PLACES, parts=kept))
+    assert min(again.asked) == 32 and min(exact.asked) == 35
+
+
+def test_work_that_is_added_last_is_done_first() -> None:
+    pool, done = Here(), []
+    pool.add(pow, 2, ((k, k) for k in range(3)))
+    for key, result in pool:
+        done.append((key, result))
+        if isinstance(key, int):
+            pool.add(pow, 3, [((key, 0), key)])
+    assert done == [(0, 1), ((0, 0), 1), (1, 2), ((1, 0), 3), (2, 4), ((2, 0), 9)]
+
+
+def test_the_memory_of_a_direct_solve_is_that_of_a_process_at_least() -> None:
+    model = DirectModel(two_modes(), ("mu",), Request(2, None, 1e-6))
+    assert 2**27 < model.memory < 2**30
+
+
+@pytest.fixture
+def by_value() -> object:
+    """Have workers get the classes and functions of this file with the work, as they cannot import it."""
+    cloudpickle = pytest.importorskip("cloudpickle")
+    pytest.importorskip("distributed")
+    cloudpickle.register_pickle_by_value(sys.modules[__name__])
+    yield
+    cloudpickle.unregister_pickle_by_value(sys.modules[__name__])
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("by_value")
+@pytest.mark.parametrize("memory", [0.0, 2.0**60])
+def test_workers_solve_directly_where_they_have_the_memory(memory: float) -> None:
+    """Otherwise the process of the command does."""
+    solver = Solver(Sparing(), Thorough(memory), None, "")
+    rows, modes = engine.solve_places(solver, PLACES, Processes(workers=2))
+    check_tables(rows, modes)
+    reduced, direct = (set(rows[rows[:, 6] == d, 5].astype(int)) for d in (0, 1))
+    assert os.getpid() not in reduced
+    assert direct == {os.getpid()} if memory else os.getpid() not in direct
+
+
+def die(shared: None, item: int) -> None:
+    """End the process, as the system does with one that takes too much memory."""
+    os._exit(1)
+
+
+def die_once(path: str, item: int) -> int:
+    """End the process at the first call."""
+    if not os.path.exists(path):
+        with open(path, "x"):
+            os._exit(1)
+    return item
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("by_value")
+def test_the_only_worker_dies_once(tmp_path: Path) -> None:
+    """Another one is started, and gets what is shared, too."""
+    with pool_of(Processes(workers=1)) as pool:
+        pool.add(die_once, str(tmp_path / "died"), ((k, k) for k in range(5)))
+        assert sorted(pool) == [(k, k) for k in range(5)]
+    assert (tmp_path / "died").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("by_value")
+def test_large_things_are_shared_without_a_word(recwarn: pytest.WarningsRecorder) -> None:
+    with pool_of(Processes(workers=1)) as pool:
+        pool.add(np.take, np.arange(4e6), [(0, 3)])
+        assert list(pool) == [(0, 3.0)]
+    assert not [str(w.message) for w in recwarn if "large" in str(w.message)]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("by_value")
+def test_work_that_kills_every_worker_ends_in_one_sentence() -> None:
+    with pool_of(Processes(workers=1)) as pool:
+        pool.add(die, None, [(0, 0)])
+        with pytest.raises(NotConvergedError, match="start fewer of them"):
+            list(pool)
