@@ -51,7 +51,10 @@ class Forecast:
     def unknowns(self, setting: Setting) -> int:
         """Return about how many unknowns a setting has: three for each node, those that supports hold included."""
         if self.mesh is not None and self.mesh.geometry is not None:
-            return 3 * self.mesh.geometry.resized(setting.size / self.mesh.scale).nodes(setting.order)
+            own = self.mesh.geometry
+            if setting.geometry:
+                return 3 * type(own).model_validate_json(setting.geometry).nodes(setting.order)
+            return 3 * own.resized(setting.size / self.mesh.scale).nodes(setting.order)
         return int(3 * self.nodes[setting.order] * (self.size / setting.size) ** 3)
 
     def memory(self, setting: Setting, done: Sequence[tuple[Setting, float]] = ()) -> float:

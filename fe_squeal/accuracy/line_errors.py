@@ -59,17 +59,25 @@ class LineErrors:
     order: int = 2
 
     def at(self, lines: Mapping[str, Line]) -> np.ndarray:
-        """Return the relative bars (q,), to first order, that are expected with other lines of these names."""
+        """Return the relative bars (q,), to first order, that are expected with other lines of these names.
+
+        Some numbers of elements let parts of opposite sign cancel further than they do now, which the next mesh may not
+        do. So the change that counts is the mean of that which is left, and of that which would be left if parts
+        cancelled as far as they do now, if this is larger.
+        """
         falls = np.ones(len(self.parts))
         for key, line in self.lines.items():
             own = self.along == key
             falls[own] = layer_factors(line, lines[key], self.rates[key])[self.layers[own]]
-        return self._bars(falls)
+        (now, spread), (then, left) = self._summed(np.ones(len(self.parts))), self._summed(falls)
+        kept = np.divide(np.abs(now), spread, out=np.ones_like(now), where=spread > 0)
+        return bar_of_parts((np.abs(then) + np.maximum(np.abs(then), kept * left)) / 2, left, self.order)
 
-    def _bars(self, falls: np.ndarray) -> np.ndarray:
+    def _summed(self, falls: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the changes (q,), and the sums (q,) of the sizes of the groups' parts, of parts that have fallen."""
         found = np.zeros((1 + int(self.groups.max(initial=0)), self.parts.shape[1]))
         np.add.at(found, self.groups, falls[:, None] * self.parts)
-        return bar_of_parts(found.sum(axis=0), np.abs(found).sum(axis=0), self.order)
+        return found.sum(axis=0), np.abs(found).sum(axis=0)
 
     def largest(self, key: str) -> float:
         """Return the largest relative change of any quantity that a line adds."""

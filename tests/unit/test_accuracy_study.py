@@ -172,19 +172,37 @@ def test_study_is_resumed_and_bounded(tiny, measured, tmp_path):
     folder, settings, study = measured
     shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     frame = study.to_dataframe()
-    assert tuple(frame.columns) == COLUMNS and len(frame) == len(settings) and not study.left_out
+    assert tuple(frame.columns) == COLUMNS and not study.left_out
+    planned = [s for s in study.settings if not s.adapted]
+    assert planned == by_information(settings, forecast_of(scene))
+    at = next(i for i, s in enumerate(study.settings) if s.adapted)  # at once after the mesh that it is made from
+    assert (study.settings[at - 1].order, study.settings[at - 1].size) == (2, forecast_of(scene).size)
     one, two = (frame[(frame["order"] == k) & (frame["knob"] == "size")] for k in (1, 2))
     assert (two["error_frequency"].to_numpy() < one["error_frequency"].to_numpy()).all()
     # What is there is taken from there, whatever the budget; only what is missing is left out.
     files = {p.name: p.stat().st_mtime_ns for p in tmp_path.glob("*.npz")}
-    missing = next(iter(files))
+    missing = f"{next(s for s in settings if s.knob == 'modes').key(scene)}.npz"
     (tmp_path / missing).unlink()
     again = run_study(scene, MeasurementFolder(tmp_path), 1e-9, settings)
-    assert len(again.measurements) == len(settings) - 1 and len(again.left_out) == 1
+    assert len(again.measurements) == len(study.settings) - 1 and len(again.left_out) == 1
     assert "budget" in again.left_out[0][1]
     assert {p.name: p.stat().st_mtime_ns for p in tmp_path.glob("*.npz")} == {
         name: time for name, time in files.items() if name != missing
     }
+
+
+@pytest.mark.slow
+def test_meshes_are_adapted_beside_uniform_ones(tiny, measured):
+    """Twice, each with more unknowns than the mesh before it and a smaller error; the last one is not estimated."""
+    frame = measured[2].to_dataframe()
+    adapted = frame[frame["knob"] == "adapted"].sort_values("unknowns")
+    own = frame[(frame["knob"] == "size") & (frame["order"] == 2)].sort_values("size").iloc[0]
+    assert len(adapted) == 2 and (adapted["unknowns"] > own["unknowns"]).all()
+    kinds = ["error_frequency", "error_growth", "error_onset"]
+    errors = adapted[kinds].max(axis=1).to_numpy()
+    assert errors[1] < errors[0] < own[kinds].max() / 2
+    assert (adapted["size"] < own["size"]).all()
+    assert adapted["seconds_estimate"].notna().tolist() == [True, False]
 
 
 def test_nothing_within_the_budget(tiny, tmp_path):

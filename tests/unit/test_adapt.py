@@ -84,6 +84,14 @@ def test_parts_of_opposite_sign_do_not_pass_for_accuracy():
     assert alike.at(BLOCK.lines) == pytest.approx(0.0)
 
 
+def test_that_parts_cancel_further_is_half_believed():
+    """Parts of 3 and -1 leave 2 of 4. Where the first falls to 1 nothing is left of 2, or half of it: the mean."""
+    errors = errors_of(([0.03], [-0.01], [0.0]), rate=1.0)
+    lines = BLOCK.with_counts({"elements_x": 24}).lines
+    assert errors.at(BLOCK.lines) == pytest.approx(bar_of_parts(np.array([0.02]), np.array([0.04]), 2))
+    assert errors.at(lines) == pytest.approx(bar_of_parts(np.array([0.005]), np.array([0.02]), 2))
+
+
 @pytest.mark.parametrize("rate", [1.0, 2.5, 4.0])
 def test_layers_fall_with_the_length_of_elements_there(rate):
     """Halved everywhere, all layers fall by 2^rate; halved in one half, that layer alone does."""
