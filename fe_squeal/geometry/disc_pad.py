@@ -119,9 +119,12 @@ class DiscPad(Geometry):
     @property
     def disc_radii(self) -> NDArray[np.float64]:
         """Where the disc's elements begin and end along the radius, ascending."""
-        n, width = self.disc_counts[0], self.outer_radius - self.inner_radius
+        fine, width = self.refinement, self.outer_radius - self.inner_radius
+        n = self.disc_counts[0] // fine
         radii = self.inner_radius + width * graded(n, self.disc_grading)
-        return aligned(radii, [self.pad_inner_radius, self.pad_outer_radius]) if self.disc_aligned else radii
+        if self.disc_aligned:
+            radii = aligned(radii, [self.pad_inner_radius, self.pad_outer_radius])
+        return np.interp(np.arange(n * fine + 1) / fine, np.arange(n + 1), radii)
 
     @property
     def _disc_places(self) -> tuple[float, ...]:

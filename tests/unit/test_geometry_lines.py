@@ -83,6 +83,13 @@ def test_circles_of_a_graded_and_aligned_disc():
     assert cKDTree(disc).query(turned)[0].max() < 1e-12
 
 
+def test_a_refined_disc_has_the_circles_of_the_coarse_one():
+    placed = DiscPad(**BRAKE | {"size": 0.012, "disc_grading": 3.0, "disc_aligned": True})
+    coarse, fine = placed.disc_radii, placed.refined(3).disc_radii
+    np.testing.assert_allclose(fine[::3], coarse, rtol=1e-14)
+    np.testing.assert_allclose(np.diff(fine), np.repeat(np.diff(coarse) / 3, 3), rtol=1e-9)
+
+
 def measures(geometry):
     """Volumes of the bodies and areas of the surfaces, from scikit-fem."""
     from skfem import Basis, ElementHex0, FacetBasis, Functional
