@@ -27,7 +27,8 @@ def errors_of(parts, rate=2.0):
     keys = ("elements_x", "elements_y", "layers")
     parts = np.asarray(parts, float)
     return LineErrors(
-        BLOCK.lines, dict.fromkeys(keys, rate), parts, np.array(keys), np.zeros(3, int), np.arange(3)
+        BLOCK.lines, dict.fromkeys(keys, rate), parts, np.array(keys), np.zeros(3, int), np.arange(3),
+        np.zeros(3, bool),
     )  # fmt: skip
 
 
@@ -84,14 +85,6 @@ def test_parts_of_opposite_sign_do_not_pass_for_accuracy():
     assert alike.at(BLOCK.lines) == pytest.approx(0.0)
 
 
-def test_that_parts_cancel_further_is_half_believed():
-    """Parts of 3 and -1 leave 2 of 4. Where the first falls to 1 nothing is left of 2, or half of it: the mean."""
-    errors = errors_of(([0.03], [-0.01], [0.0]), rate=1.0)
-    lines = BLOCK.with_counts({"elements_x": 24}).lines
-    assert errors.at(BLOCK.lines) == pytest.approx(bar_of_parts(np.array([0.02]), np.array([0.04]), 2))
-    assert errors.at(lines) == pytest.approx(bar_of_parts(np.array([0.005]), np.array([0.02]), 2))
-
-
 @pytest.mark.parametrize("rate", [1.0, 2.5, 4.0])
 def test_layers_fall_with_the_length_of_elements_there(rate):
     """Halved everywhere, all layers fall by 2^rate; halved in one half, that layer alone does."""
@@ -103,19 +96,24 @@ def test_layers_fall_with_the_length_of_elements_there(rate):
     np.testing.assert_allclose(layer_factors(now, now, rate), 1.0)
 
 
-def test_an_error_at_the_hub_grades_the_disc_towards_it():
+@pytest.mark.parametrize("held", [False, True])
+def test_an_error_at_the_hub_grades_the_disc_towards_it(held):
     """All of the error in the element at the hub: fewer elements than equal ones would take, the shortest there."""
     lines, keys = BRAKE.lines, list(BRAKE.lines)
     one = np.full((1, 1), 0.1)
     errors = LineErrors(
-        lines, dict.fromkeys(keys, 2.0), one, np.array(["disc_elements_radial"]), np.zeros(1, int), np.zeros(1, int)
+        lines, dict.fromkeys(keys, 2.0), one, np.array(["disc_elements_radial"]), np.zeros(1, int), np.zeros(1, int),
+        np.array([held]),
     )
-    finer = finer_geometry(errors, BRAKE, errors.at(lines).max() / 8)
+    finer = finer_geometry(errors, BRAKE, errors.at(lines).max() / 4)
     lengths = np.diff(finer.disc_radii)
     assert finer.disc_grading > 1 and lengths.argmin() in (0, len(lengths) - 1) and lengths[0] < lengths[1]
-    assert errors.at(finer.lines).max() <= errors.at(lines).max() / 8
+    assert errors.at(finer.lines).max() <= errors.at(lines).max() / 4
     even = finer.model_copy(update={"disc_grading": 1.0})
     assert errors.at(even.lines).max() > errors.at(finer.lines).max()
+    if held:  # the element at the clamp alone counts
+        shorter = lengths[0] / np.diff(BRAKE.disc_radii)[0]
+        assert errors.at(finer.lines) == pytest.approx(errors.at(lines) * shorter**1.4)
     assert f"disc_grading = {finer.disc_grading:g}" in told(finer, BRAKE)
 
 

@@ -207,7 +207,7 @@ def at_next_mesh(scene):
     finer = choosing.finer_candidate(first)
     lines, parts = first.scene.mesh.geometry.lines, np.array([[0.1, np.nan]])
     along, one = np.array(["layers"]), np.zeros(1, int)
-    errors = LineErrors(lines, {key: 1.9 for key in lines}, parts, along, one, one)
+    errors = LineErrors(lines, {key: 1.9 for key in lines}, parts, along, one, one, one > 0)
     return first, replace(finer, errors=errors)
 
 
@@ -229,7 +229,7 @@ def test_what_is_kept_of_a_search_belongs_together(tmp_path, monkeypatch):
         assert np.isnan(found.error) and "error not known" in str(found)
         assert again.scene.mesh.geometry == finer.scene.mesh.geometry and again.unknowns == finer.unknowns
         assert again.errors.lines == finer.errors.lines and again.errors.rates == finer.errors.rates
-        for name in ("parts", "along", "layers", "groups"):
+        for name in ("parts", "along", "layers", "groups", "held"):
             np.testing.assert_array_equal(getattr(again.errors, name), getattr(finer.errors, name))
         assert sorted(p.name for p in (tmp_path / "out" / "checkpoint").iterdir()) == ["next_1.msh", "search.json"]
 
