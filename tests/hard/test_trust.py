@@ -1,4 +1,4 @@
-"""The searches of docs/trust.md at a tenth of their size; in full by `make trust`."""
+"""The searches of docs/trust.md at a twentieth of their size; in full by `make trust`."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ TRUST = Path(__file__).parents[2] / "benchmarks" / "trust.py"
 @pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="looks for the memory of processes in /proc")
 @pytest.mark.parametrize("options", [
-    ("--inputs", "200", "--signals", "0", "--pairs-step", "0"),
-    ("--inputs", "0", "--signals", "20", "--pairs-step", "0"),
-    ("--inputs", "0", "--signals", "0", "--pairs-step", "12"),
+    ("--inputs", "100", "--signals", "0", "--pairs-step", "0"),
+    ("--inputs", "0", "--signals", "10", "--pairs-step", "0"),
+    ("--inputs", "0", "--signals", "0", "--pairs-step", "18"),
 ])  # fmt: skip
 def test_no_promise_is_broken(options: tuple[str, ...], other_seed: int) -> None:
     """In a process of its own, whose copies are under limits of memory and time."""
     command = [sys.executable, str(TRUST), *options, "--seed", str(other_seed)]
     done = subprocess.run(command, capture_output=True, encoding="utf-8", timeout=3600)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
-    if options[-1] == "12":  # of 36 pairs
-        assert "\n3 pairs" in f"\n{done.stdout}"
-    if "200" in options:  # else everything may have been refused at once, or nothing
+    if options[-1] == "18":  # of 36 pairs
+        assert "\n2 pairs" in f"\n{done.stdout}"
+    if "100" in options:  # else everything may have been refused at once, or nothing
         lines = [line for line in done.stdout.splitlines() if line.startswith("| ") and "broken" not in line]
         rows = [line.split("|")[2:5] for line in lines]
         total, good, refused = (sum(int(row[i]) for row in rows) for i in range(3))
-        assert total == 200 and good > 10 and refused > 100
+        assert total == 100 and good > 5 and refused > 50
