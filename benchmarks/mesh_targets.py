@@ -69,6 +69,27 @@ def random_brake(seed: int) -> Scene:
     return brake_scene(**more, effects=effects)
 
 
+def random_pad(seed: int) -> Scene:
+    """Return a pad on a belt of other dimensions, stiffnesses and, every third one, damping."""
+    rng = np.random.default_rng(seed)
+    data = belt_scene().model_dump(mode="json", by_alias=True, exclude_unset=True)
+    data["mesh"]["block"] |= {
+        "length": rng.uniform(0.06, 0.1), "width": rng.uniform(0.03, 0.05), "height": rng.uniform(0.012, 0.03),
+        "size": 0.02,
+    }  # fmt: skip
+    (material,) = data["materials"].values()
+    material["youngs_modulus"] *= float(10 ** rng.uniform(-0.5, 0.5))
+    for contact in data["contacts"]:
+        contact["normal_stiffness"] *= float(10 ** rng.uniform(-1, 1))
+    for spring in data["springs"]:
+        spring["stiffness"] *= float(10 ** rng.uniform(-0.5, 0.5))
+    data["sweep"]["points"] = 8
+    return belt_scene(
+        **{key: data[key] for key in ("mesh", "materials", "contacts", "springs", "sweep")},
+        effects=DAMPED if seed % 3 == 2 else data["effects"],
+    )
+
+
 def cases(count: int) -> dict[str, tuple[Scene, float, tuple[str, ...]]]:
     """Return, by name, a scene, a target, and the kinds of quantities that are to meet it."""
     onsets = ("onsets",)
@@ -79,6 +100,7 @@ def cases(count: int) -> dict[str, tuple[Scene, float, tuple[str, ...]]]:
         "disc with one long pad, onsets": (one_long_pad(), 0.05, onsets),
         "disc with two pads, damped, onsets": (brake_scene(effects=DAMPED), 0.05, onsets),
     }
+    found |= {f"random pad {seed}": (random_pad(seed), 0.03, KINDS) for seed in range(count)}
     return found | {f"random brake {seed}, onsets": (random_brake(seed), 0.1, onsets) for seed in range(count)}
 
 

@@ -19,7 +19,9 @@ from ..mesh import LoadedMesh
 from ..mesh.marked import refine_marked
 from ..mesh.refining import refine
 from ..scene import Scene
-from .adapt import LineErrors, counts_for, line_errors, told
+from .adapt import finer_geometry, told
+from .bars import BARS
+from .line_errors import LineErrors, line_errors
 from .quantities import Split
 
 ORDER = 2  # of the elements: on every scene that was measured, order 1 takes many times as long for the same error
@@ -93,7 +95,7 @@ def restored(
 
 
 def next_candidate(candidate: Candidate, assembly: Assembly, split: Split, target: float) -> Candidate:
-    """Return a mesh on which every change by refinement is expected to be below a target.
+    """Return a mesh on which every bar, to first order, is expected to be below a target.
 
     Parameters
     ----------
@@ -104,19 +106,18 @@ def next_candidate(candidate: Candidate, assembly: Assembly, split: Split, targe
     split : Split
         What refining the present mesh changes, by element and axis.
     target : float
-        For each of these changes, relative to the scale of its quantity.
+        For the bar of each quantity, relative to its scale.
     """
     scene, geometry = candidate.scene, candidate.scene.mesh.geometry
     if geometry is not None and geometry.element == "hex":
         errors = line_errors(split, assembly, candidate.errors)
-        counts = counts_for(errors, geometry, target)
-        finer = geometry.with_counts(counts)
+        finer = finer_geometry(errors, geometry, target)
         changed = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={_key(scene): finer})})
-        found = _candidate(changed, read_mesh(changed), told(counts, errors.lines))
+        found = _candidate(changed, read_mesh(changed), told(finer, geometry))
         return replace(found, errors=errors)
     if candidate.loaded.mesh.elem.refdom.p.shape[1] == 8:
         return _candidate(scene, refine(candidate.loaded), "every element into eight")
-    marked = marked_elements(split, target)
+    marked = marked_elements(split, target / BARS[ORDER])
     if len(marked) == split.parts.shape[1]:
         return _candidate(scene, refine(candidate.loaded), "every element into eight")
     loaded, _ = refine_marked(candidate.loaded, marked)

@@ -16,7 +16,7 @@ from ..mesh import LoadedMesh
 from ..scene import Scene
 from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
-from .bars import BARS, SMALLEST, bar_of_parts
+from .bars import SMALLEST, bar_of_parts
 from .candidates import ORDER, Candidate, finer_candidate, first_candidate, next_candidate
 from .estimate import COMPARED, changes_by, with_changes, with_discretisation
 from .groups import element_groups
@@ -24,7 +24,7 @@ from .quantities import KINDS, Split, split_changes
 from .refined import refine_problem, refined_memory
 
 _MARGIN = 0.8  # of the target: the error that the next mesh is made for
-_SURELY = 1.5  # times the target: where the error to first order is larger, bars are not worth their time
+_SURELY = 1.1  # times the target: where the bar to first order is larger, the bars are not worth their time
 _RUNS = 8  # meshes tried, at most
 _GROWTH = 1.2  # power of the unknowns by which times grow, for forecasts alone
 _SLACK = 1.02  # times the unknowns of the mesh before: a mesh with fewer does not count as finer
@@ -153,9 +153,9 @@ def choose(
                 nearest = _Nearest(trial, candidate, result, split)
             if error <= target:
                 return _picked(nearest, trials)
-            # The next mesh is made for changes to first order, which are known by element. Where bars are wider than
-            # these changes say, the changes have to be smaller than the target by as much.
-            aim = _MARGIN * target * min(1.0, first / error if np.isfinite(error) else 1.0) / BARS[ORDER]
+            # The next mesh is made for bars to first order, whose parts are known by element. Where the bars themselves
+            # are wider, those to first order have to be smaller than the target by as much.
+            aim = _MARGIN * target * min(1.0, first / error if np.isfinite(error) else 1.0)
             before, spent = candidate, trial.seconds
             candidate = next_candidate(candidate, refined.coarse, split, aim)
             if candidate.unknowns < _SLACK * before.unknowns:

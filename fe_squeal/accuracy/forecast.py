@@ -1,4 +1,4 @@
-"""Forecast unknowns and seconds of a study before it starts, and put its settings into a useful order."""
+"""Forecast unknowns, seconds and memory of a study before it starts, and put its settings into a useful order."""
 
 from __future__ import annotations
 
@@ -11,10 +11,14 @@ import numpy as np
 from ..assembly.bodies import read_mesh
 from ..fem.spaces import make_space
 from ..scene import Scene
+from ..scene.mesh import MeshSection
 from .settings import Setting, own_setting
 
 # Seconds of a reduced sweep, measured on two cores: for a process to start, and for each unknown at 40 modes.
 _START, _PER_UNKNOWN = 2.0, 3e-4  # s
+# MiB of the same until its modes are found, measured on brakes of 300 to 9 500 unknowns: of a process itself, and for
+# each unknown by the order of the elements and for each mode.
+_PROCESS, _MATRICES, _VECTORS = 165.0, {1: 0.03, 2: 0.05}, 24 * 8 / 2**20
 _METHODS = {"reduced": 1.0, "modal": 0.6, "direct": 4.0}  # times the seconds of a reduced sweep
 _ESTIMATE = 3.0  # times the seconds of the sweep: what the estimate of the mesh's error takes in addition
 _GROWTH = 0.8  # power of the forecast work by which times grow, until two measured times of the study give it
@@ -36,14 +40,40 @@ class Forecast:
         Number of nodes that the scene's own mesh has with elements of order 1 and 2.
     size : float, m
         Length of the elements of this mesh.
+    mesh : MeshSection or None
+        The scene's table of the mesh, if its geometry is parametric and meshed by hexahedra: their nodes are counted.
     """
 
     nodes: dict[int, int]
     size: float
+    mesh: MeshSection | None = None
 
     def unknowns(self, setting: Setting) -> int:
-        """Return about how many unknowns a setting has."""
+        """Return about how many unknowns a setting has: three for each node, those that supports hold included."""
+        if self.mesh is not None and self.mesh.geometry is not None:
+            own = self.mesh.geometry
+            if setting.geometry:
+                return 3 * type(own).model_validate_json(setting.geometry).nodes(setting.order)
+            return 3 * own.resized(setting.size / self.mesh.scale).nodes(setting.order)
         return int(3 * self.nodes[setting.order] * (self.size / setting.size) ** 3)
+
+    def memory(self, setting: Setting, done: Sequence[tuple[Setting, float]] = ()) -> float:
+        """Return about how many MiB a setting takes until its modes are found, its estimate not included.
+
+        Parameters
+        ----------
+        setting : Setting
+        done : sequence of (Setting, float)
+            The settings measured so far, and the MiB that each took. The largest one of the same order corrects what
+            comes from other scenes.
+        """
+        known = [(self._solved(s), mib) for s, mib in done if s.order == setting.order and np.isfinite(mib)]
+        most, taken = max(known, default=(1.0, 1.0 + _PROCESS))
+        ratio = max((taken - _PROCESS) / most, 0.0) if known else 1.0
+        return _PROCESS + ratio * self._solved(setting)
+
+    def _solved(self, setting: Setting) -> float:
+        return (_MATRICES[setting.order] + _VECTORS * setting.modes) * self.unknowns(setting)
 
     def work(self, setting: Setting) -> float:
         """Return about how many seconds a setting takes, from times of other scenes alone."""
@@ -83,7 +113,10 @@ def forecast_of(scene: Scene) -> Forecast:
         The mesh cannot be read, or is not valid.
     """
     loaded = read_mesh(scene)
-    return Forecast({k: make_space(loaded.mesh, k, []).nodes for k in (1, 2)}, own_setting(scene, loaded).size)
+    geometry = scene.mesh.geometry
+    counted = scene.mesh if geometry is not None and geometry.element == "hex" else None
+    nodes = {k: make_space(loaded.mesh, k, []).nodes for k in (1, 2)}
+    return Forecast(nodes, own_setting(scene, loaded).size, counted)
 
 
 def by_information(settings: Sequence[Setting], forecast: Forecast) -> list[Setting]:

@@ -21,11 +21,17 @@ from ..eigen.memory import peak_memory_mib
 from ..errors import NotConvergedError, SquealError, TooLargeError
 from ..process.isolation import isolated_children
 from ..scene import Scene
+from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
-from .estimate import Changes, refined_changes
+from .adapt import finer_geometry
+from .estimate import Changes, changes_by
+from .line_errors import line_errors
+from .quantities import split_changes
+from .refined import Refined, refine_problem
 from .settings import Setting, scene_at
 
 _PROBES = 200  # points at which shapes on different meshes are compared
+_LESS = 0.4  # times the bars of a mesh: those that the adapted mesh after it is made for
 _NEAREST = 4  # nodes from which the displacement of a point is interpolated
 
 
@@ -54,6 +60,8 @@ class Measurement:
         Change of each eigenvalue when the mesh is refined once; empty where that was not asked for or did not succeed.
     onset_changes : (o,) float
         Change of the value of each onset when the mesh is refined once.
+    finer : str
+        A geometry, as JSON, whose mesh is finer where the error comes from; empty where there is none.
     """
 
     unknowns: int
@@ -66,6 +74,7 @@ class Measurement:
     onsets: np.ndarray
     changes: np.ndarray
     onset_changes: np.ndarray
+    finer: str = ""
 
     @property
     def total(self) -> float:
@@ -125,12 +134,14 @@ def measure(
             problem, grid[:1], parameter, modes=count, keep_shapes=True, method="direct", linear_solver=solver
         )
         first = alone.points[0].shapes
-    changes, peak = Changes((), ()), peak_memory_mib()
+    changes, finer, peak = Changes((), ()), "", peak_memory_mib()
     if estimate:
         clock = time.perf_counter()
         with suppress(TooLargeError, NotConvergedError):  # the rest is worth keeping
-            changes = refined_changes(result, solver)
-        seconds["estimate"] = time.perf_counter() - clock
+            refined = refine_problem(result, solver)
+            changes = changes_by(result, refined, solver)
+            seconds["estimate"] = time.perf_counter() - clock
+            finer = _finer(result, refined)
     return Measurement(
         unknowns=problem.unknowns, seconds=seconds, peak_memory_mib=np.nan if peak is None else peak,
         values=np.array(grid), lam=_padded([p.modes.lam for p in result.points if not p.between]),
@@ -140,8 +151,18 @@ def measure(
             (o.value, o.frequency_hz, o.kind == "flutter", o.direction == "into", o.branch_a,
              np.nan if o.branch_b is None else o.branch_b) for o in result.onsets
         ], float).reshape(-1, 6),
-        changes=_padded(list(changes.modes)), onset_changes=np.array(changes.onsets, float),
+        changes=_padded(list(changes.modes)), onset_changes=np.array(changes.onsets, float), finer=finer,
     ), probes  # fmt: skip
+
+
+def _finer(result: Sweep, refined: Refined) -> str:
+    """Return the geometry whose bars, to first order, are expected to be `_LESS` times those of a sweep, as JSON."""
+    geometry = refined.coarse.scene.mesh.geometry
+    if geometry is None or geometry.element != "hex":
+        return ""
+    errors = line_errors(split_changes(result, refined), refined.coarse)
+    target = _LESS * float(errors.at(errors.lines).max(initial=0.0))
+    return finer_geometry(errors, geometry, target).model_dump_json()
 
 
 def measure_apart(

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..eigen.blocks import combine, times
 from ..eigen.pencil import Modes
 from ..sweep.onset import Onset
 from ..sweep.result import Sweep
 from .bars import SMALLEST
 from .rates import by_eigenvalue, onset_factor
 from .refined import Refined
+from .residuals import Residuals
 
 KINDS = ("frequencies", "growth", "onsets")
 _ROUNDED = 1e-6  # of a frequency: a mode above the highest one by less than this is the same mode, up to rounding
@@ -91,20 +91,19 @@ def split_changes(result: Sweep, refined: Refined) -> Split:
     for onset in result.onsets if len(values) > 1 else ():
         at.setdefault(float(onset.value), []).append(onset)
     asked: list[_Asked] = []
-    residuals: list[np.ndarray] = []
-    adjoint: list[np.ndarray] = []
+    chosen: list[tuple[float, Modes]] = []
     for value, onsets in at.items():
         modes = _swinging(refined.model.modes(value), refined.problem.is_damped)
         here = _asked(result, refined, value, modes, onsets)
-        first = sum(r.shape[1] for r in residuals)
+        first = sum(len(own) for _, own in chosen)
         wanted = np.unique([a.column for a in here]).astype(int)
         asked += [replace(a, column=first + int(np.searchsorted(wanted, a.column))) for a in here]
-        right, left = _residuals(refined, value, modes.select(wanted))
-        residuals.append(right)
-        adjoint.append(left)
+        chosen.append((value, modes.select(wanted)))
     if not asked:
         return Split((), (), np.zeros(0), np.zeros((0, refined.coarse.space.mesh.nelements, 1)))
-    r, rho = np.hstack(residuals), np.hstack(adjoint)
+    residuals = Residuals(refined, [modes for _, modes in chosen])
+    r, rho = (np.hstack([side(*own) for own in chosen]) for side in (residuals.right, residuals.left))
+    del residuals
     z = refined.solver.solve(np.hstack([r.real, r.imag]) if r.imag.any() else r.real)
     if r.imag.any():
         z = z[:, : r.shape[1]] + 1j * z[:, r.shape[1] :]
@@ -144,12 +143,3 @@ def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: 
 def _swinging(modes: Modes, is_damped: bool) -> Modes:
     """Return the modes with Im λ > 0; without damping λ and −λ* have equal errors: only that with Re λ ≥ 0 is kept."""
     return modes.select(np.flatnonzero((modes.lam.imag > 0) & (is_damped | (modes.lam.real >= 0))))
-
-
-def _residuals(refined: Refined, value: float, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
-    """Return r = Q(λ)φ and ρ = Q(λ)ᴴψ, both (n_fine, k): residuals on the refined mesh of modes of the mesh itself."""
-    assert modes.left is not None
-    V, E = refined.model.basis.V, refined.prolongation
-    pencil = refined.problem.pencil({refined.parameter: value})
-    right, left = (times(E, combine(V, side)) for side in (modes.right, modes.left))
-    return pencil.apply(modes.lam, right), pencil.transposed().apply(modes.lam.conj(), left)

@@ -41,11 +41,15 @@ class Setting:
         Relative tolerance of the reduced model.
     refinement : int
         How often the mesh of a file is refined; 0 for a parametric geometry, which is meshed with the size.
-    knob : "size", "modes", "tolerance", "method" or ""
-        What the study varies in this setting: the size (in each order), the number of modes of the modal projection,
-        the tolerance of the reduced model, or the method; "" outside of a study.
+    knob : "size", "adapted", "modes", "tolerance", "method" or ""
+        What the study varies in this setting: the size (in each order), a mesh that goes where the error is, the number
+        of modes of the modal projection, the tolerance of the reduced model, or the method; "" outside of a study.
     estimated : bool
         Whether the change by refining the mesh is found too. The reference comes from such settings.
+    adapted : int
+        How often the mesh was adapted to the error of the one before.
+    geometry : str
+        The parametric geometry of such a mesh as JSON; `size` is then the one that equal elements would have.
     """
 
     order: int
@@ -56,13 +60,16 @@ class Setting:
     refinement: int = 0
     knob: str = ""
     estimated: bool = False
+    adapted: int = 0
+    geometry: str = ""
 
     def key(self, scene: Scene) -> str:
         """Return a name (a hash) for the result; it is the same for the same scene, setting and version of the program.
 
-        `knob` and `estimated` do not enter: they do not change modes and onsets.
+        `knob`, `estimated` and `adapted` do not enter: they do not change modes and onsets.
         """
-        plain = {name: value for name, value in asdict(self).items() if name != "estimated"} | {"knob": ""}
+        left_out = ("estimated", "adapted", *(() if self.geometry else ("geometry",)))
+        plain = {name: value for name, value in asdict(self).items() if name not in left_out} | {"knob": ""}
         text = f"{__version__} {scene.model_dump_json(exclude={'output', 'title', 'source'})} {sorted(plain.items())}"
         mesh = scene.mesh_path
         if mesh is not None and scene.mesh.geometry is None:
@@ -70,7 +77,8 @@ class Setting:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def __str__(self) -> str:
-        return f"order {self.order}, size {self.size:.3g} m, {self.modes} modes, {self.method}, {self.tolerance:g}"
+        words = f"order {self.order}, size {self.size:.3g} m, {self.modes} modes, {self.method}, {self.tolerance:g}"
+        return f"{words}, adapted" if self.adapted else words
 
 
 def plan(scene: Scene) -> list[Setting]:
@@ -130,7 +138,8 @@ def scene_at(scene: Scene, setting: Setting) -> tuple[Scene, LoadedMesh]:
     if scene.mesh.geometry is not None:
         size = setting.size / scene.mesh.scale
         key = "disc_pad" if scene.mesh.disc_pad is not None else "block"
-        geometry = scene.mesh.geometry.resized(size)
+        own = scene.mesh.geometry
+        geometry = type(own).model_validate_json(setting.geometry) if setting.geometry else own.resized(size)
         mesh = mesh.model_copy(update={key: geometry, "file": None})
     solve = scene.solve.model_copy(
         update={"modes": setting.modes, "max_frequency": None, "method": setting.method, "tolerance": setting.tolerance}

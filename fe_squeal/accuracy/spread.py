@@ -11,18 +11,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as la
 
-from ..eigen.blocks import combine, cross, times
+from ..eigen.blocks import cross
 from ..eigen.pencil import Modes
-from ..reduced.vectors import lift, unit_columns
+from ..reduced.vectors import lift
 from ..sweep.result import Sweep, SweepPoint
 from .corrected import CorrectedModel
 from .groups import element_groups
 from .rates import by_eigenvalue, onset_factor
 from .refined import Refined
-
-_SAME = 1e-4  # part of a mode outside the span of others, relative to it, that is left out
+from .residuals import Residuals
 
 
 @dataclass(frozen=True)
@@ -106,40 +104,14 @@ def spreads(refined: Refined, corrected: CorrectedModel, asked: Sequence[Asked])
     counts = [len(a.modes) for a in asked]
     if not sum(counts):
         return [np.zeros(0) for _ in asked]
-    rho, z, factors = _residuals(refined, corrected, [a for a in asked if len(a.modes)])
+    own = [a for a in asked if len(a.modes)]
+    residuals = Residuals(refined, [a.modes for a in own])
+    rho = np.hstack([residuals.left(a.value, a.modes) for a in own])
+    V = corrected.basis.V
+    z = lift(V, np.hstack([cross(V, residuals.right(a.value, a.modes)) for a in own]))
+    del residuals
     hierarchy = refined.hierarchy
     _, groups = element_groups(refined.coarse)
-    parts = np.real(factors * ((groups @ hierarchy.elements) @ hierarchy.at_nodes(rho, lift(corrected.basis.V, z))))
+    factors = np.concatenate([a.factors for a in own])
+    parts = np.real(factors * ((groups @ hierarchy.elements) @ hierarchy.at_nodes(rho, z)))
     return np.split(np.abs(parts).sum(axis=0), np.cumsum(counts)[:-1])
-
-
-def _residuals(
-    refined: Refined, corrected: CorrectedModel, asked: Sequence[Asked]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return ρ (n_fine, k), P⁻¹r in coordinates of the corrected basis (r, k), and the factors (k,), of all asked.
-
-    The terms are multiplied once, with what spans the modes asked for.
-    """
-    basis = refined.model.basis
-    U, size, _ = la.svd(np.hstack([unit_columns(*_both(a.modes)) for a in asked]), full_matrices=False)
-    S = U[:, size > _SAME * size[0]]
-    X = times(refined.prolongation, combine(basis.V, S))
-    V = corrected.basis.V
-    on_basis, adjoint = [], []
-    for term in refined.problem.terms:
-        AX = times(term.matrix, X)
-        on_basis.append(cross(V, AX))
-        adjoint.append(AX if term.symmetric else times(term.matrix.T.tocsr(), X))
-    rho, z = [], []
-    for a in asked:
-        right, left = (S.T @ side for side in _both(a.modes))
-        at = refined.problem.at({refined.parameter: a.value})
-        factors = [np.broadcast_to(t.factor(a.modes.lam, at.parameters), len(a.modes)) for t in at.terms]
-        z.append(sum(B @ (right * c) for B, c in zip(on_basis, factors, strict=True)))
-        rho.append(sum(lift(B, left * np.conj(c)) for B, c in zip(adjoint, factors, strict=True)))
-    return np.hstack(rho), np.hstack(z), np.concatenate([a.factors for a in asked])
-
-
-def _both(modes: Modes) -> tuple[np.ndarray, np.ndarray]:
-    assert modes.left is not None
-    return modes.right, modes.left

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -24,6 +24,9 @@ COLUMNS = (
     "error_growth", "error_onset", "algebraic_frequency", "algebraic_growth", "algebraic_onset", "seconds_estimate",
     "knob",
 )  # fmt: skip
+
+
+_ADAPTED = 2  # meshes that are adapted, each to the error of the one before
 
 
 class MeasurementStore(Protocol):
@@ -88,7 +91,7 @@ class Study:
         """Return a row per setting with the seconds of every stage, as in accuracy_stages.csv."""
         import pandas as pd
 
-        left_out = ("refinement", "knob", "estimated")
+        left_out = ("refinement", "knob", "estimated", "adapted", "geometry")
         plain = [{k: v for k, v in asdict(s).items() if k not in left_out} for s in self.settings]
         rows = zip(plain, self.measurements, strict=True)
         return pd.DataFrame([{**setting, **m.seconds} for setting, m in rows])
@@ -113,8 +116,10 @@ def run_study(
     progress: Callable[[int, int, str, bool], None] = lambda done, total, text, stays: None,
     exact: np.ndarray | None = None,
 ) -> Study:
-    """Run the settings of a study, in the order of `by_information`.
+    """Run the settings of a study, in the order of `by_information`, and meshes that go where the error is.
 
+    The scene's own mesh with elements of order 2 is adapted to its error, and the mesh that comes from it once more; an
+    adapted mesh is measured next.
     A setting whose measurement is in the store already is not solved again. A setting that fails is left out.
 
     Parameters
@@ -155,11 +160,12 @@ def run_study(
 
     stopped = False
     try:
-        for setting in every:
+        for place, setting in enumerate(every, 1):
             key = setting.key(scene)
             kept = store.load(key) if probes is not None else None
             if kept is not None:
                 done.append((setting, kept))
+                every[place:place] = _adapted(setting, kept, forecast)
                 continue
             rest = None if budget is None else budget - (time.perf_counter() - start)
             expected = forecast.seconds(setting, [(s, _spent(m)) for s, m in done])
@@ -167,7 +173,9 @@ def run_study(
                 leave_out(setting, f"it would take about {expected:.0f} s" if rest > 0 else "the budget is spent")
                 continue
             unknowns = forecast.unknowns(setting)
-            progress(len(done), len(every), f"{setting}: about {unknowns} unknowns, {expected:.0f} s", False)
+            mib = forecast.memory(setting, [(s, m.peak_memory_mib) for s, m in done])
+            told = f"{setting}: about {unknowns} unknowns, {expected:.0f} s, {mib:.0f} MiB"
+            progress(len(done), len(every), told, False)
             try:
                 found = measure_apart(scene, setting, probes, setting.estimated, rest)
             except SquealError as error:
@@ -180,6 +188,7 @@ def run_study(
             store.save_probes(probes)
             store.save(key, measured)
             done.append((setting, measured))
+            every[place:place] = _adapted(setting, measured, forecast)
     except KeyboardInterrupt as stop:
         stopped = True
         known = [s for s, _ in (*done, *left_out)]
@@ -202,14 +211,31 @@ def run_study(
     return study
 
 
+def _adapted(setting: Setting, measured: Measurement, forecast: Forecast) -> list[Setting]:
+    """Return the setting whose mesh is adapted to the error of a measured one, or none."""
+    own = setting.knob == "adapted" or (setting.knob == "size" and np.isclose(setting.size, forecast.size))
+    if not (measured.finer and own and setting.estimated) or setting.adapted >= _ADAPTED:
+        return []
+    now, then = (replace(setting, geometry=g) for g in (setting.geometry, measured.finer))
+    finer = forecast.unknowns(then) / forecast.unknowns(now)
+    # The last one is not estimated: it would cost most, and no mesh is made from it.
+    last = setting.adapted + 1 == _ADAPTED
+    return [
+        replace(
+            then, size=setting.size / finer ** (1 / 3), knob="adapted", adapted=setting.adapted + 1, estimated=not last
+        )
+    ]
+
+
 def _spent(measured: Measurement) -> float:
     """Return the seconds of a measurement, with its estimate."""
     return measured.total + measured.seconds.get("estimate", 0.0)
 
 
 def _announced(settings: list[Setting], forecast: Forecast, budget: float | None) -> str:
-    """Return the first line of a study: its number of settings, the largest number of unknowns, and seconds in all."""
-    largest = max(forecast.unknowns(s) for s in settings)
+    """Return the first line of a study: its settings, the most unknowns and MiB that one takes, and seconds in all."""
+    largest, mib = max(forecast.unknowns(s) for s in settings), max(forecast.memory(s) for s in settings)
     whole = sum(forecast.seconds(s, []) for s in settings)
     bounded = "" if budget is None else f", of which {budget:g} s may be spent (--budget)"
-    return f"{len(settings)} settings, up to about {largest} unknowns: some {whole:.0f} s in all{bounded}"
+    most = f"up to about {largest} unknowns and {mib:.0f} MiB"
+    return f"{len(settings)} settings, {most}: some {whole:.0f} s in all{bounded}"

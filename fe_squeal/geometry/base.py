@@ -3,16 +3,62 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 Length = Annotated[float, Field(gt=0.0)]
 LengthOrZero = Annotated[float, Field(ge=0.0)]
 Count = Annotated[int, Field(ge=1, le=1_000_000)]
 OneOrTwo = Annotated[int, Field(ge=1, le=2)]  # not Literal[1, 2], which lets True through
+Grading = Annotated[float, Field(ge=0.05, le=20.0)]  # beyond, elements at one end are thinner than meshes bear
+_NARROW = 0.1  # of the mean length of elements: narrower strips of elements would be too thin
+
+
+def graded(elements: int, grading: float) -> NDArray[np.float64]:
+    """Return where the elements along a line begin and end, (elements + 1,) from 0 to 1.
+
+    The local length of elements grows like grading^t from the line's start, t = 0, to its end, t = 1: the places are
+    x(i/n), x(t) = (grading^t - 1)/(grading - 1). So the elements of 2n include those of n.
+
+    Examples
+    --------
+    >>> graded(2, 1.0), graded(2, 4.0)
+    (array([0. , 0.5, 1. ]), array([0.        , 0.33333333, 1.        ]))
+    """
+    t = np.arange(elements + 1) / elements
+    if grading == 1.0:
+        return t
+    found: NDArray[np.float64] = np.expm1(t * math.log(grading)) / (grading - 1.0)
+    found[-1] = 1.0
+    return found
+
+
+def aligned(places: NDArray[np.float64], edges: Sequence[float]) -> NDArray[np.float64]:
+    """Return places along a line, ascending, moved so that one of them lies on each edge.
+
+    The nearest place inside the line is moved onto the edge, and those between two edges, or an edge and an end, in
+    proportion. An edge that is nearer to an end, or to the edge before, than `_NARROW` times the mean distance of the
+    places gets none.
+
+    Examples
+    --------
+    >>> aligned(np.arange(5.0), [1.8, 3.7])
+    array([0. , 0.9, 1.8, 3.7, 4. ])
+    """
+    narrow = _NARROW * (places[-1] - places[0]) / (len(places) - 1)
+    kept, at = [places[0]], [0]
+    for edge in sorted(edges):
+        nearest = int(np.abs(places - edge).argmin())
+        nearest = min(max(nearest, at[-1] + 1), len(places) - 2)
+        if edge - kept[-1] >= narrow and places[-1] - edge >= narrow and nearest > at[-1]:
+            kept.append(edge)
+            at.append(nearest)
+    return np.interp(places, places[[*at, -1]], [*kept, places[-1]])
 
 
 @dataclass(frozen=True)
@@ -29,6 +75,8 @@ class Line:
         Number of elements along it now.
     multiple, least : int
         The number has to be a multiple of the first, and at least the second.
+    places : tuple of float
+        Where the elements along the line begin and end, from 0 to 1; empty where they are all equally long.
     """
 
     groups: tuple[str, ...]
@@ -36,6 +84,7 @@ class Line:
     elements: int
     multiple: int = 1
     least: int = 1
+    places: tuple[float, ...] = ()
 
 
 class Geometry(BaseModel):
@@ -112,6 +161,20 @@ class Geometry(BaseModel):
     def lines(self) -> dict[str, Line]:
         """The lines of the structured mesh, each by the key of the geometry that sets its number of elements."""
         raise NotImplementedError
+
+    def nodes(self, order: int) -> int:
+        """Return how many nodes the structured mesh has with elements of an order."""
+        raise NotImplementedError
+
+    @property
+    def placements(self) -> tuple[Self, ...]:
+        """This geometry with as many elements, and the lines between them in other places that may suit its modes."""
+        return (self,)
+
+    @property
+    def placing(self) -> tuple[str, ...]:
+        """The keys that say where the lines are, with their values, as the scene has them."""
+        return ()
 
     @property
     def edge_length(self) -> float:

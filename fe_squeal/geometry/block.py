@@ -123,6 +123,11 @@ class Block(Geometry):
         """Number of hexahedra in all bodies; for "tet" the number of cubes of its edge length that would fill them."""
         return self.count * math.prod(self.block_counts) + math.prod(self.belt_counts)
 
+    def nodes(self, order: int) -> int:
+        """Return how many nodes the structured mesh has with elements of an order."""
+        block, belt = (math.prod(order * n + 1 for n in counts) for counts in (self.block_counts, self.belt_counts))
+        return self.count * block + (belt if self.has_belt else 0)
+
     def suffix(self, number: int) -> str:
         """Return the end of the group names of block `number` (from 1), such as "_2"; "" if there is one block."""
         return f"_{number}" if self.count > 1 else ""

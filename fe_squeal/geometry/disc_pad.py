@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from typing import Annotated, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from fe_squeal.geometry.base import Count, Geometry, Length, LengthOrZero, Line, OneOrTwo
+from fe_squeal.geometry.base import Count, Geometry, Grading, Length, LengthOrZero, Line, OneOrTwo, aligned, graded
 
 _COUNTS = (
     *("disc_layers", "pad_layers", "back_plate_layers"),
     *("disc_elements_radial", "disc_elements_around", "pad_elements_radial", "pad_elements_around"),
 )
+_GRADINGS = (1.0, 2.0, 4.0, 8.0)  # `placements` have these
 
 
 class DiscPad(Geometry):
@@ -50,6 +53,12 @@ class DiscPad(Geometry):
     disc_elements_radial, disc_elements_around, pad_elements_radial, pad_elements_around : int, optional
         Elements along the radius and around, hex only (default: from `size`). The number around a full ring is a
         multiple of 4 and at least 12; a pad has at least one element for every 30 degrees.
+    disc_grading : float
+        How many times longer the disc's elements are along the radius at the rim than at the hub, hex only (default 1:
+        all alike; 0.05 to 20). Above 1 they are finer at the hub, where a clamp makes stresses singular.
+    disc_aligned : bool
+        Whether circles of the disc's mesh run under the inner and outer edges of the pads, hex only (default: false).
+        The circles next to these edges are moved there.
     geometry_order : 1 or 2
         2 (default): edges follow the circles by mid-nodes (27-node hexahedra, 10-node tetrahedra). The relative error
         of the volume is then h^4/30, with h half the angle of an element in radians. 1: edges are straight (8 or 4
@@ -80,6 +89,8 @@ class DiscPad(Geometry):
     disc_elements_around: Count | None = None
     pad_elements_radial: Count | None = None
     pad_elements_around: Count | None = None
+    disc_grading: Grading = 1.0
+    disc_aligned: bool = False
     geometry_order: OneOrTwo = 2
 
     @property
@@ -104,6 +115,20 @@ class DiscPad(Geometry):
         n_theta = self.disc_elements_around or self.elements_around(0.5 * (self.inner_radius + self.outer_radius))
         n_z = self.disc_layers or self.elements_along(self.thickness)
         return n_r * self.refinement, n_theta * self.refinement, n_z * self.refinement
+
+    @property
+    def disc_radii(self) -> NDArray[np.float64]:
+        """Where the disc's elements begin and end along the radius, ascending."""
+        fine, width = self.refinement, self.outer_radius - self.inner_radius
+        n = self.disc_counts[0] // fine
+        radii = self.inner_radius + width * graded(n, self.disc_grading)
+        if self.disc_aligned:
+            radii = aligned(radii, [self.pad_inner_radius, self.pad_outer_radius])
+        return np.interp(np.arange(n * fine + 1) / fine, np.arange(n + 1), radii)
+
+    @property
+    def _disc_places(self) -> tuple[float, ...]:
+        return tuple(((self.disc_radii - self.inner_radius) / (self.outer_radius - self.inner_radius)).tolist())
 
     @property
     def pad_counts(self) -> tuple[int, int, int, int]:
@@ -136,7 +161,10 @@ class DiscPad(Geometry):
         pads, ring = linings + plates, 4 if self.is_ring else 1
         n_r, n_theta, n_lining, n_plate = self.pad_counts
         found = {
-            "disc_elements_radial": Line(("disc",), "radial", self.disc_counts[0]),
+            "disc_elements_radial": Line(
+                ("disc",), "radial", self.disc_counts[0],
+                places=self._disc_places,
+            ),
             "disc_elements_around": Line(("disc",), "around", self.disc_counts[1], 4, 12),
             "disc_layers": Line(("disc",), "axial", self.disc_counts[2]),
             "pad_elements_radial": Line(pads, "radial", n_r),
@@ -147,10 +175,28 @@ class DiscPad(Geometry):
         return {key: line for key, line in found.items() if line.groups}
 
     @property
+    def placements(self) -> tuple[Self, ...]:
+        """This geometry with the disc's lines aligned to the pads, by several gradings."""
+        gradings = dict.fromkeys((self.disc_grading, *_GRADINGS))
+        return tuple(self.model_copy(update={"disc_grading": g, "disc_aligned": True}) for g in gradings)
+
+    @property
+    def placing(self) -> tuple[str, ...]:
+        """The keys that say where the lines are, with their values, as the scene has them."""
+        return f"disc_grading = {self.disc_grading:g}", f"disc_aligned = {str(self.disc_aligned).lower()}"
+
+    @property
     def cells(self) -> int:
         """Number of hexahedra in all bodies; for "tet" the number of cubes of its edge length that would fill them."""
         n_r, n_theta, n_lining, n_plate = self.pad_counts
         return math.prod(self.disc_counts) + self.pads * n_r * n_theta * (n_lining + n_plate)
+
+    def nodes(self, order: int) -> int:
+        """Return how many nodes the structured mesh has with elements of an order."""
+        r, around, z = (order * n for n in self.disc_counts)
+        pad_r, pad_around, lining, plate = (order * n for n in self.pad_counts)
+        pad = (pad_r + 1) * (pad_around + (not self.is_ring)) * (lining + plate + 1)
+        return (r + 1) * around * (z + 1) + self.pads * pad
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -169,6 +215,9 @@ class DiscPad(Geometry):
             )
         self._check_counts()
         self.forbid_layers(**{key: getattr(self, key) for key in _COUNTS})
+        for key, given in (("disc_grading", self.disc_grading != 1.0), ("disc_aligned", self.disc_aligned)):
+            if given and self.element == "tet":
+                raise ValueError(f'{key}: belongs to element = "hex"; leave it out or choose "hex"')
         return self
 
     def _check_counts(self) -> None:

@@ -16,8 +16,9 @@ _SIDES = {"left": (0, 0), "right": (0, -1), "front": (1, 0), "back": (1, -1), "b
 def structured_disc_pad(geometry: DiscPad) -> GroupedMesh:
     """Return the hexahedra of a disc and its pads.
 
-    Nodes are on circles about z at equal steps of radius, angle and height. All sectors of the disc are alike, so that
-    its double modes stay double. The mesh is symmetric about the plane y = 0, and with two pads about z = 0 too.
+    Nodes are on circles about z at equal steps of angle and height, and of radius but for a graded or aligned disc. All
+    sectors of the disc are alike, so that its double modes stay double. The mesh is symmetric about the plane y = 0,
+    and with two pads about z = 0 too.
     """
     pads = [_pad(geometry, number) for number in range(1, geometry.pads + 1)]
     return join_meshes([_disc(geometry), *pads])
@@ -57,7 +58,10 @@ def _box(
 def _disc(geometry: DiscPad) -> GroupedMesh:
     order = geometry.geometry_order
     n_r, n_theta, n_z = (order * n for n in geometry.disc_counts)
-    radii = geometry.inner_radius + _steps(geometry.outer_radius - geometry.inner_radius, n_r)
+    if geometry.disc_grading == 1.0 and not geometry.disc_aligned:
+        radii = geometry.inner_radius + _steps(geometry.outer_radius - geometry.inner_radius, n_r)
+    else:
+        radii = _with_middles(geometry.disc_radii, order)
     points = _revolved(radii, _circle(n_theta), _centred_steps(geometry.thickness, n_z))
     ids = number_lattice(points.shape[:3], periodic=True)
     return GroupedMesh(
@@ -112,6 +116,15 @@ def _pad(geometry: DiscPad, number: int) -> GroupedMesh:
 
 def _steps(length: float, n: int) -> Floats:
     return length * np.arange(n + 1) / n
+
+
+def _with_middles(ends: Floats, order: int) -> Floats:
+    """Return the places of the nodes along a line of elements with these ends; mid-nodes are in the middle."""
+    places = np.empty(order * (len(ends) - 1) + 1)
+    places[::order] = ends
+    if order == 2:
+        places[1::2] = 0.5 * (ends[:-1] + ends[1:])
+    return places
 
 
 def _centred_steps(length: float, n: int) -> Floats:

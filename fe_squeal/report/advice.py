@@ -38,6 +38,7 @@ class ChartLine:
 
 LINES = (
     ChartLine("size", 1, "size, order 1", "o", "#0072b2"), ChartLine("size", 2, "size, order 2", "s", "#d55e00"),
+    ChartLine("adapted", 2, "adapted to the error, order 2", "*", "#009e73"),
     ChartLine("method", None, "direct", "D"), ChartLine("modes", None, "modes, modal projection", "^"),
     ChartLine("tolerance", None, "tolerance, reduced", "v"),
 )  # fmt: skip
@@ -77,7 +78,7 @@ def advice(frame: pd.DataFrame, quantity: str) -> list[str]:
 
     Nothing is extrapolated: if no row of the table meets a target, the row with the smallest error is named.
     """
-    rows = frame[(frame["knob"] == "size") & np.isfinite(frame[quantity])]
+    rows = frame[frame["knob"].isin(["size", "adapted"]) & np.isfinite(frame[quantity])]
     return [_advised(rows, target, quantity) for target in TARGETS]
 
 
@@ -99,7 +100,8 @@ def _advised(rows: pd.DataFrame, target: float, quantity: str) -> str:
 
 def _told(row: pd.Series, quantity: str) -> str:
     error = f"{100 * float(row[quantity]):.2g} %"
-    return f"order {int(row['order'])}, {_millimetres(float(row['size']))}, {_seconds(float(row['seconds']))} ({error})"
+    size = _millimetres(float(row["size"])) + (" adapted" if row["knob"] == "adapted" else "")
+    return f"order {int(row['order'])}, {size}, {_seconds(float(row['seconds']))} ({error})"
 
 
 def _millimetres(size: float) -> str:

@@ -241,8 +241,8 @@ def _used_again(choice: Choice, out: Path) -> str:
     text = f'the mesh is {out / MESH}; with order = {choice.scene.mesh.order}, [mesh] takes it as its file'
     if geometry is None or geometry.element != "hex":
         return text
-    counts = ", ".join(f"{key} = {line.elements}" for key, line in geometry.lines.items())
-    return f"{text}, or the scene's own table of the geometry with {counts}"
+    counts = (f"{key} = {line.elements}" for key, line in geometry.lines.items())
+    return f"{text}, or the scene's own table of the geometry with {', '.join([*counts, *geometry.placing])}"
 
 
 def check_units(scene: Scene) -> None:

@@ -32,10 +32,11 @@ class MeasurementFolder:
             return None
         try:
             with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-                found = {f.name: file[f.name] for f in fields(Measurement)}
+                found = {f.name: file[f.name] for f in fields(Measurement) if f.name in file or f.name != "finer"}
                 seconds = dict(zip(file["stages"].tolist(), file["seconds"].tolist(), strict=True))
             found |= {"unknowns": int(found["unknowns"]), "peak_memory_mib": float(found["peak_memory_mib"])}
-            return Measurement(**{**found, "seconds": seconds})
+            finer = str(found.get("finer", ""))  # measurements of older programs have none
+            return Measurement(**{**found, "seconds": seconds, "finer": finer})
         except Exception as error:  # NumPy raises almost any exception at damaged files
             raise _damaged(path, error) from error
 

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from ..accuracy.adapt import LineErrors
 from ..accuracy.candidates import Candidate, restored
 from ..accuracy.choose import Trial
+from ..accuracy.line_errors import LineErrors
 from ..errors import OutputError, SceneError
 from ..mesh import load_mesh
 from ..mesh.writing import write_loaded
@@ -43,11 +43,16 @@ class _Trial(_Table):
 
 
 class _Before(_Table):
-    """The `LineErrors` of the mesh before, by line; `elements` are its numbers."""
+    """The `LineErrors` of the mesh before; `elements` and `places` are those of its lines."""
 
     elements: dict[str, int]
-    errors: dict[str, list[_Number]]
+    places: dict[str, list[float]]
     rates: dict[str, float]
+    along: list[str]
+    layers: list[Annotated[int, Field(ge=0)]]
+    groups: list[Annotated[int, Field(ge=0)]]
+    held: list[bool]
+    parts: list[list[_Number]]
 
 
 class _Kept(_Table):
@@ -131,8 +136,10 @@ def _before(errors: LineErrors | None) -> dict[str, Any] | None:
     if errors is None:
         return None
     return {
-        "elements": {key: line.elements for key, line in errors.lines.items()}, "errors": dict(errors.errors),
-        "rates": dict(errors.rates),
+        "elements": {key: line.elements for key, line in errors.lines.items()},
+        "places": {key: line.places for key, line in errors.lines.items()}, "rates": dict(errors.rates),
+        "along": errors.along.tolist(), "layers": errors.layers.tolist(), "groups": errors.groups.tolist(),
+        "held": errors.held.tolist(), "parts": errors.parts.tolist(),
     }  # fmt: skip
 
 
@@ -141,7 +148,14 @@ def _line_errors(scene: Scene, before: _Before | None) -> LineErrors | None:
         return None
     if scene.mesh.geometry is None:
         raise ValueError("a mesh from a file has no lines")
-    lines = scene.mesh.geometry.with_counts(before.elements).lines
-    if not lines.keys() == before.errors.keys() == before.rates.keys() == before.elements.keys():
+    own = scene.mesh.geometry.with_counts(before.elements).lines
+    if not own.keys() == before.places.keys() == before.rates.keys() == before.elements.keys() >= set(before.along):
         raise ValueError("the lines are others")
-    return LineErrors(lines, {key: np.array(e, float) for key, e in before.errors.items()}, before.rates)
+    lines = {key: replace(line, places=tuple(before.places[key])) for key, line in own.items()}
+    along, layers, groups = np.array(before.along, str), np.array(before.layers, int), np.array(before.groups, int)
+    parts, held = np.array(before.parts, float), np.array(before.held, bool)
+    if not len(parts) == len(along) == len(layers) == len(groups) == len(held) or parts.ndim != 2:
+        raise ValueError("the parts are not those of the lines")
+    if any(n >= max(len(before.places[key]) - 1, 1) for key, n in zip(before.along, before.layers, strict=True)):
+        raise ValueError("a layer is not one of its line")
+    return LineErrors(lines, before.rates, parts, along, layers, groups, held)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fe_squeal.report.advice import advice, fitted, pareto
+from fe_squeal.report.advice import advice, fitted, lines_of, pareto
 
 
 def table(rates=(2.0, 4.0), work=(1.0, 2.0)):
@@ -45,6 +45,16 @@ def test_advice_names_the_order_that_its_table_has():
             (2, 0.02, "size", 6.0, 0.011)]
     frame = pd.DataFrame(rows, columns=["order", "size", "knob", "seconds", "error_growth"])
     assert advice(frame, "error_growth")[1].startswith("2 % on growth rates: order 2, 20 mm, 6 s (1.1 %); order 1")
+
+
+def test_adapted_meshes_stand_beside_uniform_ones():
+    """The fastest of order 2 is named, adapted or not; rates are those of uniform meshes alone."""
+    frame = table()
+    adapted = pd.DataFrame([(2, 0.012, "adapted", 3.0, *[0.004] * 3)], columns=frame.columns)
+    both = pd.concat([frame, adapted])
+    assert advice(both, "error_onset")[2].startswith("1 % on critical values: order 2, 12 mm adapted, 3 s (0.4 %)")
+    assert fitted(both, 2, "error_onset") == pytest.approx(4.0)
+    assert [line.knob for line, _ in lines_of(both)] == ["size", "size", "adapted"]
 
 
 def test_pareto_front():

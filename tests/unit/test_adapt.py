@@ -2,54 +2,119 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from fe_squeal.accuracy.adapt import LineErrors, counts_for, told
+from fe_squeal.accuracy.adapt import finer_geometry, told
+from fe_squeal.accuracy.bars import bar_of_parts
 from fe_squeal.accuracy.candidates import marked_elements
+from fe_squeal.accuracy.line_errors import LineErrors, layer_factors
 from fe_squeal.accuracy.quantities import Split
-from fe_squeal.geometry import Block
+from fe_squeal.geometry import Block, DiscPad
+from fe_squeal.geometry.base import Line
 
 BLOCK = Block(length=0.08, width=0.04, height=0.02, size=0.01)  # 8, 4, 2 elements
+BRAKE = DiscPad(
+    inner_radius=0.07, outer_radius=0.13, thickness=0.012, pad_inner_radius=0.085, pad_outer_radius=0.128,
+    pad_angle_deg=50.0, pad_thickness=0.011, size=0.01,
+)  # fmt: skip
 
 
 def errors_of(parts, rate=2.0):
+    """A part for each line of the block, each in a group of its own; what refining changes, for each quantity."""
     keys = ("elements_x", "elements_y", "layers")
-    return LineErrors(BLOCK.lines, dict(zip(keys, map(np.asarray, parts), strict=True)), dict.fromkeys(keys, rate))
+    parts = np.asarray(parts, float)
+    return LineErrors(
+        BLOCK.lines, dict.fromkeys(keys, rate), parts, np.array(keys), np.zeros(3, int), np.arange(3),
+        np.zeros(3, bool),
+    )  # fmt: skip
+
+
+def counts(geometry):
+    return {key: line.elements for key, line in geometry.lines.items()}
 
 
 def test_the_line_that_errs_is_cut():
-    errors = errors_of(([0.08], [0.0], [0.0]))
-    counts = counts_for(errors, BLOCK, 0.02)
-    assert counts == {"elements_x": 16, "elements_y": 2, "layers": 1}  # half as many where nothing errs
-    assert errors.at(counts)[0] == pytest.approx(0.02)
-    assert told(counts, BLOCK.lines) == "elements_x 8 to 16, elements_y 4 to 2, layers 2 to 1"
+    errors = errors_of(([0.04], [0.0], [0.0]))  # a bar of twice this change
+    finer = finer_geometry(errors, BLOCK, 0.02)
+    assert counts(finer) == {"elements_x": 16, "elements_y": 4, "layers": 2}
+    assert errors.at(finer.lines)[0] == pytest.approx(0.02)
+    assert told(finer, BLOCK) == "elements_x 8 to 16"
 
 
 def test_no_number_is_larger_than_needed():
-    """Taking one element from any line that is finer than half its number misses the target."""
+    """Taking one element from any line that has got some misses the target."""
     rng = np.random.default_rng(3)
     for _ in range(30):
         errors = errors_of(rng.standard_normal((3, 5)) * 10.0 ** rng.uniform(-3, -1, (3, 1)), rng.uniform(1, 4))
-        target = 0.3 * errors.at({k: v.elements for k, v in BLOCK.lines.items()}).max()
-        counts = counts_for(errors, BLOCK, target)
-        if errors.at(counts).max() > target:  # too far to go there at once
-            assert BLOCK.with_counts(counts).cells > BLOCK.cells
+        target = 0.3 * errors.at(BLOCK.lines).max()
+        finer = finer_geometry(errors, BLOCK, target)
+        if errors.at(finer.lines).max() > target:  # too far to go there at once
+            assert finer.cells > BLOCK.cells
             continue
         for key, line in BLOCK.lines.items():
-            fewer = {**counts, key: counts[key] - 1}
-            assert fewer[key] < max(line.least, line.elements / 2) or errors.at(fewer).max() > target
+            fewer = {**counts(finer), key: counts(finer)[key] - 1}
+            assert (
+                fewer[key] < line.elements
+                or errors.at(BLOCK.with_counts(fewer).lines).max() > target
+            )
+
+
+def test_a_target_that_is_just_missed_takes_little_more():
+    """With the bar a tenth above the target, at a rate of 3, no more than a tenth of the elements is added."""
+    errors = errors_of(([0.05], [0.03], [0.02]), rate=3.0)
+    large = BLOCK.with_counts({key: 10 * line.elements for key, line in BLOCK.lines.items()})
+    fine = replace(errors, lines=large.lines)
+    finer = finer_geometry(fine, large, fine.at(fine.lines).max() / 1.1)
+    assert large.cells < finer.cells < 1.1 * large.cells
 
 
 def test_a_far_target_is_approached_in_steps():
     errors = errors_of(([0.5], [0.5], [0.5]))
-    counts = counts_for(errors, BLOCK, 1e-4)
-    assert BLOCK.cells < BLOCK.with_counts(counts).cells <= 3.5 * BLOCK.cells
+    finer = finer_geometry(errors, BLOCK, 1e-4)
+    assert BLOCK.cells < finer.cells <= 5 * BLOCK.cells
 
 
 def test_parts_of_opposite_sign_do_not_pass_for_accuracy():
+    """The bar expected now is the bar of the parts: those of one group cancel, those of two do not."""
     errors = errors_of(([0.1], [-0.1], [0.0]))
-    assert errors.at({k: v.elements for k, v in BLOCK.lines.items()})[0] == pytest.approx(0.1)
+    assert errors.at(BLOCK.lines) == pytest.approx(bar_of_parts(np.array([0.0]), np.array([0.2]), 2))
+    alike = replace(errors, groups=np.zeros(3, int))
+    assert alike.at(BLOCK.lines) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("rate", [1.0, 2.5, 4.0])
+def test_layers_fall_with_the_length_of_elements_there(rate):
+    """Halved everywhere, all layers fall by 2^rate; halved in one half, that layer alone does."""
+    now = Line(("disc",), "radial", 2, places=(0.0, 0.4, 1.0))
+    halves = Line(("disc",), "radial", 4, places=(0.0, 0.2, 0.4, 0.7, 1.0))
+    np.testing.assert_allclose(layer_factors(now, halves, rate), [0.5**rate] * 2)
+    inner = Line(("disc",), "radial", 3, places=(0.0, 0.2, 0.4, 1.0))
+    np.testing.assert_allclose(layer_factors(now, inner, rate), [0.5**rate, 1.0])
+    np.testing.assert_allclose(layer_factors(now, now, rate), 1.0)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_an_error_at_the_hub_grades_the_disc_towards_it(held):
+    """All of the error in the element at the hub: fewer elements than equal ones would take, the shortest there."""
+    lines, keys = BRAKE.lines, list(BRAKE.lines)
+    one = np.full((1, 1), 0.1)
+    errors = LineErrors(
+        lines, dict.fromkeys(keys, 2.0), one, np.array(["disc_elements_radial"]), np.zeros(1, int), np.zeros(1, int),
+        np.array([held]),
+    )
+    finer = finer_geometry(errors, BRAKE, errors.at(lines).max() / 4)
+    lengths = np.diff(finer.disc_radii)
+    assert finer.disc_grading > 1 and lengths.argmin() in (0, len(lengths) - 1) and lengths[0] < lengths[1]
+    assert errors.at(finer.lines).max() <= errors.at(lines).max() / 4
+    even = finer.model_copy(update={"disc_grading": 1.0})
+    assert errors.at(even.lines).max() > errors.at(finer.lines).max()
+    if held:  # the element at the clamp alone counts
+        shorter = lengths[0] / np.diff(BRAKE.disc_radii)[0]
+        assert errors.at(finer.lines) == pytest.approx(errors.at(lines) * shorter**1.4)
+    assert f"disc_grading = {finer.disc_grading:g}" in told(finer, BRAKE)
 
 
 def split_of(parts):

@@ -15,6 +15,8 @@ def test_scenes_differ_and_can_be_made_finer():
     assert all(0 < target < 1 for _, target, _ in cases.values())
     assert page.random_brake(1) == page.random_brake(1) != page.random_brake(2)
     assert page.random_brake(2).effects.rayleigh is not None and page.random_brake(1).effects.rayleigh is None
+    assert page.random_pad(1) == page.random_pad(1) != page.random_pad(2)
+    assert page.random_pad(2).effects.rayleigh is not None and page.random_pad(1).effects.rayleigh is None
     scene, _, _ = cases["random brake 0, onsets"]
     own = own_setting(scene)
     counts = scene.model_copy(

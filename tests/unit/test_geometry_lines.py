@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from scipy.spatial import cKDTree
 
 from fe_squeal import parse_scene
 from fe_squeal.accuracy.directions import axis_names
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.assembly.bodies import read_mesh
 from fe_squeal.geometry import Block, DiscPad, make_mesh
+from fe_squeal.geometry.base import aligned, graded
 
 BRAKE = {
     "inner_radius": 0.07, "outer_radius": 0.13, "thickness": 0.012, "pad_inner_radius": 0.085,
@@ -52,11 +54,68 @@ def test_refined_counts_become_numbers():
         ({"element": "tet", "disc_elements_radial": 3}, "layers belong to"),
         ({"pad_angle_deg": 360.0, "pad_elements_around": 18}, "multiple of 4"),
         ({"back_plate_thickness": 0.0, "back_plate_layers": 2}, "no back plate"),
+        ({"element": "tet", "disc_grading": 2.0}, "disc_grading: belongs to"), ({"disc_grading": 30.0}, "equal to 20"),
+        ({"element": "tet", "disc_aligned": True}, "disc_aligned: belongs to"),
     ],
 )  # fmt: skip
 def test_bad_numbers(more, words):
     with pytest.raises(ValidationError, match=words):
         DiscPad(**BRAKE | more)
+
+
+def test_circles_of_a_graded_and_aligned_disc():
+    """Circles under both edges of the pads, short elements at the hub; the same volumes and areas; sectors alike."""
+    plain = DiscPad(**BRAKE | {"size": 0.012})
+    placed = plain.model_copy(update={"disc_grading": 4.0, "disc_aligned": True}).with_counts({})
+    lengths = np.diff(placed.disc_radii)
+    for edge in (0.07, 0.085, 0.128, 0.13):
+        assert np.abs(placed.disc_radii - edge).min() < 1e-12
+    assert lengths[0] == lengths[:-1].min() and 2 < lengths[-2] / lengths[0] < 4 and (lengths > 0).all()
+    for group in ("volume", "area"):
+        before, after = (measures(g)[group] for g in (plain, placed))
+        assert before.keys() == after.keys()
+        for name, size in before.items():
+            assert after[name] == pytest.approx(size, rel=1e-6), name
+    points = make_mesh(placed).points
+    disc = points[np.abs(points[:, 2]) < 0.006]
+    turn = 2 * np.pi / placed.disc_counts[1]
+    turned = disc @ np.array([[np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    assert cKDTree(disc).query(turned)[0].max() < 1e-12
+
+
+def test_a_refined_disc_has_the_circles_of_the_coarse_one():
+    placed = DiscPad(**BRAKE | {"size": 0.012, "disc_grading": 3.0, "disc_aligned": True})
+    coarse, fine = placed.disc_radii, placed.refined(3).disc_radii
+    np.testing.assert_allclose(fine[::3], coarse, rtol=1e-14)
+    np.testing.assert_allclose(np.diff(fine), np.repeat(np.diff(coarse) / 3, 3), rtol=1e-9)
+
+
+def measures(geometry):
+    """Volumes of the bodies and areas of the surfaces, from scikit-fem."""
+    from skfem import Basis, ElementHex0, FacetBasis, Functional
+
+    from fe_squeal.mesh.building import build_mesh
+
+    loaded, one = build_mesh(make_mesh(geometry), "made"), Functional(lambda w: 1.0 + 0.0 * w.x[0])
+    mesh = loaded.mesh
+    volume = {k: one.assemble(Basis(mesh, ElementHex0(), elements=v)) for k, v in mesh.subdomains.items()}
+    area = {k: one.assemble(FacetBasis(mesh, ElementHex0(), facets=v)) for k, v in mesh.boundaries.items()}
+    return {"volume": volume, "area": area}
+
+
+def test_elements_of_twice_as_many_include_the_others():
+    for grading in (0.3, 1.0, 5.0):
+        np.testing.assert_allclose(graded(10, grading)[::2], graded(5, grading), atol=1e-15)
+    assert np.diff(graded(200, 4.0))[-1] / np.diff(graded(200, 4.0))[0] == pytest.approx(4.0, rel=0.02)
+
+
+def test_edges_that_are_too_near_get_no_line():
+    """An edge at an end or beyond it, two edges closer than a tenth of an element, more edges than lines."""
+    even = np.linspace(0.0, 1.0, 6)
+    np.testing.assert_allclose(aligned(even, [0.0, 1.0, -1.0, 3.0]), even)
+    np.testing.assert_allclose(aligned(even, [0.5, 0.505])[[2, 3]], [0.5, 0.5 + 0.5 / 3])
+    assert (np.diff(aligned(np.array([0.0, 0.5, 1.0]), [0.3, 0.6])) > 0).all()
+    np.testing.assert_allclose(aligned(np.array([0.0, 1.0]), [0.5]), [0.0, 1.0])
 
 
 @pytest.mark.parametrize("key", ["belt_elements_x", "belt_elements_y"])

@@ -13,8 +13,8 @@ from rich.console import Console
 
 from fe_squeal import assemble, load_mesh, sweep
 from fe_squeal.accuracy import choose as choosing
-from fe_squeal.accuracy.adapt import LineErrors
 from fe_squeal.accuracy.choose import Trial, choose, estimated_error
+from fe_squeal.accuracy.line_errors import LineErrors
 from fe_squeal.cli import main
 from fe_squeal.errors import InputError
 from fe_squeal.mesh.refining import refine
@@ -205,8 +205,9 @@ def at_next_mesh(scene):
     """The first candidate, and a finer one with what the first has told of its lines."""
     first = choosing.first_candidate(scene)
     finer = choosing.finer_candidate(first)
-    lines = first.scene.mesh.geometry.lines
-    errors = LineErrors(lines, {key: np.array([0.1, np.nan]) for key in lines}, {key: 1.9 for key in lines})
+    lines, parts = first.scene.mesh.geometry.lines, np.array([[0.1, np.nan]])
+    along, one = np.array(["layers"]), np.zeros(1, int)
+    errors = LineErrors(lines, {key: 1.9 for key in lines}, parts, along, one, one, one > 0)
     return first, replace(finer, errors=errors)
 
 
@@ -228,14 +229,15 @@ def test_what_is_kept_of_a_search_belongs_together(tmp_path, monkeypatch):
         assert np.isnan(found.error) and "error not known" in str(found)
         assert again.scene.mesh.geometry == finer.scene.mesh.geometry and again.unknowns == finer.unknowns
         assert again.errors.lines == finer.errors.lines and again.errors.rates == finer.errors.rates
-        for key, errors in finer.errors.errors.items():
-            np.testing.assert_array_equal(again.errors.errors[key], errors)
+        for name in ("parts", "along", "layers", "groups", "held"):
+            np.testing.assert_array_equal(getattr(again.errors, name), getattr(finer.errors, name))
         assert sorted(p.name for p in (tmp_path / "out" / "checkpoint").iterdir()) == ["next_1.msh", "search.json"]
 
 
 @pytest.mark.parametrize(("old", "new"), [
     ('"next_1.msh"', '"../../block.toml"'), ('"next_1.msh"', '"next_7.msh"'), ('"seconds": 0.1', '"seconds": []'),
-    ('"geometry"', '"geometri"'), ('"layers": ', '"layers": -'), ('"rates"', '"lines"'), ("{", ""), ('"trials"', '"x"'),
+    ('"geometry"', '"geometri"'), ('"layers": 2', '"layers": -2'), ('"rates"', '"lines"'), ("{", ""),
+    ('"trials"', '"x"'), ('"groups": [', '"groups": [1,'), ('"layers": [', '"layers": [2,'),
 ])  # fmt: skip
 def test_a_search_that_is_damaged_is_told(tmp_path, old, new):
     scene = load_scene(write(tmp_path))
