@@ -150,17 +150,22 @@ def main() -> None:
     parser.add_argument("--random", type=int, default=20)
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
-    found = []
+    found, missing = [], []
     for name, case in cases(given.random).items():
         path = given.folder / f"{name.replace(' ', '_').replace(',', '').replace('%', 'percent')}.json"
         if not path.exists() and (given.only is None or name in given.only):
             path.write_text(json.dumps(reach(name, *case)), encoding="utf-8")
         if path.exists():
             found.append(json.loads(path.read_text(encoding="utf-8")))
-    within = sum(f["true"] <= f["target"] for f in found)
+        else:
+            missing.append(name)
+    asked = [f for f in found if f["true"]]
+    within = sum(f["true"] <= f["target"] for f in asked)
+    without = f" ({len(found) - len(asked)} more have none of the quantities)" if len(found) > len(asked) else ""
+    unmeasured = f"\nNot measured: {'; '.join(missing)}.\n" if missing else ""
     page = PAGE.format(
         when=f"{os.cpu_count()} cores, shared with other work, {time.strftime('%Y-%m-%d')}", within=within,
-        all=len(found), rows="\n".join(row(f) for f in found),
+        all=f"{len(asked)}{without}", missing=unmeasured, rows="\n".join(row(f) for f in found),
     )  # fmt: skip
     print(page)
     if given.write:
@@ -170,15 +175,15 @@ def main() -> None:
 PAGE = """# Meshes for a target
 
 `fe-squeal run SCENE.toml --accuracy TARGET` solves on the scene's own mesh, finds out by body, direction and element
-where the error comes from, cuts there finer, and ends when the bars of frequencies, growth rates and onsets meet the
-target. Made by `python benchmarks/mesh_targets.py --write`; {when}. The true errors are those against a mesh with 1.5
-times as many elements along every line, extrapolated: of the frequencies at the first value, of growth at the last one
-relative to the fastest, of the critical values; where the name ends in "onsets" these alone are to meet the target
-(`--accuracy-of onsets`). Seconds are those of the whole search; other work on
-the machine makes them longer.
+where the error comes from, cuts there finer (and grades a disc towards its hub), and ends when the bars of
+frequencies, growth rates and onsets meet the target. Made by `python benchmarks/mesh_targets.py --write`; {when}. The
+true errors are those against a mesh with 1.5 times as many elements along every line, extrapolated: of the frequencies
+at the first value, of growth at the last one relative to the fastest, of the critical values; where the name ends in
+"onsets" these alone are to meet the target (`--accuracy-of onsets`). Seconds are those of the whole search; other work
+on the machine makes them longer.
 
-{within} of {all} are within their targets.
-
+Runs within their targets: {within} of {all}.
+{missing}
 | scene | target | first unknowns | last unknowns | bar | frequencies | growth | onsets | runs | seconds |
 |---|---|---|---|---|---|---|---|---|---|
 {rows}
