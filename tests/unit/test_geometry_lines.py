@@ -63,6 +63,7 @@ def test_bad_numbers(more, words):
         DiscPad(**BRAKE | more)
 
 
+@pytest.mark.slow
 def test_circles_of_a_graded_and_aligned_disc():
     """Circles under both edges of the pads, short elements at the hub; the same volumes and areas; sectors alike."""
     plain = DiscPad(**BRAKE | {"size": 0.012})
