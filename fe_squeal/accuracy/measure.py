@@ -137,11 +137,15 @@ def measure(
     changes, finer, peak = Changes((), ()), "", peak_memory_mib()
     if estimate:
         clock = time.perf_counter()
-        with suppress(TooLargeError, NotConvergedError):  # the rest is worth keeping
+        try:
             refined = refine_problem(result, solver)
             changes = changes_by(result, refined, solver)
+        except (TooLargeError, NotConvergedError):  # the rest is worth keeping
             seconds["estimate"] = time.perf_counter() - clock
-            finer = _finer(result, refined)
+        else:
+            seconds["estimate"] = time.perf_counter() - clock
+            with suppress(TooLargeError, NotConvergedError):
+                finer = _finer(result, refined)
     return Measurement(
         unknowns=problem.unknowns, seconds=seconds, peak_memory_mib=np.nan if peak is None else peak,
         values=np.array(grid), lam=_padded([p.modes.lam for p in result.points if not p.between]),
