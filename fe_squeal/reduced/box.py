@@ -210,8 +210,11 @@ class BoxModel(ReducedModel):
             if off[worst] <= self.enough:
                 break
             progress(f"{len(self.basis)} vectors, {off[worst]:.1e} times the tolerance")
+            before = len(self.basis)
             self._add_modes(worst, None)
             self.places.append(worst)
+            if len(self.basis) == before and off[worst] <= 1:
+                off[worst] = 0.0  # it meets the tolerance, and its own modes do not make it any better
         if corners and self._add_missing([self._start, *corners], definite):
             self._made_for(places, definite, (), progress)
 
