@@ -2,6 +2,9 @@
 # All make .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
+# Python keeps what it has compiled. Packages are installed uncompiled, and the tests start some thousand processes: each would
+# compile all that it imports again, in 4 s, where this variable is set, as in images of containers.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: run run-mpi test test-mpi types fast test-all test-again test-lowest clean
 
