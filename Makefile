@@ -30,7 +30,7 @@ fast: .venv/installed-test
 
 # What takes its time besides: fuzzing, kills, full discs, processes, smallest rungs of the benchmarks, further parameters.
 test-all: test
-	$(BIN)/pytest $(PYTEST_OPTIONS) -m slow
+	$(BIN)/pytest $(PYTEST_OPTIONS) -m slow tests
 
 # Hard cases, closed forms and rates N times in each setting that must not change a verdict (threads, kernels of the BLAS,
 # solver, start vectors, numbers of nodes, random examples): hours. More in: python tests/again.py --help
