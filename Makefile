@@ -55,7 +55,7 @@ run-mpi: .venv-mpi/installed
 
 # The solver on one, two and three processes, then whole commands under mpiexec.
 test-mpi: .venv-mpi/installed
-	for count in 1 2 3; do $(MPI) -n $$count .venv-mpi/bin/python tests/pytest_mpi.py -q tests/unit/test_mumps.py || exit 1; done
+	for count in 1 2 3; do $(MPI) -n $$count .venv-mpi/bin/python tests/pytest_mpi.py -q tests/unit/test_mumps.py tests/unit/test_mumps_options.py || exit 1; done
 	.venv-mpi/bin/pytest tests/mpi
 
 .venv-mpi/installed: pyproject.toml

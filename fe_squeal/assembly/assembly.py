@@ -32,6 +32,7 @@ from ..problem.description import Describer
 from ..problem.problem import Problem
 from ..problem.terms import Term
 from ..scene import NOT_PHYSICS, MatrixScene, Scene, number_at, with_numbers
+from ..scene.solver import solver_of
 from .bodies import find_bodies, read_mesh
 from .contacts import make_contact, stiffness_terms
 from .describer import describer_of
@@ -139,7 +140,10 @@ class Assembly:
         self.space = with_ties(make_space(mesh, scene.mesh.order, supports, mixed, points), scene, loaded)
         require_memory(_least_memory(self.space), self.space.unknowns, "matrices", exponent=1)
         self.loaded, self._motions = loaded, rigid_motions(self.space)
+        # The word alone where that is enough: PETSc starts MPI, and is loaded where it is needed.
         self._linear_solver: LinearSolver | str = scene.solve.linear_solver
+        if scene.solve.mumps is not None:
+            self._linear_solver = solver_of(scene)
         self._cache = Cache()
         wanted = scene.solve.modes
         if wanted is not None and wanted > self.space.unknowns:

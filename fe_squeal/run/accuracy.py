@@ -24,6 +24,7 @@ from ..report.advice import QUANTITIES, advice
 from ..report.files import replace_atomically, write_csv
 from ..report.terminal import print_table
 from ..scene import MatrixScene, Scene
+from ..scene.solver import solver_of
 from .folder import (
     ACCURACY_FIGURE,
     ACCURACY_PAGE,
@@ -46,7 +47,6 @@ from .page import write_accuracy_report, write_run_report
 from .record import write_record
 from .run import report_sweep, write_results
 from .search import KeptSearch
-from .solver import solver_of
 
 
 def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget: float | None) -> int:

@@ -11,10 +11,10 @@ from ..mesh.measures import volume_of
 from ..problem.parameters import MU
 from ..problem.problem import Problem
 from ..scene import MatrixScene, Scene
+from ..scene.solver import note_on_options, solver_of
 from ..schema.place import Placed
 from ..sweep.forecast import predict_memory
 from ..sweep.sweep import MODES
-from .solver import solver_of
 
 
 def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
@@ -38,6 +38,8 @@ def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
     table.add_row("matrix entries", f"{pencil.K.nnz}")
     free = 0 if pencil.free is None else pencil.free.motions.shape[1]
     table.add_row("free motions", f"{free} that nothing holds" if free else "none: everything is held")
+    note = note_on_options(scene, solver)
+    table.add_row("linear solver", solver.name if note is None else f"{solver.name}; {note}")
     sweep, solve = scene.sweep, scene.solve
     parameter, values = (MU, 1) if sweep is None else (sweep.parameter, len(sweep.grid))
     modes = solve.modes or MODES  # the number of modes below max_frequency is not known before the solve

@@ -27,6 +27,7 @@ from ..report.tables import print_onsets, print_unstable
 from ..report.terminal import print_table
 from ..report.warnings import told_once
 from ..scene import MatrixScene, Scene
+from ..scene.solver import note_on_options, solver_of
 from ..sweep.forecast import is_reduced, predict_memory
 from ..sweep.result import Sweep
 from ..sweep.state import Store, SweepState
@@ -46,7 +47,6 @@ from .page import write_run_report
 from .preload import write_preload
 from .record import write_record
 from .resume import is_estimated, is_finished, show_finished
-from .solver import solver_of
 
 if TYPE_CHECKING:
     from ..accuracy.quantities import Split
@@ -126,6 +126,8 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
         f"{', '.join(scene.effect_names) or 'none'}",
         markup=False,
     )
+    if (note := note_on_options(scene, solver)) is not None:
+        console.print(f"note: {note}", markup=False)
 
     def record(result: Sweep | None, status: str) -> None:
         seconds["total"] = spent + time.perf_counter() - start

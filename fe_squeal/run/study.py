@@ -18,6 +18,7 @@ from ..eigen.memory import peak_memory_mib
 from ..errors import INTERRUPTED, NotConvergedError, SceneError
 from ..report.files import write_json
 from ..scene import MatrixScene, Scene
+from ..scene.solver import solver_of
 from ..scene.study import StudySection
 from ..version import __version__
 from .checkpoint import read_json
@@ -34,7 +35,6 @@ from .mapped import mapped
 from .page import write_study_report
 from .parts import StudyParts
 from .scattered import scattered
-from .solver import solver_of
 
 _TELLING = 10.0  # s between lines of progress, where the output is not a terminal
 

@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 
 from ..eigen.linear.choice import SolverName
 from ..problem.parameters import MU, canonical, paths_of
-from ..schema.section import Positive, Section
+from ..schema.section import Positive, Section, Text
 
 
 class SweepSection(Section):
@@ -79,6 +79,38 @@ class SweepSection(Section):
         return np.linspace(self.start, self.stop, self.points)
 
 
+class MumpsTable(Section):
+    """How MUMPS keeps its factors, where `linear_solver` is "mumps", or "auto" on several processes.
+
+    Eigenvalues and shapes have the same backward errors whichever of these are given, or the run ends with a message.
+
+    Attributes
+    ----------
+    out_of_core : bool
+        Whether factors are written to files, read again at every solve, and removed at the end.
+    folder : str
+        Folder for these files, relative to the scene file; a fast disk with room for the factors, on every machine
+        (default: the system's for temporary files).
+    low_rank : float
+        Blocks of the factors are compressed by what is smaller than this, relative to the matrix's entries once it is
+        scaled; solves are refined until they are as exact as without. Factors that are too rough for that end the run:
+        1e-10 is rarely too rough (default: no compression).
+    memory_relaxation : int
+        Percent of workspace beyond what MUMPS' analysis expects (default: MUMPS' own, 20 to 35).
+    """
+
+    out_of_core: bool = False
+    folder: Text | None = None
+    low_rank: Annotated[float, Field(gt=0, lt=1)] | None = None
+    memory_relaxation: Annotated[int, Field(ge=0, le=1000)] | None = None
+
+    @model_validator(mode="after")
+    def _folder_for_files(self) -> MumpsTable:
+        if self.folder is not None and not self.out_of_core:
+            raise ValueError("given folder, but factors stay in memory; expected out_of_core = true beside it")
+        return self
+
+
 class Solve(Section):
     """What the eigen-solver is asked for.
 
@@ -99,6 +131,8 @@ class Solve(Section):
         What factorises sparse matrices: "pardiso" is MKL's, "superlu" is SciPy's, which is always there, but
         slower; "mumps" comes with petsc4py (docs/cluster.md). "auto" takes "mumps" where mpiexec has started several
         processes, else "pardiso" where it can be loaded, else "superlu".
+    mumps : table
+        How MUMPS keeps its factors.
     """
 
     modes: Annotated[int, Field(ge=1)] | None = None  # 20, or as many as there are, where max_frequency is not given
@@ -106,6 +140,16 @@ class Solve(Section):
     method: Literal["auto", "direct", "reduced", "modal"] = "auto"
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
     linear_solver: SolverName = "auto"
+    mumps: MumpsTable | None = None
+
+    @model_validator(mode="after")
+    def _of_mumps(self) -> Solve:
+        if self.mumps is not None and self.linear_solver not in ("auto", "mumps"):
+            raise ValueError(
+                f'given the table mumps with linear_solver = "{self.linear_solver}", which it does not belong to;'
+                f' expected "mumps", or "auto"'
+            )
+        return self
 
     @model_validator(mode="after")
     def _one_limit(self) -> Solve:

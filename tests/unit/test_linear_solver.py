@@ -22,6 +22,7 @@ from fe_squeal.compare.table import compare_case
 from fe_squeal.eigen.linear import choice, pardiso
 from fe_squeal.eigen.linear.choice import choose, factorize
 from fe_squeal.eigen.linear.dense import DenseFactor
+from fe_squeal.eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
 from fe_squeal.eigen.linear.pardiso import PardisoFactor
 from fe_squeal.eigen.linear.superlu import SuperLUCholesky, SuperLUFactor
 from fe_squeal.errors import SceneError
@@ -38,6 +39,35 @@ FINE = replaced("order = 1", "order = 2", SMALL)
 
 def asking_for(word: str, text: str = SCENE) -> str:
     return replaced("modes = 8", f'modes = 8\nlinear_solver = "{word}"', text)
+
+
+class Watched:
+    """An object that notes which of its members are asked for."""
+
+    def __init__(self, inner, kind, seen):
+        self._inner, self._kind, self._seen = inner, kind, seen
+
+    def __getattr__(self, name):
+        self._seen.add(f"{self._kind}.{name}")
+        found = getattr(self._inner, name)
+        kind = {"factorize": "Factor", "factorize_definite": "DefiniteFactor"}.get(name)
+        return found if kind is None else lambda *args: Watched(found(*args), kind, self._seen)
+
+
+def test_sweeps_call_every_member_of_the_protocol_and_no_other():
+    """What `factor.py` asks of a solver, and docs/architecture.md of one on a device, is what is used."""
+    seen, protocol = set(), set()
+    watched = Watched(Toy(), "LinearSolver", seen)
+    for kind in (LinearSolver, Factor, DefiniteFactor):
+        protocol |= {f"{kind.__name__}.{name}" for name in vars(kind) if not name.startswith("_")}
+    for method in ("direct", "reduced"):
+        sweep(chain(n=N), VALUES, modes=MODES, method=method, linear_solver=watched)
+    sweep(chain("loss", n=N), VALUES[:2], modes=MODES, method="direct", linear_solver=watched)
+    predict_memory(chain(n=N), "mu", 7, MODES, "direct", watched)
+    assert seen == protocol
+    page = (Path(__file__).parents[2] / "docs/architecture.md").read_text(encoding="utf-8")
+    named = page.partition("## Factors on a device")[2].partition("## ")[0]
+    assert all(f"`{name.partition('.')[2]}`" in named for name in protocol)
 
 
 @pytest.fixture

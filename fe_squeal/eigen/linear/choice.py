@@ -14,7 +14,7 @@ from ...errors import NotConvergedError, SceneError
 from ...process.ranks import process_count
 from .dense import DenseFactor
 from .factor import DefiniteFactor, Factor, LinearSolver, Solve
-from .mumps import MUMPS, has_mumps
+from .mumps import MUMPS, PLAIN, Mumps, MumpsOptions, has_mumps
 from .pardiso import PARDISO, has_pardiso
 from .superlu import SUPERLU
 
@@ -26,8 +26,8 @@ _MISSING = {
 _FULL = 1000  # unknowns up to which a full matrix goes to LAPACK
 
 
-def choose(linear_solver: LinearSolver | str = "auto") -> LinearSolver:
-    """Return the solver that a word stands for.
+def choose(linear_solver: LinearSolver | str = "auto", mumps: MumpsOptions = PLAIN) -> LinearSolver:
+    """Return the solver that a word stands for; if it is MUMPS, with these options.
 
     "auto" is MUMPS where mpiexec has started several processes; else PARDISO where it can be loaded, else SuperLU.
 
@@ -49,6 +49,8 @@ def choose(linear_solver: LinearSolver | str = "auto") -> LinearSolver:
             " expected one process, or that package"
         )
     solvers = _available(linear_solver)
+    if "mumps" in solvers and mumps != PLAIN:
+        solvers["mumps"] = Mumps(mumps)
     if linear_solver == "auto":
         return next(iter(solvers.values()))
     if linear_solver in solvers:

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import NotConvergedError, TooLargeError
+from ...errors import NotConvergedError, SceneError, TooLargeError
 from ...process.ranks import local_count, process_count
 from ..memory import available_memory, memory_text, require_memory
 from .factor import DefiniteFactor, Factor, SingularError, Solve, solve_real_parts
 from .half import inverse_root
-from .petsc import Told, petsc
+from .petsc import MumpsOptions, Told, petsc
 from .processes import give_up, new_handle, together
+from .refinement import contraction, refined
+from .scratch import scratch_folder
 
 _NO_ROOM = {-8, -9, -11, -13, -14, -17, -18, -19, -20, -22}  # MUMPS' errors of workspace that is too small
 _SINGULAR = {-6, -10}
+_NO_DISK = -90  # what it says of a file that it cannot write
+_ROUGH = 0.1  # of an error: if a step of refinement leaves more, low-rank factors are too rough
+PLAIN = MumpsOptions()
 _FORECAST = 20_000  # unknowns from which on the analysis is done once more beforehand, to refuse what cannot fit
 
 
@@ -37,28 +45,62 @@ class MumpsFactor:
     TooLargeError
     """
 
-    def __init__(self, A: sp.csr_array, symmetric: bool, definite: bool = False) -> None:
+    def __init__(
+        self, A: sp.csr_array, symmetric: bool, definite: bool = False, options: MumpsOptions = PLAIN
+    ) -> None:
         self._complex = np.iscomplexobj(A)
         self._n = A.shape[0]
-        self._symmetric = symmetric
+        self._symmetric, self._asked, self._options = symmetric, options, options
         real = _real_form(A) if self._complex else _sorted(A)
         self._size = real.shape[0]
+        if options.out_of_core:
+            self._options = options = replace(options, folder=_files(options.folder))
         if self._size >= _FORECAST:
-            require_memory(_here(told_of(real, symmetric and not self._complex, definite)), self._n)
+            told = told_of(real, symmetric and not self._complex, definite, options)
+            require_memory(_here(told, options), self._n)
+            self._require_disk(told)
         self._handle = new_handle()
         told = together(
             "factorize", real, handle=self._handle, n=self._size, symmetric=symmetric and not self._complex,
-            definite=definite, megabytes=0, analyse_only=False,
+            definite=definite, options=options, analyse_only=False,
         )  # fmt: skip
         self._raise(told)
         counts = symmetric and not self._complex
         self.negative_pivots: int | None = told.negative if counts else None
+        self._rho = 0.0
+        if options.low_rank:
+            # The signs of the pivots are those of A's eigenvalues, too, if refinement converges.
+            self._matrix, self._rho = A, contraction(A, partial(self._apply, transposed=False))
+            if not self._rho <= _ROUGH:
+                raise NotConvergedError(
+                    f"MUMPS: with solve.mumps.low_rank = {options.low_rank:g} the factors of {self._n} unknowns are too"
+                    f" rough: a step of refinement leaves {self._rho:.2g} of an error, {_ROUGH:g} is allowed; expected"
+                    f" a smaller number"
+                )
+
+    def _require_disk(self, told: Told) -> None:
+        """Refuse files that cannot fit on this machine's disk, as far as these are known not to be compressed."""
+        if not self._options.out_of_core or self._options.low_rank:
+            return
+        needed = told.files * local_count() // process_count()
+        if needed > (free := shutil.disk_usage(self._options.folder).free):
+            raise TooLargeError(
+                f"solve.mumps.folder: the factors of {self._n} unknowns need {memory_text(needed)} of disk, and"
+                f" {memory_text(free)} are free in {self._options.folder}"
+            )
 
     def _raise(self, told: Told) -> None:
         if told.error in _NO_ROOM:
             raise TooLargeError(
-                f"MUMPS: the factors of {self._n} unknowns need about {memory_text(_here(told))} of memory, and"
-                f" {memory_text(available_memory())} are free on this machine"
+                f"MUMPS: the factors of {self._n} unknowns need about {memory_text(_here(told, self._options))} of"
+                f" memory, and {memory_text(available_memory())} are free on this machine"
+            )
+        if told.error == _NO_DISK:
+            folder = self._options.folder
+            raise TooLargeError(
+                f"solve.mumps.folder: MUMPS could not write the factors of {self._n} unknowns into {folder}:"
+                f" {memory_text(told.files)} are needed in all, {memory_text(shutil.disk_usage(folder).free)} are free;"
+                f" is the disk full, or the size of a file limited?"
             )
         if told.error in _SINGULAR or (told.error >= 0 and told.zero):
             raise SingularError("MUMPS: the matrix is singular to working precision")
@@ -67,15 +109,19 @@ class MumpsFactor:
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻¹ b."""
-        return self._apply(b, False)
+        solve = partial(self._apply, transposed=False)
+        return refined(self._matrix, solve, b, self._rho) if self._rho else solve(b)
 
     def solve_transposed(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻ᵀ b."""
-        return self._apply(b.conj(), True).conj() if self._complex else self._apply(b, not self._symmetric)
+        return self.solve_adjoint(b.conj()).conj() if self._complex else self.solve_adjoint(b)
 
     def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
         """Return A⁻ᴴ b; of the real form of a complex matrix it is the transposed one."""
-        return self._apply(b, True) if self._complex else self.solve_transposed(b)
+        if self._symmetric and not self._complex:
+            return self.solve(b)
+        solve = partial(self._apply, transposed=True)
+        return refined(sp.csr_array(self._matrix.conj().T), solve, b, self._rho) if self._rho else solve(b)
 
     def _apply(self, b: np.ndarray, transposed: bool) -> np.ndarray:
         if not self._complex:
@@ -103,8 +149,8 @@ class MumpsFactor:
 class MumpsDefinite(MumpsFactor):
     """Factors of a real symmetric positive definite matrix."""
 
-    def __init__(self, A: sp.csr_array) -> None:
-        super().__init__(A, symmetric=True)  # with pivoting, which tells what is not definite
+    def __init__(self, A: sp.csr_array, options: MumpsOptions = PLAIN) -> None:
+        super().__init__(A, symmetric=True, options=options)  # with pivoting, which tells what is not definite
         if self.negative_pivots:
             raise NotConvergedError(f"the matrix is not positive definite: {self.negative_pivots} pivots are negative")
         self._matrix = A
@@ -113,12 +159,11 @@ class MumpsDefinite(MumpsFactor):
     def half_solve(self, b: np.ndarray) -> np.ndarray:
         """Return Z b with ZZᵀ = A⁻¹ to two per cent: PETSc gives no solves with L alone."""
         if self._root is None:
-            self._root = inverse_root(self._matrix, self.solve, _definite_solve)
+            self._root = inverse_root(self._matrix, self.solve, self._definite_solve)
         return self._root(b)
 
-
-def _definite_solve(A: sp.csr_array) -> Solve:
-    return MumpsFactor(A, symmetric=True, definite=True).solve
+    def _definite_solve(self, A: sp.csr_array) -> Solve:
+        return MumpsFactor(A, symmetric=True, definite=True, options=self._asked).solve
 
 
 def _sorted(A: sp.csr_array) -> sp.csr_array:
@@ -131,41 +176,69 @@ def _real_form(A: sp.csr_array) -> sp.csr_array:
     return _sorted(sp.block_array([[A.real, -A.imag], [A.imag, A.real]], format="csr"))
 
 
-def told_of(A: sp.csr_array, symmetric: bool, definite: bool) -> Told:
+def told_of(A: sp.csr_array, symmetric: bool, definite: bool, options: MumpsOptions = PLAIN) -> Told:
     """Return what the analysis of a real matrix tells, without its factors."""
     told: Told = together(
-        "factorize", A, handle=new_handle(), n=A.shape[0], symmetric=symmetric, definite=definite, megabytes=0,
+        "factorize", A, handle=new_handle(), n=A.shape[0], symmetric=symmetric, definite=definite, options=options,
         analyse_only=True,
     )  # fmt: skip
     return told
 
 
-def _here(told: Told) -> int:
-    """Return the bytes that the processes of this machine take at most."""
-    return told.largest * local_count()
+def _here(told: Told, options: MumpsOptions = PLAIN) -> int:
+    """Return the bytes of memory that the processes of this machine take at most."""
+    return (told.largest_on_disk if options.out_of_core else told.largest) * local_count()
 
 
+def _files(parent: str) -> str:
+    """Return the folder for this run's files of factors.
+
+    Raises
+    ------
+    SceneError
+        It cannot be made.
+    """
+    try:
+        return str(scratch_folder(parent))
+    except OSError as error:
+        raise SceneError(
+            f'solve.mumps.folder: given "{parent}", where no files can be written ({error.strerror or error});'
+            f" expected a folder for the files of factors"
+        ) from error
+
+
+@dataclass(frozen=True)
 class Mumps:
-    """MUMPS as a `LinearSolver`; only where `has_mumps()`."""
+    """MUMPS as a `LinearSolver`; only where `has_mumps()`.
+
+    Attributes
+    ----------
+    options : MumpsOptions
+    """
+
+    options: MumpsOptions = PLAIN
 
     @property
     def name(self) -> str:
         """With the number of processes, where there are several."""
-        count = process_count()
-        return "MUMPS (PETSc)" if count == 1 else f"MUMPS (PETSc), {count} processes"
+        count, options = process_count(), self.options
+        parts = ["MUMPS (PETSc)", *([f"{count} processes"] if count > 1 else [])]
+        parts += ["out of core"] if options.out_of_core else []
+        parts += [f"low rank to {options.low_rank:g}"] if options.low_rank else []
+        return ", ".join(parts)
 
     def factorize(self, A: sp.csr_array, symmetric: bool) -> Factor:
         """Return LU or LDLᵀ factors; those of a real symmetric matrix know its inertia."""
-        return MumpsFactor(A, symmetric)
+        return MumpsFactor(A, symmetric, options=self.options)
 
     def factorize_definite(self, A: sp.csr_array) -> DefiniteFactor:
         """Return factors of a definite matrix."""
-        return MumpsDefinite(A)
+        return MumpsDefinite(A, self.options)
 
     def memory(self, A: sp.csr_array, symmetric: bool, definite: bool = False) -> int:
         """Return the bytes that MUMPS' analysis expects of the processes on this machine."""
         real = _real_form(A) if np.iscomplexobj(A) else _sorted(A)
-        return _here(told_of(real, symmetric and not np.iscomplexobj(A), definite))
+        return _here(told_of(real, symmetric and not np.iscomplexobj(A), definite, self.options), self.options)
 
 
 MUMPS = Mumps()

@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 import functools
+import os
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-# MUMPS' own switches (ICNTL, users' guide, section 6.1) and what it tells (INFOG, section 8.1).
-_TRANSPOSED, _ROOT_IN_ONE, _LIMIT, _NULL_PIVOTS = 9, 13, 23, 24
-_ERROR, _NEGATIVE, _LARGEST, _SUM, _ZERO = 1, 12, 16, 17, 28
+from .scratch import remove_scratch_at_exit
+
+# MUMPS' own switches (ICNTL and CNTL, users' guide, section 6) and what it tells (INFOG, section 8).
+_TRANSPOSED, _ROOT_IN_ONE, _RELAXED, _OUT_OF_CORE, _LIMIT, _NULL_PIVOTS, _LOW_RANK = 9, 13, 14, 22, 23, 24, 35
+_DROPPED = 7  # of CNTL
+_COMPRESSED = 2  # of ICNTL(35): factors are compressed, and solves take the compressed ones
+_ERROR, _NEGATIVE, _ENTRIES, _ZERO = 1, 12, 20, 28
+# Which of INFOG tell the memory of the process that needs most and of all processes, by whether blocks are low-rank.
+_IN_CORE, _ON_DISK = {False: (16, 17), True: (36, 37)}, {False: (26, 27), True: (38, 39)}
 _LEAST = 1  # MB: with so little the factorisation stops behind the analysis, which is all that a forecast needs
+_FOLDER = "MUMPS_OOC_TMPDIR"  # where MUMPS looks for the folder of its files
 
 
 @functools.cache
 def petsc() -> Any:
     """Return petsc4py's PETSc, or None where it cannot be loaded or has no MUMPS."""
+    remove_scratch_at_exit()
     try:
         import petsc4py
 
@@ -27,6 +36,28 @@ def petsc() -> Any:
         return None
     has_mumps = PETSc.Sys.hasExternalPackage("mumps") and PETSc.ScalarType is np.float64
     return PETSc if has_mumps else None
+
+
+@dataclass(frozen=True)
+class MumpsOptions:
+    """What a scene asks of MUMPS, see `fe_squeal.scene.control.MumpsTable`.
+
+    Attributes
+    ----------
+    out_of_core : bool
+        Whether factors are written to files.
+    folder : str
+        Where; empty for the system's folder of temporary files.
+    low_rank : float
+        Relative size of what is dropped from blocks of the factors; 0 keeps everything.
+    memory_relaxation : int, optional
+        Percent of workspace beyond what the analysis expects.
+    """
+
+    out_of_core: bool = False
+    folder: str = ""
+    low_rank: float = 0.0
+    memory_relaxation: int | None = None
 
 
 @dataclass(frozen=True)
@@ -43,6 +74,10 @@ class Told:
         Pivots that are zero to working precision.
     largest, total : int, bytes
         What the analysis expects to need on the process that needs most, and on all processes together.
+    largest_on_disk, total_on_disk : int, bytes
+        The same memory with the factors on disk.
+    files : int, bytes
+        What all factors take, without compression: the size of the files.
     """
 
     error: int
@@ -50,6 +85,9 @@ class Told:
     zero: int
     largest: int
     total: int
+    largest_on_disk: int
+    total_on_disk: int
+    files: int
 
 
 class PetscMatrix:
@@ -77,8 +115,8 @@ class PetscMatrix:
         self._kind = "cholesky" if symmetric else "lu"
         self._factor: Any = None
 
-    def factorize(self, megabytes: int = 0, analyse_only: bool = False) -> Told:
-        """Factorise with at most so much memory on each process, 0 for as much as it takes, or analyse alone."""
+    def factorize(self, options: MumpsOptions, analyse_only: bool = False) -> Told:
+        """Factorise, or analyse alone; files of factors go into `options.folder`, which is this process's own."""
         self._solver = petsc().PC().create(comm=self._matrix.comm)
         self._solver.setOperators(self._matrix)
         self._solver.setType(self._kind)
@@ -87,13 +125,24 @@ class PetscMatrix:
         factor = self._solver.getFactorMatrix()
         factor.setMumpsIcntl(_ROOT_IN_ONE, 1)  # or the pivots of the last front are not counted
         factor.setMumpsIcntl(_NULL_PIVOTS, 1)
-        factor.setMumpsIcntl(_LIMIT, _LEAST if analyse_only else megabytes)
+        factor.setMumpsIcntl(_LIMIT, _LEAST if analyse_only else 0)
+        if options.memory_relaxation is not None:
+            factor.setMumpsIcntl(_RELAXED, options.memory_relaxation)
+        if options.low_rank:
+            factor.setMumpsIcntl(_LOW_RANK, _COMPRESSED)
+            factor.setMumpsCntl(_DROPPED, options.low_rank)
+        if options.out_of_core and not analyse_only:
+            factor.setMumpsIcntl(_OUT_OF_CORE, 1)
+            os.environ[_FOLDER] = options.folder
         self._solver.setUp()
-        error, negative, zero, largest, total = (
-            int(factor.getMumpsInfog(i)) for i in (_ERROR, _NEGATIVE, _ZERO, _LARGEST, _SUM)
-        )
         self._factor = factor
-        return Told(error, negative, zero, largest * 10**6, total * 10**6)
+        error, negative, zero, entries = (factor.getMumpsInfog(i) for i in (_ERROR, _NEGATIVE, _ZERO, _ENTRIES))
+        here, disk = (
+            [factor.getMumpsInfog(i) * 10**6 for i in told[bool(options.low_rank)]] for told in (_IN_CORE, _ON_DISK)
+        )
+        # Numbers that do not fit into 32 bits are negative, and count millions.
+        files = 8 * (entries if entries >= 0 else -(10**6) * entries)
+        return Told(error, negative, zero, here[0], here[1], disk[0], disk[1], files)
 
     def solve(self, b: np.ndarray, transposed: bool) -> np.ndarray:
         """Return this process's rows (m, k) of A⁻¹ b, or A⁻ᵀ b, for its rows (m, k) of b."""

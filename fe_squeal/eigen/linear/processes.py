@@ -11,13 +11,15 @@ import sys
 import time
 import traceback
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from ...process.ranks import is_helper, process_count
-from .petsc import PetscMatrix, Told, petsc
+from .petsc import MumpsOptions, PetscMatrix, Told, petsc
+from .scratch import own_folder, remove_scratch
 
 _COMMAND, _END = 7, "end"  # tag of messages; the last one
 _FIRST_WAIT, _LONGEST_WAIT = 1e-5, 2e-3  # s, between two looks for a message
@@ -44,7 +46,10 @@ def _factorize(comm: Any, what: dict[str, Any], A: sp.csr_array | None) -> Told:
     else:
         rows = _scattered_rows(comm, what["n"], A)
     matrix = PetscMatrix(rows, what["n"], what["symmetric"], what["definite"], comm)
-    told = matrix.factorize(what["megabytes"], what["analyse_only"])
+    options: MumpsOptions = what["options"]
+    if options.out_of_core and not what["analyse_only"]:
+        options = replace(options, folder=str(own_folder(options.folder, 0 if comm is None else comm.rank)))
+    told = matrix.factorize(options, what["analyse_only"])
     if what["analyse_only"] or told.error:
         matrix.destroy()
     else:
@@ -151,6 +156,7 @@ def help_out() -> int:
                 time.sleep(wait)
                 wait = min(2 * wait, _LONGEST_WAIT)
                 if os.getppid() != parent:  # mpiexec is gone
+                    remove_scratch()
                     os._exit(1)
                 continue
             wait = _FIRST_WAIT
@@ -163,6 +169,7 @@ def help_out() -> int:
         rank = comm.rank if comm is not None else "?"
         print(f"error: process {rank} of {process_count()} failed: {''.join(lines).strip()[:300]}", file=sys.stderr)
         sys.stderr.flush()
+        remove_scratch()
         if comm is None:
             return 1
         comm.Abort(1)
@@ -183,6 +190,7 @@ def dismiss(code: int) -> None:
     sys.stdout.flush()
     sys.stderr.flush()
     if _state["broken"]:  # the others wait for a step that does not come
+        remove_scratch()
         comm.Abort(code)
     for other in range(1, comm.size):
         comm.send((_END, 0), dest=other, tag=_COMMAND)
