@@ -2,6 +2,9 @@
 # All make .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
+# Python keeps what it has compiled. Packages are installed uncompiled, and the tests start some thousand processes: each would
+# compile all that it imports again, in 4 s, where this variable is set, as in images of containers.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: run run-mpi test test-mpi types fast test-all test-again test-lowest clean
 
@@ -27,7 +30,7 @@ fast: .venv/installed-test
 
 # What takes its time besides: fuzzing, kills, full discs, processes, smallest rungs of the benchmarks, further parameters.
 test-all: test
-	$(BIN)/pytest $(PYTEST_OPTIONS) -m slow
+	$(BIN)/pytest $(PYTEST_OPTIONS) -m slow tests
 
 # Hard cases, closed forms and rates N times in each setting that must not change a verdict (threads, kernels of the BLAS,
 # solver, start vectors, numbers of nodes, random examples): hours. More in: python tests/again.py --help

@@ -1,9 +1,11 @@
 """Repeat tests in settings that must not change a verdict: python tests/again.py --repeat 20
 
-Each repetition in each setting is a run of pytest of its own, with other random examples. A line per run is appended to
-runs.jsonl in a new folder under results/. If a test fails, the output of pytest is kept there too. The table at the
-end, or at Ctrl-C, is made from these lines; --resume continues in the newest folder. The exit code is 1 if a test
-failed.
+A run of pytest has one setting of each of several kinds at once (threads, kernels, solver) and random examples, start
+vectors and numbers of nodes of its own. Runs are so many that each setting has the repetitions asked for, and any two
+settings of different kinds meet. --apart runs each setting by itself instead, to find the one that makes a test fail.
+A line per run is appended to runs.jsonl in a new folder under results/. If a test fails, the output of pytest is kept
+there too. The table at the end, or at Ctrl-C, is made from these lines; --resume continues in the newest folder. The
+exit code is 1 if a test failed.
 """
 
 from __future__ import annotations
@@ -62,12 +64,18 @@ SETTINGS = {
     "hypothesis": Setting(marks="hypothesis", paths=("tests",)),
     "fuzz": Setting({variations.SEED: "{k}"}, paths=("tests/fuzz",)),
 }
+# A run has one setting of each of these kinds; "" is how it is on any machine. Every run has start vectors of its own.
+THREAD_SETTINGS = "threads-1", "threads-2", "threads-4"
+KERNELS = "", "haswell", "skylakex"
+SOLVERS = "", "", "superlu"
+NUMBERS = "", "node-numbers", "node-numbers"
+ALONE = "hypothesis", "fuzz"  # other tests than those on the command line
 _CLEARED = {*THREADS, *(name for s in SETTINGS.values() for name in s.environment)}
 
 
 @dataclass(frozen=True)
 class Run:
-    """The result of one run of pytest."""
+    """The result of one run of pytest; `setting` joins the names of its settings by +."""
 
     setting: str
     repetition: int
@@ -85,14 +93,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     selection = [*asked.paths, *(["--fast"] if asked.fast else [])]
     state = _state()
     folder, done = _folder(asked.resume)
-    done = [r for r in done if r.state == state and r.selection == selection and r.setting in asked.settings]
+    done = [r for r in done if r.state == state and r.selection == selection]
     known = {(r.setting, r.repetition) for r in done}
     print(f"{folder}: {len(known)} runs are there", flush=True)
     flags = _processor_flags()
     absent = [name for name in asked.settings if SETTINGS[name].needs not in {"", *flags}]
     for name in absent:
         print(f"{name}: left out, this processor has no {SETTINGS[name].needs}", flush=True)
-    wanted = [(k, name) for k in range(1, asked.repeat + 1) for name in asked.settings if name not in absent]
+    settings = [name for name in asked.settings if name not in absent]
+    wanted = apart(settings, asked.repeat) if asked.apart else crossed(settings, asked.repeat)
     try:
         for k, name in wanted:
             if (name, k) in known:
@@ -112,12 +121,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return int(any(r.failed for r in done))
 
 
+def apart(settings: Sequence[str], repeat: int) -> list[tuple[int, str]]:
+    """Return the number and the setting of each run, where every run has one setting."""
+    return [(k, name) for k in range(1, repeat + 1) for name in settings]
+
+
+def crossed(settings: Sequence[str], repeat: int) -> list[tuple[int, str]]:
+    """Return the number and the joined settings of each run, where a run has one setting of each kind.
+
+    In nine runs in a row any two settings of different kinds meet once (a Latin square and the one orthogonal to it).
+    In three runs each setting of threads, kernels and solver has its turn.
+
+    Examples
+    --------
+    >>> [name for _, name in crossed(("threads-1", "threads-2", "superlu"), 1)]
+    ['threads-1', 'threads-2', 'superlu']
+    """
+    found = []
+    for k in range(1, repeat + 1):
+        for t in range(3):
+            kinds = THREAD_SETTINGS[t], KERNELS[(t + k) % 3], SOLVERS[(t + 2 * k) % 3], NUMBERS[k % 3], "start-vectors"
+            if joined := "+".join(name for name in kinds if name in settings):
+                found.append((3 * k - 2 + t, joined))
+        found += [(k, name) for name in ALONE if name in settings]
+    return found
+
+
 def table(runs: Sequence[Run], settings: Sequence[str]) -> Iterator[str]:
     """Return the lines of a table in Markdown: what failed in each setting, and how often."""
     yield "| setting | repetitions | tests of each | skipped | failures | tests that failed |"
     yield "|---|---|---|---|---|---|"
     for name in settings:
-        own = [r for r in runs if r.setting == name]
+        own = [r for r in runs if name in r.setting.split("+")]
         failed = Counter(f for r in own for f in r.failed)
         which = ", ".join(f"{test} ({count})" for test, count in sorted(failed.items())) or "–"
         tests, skipped = (max((getattr(r, what) for r in own), default=0) for what in ("tests", "skipped"))
@@ -132,6 +167,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--paths", nargs="+", default=list(FOLDERS), metavar="PATH",
                         help=f"what the settings but the last two run ({' '.join(FOLDERS)})")  # fmt: skip
     parser.add_argument("--workers", default="2", metavar="N", help="processes of a run (2)")
+    parser.add_argument("--apart", action="store_true", help="a run has one setting, not one of each kind")
     parser.add_argument("--fast", action="store_true", help="only those tests that `make test` runs")
     parser.add_argument("--minutes", type=float, default=120.0, help="after which a run counts as hung (120)")
     parser.add_argument("--resume", action="store_true", help="go on with the newest folder under results/")
@@ -148,14 +184,15 @@ def _folder(resume: bool) -> tuple[Path, list[Run]]:
 
 
 def _run(name: str, k: int, asked: argparse.Namespace, folder: Path, state: str, selection: list[str]) -> Run:
-    setting = SETTINGS[name]
+    settings = [SETTINGS[part] for part in name.split("+")]
+    marks = [s.marks for s in settings if s.marks] + ["not slow"] * asked.fast
+    paths = [path for s in settings for path in s.paths] or asked.paths
     environment = {key: value for key, value in os.environ.items() if key not in _CLEARED}
-    environment |= {key: value.format(k=k) for key, value in setting.environment.items()}
+    environment |= {key: value.format(k=k) for s in settings for key, value in s.environment.items()}
     with tempfile.TemporaryDirectory() as temporary:
         report = Path(temporary) / "report.xml"
-        marks = " and ".join([*filter(None, [setting.marks]), *(["not slow"] if asked.fast else [])])
         command = [
-            sys.executable, "-m", "pytest", *(setting.paths or asked.paths), *(["-m", marks] if marks else []),
+            sys.executable, "-m", "pytest", *paths, *(["-m", " and ".join(marks)] if marks else []),
             "-n", asked.workers, "--dist", "worksteal", f"--hypothesis-seed={k}", f"--junitxml={report}",
             "-p", "no:cacheprovider",
         ]  # fmt: skip

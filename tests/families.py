@@ -74,25 +74,25 @@ class Family:
 
     def counts(self, points: np.ndarray) -> list[int]:
         """Return the number of unstable eigenvalues at many values of p."""
-        if any(slot == "C" for slot, *_ in self.parts):
-            return self._damped_counts(points)
-        return [self._undamped_count(self.matrices(float(p))) for p in points]
-
-    def _undamped_count(self, m: dict[str, np.ndarray]) -> int:
-        theta = la.eigvals(m["K"], m["M"])
-        if np.iscomplexobj(m["K"]):
-            lam = np.sqrt(-theta + 0j)
-            lam = np.where(lam.imag < 0, -lam, lam)
-            return int(np.count_nonzero(lam.real > self.growth * np.abs(lam).max()))
-        size = np.abs(theta).max()
-        pairs = np.count_nonzero(theta.imag > 1e-9 * size)  # the error of a double θ is about the root of rounding
-        return int(pairs + np.count_nonzero((theta.real < -self.zero * size) & (np.abs(theta.imag) <= 1e-9 * size)))
-
-    def _damped_counts(self, points: np.ndarray) -> list[int]:
         # All values in one call, since for single matrices the calls take more time than LAPACK itself.
         m: dict[str, np.ndarray] = {}
         for slot, A, power, imaginary in self.parts:
             m[slot] = m.get(slot, 0.0) + A * (points**power * (1j if imaginary else 1.0))[:, None, None]
+        return self._damped_counts(m) if "C" in m else self._undamped_counts(m)
+
+    def _undamped_counts(self, m: dict[str, np.ndarray]) -> list[int]:
+        theta = np.linalg.eigvals(np.linalg.solve(m["M"], m["K"]))
+        if np.iscomplexobj(m["K"]):
+            lam = np.sqrt(-theta + 0j)
+            lam = np.where(lam.imag < 0, -lam, lam)
+            grows = lam.real > self.growth * np.abs(lam).max(axis=1, keepdims=True)
+        else:
+            size = np.abs(theta).max(axis=1, keepdims=True)
+            real = np.abs(theta.imag) <= 1e-9 * size  # the error of a double θ is about the root of rounding
+            grows = np.where(real, theta.real < -self.zero * size, theta.imag > 0)
+        return [int(c) for c in np.count_nonzero(grows, axis=1)]
+
+    def _damped_counts(self, m: dict[str, np.ndarray]) -> list[int]:
         n = m["M"].shape[1]
         lower = -np.linalg.solve(m["M"], np.concatenate([m["K"], m["C"]], axis=2))
         upper = np.broadcast_to(np.eye(n, 2 * n, n), lower.shape)

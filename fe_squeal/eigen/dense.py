@@ -26,11 +26,15 @@ _FEW, _FEW_OF_ASKED = 0.1, 0.3
 _HUGE, _WRONG = 1e4, 1e-8
 
 
-def solve_dense(pencil: Pencil, highest: float = np.inf, linear_solver: LinearSolver | str = "auto") -> Modes:
+def solve_dense(
+    pencil: Pencil, highest: float = np.inf, linear_solver: LinearSolver | str = "auto", growing: float | None = None
+) -> Modes:  # fmt: skip
     """Return all finite modes of a small pencil, or those up to |λ| = highest, rad/s.
 
     Parameters
     ----------
+    growing : float, rad/s, optional
+        With damping: only modes with Re λ > 0 and Im λ up to this are asked for. Others may be left out.
     linear_solver : LinearSolver or str
         Used where motions that nothing holds have to be looked for.
 
@@ -51,7 +55,8 @@ def solve_dense(pencil: Pencil, highest: float = np.inf, linear_solver: LinearSo
             v, right, left = v.real, right.real, left.real
     else:
         C = omega0 * d[:, None] * pencil.C * d
-        v, right, left = _damped_pairs(pencil, M, C, K, highest / omega0, free)
+        limit = None if growing is None else growing / omega0
+        v, right, left = _damped_pairs(pencil, M, C, K, highest / omega0, free, limit)
     v, right, left = (omega0 if pencil.C is not None else omega0**2) * v, d[:, None] * right, d[:, None] * left
     if free is not None:
         v, right, left = free.beside(v, right, left)
@@ -88,8 +93,9 @@ def complement(MZ: np.ndarray) -> np.ndarray:
 
 
 def _damped_pairs(
-    pencil: Pencil, M: np.ndarray, C: np.ndarray, K: np.ndarray, highest: float, free: FreeModes | None
-) -> Pairs:
+    pencil: Pencil, M: np.ndarray, C: np.ndarray, K: np.ndarray, highest: float, free: FreeModes | None,
+    growing: float | None,
+) -> Pairs:  # fmt: skip
     """Return the eigenpairs of scaled matrices in the upper half plane, without those of free motions."""
     d, omega0 = pencil.units
     A, X, Z = [K, C, M], None, None
@@ -105,6 +111,8 @@ def _damped_pairs(
     keep = in_upper_half(pencil, omega0 * lam)
     if free is not None:  # how many eigenvalues are zero is known: they are the nearest to zero, and are added exactly
         keep[np.argsort(np.abs(lam), kind="stable")[: free.zeros]] = False
+    if growing is not None:
+        keep &= (lam.real > 0) & (lam.imag <= growing)
     lam, right, left = _finite(A, polish_pairs(A, lam[keep], right[:, keep], left[:, keep], error[keep]), _HUGE)
     if X is None or Z is None:
         return lam, right, left

@@ -6,6 +6,46 @@ import numpy as np
 import skfem
 
 
+def shape_functions(element: skfem.Element, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the shape functions of an element at reference points (d, q), and their derivatives there.
+
+    Returns
+    -------
+    N : (j, q) float
+    dN : (j, d, q) float
+    """
+    found = [element.lbasis(X, j) for j in range(len(element.doflocs))]
+    N, dN = np.zeros((len(found), X.shape[1])), np.zeros((len(found), *X.shape))
+    for j, (value, slope) in enumerate(found):  # some of them are plain numbers
+        N[j] = value
+        for axis in range(len(X)):
+            dN[j, axis] = slope[axis]
+    return N, dN
+
+
+def cell_points(
+    mesh: skfem.Mesh, elements: np.ndarray, X: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Return where the same reference points (3, q) are in elements (e,) int, and the map there.
+
+    Returns
+    -------
+    x : (e, 3, q) float, m
+    inverse : (e, 3, 3, q) float, 1/m
+        inverse[e, i, c] = ∂X_i/∂x_c.
+    determinant : (e, q) float, m^3
+        Of ∂x/∂X.
+    """
+    N, dN = shape_functions(mesh.elem(), X)
+    nodes = mesh.doflocs[:, mesh.dofs.element_dofs[:, elements]].T  # (e, n, 3)
+    first = nodes[:, :1]
+    local = np.swapaxes(nodes - first, 1, 2)  # differences, since far from the origin coordinates lack digits
+    a, b, c = np.moveaxis(local[:, None] @ np.moveaxis(dN, 1, 0), 1, 0)  # ∂x/∂X_i, each (e, 3, q)
+    rows = np.stack([np.cross(b, c, axis=1), np.cross(c, a, axis=1), np.cross(a, b, axis=1)], axis=1)
+    determinant = np.einsum("ecq,ecq->eq", a, rows[:, 0])
+    return local @ N + np.swapaxes(first, 1, 2), rows / determinant[:, None, None], determinant
+
+
 def geometry_map(mesh: skfem.Mesh, elements: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return positions and Jacobians of reference points, one point per element.
 

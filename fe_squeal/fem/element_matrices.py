@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-import skfem
+from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTet
 
 from .bubbles import bubble_functions
+from .cells import cell_points, shape_functions
 from .pressures import pressure_functions
 from .spaces import DisplacementSpace
 
@@ -48,24 +49,20 @@ def element_shapes(space: DisplacementSpace, elements: np.ndarray) -> Iterator[E
         degree = 6 if space.mesh.refdom is RefTet else 4
         local += len(space.mesh.refdom.facets) + bubbles.in_cells
     step = max(1, int(_BYTES_PER_CHUNK / (8 * (3 * local) ** 2)))
-    mapping = space.mesh.mapping()
+    X, W = get_quadrature(space.mesh.refdom, degree)
+    N, dN = shape_functions(space.element, X)
     for start in range(0, len(elements), step):
         chunk = elements[start : start + step]
-        basis = skfem.CellBasis(
-            space.mesh, space.element, mapping=mapping, elements=chunk, intorder=degree, dofs=space.dofs,
-            disable_doflocs=True,
-        )  # fmt: skip
         nodes = space.dofs.element_dofs[:, chunk].T
-        values = np.stack([np.asarray(f[0]) for f in basis.basis], axis=1)
-        gradients = np.moveaxis(np.stack([f[0].grad for f in basis.basis], axis=0), 2, 0)
+        points, inverse, determinant = cell_points(space.mesh, chunk, X)
+        values = np.broadcast_to(N, (len(chunk), *N.shape))
+        gradients = np.einsum("jir,eicr->ejcr", dN, inverse)
         if bubbles is not None:
-            b, db = bubble_functions(space.mesh.refdom, basis.X, bubbles.in_cells)
+            b, db = bubble_functions(space.mesh.refdom, X, bubbles.in_cells)
             nodes = np.hstack([nodes, space.nodes + bubbles.functions_of(space.mesh, chunk).T])
             values = np.concatenate([values, np.broadcast_to(b, (len(chunk), *b.shape))], axis=1)
-            inverse = mapping.invDF(basis.X, tind=chunk)  # inverse[i, c] = ∂X_i/∂x_c
-            gradients = np.concatenate([gradients, np.einsum("bir,icer->ebcr", db, inverse)], axis=1)
-        points = np.moveaxis(np.asarray(basis.global_coordinates()), 0, 1)
-        yield ElementShapes(nodes, values, gradients, points, basis.dx)
+            gradients = np.concatenate([gradients, np.einsum("bir,eicr->ebcr", db, inverse)], axis=1)
+        yield ElementShapes(nodes, values, gradients, points, np.abs(determinant) * W)
 
 
 def scatter_scalar(space: DisplacementSpace, blocks: np.ndarray, nodes: np.ndarray) -> sp.csr_array:

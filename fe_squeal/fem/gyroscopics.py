@@ -24,8 +24,8 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-import skfem
 
+from .cells import cell_points, shape_functions
 from .element_matrices import element_shapes, scatter
 from .motion import SteadyMotion
 from .spaces import DisplacementSpace
@@ -127,17 +127,15 @@ def _inertia(
 def _nodal_convection(space: DisplacementSpace, elements: np.ndarray, rotation: SteadyMotion) -> sp.csr_array:
     """Return the operator of the mean of (w·∇)u in the elements around a node, by volumes; a row per function."""
     X = np.asarray(space.element.doflocs).T
+    dN = shape_functions(space.element, X)[1]
     sums = sp.csr_array((space.functions, space.functions))
     volumes = np.zeros(space.functions)
     for chunk in np.array_split(elements, len(elements) // _ELEMENTS_AT_ONCE + 1):
-        basis = skfem.CellBasis(
-            space.mesh, space.element, elements=chunk, quadrature=(X, np.ones(X.shape[1])), dofs=space.dofs,
-            disable_doflocs=True,
-        )  # fmt: skip
+        points, inverse, determinant = cell_points(space.mesh, chunk, X)
         t = space.dofs.element_dofs[:, chunk].T
-        w = rotation.velocities(np.moveaxis(np.asarray(basis.global_coordinates()), 0, -1))
-        blocks = np.stack([np.einsum("keq,eqk->eq", f[0].grad, w) for f in basis.basis], axis=2)  # (e, q, nodes)
-        volume = np.broadcast_to(basis.dx.mean(axis=1, keepdims=True), t.shape)  # up to a factor
+        w = rotation.velocities(np.swapaxes(points, 1, 2))
+        blocks = np.einsum("jiq,eikq,eqk->eqj", dN, inverse, w, optimize=True)  # (e, q, nodes)
+        volume = np.broadcast_to(np.abs(determinant).mean(axis=1, keepdims=True), t.shape)  # up to a factor
         sums = sums + scatter(blocks * volume[:, :, None], t, space.functions)
         np.add.at(volumes, t, volume)
     return sp.csr_array(sp.diags_array(1.0 / np.where(volumes > 0, volumes, 1.0)) @ sums)

@@ -19,7 +19,7 @@ from ..errors import SceneError
 from ..mesh.node_sets import with_nodes_between
 from .bubbles import Bubbles, make_bubbles
 from .cells import geometry_map
-from .facets import facet_mapping, subdivided_quadrature
+from .facets import facet_points, subdivided_quadrature
 from .ties import Tie
 
 _ELEMENTS = {
@@ -264,19 +264,14 @@ class DisplacementSpace:
             that are only piecewise smooth.
         """
         quadrature = subdivided_quadrature(self.mesh.brefdom, self.integration_order, parts)
-        basis = skfem.FacetBasis(
-            self.mesh, self.element, facet_mapping(self.mesh, facets, len(quadrature[1])), facets=facets,
-            quadrature=quadrature, dofs=self.dofs,
-        )  # fmt: skip
-        q = basis.dx.size
-        shapes = np.stack([np.asarray(shape) for (shape,) in basis.basis])  # (local nodes, facets, points)
-        rows = np.broadcast_to(np.arange(q).reshape(basis.dx.shape), shapes.shape)
-        columns = np.broadcast_to(basis.element_dofs[:, :, None], shapes.shape)
+        at = facet_points(self.mesh, self.element, facets, quadrature)
+        shapes = np.swapaxes(at.values, 1, 2)  # (facets, points, local nodes)
+        rows = np.broadcast_to(np.arange(at.areas.size).reshape(*at.areas.shape, 1), shapes.shape)
+        columns = np.broadcast_to(self.dofs.element_dofs[:, at.elements].T[:, None], shapes.shape)
         some = np.abs(shapes) >= ROUNDED  # nodes off the facet have no part in it but rounding
-        values = sp.csr_array((shapes[some], (rows[some], columns[some])), shape=(q, self.nodes))
-        points = np.asarray(basis.global_coordinates()).reshape(3, -1).T
-        normals = np.asarray(basis.normals).reshape(3, -1).T
-        return Surface(points, basis.dx.ravel(), values, normals, np.asarray(facets))
+        values = sp.csr_array((shapes[some], (rows[some], columns[some])), shape=(at.areas.size, self.nodes))
+        points, normals = at.points.reshape(-1, 3), at.normals.reshape(-1, 3)
+        return Surface(points, at.areas.ravel(), values, normals, np.asarray(facets))
 
     def along(self, values: sp.csr_array, directions: np.ndarray) -> sp.csr_array:
         """Return the operator that gives the displacement along directions at points, on the unknowns.

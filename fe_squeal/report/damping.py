@@ -55,7 +55,7 @@ def damping_figure(modes: pd.DataFrame, value: float | None = None, title: str =
     axes.grid(True, color="0.92", lw=0.6)
     axes.set_axisbelow(True)
     axes.legend(fontsize=8)
-    canvas.draw()
+    figure.draw_without_rendering()
     figure.set_layout_engine("none")
     if 0 < unstable.sum() <= _LABELLED:
         points = list(zip((hz[unstable] / per).tolist(), ratio[unstable].tolist(), strict=True))

@@ -106,7 +106,7 @@ def stability_figure(
     _draw_legend(top, growing, styles, markers, modes)
 
     figure.align_ylabels([top, bottom])
-    canvas.draw()  # fixes the layout: the places of the labels are found in pixels
+    figure.draw_without_rendering()  # fixes the layout: the places of the labels are found in pixels
     figure.set_layout_engine("none")
     if 0 < len(onsets) <= MAX_LABELLED_ONSETS:
         _label_onsets(top, canvas, branches, onsets, parameter_name(modes), per_unit)

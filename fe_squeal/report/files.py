@@ -172,7 +172,12 @@ def _plain(data: Any) -> Any:
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
     """Write a figure by `replace_atomically` and return its path; the suffix chooses the format."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
     path = Path(path)
     with replace_atomically(path) as temporary:
-        figure.savefig(temporary)
+        if path.suffix == ".png" and isinstance(figure.canvas, FigureCanvasAgg):
+            figure.canvas.print_png(temporary)  # the same picture; savefig would draw everything twice to lay it out
+        else:
+            figure.savefig(temporary)
     return path

@@ -40,7 +40,8 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
     i, j = np.triu_indices(samples.cluster.m, 1)
     apart = np.abs(samples.v[:, i] - samples.v[:, j]).min(axis=1, initial=np.inf)
     # An error of H moves an eigenvalue by the error times its condition number; close to a meeting by the root of it.
-    amplified = error * (1 + samples.departure / np.maximum(apart, error + np.finfo(float).tiny))
+    distance = np.maximum(apart, error)
+    amplified = error + samples.departure * np.divide(error, distance, out=np.zeros_like(error), where=distance > 0)
     worst = np.sqrt(error * (error + samples.departure)) + error
     group = np.minimum(amplified, worst) if samples.cluster.m > 1 else error
     hidden, shifts = samples.finest, _SAFE * _shifts(samples)

@@ -274,8 +274,12 @@ class Refiner:
             raise NotConvergedError(
                 f"{len(before)} modes are unstable at {low:.8g} and {len(behind)} at {high:.8g} of those that take part"
             )
+        # What changes at the start mostly does so as soon as the parameter leaves it: a conservative system that is no
+        # longer one. That is tried first.
+        at_start = change.at_start and abs(high - low) > _BISECTED * self._width
         while abs(high - low) > _BISECTED * self._width:
-            middle = (low + high) / 2
+            middle = low + np.sign(high - low) * _BISECTED * self._width if at_start else (low + high) / 2
+            at_start = False
             found = unstable(middle)
             if (len(found) - len(before)) * np.sign(change.gains) > 0:
                 high, behind = middle, found
@@ -317,8 +321,9 @@ class Refiner:
                 request = Request(max_frequency_hz=highest / (2 * np.pi))
                 modes = solve_modes(pencil, request, linear_solver=step.linear_solver)
             else:  # the matrices of a reduced model are small and dense
-                reach = _FAST * max(highest, *(float(np.abs(m.lam).max(initial=0.0)) for m in step.modes_at_ends))
-                modes = solve_dense(pencil, reach, step.linear_solver)
+                known_to = max(highest, *(float(np.abs(m.lam).max(initial=0.0)) for m in step.modes_at_ends))
+                reach = _FAST * known_to
+                modes = solve_dense(pencil, reach, step.linear_solver, growing=known_to)
             modes = modes.select(np.flatnonzero(modes.stability == "unstable"))
             if step.reduced_model is not None:
                 self._solved[p] = reach, modes

@@ -18,6 +18,7 @@ from meshes import STEEL, annulus, frequencies, make_problem, modes_of
 OUTER, INNER, THICKNESS, NU = 0.2, 0.1, 0.004, 0.3
 RIGIDITY = STEEL["youngs_modulus"] * THICKNESS**3 / (12 * (1 - NU**2))
 MATERIALS = {"steel": STEEL}
+ORDERS = 20  # numbers of nodal diameters that a mode is compared with; those that are solved for have fewer
 CLAMPED = {  # Hz by (nodal diameters, nodal circles)
     (0, 0): 317.64, (1, 0): 324.11, (2, 0): 358.60, (3, 0): 452.69,
     (0, 1): 2073.8, (1, 1): 2114.6, (2, 1): 2237.3, (3, 1): 2442.9,
@@ -82,10 +83,10 @@ def name_modes(problem, modes, layer):
     for column in modes.right.T.real:
         u = problem.discretisation.space.expand(column)
         share = (u[middle, 2] ** 2).sum() / (u[middle] ** 2).sum()
-        orders = np.zeros((len(radii), 10), complex)
+        orders = np.zeros((len(radii), ORDERS), complex)
         for i, radius in enumerate(radii):
             on = middle & (np.abs(r - radius) < 1e-8)
-            orders[i] = [(u[on, 2] * np.exp(-1j * n * theta[on])).mean() for n in range(10)]
+            orders[i] = [(u[on, 2] * np.exp(-1j * n * theta[on])).mean() for n in range(ORDERS)]
         n = int(np.argmax((np.abs(orders) ** 2).sum(axis=0)))
         profile = orders[:, n]
         profile = (profile * np.exp(-1j * np.angle(profile[np.argmax(np.abs(profile))]))).real

@@ -115,7 +115,8 @@ def test_a_spring_between_two_parts_pulls_both():
                  {"name": "soft", "surface": "top_b", "direction": [0, 0, 1], "stiffness": 1e3}],
         effects={"preload": {"pressures": {"top_b": P}}},
     )  # fmt: skip
-    a, b = force_balance(problem)
+    parts = {p.bodies: p for p in force_balance(problem)}
+    a, b = parts["a",], parts["b",]
     load = P * AREA
     assert b.springs["between"][2] == pytest.approx(load, rel=1e-4)
     assert a.springs["between"][2] == pytest.approx(-b.springs["between"][2], rel=1e-12)

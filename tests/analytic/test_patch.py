@@ -9,6 +9,7 @@ from skfem.helpers import dot
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 from fe_squeal.fem.element_matrices import assemble_elasticity
+from fe_squeal.fem.facets import subdivided_quadrature
 from fe_squeal.fem.materials import Material, material_axes, stiffness_tensor
 from fe_squeal.fem.spaces import make_space
 from meshes import KINDS, STEEL, annulus, box, distorted, mapped, rotation
@@ -112,6 +113,37 @@ def test_same_matrices_as_scikit_fem(name, order):
     for found, expected in ((K, A), (M, B)):
         difference = found - expected.tocsr()[order_of][:, order_of]
         assert np.abs(difference).max() < 1e-12 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("parts", [1, 2])
+@pytest.mark.parametrize(("name", "order"), ORDERS)
+def test_same_surfaces_as_scikit_fem(name, order, parts):
+    """∫ N_I n, ∫ N_I x and ∫ N_I N_J over the boundary by skfem.FacetBasis: equal to 1e-12; and ∫ x·n is 3 V."""
+    space = make_space(MESHES[name], order, [])
+    facets = space.mesh.boundary_facets()
+    surface = space.surface(facets, parts)
+    quadrature = subdivided_quadrature(space.mesh.brefdom, space.integration_order, parts)
+    basis = skfem.FacetBasis(space.mesh, space.element, facets=facets, quadrature=quadrature, dofs=space.dofs)
+    expected = skfem.BilinearForm(lambda u, v, w: u * v).assemble(basis)
+    found = surface.values.T @ (surface.weights[:, None] * surface.values.toarray())
+    np.testing.assert_allclose(found, expected.toarray(), atol=1e-12 * surface.area)
+    for field, name in ((surface.normals, "n"), (surface.points, "x")):
+        expected = [skfem.LinearForm(lambda v, w, c=c, key=name: w[key][c] * v).assemble(basis) for c in range(3)]
+        found = surface.values.T @ (surface.weights[:, None] * field)
+        np.testing.assert_allclose(found, np.transpose(expected), atol=1e-12 * surface.area)
+    assert np.einsum("qc,qc,q", surface.points, surface.normals, surface.weights) == pytest.approx(
+        3 * volume(space.mesh), rel=1e-12
+    )
+
+
+@pytest.mark.parametrize("kind", ["hex1", "hex2", "tet2"])
+def test_surface_between_distorted_elements(kind):
+    """A linear field is exact on facets of elements so distorted that scikit-fem does not find the points in them."""
+    mesh = distorted(box(kind, (2, 2, 2)), 0.1)
+    space = make_space(mesh, 2, [])
+    surface = space.surface(np.flatnonzero(mesh.f2t[1] >= 0))
+    slope = np.array([0.3, -0.7, 0.2])
+    np.testing.assert_allclose(surface.values @ (space.coordinates @ slope), surface.points @ slope, atol=1e-13)
 
 
 @pytest.mark.parametrize("name", ["hex1", "hex2", "tet2", "ring"])

@@ -54,7 +54,7 @@ def test_rigid_face_by_the_null_space_of_its_constraints(kind):
     tied = make_problem(mesh, order=2, supports=[{"surface": "right", "fixed": "xyz"}],
                         rigid=[{"name": "cap", "surface": "left"}])  # fmt: skip
     space = free.discretisation.space
-    nodes = np.unique(space.nodes_of(mesh.boundaries["left"]))
+    nodes = np.unique(space.nodes_of(space.mesh.boundaries["left"]))
     R = rigid_columns(space.coordinates[nodes], np.zeros(3))
     P = np.eye(len(R)) - R @ np.linalg.pinv(R)  # of displacements of the face what is not rigid
     at = np.searchsorted(space.free, (3 * nodes[:, None] + np.arange(3)).ravel())

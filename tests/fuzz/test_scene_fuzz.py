@@ -22,7 +22,7 @@ from fe_squeal.eigen.memory import peak_memory_mib
 from fe_squeal.geometry import Block, write_mesh
 
 pytestmark = needs_timer
-ROUNDS = [(seed, 250) for seed in range(2)]  # scenes of a round; more with other seeds: tests/again.py
+ROUNDS = [(1, 250)]  # seed, and scenes of a round; more with other seeds: tests/again.py
 MOST_MIB = 500.0  # that a round may add to the peak of the process
 
 SHORT = SCENE.replace("points = 5", "points = 2").replace("modes = 8", "modes = 4")

@@ -13,7 +13,7 @@ from selection import some
 from fe_squeal import sweep
 from fe_squeal.sweep.onsets import windows
 
-SEEDS = 12  # of every kind of `families` in the slow test, a quarter of `structures`; some 190 sweeps in all
+SEEDS = 8  # of every kind of `families` in the slow test, a quarter of `structures`; more: benchmarks/onsets.py
 PROJECTED = 20  # modes asked for where a step works on a projection
 
 

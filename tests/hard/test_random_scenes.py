@@ -187,3 +187,16 @@ def test_random_scenes():
 
     each()
     assert len(answers) >= 10 and np.mean(answers) >= 0.9
+
+
+def test_growth_that_crosses_zero_where_modes_are_one():
+    """A pad of one element on its contact alone: modes that meet exactly, without any error of the step model."""
+    steel = {"youngs_modulus": 1e8, "poisson_ratio": 0.0, "density": 3000.0}
+    assert solved({
+        "mesh": box("hex1", (1, 1, 1), (0.06, 0.04, 0.02), name="pad"), "order": 1,
+        "materials": {"a": steel}, "bodies": {"pad": {"material": "a"}},
+        "contacts": [{"name": "face", "surface": "bottom_pad", "counterface": "rigid", "normal_stiffness": 1e7,
+                      "sliding": {"direction": [1, 0, 0], "speed": -1.0}}],
+        "effects": {"friction": {"mu": 0.0}, "rayleigh": {"alpha": 1.0, "beta": 1e-5},
+                    "friction_damping": {"contact_pressure": 1e6}},
+    })  # fmt: skip

@@ -16,7 +16,7 @@ TRUST = Path(__file__).parents[2] / "benchmarks" / "trust.py"
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="looks for the memory of processes in /proc")
 @pytest.mark.parametrize("options", [
     ("--inputs", "100", "--signals", "0", "--pairs-step", "0"),
-    ("--inputs", "0", "--signals", "10", "--pairs-step", "0"),
+    ("--inputs", "0", "--signals", "6", "--pairs-step", "0"),
     ("--inputs", "0", "--signals", "0", "--pairs-step", "18"),
 ])  # fmt: skip
 def test_no_promise_is_broken(options: tuple[str, ...], other_seed: int) -> None:
