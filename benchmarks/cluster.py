@@ -1,17 +1,22 @@
 """Memory of factors by MUMPS' own analysis: python benchmarks/cluster.py [--write]
 
 For the matrix of examples/disc_pad.toml on finer meshes, without computing the factors: megabytes that the process with
-most and all together need for LDLᵀ and LU, on 1, 2 and 4 processes of .venv-mpi. --write puts the table into
-docs/cluster.md. Under mpiexec it prints the row of one mesh (--size).
+most and all together need for LDLᵀ and LU, on 1, 2 and 4 processes of .venv-mpi, and what these say of larger models.
+--write puts the tables into docs/cluster.md. Under mpiexec it prints the rows of one matrix (--matrix).
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import subprocess
 import sys
+import tempfile
 import tomllib
 from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
 
 import fe_squeal
 from fe_squeal.eigen.linear.mumps import told_of
@@ -21,46 +26,131 @@ from fe_squeal.process.ranks import is_helper, process_count
 ROOT = Path(__file__).parents[1]
 EXAMPLE, PAGE = ROOT / "examples/disc_pad.toml", ROOT / "docs/cluster.md"
 BEGIN, END = "<!-- forecast: python benchmarks/cluster.py --write -->\n", "<!-- end of forecast -->\n"
-SIZES, COUNTS = (0.014, 0.006), (1, 2, 4)  # m; finer ones take more memory on process 0 than this page is worth
-HEAD = "| unknowns | processes | LDLᵀ, MB on one | on all | LU, MB on one | on all |\n|---|---|---|---|---|---|\n"
+SIZES, COUNTS = (0.014, 0.006, 0.0045, 0.0034), (1, 2, 4)  # m
+LARGE = (1_000_000, 3_000_000, 10_000_000)  # unknowns
+NODES = (64, 256, 1024)  # GiB
+# What process 0 holds at the peak of a reduced sweep besides factors, as `check` counts it: copies of K, 12 bytes for
+# each entry, and vectors for 50 modes.
+COPIES, VECTORS = 15.6, 1020
+GIB, MB = 2**30, 10**6
+NOTE = """### How many nodes for my brake
+
+A reduced sweep for 50 modes holds LDLᵀ and LU factors at once while its model is made, and process 0 all matrices and
+vectors besides. The factors are extrapolated from the analyses above on one process, of more than 50 000 unknowns, by
+powers of the number of unknowns n that fit them in the least-squares sense; nothing of this size was factorised. Nine
+tenths of a node's memory are used. "The first of" says how much process 0's node needs where the others' is not enough.
+Seconds are those of one LU factorisation. The exponents are those of this brake, a thin disc with pads; of solids as
+thick as wide they tend to 4/3 for bytes and 2 for operations, with larger constants. Found:
+"""
 
 
-def measure(size: float, count: int) -> str:
-    """Return the row of a mesh, by another process under mpiexec."""
-    python = str(ROOT / ".venv-mpi/bin/python")
-    command = ["mpiexec", "-q", "--oversubscribe", "--allow-run-as-root", "-n", str(count), python,
-               __file__, "--size", str(size)]  # fmt: skip
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.replace("\r", "")
+def measured(size: float, counts: tuple[int, ...] = COUNTS) -> list[dict]:
+    """Return what the analyses of one mesh tell, by other processes under mpiexec."""
+    data = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
+    data["mesh"].pop("file", None)
+    data["mesh"]["disc_pad"]["size"] = size
+    pencil = fe_squeal.assemble(fe_squeal.parse_scene(data)).pencil()
+    A = sp.csr_array(pencil.K - 1e8 * pencil.M)
+    A.sum_duplicates()
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "matrix.npz"
+        sp.save_npz(file, A, compressed=False)
+        del pencil, A
+        for count in counts:
+            command = ["mpiexec", "-q", "--oversubscribe", "--allow-run-as-root", "--mca", "mpi_yield_when_idle",
+                       "1", "-n", str(count), str(ROOT / ".venv-mpi/bin/python"), __file__, "--matrix", str(file),
+                       ]  # fmt: skip
+            done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+            rows.append(json.loads(done.stdout.strip().splitlines()[-1]))
+            print(json.dumps(rows[-1]), file=sys.stderr, flush=True)
+    return rows
+
+
+def analysed(file: Path) -> dict:
+    """Return what the analyses of a matrix tell, on the processes that mpiexec has started."""
+    A = sp.csr_array(sp.load_npz(file))
+    row: dict = {"unknowns": A.shape[0], "entries": A.nnz, "processes": process_count()}
+    for name, symmetric in (("LDLᵀ", True), ("LU", False)):
+        told = told_of(A, symmetric, False)
+        row |= {f"{name} one": told.largest, f"{name} all": told.total, f"{name} disk": told.largest_on_disk,
+                f"{name} operations": told.operations}  # fmt: skip
+    return row
+
+
+def table(rows: list[dict]) -> str:
+    """Return the analyses as Markdown, in MB; shares are of one process."""
+    head = ["unknowns", "entries", "processes", *(f"{f}, {w}" for f in ("LDLᵀ", "LU") for w in
+            ("MB on one", "of one process", "on all", "on one, out of core"))]  # fmt: skip
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for r in rows:
+        alone = next(o for o in rows if o["unknowns"] == r["unknowns"] and o["processes"] == 1)
+        cells = [r["unknowns"], r["entries"], r["processes"]]
+        for f in ("LDLᵀ", "LU"):
+            cells += [r[f"{f} one"] // MB, f"{r[f'{f} one'] / alone[f'{f} one']:.2f}", r[f"{f} all"] // MB,
+                      r[f"{f} disk"] // MB]  # fmt: skip
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    return "\n".join(lines)
+
+
+def law(rows: list[dict], key: str) -> tuple[float, float]:
+    """Return c and α of key = c nᵅ by least squares in logarithms, from the analyses on one process of 50 000 on."""
+    alone = [r for r in rows if r["processes"] == 1 and r["unknowns"] > 50_000]
+    n, y = (np.log([r[k] for r in alone]) for k in ("unknowns", key))
+    alpha, c = np.polyfit(n, y, 1)
+    return float(np.exp(c)), float(alpha)
+
+
+def nodes(rows: list[dict]) -> str:
+    """Return a table of nodes for larger models, with the laws that it rests on."""
+    laws = {key: law(rows, key) for key in ("entries", "LDLᵀ all", "LU all", "LDLᵀ operations", "LU operations")}
+    said = ", ".join(f"{key}: n^{alpha:.2f}" for key, (_, alpha) in laws.items())
+    last = [r for r in rows if r["unknowns"] == max(o["unknowns"] for o in rows)]
+    more = max(r["LU all"] for r in last) / min(r["LU all"] for r in last)
+    head = ["unknowns", "LDLᵀ + LU, GiB on all", "process 0 besides, GiB",
+            *(f"nodes of {g} GiB" for g in NODES), "LU, 10¹² operations", "s at 100 GFlop/s"]  # fmt: skip
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for n in LARGE:
+        at = {key: c * n**alpha for key, (c, alpha) in laws.items()}
+        factors = more * (at["LDLᵀ all"] + at["LU all"])
+        first = COPIES * 12 * at["entries"] + 8 * VECTORS * n
+        cells = [f"{n}", f"{factors / GIB:.0f}", f"{first / GIB:.0f}"]
+        for g in NODES:
+            room = 0.9 * g * GIB
+            count = int(np.ceil((factors + first) / room))
+            fits = first + factors / count <= room
+            cells.append(str(count) if fits else f"{count}, the first of {(first + factors / count) / 0.9 / GIB:.0f}")
+        cells += [f"{at['LU operations'] / 1e12:.0f}", f"{at['LU operations'] / 1e11:.0f}"]
+        lines.append(f"| {' | '.join(cells)} |")
+    return f"{NOTE}{said}; bytes on {max(COUNTS)} processes are {more:.2f} times those of one.\n\n" + "\n".join(lines)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", type=float, help="of the elements, m: print the row of this mesh")
-    parser.add_argument("--write", action="store_true", help="put the table into docs/cluster.md")
+    parser.add_argument("--matrix", type=Path, help="print what the analyses of this one tell")
+    parser.add_argument("--rows", type=Path, help="of an earlier run, one a line, instead of measuring")
+    parser.add_argument("--write", action="store_true", help="put the tables into docs/cluster.md")
     options = parser.parse_args()
-    if options.size is None:
-        table = HEAD + "".join(measure(size, count) for size in SIZES for count in COUNTS)
-        print(table)
-        if options.write:
-            text = PAGE.read_text(encoding="utf-8")
-            before, after = text.split(BEGIN)[0], text.split(END)[1]
-            PAGE.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8", newline="\n")
+    if options.matrix is not None:
+        print(json.dumps(analysed(options.matrix)), flush=True)
         return
-    data = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
-    data["mesh"].pop("file", None)
-    data["mesh"]["disc_pad"]["size"] = options.size
-    pencil = fe_squeal.assemble(fe_squeal.parse_scene(data)).pencil()
-    A = (pencil.K - 1e8 * pencil.M).tocsr()
-    A.sum_duplicates()
-    told = [told_of(A, symmetric, False) for symmetric in (True, False)]
-    cells = [A.shape[0], process_count(), *(size // 10**6 for t in told for size in (t.largest, t.total))]
-    print(f"| {' | '.join(map(str, cells))} |", flush=True)
+    rows = (
+        [row for size in SIZES for row in measured(size)] if options.rows is None
+        else [json.loads(line) for line in options.rows.read_text("utf-8").splitlines()]
+    )  # fmt: skip
+    text = f"{table(rows)}\n\n{nodes(rows)}"
+    print(text)
+    if options.write:
+        page = PAGE.read_text(encoding="utf-8")
+        before, after = page.split(BEGIN)[0], page.split(END)[1]
+        PAGE.write_text(f"{before}{BEGIN}\n{text}\n\n{END}{after}", encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":
     if is_helper():
         sys.exit(help_out())
-    prepare()
+    if process_count() > 1 or "--matrix" in sys.argv:
+        prepare()
     code = 1
     try:
         main()

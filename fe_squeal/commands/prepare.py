@@ -45,19 +45,29 @@ def check(
     groups: Annotated[
         bool, typer.Option("--groups", help="List the groups of its mesh, or of a mesh file, with size and place.")
     ] = False,
+    processes: Annotated[
+        int | None, typer.Option("--processes", metavar="P", min=1, help="What each of P processes would take.",
+                                 show_default=False)
+    ] = None,
+    memory_per_process: Annotated[
+        float | None, typer.Option("--memory-per-process", metavar="GIB", help="And whether that fits.",
+                                   show_default=False)
+    ] = None,
 ) -> int:
-    """Validate scene and mesh without solving."""
+    """Validate scene and mesh without solving, and forecast memory."""
     from ..assembly.assembly import assemble
     from ..assembly.discretisation import discretisation_of
     from ..assembly.forces import balance_warnings, force_balance
     from ..report.terminal import print_table
     from ..report.warnings import told_once
     from ..run.check import describe
+    from ..run.fits import machines_of
     from ..run.forces import balance_table
     from ..run.free import free_motion_warnings
     from ..run.groups import groups_of_file, groups_of_scene
     from ..scene import Scene
 
+    machines = machines_of(processes, memory_per_process)
     console, bare = make_console(), groups and scene.suffix.lower() != ".toml"
     loaded = None if bare else load_scene_or_deck(scene)
     if groups and (loaded is None or isinstance(loaded, Scene)):
@@ -68,7 +78,7 @@ def check(
     if loaded is None:
         return 0
     problem = assemble(loaded)
-    print_table(describe(loaded, problem), console)
+    print_table(describe(loaded, problem, machines), console)
     found = discretisation_of(problem)
     notes, warnings = ((), ()) if found is None else (found.notes, found.warnings)
     parts = force_balance(problem)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
+import functools
 import sys
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import psutil
@@ -40,6 +43,22 @@ def _reclaimable() -> int:
         known = dict(line.split() for line in (_GROUP / "memory.stat").read_text().splitlines())
         return int(known.get("inactive_file", 0))
     return 0
+
+
+def release_freed() -> None:
+    """Give back to the system what the allocator keeps of freed memory, where it does so when asked (glibc)."""
+    trim = _trim()
+    if trim is not None:
+        trim(0)
+
+
+@functools.cache
+def _trim() -> Callable[[int], int] | None:
+    if not sys.platform.startswith("linux"):
+        return None
+    with suppress(OSError, AttributeError):  # not every C library of Linux has it
+        return cast(Callable[[int], int], ctypes.CDLL(None).malloc_trim)
+    return None
 
 
 def peak_memory_mib() -> float | None:

@@ -13,12 +13,13 @@ from ..problem.problem import Problem
 from ..scene import MatrixScene, Scene
 from ..scene.solver import note_on_options, solver_of
 from ..schema.place import Placed
-from ..sweep.forecast import predict_memory
+from ..sweep.forecast import count_memory
 from ..sweep.sweep import MODES
+from .fits import Machines, fits_here, fits_there
 
 
-def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
-    """Return a table of bodies, groups, effects, problem class and size."""
+def describe(scene: Scene | MatrixScene, problem: Problem, machines: Machines | None = None) -> Table:
+    """Return a table of bodies, groups, effects, problem class, size, and what fits here and on other machines."""
     solver = solver_of(scene)
     problem = problem.solved_with(solver)
     table = Table(show_header=False, box=None, pad_edge=False)
@@ -43,8 +44,13 @@ def describe(scene: Scene | MatrixScene, problem: Problem) -> Table:
     sweep, solve = scene.sweep, scene.solve
     parameter, values = (MU, 1) if sweep is None else (sweep.parameter, len(sweep.grid))
     modes = solve.modes or MODES  # the number of modes below max_frequency is not known before the solve
-    forecast = predict_memory(problem, parameter, values, modes, solve.method, solver)
+    count = count_memory(problem, parameter, values, solve.method, solver)
+    forecast = count.at(modes)
     table.add_row("predicted memory", str(forecast))
+    table.add_row("what fits here", fits_here(count, modes, forecast))
+    if machines is not None:
+        for name, text in fits_there(problem, count, modes, machines):
+            table.add_row(name, text)
     return table
 
 

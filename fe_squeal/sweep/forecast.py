@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, field
 
 import numpy as np
 import psutil
@@ -12,17 +13,31 @@ from ..eigen.dense import DENSE_LIMIT
 from ..eigen.linear.choice import factor_memory
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.linear.superlu import superlu_memory
-from ..eigen.memory import available_memory, memory_text
+from ..eigen.memory import available_memory, memory_text, release_freed
 from ..eigen.pencil import Pencil
 from ..eigen.shift import shift_below, symmetric_part
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
 
 VALUES, UNKNOWNS = 5, 2000  # values of the sweep and unknowns from which a reduced model is faster than direct solves
-# Vectors of length n for each mode asked for: in a reduced basis while it grows, and in Arnoldi iterations for right
-# and left modes.
-_REDUCED_VECTORS, _DIRECT_VECTORS = 24, 12
-_REDUCED_COPIES, _DIRECT_COPIES = 4, 2  # copies of the matrices: sums of terms, and what the solver keeps
+
+# What is counted below was measured phase by phase, by the memory that each holds (benchmarks/memory.py).
+_FIGURES = 62 * 2**20  # bytes of Matplotlib, pandas and what belongs to them, which a run loads
+_KERNELS = 25 * 2**20  # bytes of the solver's library, read from the disk when it first factorises
+# Bytes that the C library keeps of what was freed, in pieces between others: those of up to 32 MiB (glibc), so that
+# large models keep no more than small ones.
+_KEPT = 50 * 2**20
+_GUARDED = 1.3  # times the modes asked for: modes that the basis begins with
+# Vectors of the basis for each of these modes, which damping and complex stiffness make complex, by problem class.
+_BASIS = {"symmetric": 3.0, "nonsymmetric": 5.0, "quadratic": 8.0, "complex": 17.0}
+_SAMPLES = 48  # vectors: random samples of residuals
+_PROJECTED = 18  # bytes for each entry of a projected term: sparse with its indices, and half as much again beside it
+_DENSE = 8  # matrices of a small eigenproblem, with the workspaces of LAPACK
+_LIFTED = 10.0  # vectors for each guarded mode: shapes as vectors of the problem, complex, and a basis of them
+_KRYLOV = 8.0  # vectors for each mode asked for: of the Krylov spaces, and the modes themselves
+# Copies of the matrices, in those of a real K: a matrix with the indices of a solver beside it, and the sizes of all
+# entries, with what making them needs.
+_HANDED, _SIZES = 1.25, 6.0
 
 
 def is_reduced(problem: Problem, parameter: str, values: int, method: str) -> bool:
@@ -49,12 +64,15 @@ class MemoryPrediction:
         What the process may still take now.
     reduced : bool
         Whether the sweep uses a reduced model.
+    parts : dict of int, bytes
+        What the total consists of, by name.
     """
 
     total: int
     factors: int
     free: int
     reduced: bool
+    parts: dict[str, int] = field(default_factory=dict)
 
     @property
     def fits(self) -> bool:
@@ -63,14 +81,60 @@ class MemoryPrediction:
 
     def __str__(self) -> str:
         way = "reduced sweep" if self.reduced else "a direct solve per value"
-        text = f"{memory_text(self.total)}, {memory_text(self.factors)} of it factors ({way})"
+        parts = ", ".join(f"{name} {memory_text(size)}" for name, size in self.parts.items())
+        text = f"{memory_text(self.total)} ({way}): {parts}"
         return text if self.fits else f"{text}; {memory_text(self.free)} are free: it does not fit"
+
+
+@dataclass(frozen=True)
+class MemoryCount:
+    """What the memory of a run is counted from, once the matrices are analysed: `at` gives it for numbers of modes.
+
+    Attributes
+    ----------
+    unknowns, values, terms : int
+        Of the problem, of the sweep, and of the sum that the problem is.
+    problem_class : str
+    reduced : bool
+        Whether the sweep uses a reduced model.
+    factors : int, bytes
+        Those that the solver's analysis tells; 0 where small matrices go to LAPACK as a whole.
+    fixed : dict of int, bytes
+        Parts that modes and values do not change, by name.
+    """
+
+    unknowns: int
+    values: int
+    terms: int
+    problem_class: str
+    reduced: bool
+    factors: int
+    fixed: dict[str, int]
+
+    def at(self, modes: int) -> MemoryPrediction:
+        """Return the prediction for a number of modes."""
+        parts, n, kind = dict(self.fixed), self.unknowns, self.problem_class
+        if n > DENSE_LIMIT and self.reduced:
+            guarded = min(_GUARDED * modes, n)
+            basis = min(_BASIS[kind] * guarded, n)
+            number = 16 if kind == "complex" else 8
+            order = 2 * basis if kind == "quadratic" else basis
+            parts["vectors"] = int(8 * n * (basis + _SAMPLES + _LIFTED * guarded))
+            parts["projections"] = int(_PROJECTED * self.terms * basis**2)
+            parts["small eigenproblems"] = int(number * (_DENSE * order**2 + 2 * self.values * guarded * basis))
+        elif n > DENSE_LIMIT:
+            parts["vectors"] = int(8 * n * _KRYLOV * modes * (1 if kind == "symmetric" else 2))
+        return MemoryPrediction(sum(parts.values()), self.factors, available_memory(), self.reduced, parts)
 
 
 def predict_memory(
     problem: Problem, parameter: str, values: int, modes: int, method: str, linear_solver: LinearSolver | str = "auto"
 ) -> MemoryPrediction:
-    """Predict the memory of a sweep from a symbolic analysis of the matrices, to about a third.
+    """Predict the memory of a run at its peak: while a mode is made exact with factors of the problem at one value.
+
+    Before that the reduced model, if there is one, is made with less; pictures are drawn by another process. All is
+    counted from the numbers of unknowns, entries and modes, but the factors, which the solver's analysis tells, and
+    what is loaded now, which is measured. To 15 % where the analysis is exact; SuperLU has none.
 
     Parameters
     ----------
@@ -85,29 +149,48 @@ def predict_memory(
     linear_solver : LinearSolver or str
         The solver that will factorise the matrices.
     """
-    loaded = int(psutil.Process().memory_info().rss)
+    return count_memory(problem, parameter, values, method, linear_solver).at(modes)
+
+
+def count_memory(
+    problem: Problem, parameter: str, values: int, method: str, linear_solver: LinearSolver | str = "auto"
+) -> MemoryCount:
+    """Return what `predict_memory` counts from, after one symbolic analysis; parameters as there."""
     reduced = is_reduced(problem, parameter, values, method)
-    if problem.unknowns <= DENSE_LIMIT:
-        return MemoryPrediction(loaded, 0, available_memory(), reduced)
+    n, terms = problem.unknowns, len(problem.terms)
+    if n <= DENSE_LIMIT:
+        return MemoryCount(n, values, terms, problem.problem_class, reduced, 0, {"program and model": _loaded()})
     pencil = problem.solved_with(linear_solver).pencil()
-    entries = sum(A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)
-    number = 16 if pencil.is_complex else 8
-    definite = symmetric_part(pencil)
-    sigma = shift_below(definite, None)
-    if reduced:
-        A, symmetric = sp.csr_array(definite.K - sigma * definite.M), True
-    else:
-        A, symmetric = _shifted(pencil, sigma), pencil.symmetric and pencil.C is None
-    factors = _factors(A, symmetric, linear_solver, definite=reduced)
-    copies, vectors = (_REDUCED_COPIES, _REDUCED_VECTORS) if reduced else (_DIRECT_COPIES, _DIRECT_VECTORS)
-    extra = copies * entries * (number + 4) + vectors * modes * problem.unknowns * 8
-    return MemoryPrediction(loaded + extra + factors, factors, available_memory(), reduced)
+    kind, stored = pencil.problem_class, [A for A in (pencil.M, pencil.C, pencil.K) if A is not None]
+    real, whole = sum(12 * A.nnz for A in stored), sum(_per_entry(A) * A.nnz for A in stored)
+    A = factorised_matrix(pencil)
+    # Sums of terms, at a value and of what does not move; what is factorised, and that again in the solver's hands.
+    matrices = 2 * whole + (1 + _HANDED) * A.nnz * _per_entry(A) + (real if reduced else 0)
+    factors = _factors(A, pencil.symmetric and pencil.C is None, linear_solver, definite=False)
+    del pencil, A, stored
+    loaded = _loaded()  # after the analysis
+    fixed = {
+        "program and model": loaded, "libraries": _KERNELS + (0 if "matplotlib.figure" in sys.modules else _FIGURES),
+        "matrices": int(matrices), "factors": factors, "errors": int(_SIZES * real), "freed, but kept": _KEPT,
+    }  # fmt: skip
+    return MemoryCount(n, values, terms, kind, reduced, factors, fixed)
 
 
-def _shifted(pencil: Pencil, sigma: float) -> sp.csr_array:
-    """Return a matrix with the same pattern as the one that a direct solve factorises; only the pattern is analysed."""
+def _per_entry(A: sp.csr_array) -> int:
+    return int(A.dtype.itemsize) + 4
+
+
+def _loaded() -> int:
+    """Return the bytes that the process has now, without freed ones."""
+    release_freed()
+    return int(psutil.Process().memory_info().rss)
+
+
+def factorised_matrix(pencil: Pencil) -> sp.csr_array:
+    """Return a matrix of the pattern and type that is factorised where a mode is made exact."""
+    sigma = shift_below(symmetric_part(pencil), None)
     A = pencil.K - sigma * pencil.M
-    return sp.csr_array(A if pencil.C is None else A + np.sqrt(-sigma) * pencil.C)
+    return sp.csr_array(A if pencil.C is None else A + 1j * np.sqrt(-sigma) * pencil.C)
 
 
 def _factors(A: sp.csr_array, symmetric: bool, linear_solver: LinearSolver | str, *, definite: bool) -> int:

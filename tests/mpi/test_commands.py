@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -26,11 +27,29 @@ pytestmark = [
 SCENE = replaced("size = 0.02", "size = 0.01", replaced('file = "block.msh"\n', ""))
 
 
-def started(count, *arguments):
+# The command on a machine that has 1 MiB left when the factors are asked for.
+SHORT = """
+import sys
+from fe_squeal.cli import main
+from fe_squeal.eigen import memory
+from fe_squeal.eigen.linear import mumps
+require = memory.require_memory
+def short(needed, unknowns):
+    kept, memory.available_memory = memory.available_memory, lambda: 2**20
+    try:
+        require(needed, unknowns)
+    finally:
+        memory.available_memory = kept
+mumps.require_memory, mumps._FORECAST = short, 1000
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def started(count, *arguments, program=("-m", "fe_squeal")):
     """The command on so many processes; mpiexec's own words on a failure are left out by -q."""
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OMPI_ALLOW_RUN_AS_ROOT": "1",
                    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_mpi_yield_when_idle": "1"}  # fmt: skip
-    command = ["mpiexec", "-q", "--oversubscribe", "-n", str(count), sys.executable, "-m", "fe_squeal", *arguments]
+    command = ["mpiexec", "-q", "--oversubscribe", "-n", str(count), sys.executable, *program, *arguments]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
 
 
@@ -70,6 +89,19 @@ def test_bad_input_is_one_message(tmp_path):
     scene.write_text(SCENE.replace("modes = 8", "modes = many"))
     code, _, err = ended(started(3, "run", str(scene), "-o", str(tmp_path / "out")))
     assert code == 2 and err.count("error:") == 1
+
+
+def test_too_little_memory_is_refused_before_with_what_would_fit(tmp_path):
+    """By the run, on all its processes with one message, and by the forecast of `check` from MUMPS' own analysis."""
+    scene = long_scene(tmp_path)
+    code, _, err = ended(started(2, "run", str(scene), "-o", str(tmp_path / "out"), program=("-c", SHORT)))
+    assert code == 2 and err.count("error:") == 1, err
+    assert re.search(r"the factors of \d+ unknowns need [\d.]+ MiB of memory, 1 MiB are free; about \d+ unknowns", err)
+    assert not (tmp_path / "out" / "modes.csv").exists()
+    code, out, err = ended(started(2, "check", str(scene), "--processes", "2", "--memory-per-process", "0.05"))
+    said = " ".join(out.split())
+    assert code == 0 and "(by MUMPS' analysis)" in said, err
+    assert re.search(r"of 51.2 MiB each does not fit; what would: .*[\d.]+ MiB for process 0 alone", said)
 
 
 def helpers_of(process):

@@ -17,6 +17,7 @@ _TRANSPOSED, _ROOT_IN_ONE, _RELAXED, _OUT_OF_CORE, _LIMIT, _NULL_PIVOTS, _LOW_RA
 _DROPPED = 7  # of CNTL
 _COMPRESSED = 2  # of ICNTL(35): factors are compressed, and solves take the compressed ones
 _ERROR, _NEGATIVE, _ENTRIES, _ZERO = 1, 12, 20, 28
+_OPERATIONS = 1  # of RINFOG
 # Which of INFOG tell the memory of the process that needs most and of all processes, by whether blocks are low-rank.
 _IN_CORE, _ON_DISK = {False: (16, 17), True: (36, 37)}, {False: (26, 27), True: (38, 39)}
 _LEAST = 1  # MB: with so little the factorisation stops behind the analysis, which is all that a forecast needs
@@ -78,6 +79,8 @@ class Told:
         The same memory with the factors on disk.
     files : int, bytes
         What all factors take, without compression: the size of the files.
+    operations : float
+        Floating-point operations of the factorisation, without compression.
     """
 
     error: int
@@ -88,6 +91,7 @@ class Told:
     largest_on_disk: int
     total_on_disk: int
     files: int
+    operations: float
 
 
 class PetscMatrix:
@@ -142,7 +146,8 @@ class PetscMatrix:
         )
         # Numbers that do not fit into 32 bits are negative, and count millions.
         files = 8 * (entries if entries >= 0 else -(10**6) * entries)
-        return Told(error, negative, zero, here[0], here[1], disk[0], disk[1], files)
+        operations = factor.getMumpsRinfog(_OPERATIONS)
+        return Told(error, negative, zero, here[0], here[1], disk[0], disk[1], files, operations)
 
     def solve(self, b: np.ndarray, transposed: bool) -> np.ndarray:
         """Return this process's rows (m, k) of A⁻¹ b, or A⁻ᵀ b, for its rows (m, k) of b."""

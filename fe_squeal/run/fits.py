@@ -1,0 +1,136 @@
+"""What fits into the memory of this machine, or of several processes: for `fe-squeal check`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ..eigen.linear.choice import factor_memory
+from ..eigen.linear.mumps import MUMPS, Mumps, MumpsOptions, has_mumps
+from ..eigen.memory import memory_text
+from ..errors import SceneError, SquealError
+from ..problem.problem import Problem
+from ..process.ranks import process_count
+from ..sweep.forecast import MemoryCount, MemoryPrediction, factorised_matrix
+
+# Bytes of factors on the process that has most, by P processes, are those of one process times P to minus this; MUMPS'
+# analyses of 437 886 unknowns on 1, 2 and 4 processes (docs/cluster.md) give 0.7 to 0.8.
+_SPREAD = 0.7
+_PROGRAM = 120 * 2**20  # bytes of a process that takes part in factorisations alone: Python, PETSc and MPI
+_MOST_MODES, _MOST_PROCESSES = 10_000, 1024  # that are tried
+_GIB = 2**30
+
+
+@dataclass(frozen=True)
+class Machines:
+    """P processes, each with so many bytes; None where that is not given."""
+
+    processes: int
+    memory: int | None
+
+
+def machines_of(processes: int | None, gib: float | None) -> Machines | None:
+    """Return what the command line asks about.
+
+    Raises
+    ------
+    SceneError
+        Memory is given without processes, or is not positive.
+    """
+    if gib is not None and not 0 < gib < float("inf"):
+        raise SceneError(f"--memory-per-process: given {gib:g}; expected a number of GiB > 0")
+    if processes is None:
+        if gib is not None:
+            raise SceneError(f"--memory-per-process: given {gib:g} alone; expected --processes P beside it")
+        return None
+    return Machines(processes, None if gib is None else int(gib * _GIB))
+
+
+def fits_here(count: MemoryCount, modes: int, forecast: MemoryPrediction) -> str:
+    """Return how many modes fit into this machine's memory, and if those asked for do not, what else helps."""
+    free = forecast.free + forecast.parts["program and model"]  # what is loaded is counted in both
+    most = modes_that_fit(count, free)
+    values = f"{count.values} value{'s' if count.values > 1 else ''}"
+    if count.fixed["program and model"] == forecast.total:
+        return f"all modes × {values} (LAPACK on whole matrices)"
+    if most >= modes:
+        return f"{_rounded(most)} modes × {values} or more; {memory_text(forecast.free)} are free"
+    helps = [f"{_rounded(most)} modes instead of {modes}"] if most else []
+    if not count.reduced:
+        helps.append('solve.method = "reduced"')
+    if count.factors:
+        helps.append("MUMPS with factors on disk (solve.mumps.out_of_core)" + _not_here())
+    helps.append("several processes (--processes)")
+    return f"not {modes} modes × {values}; what takes less: {', '.join(helps)}"
+
+
+def fits_there(problem: Problem, count: MemoryCount, modes: int, machines: Machines) -> Iterator[tuple[str, str]]:
+    """Yield rows, name and text, on P processes: what process 0 and each other take, and whether that fits."""
+    forecast = count.at(modes)
+    factors, disk, source = _factors(problem, count)
+    P, first = machines.processes, forecast.total - count.factors
+    here = process_count() == P and P > 1
+
+    def share(parts: int, of: int = factors) -> int:
+        return int(of if here else of * parts**-_SPREAD)
+
+    others = _PROGRAM + share(P)
+    yield f"on {P} process{'es' if P > 1 else ''}", (
+        f"process 0 {memory_text(first + share(P))}: {memory_text(share(P))} of the factors, and matrices and vectors,"
+        f" which it holds alone" + (f"; each other {memory_text(others)}" if P > 1 else "") + f" ({source})"
+    )
+    if machines.memory is None:
+        return
+    room, limit = machines.memory, f"of {memory_text(machines.memory)} each"
+    if first + share(P) <= room:
+        most = modes_that_fit(count, room - share(P) + count.factors)
+        yield limit, f"fits; {_rounded(most)} modes would"
+        return
+    helps = []
+    if not here:
+        enough = next((p for p in range(P, _MOST_PROCESSES + 1) if first + share(p) <= room), None)
+        if enough is not None:
+            helps.append(f"{enough} processes")
+    if disk is not None and first + share(P, disk) <= room:
+        helps.append("factors on disk (solve.mumps.out_of_core)")
+    most = modes_that_fit(count, room - share(P) + count.factors)
+    if most:
+        helps.append(f"{_rounded(most)} modes")
+    helps.append(f"{memory_text(first + share(P))} for process 0 alone")
+    yield limit, f"does not fit; what would: {', or '.join(helps)}"
+
+
+def modes_that_fit(count: MemoryCount, room: int) -> int:
+    """Return the largest number of modes, up to 10 000 and the unknowns, for which the total fits, or 0."""
+    low, high = 0, min(_MOST_MODES, count.unknowns) + 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if count.at(middle).total <= room else (low, middle)
+    return low
+
+
+def _factors(problem: Problem, count: MemoryCount) -> tuple[int, int | None, str]:
+    """Return the bytes of the factors on the process that has most, the same out of core if known, and who says so."""
+    if not count.factors:
+        return 0, 0, "LAPACK, no factors"
+    if not has_mumps():
+        return count.factors, None, "by the analysis of this machine's solver, as MUMPS is not installed here"
+    pencil = problem.pencil()
+    A, symmetric = factorised_matrix(pencil), pencil.symmetric and pencil.C is None
+    try:
+        whole, disk = (factor_memory(A, symmetric, False, s) for s in (MUMPS, Mumps(MumpsOptions(out_of_core=True))))
+    except (SquealError, MemoryError):
+        return count.factors, None, "by the analysis of this machine's solver, as MUMPS' own failed"
+    return whole, disk, "by MUMPS' analysis" + ("" if process_count() > 1 else " on one process, and P to the -0.7")
+
+
+def _not_here() -> str:
+    return "" if has_mumps() else ", which is not installed here"
+
+
+def _rounded(modes: int) -> str:
+    """Return a number of modes: large ones to one digit, rounded down."""
+    if modes < 100:
+        return str(modes)
+    size = 10 ** (len(str(modes)) - 1)
+    return f"{'' if modes >= _MOST_MODES else 'about '}{modes // size * size}"

@@ -1,0 +1,139 @@
+"""The forecast of memory: what it consists of, how near it comes, and what `check` says would fit."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+from chains import chain
+from scene_texts import replaced, write_scene
+from toy_solver import Toy
+
+from fe_squeal.cli import main
+from fe_squeal.eigen import memory
+from fe_squeal.eigen.linear.pardiso import has_pardiso
+from fe_squeal.run import fits
+from fe_squeal.run.fits import Machines, fits_here, fits_there, modes_that_fit
+from fe_squeal.sweep.forecast import MemoryCount, count_memory
+
+ROOT = Path(__file__).parents[2]
+SMALL = replaced("size = 0.02", "size = 0.01", replaced('file = "block.msh"\n', ""))  # 405 unknowns, solved directly
+LARGE = MemoryCount(
+    100_000, 20, 15, "nonsymmetric", True, 10**9, {"program and model": 10**9, "factors": 10**9, "matrices": 10**9}
+)
+
+
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+def test_the_parts_make_the_total_and_grow_with_the_modes(method):
+    count = count_memory(chain(n=450), "mu", 7, method, Toy())
+    few, many = count.at(4), count.at(40)
+    assert sum(few.parts.values()) == few.total and few.factors == few.parts["factors"] == count.factors
+    moved = {name for name in many.parts if many.parts[name] != few.parts[name]}
+    assert moved == {"vectors"} | ({"projections", "small eigenproblems"} if method == "reduced" else set())
+    assert many.parts["vectors"] > 4 * few.parts["vectors"] or method == "reduced"
+    for name, size in few.parts.items():
+        assert f"{name} {memory.memory_text(size)}" in str(few)
+
+
+def test_freed_memory_is_given_back():
+    """Arrays of 100 kB lie in the heap, where a small one that stays behind them keeps them from the system."""
+    if memory._trim() is None:
+        pytest.skip("not glibc")
+    arrays = [np.ones(12_500) for _ in range(600)]
+    kept = arrays[::40]
+    del arrays
+    before = psutil.Process().memory_info().rss
+    memory.release_freed()
+    assert before - psutil.Process().memory_info().rss > 2**25 and len(kept) == 15
+
+
+def test_modes_that_fit_are_the_most():
+    room = 6 * 10**9
+    most = modes_that_fit(LARGE, room)
+    assert LARGE.at(most).total <= room < LARGE.at(most + 1).total
+    assert modes_that_fit(LARGE, 10**9) == 0
+
+
+def test_check_says_what_fits(tmp_path, capsys, monkeypatch):
+    """Here and on other machines, each in a row; the forecast is the command's own."""
+    monkeypatch.setattr(fits, "has_mumps", lambda: False)
+    path = write_scene(tmp_path, SMALL)
+    assert main(["check", str(path), "--processes", "4", "--memory-per-process", "0.1"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"predicted memory [\d.]+ MiB \(a direct solve per value\): program and model [\d.]+ MiB,", said)
+    assert re.search(r"what fits here (about )?\d+ modes × 5 values or more; .* free on 4 processes process 0 ", said)
+    assert "of 102 MiB each does not fit; what would: " in said and "MUMPS is not installed here" in said
+
+
+def test_what_does_not_fit_here_has_what_takes_less(monkeypatch):
+    monkeypatch.setattr(fits, "has_mumps", lambda: False)
+    forecast = replace(LARGE.at(50), free=5 * 2**29)
+    said = fits_here(LARGE, 50, forecast)
+    most = modes_that_fit(LARGE, 5 * 2**29 + 10**9)
+    assert 0 < most < 50 and said.startswith(f"not 50 modes × 20 values; what takes less: {most} modes instead of 50, ")
+    assert "out_of_core), which is not installed here, several processes" in said
+    assert "reduced" not in said and "reduced" in fits_here(replace(LARGE, reduced=False), 5000, forecast)
+
+
+def rows(processes, gib, modes=50):
+    memory = None if gib is None else int(gib * 2**30)
+    return [text for _, text in fits_there(None, LARGE, modes, Machines(processes, memory))]
+
+
+def test_process_0_holds_all_but_the_others_parts_of_the_factors(monkeypatch):
+    monkeypatch.setattr(fits, "has_mumps", lambda: False)
+    besides = (LARGE.at(50).total - LARGE.factors) / 2**20
+    for count in (1, 2, 8):
+        found = [float(a) * {"M": 1, "G": 1024}[b] for a, b in re.findall(r"([\d.]+) ([MG])iB", rows(count, None)[0])]
+        factors = 10**9 / 2**20 / count**0.7
+        expected = [besides + factors, factors] + ([120 + factors] if count > 1 else [])
+        assert found == pytest.approx(expected, rel=5e-3)
+
+
+def test_what_would_fit_on_processes_does(monkeypatch):
+    """The number of processes that is named is the smallest; fewer modes, and the memory of process 0, suffice too."""
+    monkeypatch.setattr(fits, "has_mumps", lambda: False)
+    total = LARGE.at(50).total / 2**30
+    assert "does not fit" in rows(1, total - 0.01)[1] and rows(1, total + 0.01)[1].startswith("fits; 5")
+    room = total - 10**9 * (1 - 8**-0.7) / 2**30 + 1e-4
+    said = rows(2, room)[1]
+    assert "what would: 8 processes, or " in said
+    assert rows(8, room)[1].startswith("fits") and rows(7, room)[1].startswith("does not")
+    modes = int(re.search(r"(\d+) modes", said)[1])
+    assert rows(2, room, modes)[1].startswith("fits") and rows(2, room, modes + 1)[1].startswith("does not")
+    assert "processes" not in rows(2, 1.0)[1]  # process 0 holds more than that besides its part of the factors
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--memory-per-process", "8"], "--memory-per-process: given 8 alone; expected --processes P beside it"),
+        (["--processes", "2", "--memory-per-process", "-1"], "--memory-per-process: given -1; expected a number"),
+        (["--processes", "2", "--memory-per-process", "nan"], "--memory-per-process: given nan; expected a number"),
+        (["--processes", "0"], "--processes"),
+    ],
+)
+def test_what_makes_no_sense_is_one_message(tmp_path, capsys, arguments, message):
+    assert main(["check", str(write_scene(tmp_path)), *arguments]) == 2
+    said = capsys.readouterr().err
+    assert message in said and said.count("\n") == 1
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not has_pardiso() or not sys.platform.startswith("linux"), reason="figures of PARDISO on Linux")
+def test_a_forecast_is_right_within_15_per_cent():
+    """A run of 6 558 unknowns in a process of its own, and the forecast of another; others: benchmarks/memory.py."""
+    found = {}
+    for what in ("forecast", "run"):
+        command = [sys.executable, str(ROOT / "benchmarks/memory.py"), "hexahedra, direct", "--one", what]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        found |= json.loads(done.stdout.splitlines()[-1])
+    assert found["unknowns"] == 6558
+    assert 1 / 1.15 < found["forecast"] / found["taken"] < 1.15
