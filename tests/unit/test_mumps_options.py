@@ -98,6 +98,18 @@ def test_contraction_is_the_spectral_radius(rho):
 
 
 @needs_mumps
+@alone
+def test_the_forecast_is_that_of_the_options():
+    """On disk less, with room more."""
+    A = cube(20)
+    plain, disk, room = (
+        Mumps(options).memory(A, True)
+        for options in (MumpsOptions(), MumpsOptions(out_of_core=True), MumpsOptions(memory_relaxation=200))
+    )
+    assert disk < 0.8 * plain and room > 1.5 * plain
+
+
+@needs_mumps
 def test_folders_that_cannot_be_used_are_named(tmp_path):
     with pytest.raises(SceneError, match=r"solve\.mumps\.folder: given .*none.*No such file"):
         MumpsFactor(cube(5), True, options=MumpsOptions(True, str(tmp_path / "none")))
