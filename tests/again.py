@@ -70,7 +70,8 @@ KERNELS = "", "haswell", "skylakex"
 SOLVERS = "", "", "superlu"
 NUMBERS = "", "node-numbers", "node-numbers"
 ALONE = "hypothesis", "fuzz"  # other tests than those on the command line
-_CLEARED = {*THREADS, *(name for s in SETTINGS.values() for name in s.environment)}
+# What Python compiles is kept: else every repetition would compile all that it imports again.
+_CLEARED = {"PYTHONDONTWRITEBYTECODE", *THREADS, *(name for s in SETTINGS.values() for name in s.environment)}
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from dense import all_eigenvalues
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.pencil import Pencil
 
-N = DENSE_LIMIT + 100
+N = DENSE_LIMIT + 20
 
 
 def sparse(A):

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from fe_squeal.report.branches import figure_text, frequency_text
 from fe_squeal.report.files import save_figure
@@ -64,6 +62,9 @@ def plot_mac(table: pd.DataFrame, path: str | os.PathLike[str], title: str = "")
     table : DataFrame
         As in mac.csv: `measured`, `value`, `branch`, `frequency_hz`, `mac`.
     """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # commands that draw nothing ask for the numbers above
+    from matplotlib.figure import Figure
+
     shown = table[table["value"] == table["value"].max()] if len(table) else table
     wide = shown.pivot_table(index="measured", columns="branch", values="mac", sort=False)
     order = shown.groupby("branch")["frequency_hz"].first().sort_values()

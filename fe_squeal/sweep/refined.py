@@ -97,6 +97,10 @@ class Refiner:
         low, high = sorted(change.limits)
         return max(low, change.low - spread), min(high, change.high + spread)
 
+    def _is_around(self, change: Change, root: Root) -> bool:
+        low, high = self._around(change)
+        return low - root.uncertainty <= root.value <= high + root.uncertainty
+
     def _speed(self, change: Change) -> float:
         """Return |λ| of the eigenvalue that changes; where that is zero, the largest |λ| at the start of the step."""
         size = abs(change.v) if self.step.model.is_damped and not self._theta else np.sqrt(abs(change.v))
@@ -108,9 +112,10 @@ class Refiner:
 
     def _made(self, change: Change, value: float, omega: float, speed: float, uncertainty: float) -> Onset:
         kind = "flutter" if omega else "divergence"
+        value = float(np.clip(value, min(self.step.ends), max(self.step.ends)))  # rounding may put it just beyond
         direction = "into" if change.gains >= 0 else "out of"
         return Onset(
-            self.step.parameter, float(value), float(omega / (2 * np.pi)), kind, direction, float(speed), 0, None,
+            self.step.parameter, value, float(omega / (2 * np.pi)), kind, direction, float(speed), 0, None,
             float(uncertainty),
         )  # fmt: skip
 
@@ -154,8 +159,7 @@ class Refiner:
         newton = self._newton(change)
         step, slack = self.step, FINEST * self._width
         root = self._between(change, newton(step.model, near, change.right, change.left), slack)
-        low, high = self._around(change)
-        sure = low <= root.value <= high or self._is_alone(change, root)
+        sure = self._is_around(change, root) or self._is_alone(change, root)
         x, y = (step.V @ v for v in (root.right, root.left))
         if step.problem.unknowns == step.model.unknowns and step.reduced_model is None:
             return root, sure
@@ -163,7 +167,7 @@ class Refiner:
         shift = abs(better.value - root.value)
         if shift > _MOVED * self._width:
             raise NotConvergedError("Newton's method left the step")
-        return self._between(change, better, slack + 2 * shift), sure and (same or low <= better.value <= high)
+        return self._between(change, better, slack + 2 * shift), sure and (same or self._is_around(change, better))
 
     def _is_alone(self, change: Change, root: Root) -> bool:
         """Return whether a root of the step model is far nearer to a change than to any other of the same group.
@@ -179,7 +183,8 @@ class Refiner:
 
     def _newton(self, change: Change) -> _Newton:
         """Return Newton's method for the kind of a change: a function of problem, parameter, right and left mode."""
-        name, solver, width = self.step.parameter, self.step.linear_solver, _MOVED * self._width
+        name, solver = self.step.parameter, self.step.linear_solver
+        width = _MOVED * self._width + abs(change.high - change.low) / 2  # from the middle of the change
         theta = float(change.v.real) if self._theta else abs(change.v) ** 2
 
         def meeting(problem: Problem, p: float, x: np.ndarray, y: np.ndarray) -> Root:

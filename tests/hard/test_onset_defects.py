@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+import scipy.linalg as la
 import scipy.sparse as sp
 from families import Family, judge, make, rigid
 
@@ -217,3 +218,28 @@ def test_divergence_and_quartet_in_one_step(case):
         family_of(problem, parameter, values), [(o.value, o.direction, o.uncertainty) for o in result.onsets]
     )
     check_sides(problem, result, 12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_conservative_gyroscopic_system_that_friction_leaves(seed):
+    """M = 1, G skew, K > 0: at p = 0 all λ are on the imaginary axis. Those with Re λ' = −Re(φᴴFφ / φᴴ(2λ + G)φ) > 0
+    grow as soon as p leaves it: their onsets are at 0 itself, none before it, and have this speed."""
+    rng = np.random.default_rng(seed)
+    n = 5 + seed
+    Q = la.qr(rng.standard_normal((n, n)))[0]
+    K, G, F = Q @ np.diag(rng.uniform(1, 30, n)) @ Q.T, 0.3 * rng.standard_normal((n, n)), rng.standard_normal((n, n))
+    K, G = (K + K.T) / 2, G - G.T
+    lam, phi = la.eig(np.block([[np.zeros((n, n)), np.eye(n)], [-K, -G]]))
+    lam, phi = lam[lam.imag > 0], phi[:n, lam.imag > 0]
+    norm = np.einsum("ik,ij,jk->k", phi.conj(), G, phi) + 2 * lam * (np.abs(phi) ** 2).sum(axis=0)
+    speeds = -(np.einsum("ik,ij,jk->k", phi.conj(), F, phi) / norm).real
+    terms = [Term("mass", "M", sp.eye_array(n, format="csr"), True), Term("stiffness", "K", sp.csr_array(K), True),
+             Term("gyroscopic", "C", sp.csr_array(G), False, skew=True),
+             Term("friction", "K", sp.csr_array(F), False, {"p": 1})]  # fmt: skip
+    result = fe_squeal.sweep(Problem(tuple(terms), {"p": 0.0}), [0.0, 0.1], "p", modes=n)
+    assert not result.warnings
+    first = [o for o in result.onsets if o.value < 1e-6]
+    assert all(0 <= o.value <= o.uncertainty + 1e-13 and o.direction == "into" for o in first)
+    found = sorted((2 * np.pi * o.frequency_hz, o.crossing_speed) for o in first)
+    expected = sorted(zip(lam.imag[speeds > 0], speeds[speeds > 0], strict=True))
+    np.testing.assert_allclose(found, expected, rtol=1e-6)

@@ -52,15 +52,15 @@ def test_nearly_rigid_bodies(asked):
 
 @pytest.mark.parametrize("values", some([np.linspace(0, 2.5, 6), np.linspace(1.69, 1.73, 5)], lambda v: v[0] > 0))
 def test_two_modes_that_are_one_within_rounding(values):
-    """From μ = 1.69 to 1.73 two modes of the nearly rigid bodies are nearer to each other than rounding: whatever the
-    steps, no onset is listed there, and one sentence says where that is, as exactly as the rounding of the sums allows,
-    which another order of the nodes changes."""
+    """From about μ = 1.69 to 1.73 two modes of the nearly rigid bodies are nearer to each other than rounding: whatever
+    the steps, no onset is listed there, and one sentence says where that is. The order of sums decides where exactly:
+    from 1.695 with one BLAS, to 1.727 with other numbers of nodes."""
     setup = SETUPS["nine-dof"]
     result = sweep(setup.make().problem(setup.modulus), values, modes=12)
     assert all(o.uncertainty < 1e-3 for o in result.onsets)
     [sentence] = result.unsettled
     low, high = (float(word) for word in re.findall(r"[\d.]+(?= and| two)", sentence)[:2])
-    assert 1.68 < low < 1.691 and 1.725 < high < 1.74
+    assert 1.68 < low < 1.7 and 1.72 < high < 1.74
     assert "are one within rounding" in sentence
 
 

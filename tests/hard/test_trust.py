@@ -1,4 +1,4 @@
-"""The searches of docs/trust.md at a twentieth of their size; in full by `make trust`."""
+"""The searches of docs/trust.md, a small part of each; in full by `make trust`."""
 
 from __future__ import annotations
 

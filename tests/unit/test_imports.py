@@ -8,6 +8,7 @@ import sys
 from importlib.resources import files
 
 import pytest
+from scene_texts import write_scene
 
 import fe_squeal
 
@@ -46,6 +47,14 @@ terms = (Term("m", "M", one, True), Term("k", "K", sp.csr_array(np.diag([1.0, 4.
 assert len(fe_squeal.sweep(fe_squeal.Problem(terms, {}), [0.0], modes=2).points[0].modes) == 2
 """
     assert loaded_by(code, *PLOTTING, *TABLES, *MESHING, "pydantic") == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["check", "onset"])
+def test_commands_that_draw_nothing_load_no_plotting(command, tmp_path):
+    scene = write_scene(tmp_path)
+    code = f"from fe_squeal.cli import main\nassert main(['{command}', {str(scene)!r}]) == 0"
+    assert loaded_by(code, *PLOTTING) == []
 
 
 def test_names_are_there_and_sweep_is_the_function():
