@@ -136,7 +136,7 @@ def crossed(settings: Sequence[str], repeat: int) -> list[tuple[int, str]]:
     Examples
     --------
     >>> [name for _, name in crossed(("threads-1", "threads-2", "superlu"), 1)]
-    ['threads-1', 'threads-2', 'superlu']
+    ['threads-1+superlu', 'threads-2']
     """
     found = []
     for k in range(1, repeat + 1):
