@@ -141,6 +141,9 @@ def test_folders_of_runs_that_are_no_more_are_removed(tmp_path):
     assert made.is_dir() and {name: not (tmp_path / name).exists() for name in names} == names
 
 
+# A process that is started by one of mpiexec's is none of these: it would be ended by MPI if it looked like one.
+OUTSIDE = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_", "PMIX_", "PRTE_"))}
+
 LIMITED = """
 import resource, sys
 from fe_squeal.cli import main
@@ -163,7 +166,8 @@ def out_of_core(tmp_path, text=FINE):
 def test_a_full_disk_ends_in_one_sentence(tmp_path):
     """Files of at most 1 MiB stand for a full disk: another error of the system at a write, the same of MUMPS."""
     path = out_of_core(tmp_path)
-    done = subprocess.run([sys.executable, "-c", LIMITED, path.name], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", LIMITED, path.name], cwd=tmp_path, capture_output=True, text=True,
+                          env=OUTSIDE)  # fmt: skip
     assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
     assert "solve.mumps.folder: MUMPS could not write the factors of" in done.stderr
     assert not list((tmp_path / "files").iterdir())
@@ -175,7 +179,7 @@ def test_a_full_disk_ends_in_one_sentence(tmp_path):
 def test_files_are_removed_at_the_end_and_after_an_interruption(tmp_path, capsys):
     path = out_of_core(tmp_path, replaced("points = 5", "points = 40", FINE))
     process = subprocess.Popen([sys.executable, "-m", "fe_squeal", "run", path.name, "-o", "out"], cwd=tmp_path,
-                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)  # fmt: skip
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=OUTSIDE)  # fmt: skip
     deadline = time.monotonic() + 100
     while not files_in(tmp_path / "files") and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.02)
