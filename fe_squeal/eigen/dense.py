@@ -33,10 +33,10 @@ def solve_dense(
 
     Parameters
     ----------
-    growing : float, rad/s, optional
-        With damping: only modes with Re λ > 0 and Im λ up to this are asked for. Others may be left out.
     linear_solver : LinearSolver or str
         Used where motions that nothing holds have to be looked for.
+    growing : float, rad/s, optional
+        With damping: only modes with Re λ > 0 and Im λ up to this are asked for. Others may be left out.
 
     Examples
     --------
