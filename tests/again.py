@@ -46,7 +46,7 @@ class Setting:
 def _threads(count: int) -> Setting:
     # The three variables of THREADS are for subprocesses of tests. MKL takes no more threads than there are cores
     # unless MKL_DYNAMIC is set. Waiting threads sleep at once: spinning threads of two processes on the same cores
-    # would make a test take minutes. Even so four threads on two cores take three times as long as one or two.
+    # would make a test take minutes.
     waiting = {"OPENBLAS_THREAD_TIMEOUT": "4", "KMP_BLOCKTIME": "0"}
     numbers = dict.fromkeys((*THREADS, variations.THREADS), str(count))
     return Setting({**numbers, **waiting, "MKL_DYNAMIC": "FALSE"})

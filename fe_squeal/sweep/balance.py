@@ -4,51 +4,113 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from ..eigen.pencil import Modes
 from .changes import FINEST
+from .doubts import Doubt, pairs_in_rounding
 from .nodes import Node
 from .onset import Onset
 from .step import Step
 
 _APART = 0.02  # of a frequency: a mode farther from the limit than this is not expected to pass it within a step
+_ONE = 1e-2  # of a frequency: a mode whose frequency is closer than this to that of a pair may belong to it
 # Times the uncertainty of an onset: the distance at which modes are counted beside it. The next larger one is tried
 # while the counts do not agree.
 _BESIDE = 4.0, 100.0, 2000.0
 
 
-def unbalanced(before: np.ndarray, now: np.ndarray, onsets: Sequence[Onset], limit: float) -> str:
+@dataclass(frozen=True)
+class Census:
+    """The unstable modes at one value of the parameter, and the pairs of which rounding hides whether one is unstable.
+
+    Attributes
+    ----------
+    value : float
+    lam : (k,) complex, rad/s
+        λ of the unstable modes, Im λ ≥ 0.
+    unsure : (m,) float, rad/s
+        |λ| of the pairs of modes that are equal up to rounding. One mode of each may be unstable.
+    counted : (m,) bool
+        Whether an unstable mode is in the pair.
+    """
+
+    value: float
+    lam: np.ndarray
+    unsure: np.ndarray
+    counted: np.ndarray
+
+    @staticmethod
+    def of_node(node: Node) -> Census:
+        """Return the census of a node."""
+        upper = node.unstable & (node.lam.imag >= 0)
+        pairs = pairs_in_rounding(node.v, node.blur) if node.C is None else np.zeros((0, 2), int)
+        return Census(node.value, node.lam[upper], np.abs(node.lam[pairs[:, 0]]), upper[pairs].any(axis=1))
+
+    @staticmethod
+    def of_modes(value: float, modes: Modes, damped: bool) -> Census:
+        """Return the census of modes; no pair of damped ones is unsure."""
+        own = (modes.lam.imag > 0) | (modes.lam.real > 0)
+        lam, spread, unstable = modes.lam[own], modes.re_uncertainty[own], modes.stability[own] == "unstable"
+        blur = np.maximum(2 * np.abs(lam) * spread, spread**2)
+        pairs = np.zeros((0, 2), int) if damped else pairs_in_rounding(-(lam**2), blur)
+        return Census(value, lam[unstable], np.abs(lam[pairs[:, 0]]), unstable[pairs].any(axis=1))
+
+    def near(self, limit: float, actors: np.ndarray) -> tuple[int, int, np.ndarray]:
+        """Return the least and the largest number of unstable modes below `limit`, and |λ| of the pairs that decide.
+
+        Only a pair at the frequency of one of the `actors` (l,), rad/s, can be at fault where numbers do not agree.
+        """
+        count = int(np.count_nonzero(self.lam.imag < limit))
+        nearest = np.abs(self.unsure[:, None] - actors[None, :]).min(axis=1, initial=np.inf)
+        at_fault = (self.unsure < limit) & (nearest <= _ONE * self.unsure)
+        inside = int(np.count_nonzero(self.counted[at_fault]))
+        return count - inside, count - inside + int(np.count_nonzero(at_fault)), self.unsure[at_fault]
+
+
+def unbalanced(
+    parameter: str, before: Census, now: Census, onsets: Sequence[Onset], limit: float
+) -> str | Doubt:  # fmt: skip
     """Return a sentence if the onsets between two values do not explain how many modes are unstable at each, or "".
 
     The balance is: unstable before + onsets into − onsets out of instability = unstable now. Modes and onsets above
     `limit` are not counted, since modes may enter and leave the range there. The limit is lowered until no unstable
-    mode and no onset is near it; if that leaves none, the balance is not checked.
+    mode and no onset is near it; if that leaves none, the balance is not checked. If pairs of modes that are equal up
+    to rounding can explain the difference, the doubt about such a pair is returned instead of a sentence.
 
     Parameters
     ----------
-    before, now : (k,) and (l,) complex, rad/s
-        λ of the unstable modes at the two values.
+    parameter : str
+        Its name.
+    before, now : Census
+        The unstable modes at the two values.
     onsets : sequence of Onset
         Those between the two values.
     limit : float, rad/s
         Frequency up to which modes are counted.
     """
-    lam = [before.imag, now.imag]
-    known = np.concatenate([*lam, [2 * np.pi * o.frequency_hz for o in onsets]])
+    known = np.concatenate([before.lam.imag, now.lam.imag, [2 * np.pi * o.frequency_hz for o in onsets]])
     while np.any(near := np.abs(known - limit) < _APART * limit):
         limit = float(known[near].min()) * (1 - 2 * _APART)
         if limit <= 0:
             return ""
-    counts = [int(np.count_nonzero(part < limit)) for part in lam]
+    counts = [int(np.count_nonzero(part.lam.imag < limit)) for part in (before, now)]
     gained = sum(1 if o.direction == "into" else -1 for o in onsets if 2 * np.pi * o.frequency_hz < limit)
     if counts[0] + gained == counts[1]:
         return ""
-    return f"{counts[0]} modes become {counts[1]} unstable ones, of which the onsets found explain {gained:+d}"
+    (least, most, first), (fewest, largest, second) = (part.near(limit, known) for part in (before, now))
+    if least + gained <= largest and fewest <= most + gained:
+        return Doubt(before.value, now.value, float(np.append(first, second)[0]) / (2 * np.pi))
+    return (
+        f"between {parameter} = {before.value:.10g} and {now.value:.10g} {counts[0]} modes become {counts[1]} unstable"
+        f" ones, of which the onsets found explain {gained:+d}"
+    )
 
 
-def unshown(step: Step, onsets: Sequence[Onset], limit: float) -> str:
-    """Return a sentence if the unstable modes on both sides of an onset do not differ by this onset, or "".
+def unshown(step: Step, onsets: Sequence[Onset], limit: float) -> str | Doubt:
+    """Return a sentence, or a doubt, if the unstable modes on both sides of an onset do not differ by it, or "".
 
     Unstable modes of the step model are counted below and above each onset, at a multiple of its uncertainty, or half
     way to the next onset if that is nearer. With the counts at both ends of the step this is a balance along the whole
@@ -63,7 +125,7 @@ def unshown(step: Step, onsets: Sequence[Onset], limit: float) -> str:
         Frequency up to which modes are counted.
     """
     ordered = sorted(onsets, key=lambda o: o.value)
-    told = ""
+    told: str | Doubt = ""
     for multiple in _BESIDE if ordered else ():
         places = _beside(step, ordered, multiple)
         told = _imbalance(step, ordered, [step.end(0), *(step.between(p) for p in places), step.end(1)], limit)
@@ -72,12 +134,12 @@ def unshown(step: Step, onsets: Sequence[Onset], limit: float) -> str:
     return told
 
 
-def _imbalance(step: Step, ordered: list[Onset], nodes: list[Node], limit: float) -> str:
-    for before, after in itertools.pairwise(nodes):
+def _imbalance(step: Step, ordered: list[Onset], nodes: list[Node], limit: float) -> str | Doubt:
+    for before, after in itertools.pairwise([Census.of_node(n) for n in nodes]):
         first = before.value == step.ends[0]
         between = [o for o in ordered if before.value < o.value <= after.value or (first and o.value == before.value)]
-        if told := unbalanced(_unstable(before), _unstable(after), between, limit):
-            return f"between {step.parameter} = {before.value:.10g} and {after.value:.10g} {told}"
+        if told := unbalanced(step.parameter, before, after, between, limit):
+            return told
     return ""
 
 
@@ -93,7 +155,3 @@ def _beside(step: Step, ordered: list[Onset], multiple: float) -> list[float]:
             places.append((a.value + b.value) / 2)
     places += [ordered[-1].value + reach[-1]] if ordered else []
     return [p for p in places if step.ends[0] < p < step.ends[1]]
-
-
-def _unstable(node: Node) -> np.ndarray:
-    return np.asarray(node.lam[node.unstable & (node.lam.imag >= 0)])

@@ -15,6 +15,9 @@ from .step import Step
 
 _ONE = 1e-2  # of a frequency: neighbouring doubts whose frequencies are closer together are about the same pair
 _MET = 4.0  # times the rounding of two eigenvalues: if they are closer together, they may be one double eigenvalue
+# Times the uncertainty of an onset: at this distance behind it the modes have to have become unstable.
+_SHOWN = 4.0
+_VAGUE = 0.1  # of the length of a doubt: an onset beside it is part of it if it is less certain than this
 
 
 @dataclass(frozen=True)
@@ -42,10 +45,19 @@ class Doubt:
 
     def joined(self, other: Doubt) -> Doubt | None:
         """Return one doubt over both intervals if they are close together and about the same two modes, else None."""
-        apart = abs(self.frequency_hz - other.frequency_hz) > _ONE * self.frequency_hz
-        if apart or other.low > self.high + (self.high - self.low) + (other.high - other.low):
+        reach = (self.high - self.low) + (other.high - other.low)
+        if not self._is_about(other.frequency_hz) or max(self.low, other.low) > min(self.high, other.high) + reach:
             return None
         return Doubt(min(self.low, other.low), max(self.high, other.high), self.frequency_hz)
+
+    def covers(self, onset: Onset) -> bool:
+        """Return whether an onset is about the same modes and lies inside, or may do so and is nearly as uncertain."""
+        vague = onset.uncertainty > _VAGUE * (self.high - self.low)
+        reach = onset.uncertainty if vague else 0.0
+        return self._is_about(onset.frequency_hz) and self.low - reach <= onset.value <= self.high + reach
+
+    def _is_about(self, frequency_hz: float) -> bool:
+        return abs(self.frequency_hz - frequency_hz) <= _ONE * self.frequency_hz
 
 
 def joined(doubts: Iterable[Doubt]) -> list[Doubt]:
@@ -75,35 +87,73 @@ def lost_in_rounding(step: Step, change: Change) -> Doubt | None:
     return Doubt(low, high, float(np.sqrt(abs(change.v)) / (2 * np.pi)))
 
 
-def split_doubtful(step: Step, onsets: Sequence[Onset]) -> tuple[list[Onset], list[Doubt]]:
+def split_doubtful(step: Step, onsets: Sequence[Onset], halved: bool, starts: bool) -> tuple[list[Onset], list[Doubt]]:
     """Return the onsets of a step that are sure, and doubts in place of the others.
 
     A window of instability inside the step is doubtful if it is narrower than the uncertainty of its two onsets. A
-    window that reaches beyond the step is doubtful if its onset may lie beyond the end of the step and the modes there
-    are equal up to rounding. Windows narrower than `FINEST` are left out altogether: steps are not searched for them.
+    window that reaches beyond the step is doubtful if its onset is so near to the end of the step that no unstable mode
+    can show it, and the modes there are equal up to rounding. If the step can be `halved`, only an onset that may lie
+    beyond its end counts as so near: a smaller step may show the others. A mode may be unstable at the end of a step
+    because of rounding. If the sweep `starts` there, nothing before it can tell, and there is a doubt too.
     """
     kept: list[Onset] = []
     doubts: list[Doubt] = []
+    reach = 1.0 if halved else _SHOWN
     for onset in onsets:
         rising, (low, high) = onset.direction == "into", step.ends
         room = high - onset.value if rising else onset.value - low
         theta = (2 * np.pi * onset.frequency_hz) ** 2
-        if step.end(0).C is None and onset.uncertainty >= room and _are_one(step.end(int(rising)), theta):
+        hidden = step.end(0).C is None and reach * onset.uncertainty >= room
+        if hidden and _are_one(step.end(int(rising)), theta, growing_too=starts and not rising):
             doubts.append(Doubt(onset.value if rising else low, high if rising else onset.value, onset.frequency_hz))
         else:
             kept.append(onset)
+    sure, narrow = without_narrow_windows(kept, FINEST * (step.ends[1] - step.ends[0]))
+    return sure, doubts + narrow
+
+
+def without_narrow_windows(onsets: Sequence[Onset], finest: float) -> tuple[list[Onset], list[Doubt]]:
+    """Return the onsets without those of windows of instability that are narrower than the uncertainty of their ends.
+
+    There is a doubt in place of each such window, unless it is narrower than `finest`, in the unit of the parameter:
+    steps are not searched for narrower ones.
+    """
+    kept = list(onsets)
+    doubts = []
     for into, out in itertools.combinations(sorted(kept, key=lambda o: o.value), 2):
         pair = {into.branch_a, into.branch_b} & {out.branch_a, out.branch_b} - {None}
         narrow = out.value - into.value <= into.uncertainty + out.uncertainty
         if into in kept and out in kept and pair and narrow and {into.direction, out.direction} == {"into", "out of"}:
             kept = [o for o in kept if o is not into and o is not out]
-            if out.value - into.value > FINEST * (step.ends[1] - step.ends[0]):
+            if out.value - into.value > finest:
                 doubts.append(Doubt(into.value, out.value, into.frequency_hz))
     return kept, doubts
 
 
-def _are_one(node: Node, theta: float) -> bool:
-    """Return whether the two eigenvalues nearest to θ are stable, and equal up to rounding."""
+def pairs_in_rounding(v: np.ndarray, blur: np.ndarray) -> np.ndarray:
+    """Return the pairs of eigenvalues that are equal up to rounding, (m, 2) int; each eigenvalue is in one at most.
+
+    Parameters
+    ----------
+    v : (k,) complex
+        Eigenvalues θ = −λ² of a problem without dampers.
+    blur : (k,) float
+        How far each may be off, in the same unit.
+    """
+    order = np.argsort(v.real, kind="stable")
+    apart, most = np.abs(np.diff(v[order])), _MET * np.maximum(blur[order][:-1], blur[order][1:])
+    found: list[tuple[int, int]] = []
+    taken = -1
+    for i in np.flatnonzero(apart <= most):
+        if i != taken:
+            found.append((int(order[i]), int(order[i + 1])))
+            taken = int(i) + 1
+    return np.array(found, dtype=int).reshape(-1, 2)
+
+
+def _are_one(node: Node, theta: float, growing_too: bool = False) -> bool:
+    """Return whether the two eigenvalues nearest to θ are equal up to rounding and, unless `growing_too`, stable."""
     near = np.argsort(np.abs(node.v - theta))[:2]
     apart = float(np.abs(np.diff(node.v[near])).max(initial=0.0))
-    return bool(len(near) == 2 and not node.unstable[near].any() and apart <= _MET * node.blur[near].max())
+    stable = growing_too or not node.unstable[near].any()
+    return bool(len(near) == 2 and stable and apart <= _MET * node.blur[near].max())

@@ -53,6 +53,15 @@ class Found:
     width: float = 0.0
     doubts: list[Doubt] = field(default_factory=list)
 
+    def tell(self, told: str | Doubt, parameter: str, halved: bool) -> None:
+        """Add what a balance says; a doubt is a warning if the step is halved, so that its interval becomes small."""
+        if isinstance(told, str):
+            self.warnings.append(told)
+        elif halved:
+            self.warnings.append(told.sentence(parameter))
+        else:
+            self.doubts.append(told)
+
 
 def find_step_onsets(
     problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
@@ -135,11 +144,11 @@ def find_step_onsets(
         if halved and failed:
             return found
     found.warnings.extend(unsettled)
-    found.onsets[:], unclear = split_doubtful(step, found.onsets)
+    found.onsets[:], unclear = split_doubtful(step, found.onsets, halved, starts)
     found.doubts.extend(unclear)
     rim = _RIM * min(float(np.abs(m.lam).max(initial=0.0)) for m in modes)
     if not found.warnings and (told := unshown(step, found.onsets, min(rim, below))):
-        found.warnings.append(told)
+        found.tell(told, parameter, halved)
     return replace(found, warnings=found.warnings + left_open.warnings, missing=left_open.missing)
 
 

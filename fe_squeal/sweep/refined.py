@@ -37,6 +37,7 @@ _ALONE = 0.05  # of the distance to the next change of the group: a root that is
 _WITHIN = 0.5  # of a mode's energy: a mode with more than this in the span of a group's shapes belongs to the group
 _FAST = 4.0  # times the highest frequency: growing modes are looked for up to this |λ|
 _ASIDE = 1e-3  # of the step: distance from a bisected onset at which its growth rate is measured
+_CLEAR = 4.0  # times its uncertainty: a growth rate above this is no rounding
 
 _Newton = Callable[[Problem, float, np.ndarray, np.ndarray], Root]
 
@@ -159,11 +160,13 @@ class Refiner:
         newton = self._newton(change)
         step, slack = self.step, FINEST * self._width
         root = self._between(change, newton(step.model, near, change.right, change.left), slack)
-        sure = self._is_around(change, root) or self._is_alone(change, root)
         x, y = (step.V @ v for v in (root.right, root.left))
         if step.problem.unknowns == step.model.unknowns and step.reduced_model is None:
-            return root, sure
+            return root, self._is_around(change, root) or self._is_alone(change, root)
         better, same = self._on_problem(newton, root, x, y)
+        # The step model has the rounding of the problem's matrices, which its own, smaller ones do not show.
+        blurred = replace(root, uncertainty=max(root.uncertainty, better.uncertainty))
+        sure = self._is_around(change, blurred) or self._is_alone(change, root)
         shift = abs(better.value - root.value)
         if shift > _MOVED * self._width:
             raise NotConvergedError("Newton's method left the step")
@@ -275,6 +278,7 @@ class Refiner:
 
         low, high = change.limits
         before, behind = unstable(low), unstable(high)
+        far = behind if change.gains > 0 else before
         if len(behind) - len(before) != change.gains:
             raise NotConvergedError(
                 f"{len(before)} modes are unstable at {low:.8g} and {len(behind)} at {high:.8g} of those that take part"
@@ -305,6 +309,9 @@ class Refiner:
         # A mode counts as unstable only once Re λ exceeds its uncertainty, which is a little beyond the onset itself.
         # Twice the distance that the growth rate gives is allowed for, since growth is not linear.
         unseen = float(2 * growing.re_uncertainty[i] / speed) ** (1 / power) + abs(high - low)
+        # If no growth rate up to the limit is clear, the onset is anywhere up to there, or nowhere.
+        if not any((m.lam.real > _CLEAR * m.re_uncertainty).any() for m in (growing, more, far)):
+            unseen = max(unseen, abs((change.limits[1] if change.gains > 0 else change.limits[0]) - value))
         if step.reduced_model is not None and growing.left is not None:
             pair = growing.right[:, i], growing.left[:, i]
             right, left = (real_direction(u[:, None]) for u in pair) if change.kind == "meeting" else pair

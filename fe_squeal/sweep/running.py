@@ -23,9 +23,9 @@ from ..problem.description import Describer, Description
 from ..problem.problem import Problem
 from ..problem.sensitivity import sensitivities
 from ..reduced import ReducedModel
-from .balance import unbalanced
+from .balance import Census, unbalanced
 from .counting import count_apart
-from .doubts import Doubt, joined
+from .doubts import Doubt, joined, without_narrow_windows
 from .forecast import is_reduced
 from .onset import Onset
 from .onsets import Found, find_step_onsets, two_mode_value, windows
@@ -155,13 +155,12 @@ class RunningSweep:
     def advance(self, value: float, keep_all: bool) -> None:
         """Solve at the next value and follow the modes to it; `keep_all` keeps the shapes of all its modes."""
         modes = self._solve(value)
-        known = len(self.onsets)
         if self._previous is None:
             self._begin(value, modes)
         else:
             self._follow(value, modes, _REFINEMENTS)
         last = self.points[-1].value if self.points else value
-        for middle, pair in windows(self.onsets[known:], last, value):
+        for middle, pair in windows(self.onsets, last, value):
             self.points.append(self._window(middle, pair))
         self.points.append(self._point(value, modes, self._branches, keep_all))
 
@@ -280,10 +279,12 @@ class RunningSweep:
             if not ((found.warnings or found.missing) and refinements):
                 if found.missing:
                     raise NotConvergedError(found.missing[0])
-                self.onsets += found.onsets
                 self.warnings += found.warnings
                 self.unsettled += found.warnings
-                self._tell(found.doubts)
+                # A window of instability may reach from step to step.
+                self.onsets, narrow = without_narrow_windows(self.onsets + found.onsets, 0.0)
+                self._tell(found.doubts + narrow)
+                self._absorb(value)
                 self.window = max(self.window, found.width)
                 self._next_branch = next(names)
                 self._value, self._previous, self._branches = value, modes, branches
@@ -305,6 +306,14 @@ class RunningSweep:
             self._doubt = doubt
             for told in (self.warnings, self.unsettled):
                 told.append(doubt.sentence(self.parameter))
+
+    def _absorb(self, end: float) -> None:
+        """Make onsets that the last doubt covers part of it; the sweep is at `end`."""
+        vague = [o for o in self.onsets if self._doubt is not None and self._doubt.covers(o)]
+        self.onsets = [o for o in self.onsets if o not in vague]
+        for onset in vague:
+            low, high = onset.value - onset.uncertainty, onset.value + onset.uncertainty
+            self._tell([Doubt(max(low, self._start), min(high, end), onset.frequency_hz)])
 
     def result(self) -> Sweep:
         """Return the result so far."""
@@ -340,13 +349,15 @@ class RunningSweep:
                 predicted = two_mode_value(self._tracked, name, self._start, self._first, int(at[0][0]), int(at[1][0]))
                 onset = replace(onset, two_mode_value=predicted)
             onsets.append(onset)
-        before, now = (m.lam[m.stability == "unstable"] for m in (self._previous, modes))
+        before, now = (
+            Census.of_modes(p, m, self.problem.is_damped) for p, m in ((self._value, self._previous), (value, modes))
+        )
         # If the solver found no more modes than were asked for, there are no others, and none enters or leaves the
         # range.
         complete = all(m.exhaustive and len(m) <= (self.request.count or 0) for m in (self._previous, modes))
-        imbalance = unbalanced(before, now, onsets, np.inf if complete else float(inside))
+        imbalance = unbalanced(name, before, now, onsets, np.inf if complete else float(inside))
         if imbalance and not found.warnings:
-            found.warnings.append(f"between {name} = {self._value:.8g} and {value:.8g} {imbalance}")
+            found.tell(imbalance, name, halved)
         return replace(found, onsets=onsets)
 
     def _spend(self, stage: str, since: float) -> float:
