@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from .polish import equilibrate
 
 ProblemClass = Literal["symmetric", "nonsymmetric", "quadratic", "complex"]
+_ROWS = 512  # of a sparse matrix, for which numbers per entry are made at once
 
 
 @dataclass(frozen=True)
@@ -191,15 +192,33 @@ def _full(A: sp.csr_array | np.ndarray) -> np.ndarray:
     return A if isinstance(A, np.ndarray) else np.asarray(A.toarray())
 
 
-def _scale_of_entries(A: sp.csr_array) -> sp.csr_array:
-    if isinstance(A, np.ndarray):
-        root, size = np.sqrt(np.abs(A.diagonal())), np.abs(A)
-        return np.maximum(size, np.where(size + size.T > 0, np.outer(root, root), 0.0))
-    both = sp.coo_array(abs(A) + abs(A.T))
-    i, j = both.coords
+def _scale_of_entries(A: sp.csr_array | np.ndarray) -> sp.csr_array | np.ndarray:
+    """Return max(|A_ij|, √(|A_ii A_jj|)) for all i, j with an entry at (i, j) or (j, i)."""
     root = np.sqrt(np.abs(A.diagonal()))
-    diagonal = sp.csr_array((root[i] * root[j], (i, j)), shape=A.shape)
-    return sp.csr_array(abs(A).maximum(diagonal))
+    if isinstance(A, np.ndarray):
+        size = np.abs(A)
+        return np.maximum(size, np.where(size + size.T > 0, np.outer(root, root), 0.0))
+    pattern = sp.csr_array((np.ones(A.nnz, np.int8), A.indices, A.indptr), shape=A.shape)
+    back = sp.csr_array(pattern.T)
+    if not np.array_equal(back.indptr, A.indptr) or not np.array_equal(back.indices, A.indices):
+        both = pattern + back
+        return sp.csr_array(abs(A).maximum(_at_least(np.zeros(both.nnz), root, both)))
+    del back  # the pattern is symmetric, as of finite elements
+    return _at_least(np.abs(A.data), root, A)
+
+
+def _at_least(sizes: np.ndarray, root: np.ndarray, A: sp.csr_array) -> sp.csr_array:
+    """Return `sizes`, in place, or root_i root_j where that is larger, as a matrix of the pattern of A.
+
+    That is done in pieces, so that not even one more number per entry is held at a time.
+    """
+    for start in range(0, len(root), _ROWS):
+        rows = root[start : start + _ROWS]
+        bounds = A.indptr[start : start + len(rows) + 1]
+        piece = slice(bounds[0], bounds[-1])
+        products = np.repeat(rows, np.diff(bounds)) * root[A.indices[piece]]
+        np.maximum(sizes[piece], products, out=sizes[piece])
+    return sp.csr_array((sizes, A.indices, A.indptr), shape=A.shape)
 
 
 def is_mirror(a: complex, b: complex) -> bool:
