@@ -26,10 +26,7 @@ from .step import Step, real_direction
 from .tracking import modal_assurance
 
 _BISECTED = 1e-7  # of the step: width at which a bisection ends
-_CHEAP = 20_000  # unknowns up to which a few factorisations of the problem itself take little time
-# Of the value: an onset of a reduced model that is less uncertain than this is not refined on the problem itself. The
-# second number holds for problems of up to _CHEAP unknowns.
-_SURE, _SURE_IF_CHEAP = 1e-7, 1e-8
+_SURE = 1e-7  # of the value: an onset of a reduced model that is less uncertain is not refined on the problem itself
 _MOVED = 0.1  # of the step: a root of the problem may be so far from the root of the step model
 _ONE_SHAPE = 0.999  # MAC: two modes of equal frequency with a larger one are one defective mode, and no doublet
 _SAME_SHAPE = 0.9  # MAC: roots of the step model and of the problem whose modes have a larger one are the same root
@@ -251,8 +248,7 @@ class Refiner:
         if reduced is None:
             return root, _is_one_shape(first, root.right, step.problem.mass)
         error, rounding = reduced.root_error(root.value, root.theta, root.right, root.left)
-        sure = (_SURE_IF_CHEAP if step.full.unknowns <= _CHEAP else _SURE) * abs(root.value)
-        if error <= max(rounding, sure) and not self.precise:
+        if error <= max(rounding, _SURE * abs(root.value)) and not self.precise:
             same = _is_one_shape(first, root.right, step.problem.mass)
             return replace(root, uncertainty=root.uncertainty + error + rounding), same
         first, x, y = (reduced.lift(v) for v in (first, root.right, root.left))

@@ -66,8 +66,8 @@ def sweep(
         over the whole sweep; "modal" projects on the modes without friction and damping, whatever error this makes.
         "auto" is "reduced" where that is faster, else "direct".
     precise : bool
-        Whether to refine onsets on the problem itself, with a few factorisations each, even if the problem is large and
-        the reduced model gives them to 1e-7 of their value.
+        Whether to refine onsets on the problem itself, with a few factorisations each, even if the reduced model gives
+        them to 1e-7 of their value.
     progress : callable of (int, int)
         Gets the number of values done, and of all values.
     store : Store, optional
