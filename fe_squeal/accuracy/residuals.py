@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.linalg as la
 
-from ..eigen.blocks import combine, times
+from ..eigen.blocks import combine, lift, times
 from ..eigen.pencil import Modes
-from ..reduced.vectors import lift, unit_columns
+from ..reduced.vectors import unit_columns
 from .refined import Refined
 
 _SAME = 1e-8  # part of a mode outside the span of others, relative to it, that is left out: it is rounding

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..eigen.blocks import cross
+from ..eigen.blocks import cross, lift
 from ..eigen.pencil import Modes
-from ..reduced.vectors import lift
 from ..sweep.result import Sweep, SweepPoint
 from .corrected import CorrectedModel
 from .groups import element_groups

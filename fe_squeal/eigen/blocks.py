@@ -59,6 +59,19 @@ def combine(V: np.ndarray, y: np.ndarray) -> np.ndarray:
     return out
 
 
+def lift(V: sp.csr_array | np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return V y for a real V (n, r) and a complex y (r,) or (r, k), without a complex copy of V."""
+    product = combine if isinstance(V, np.ndarray) else times
+    if not np.iscomplexobj(y) or np.iscomplexobj(V):
+        return product(V, y)
+    columns = y.reshape(len(y), -1)
+    lifted = product(V, np.ascontiguousarray(columns.real)).astype(complex)
+    mixed = np.flatnonzero(columns.imag.any(axis=0))  # most vectors are real
+    if len(mixed):
+        lifted[:, mixed] += 1j * product(V, np.ascontiguousarray(columns.imag[:, mixed]))
+    return lifted.reshape(len(lifted), *y.shape[1:])
+
+
 def _in_slices(work: Callable[[slice], _Part], n: int) -> list[_Part]:
     count = thread_count()
     edges = [n * i // count for i in range(count + 1)]

@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from skfem.quadrature import get_quadrature
 
+from ..eigen.blocks import lift
 from ..problem.description import Description, shares_by_name, undescribed
 from ..problem.terms import Term
 from .cells import cell_points
@@ -73,7 +74,7 @@ class ModeDescriber:
     def _spectra(self, shapes: np.ndarray) -> np.ndarray:
         """Return the amplitudes (b, 3, k)."""
         assert self.harmonics is not None
-        values = np.asarray(self.sampled @ shapes).reshape(-1, 3, shapes.shape[1])
+        values = lift(self.sampled, shapes).reshape(-1, 3, shapes.shape[1])
         return values if self.fitted else self.harmonics.spectrum(values)
 
     def _out_of_plane(
@@ -84,7 +85,7 @@ class ModeDescriber:
             if term.slot == "M" and term.name in self.along:
                 factor = float(np.real(term.factor(1.0, parameters)))
                 for total, A in ((along, self.along[term.name]), (whole, self.nodal[term.name])):
-                    total += factor * np.einsum("nk,nk->k", shapes.conj(), A @ shapes).real
+                    total += factor * np.einsum("nk,nk->k", shapes.conj(), lift(A, shapes)).real
         return [float(min(a / w, 1.0)) if w > 0 else None for a, w in zip(along, whole, strict=True)]
 
     def _describe_waves(

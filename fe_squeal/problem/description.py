@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ..eigen.blocks import lift
 from .terms import Term
 
 # Columns of modes.csv, in this order; a sweep without a describer has them empty.
@@ -48,7 +49,7 @@ def shares_by_name(
         factor = term.factor(1.0, parameters) if term.slot == "M" else 0.0
         if not factor:
             continue
-        energy = np.real(factor) * np.einsum("nk,nk->k", shapes.conj(), term.matrix @ shapes).real
+        energy = np.real(factor) * np.einsum("nk,nk->k", shapes.conj(), lift(term.matrix, shapes)).real
         total += energy
         if term.name in names:
             found[names.index(term.name)] += energy

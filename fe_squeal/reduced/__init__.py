@@ -3,6 +3,6 @@
 from .box import BoxModel
 from .estimate import OnlineModel
 from .model import ReducedModel
-from .vectors import SlowMotions, lift
+from .vectors import SlowMotions
 
-__all__ = ["BoxModel", "OnlineModel", "ReducedModel", "SlowMotions", "lift"]
+__all__ = ["BoxModel", "OnlineModel", "ReducedModel", "SlowMotions"]

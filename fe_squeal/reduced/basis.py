@@ -14,7 +14,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from ..eigen.blocks import combine, cross, times
+from ..eigen.blocks import combine, cross, lift, times
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes
 from ..eigen.quality import ROUNDING
@@ -22,7 +22,7 @@ from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from ..problem.terms import POWER, Slot
 from .projection import Projection
-from .vectors import DEPENDENT, lift, normalising
+from .vectors import DEPENDENT, normalising
 
 _SAMPLES = 24  # random vectors per norm: residual norms come out within some 15 %
 _SPREAD = 1 + 3 / np.sqrt(_SAMPLES)  # three standard deviations of the product of two such norms, 1/√(2·24) each

@@ -10,12 +10,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy.linalg as la
 
+from ..eigen.blocks import lift
 from ..eigen.dense import solve_dense
 from ..eigen.pencil import FreeMotions, Modes, Pencil
 from ..eigen.request import Request, select_wanted
 from ..problem.parameters import Place
 from .projection import Projection
-from .vectors import lift, real_columns
+from .vectors import real_columns
 
 _STEPS = 3  # of inverse iteration; each takes a digit or so off the angle between a mode and the span of the block
 _SHIFT = 0.5  # of the square of the highest frequency asked for: the shift of the iteration

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..eigen.blocks import times
+from ..eigen.blocks import lift, times
 from ..eigen.linear.factor import DefiniteFactor
 from ..eigen.pencil import Modes
 from ..eigen.request import Request, select_wanted
 from ..problem.parameters import Place
 from .basis import ReducedBasis
-from .vectors import lift, real_columns
+from .vectors import real_columns
 
 _SEED, _BLOCK, _STEPS = 20251107, 8, 5
 _FOUND = 0.99  # times the highest |λ| asked for: a mode below this that only the extended basis has was missing

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from scipy.optimize import linear_sum_assignment
 
 from ..eigen.block_lanczos import lowest_modes
-from ..eigen.blocks import combine
+from ..eigen.blocks import combine, lift
 from ..eigen.inertia import count_below
 from ..eigen.linear.choice import choose, factorize
 from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
@@ -32,7 +32,7 @@ from .estimate import GUARDED, Estimate, estimated
 from .missing import SEARCH_SOLVES, missing_modes
 from .shapes import corrected_shapes
 from .undamped import factorize_undamped
-from .vectors import lift, range_of, real_columns, unit_columns
+from .vectors import range_of, real_columns, unit_columns
 
 _GUARD = 1.25  # the basis begins with so many times as many undamped modes as modes are asked for
 _ROUGH = 1e-4  # accuracy of these undamped modes: the corrections that follow mend the rest

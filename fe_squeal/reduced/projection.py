@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from ..eigen.blocks import combine, cross, times
+from ..eigen.blocks import combine, cross, lift, times
 from ..eigen.dense import solve_dense
 from ..eigen.kernel import null_columns
 from ..eigen.linear.factor import LinearSolver
@@ -20,7 +20,7 @@ from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from ..problem.terms import Slot, Term
 from .undamped import weighted
-from .vectors import SlowMotions, lift
+from .vectors import SlowMotions
 
 _SPARSE = 0.3  # of all rows: a term that acts in fewer is multiplied in these rows alone
 _SLOW = 1e-3  # of the shift σ: a motion with less |θ| counts as hardly held

@@ -7,12 +7,12 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from scipy.optimize import linear_sum_assignment
 
-from ..eigen.blocks import combine, cross
+from ..eigen.blocks import combine, cross, lift
 from ..eigen.dense import solve_dense
 from ..eigen.linear.factor import Factor
 from ..eigen.pencil import Modes, Pencil
 from ..eigen.quality import backward_errors
-from .vectors import lift, real_columns
+from .vectors import real_columns
 
 _ROUNDS = 8
 _FINE = 1e-8  # part of a unit vector: directions in which columns of length 1 differ by less are left out

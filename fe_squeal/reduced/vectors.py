@@ -8,8 +8,6 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from ..eigen.blocks import combine
-
 _MARGIN = 10.0  # factor of |z|ᵀ|K||z|, since left vectors are longer than z
 DEPENDENT = 1e-4  # eigenvalue of a Gram matrix of unit vectors: directions below are left to the next correction
 
@@ -46,18 +44,6 @@ class SlowMotions:
         """(r, r) sizes of the sums that cancel in the projected stiffness, for `Pencil`."""
         W = np.abs(self.coordinates)
         return np.asarray(W.T @ (self.sizes[:, None] * W))
-
-
-def lift(V: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return V y for a real V (n, r) and a complex y (r,) or (r, k), without a complex copy of V."""
-    if not np.iscomplexobj(y):
-        return combine(V, y)
-    columns = y.reshape(len(y), -1)
-    lifted = combine(V, np.ascontiguousarray(columns.real)).astype(complex)
-    mixed = np.flatnonzero(columns.imag.any(axis=0))  # most vectors are real
-    if len(mixed):
-        lifted[:, mixed] += 1j * combine(V, np.ascontiguousarray(columns.imag[:, mixed]))
-    return lifted.reshape(len(lifted), *y.shape[1:])
 
 
 def real_columns(x: np.ndarray) -> np.ndarray:

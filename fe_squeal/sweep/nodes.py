@@ -10,10 +10,10 @@ import numpy as np
 import scipy.linalg as la
 from scipy.sparse.csgraph import connected_components
 
+from ..eigen.blocks import lift
 from ..eigen.pencil import Modes
 from ..problem.problem import Problem
 from ..problem.terms import POWER, Slot
-from ..reduced.vectors import lift
 
 # Two modes are taken for the one mode of a defective double eigenvalue if their eigenvalues differ by less than _EQUAL,
 # relatively, and 1 − MAC of their shapes is less than _PARALLEL.

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..eigen.blocks import lift
 from ..eigen.pencil import Modes
-from ..reduced import lift
 
 
 class LiftedShapes(Mapping[int, np.ndarray]):

@@ -172,11 +172,11 @@ class RunningSweep:
             int(i): modes.right[:, i].copy() for i in (range(wanted) if keep_all else growing)
         }
         here = self._tracked.at({self.parameter: value})
-        moves = {}
-        pencil = here.pencil() if len(growing) else None
-        for i in growing:
-            found = sensitivities(here, modes, int(i), pencil=pencil)
-            moves[int(i)] = {path: (here.value(path), d) for path, d in found.items()}
+        found = sensitivities(here, modes, growing) if len(growing) else {}
+        moves = {
+            int(i): {path: (here.value(path), complex(d[k])) for path, d in found.items()}
+            for k, i in enumerate(growing)
+        }
         reported = modes.select(np.arange(wanted)).without_shapes()
         pressed = self.problem.at({self.parameter: value}).state
         if self._reduced_model is not None:

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.optimize import linear_sum_assignment
 
+from ..eigen.blocks import lift
 from ..eigen.pencil import Modes
 
 _FREQUENCY_SCALE = 0.02  # of |λ|: a change of λ by this costs 1/2, as much as a change of shape to MAC = 1/2
@@ -31,7 +32,7 @@ def modal_assurance(a: np.ndarray, b: np.ndarray, M: sp.csr_array) -> np.ndarray
     (k, l) float
         From 0 to 1.
     """
-    Ma, Mb = M @ a, M @ b
+    Ma, Mb = lift(M, a), lift(M, b)
     size = np.sqrt(np.outer(_energy(a, Ma), _energy(b, Mb)))
     cross = np.abs(a.conj().T @ Mb)
     return np.divide(cross, size, out=np.zeros_like(cross), where=size > 0) ** 2

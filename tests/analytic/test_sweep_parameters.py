@@ -88,8 +88,8 @@ def test_sensitivity_is_the_slope_of_the_eigenvalue(path, low, high):
         p = problem.value(path)
         step = 1e-4 * (abs(p) or high - low)
         above, below = (modes_of(problem, 9, **{path: p + s * step}) for s in (1, -1))
-        for i, lam in enumerate(modes.lam):
-            found = sensitivities(problem, modes, i, [path])[path]
+        slopes = sensitivities(problem, modes, np.arange(len(modes)), [path])[path]
+        for lam, found in zip(modes.lam, slopes, strict=True):
             ends = [m.lam[np.argmin(np.abs(m.lam - lam))] for m in (above, below)]
             exact = (ends[0] - ends[1]) / (2 * step)
             scale = np.abs(lam) * 1e-7 / step + 1e-5 * abs(exact)
