@@ -37,7 +37,7 @@ _LIFTED = 10.0  # vectors for each guarded mode: shapes as vectors of the proble
 _KRYLOV = 8.0  # vectors for each mode asked for: of the Krylov spaces, and the modes themselves
 # Copies of the matrices, in those of a real K: a matrix with the indices of a solver beside it, and the sizes of all
 # entries, with what making them needs.
-_HANDED, _SIZES = 1.25, 2.0
+_HANDED, _SIZES = 1.25, 1.0
 
 
 def is_reduced(problem: Problem, parameter: str, values: int, method: str) -> bool:
