@@ -13,7 +13,9 @@ from fe_squeal.eigen.pencil import Pencil
 
 def _random(n: int, density: float, symmetric: bool, seed: int = 3) -> sp.csr_array:
     rng = np.random.default_rng(seed)
-    A = sp.csr_array(sp.random_array((n, n), density=density, rng=rng, data_sampler=rng.standard_normal))
+    count = int(density * n**2)
+    i, j = rng.integers(n, size=(2, count), dtype=np.int32)
+    A = sp.csr_array(sp.coo_array((rng.standard_normal(count), (i, j)), shape=(n, n)))
     D = sp.diags_array(rng.uniform(1.0, 1e6, n), format="csr")
     return sp.csr_array(A + A.T + D if symmetric else A + D)
 
