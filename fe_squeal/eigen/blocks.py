@@ -60,7 +60,7 @@ def combine(V: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def lift(V: sp.csr_array | np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return V y for a real V (n, r) and a complex y (r,) or (r, k), without a complex copy of V."""
+    """Return V y for V (n, r), sparse or not, and y (r,) or (r, k), complex or not, without a complex copy of V."""
     product = combine if isinstance(V, np.ndarray) else times
     if not np.iscomplexobj(y) or np.iscomplexobj(V):
         return product(V, y)

@@ -43,6 +43,7 @@ def sensitivities(
         If there is no such number.
     """
     assert modes.left is not None
+    positions = np.asarray(positions, int)
     lam, phi, psi = modes.lam[positions], modes.right[:, positions], modes.left[:, positions]
     if paths is None:
         paths = [p for p in problem.parameters if problem.is_affine(p)]

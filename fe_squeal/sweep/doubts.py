@@ -17,7 +17,7 @@ _ONE = 1e-2  # of a frequency: neighbouring doubts whose frequencies are closer 
 _MET = 4.0  # times the rounding of two eigenvalues: if they are closer together, they may be one double eigenvalue
 # Times the uncertainty of an onset: at this distance behind it the modes have to have become unstable.
 _SHOWN = 4.0
-_VAGUE = 0.1  # of the length of a doubt: an onset beside it is part of it if it is less certain than this
+_VAGUE = 0.1  # of the length of a doubt: an onset of the same modes is part of it if it is less certain than this
 
 
 @dataclass(frozen=True)
@@ -51,10 +51,12 @@ class Doubt:
         return Doubt(min(self.low, other.low), max(self.high, other.high), self.frequency_hz)
 
     def covers(self, onset: Onset) -> bool:
-        """Return whether an onset is about the same modes and lies inside, or may do so and is nearly as uncertain."""
-        vague = onset.uncertainty > _VAGUE * (self.high - self.low)
-        reach = onset.uncertainty if vague else 0.0
-        return self._is_about(onset.frequency_hz) and self.low - reach <= onset.value <= self.high + reach
+        """Return whether an onset may lie inside, is at the same frequency, and is nearly as uncertain as the interval.
+
+        A more certain onset is kept, wherever it lies: other modes of nearly the same frequency may have it.
+        """
+        inside = self.low - onset.uncertainty <= onset.value <= self.high + onset.uncertainty
+        return self._is_about(onset.frequency_hz) and inside and onset.uncertainty > _VAGUE * (self.high - self.low)
 
     def _is_about(self, frequency_hz: float) -> bool:
         return abs(self.frequency_hz - frequency_hz) <= _ONE * self.frequency_hz

@@ -305,9 +305,9 @@ class Refiner:
         # A mode counts as unstable only once Re λ exceeds its uncertainty, which is a little beyond the onset itself.
         # Twice the distance that the growth rate gives is allowed for, since growth is not linear.
         unseen = float(2 * growing.re_uncertainty[i] / speed) ** (1 / power) + abs(high - low)
-        # If no growth rate up to the limit is clear, the onset is anywhere up to there, or nowhere.
+        # If no growth rate is clear, not even at the limit, the onset is anywhere between the limits, or nowhere.
         if not any((m.lam.real > _CLEAR * m.re_uncertainty).any() for m in (growing, more, far)):
-            unseen = max(unseen, abs((change.limits[1] if change.gains > 0 else change.limits[0]) - value))
+            unseen = max(unseen, *(abs(limit - value) for limit in change.limits))
         if step.reduced_model is not None and growing.left is not None:
             pair = growing.right[:, i], growing.left[:, i]
             right, left = (real_direction(u[:, None]) for u in pair) if change.kind == "meeting" else pair
