@@ -98,10 +98,11 @@ def split_doubtful(step: Step, onsets: Sequence[Onset], halved: bool, starts: bo
     beyond its end counts as so near: a smaller step may show the others. A mode may be unstable at the end of a step
     because of rounding. If the sweep `starts` there, nothing before it can tell, and there is a doubt too.
     """
+    # Windows first, since an onset that is hidden at the end of the step may be one end of a narrow window.
+    sure, doubts = without_narrow_windows(onsets, FINEST * (step.ends[1] - step.ends[0]))
     kept: list[Onset] = []
-    doubts: list[Doubt] = []
     reach = 1.0 if halved else _SHOWN
-    for onset in onsets:
+    for onset in sure:
         rising, (low, high) = onset.direction == "into", step.ends
         room = high - onset.value if rising else onset.value - low
         theta = (2 * np.pi * onset.frequency_hz) ** 2
@@ -110,8 +111,7 @@ def split_doubtful(step: Step, onsets: Sequence[Onset], halved: bool, starts: bo
             doubts.append(Doubt(onset.value if rising else low, high if rising else onset.value, onset.frequency_hz))
         else:
             kept.append(onset)
-    sure, narrow = without_narrow_windows(kept, FINEST * (step.ends[1] - step.ends[0]))
-    return sure, doubts + narrow
+    return kept, doubts
 
 
 def without_narrow_windows(onsets: Sequence[Onset], finest: float) -> tuple[list[Onset], list[Doubt]]:
