@@ -36,8 +36,9 @@ library keeps of freed memory (glibc's own count: 76 of 459 MiB at 6 558 unknown
 that (at 129 066 unknowns 2.5 of 6.7 GiB), pictures are drawn by a process of their own. How many vectors a basis needs
 is not known before: 5 for each mode without damping, 8 with it, 17 with complex stiffness are taken, where 12 to 23
 were found; with complex stiffness the forecast may therefore miss by a fifth (17 was chosen with the row of loss
-factors in sight, the others' numbers with six of the rows). SuperLU has no analysis, so that its factors are known to a
-factor of three only. With more threads PARDISO's analysis tells more than is taken (two: 1.13 in the second row).
+factors in sight, the others' numbers with six of the rows; the sizes of entries in reduced runs with all). SuperLU has
+no analysis, so that its factors are known to a factor of three only. With more threads PARDISO's analysis tells more
+(two: 7 % of the second row's whole).
 The first table of this page is older than this forecast."""
 
 

@@ -36,9 +36,9 @@ _DENSE = 8  # matrices of a small eigenproblem, with the workspaces of LAPACK
 _LIFTED = 10.0  # vectors for each guarded mode: shapes as vectors of the problem, complex, and a basis of them
 _KRYLOV = 8.0  # vectors for each mode asked for: of the Krylov spaces, and the modes themselves
 # Copies of the matrices, in those of a real K: a matrix with the indices of a solver beside it; and the sizes of all
-# entries, with what making them needs, in direct sweeps and in reduced ones. The last two were fitted to the table of
+# entries: what is kept of them in direct sweeps; in reduced ones the number was fitted to the table of
 # docs/performance.md.
-_HANDED, _SIZES, _SIZES_REDUCED = 1.25, 1.0, 2.0
+_HANDED, _SIZES, _SIZES_REDUCED = 1.25, 2 / 3, 2.0
 
 
 def is_reduced(problem: Problem, parameter: str, values: int, method: str) -> bool:
