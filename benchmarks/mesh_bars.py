@@ -27,7 +27,8 @@ from scipy.spatial import cKDTree
 
 import fe_squeal
 from fe_squeal.accuracy import bars
-from fe_squeal.accuracy.estimate import Changes, refined_changes, with_changes
+from fe_squeal.accuracy.discretisation import with_changes
+from fe_squeal.accuracy.estimate import Changes, refined_changes
 from fe_squeal.accuracy.reference import same_modes
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.eigen.pencil import Modes

@@ -1,5 +1,5 @@
 """How far results are from those of an infinitely fine mesh, and how much time and memory a smaller error takes."""
 
-from .estimate import with_discretisation
+from .discretisation import with_discretisation
 
 __all__ = ["with_discretisation"]

@@ -1,20 +1,21 @@
 """Error bars: from the change of an eigenvalue when the mesh is refined once to a bound of its error.
 
 Halving the size of the elements multiplies an error by 2^-q. For smooth modes q is 4 with elements of order 2 and 2
-with elements of order 1; it falls to 1 where stresses are singular (edges of contacts, clamped edges, re-entrant
-corners). With Δλ the change by refining, the exact eigenvalue is λ + sΔλ, s = 1/(1 − 2^-q): between 16/15 and 2. Linear
-elements that are as thick as the part that they bend are so stiff that the error does not fall at its rate yet; so s
-goes up to 4 for order 1, which is q = 0.4. The bar is the largest s times |Δλ|, separately for the real and the
-imaginary part, with four corrections:
+with elements of order 1; it falls to 1 where stresses are singular, see `edges`. With Δλ the change by refining, the
+exact eigenvalue is λ + sΔλ, s = 1/(1 − 2^-q): between 16/15 and 2. Linear elements that are as thick as the part that
+they bend are so stiff that the error does not fall at its rate yet; so s goes up to 4 for order 1, which is q = 0.4.
+The bar is the largest s times |Δλ|, separately for the real and the imaginary part, with four corrections:
 
 - The error is a sum of parts with different q, and so different s. They may cancel in the change without cancelling in
-  the error. Where the parts are known, see `spread`, with every s between the limits the error is at most
-  (s₁ + s₂)/2 |Δ| + (s₂ − s₁)/2 Σ|parts|. That is the bar of growing modes and of onsets. For other modes, and for
-  linear elements, whose parts are wrong in size themselves, the real and the imaginary part of a bar are at least
-  `SHARE` times the bar that |Δλ| would give.
+  the error. Where the parts are known, see `spread`, a part of elements at singular edges has s from 16/15 to 2, and
+  any other one s up to 4/3: half the rate of smooth modes is allowed for elements that are too coarse for it. What the
+  parts, which are those of first order, leave of the change counts as singular. With every s between its limits s₁ and
+  s₂ the error is at most |Σ (s₁ + s₂)/2 part| + Σ (s₂ − s₁)/2 |part|. That is the bar of growing modes and of onsets.
+  For other modes, and for linear elements, whose parts are wrong in size themselves, the real and the imaginary part of
+  a bar are at least `SHARE` times the bar that |Δλ| would give.
 - Two modes that nearly meet have λ = m ± √D, and m and D change linearly with the mesh where λ does not. So m and D of
-  each mode and the nearest other one are extrapolated for all s in the range, and the bar reaches as far as λ then
-  does.
+  each mode and the nearest other one are extrapolated for all s in the range, see `pairs`, and the bar reaches as far
+  as λ then does.
 - A pair λ, −λ* may become two modes without growth on the refined mesh, each with a change of its own. The larger of
   the two changes counts for both.
 - Along the parameter the change may pass through zero at a value where the error does not. So a bar is the largest of
@@ -28,6 +29,7 @@ mode may lie on the other side of it (see `near_onsets`).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,40 +37,126 @@ import numpy as np
 # smallest of 2, 3 and 4 for which the bars contain the true error of at least 97 % of the modes, and of the growing
 # modes too, on the scenes `FITTED` of benchmarks/mesh_bars.py.
 BARS = {1: 4.0, 2: 2.0}
-SMALLEST_FACTOR = {1: 4 / 3, 2: 16 / 15}  # times the change, by the order of the elements: the smallest s
+# By the order of the elements: the smallest s, the one that values are extrapolated with, and the largest s, of regular
+# parts and of singular ones. For order 1 there is no difference, and the largest s is seldom reached.
+LIMITS = {
+    1: ((4 / 3, 1.4, BARS[1]), (4 / 3, 1.4, BARS[1])),
+    2: ((16 / 15, 1.2, 4 / 3), (16 / 15, 23 / 15, BARS[2])),
+}
+# Times the change of a mode whose parts are not known: what its value is extrapolated with, between the s of regular
+# and of singular parts.
+EXTRAPOLATED = 1.4
 # Times BARS |Δλ|: the least that either part of a bar is. Chosen: the scenes `FITTED` would do without it, and a scene
 # with a single layer of linear tetrahedra needed 0.18.
 SHARE = 0.25
 SMALLEST = 0.1  # of the interval of the sweep: errors of onsets at smaller values are relative to this
-_STEPS = 16  # equal steps of s in which m and D are extrapolated, so that the root √D can be followed
-_APART = 10.0  # times the change of either mode: modes farther apart than this are extrapolated each by itself
-_ROUNDING = 1e-6  # of the sum of two distances: a smaller difference between them is taken for rounding
 
 
-def bar_of_parts(change: np.ndarray, spread: np.ndarray, order: int) -> np.ndarray:
+@dataclass(frozen=True)
+class Parts:
+    """Parts of the changes of k quantities: those of regular elements first, then those of elements at singular edges.
+
+    Attributes
+    ----------
+    sums : (2, k) float
+        Σ parts; NaN of quantities whose parts are not known.
+    sizes : (2, k) float
+        Σ |parts|.
+    """
+
+    sums: np.ndarray
+    sizes: np.ndarray
+
+    @classmethod
+    def of(cls, parts: np.ndarray, singular: np.ndarray) -> Parts:
+        """Return the sums of the parts (g, k) of g groups of elements, some of which, (g,) bool, are singular."""
+        kinds = np.stack([~singular, singular]).astype(float)
+        return cls(kinds @ parts, kinds @ np.abs(parts))
+
+    @classmethod
+    def unknown(cls, count: int) -> Parts:
+        """Return those of quantities whose parts are not known."""
+        return cls(np.full((2, count), np.nan), np.full((2, count), np.nan))
+
+    @property
+    def known(self) -> np.ndarray:
+        """Which parts are known, (k,) bool."""
+        return np.asarray(np.isfinite(self.sizes).all(axis=0))
+
+    def at(self, positions: np.ndarray) -> Parts:
+        """Return those of some of the quantities, (p,) int."""
+        return Parts(self.sums[:, positions], self.sizes[:, positions])
+
+    def where(self, own: np.ndarray, other: Parts) -> Parts:
+        """Return those of the quantities of `own`, (k,) bool, and of `other` for the rest."""
+        return Parts(np.where(own, self.sums, other.sums), np.where(own, self.sizes, other.sizes))
+
+
+def bar_of_parts(change: np.ndarray, parts: Parts, order: int) -> np.ndarray:
     """Return the bars (k,) of quantities whose changes have parts that each count with a factor s of their own.
 
     Parameters
     ----------
     change : (k,) float
         By refining the mesh once.
-    spread : (k,) float
-        The sum of the sizes of its parts; NaN where it is not known, and |change| is taken.
+    parts : Parts
+        Of these changes. Where they are not known, the whole change counts as singular.
     order : int
         Of the elements.
 
     Examples
     --------
-    >>> bar_of_parts(np.array([0.0, 1.0]), np.array([15.0, 1.0]), 2)
-    array([7., 2.])
+    >>> parts = Parts(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[15.0, 1.0], [0.0, 0.0]]))
+    >>> bar_of_parts(np.array([0.0, 1.0]), parts, 2)  # 15 regular and -15 regular; 1 regular
+    array([2.        , 1.33333333])
+    >>> bar_of_parts(np.array([1.0]), Parts.unknown(1), 2)
+    array([2.])
     """
-    least, most = SMALLEST_FACTOR[order], BARS[order]
-    size = np.abs(change)
-    return np.asarray((most + least) / 2 * size + (most - least) / 2 * np.fmax(spread, size))
+    least, _, most = np.array(LIMITS[order]).T
+    sums, sizes, rest = _with_rest(change, parts)
+    middle, half = (most + least) / 2, (most - least) / 2
+    return np.asarray(np.abs(middle @ sums + middle[1] * rest) + half @ sizes + half[1] * np.abs(rest))
+
+
+def beyond(change: np.ndarray, parts: Parts, order: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far the likely exact values lie from those of the mesh (k,), and the bars (k,) of these likely values.
+
+    Parameters are those of `bar_of_parts`.
+
+    Examples
+    --------
+    >>> parts = Parts(np.array([[1.0], [0.0]]), np.array([[1.0], [0.0]]))
+    >>> [x.round(3).tolist() for x in beyond(np.array([1.0]), parts, 2)]
+    [[1.2], [0.133]]
+    """
+    least, likely, most = np.array(LIMITS[order]).T
+    sums, sizes, rest = _with_rest(change, parts)
+    width = np.maximum(most - likely, likely - least)
+    return np.asarray(likely @ sums + likely[1] * rest), np.asarray(width @ sizes + width[1] * np.abs(rest))
+
+
+def factors_of(change: np.ndarray, parts: Parts, order: int) -> np.ndarray:
+    """Return the smallest, the likely and the largest s (3, k) of quantities as wholes: means over the sizes of parts.
+
+    Where the parts are not known, these are the limits of singular parts, and `EXTRAPOLATED`.
+    """
+    _, sizes, rest = _with_rest(change, parts)
+    weights = sizes + np.stack([np.zeros(len(rest)), np.abs(rest)])
+    whole = weights.sum(axis=0)
+    share = np.divide(weights, whole, out=np.full(weights.shape, 0.5), where=whole > 0)
+    found = np.array(LIMITS[order]).T @ share
+    none = np.array([LIMITS[order][1][0], EXTRAPOLATED, BARS[order]])
+    return np.where(parts.known & np.isfinite(change), found, none[:, None])
+
+
+def _with_rest(change: np.ndarray, parts: Parts) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return `sums` and `sizes` (2, k), zero where not known, and what they leave of the change, (k,)."""
+    sums, sizes = (np.where(parts.known, x, 0.0) for x in (parts.sums, parts.sizes))
+    return sums, sizes, change - sums.sum(axis=0)
 
 
 def bar_of(
-    change: np.ndarray, bent: np.ndarray, balanced: np.ndarray, order: int, spread: np.ndarray | None = None
+    change: np.ndarray, bent: np.ndarray, balanced: np.ndarray, order: int, parts: Parts | None = None
 ) -> np.ndarray:
     """Return the bars (k,) complex, rad/s, of the modes at one value: that of Re λ plus i times that of Im λ.
 
@@ -82,96 +170,17 @@ def bar_of(
         Modes whose Re λ is zero on both meshes, by symmetry.
     order : int
         Of the elements.
-    spread : (k,) float, 1/s, optional
-        The sum of the sizes of the parts of Re Δλ; NaN where it is not known.
+    parts : Parts, 1/s, optional
+        Of Re Δλ.
     """
     factor = BARS[order]
     floor = SHARE * np.abs(change)
-    known = np.full(len(change), np.nan) if spread is None else spread
-    parted = np.isfinite(known) & (order > 1)
+    known = Parts.unknown(len(change)) if parts is None else parts
+    parted = known.known & (order > 1)
     least = np.maximum(factor * np.where(parted, 0.0, floor), bent.real)
     re = np.maximum(bar_of_parts(change.real, known, order), least)
     im = np.maximum(factor * np.maximum(np.abs(change.imag), floor), bent.imag)
     return np.where(balanced, 0.0, re) + 1j * im
-
-
-def bent_change(lam: np.ndarray, refined: np.ndarray, order: int) -> np.ndarray:
-    """Return how far each λ moves if it is extrapolated together with the nearest other mode, (k,) complex, rad/s.
-
-    The real part is the largest |Re λ(s) − Re λ| over all s from 1 to `BARS`, the imaginary part that of Im λ. With
-    m = (λ_i + λ_j)/2 and D = ((λ_i − λ_j)/2)², index 0 for the mesh and 1 for the refined one, λ(s) = m(s) ± √D(s),
-    m(s) = m₀ + s (m₁ − m₀), D(s) = D₀ + s (D₁ − D₀).
-
-    Parameters
-    ----------
-    lam, refined : (k,) complex, rad/s
-        The same modes on the mesh and on the refined one; NaN where a mode is not found again.
-    order : int
-        Order of the elements.
-    """
-    found = np.zeros(len(lam), dtype=complex)
-    known = np.flatnonzero(np.isfinite(refined) & (lam.imag > 0))
-    for i in known.tolist():
-        others = known[known != i]
-        if not len(others):
-            continue
-        apart = np.minimum(np.abs(lam[others] - lam[i]), np.abs(refined[others] - refined[i]))
-        j = int(others[np.argmin(apart)])
-        m, D = ((x[i] + x[j]) / 2 for x in (lam, refined)), (((x[i] - x[j]) / 2) ** 2 for x in (lam, refined))
-        (m0, m1), (D0, D1) = m, D
-        here, re, im = refined[i], 0.0, 0.0
-        for s in np.linspace(1.0, BARS[order], _STEPS + 1):
-            root = np.sqrt(D0 + s * (D1 - D0) + 0j)
-            ends = m0 + s * (m1 - m0) + np.array([root, -root])
-            here = ends[np.argmin(np.abs(ends - here))]
-            re, im = max(re, abs(here.real - lam[i].real)), max(im, abs(here.imag - lam[i].imag))
-        found[i] = re + 1j * im
-    return found
-
-
-def extrapolated(lam: np.ndarray, refined: np.ndarray, factor: float) -> np.ndarray:
-    """Return the eigenvalues extrapolated to s = factor, (k,) complex, rad/s.
-
-    Where two modes nearly meet, λ changes like a square root, so m and D of `bent_change` are extrapolated instead of
-    λ. A mode whose distance from all others is more than `_APART` times its change is extrapolated by itself:
-    λ + factor (refined − λ).
-
-    Parameters
-    ----------
-    lam, refined : (k,) complex, rad/s
-        The same modes on the mesh and on the refined one. `refined` is NaN where a mode is not found again; the result
-        is NaN there too.
-    factor : float
-        s: 1 gives the eigenvalues on the refined mesh.
-
-    Examples
-    --------
-    >>> extrapolated(np.array([10j, 99j]), np.array([9j, 99j]), 1.5).round(6)
-    array([0. +8.5j, 0.+99.j ])
-    >>> extrapolated(np.array([10j, 10.1j]), np.array([-0.1 + 10j, 0.1 + 10j]), 1.5).round(3)  # D: -0.0025, 0.01
-    array([-0.127+9.975j,  0.127+9.975j])
-    """
-    found = lam + factor * (refined - lam)
-    known = np.flatnonzero(np.isfinite(refined) & (lam.imag > 0))
-    for i in known.tolist():
-        others = known[known != i]
-        if not len(others):
-            continue
-        apart = np.minimum(np.abs(lam[others] - lam[i]), np.abs(refined[others] - refined[i]))
-        j = int(others[np.argmin(apart)])
-        if apart.min() > _APART * np.abs(refined - lam)[[i, j]].max():
-            continue
-        (m0, m1), (D0, D1) = (
-            [(x[i] + x[j]) / 2 for x in (lam, refined)], [((x[i] - x[j]) / 2) ** 2 for x in (lam, refined)]
-        )  # fmt: skip
-        # Mode i takes that of the roots ±√D which lies on its side of m on the refined mesh. If both are equally near,
-        # the mode with the lower number takes +√D and the other one −√D, so that the two still differ.
-        root, side = np.sqrt(D0 + factor * (D1 - D0) + 0j), (refined[i] - refined[j]) / 2
-        same, other = abs(root - side), abs(root + side)
-        is_clear = abs(same - other) > _ROUNDING * (same + other)
-        is_positive = same < other if is_clear else i < j
-        found[i] = m0 + factor * (m1 - m0) + (root if is_positive else -root)
-    return np.asarray(found)
 
 
 def mirrored(bars: np.ndarray, partner: np.ndarray) -> np.ndarray:

@@ -16,10 +16,11 @@ from ..mesh import LoadedMesh
 from ..scene import Scene
 from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
-from .bars import SMALLEST, bar_of_parts
+from .bars import SMALLEST, Parts, bar_of_parts
 from .candidates import ORDER, Candidate, finer_candidate, first_candidate, next_candidate
-from .estimate import COMPARED, changes_by, with_changes, with_discretisation
-from .groups import element_groups
+from .discretisation import with_changes, with_discretisation
+from .estimate import COMPARED, changes_by
+from .groups import element_groups, singular_groups
 from .quantities import KINDS, Split, split_changes
 from .refined import refine_problem, refined_memory
 
@@ -182,9 +183,9 @@ def choose(
 
 def _first_order_error(split: Split, assembly: Assembly) -> float:
     """Return the largest relative error by the bars that changes to first order and their parts give."""
-    _, groups = element_groups(assembly)
-    spread = np.abs(groups @ split.parts.reshape(len(split.names), groups.shape[1]).T).sum(axis=0)
-    return float((bar_of_parts(split.changes, spread, ORDER) / split.scales).max(initial=0.0))
+    names, groups = element_groups(assembly)
+    parts = Parts.of(groups @ split.parts.reshape(len(split.names), groups.shape[1]).T, singular_groups(names))
+    return float((bar_of_parts(split.changes, parts, ORDER) / split.scales).max(initial=0.0))
 
 
 def _swept(candidate: Candidate) -> Sweep:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from ..assembly.assembly import Assembly
 from ..assembly.places import held_places
 from ..mesh.groups import find_facets
 from .directions import element_directions
+from .edges import singular_elements
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,14 +20,15 @@ if TYPE_CHECKING:
     from .quantities import Split
 
 COLUMNS = ("quantity", "kind", "change", "scale", "body", "direction", "place", "part")
-PLACES = ("elsewhere", "contact", "support")
+PLACES = ("elsewhere", "contact", "support", "edge")
+EDGE = PLACES.index("edge")
 
 
 def element_places(assembly: Assembly) -> np.ndarray:
     """Return (m,) int where each element lies, as a position in `PLACES`.
 
-    An element lies at a support or at a contact if a node of it does; at a support, if at both. There, at the edges of
-    what holds a body, stresses may be singular.
+    An element lies at an edge where stresses are singular, see `edges`, at a support or at a contact if a node of it
+    does; at that which is named first here, if at several.
     """
     scene, loaded, space = assembly.scene, assembly.loaded, assembly.space
     facets = [find_facets(loaded, c.surface, f"contacts[{i}].surface") for i, c in enumerate(scene.contacts)]
@@ -40,6 +43,7 @@ def element_places(assembly: Assembly) -> np.ndarray:
             _mark(found, assembly, space.nodes_of(own), place)
     for own, _ in nodes:
         _mark(found, assembly, space.nodes_at(own), 2)
+    found[singular_elements(assembly)] = EDGE
     return found
 
 
@@ -78,6 +82,11 @@ def element_groups(assembly: Assembly) -> tuple[list[tuple[str, str, str]], sp.c
     names = [(bodies[i], str(kinds[j]), PLACES[k]) for i, j, k in zip(b, d, p, strict=True)]
     shape = (len(present), len(label))
     return names, sp.csr_array((np.ones(len(label)), (group, np.arange(len(label)))), shape=shape)
+
+
+def singular_groups(names: Sequence[tuple[str, str, str]]) -> np.ndarray:
+    """Return (g,) bool, which groups of `element_groups` have singular stresses."""
+    return np.array([place == PLACES[EDGE] for _, _, place in names], bool)
 
 
 def split_dataframe(split: Split, assembly: Assembly) -> pd.DataFrame:

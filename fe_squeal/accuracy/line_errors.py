@@ -14,9 +14,9 @@ import numpy as np
 
 from ..assembly.assembly import Assembly
 from ..geometry.base import Line
-from .bars import bar_of_parts
+from .bars import Parts, bar_of_parts
 from .directions import axis_names
-from .groups import PLACES, element_groups
+from .groups import element_groups, singular_groups
 from .quantities import Split
 
 # By the order of the elements: the error along a line falls like 1/(number of elements)^rate. In theory the rate is 2
@@ -49,8 +49,8 @@ class LineErrors:
         For a line with `places`, which element along it, from 0; else 0 for all of them.
     groups : (p,) int
         Parts of one group, see `element_groups`, fall alike, so that opposite ones cancel. Others may not.
-    held : (p,) bool
-        Parts of elements at a support.
+    singular : (p,) bool
+        Parts of elements where stresses are singular, see `edges`.
     order : int
         Of the elements.
     """
@@ -61,7 +61,7 @@ class LineErrors:
     along: np.ndarray
     layers: np.ndarray
     groups: np.ndarray
-    held: np.ndarray
+    singular: np.ndarray
     order: int = 2
 
     def at(self, lines: Mapping[str, Line]) -> np.ndarray:
@@ -71,7 +71,9 @@ class LineErrors:
             falls[self.along == key] = self.falls(key, lines[key], self.rates[key])
         found = np.zeros((1 + int(self.groups.max(initial=0)), self.parts.shape[1]))
         np.add.at(found, self.groups, falls[:, None] * self.parts)
-        return bar_of_parts(found.sum(axis=0), np.abs(found).sum(axis=0), self.order)
+        singular = np.zeros(len(found), bool)
+        singular[self.groups] = self.singular  # the same for all parts of a group
+        return bar_of_parts(found.sum(axis=0), Parts.of(found, singular), self.order)
 
     def falls(self, key: str, then: Line, rate: float) -> np.ndarray:
         """Return what the parts of a line are multiplied by if it gets other elements."""
@@ -81,7 +83,7 @@ class LineErrors:
         if now.places:
             for end, layer in ((0, 0), (-1, now.elements - 1)):
                 shorter = np.diff(then.places)[end] / np.diff(now.places)[end]
-                found[self.held[own] & (layers == layer)] = shorter**_HELD
+                found[self.singular[own] & (layers == layer)] = shorter**_HELD
         return found
 
     def largest(self, key: str) -> float:
@@ -129,7 +131,7 @@ def line_errors(split: Split, assembly: Assembly, before: LineErrors | None = No
     assert geometry is not None
     lines, axes, order = geometry.lines, axis_names(assembly), assembly.space.order
     names, groups = element_groups(assembly)
-    held = np.array([place == PLACES[-1] for _, _, place in names])
+    singular = singular_groups(names)
     group = groups.tocsc().indices.reshape(axes.shape)  # each axis of an element is in one group
     parts, along, layers, of_group = [], [], [], []
     for key, line in lines.items():
@@ -146,7 +148,7 @@ def line_errors(split: Split, assembly: Assembly, before: LineErrors | None = No
         of_group.append(label[1])
     found = LineErrors(
         lines, dict.fromkeys(lines, _RATES[order]), np.vstack(parts), np.array(along), np.concatenate(layers),
-        (of := np.concatenate(of_group)), held[of], order,
+        (of := np.concatenate(of_group)), singular[of], order,
     )  # fmt: skip
     if before is None:
         return found

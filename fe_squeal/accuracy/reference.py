@@ -8,14 +8,15 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from ..sweep.onset import Onset
-from .bars import SMALLEST
-from .estimate import COMPARED, EXTRAPOLATED, UNSURE, pair_onsets
+from .bars import EXTRAPOLATED, SMALLEST
+from .estimate import COMPARED, pair_onsets
 from .measure import Measurement
 
 # The cost of taking two modes for the same is (1 − MAC) + x/(1 + x), x = |λ₁ − λ₂| / (_FREQUENCY |λ₁|). Both summands
 # are between 0 and 1; from a cost of _NO_MATCH on they are different modes.
 _FREQUENCY = 0.1
 _NO_MATCH = 1.5
+_UNSURE = 0.4  # times the change: how far from EXTRAPOLATED times the change the error may be
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def reference_of(m: Measurement) -> Reference:
     onsets = m.onsets.copy()
     onsets[:, 0] += EXTRAPOLATED * np.nan_to_num(m.onset_changes)
     reference = as_reference(replace(m, lam=m.lam + EXTRAPOLATED * np.nan_to_num(m.changes), onsets=onsets))
-    unsure = UNSURE / EXTRAPOLATED  # the uncertainty, as a part of the distance between the result and the reference
+    unsure = _UNSURE / EXTRAPOLATED  # the uncertainty, as a part of the distance between the result and the reference
     errors = errors_of(m, reference)
     own = Errors(*(unsure * e for e in (errors.frequency, errors.growth, errors.onset)))
     return replace(reference, uncertainty=own)

@@ -1,4 +1,4 @@
-"""How far the parts of a change, which cancel in it, spread: by body, direction and place.
+"""The parts of a change, which may cancel in it, by body, direction and place.
 
 Refining the mesh changes a growth rate or an onset by a sum of parts p_g of groups of elements, see `shares`. Each part
 falls at a rate of its own, so that the exact value lies Σ s_g p_g away, with factors s_g between the limits of `bars`.
@@ -15,8 +15,9 @@ import numpy as np
 from ..eigen.blocks import cross, lift
 from ..eigen.pencil import Modes
 from ..sweep.result import Sweep, SweepPoint
+from .bars import Parts
 from .corrected import CorrectedModel
-from .groups import element_groups
+from .groups import element_groups, singular_groups
 from .rates import by_eigenvalue, onset_factor
 from .refined import Refined
 from .residuals import Residuals
@@ -62,12 +63,12 @@ def growth_asked(
     return grows, Asked(value, modes, 1 / by_eigenvalue(refined, value, modes))
 
 
-def spreads_of(
+def parts_of(
     result: Sweep, refined: Refined, corrected: CorrectedModel, growing: Sequence[tuple[np.ndarray, Asked]]
-) -> tuple[tuple[np.ndarray, ...], tuple[float, ...]]:
-    """Return sums of the sizes of parts: (k,) 1/s of every point, NaN for modes that do not grow, and of each onset.
+) -> tuple[tuple[Parts, ...], Parts]:
+    """Return the parts of the growth rates, 1/s, of every point, unknown for modes that do not grow, and of the onsets.
 
-    It is NaN of an onset, too, that has no mode of its frequency: a divergence.
+    They are unknown of an onset, too, that has no mode of its frequency: a divergence.
 
     Parameters
     ----------
@@ -86,23 +87,32 @@ def spreads_of(
         k, factor = onset_factor(refined, onset, modes) or (None, 0j)
         chosen = np.array([] if k is None else [k], int)
         onsets.append(Asked(onset.value, modes.select(chosen), np.full(len(chosen), factor)))
-    found = spreads(refined, corrected, [*(asked for _, asked in growing), *onsets])
-    by_point = []
-    for (grows, _), spread in zip(growing, found[: len(growing)], strict=True):
-        own = np.full(len(grows), np.nan)
-        own[grows] = spread
-        by_point.append(own)
-    return tuple(by_point), tuple(float(s[0]) if len(s) else np.nan for s in found[len(growing) :])
+    found = _parts(refined, corrected, [*(asked for _, asked in growing), *onsets])
+    by_point = [_among(grows, parts) for (grows, _), parts in zip(growing, found, strict=False)]
+    has_mode = np.array([len(asked.modes) > 0 for asked in onsets], bool)
+    return tuple(by_point), _among(has_mode, _joined(found[len(growing) :]))
 
 
-def spreads(refined: Refined, corrected: CorrectedModel, asked: Sequence[Asked]) -> list[np.ndarray]:
-    """Return Σ_g |p_g| (k,) of quantities, in their own units, for each of `asked`.
+def _joined(every: Sequence[Parts]) -> Parts:
+    none = np.zeros((2, 0))
+    return Parts(*(np.hstack([none, *of]) for of in ([p.sums for p in every], [p.sizes for p in every])))
+
+
+def _among(own: np.ndarray, parts: Parts) -> Parts:
+    """Return parts of all quantities from those of some, `own` (k,) bool; those of the others are not known."""
+    found = Parts.unknown(len(own))
+    found.sums[:, own], found.sizes[:, own] = parts.sums, parts.sizes
+    return found
+
+
+def _parts(refined: Refined, corrected: CorrectedModel, asked: Sequence[Asked]) -> list[Parts]:
+    """Return the parts of the changes of quantities, in their own units, for each of `asked`.
 
     P⁻¹r is taken from the corrected model's basis, which holds the corrections of modes at the ends of the sweep.
     """
     counts = [len(a.modes) for a in asked]
     if not sum(counts):
-        return [np.zeros(0) for _ in asked]
+        return [Parts.unknown(0) for _ in asked]
     own = [a for a in asked if len(a.modes)]
     residuals = Residuals(refined, [a.modes for a in own])
     rho = np.hstack([residuals.left(a.value, a.modes) for a in own])
@@ -110,7 +120,8 @@ def spreads(refined: Refined, corrected: CorrectedModel, asked: Sequence[Asked])
     z = lift(V, np.hstack([cross(V, residuals.right(a.value, a.modes)) for a in own]))
     del residuals
     hierarchy = refined.hierarchy
-    _, groups = element_groups(refined.coarse)
+    names, groups = element_groups(refined.coarse)
     factors = np.concatenate([a.factors for a in own])
     parts = np.real(factors * ((groups @ hierarchy.elements) @ hierarchy.at_nodes(rho, z)))
-    return np.split(np.abs(parts).sum(axis=0), np.cumsum(counts)[:-1])
+    every = np.split(parts, np.cumsum(counts)[:-1], axis=1)
+    return [Parts.of(found, singular_groups(names)) for found in every]

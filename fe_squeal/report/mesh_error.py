@@ -24,7 +24,10 @@ MAX_ROWS = 16
 MAX_BODIES = 6
 _COLOURS = ("#1b4965", "#d1495b", "#edae49", "#66a182")
 _WHOLE = "all"  # the direction of tetrahedra in mesh_error.csv: they have no axes to tell apart
-_PLACES = {"support": "elements at supports", "contact": "elements at contacts", "elsewhere": "other elements"}
+_PLACES = {
+    "edge": "elements at singular edges", "support": "other elements at supports", "contact": "elements at contacts",
+    "elsewhere": "other elements",
+}  # fmt: skip
 # Number of corners of a cell, and its faces by these, in VTK's order; the key is whether cells are hexahedra.
 _FACES = {
     True: (8, ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))),

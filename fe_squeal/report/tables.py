@@ -103,7 +103,7 @@ def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "") -> N
     mesh = numbers(ordered, "discretisation") if "discretisation" in ordered else np.full(len(ordered), np.nan)
     estimated = bool((~np.isnan(mesh)).any())
     beside = "mesh" if estimated else "two modes"
-    beyond = numbers(ordered, "value_extrapolated") if "value_extrapolated" in ordered else None
+    beyond = likely_values(ordered)
     more = () if beyond is None else ("extrapolated",)
     for head in (f"{symbol} at onset", "uncertainty", beside, *more, "frequency, Hz", "kind", "direction", "branches"):
         table.add_column(head, justify="left" if head in ("kind", "direction") else "right")
@@ -119,11 +119,24 @@ def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "") -> N
             other = "refined only" if partners[i][0] == 0 else "vanishes"
             guess = "?" if np.isnan(mesh[i]) else other if np.isinf(mesh[i]) else f"± {mesh[i]:.2g}"
         words = (str(row["kind"]), str(row["direction"]))
-        tends = () if beyond is None else ("" if np.isnan(beyond[i]) else f"{beyond[i]:.4g}",)
+        tends = () if beyond is None else (beyond[i],)
         table.add_row(f"{value[i]:.8g}", known, guess, *tends, f"{frequency[i]:.6g}", *words, pair)
     print_table(table, console)
     if len(ordered) > MAX_ROWS:
         console.print(Text(f"... {len(ordered) - MAX_ROWS} more in onsets.csv"))
+
+
+def likely_values(onsets: pd.DataFrame) -> list[str] | None:
+    """Return the likely values for an infinitely fine mesh with their bars, as texts; None where they are not known."""
+    if "value_extrapolated" not in onsets:
+        return None
+    value = numbers(onsets, "value_extrapolated")
+    # A folder of an earlier version has no bars of these values.
+    bar = numbers(onsets, "extrapolated_discretisation") if "extrapolated_discretisation" in onsets else 0 * value
+    return [
+        "" if np.isnan(v) else f"{v:.4g} ± {b:.1g}" if np.isfinite(b) and b > 0 else f"{v:.4g}"
+        for v, b in zip(value.tolist(), bar.tolist(), strict=True)
+    ]
 
 
 class UnstableInterval(NamedTuple):

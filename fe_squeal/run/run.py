@@ -262,7 +262,8 @@ def _explained(result: Sweep, scene: Scene | MatrixScene) -> Sweep:
 
 def _estimated(result: Sweep, solver: LinearSolver, console: Console) -> tuple[Sweep, Split | None]:
     """Return the sweep with the error of the mesh, and where it comes from; if that fails, with a warning, and None."""
-    from ..accuracy.estimate import changes_by, with_changes
+    from ..accuracy.discretisation import with_changes
+    from ..accuracy.estimate import changes_by
     from ..accuracy.quantities import split_changes
     from ..accuracy.refined import refine_problem
 

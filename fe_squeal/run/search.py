@@ -51,7 +51,7 @@ class _Before(_Table):
     along: list[str]
     layers: list[Annotated[int, Field(ge=0)]]
     groups: list[Annotated[int, Field(ge=0)]]
-    held: list[bool]
+    singular: list[bool]
     parts: list[list[_Number]]
 
 
@@ -139,7 +139,7 @@ def _before(errors: LineErrors | None) -> dict[str, Any] | None:
         "elements": {key: line.elements for key, line in errors.lines.items()},
         "places": {key: line.places for key, line in errors.lines.items()}, "rates": dict(errors.rates),
         "along": errors.along.tolist(), "layers": errors.layers.tolist(), "groups": errors.groups.tolist(),
-        "held": errors.held.tolist(), "parts": errors.parts.tolist(),
+        "singular": errors.singular.tolist(), "parts": errors.parts.tolist(),
     }  # fmt: skip
 
 
@@ -153,9 +153,9 @@ def _line_errors(scene: Scene, before: _Before | None) -> LineErrors | None:
         raise ValueError("the lines are others")
     lines = {key: replace(line, places=tuple(before.places[key])) for key, line in own.items()}
     along, layers, groups = np.array(before.along, str), np.array(before.layers, int), np.array(before.groups, int)
-    parts, held = np.array(before.parts, float), np.array(before.held, bool)
-    if not len(parts) == len(along) == len(layers) == len(groups) == len(held) or parts.ndim != 2:
+    parts, singular = np.array(before.parts, float), np.array(before.singular, bool)
+    if not len(parts) == len(along) == len(layers) == len(groups) == len(singular) or parts.ndim != 2:
         raise ValueError("the parts are not those of the lines")
     if any(n >= max(len(before.places[key]) - 1, 1) for key, n in zip(before.along, before.layers, strict=True)):
         raise ValueError("a layer is not one of its line")
-    return LineErrors(lines, before.rates, parts, along, layers, groups, held)
+    return LineErrors(lines, before.rates, parts, along, layers, groups, singular)

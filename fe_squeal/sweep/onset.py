@@ -36,6 +36,8 @@ class Onset:
         Error of `value` by the mesh; NaN where it is not estimated.
     extrapolated : float
         The likely value for an infinitely fine mesh; NaN where it is not estimated.
+    extrapolated_discretisation : float
+        Error of `extrapolated`.
     """
 
     parameter: str
@@ -50,3 +52,4 @@ class Onset:
     two_mode_value: float = np.nan
     discretisation: float = np.nan
     extrapolated: float = np.nan
+    extrapolated_discretisation: float = np.nan

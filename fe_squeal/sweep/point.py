@@ -60,6 +60,8 @@ class SweepPoint:
     extrapolated : (k,) complex or None, rad/s
         Likely λ for an infinitely fine mesh, where that is estimated; NaN for a mode that the refined mesh does not
         have.
+    extrapolated_discretisation : (k,) complex or None, rad/s
+        Errors of the real and the imaginary part of `extrapolated`.
     above : tuple of complex, rad/s
         Unstable λ above the modes that were asked for, if the solver happened to find any.
     between : bool
@@ -77,6 +79,7 @@ class SweepPoint:
     pressed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     discretisation: np.ndarray | None = None
     extrapolated: np.ndarray | None = None
+    extrapolated_discretisation: np.ndarray | None = None
     above: tuple[complex, ...] = ()
     between: bool = False
     description: Mapping[str, Sequence[object]] = field(default_factory=dict)

@@ -109,7 +109,7 @@ class Sweep:
         """Return a row per mode and value, with the columns of modes.csv; λ as re and im, 1/s and rad/s.
 
         If the error of the mesh was estimated, `re_extrapolated` and `im_extrapolated` are the likely values for an
-        infinitely fine mesh.
+        infinitely fine mesh, and `re_extrapolated_discretisation` and `im_extrapolated_discretisation` their errors.
         """
         import pandas as pd
 
@@ -130,8 +130,13 @@ class Sweep:
         frame = pd.DataFrame(rows, columns=list(MODE_COLUMNS))
         if any(point.extrapolated is not None for point in self.points):
             unknown = np.nan * (1 + 1j)
-            lam = np.concatenate([np.full(len(p.modes), unknown) if p.extrapolated is None else p.extrapolated
-                                  for p in self.points])  # fmt: skip
+
+            def column(of: str) -> np.ndarray:
+                own = [(np.full(len(p.modes), unknown), getattr(p, of)) for p in self.points]
+                return np.concatenate([none if known is None else known for none, known in own])
+
+            bar, lam = column("extrapolated_discretisation"), column("extrapolated")
+            frame["re_extrapolated_discretisation"], frame["im_extrapolated_discretisation"] = bar.real, bar.imag
             frame["re_extrapolated"], frame["im_extrapolated"] = lam.real, lam.imag
         counts = ["nodal_diameters", "nodal_circles", "other_nodal_diameters"]
         shares = ["out_of_plane", "body_share", "nodal_diameters_share", "other_share", "travelling"]
@@ -140,7 +145,8 @@ class Sweep:
     def onsets_dataframe(self) -> pd.DataFrame:
         """Return a row per onset, with the columns of onsets.csv.
 
-        If the error of the mesh was estimated, `value_extrapolated` is the likely value for an infinitely fine mesh.
+        If the error of the mesh was estimated, `value_extrapolated` is the likely value for an infinitely fine mesh,
+        and `extrapolated_discretisation` its error.
         """
         import pandas as pd
 
@@ -151,6 +157,7 @@ class Sweep:
         ]  # fmt: skip
         frame = pd.DataFrame(rows, columns=list(ONSET_COLUMNS))
         if any(point.extrapolated is not None for point in self.points):
+            frame["extrapolated_discretisation"] = [o.extrapolated_discretisation for o in self.onsets]
             frame["value_extrapolated"] = [o.extrapolated for o in self.onsets]
         return frame.astype({"branch_a": "Int64", "branch_b": "Int64"})
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fe_squeal.accuracy.adapt import finer_geometry, told
-from fe_squeal.accuracy.bars import bar_of_parts
+from fe_squeal.accuracy.bars import Parts, bar_of_parts
 from fe_squeal.accuracy.candidates import marked_elements
 from fe_squeal.accuracy.line_errors import LineErrors, layer_factors
 from fe_squeal.accuracy.quantities import Split
@@ -37,7 +37,7 @@ def counts(geometry):
 
 
 def test_the_line_that_errs_is_cut():
-    errors = errors_of(([0.04], [0.0], [0.0]))  # a bar of twice this change
+    errors = errors_of(([0.06], [0.0], [0.0]))  # a bar of 4/3 of this change
     finer = finer_geometry(errors, BLOCK, 0.02)
     assert counts(finer) == {"elements_x": 16, "elements_y": 4, "layers": 2}
     assert errors.at(finer.lines)[0] == pytest.approx(0.02)
@@ -80,7 +80,9 @@ def test_a_far_target_is_approached_in_steps():
 def test_parts_of_opposite_sign_do_not_pass_for_accuracy():
     """The bar expected now is the bar of the parts: those of one group cancel, those of two do not."""
     errors = errors_of(([0.1], [-0.1], [0.0]))
-    assert errors.at(BLOCK.lines) == pytest.approx(bar_of_parts(np.array([0.0]), np.array([0.2]), 2))
+    parts = Parts.of(np.array([[0.1], [-0.1]]), np.array([False, False]))
+    assert errors.at(BLOCK.lines) == pytest.approx(bar_of_parts(np.array([0.0]), parts, 2))
+    assert errors.at(BLOCK.lines) == pytest.approx(0.2 * (4 / 3 - 16 / 15) / 2)
     alike = replace(errors, groups=np.zeros(3, int))
     assert alike.at(BLOCK.lines) == pytest.approx(0.0)
 

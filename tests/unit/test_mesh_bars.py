@@ -11,8 +11,10 @@ from rich.console import Console
 from scene_texts import write_scene
 
 import fe_squeal
-from fe_squeal.accuracy.bars import BARS, SHARE, bar_of, bent_change, enveloped
-from fe_squeal.accuracy.estimate import Changes, near_onsets, refined_changes, with_changes, with_discretisation
+from fe_squeal.accuracy.bars import BARS, SHARE, bar_of, enveloped
+from fe_squeal.accuracy.discretisation import near_onsets, with_changes, with_discretisation
+from fe_squeal.accuracy.estimate import Changes, refined_changes
+from fe_squeal.accuracy.pairs import bent_change
 from fe_squeal.report.tables import print_onsets
 
 

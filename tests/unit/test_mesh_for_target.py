@@ -238,7 +238,7 @@ def test_what_is_kept_of_a_search_belongs_together(tmp_path, monkeypatch):
         assert np.isnan(found.error) and "error not known" in str(found)
         assert again.scene.mesh.geometry == finer.scene.mesh.geometry and again.unknowns == finer.unknowns
         assert again.errors.lines == finer.errors.lines and again.errors.rates == finer.errors.rates
-        for name in ("parts", "along", "layers", "groups", "held"):
+        for name in ("parts", "along", "layers", "groups", "singular"):
             np.testing.assert_array_equal(getattr(again.errors, name), getattr(finer.errors, name))
         assert sorted(p.name for p in (tmp_path / "out" / "checkpoint").iterdir()) == ["next_1.msh", "search.json"]
 

@@ -15,7 +15,7 @@ from fe_squeal.report.page import verdict
 from fe_squeal.report.page.charts import law_text
 from fe_squeal.report.page.markup import bullets, image, paragraph, table, text
 from fe_squeal.report.results import Results
-from fe_squeal.report.tables import UnstableInterval, with_uncertainty
+from fe_squeal.report.tables import UnstableInterval, likely_values, with_uncertainty
 from fe_squeal.report.terms import ELASTIC, MASS, TermName, term_of
 
 _MOST_MODES = 40  # unstable modes with a section of their own, at most
@@ -46,14 +46,14 @@ def onset_table(results: Results) -> str:
     symbol = parameter_symbol(results.parameter)
     value, solver = numbers(onsets, "value"), numbers(onsets, "uncertainty")
     mesh, two = numbers(onsets, "discretisation"), numbers(onsets, "two_mode_value")
-    beyond = numbers(onsets, "value_extrapolated") if "value_extrapolated" in onsets else None
+    beyond = likely_values(onsets)
     rows = []
     for i, (told, row) in enumerate(zip(distinct_texts(value, "g"), onsets.to_dict("records"), strict=True)):
         pair = " + ".join(f"{row[k]:.0f}" for k in ("branch_a", "branch_b") if row.get(k) == row.get(k) and row.get(k))
         rows.append((
             told, row.get("kind", ""), row.get("direction", ""), law_text(row, symbol),
             frequency_text(float(row["frequency_hz"])), pair, _number(solver[i], ".1e"), _number(mesh[i], ".2g"),
-            *((_number(beyond[i], ".6g"),) if beyond is not None else ()), _number(two[i], ".4g"),
+            *((beyond[i] or "–",) if beyond is not None else ()), _number(two[i], ".4g"),
         ))  # fmt: skip
     heads = (symbol, "kind", "direction", "growth behind it", "frequency", "branches", "± solver", "± mesh",
              *(("extrapolated",) if beyond is not None else ()), "two modes alone")  # fmt: skip

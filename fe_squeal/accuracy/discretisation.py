@@ -1,0 +1,176 @@
+"""Error bars: how far modes and onsets are from those of an infinitely fine mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..assembly.assembly import Assembly
+from ..eigen.linear.factor import LinearSolver
+from ..sweep.onset import Onset
+from ..sweep.point import SweepPoint
+from ..sweep.result import Sweep
+from ..sweep.tracking import mirror_partners
+from .bars import SHARE, Parts, bar_of, bar_of_parts, beyond, enveloped, factors_of, mirrored
+from .estimate import Changes, refined_changes
+from .pairs import bent_change, extrapolated
+
+
+def with_discretisation(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Sweep:
+    """Return a sweep with the error of the mesh on all modes and onsets, by the rules of `bars`.
+
+    `discretisation` of each point (k,) complex holds the bars of Re λ and Im λ, rad/s, that of each onset the bar of
+    its value; `extrapolated` holds the likely values for an infinitely fine mesh, and `extrapolated_discretisation`
+    the bars of these. An onset that only one of the mesh and the refined mesh has is listed with an infinite error.
+
+    Parameters
+    ----------
+    result : Sweep
+        Sweep of a problem that was assembled from a mesh.
+    linear_solver : LinearSolver or str
+        As for `sweep`.
+
+    Raises
+    ------
+    SceneError
+        The problem has no mesh.
+    TooLargeError
+        The refined mesh does not fit into memory.
+    NotConvergedError
+        The modes on the refined mesh are not found, or the mixed formulation has functions that it does not have.
+    """
+    return with_changes(result, refined_changes(result, linear_solver))
+
+
+def with_changes(result: Sweep, changes: Changes) -> Sweep:
+    """Return a sweep with the error of the mesh, see `with_discretisation`, from changes that are known already."""
+    order = result.problem.source.space.order if isinstance(result.problem.source, Assembly) else 2
+    unknown = tuple(Parts.unknown(len(point.modes)) for point in result.points)
+    found = [
+        _bars(point, change, parts, spectrum, order, result.problem.is_damped)
+        for point, change, parts, spectrum in zip(
+            result.points, changes.modes, changes.parts or unknown, changes.spectra, strict=True
+        )
+    ]
+    branches, parted = [point.branches for point in result.points], [f.parted for f in found]
+    wide = enveloped([f.bars for f in found], branches, parted)
+    narrow = enveloped([f.bars_beyond for f in found], branches, parted)
+    onsets = _onsets(result.onsets, changes, order)
+    likely = [replace(o, value=o.extrapolated, discretisation=o.extrapolated_discretisation) for o in onsets]
+    points = [
+        replace(
+            point, discretisation=near_onsets(point, bar, onsets), extrapolated=own.extrapolated,
+            extrapolated_discretisation=near_onsets(point, other, likely),
+        )
+        for point, own, bar, other in zip(result.points, found, wide, narrow, strict=True)
+    ]  # fmt: skip
+    warnings, name = list(result.warnings), result.parameter
+    lost = sum(int(np.isnan(c).sum()) for c in changes.modes)
+    if lost:
+        warnings.append(f"the error of the mesh is not known for {lost} modes: refined, they are others")
+    for onset in onsets:
+        if np.isinf(onset.discretisation):
+            warnings.append(f"the onset at {_told(onset, name)}, vanishes on the refined mesh")
+    warnings += [f"an onset at {_told(onset, name)}, appears on the refined mesh alone" for onset in changes.appeared]
+    listed = sorted([*onsets, *changes.appeared], key=lambda o: o.value)
+    return replace(result, points=tuple(points), onsets=tuple(listed), warnings=tuple(warnings))
+
+
+@dataclass(frozen=True)
+class _Bars:
+    """Of the k modes at one value: their bars, rad/s, their likely values, and the bars of these.
+
+    Bars of Re λ are the real parts, those of Im λ the imaginary ones. `parted` (k,) bool tells of which modes the parts
+    of the change are known.
+    """
+
+    bars: np.ndarray
+    extrapolated: np.ndarray
+    bars_beyond: np.ndarray
+    parted: np.ndarray
+
+
+def _bars(
+    point: SweepPoint, change: np.ndarray, parts: Parts, spectrum: tuple[np.ndarray, np.ndarray, np.ndarray],
+    order: int, is_damped: bool,
+) -> _Bars:  # fmt: skip
+    """Return the bars of a point's modes by the rules of `bars`; parameters are those of `Changes`."""
+    (lam, refined, modes), partner = spectrum, mirror_partners(point.modes)
+    parts = parts.where(parts.known | (partner < 0), parts.at(partner))
+    uncertain = point.modes.re_uncertainty
+    still = (np.abs(point.modes.lam.real) <= uncertain) & (not is_damped)
+    balanced = still & (np.abs(np.nan_to_num(change).real) <= uncertain)
+    factors = factors_of(change.real, parts, order)
+    of_all = factors_of(np.zeros(len(lam)), Parts.unknown(len(lam)), order)
+    of_all[:, modes] = factors
+    least, likely, most = of_all
+    bent = bent_change(lam, refined, order, most)[modes]
+    bars = bar_of(change, bent, balanced, order, parts)
+
+    beyond_pairs = extrapolated(lam, refined, likely)
+    further = bent_change(lam, refined, order, most, least, beyond_pairs)[modes]
+    moved = (beyond_pairs - lam)[modes]
+    shift, width = beyond(change.real, parts, order)
+    alone = parts.known & (moved == (likely * (refined - lam))[modes])
+    moved = np.where(alone, shift + 1j * moved.imag, moved)
+    half = np.maximum(factors[2] - factors[1], factors[1] - factors[0])
+    re, im = (half * np.maximum(np.abs(x), SHARE * np.abs(change)) for x in (change.real, change.imag))
+    re = np.maximum(np.where(parts.known, width, re), further.real)
+    im = np.maximum(im, further.imag)
+    values = point.modes.lam + np.where(balanced, 1j * moved.imag, moved)
+    values = np.where(balanced, 1j * values.imag, values)
+    both = [mirrored(bar, partner) for bar in (bars, np.where(balanced, 0.0, re) + 1j * im)]
+    return _Bars(both[0], values, both[1], parts.known)
+
+
+def _onsets(onsets: Sequence[Onset], changes: Changes, order: int) -> list[Onset]:
+    """Return onsets with their bars, their likely values, and the bars of these; infinite where they are not known."""
+    change = np.array(changes.onsets)
+    parts = changes.onset_parts or Parts.unknown(len(change))
+    bars, (shift, width) = bar_of_parts(change, parts, order), beyond(change, parts, order)
+    unknown = ~parts.known
+    factors = factors_of(change, parts, order)
+    shift = np.where(unknown, factors[1] * change, shift)
+    half = np.maximum(factors[2] - factors[1], factors[1] - factors[0])
+    width = np.where(unknown, half * np.abs(change), width)
+    return [
+        replace(
+            onset, discretisation=np.inf if np.isnan(bar) else bar, extrapolated=onset.value + s,
+            extrapolated_discretisation=np.inf if np.isnan(w) else w,
+        )
+        for onset, bar, s, w in zip(onsets, bars.tolist(), shift.tolist(), width.tolist(), strict=True)
+    ]  # fmt: skip
+
+
+def _told(onset: Onset, name: str) -> str:
+    """Return which onset it is, in words; `name` is that of the parameter."""
+    return f"{name} = {onset.value:.6g}, {onset.frequency_hz:.5g} Hz, {onset.direction} instability"
+
+
+def near_onsets(point: SweepPoint, bar: np.ndarray, onsets: Sequence[Onset]) -> np.ndarray:
+    """Return the bars (k,) complex, rad/s, widened where an onset may lie on the other side of the point.
+
+    If the distance d of the point from the onset is less than the error e of the onset, its modes may be stable or
+    unstable. Their growth rate is then uncertain by c √(d + e) where two modes meet, and by c (d + e) where one mode
+    crosses alone; c is the crossing speed of the onset.
+
+    Parameters
+    ----------
+    point : SweepPoint
+    bar : (k,) complex, rad/s
+        The bars of its modes, of Re λ and of Im λ.
+    onsets : sequence of Onset
+        With the error of the mesh.
+    """
+    wide = bar.copy()
+    for onset in onsets:
+        error, speed = onset.discretisation, abs(onset.crossing_speed)
+        apart = abs(point.value - onset.value)
+        if not (np.isfinite(error) and np.isfinite(speed) and apart <= error):
+            continue
+        reach = speed * (np.sqrt(apart + error) if onset.branch_b is not None else apart + error)
+        own = np.isin(point.branches, [b for b in (onset.branch_a, onset.branch_b) if b])
+        wide.real = np.where(own, np.maximum(wide.real, reach), wide.real)
+    return wide

@@ -1,0 +1,138 @@
+"""Elements at edges where stresses are singular, so that errors fall slowly as elements become smaller.
+
+Near an edge of a body the displacement is r^α g(θ) plus what is smooth, r being the distance from the edge, and the
+errors of eigenvalues in the elements at the edge fall like h^(2α) (Grisvard, Singularities in boundary value problems,
+1992; Leguillon, Sanchez-Palencia, 1987). α is below 1, where
+
+- a free surface turns inwards (α falls from 1 at an angle of 180° inside the material to 0.5 at a crack);
+- what holds the surface ends (0.7 at a right angle on steel, 0.5 on a flat surface);
+- two materials that are joined come to the surface together.
+
+A motion that is held along the normal alone, or along the surface alone, is the half of one that is symmetric or
+antisymmetric. Such a surface counts as the inside of a body twice as large. Elsewhere, and where tractions are bounded,
+as under springs and at the edges of a contact that is soft beside the body, errors fall at the rate of the elements.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..assembly.assembly import Assembly
+from ..assembly.places import held_places
+from ..fem.cells import geometry_map
+from ..mesh import LoadedMesh
+from ..mesh.groups import find_facets
+
+_INWARDS = 20.0  # degrees: an angle between facets that is larger than 180° by more than this turns inwards
+_RIGHT = 100.0  # degrees: up to this angle a mirrored body has no edge that turns inwards
+_ALONG = 0.99  # cosine: a normal counts as one of the axes
+_AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Edges:
+    """The e edges on the surface of a mesh.
+
+    Attributes
+    ----------
+    nodes : (e, 2) int
+        Corners at the ends, as columns of `mesh.p`.
+    elements : (e, 2) int
+        The elements of the two facets that meet there; of two of them where more meet.
+    facets : (e, 2) int
+        These facets.
+    angle : (e,) float, degrees
+        Between the facets, through the material; NaN where more than two meet.
+    normals : (e, 2, 3) float
+        Outward normals of the two facets at the middle of the edge.
+    """
+
+    nodes: np.ndarray
+    elements: np.ndarray
+    facets: np.ndarray
+    angle: np.ndarray
+    normals: np.ndarray
+
+
+def singular_elements(assembly: Assembly) -> np.ndarray:
+    """Return (m,) bool, which elements have a node on an edge where stresses are singular, or on a held node set.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    """
+    mesh, scene = assembly.loaded.mesh, assembly.scene
+    edges = surface_edges(assembly.loaded)
+    held = _held_components(assembly)[edges.facets]  # (e, 2)
+    material = np.zeros(mesh.nelements, int)
+    names = list(scene.materials)
+    for name, cells in assembly.bodies.items():
+        material[cells] = names.index(scene.bodies[name].material)
+    joined = material[edges.elements[:, 0]] != material[edges.elements[:, 1]]
+    alike = held[:, 0] == held[:, 1]
+    mirrored = [_is_mirror(held[:, i], edges.normals[:, i]) | (held[:, i] == 0) for i in (0, 1)]
+    smooth = (alike & (edges.angle <= 180.0 + _INWARDS)) | (mirrored[0] & mirrored[1] & (edges.angle <= _RIGHT))
+    corner = np.zeros(mesh.p.shape[1], bool)
+    corner[edges.nodes[~smooth | joined]] = True
+    found = np.asarray(corner[mesh.t].any(axis=0))
+    marked = np.zeros(mesh.doflocs.shape[1], bool)
+    for nodes, _ in held_places(scene, assembly.loaded)[1]:
+        marked[nodes] = True
+    return found | np.asarray(marked[mesh.dofs.element_dofs].any(axis=0))
+
+
+def surface_edges(loaded: LoadedMesh) -> Edges:
+    """Return the edges of a mesh that lie on its surface, each with the facets that meet there.
+
+    Normals and angles are those of curved facets at the middle of the edge.
+    """
+    mesh = loaded.mesh
+    facets = mesh.boundary_facets()
+    cells = mesh.f2t[0, facets]
+    local = (mesh.t2f[:, cells] == facets).argmax(axis=0)
+    reference = mesh.elem.refdom
+    places = np.asarray(reference.p, float)
+    rows = []
+    for k, corners in enumerate(reference.facets):
+        own = np.flatnonzero(local == k)
+        normal = np.cross(*(places[:, corners[i]] - places[:, corners[0]] for i in (1, 2)))
+        middle = places[:, corners].mean(axis=1)
+        normal = normal * np.sign(normal @ (middle - places.mean(axis=1)))
+        for ends in ([e for e in reference.edges if set(e) <= set(corners)] if len(own) else ()):
+            at = places[:, ends].mean(axis=1)
+            _, J = geometry_map(mesh, cells[own], np.repeat(at[:, None], len(own), axis=1))
+            J = J.transpose(2, 0, 1)
+            outward = np.linalg.solve(J.transpose(0, 2, 1), np.broadcast_to(normal[:, None], (len(own), 3, 1)))[..., 0]
+            outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+            rows.append((np.sort(mesh.t[ends][:, cells[own]].T, axis=1), own, outward, J @ (middle - at)))
+    nodes, own, outward, inside = (np.concatenate(column) for column in zip(*rows, strict=True))
+    key, inverse, count = np.unique(nodes, axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(inverse.ravel(), kind="stable")
+    start = np.concatenate([[0], np.cumsum(count)[:-1]])
+    pair = np.stack([order[start], order[start + count - 1]], axis=1)  # rows of the two facets, where there are two
+    n = outward[pair]
+    turn = np.degrees(np.arccos(np.clip(np.einsum("ei,ei->e", n[:, 0], n[:, 1]), -1.0, 1.0)))
+    inwards = np.einsum("ei,ei->e", n[:, 0], inside[pair[:, 1]]) > 0
+    angle = np.where(count == 2, 180.0 + np.where(inwards, turn, -turn), np.nan)
+    return Edges(key, cells[own[pair]], facets[own[pair]], angle, n)
+
+
+def _held_components(assembly: Assembly) -> np.ndarray:
+    """Return for each facet of the mesh the components that are held there, as bits: 1, 2 and 4 for x, y and z."""
+    found = np.zeros(assembly.loaded.mesh.facets.shape[1], int)
+    for facets, fixed in held_places(assembly.scene, assembly.loaded)[0]:
+        found[facets] |= sum(1 << _AXES.index(c) for c in set(fixed))
+    for i, tie in enumerate(assembly.scene.rigid):
+        if tie.kind == "surface":
+            found[find_facets(assembly.loaded, tie.group, f"rigid[{i}].surface")] |= 7
+    return found
+
+
+def _is_mirror(held: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return (e,) bool, where the normal motion alone is held, or the two others alone."""
+    axis = np.abs(normals).argmax(axis=1)
+    along = np.abs(normals).max(axis=1) >= _ALONG
+    normal = 1 << axis
+    return np.asarray(along & ((held == normal) | (held == 7 - normal)))

@@ -1,0 +1,102 @@
+"""Extrapolation of two modes that nearly meet: their mean and the square of their difference change linearly."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .bars import BARS
+
+_STEPS = 16  # equal steps of s in which m and D are extrapolated, so that the root √D can be followed
+_APART = 10.0  # times the change of either mode: modes farther apart than this are extrapolated each by itself
+_ROUNDING = 1e-6  # of the sum of two distances: a smaller difference between them is taken for rounding
+
+
+def bent_change(
+    lam: np.ndarray, refined: np.ndarray, order: int, most: np.ndarray | None = None, least: np.ndarray | None = None,
+    about: np.ndarray | None = None,
+) -> np.ndarray:  # fmt: skip
+    """Return how far each λ moves if it is extrapolated together with the nearest other mode, (k,) complex, rad/s.
+
+    The real part is the largest |Re λ(s) − Re λ| over all s from `least` to `most`, the imaginary part that of Im λ.
+    With m = (λ_i + λ_j)/2 and D = ((λ_i − λ_j)/2)², index 0 for the mesh and 1 for the refined one,
+    λ(s) = m(s) ± √D(s), m(s) = m₀ + s (m₁ − m₀), D(s) = D₀ + s (D₁ − D₀).
+
+    Parameters
+    ----------
+    lam, refined : (k,) complex, rad/s
+        The same modes on the mesh and on the refined one; NaN where a mode is not found again.
+    order : int
+        Order of the elements.
+    most, least : (k,) float, optional
+        The largest s of each mode, `BARS` if not given, and the smallest, 1 if not given.
+    about : (k,) complex, rad/s, optional
+        What distances are measured from, instead of λ.
+    """
+    found = np.zeros(len(lam), dtype=complex)
+    start = lam if about is None else about
+    first = np.ones(len(lam)) if least is None else least
+    last = np.full(len(lam), BARS[order]) if most is None else most
+    known = np.flatnonzero(np.isfinite(refined) & (lam.imag > 0))
+    for i in known.tolist():
+        others = known[known != i]
+        if not len(others):
+            continue
+        apart = np.minimum(np.abs(lam[others] - lam[i]), np.abs(refined[others] - refined[i]))
+        j = int(others[np.argmin(apart)])
+        m, D = ((x[i] + x[j]) / 2 for x in (lam, refined)), (((x[i] - x[j]) / 2) ** 2 for x in (lam, refined))
+        (m0, m1), (D0, D1) = m, D
+        here, re, im = refined[i], 0.0, 0.0
+        for s in np.linspace(1.0, last[i], _STEPS + 1):
+            root = np.sqrt(D0 + s * (D1 - D0) + 0j)
+            ends = m0 + s * (m1 - m0) + np.array([root, -root])
+            here = ends[np.argmin(np.abs(ends - here))]
+            if s >= first[i]:
+                re, im = max(re, abs(here.real - start[i].real)), max(im, abs(here.imag - start[i].imag))
+        found[i] = re + 1j * im
+    return found
+
+
+def extrapolated(lam: np.ndarray, refined: np.ndarray, factor: float | np.ndarray) -> np.ndarray:
+    """Return the eigenvalues extrapolated to s = factor, (k,) complex, rad/s.
+
+    Where two modes nearly meet, λ changes like a square root, so m and D of `bent_change` are extrapolated instead of
+    λ. A mode whose distance from all others is more than `_APART` times its change is extrapolated by itself:
+    λ + factor (refined − λ).
+
+    Parameters
+    ----------
+    lam, refined : (k,) complex, rad/s
+        The same modes on the mesh and on the refined one. `refined` is NaN where a mode is not found again; the result
+        is NaN there too.
+    factor : float or (k,) float
+        s, of all modes or of each: 1 gives the eigenvalues on the refined mesh.
+
+    Examples
+    --------
+    >>> extrapolated(np.array([10j, 99j]), np.array([9j, 99j]), 1.5).round(6)
+    array([0. +8.5j, 0.+99.j ])
+    >>> extrapolated(np.array([10j, 10.1j]), np.array([-0.1 + 10j, 0.1 + 10j]), 1.5).round(3)  # D: -0.0025, 0.01
+    array([-0.127+9.975j,  0.127+9.975j])
+    """
+    s = np.broadcast_to(factor, lam.shape)
+    found = lam + s * (refined - lam)
+    known = np.flatnonzero(np.isfinite(refined) & (lam.imag > 0))
+    for i in known.tolist():
+        others = known[known != i]
+        if not len(others):
+            continue
+        apart = np.minimum(np.abs(lam[others] - lam[i]), np.abs(refined[others] - refined[i]))
+        j = int(others[np.argmin(apart)])
+        if apart.min() > _APART * np.abs(refined - lam)[[i, j]].max():
+            continue
+        (m0, m1), (D0, D1) = (
+            [(x[i] + x[j]) / 2 for x in (lam, refined)], [((x[i] - x[j]) / 2) ** 2 for x in (lam, refined)]
+        )  # fmt: skip
+        # Mode i takes that of the roots ±√D which lies on its side of m on the refined mesh. If both are equally near,
+        # the mode with the lower number takes +√D and the other one −√D, so that the two still differ.
+        root, side = np.sqrt(D0 + s[i] * (D1 - D0) + 0j), (refined[i] - refined[j]) / 2
+        same, other = abs(root - side), abs(root + side)
+        is_clear = abs(same - other) > _ROUNDING * (same + other)
+        is_positive = same < other if is_clear else i < j
+        found[i] = m0 + s[i] * (m1 - m0) + (root if is_positive else -root)
+    return np.asarray(found)

@@ -1,0 +1,112 @@
+"""Which elements lie at edges where stresses are singular."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import skfem
+
+from fe_squeal.accuracy.edges import singular_elements, surface_edges
+from fe_squeal.mesh import from_skfem
+from meshes import STEEL, annulus, box, make_problem
+
+SOFT = {"youngs_modulus": 2e9, "poisson_ratio": 0.3, "density": 2600.0}
+
+
+def marked(mesh, **tables):
+    """Return the centres (3, m) of all elements and which of them are singular, (m,) bool."""
+    problem = make_problem(mesh, order=1, **tables)
+    loaded = problem.source.loaded.mesh
+    return loaded.p[:, loaded.t].mean(axis=1), singular_elements(problem.source)
+
+
+@pytest.mark.parametrize("kind", ["hex1", "tet1", "hex2", "tet2"])
+def test_a_free_block_has_none(kind):
+    _, found = marked(box(kind, (3, 2, 2)))
+    assert not found.any()
+
+
+@pytest.mark.parametrize("kind", ["hex1", "tet1"])
+def test_elements_around_a_clamped_face_are_and_those_in_its_middle_are_not(kind):
+    (x, y, z), found = marked(box(kind, (3, 3, 3), (3.0, 3.0, 3.0)), supports=[{"surface": "left", "fixed": "xyz"}])
+    assert found.any() and not found[x > 1].any()
+    middle = (x < 1) & (abs(y - 1.5) < 0.5) & (abs(z - 1.5) < 0.5)
+    if kind == "hex1":
+        np.testing.assert_array_equal(found, (x < 1) & ~middle)
+    else:
+        assert found[(x < 1) & ((y < 1) | (y > 2)) & ((z < 1) | (z > 2))].any()
+
+
+@pytest.mark.parametrize(("fixed", "singular"), [("x", False), ("yz", False), ("xy", True), ("xyz", True)])
+def test_a_face_held_along_its_normal_or_along_itself_is_a_plane_of_symmetry(fixed, singular):
+    """At a right angle to a free face: the mirrored body has a flat face there."""
+    _, found = marked(box("hex1", (3, 2, 2)), supports=[{"surface": "left", "fixed": fixed}])
+    assert found.any() == singular
+
+
+def test_a_plane_of_symmetry_that_ends_on_a_flat_face_is_singular_there():
+    """Half of the bottom slides on a smooth plane: the mirrored body has a crack."""
+    mesh = box("hex1", (4, 2, 2), (4.0, 2.0, 2.0))
+    half = mesh.boundaries["bottom"][mesh.p[0, mesh.facets[:, mesh.boundaries["bottom"]]].mean(axis=0) < 2]
+    (x, _, z), found = marked(mesh.with_boundaries({"half": half}), supports=[{"surface": "half", "fixed": "z"}])
+    np.testing.assert_array_equal(found, (abs(x - 2) < 1) & (z < 1))
+
+
+@pytest.mark.parametrize("kind", ["hex1", "tet1"])
+def test_a_surface_that_turns_inwards(kind):
+    """An L of three cells, each cut into eight: the four that share the inner edge over its height, or touch it."""
+    whole = box(kind, (4, 4, 2), (2.0, 2.0, 1.0))
+    centre = whole.p[:, whole.t].mean(axis=1)
+    angular = type(whole)(*_kept(whole, ~((centre[0] > 1) & (centre[1] > 1))))
+    edges = surface_edges(from_skfem(angular, "L"))
+    inner = edges.angle > 200
+    assert edges.angle[inner] == pytest.approx(270.0)
+    ends = angular.p[:2, edges.nodes[inner]]
+    assert np.allclose(ends, 1.0) and inner.sum() == 2
+    x, y, _ = angular.p[:, angular.t].mean(axis=1)
+    (_, found) = marked(angular.with_subdomains({"block": np.arange(angular.nelements)}))
+    touches = (np.abs(angular.p[:2, angular.t] - 1.0).max(axis=0) < 1e-9).any(axis=0)
+    np.testing.assert_array_equal(found, touches)
+    assert found.any() and not found[(x < 0.4) & (y < 0.4)].any()
+
+
+def _kept(mesh, keep):
+    used, t = np.unique(mesh.t[:, keep], return_inverse=True)
+    return mesh.p[:, used], t.reshape(mesh.t.shape[0], -1)
+
+
+def test_a_hole_with_curved_elements_does_not_turn_inwards():
+    """Twelve elements around: straight ones turn by 30 degrees from one to the next, curved ones by next to nothing."""
+    curved = surface_edges(from_skfem(annulus("hex2", (1, 12, 1), 0.07, 0.13, 0.012), "ring"))
+    assert np.nanmax(curved.angle) < 185 and np.isclose(curved.angle, 90.0, atol=2).any()
+    _, found = marked(annulus("hex2", (1, 12, 1), 0.07, 0.13, 0.012))
+    assert not found.any()
+    ring = annulus("hex1", (1, 12, 1), 0.07, 0.13, 0.012)
+    assert np.nanmax(surface_edges(from_skfem(ring, "ring")).angle) == pytest.approx(210.0)
+
+
+def test_joined_materials_are_singular_where_they_come_to_the_surface():
+    mesh = box("hex1", (4, 3, 3), (4.0, 3.0, 3.0))
+    x, y, z = mesh.p[:, mesh.t].mean(axis=1)
+    mesh = mesh.with_subdomains({"one": np.flatnonzero(x < 2), "two": np.flatnonzero(x > 2)})
+    around = np.maximum(abs(y - 1.5), abs(z - 1.5)) > 0.5
+    for other, expected in (("soft", (abs(x - 2) < 1) & around), ("steel", np.zeros(len(x), bool))):
+        bodies = {"one": {"material": "steel", "groups": ["one"]}, "two": {"material": other, "groups": ["two"]}}
+        materials = {"steel": STEEL, "soft": SOFT}
+        _, found = marked(mesh, materials=materials, bodies=bodies)
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_bodies_that_touch_along_an_edge_alone():
+    """More than two facets meet there, and no angle is told: singular."""
+    p = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 1, 0], [1, 2, 0], [2, 2, 0]], float).T
+    p = np.hstack([p, p + np.array([[0.0], [0.0], [1.0]])])
+    quads = np.array([[0, 1, 2, 3], [2, 4, 6, 5]])
+    order = np.asarray(skfem.refdom.RefHex.p)
+    t = np.empty((8, 2), int)
+    corner = {(0, 0): 0, (1, 0): 1, (1, 1): 2, (0, 1): 3}
+    for k, quad in enumerate(quads):
+        for i, (a, b, c) in enumerate(order.T.astype(int).tolist()):
+            t[i, k] = quad[corner[a, b]] + 7 * c
+    edges = surface_edges(from_skfem(skfem.MeshHex1(p, t), "two cubes"))
+    assert edges.nodes[np.isnan(edges.angle)].tolist() == [[2, 9]]
