@@ -15,7 +15,7 @@ The bar is the largest s times |Δλ|, separately for the real and the imaginary
   a bar are at least `SHARE` times the bar that |Δλ| would give.
 - Two modes that nearly meet have λ = m ± √D, and m and D change linearly with the mesh where λ does not. So m and D of
   each mode and the nearest other one are extrapolated for all s in the range, see `pairs`, and the bar reaches as far
-  as λ then does.
+  as λ then does. Without damping the parts of a growth rate are taken for parts of its square.
 - A pair λ, −λ* may become two modes without growth on the refined mesh, each with a change of its own. The larger of
   the two changes counts for both.
 - Along the parameter the change may pass through zero at a value where the error does not. So a bar is the largest of
@@ -156,7 +156,7 @@ def _with_rest(change: np.ndarray, parts: Parts) -> tuple[np.ndarray, np.ndarray
 
 
 def bar_of(
-    change: np.ndarray, bent: np.ndarray, balanced: np.ndarray, order: int, parts: Parts | None = None
+    change: np.ndarray, bent: np.ndarray, balanced: np.ndarray, order: int, growth: np.ndarray | None = None
 ) -> np.ndarray:
     """Return the bars (k,) complex, rad/s, of the modes at one value: that of Re λ plus i times that of Im λ.
 
@@ -170,15 +170,15 @@ def bar_of(
         Modes whose Re λ is zero on both meshes, by symmetry.
     order : int
         Of the elements.
-    parts : Parts, 1/s, optional
-        Of Re Δλ.
+    growth : (k,) float, 1/s, optional
+        The bars of Re λ by its parts, see `pairs.growth_beyond`; NaN where the parts are not known.
     """
     factor = BARS[order]
     floor = SHARE * np.abs(change)
-    known = Parts.unknown(len(change)) if parts is None else parts
-    parted = known.known & (order > 1)
-    least = np.maximum(factor * np.where(parted, 0.0, floor), bent.real)
-    re = np.maximum(bar_of_parts(change.real, known, order), least)
+    known = np.full(len(change), np.nan) if growth is None else growth
+    parted = np.isfinite(known)
+    least = np.maximum(factor * np.where(parted & (order > 1), 0.0, floor), bent.real)
+    re = np.maximum(np.where(parted, known, factor * np.abs(change.real)), least)
     im = np.maximum(factor * np.maximum(np.abs(change.imag), floor), bent.imag)
     return np.where(balanced, 0.0, re) + 1j * im
 

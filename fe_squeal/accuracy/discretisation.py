@@ -15,7 +15,7 @@ from ..sweep.result import Sweep
 from ..sweep.tracking import mirror_partners
 from .bars import SHARE, Parts, bar_of, bar_of_parts, beyond, enveloped, factors_of, mirrored
 from .estimate import Changes, refined_changes
-from .pairs import bent_change, extrapolated
+from .pairs import bent_change, extrapolated, growth_beyond
 
 
 def with_discretisation(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Sweep:
@@ -98,31 +98,29 @@ def _bars(
 ) -> _Bars:  # fmt: skip
     """Return the bars of a point's modes by the rules of `bars`; parameters are those of `Changes`."""
     (lam, refined, modes), partner = spectrum, mirror_partners(point.modes)
-    parts = parts.where(parts.known | (partner < 0), parts.at(partner))
+    opposite = Parts(-parts.sums, parts.sizes).at(partner)  # of a mode that decays as its mirror image grows
+    parts = parts.where(parts.known | (partner < 0), opposite)
     uncertain = point.modes.re_uncertainty
     still = (np.abs(point.modes.lam.real) <= uncertain) & (not is_damped)
     balanced = still & (np.abs(np.nan_to_num(change).real) <= uncertain)
+    here, paired = lam[modes].real, parts.known & (not is_damped)
+    growth, likely, width = growth_beyond(here, here + change.real, parts, order, paired)
     factors = factors_of(change.real, parts, order)
-    of_all = factors_of(np.zeros(len(lam)), Parts.unknown(len(lam)), order)
-    of_all[:, modes] = factors
-    least, likely, most = of_all
-    bent = bent_change(lam, refined, order, most)[modes]
-    bars = bar_of(change, bent, balanced, order, parts)
+    least, middle, most = factors_of(np.zeros(len(lam)), Parts.unknown(len(lam)), order)
+    least[modes], middle[modes], most[modes] = factors
+    bars = bar_of(change, bent_change(lam, refined, order, most)[modes], balanced, order, growth)
 
-    beyond_pairs = extrapolated(lam, refined, likely)
-    further = bent_change(lam, refined, order, most, least, beyond_pairs)[modes]
-    moved = (beyond_pairs - lam)[modes]
-    shift, width = beyond(change.real, parts, order)
-    alone = parts.known & (moved == (likely * (refined - lam))[modes])
-    moved = np.where(alone, shift + 1j * moved.imag, moved)
+    further = extrapolated(lam, refined, middle)
+    moved = (further - lam)[modes]
+    moved = np.where(parts.known, likely - here, moved.real) + 1j * moved.imag
+    bent = bent_change(lam, refined, order, most, least, further)[modes]
     half = np.maximum(factors[2] - factors[1], factors[1] - factors[0])
     re, im = (half * np.maximum(np.abs(x), SHARE * np.abs(change)) for x in (change.real, change.imag))
-    re = np.maximum(np.where(parts.known, width, re), further.real)
-    im = np.maximum(im, further.imag)
-    values = point.modes.lam + np.where(balanced, 1j * moved.imag, moved)
+    re = np.where(balanced, 0.0, np.where(parts.known, width, np.maximum(re, bent.real)))
+    values = point.modes.lam + moved
     values = np.where(balanced, 1j * values.imag, values)
-    both = [mirrored(bar, partner) for bar in (bars, np.where(balanced, 0.0, re) + 1j * im)]
-    return _Bars(both[0], values, both[1], parts.known)
+    beyond_bars = re + 1j * np.maximum(im, bent.imag)
+    return _Bars(mirrored(bars, partner), values, mirrored(beyond_bars, partner), parts.known)
 
 
 def _onsets(onsets: Sequence[Onset], changes: Changes, order: int) -> list[Onset]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .bars import BARS
+from .bars import BARS, Parts, bar_of_parts, beyond
 
 _STEPS = 16  # equal steps of s in which m and D are extrapolated, so that the root √D can be followed
 _APART = 10.0  # times the change of either mode: modes farther apart than this are extrapolated each by itself
@@ -100,3 +100,42 @@ def extrapolated(lam: np.ndarray, refined: np.ndarray, factor: float | np.ndarra
         is_positive = same < other if is_clear else i < j
         found[i] = m0 + s[i] * (m1 - m0) + (root if is_positive else -root)
     return np.asarray(found)
+
+
+def growth_beyond(
+    here: np.ndarray, refined: np.ndarray, parts: Parts, order: int, paired: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the bars of Re λ (k,), its likely values, and the bars of these, 1/s; NaN where no parts are known.
+
+    Of two modes that have met without damping, λ = im ± a, so that D = a² and a part p of the change of a, to first
+    order, is a part 2ap of that of D. The change of D is that sum but for what is of second order in the mesh; that of
+    a is not, where a is small.
+
+    Parameters
+    ----------
+    here, refined : (k,) float, 1/s
+        Re λ on the mesh and on the refined one.
+    parts : Parts
+        Of the changes of Re λ.
+    order : int
+        Order of the elements.
+    paired : (k,) bool
+        Modes whose a = Re λ.
+
+    Examples
+    --------
+    >>> a = np.array([3.0])  # D: 9 on the mesh, 16 on the refined one, and Σ 2ap = 7
+    >>> parts = Parts.of(np.array([[7 / 6]]), np.array([False]))
+    >>> bar, value, width = growth_beyond(a, np.array([4.0]), parts, 2, np.array([True]))
+    >>> (value**2).round(3).tolist(), ((value + width) ** 2 - 9 < 7 * 4 / 3 + 0.1).tolist()
+    ([17.4], [True])
+    """
+    bar = bar_of_parts(refined - here, parts, order)
+    shift, width = beyond(refined - here, parts, order)
+    of_square = Parts(2 * here * parts.sums, 2 * np.abs(here) * parts.sizes)
+    moved, wide = beyond(refined**2 - here**2, of_square, order)
+    low, likely, high = (np.sign(here) * np.sqrt(np.maximum(here**2 + moved + w, 0.0)) for w in (-wide, 0.0, wide))
+    from_here, from_likely = (np.maximum(np.abs(low - x), np.abs(high - x)) for x in (here, likely))
+    found = np.where(paired, [from_here, likely, from_likely], [bar, here + shift, width])
+    found[:, ~parts.known] = np.nan
+    return found[0], found[1], found[2]

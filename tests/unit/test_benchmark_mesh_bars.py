@@ -18,8 +18,10 @@ def test_constants_are_fitted_on_other_scenes_than_those_measured():
 
 def test_a_bar_holds_where_both_parts_do():
     rows = page.Pairs(
-        np.array([1 + 1j, 3 + 1j, 1 + 5j, 0.5 - 2j]), np.array([2 + 2j] * 4), np.zeros(4), np.array([True] * 4), 0
-    )
+        np.array([1 + 1j, 3 + 1j, 1 + 5j, 0.5 - 2j]), np.array([2 + 2j] * 4), np.zeros(4), np.array([True] * 4),
+        np.array([0, 0, 3j, 0.1]), np.array([0.2 + 1j] * 4), 0,
+    )  # fmt: skip
+    assert np.logical_and(*page.held(rows, likely=True)).tolist() == [True, True, False, True]
     re, im = page.held(rows)
     assert re.tolist() == [True, False, True, True] and im.tolist() == [True, True, False, True]
     assert "| 4 | 50.0 % |" in page._row("name", rows)
