@@ -11,10 +11,10 @@ from rich.console import Console
 from scene_texts import write_scene
 
 import fe_squeal
-from fe_squeal.accuracy.bars import BARS, SHARE, bar_of, enveloped
+from fe_squeal.accuracy.bars import BARS, SHARE, Parts, bar_of, bar_of_parts, beyond, enveloped
 from fe_squeal.accuracy.discretisation import near_onsets, with_changes, with_discretisation
 from fe_squeal.accuracy.estimate import Changes, refined_changes
-from fe_squeal.accuracy.pairs import bent_change
+from fe_squeal.accuracy.pairs import bent_change, growth_beyond
 from fe_squeal.report.tables import print_onsets
 
 
@@ -57,6 +57,38 @@ def test_linear_extrapolation_alone_would_not_hold():
     lam, refined = (1j * (1000.0 + np.sqrt(D + 0j) * np.array([1, -1])) for D in (1900.0, 100.0))
     bent = bent_change(lam, refined, 2)
     assert np.abs((refined - lam).real).max() == 0 and bent.real.max() == pytest.approx(np.sqrt(1700.0))
+
+
+@pytest.mark.parametrize("rates", [(4.0, 1.0), (2.0, 4.0), (3.0, 1.4)])
+@pytest.mark.parametrize("seed", range(5))
+def test_parts_that_fall_at_rates_of_their_own(rates, seed):
+    """Errors e of groups fall by 2^-q, so that (1 − 2^-q) e is the part of each: bars hold within the limits of q."""
+    rng = np.random.default_rng(seed)
+    errors, singular = rng.standard_normal((8, 50)), np.arange(8) % 3 == 0
+    left = 2.0 ** -np.where(singular, rates[1], rates[0])[:, None]
+    seen, error = (1 - left) * errors, errors.sum(axis=0)
+    parts, change = Parts.of(seen, singular), seen.sum(axis=0)
+    assert (np.abs(error) <= bar_of_parts(change, parts, 2) * (1 + 1e-12)).all()
+    shift, width = beyond(change, parts, 2)
+    assert (np.abs(error - shift) <= width * (1 + 1e-12)).all()
+    assert (width < bar_of_parts(change, parts, 2)).all()
+    blind = Parts.of(seen, np.zeros(8, bool))
+    if rates == (4.0, 1.0):  # the limits of regular parts do not hold where one of them is singular
+        assert (np.abs(error - beyond(change, blind, 2)[0]) > beyond(change, blind, 2)[1]).any()
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("start", [3000.0, 900.0, 310.0])
+def test_parts_of_a_growth_rate_are_those_of_its_square(start, sign):
+    """a² = 3000, 900 or 310 on the mesh, and 300 in truth: a does not change linearly."""
+    exact = 300.0
+    errors, left = np.array([0.75, 0.25]) * (exact - start), 2.0 ** -np.array([4.0, 1.4])
+    here, refined = (np.array([sign * np.sqrt(D)]) for D in (start, exact - (left * errors).sum()))
+    seen = ((1 - left) * errors / (2 * here))[:, None]
+    bar, likely, width = growth_beyond(here, refined, Parts.of(seen, np.array([False, True])), 2, np.array([True]))
+    true = sign * np.sqrt(exact)
+    assert abs(true - here[0]) <= bar[0] and abs(true - likely[0]) <= width[0] < bar[0]
+    assert not np.isfinite(growth_beyond(here, refined, Parts.unknown(1), 2, np.array([False]))).any()
 
 
 def test_neighbouring_values_share_their_bars_by_branch():
