@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -9,12 +10,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..eigen.linear.choice import factorize, factorize_complex
-from ..eigen.linear.factor import LinearSolver
+from ..eigen.linear.dense import DenseFactor
+from ..eigen.linear.factor import Factor, LinearSolver, Solve
 from ..eigen.pencil import Pencil
 from ..eigen.quality import ROUNDING
 from ..errors import NotConvergedError
+from ..problem.parameters import paths_of
 from ..problem.problem import Problem
-from ..problem.terms import Slot
+from ..problem.terms import Slot, Term
 
 _STEPS = 12  # Newton steps, at most
 _SMALL = 1e-6  # of the value, or of the sweep's step: Newton steps below this that no longer shrink are rounding
@@ -180,7 +183,7 @@ def find_crossing(
         size = abs(A).max()
         b, c = (v / np.linalg.norm(v) * size for v in (pencil.M @ y, pencil.M @ x))
         bordered = _joined([[A, b[:, None]], [c.conj()[None, :], np.zeros((1, 1))]])
-        solve, solve_adjoint = factorize_complex(bordered, linear_solver)
+        solve, solve_adjoint = _factorized_complex(bordered, linear_solver)
         e = np.zeros(pencil.n + 1, complex)
         e[-1] = size
         z, w = solve(e), solve_adjoint(e)
@@ -229,7 +232,7 @@ class _Bordered:
         beside, below = np.column_stack([MZ, b]), np.vstack([MZ.T, c])
         more = beside.shape[1]
         corner = np.diag([*[-size] * (more - 1), 0.0])
-        factor = factorize(_joined([[A, beside], [below, corner]]), False, linear_solver)
+        factor = _factorized(_joined([[A, beside], [below, corner]]), linear_solver)
         e = np.zeros(n + more)
         e[-1] = size
         z, zt = factor.solve(e), factor.solve_transposed(e)
@@ -256,11 +259,47 @@ class _Bordered:
 
 def _matrices(problem: Problem, parameter: str, p: float) -> tuple[Pencil, dict[Slot, _Matrix | None]]:
     """Return the pencil at a value and the derivatives of its matrices, as full arrays where it is small and full."""
-    pencil, at = problem.pencil({parameter: p}), {parameter: p}
-    slopes = {slot: problem.derivative(parameter, slot, at) for slot in _SLOTS}
-    if pencil.n > _FULL or pencil.K.nnz <= pencil.n**2 / 2:
-        return pencil, slopes
-    return pencil.dense(), {slot: None if A is None else A.toarray() for slot, A in slopes.items()}
+    at = {parameter: p}
+    if problem.unknowns > _FULL or not _is_full(problem) or not problem.is_affine(parameter):
+        slopes: dict[Slot, _Matrix | None] = {slot: problem.derivative(parameter, slot, at) for slot in _SLOTS}
+        return problem.pencil(at), slopes
+    here, paths = problem.at(at), paths_of(parameter)
+    # What does not depend on the parameter is summed first, as `Problem.pencil` does it.
+    terms = sorted(here.terms, key=lambda t: any(q in t.powers for q in paths))
+    sums = {slot: _sum((t, t.coefficient(here.parameters)) for t in terms if t.slot == slot) for slot in _SLOTS}
+    rates = {
+        slot: _sum((t, sum(t.slope(q, here.parameters) for q in paths)) for t in terms if t.slot == slot)
+        for slot in _SLOTS
+    }
+    M, C, K = sums.values()
+    zero = np.zeros((problem.unknowns, problem.unknowns))
+    return Pencil(zero if M is None else M, zero if K is None else K, C), rates
+
+
+def _is_full(problem: Problem) -> bool:
+    """Return whether one of the terms at least has more than half of its entries."""
+    return any(t.matrix.nnz > problem.unknowns**2 / 2 for t in problem.terms if t.slot == "K")
+
+
+def _sum(parts: Iterable[tuple[Term, float]]) -> np.ndarray | None:
+    """Return Σ coefficient · matrix as an array; None where every coefficient is zero."""
+    total = None
+    for term, coefficient in parts:
+        if coefficient:
+            matrix = term.full * (coefficient * term.unit())
+            total = matrix if total is None else total + matrix
+    return total
+
+
+def _factorized(A: _Matrix, linear_solver: LinearSolver | str) -> Factor | DenseFactor:
+    return DenseFactor(A) if isinstance(A, np.ndarray) else factorize(A, False, linear_solver)
+
+
+def _factorized_complex(A: _Matrix, linear_solver: LinearSolver | str) -> tuple[Solve, Solve]:
+    if not isinstance(A, np.ndarray):
+        return factorize_complex(A, linear_solver)
+    factor = DenseFactor(A)
+    return factor.solve, factor.solve_adjoint
 
 
 def _times(A: _Matrix | None, x: np.ndarray, transposed: bool = False) -> np.ndarray:
@@ -270,10 +309,6 @@ def _times(A: _Matrix | None, x: np.ndarray, transposed: bool = False) -> np.nda
     return np.asarray((A.T if transposed else A) @ x)
 
 
-def _joined(rows: list[list[Any]]) -> sp.csr_array:
-    """Return the sparse matrix of blocks; where the first block is an array, with all entries."""
-    if not isinstance(rows[0][0], np.ndarray):
-        return sp.csr_array(sp.block_array(rows, format="csr"))
-    full = np.block(rows)
-    n = len(full)
-    return sp.csr_array((full.ravel(), np.tile(np.arange(n), n), np.arange(n + 1) * n), shape=(n, n))
+def _joined(rows: list[list[Any]]) -> _Matrix:
+    """Return the matrix of blocks, sparse unless the first block is an array."""
+    return np.block(rows) if isinstance(rows[0][0], np.ndarray) else sp.csr_array(sp.block_array(rows, format="csr"))
