@@ -57,7 +57,7 @@ class Root:
 
 def find_coalescence(
     problem: Problem, parameter: str, value: float, v: float, x: np.ndarray, y: np.ndarray, width: float,
-    linear_solver: LinearSolver | str = "auto", damped: bool = False,
+    linear_solver: LinearSolver | str = "auto", damped: bool = False, enough: float = 0.0,
 ) -> Root:  # fmt: skip
     """Return where two real eigenvalues meet: two θ without dampers, or two λ with dampers.
 
@@ -83,6 +83,8 @@ def find_coalescence(
     linear_solver : LinearSolver or str
     damped : bool
         Whether there are dampers, and v is λ.
+    enough : float
+        Of the value: a Newton step below this is the last. It is the uncertainty of the root, which is far nearer.
 
     Raises
     ------
@@ -100,8 +102,7 @@ def find_coalescence(
         v, p = v + step[0], p + step[1]
         x, y = b.x, b.w
         size = abs(step[1])
-        # Newton's method converges quadratically until rounding, where steps stop shrinking.
-        if size <= b.p_rounding or (size < _SMALL * max(abs(p), width) and size >= 0.25 * last):
+        if _is_last(size, last, max(b.p_rounding, enough * abs(p)), _SMALL * max(abs(p), width)):
             coefficient = np.sqrt(2 * abs(b.g_p / b.g_v_v)) / (1.0 if damped else 2 * np.sqrt(abs(v)))
             # From g = g_p dp + g_vv dv²/2 = 0: if g_p and g_vv have the same sign, dv² < 0 for dp > 0, which is a pair.
             sign = int(np.sign(b.g_p / b.g_v_v))
@@ -115,13 +116,13 @@ def find_coalescence(
 
 def find_zero(
     problem: Problem, parameter: str, value: float, x: np.ndarray, y: np.ndarray, width: float,
-    rigid: np.ndarray | None = None, linear_solver: LinearSolver | str = "auto",
+    rigid: np.ndarray | None = None, linear_solver: LinearSolver | str = "auto", enough: float = 0.0,
 ) -> Root:  # fmt: skip
     """Return where an eigenvalue θ passes zero (divergence): a root of g(0, p) within `width` of `value`, by Newton.
 
     Parameters
     ----------
-    problem, parameter, value, x, y, linear_solver
+    problem, parameter, value, x, y, linear_solver, enough
         As for `find_coalescence`.
     width : float
         How far from `value` the root may be, in p.
@@ -143,7 +144,7 @@ def find_zero(
         p, x, y = p + step, b.x, b.w
         if abs(p - value) > width or b.p_rounding > 0.1 * width:
             break
-        if abs(step) <= b.p_rounding or (abs(step) < _SMALL * max(abs(p), width) and abs(step) >= 0.25 * last):
+        if _is_last(abs(step), last, max(b.p_rounding, enough * abs(p)), _SMALL * max(abs(p), width)):
             coefficient = float(np.sqrt(abs(b.g_p / b.g_v)))
             return Root(float(p), 0.0, coefficient, float(abs(step) + b.p_rounding), x, y)
         last = abs(step)
@@ -152,7 +153,7 @@ def find_zero(
 
 def find_crossing(
     problem: Problem, parameter: str, value: float, omega: float, x: np.ndarray, y: np.ndarray, width: float,
-    linear_solver: LinearSolver | str = "auto",
+    linear_solver: LinearSolver | str = "auto", enough: float = 0.0,
 ) -> Root:  # fmt: skip
     """Return where an eigenvalue of a damped problem crosses the imaginary axis: g(iω, p) = 0, by Newton in (ω, p).
 
@@ -161,7 +162,7 @@ def find_crossing(
 
     Parameters
     ----------
-    problem, parameter, value, linear_solver
+    problem, parameter, value, linear_solver, enough
         As for `find_coalescence`.
     omega : float, rad/s
         Approximate ω.
@@ -201,10 +202,18 @@ def find_crossing(
         rounding = rounding / abs(speed) if speed else np.inf
         if abs(p - value) > width or rounding > 0.1 * width:
             break
-        if abs(step[1]) <= rounding or (abs(step[1]) < _SMALL * max(abs(p), width) and abs(step[1]) >= 0.25 * last):
+        if _is_last(abs(step[1]), last, max(rounding, enough * abs(p)), _SMALL * max(abs(p), width)):
             return Root(float(p), float(omega**2), speed, float(abs(step[1]) + rounding), x, y)
         last = abs(step[1])
     raise NotConvergedError(f"crossing near {parameter} = {value:.6g}: Newton's method did not converge")
+
+
+def _is_last(size: float, last: float, enough: float, small: float) -> bool:
+    """Return whether a Newton step is the last: it is as small as needed, or small and hardly shorter than the last.
+
+    Newton's method converges quadratically until rounding, where steps stop shrinking.
+    """
+    return size <= enough or (size < small and size >= 0.25 * last)
 
 
 class _Bordered:
