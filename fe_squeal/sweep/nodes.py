@@ -149,11 +149,13 @@ class Node:
         """
         right, left, v = self.right[:, members].copy(), self.left[:, members].copy(), self.v[members]
         H, HL = np.diag(v).astype(complex), np.diag(v).astype(complex)
+        near = np.abs(v[:, None] - v[None, :]) <= _EQUAL * np.abs(v)[:, None]
+        if np.count_nonzero(near) <= len(v):  # each eigenvalue is near itself alone
+            return Basis(right, left, H, HL)
         u = self.weighted(right)
         size = np.linalg.norm(u, axis=0)
         with np.errstate(all="ignore"):
             likeness = np.abs(u.conj().T @ u / np.outer(size, size)) ** 2
-        near = np.abs(v[:, None] - v[None, :]) <= _EQUAL * np.abs(v)[:, None]
         one = near & (likeness > 1 - _PARALLEL)
         count, label = connected_components(one, directed=False)
         for i in range(count):
