@@ -183,7 +183,7 @@ class Node:
         H = la.lstsq(B @ X, A @ X)[0]
         return X[: len(M)], H
 
-    @property
+    @cached_property
     def shift(self) -> float:
         """Return the largest relative difference between v of a mode and the quotient of its right and left vector.
 
