@@ -127,21 +127,23 @@ def unshown(step: Step, onsets: Sequence[Onset], limit: float) -> str | Doubt:
     """
     ordered = sorted(onsets, key=lambda o: o.value)
     told: str | Doubt = ""
-    known: list[Node] = []
-    for multiple in _BESIDE if ordered else ():
-        between = [_node(step, p, known) for p in _beside(step, ordered, multiple)]
-        told = _imbalance(step, ordered, [step.end(0), *between, step.end(1)], limit)
-        if not told:
-            break
+    # What would be told is first checked with the modes at each value itself.
+    for near in (_NEAR, 0.0) if ordered else ():
+        known: list[Node] = []
+        for multiple in _BESIDE:
+            between = [_node(step, p, known, near) for p in _beside(step, ordered, multiple)]
+            told = _imbalance(step, ordered, [step.end(0), *between, step.end(1)], limit)
+            if not told:
+                return ""
     return told
 
 
-def _node(step: Step, p: float, known: list[Node]) -> Node:
-    """Return the node of a value, from one of those already known if that is very near; otherwise it is added to these.
+def _node(step: Step, p: float, known: list[Node], near: float) -> Node:
+    """Return the node of a value, from one of those known if that is within a part `near` of the step; else add it.
 
     Both sides of an onset, at several distances, are as near to each other as that.
     """
-    reach = _NEAR * abs(step.ends[1] - step.ends[0])
+    reach = near * abs(step.ends[1] - step.ends[0])
     for node in known:
         if abs(p - node.value) <= reach and (moved := node.moved(p)) is not None:
             return moved

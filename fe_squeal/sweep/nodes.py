@@ -246,10 +246,11 @@ class Node:
                 return None
         v = la.eigvals(H)
         blur = self.blur[np.abs(v[:, None] - self.v[None, :]).argmin(axis=1)]
+        v = np.where(np.abs(v.imag) <= blur, v.real, v)  # the modes are complex, and leave rounding in a real one
         if self.C is not None:
             return replace(self, value=value, v=v, lam=v, blur=blur, unstable=v.real > blur)
         lam = 1j * np.sqrt(v)
-        lam = np.where((v.real < -blur) & (np.abs(v.imag) <= blur), np.abs(lam), lam)
+        lam = np.where((v.real < -blur) & (v.imag == 0), np.abs(lam), lam)
         lam = np.where(np.abs(v) <= blur, 0.0, lam)
         return replace(self, value=value, v=v, lam=lam, blur=blur, unstable=lam.real > spread_of(lam, blur))
 

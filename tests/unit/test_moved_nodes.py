@@ -58,6 +58,21 @@ def test_a_moved_node_shows_the_onset_between() -> None:
         assert [len(Census.of_node(n).lam) for n in (first, second)] == [0, 1]
 
 
+def test_a_moved_node_counts_growing_modes_that_are_real() -> None:
+    """Divergence with dampers: rounding of complex modes leaves no imaginary part, on which side it may be."""
+    terms = (*_problem(damped=True).terms, Term("load", "K", sp.csr_array(np.diag([-1.0] * _N)), True, {"p": 4}))
+    problem, ends = Problem(terms, {"p": 0.0}), (1.9, 2.0)  # θ of the springs up to 11 is below the load
+    modes = tuple(solve_dense(problem.pencil({"p": p})) for p in ends)
+    step = Step(problem, "p", ends, (modes[0], modes[1]), None, "auto")
+    for start in (1.91, 1.95):
+        moved = step.between(start).moved(start + 2 * _ASIDE)
+        own = step.between(start + 2 * _ASIDE)
+        growing = Census.of_node(own).lam
+        assert moved is not None
+        assert np.count_nonzero(growing.imag == 0) >= 3
+        assert len(Census.of_node(moved).lam) == len(growing)
+
+
 def test_newton_ends_as_soon_as_a_root_is_certain_enough() -> None:
     """The last step is the uncertainty; the root is far nearer, since Newton's method converges quadratically."""
     x, y = (np.eye(_N)[0] + sign * np.eye(_N)[1] for sign in (1, -1))
