@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import prod
 from typing import Any, Literal
 
+import numpy as np
 import scipy.sparse as sp
 
 Slot = Literal["M", "C", "K"]
@@ -45,6 +47,11 @@ class Term:
     skew: bool = False
     imaginary: bool = False
     penalty: bool = False
+
+    @cached_property
+    def full(self) -> np.ndarray:
+        """The matrix as an array, which is kept: for small problems whose matrices are full."""
+        return np.asarray(self.matrix.toarray())
 
     @property
     def conservative(self) -> bool:

@@ -18,7 +18,7 @@ from ..eigen.blocks import combine, cross, lift, times
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes
 from ..eigen.quality import ROUNDING
-from ..problem.parameters import Place, values_at
+from ..problem.parameters import Place, paths_of
 from ..problem.problem import Problem
 from ..problem.terms import POWER, Slot
 from .projection import Projection
@@ -76,6 +76,9 @@ class ReducedBasis(Projection):
         Returns L⁻ᵀS; without it there are no samples, and no errors.
     """
 
+    # The sampled rows of the sizes of entries of each term, with the numbers of these rows.
+    _sizes: tuple[np.ndarray, list[sp.csr_array]] | None
+
     def __init__(
         self, problem: Problem, parameter: str | tuple[str, ...], metric: Sequence[float], sigma: float,
         half_solve: Callable[[np.ndarray], np.ndarray] | None, linear_solver: LinearSolver | str = "auto",
@@ -99,6 +102,7 @@ class ReducedBasis(Projection):
         self._left = [np.zeros((self._Z.shape[1], 0)) for _ in problem.terms]  # Zᵀ Aᵀ V
         self._sampled_rows = np.zeros((len(self._lines), 0))
         self._cancels = 1.0
+        self._sizes = None
 
     @classmethod
     def restored(
@@ -121,7 +125,7 @@ class ReducedBasis(Projection):
         basis._cancels, basis.has_slow = numbers["cancels"], numbers["has_slow"]
         basis.V = arrays["vectors"].T
         basis._units, basis._lines, basis._size = arrays["units"], arrays["lines"], arrays["size"]
-        basis._sampled_rows = arrays["sampled_rows"]
+        basis._sampled_rows, basis._sizes = arrays["sampled_rows"], None
         basis._projected, basis._right, basis._left = (
             [arrays[f"{name}_{i}"] for i in range(len(problem.terms))] for name in _OF_TERMS
         )
@@ -270,13 +274,10 @@ class ReducedBasis(Projection):
     def _magnitude(self, value: Place, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return the sampled rows of (|λ|²|M| + |λ||C| + |K|)|u|, see `Pencil.magnitude`."""
         at = self.at(value)
+        if self._sizes is None or self._sizes[0] is not self._lines:
+            self._sizes = self._lines, [_size_of_entries(t.matrix, self._lines) for t in at.terms]
         total = np.zeros((len(self._lines), len(lam)))
-        for term in at.terms:
-            root = np.sqrt(np.abs(term.matrix.diagonal()))
-            rows = sp.csr_array(abs(term.matrix[self._lines]))
-            counts = np.diff(rows.indptr)
-            between = np.repeat(root[self._lines], counts) * root[rows.indices]
-            rows.data = np.maximum(rows.data, between)
+        for term, rows in zip(at.terms, self._sizes[1], strict=True):
             total += (rows @ np.abs(u)) * np.abs(term.factor(np.abs(lam), at.parameters))
         return total
 
@@ -335,11 +336,10 @@ class ReducedBasis(Projection):
         rho, eta = self._sampled(value, lams, phi, psi)
         both = float(self._product(rho, eta, np.array([abs(lam)]), highest)[0])
         along = parameter or (self.parameter if isinstance(self.parameter, str) else self.parameter[0])
-        projected, change = self.collected(), 0j
-        for slot, power in POWER.items():
-            d = projected.derivative(along, slot, values_at(self.parameter, value))
-            if d is not None:
-                change += lam**power * complex(np.vdot(left, d @ right))
+        here, change = self.at(value), 0j
+        for term, A in zip(here.terms, self._projected, strict=True):
+            if slope := sum(term.slope(p, here.parameters) for p in paths_of(along)):
+                change += slope * complex(term.unit(lam)) * complex(np.vdot(left, A @ right))
         x, y = lift(self.V, phi), lift(self.V[self._lines], psi)
         share = len(self.V) / len(self._lines)
         rounding = ROUNDING * share * float(np.sum(np.abs(y) * self._magnitude(value, lams, x)))
@@ -378,3 +378,12 @@ class ReducedBasis(Projection):
         """Return ‖η‖‖ρ‖ in the norm of P⁻¹, enlarged for |λ| near `highest`, where Q(λ) is smaller than P."""
         both = np.linalg.norm(rho[:_SAMPLES], axis=0) * np.linalg.norm(eta[:_SAMPLES], axis=0)
         return np.asarray(_SPREAD * both / np.clip(1 - (size / highest) ** 2, 0.05, 1.0))
+
+
+def _size_of_entries(A: sp.csr_array, lines: np.ndarray) -> sp.csr_array:
+    """Return some rows of max(|A_ij|, √|A_ii A_jj|) for the entries of A."""
+    root = np.sqrt(np.abs(A.diagonal()))
+    rows = sp.csr_array(abs(A[lines]))
+    between = np.repeat(root[lines], np.diff(rows.indptr)) * root[rows.indices]
+    rows.data = np.maximum(rows.data, between)
+    return rows

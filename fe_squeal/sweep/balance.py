@@ -20,6 +20,7 @@ _ONE = 1e-2  # of a frequency: a mode whose frequency is closer than this to tha
 # Times the uncertainty of an onset: the distance at which modes are counted beside it. The next larger one is tried
 # while the counts do not agree.
 _BESIDE = 4.0, 100.0, 2000.0
+_NEAR = 1e-4  # of the step: within it what one node tells of another is right to the square of this
 
 
 @dataclass(frozen=True)
@@ -126,12 +127,28 @@ def unshown(step: Step, onsets: Sequence[Onset], limit: float) -> str | Doubt:
     """
     ordered = sorted(onsets, key=lambda o: o.value)
     told: str | Doubt = ""
-    for multiple in _BESIDE if ordered else ():
-        places = _beside(step, ordered, multiple)
-        told = _imbalance(step, ordered, [step.end(0), *(step.between(p) for p in places), step.end(1)], limit)
-        if not told:
-            break
+    # What would be told is first checked with the modes at each value itself.
+    for near in (_NEAR, 0.0) if ordered else ():
+        known: list[Node] = []
+        for multiple in _BESIDE:
+            between = [_node(step, p, known, near) for p in _beside(step, ordered, multiple)]
+            told = _imbalance(step, ordered, [step.end(0), *between, step.end(1)], limit)
+            if not told:
+                return ""
     return told
+
+
+def _node(step: Step, p: float, known: list[Node], near: float) -> Node:
+    """Return the node of a value, from one of those known if that is within a part `near` of the step; else add it.
+
+    Both sides of an onset, at several distances, are as near to each other as that.
+    """
+    reach = near * abs(step.ends[1] - step.ends[0])
+    for node in known:
+        if abs(p - node.value) <= reach and (moved := node.moved(p)) is not None:
+            return moved
+    known.append(step.between(p))
+    return known[-1]
 
 
 def _imbalance(step: Step, ordered: list[Onset], nodes: list[Node], limit: float) -> str | Doubt:

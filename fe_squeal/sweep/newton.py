@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -9,12 +10,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..eigen.linear.choice import factorize, factorize_complex
-from ..eigen.linear.factor import LinearSolver
+from ..eigen.linear.dense import DenseFactor
+from ..eigen.linear.factor import Factor, LinearSolver, Solve
 from ..eigen.pencil import Pencil
 from ..eigen.quality import ROUNDING
 from ..errors import NotConvergedError
+from ..problem.parameters import paths_of
 from ..problem.problem import Problem
-from ..problem.terms import Slot
+from ..problem.terms import Slot, Term
 
 _STEPS = 12  # Newton steps, at most
 _SMALL = 1e-6  # of the value, or of the sweep's step: Newton steps below this that no longer shrink are rounding
@@ -54,7 +57,7 @@ class Root:
 
 def find_coalescence(
     problem: Problem, parameter: str, value: float, v: float, x: np.ndarray, y: np.ndarray, width: float,
-    linear_solver: LinearSolver | str = "auto", damped: bool = False,
+    linear_solver: LinearSolver | str = "auto", damped: bool = False, enough: float = 0.0,
 ) -> Root:  # fmt: skip
     """Return where two real eigenvalues meet: two θ without dampers, or two λ with dampers.
 
@@ -80,6 +83,8 @@ def find_coalescence(
     linear_solver : LinearSolver or str
     damped : bool
         Whether there are dampers, and v is λ.
+    enough : float
+        Of the value: a Newton step below this is the last. It is the uncertainty of the root, which is far nearer.
 
     Raises
     ------
@@ -97,8 +102,7 @@ def find_coalescence(
         v, p = v + step[0], p + step[1]
         x, y = b.x, b.w
         size = abs(step[1])
-        # Newton's method converges quadratically until rounding, where steps stop shrinking.
-        if size <= b.p_rounding or (size < _SMALL * max(abs(p), width) and size >= 0.25 * last):
+        if _is_last(size, last, max(b.p_rounding, enough * abs(p)), _SMALL * max(abs(p), width)):
             coefficient = np.sqrt(2 * abs(b.g_p / b.g_v_v)) / (1.0 if damped else 2 * np.sqrt(abs(v)))
             # From g = g_p dp + g_vv dv²/2 = 0: if g_p and g_vv have the same sign, dv² < 0 for dp > 0, which is a pair.
             sign = int(np.sign(b.g_p / b.g_v_v))
@@ -112,13 +116,13 @@ def find_coalescence(
 
 def find_zero(
     problem: Problem, parameter: str, value: float, x: np.ndarray, y: np.ndarray, width: float,
-    rigid: np.ndarray | None = None, linear_solver: LinearSolver | str = "auto",
+    rigid: np.ndarray | None = None, linear_solver: LinearSolver | str = "auto", enough: float = 0.0,
 ) -> Root:  # fmt: skip
     """Return where an eigenvalue θ passes zero (divergence): a root of g(0, p) within `width` of `value`, by Newton.
 
     Parameters
     ----------
-    problem, parameter, value, x, y, linear_solver
+    problem, parameter, value, x, y, linear_solver, enough
         As for `find_coalescence`.
     width : float
         How far from `value` the root may be, in p.
@@ -140,7 +144,7 @@ def find_zero(
         p, x, y = p + step, b.x, b.w
         if abs(p - value) > width or b.p_rounding > 0.1 * width:
             break
-        if abs(step) <= b.p_rounding or (abs(step) < _SMALL * max(abs(p), width) and abs(step) >= 0.25 * last):
+        if _is_last(abs(step), last, max(b.p_rounding, enough * abs(p)), _SMALL * max(abs(p), width)):
             coefficient = float(np.sqrt(abs(b.g_p / b.g_v)))
             return Root(float(p), 0.0, coefficient, float(abs(step) + b.p_rounding), x, y)
         last = abs(step)
@@ -149,7 +153,7 @@ def find_zero(
 
 def find_crossing(
     problem: Problem, parameter: str, value: float, omega: float, x: np.ndarray, y: np.ndarray, width: float,
-    linear_solver: LinearSolver | str = "auto",
+    linear_solver: LinearSolver | str = "auto", enough: float = 0.0,
 ) -> Root:  # fmt: skip
     """Return where an eigenvalue of a damped problem crosses the imaginary axis: g(iω, p) = 0, by Newton in (ω, p).
 
@@ -158,7 +162,7 @@ def find_crossing(
 
     Parameters
     ----------
-    problem, parameter, value, linear_solver
+    problem, parameter, value, linear_solver, enough
         As for `find_coalescence`.
     omega : float, rad/s
         Approximate ω.
@@ -180,7 +184,7 @@ def find_crossing(
         size = abs(A).max()
         b, c = (v / np.linalg.norm(v) * size for v in (pencil.M @ y, pencil.M @ x))
         bordered = _joined([[A, b[:, None]], [c.conj()[None, :], np.zeros((1, 1))]])
-        solve, solve_adjoint = factorize_complex(bordered, linear_solver)
+        solve, solve_adjoint = _factorized_complex(bordered, linear_solver)
         e = np.zeros(pencil.n + 1, complex)
         e[-1] = size
         z, w = solve(e), solve_adjoint(e)
@@ -198,10 +202,18 @@ def find_crossing(
         rounding = rounding / abs(speed) if speed else np.inf
         if abs(p - value) > width or rounding > 0.1 * width:
             break
-        if abs(step[1]) <= rounding or (abs(step[1]) < _SMALL * max(abs(p), width) and abs(step[1]) >= 0.25 * last):
+        if _is_last(abs(step[1]), last, max(rounding, enough * abs(p)), _SMALL * max(abs(p), width)):
             return Root(float(p), float(omega**2), speed, float(abs(step[1]) + rounding), x, y)
         last = abs(step[1])
     raise NotConvergedError(f"crossing near {parameter} = {value:.6g}: Newton's method did not converge")
+
+
+def _is_last(size: float, last: float, enough: float, small: float) -> bool:
+    """Return whether a Newton step is the last: it is as small as needed, or small and hardly shorter than the last.
+
+    Newton's method converges quadratically until rounding, where steps stop shrinking.
+    """
+    return size <= enough or (size < small and size >= 0.25 * last)
 
 
 class _Bordered:
@@ -229,7 +241,7 @@ class _Bordered:
         beside, below = np.column_stack([MZ, b]), np.vstack([MZ.T, c])
         more = beside.shape[1]
         corner = np.diag([*[-size] * (more - 1), 0.0])
-        factor = factorize(_joined([[A, beside], [below, corner]]), False, linear_solver)
+        factor = _factorized(_joined([[A, beside], [below, corner]]), linear_solver)
         e = np.zeros(n + more)
         e[-1] = size
         z, zt = factor.solve(e), factor.solve_transposed(e)
@@ -256,11 +268,47 @@ class _Bordered:
 
 def _matrices(problem: Problem, parameter: str, p: float) -> tuple[Pencil, dict[Slot, _Matrix | None]]:
     """Return the pencil at a value and the derivatives of its matrices, as full arrays where it is small and full."""
-    pencil, at = problem.pencil({parameter: p}), {parameter: p}
-    slopes = {slot: problem.derivative(parameter, slot, at) for slot in _SLOTS}
-    if pencil.n > _FULL or pencil.K.nnz <= pencil.n**2 / 2:
-        return pencil, slopes
-    return pencil.dense(), {slot: None if A is None else A.toarray() for slot, A in slopes.items()}
+    at = {parameter: p}
+    if problem.unknowns > _FULL or not _is_full(problem) or not problem.is_affine(parameter):
+        slopes: dict[Slot, _Matrix | None] = {slot: problem.derivative(parameter, slot, at) for slot in _SLOTS}
+        return problem.pencil(at), slopes
+    here, paths = problem.at(at), paths_of(parameter)
+    # What does not depend on the parameter is summed first, as `Problem.pencil` does it.
+    terms = sorted(here.terms, key=lambda t: any(q in t.powers for q in paths))
+    sums = {slot: _sum((t, t.coefficient(here.parameters)) for t in terms if t.slot == slot) for slot in _SLOTS}
+    rates = {
+        slot: _sum((t, sum(t.slope(q, here.parameters) for q in paths)) for t in terms if t.slot == slot)
+        for slot in _SLOTS
+    }
+    M, C, K = sums.values()
+    zero = np.zeros((problem.unknowns, problem.unknowns))
+    return Pencil(zero if M is None else M, zero if K is None else K, C), rates
+
+
+def _is_full(problem: Problem) -> bool:
+    """Return whether one of the terms at least has more than half of its entries."""
+    return any(t.matrix.nnz > problem.unknowns**2 / 2 for t in problem.terms if t.slot == "K")
+
+
+def _sum(parts: Iterable[tuple[Term, float]]) -> np.ndarray | None:
+    """Return Σ coefficient · matrix as an array; None where every coefficient is zero."""
+    total = None
+    for term, coefficient in parts:
+        if coefficient:
+            matrix = term.full * (coefficient * term.unit())
+            total = matrix if total is None else total + matrix
+    return total
+
+
+def _factorized(A: _Matrix, linear_solver: LinearSolver | str) -> Factor | DenseFactor:
+    return DenseFactor(A) if isinstance(A, np.ndarray) else factorize(A, False, linear_solver)
+
+
+def _factorized_complex(A: _Matrix, linear_solver: LinearSolver | str) -> tuple[Solve, Solve]:
+    if not isinstance(A, np.ndarray):
+        return factorize_complex(A, linear_solver)
+    factor = DenseFactor(A)
+    return factor.solve, factor.solve_adjoint
 
 
 def _times(A: _Matrix | None, x: np.ndarray, transposed: bool = False) -> np.ndarray:
@@ -270,10 +318,6 @@ def _times(A: _Matrix | None, x: np.ndarray, transposed: bool = False) -> np.nda
     return np.asarray((A.T if transposed else A) @ x)
 
 
-def _joined(rows: list[list[Any]]) -> sp.csr_array:
-    """Return the sparse matrix of blocks; where the first block is an array, with all entries."""
-    if not isinstance(rows[0][0], np.ndarray):
-        return sp.csr_array(sp.block_array(rows, format="csr"))
-    full = np.block(rows)
-    n = len(full)
-    return sp.csr_array((full.ravel(), np.tile(np.arange(n), n), np.arange(n + 1) * n), shape=(n, n))
+def _joined(rows: list[list[Any]]) -> _Matrix:
+    """Return the matrix of blocks, sparse unless the first block is an array."""
+    return np.block(rows) if isinstance(rows[0][0], np.ndarray) else sp.csr_array(sp.block_array(rows, format="csr"))

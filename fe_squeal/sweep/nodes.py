@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -148,11 +149,13 @@ class Node:
         """
         right, left, v = self.right[:, members].copy(), self.left[:, members].copy(), self.v[members]
         H, HL = np.diag(v).astype(complex), np.diag(v).astype(complex)
+        near = np.abs(v[:, None] - v[None, :]) <= _EQUAL * np.abs(v)[:, None]
+        if np.count_nonzero(near) <= len(v):  # each eigenvalue is near itself alone
+            return Basis(right, left, H, HL)
         u = self.weighted(right)
         size = np.linalg.norm(u, axis=0)
         with np.errstate(all="ignore"):
             likeness = np.abs(u.conj().T @ u / np.outer(size, size)) ** 2
-        near = np.abs(v[:, None] - v[None, :]) <= _EQUAL * np.abs(v)[:, None]
         one = near & (likeness > 1 - _PARALLEL)
         count, label = connected_components(one, directed=False)
         for i in range(count):
@@ -180,7 +183,7 @@ class Node:
         H = la.lstsq(B @ X, A @ X)[0]
         return X[: len(M)], H
 
-    @property
+    @cached_property
     def shift(self) -> float:
         """Return the largest relative difference between v of a mode and the quotient of its right and left vector.
 
@@ -218,6 +221,39 @@ class Node:
         with np.errstate(all="ignore"):
             return np.asarray(push.diagonal() / own)
 
+    def moved(self, value: float) -> Node | None:
+        """Return the node of a value very near by, with eigenvalues and stability alone: right and left are those here.
+
+        The matrix of all known modes as one group is diag(v) here, and changes by `push` over `cross`, the projection
+        on right and left modes. What it leaves out is of second order in the distance. Rounding blurs eigenvalues there
+        as it does here; of two that meet between the values it does so too, for that depends on how near they are.
+
+        Returns
+        -------
+        Node or None
+            None for complex stiffness, of which stability is not judged by Re λ alone, and for modes that are equal up
+            to rounding.
+        """
+        if not len(self) or np.iscomplexobj(self.K) or not (self.paired or self.C is not None):
+            return None
+        modes = self.all()
+        gram = self.cross(modes, modes)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", la.LinAlgWarning)
+            try:
+                H = np.diag(self.v) + (value - self.value) * la.solve(gram, self.own[0])
+            except (la.LinAlgError, la.LinAlgWarning, ValueError):
+                return None
+        v = la.eigvals(H)
+        blur = self.blur[np.abs(v[:, None] - self.v[None, :]).argmin(axis=1)]
+        v = np.where(np.abs(v.imag) <= blur, v.real, v)  # the modes are complex, and leave rounding in a real one
+        if self.C is not None:
+            return replace(self, value=value, v=v, lam=v, blur=blur, unstable=v.real > blur)
+        lam = 1j * np.sqrt(v)
+        lam = np.where((v.real < -blur) & (v.imag == 0), np.abs(lam), lam)
+        lam = np.where(np.abs(v) <= blur, 0.0, lam)
+        return replace(self, value=value, v=v, lam=lam, blur=blur, unstable=lam.real > spread_of(lam, blur))
+
     def cross(self, own: Basis, other: Basis) -> np.ndarray:
         """Return the products (m, l) of the left vectors of `own` with the right vectors of `other`.
 
@@ -244,6 +280,12 @@ class Node:
             else:
                 total -= moved @ np.linalg.matrix_power(own.H, POWER[slot])
         return total
+
+
+def spread_of(lam: np.ndarray, blur: np.ndarray) -> np.ndarray:
+    """Return how far (k,) Re λ may be off where θ = −λ² may be off by `blur` (k,)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.fmin(blur / (2 * np.abs(lam)), np.sqrt(blur)))
 
 
 def node_of(

@@ -190,7 +190,7 @@ class Refiner:
         def meeting(problem: Problem, p: float, x: np.ndarray, y: np.ndarray) -> Root:
             nonlocal theta
             x, y = (v if np.isrealobj(v) else real_direction(v[:, None]) for v in (x, y))
-            root = find_coalescence(problem, name, p, theta, x, y, width, solver)
+            root = find_coalescence(problem, name, p, theta, x, y, width, solver, enough=self._enough(problem))
             theta = root.theta
             if (root.coefficient_sign > 0) != (change.gains > 0) and root.theta > 0:
                 raise NotConvergedError("Newton's method found the other end of a window")
@@ -198,13 +198,13 @@ class Refiner:
 
         def zero(problem: Problem, p: float, x: np.ndarray, y: np.ndarray) -> Root:
             x, y = (v if np.isrealobj(v) else real_direction(v[:, None]) for v in (x, y))
-            return find_zero(problem, name, p, x, y, width, self.step.free(problem), solver)
+            return find_zero(problem, name, p, x, y, width, self.step.free(problem), solver, self._enough(problem))
 
         def crossing(problem: Problem, p: float, x: np.ndarray, y: np.ndarray) -> Root:
             nonlocal theta
             lam = change.v if not self._theta else 1j * np.sqrt(change.v)
             omega = abs(lam.imag) if p == 0.5 * (change.low + change.high) else float(np.sqrt(theta))
-            root = find_crossing(problem, name, p, omega, x, y, width, solver)
+            root = find_crossing(problem, name, p, omega, x, y, width, solver, self._enough(problem))
             theta = root.theta
             if (root.coefficient > 0) != (change.gains > 0):
                 raise NotConvergedError("Newton's method found another crossing")
@@ -214,13 +214,22 @@ class Refiner:
             nonlocal theta
             x, y = (v if np.isrealobj(v) else real_direction(v[:, None]) for v in (x, y))
             lam = float(change.v.real) if theta > 0 else float(np.sqrt(-theta))
-            root = find_coalescence(problem, name, p, lam, x, y, width, solver, damped=True)
+            root = find_coalescence(problem, name, p, lam, x, y, width, solver, True, self._enough(problem))
             theta = root.theta
             if (root.coefficient_sign > 0) == (change.gains > 0):
                 raise NotConvergedError("Newton's method found another double eigenvalue")
             return root
 
         return {"parting": parting, "meeting": meeting, "zero": zero, "crossing": crossing}[change.kind]
+
+    def _enough(self, problem: Problem) -> float:
+        """Return the part of a value below which a step of Newton's method on a problem is the last.
+
+        Each step on the problem itself factorises its matrices. Behind a reduced model it starts from that model's root
+        and has to be as certain as this root would have had to be.
+        """
+        reduced = self.step.reduced_model is not None and not self.precise
+        return _SURE if reduced and problem is self.step.full else 0.0
 
     def _between(self, change: Change, root: Root, slack: float) -> Root:
         """Return a root if it is between the limits of its change.

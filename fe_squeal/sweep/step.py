@@ -15,7 +15,7 @@ from ..eigen.pencil import FreeMotions, Modes
 from ..problem.forms import interpolate, project
 from ..problem.problem import Problem
 from ..reduced import ReducedModel, SlowMotions
-from .nodes import Node, node_of
+from .nodes import Node, node_of, spread_of
 
 _DEPENDENT = 1e-12  # of the largest eigenvalue of a Gram matrix: directions with smaller ones are left out of the basis
 _BALANCED = 1e-11  # of |K||z|: if the forces Kz of a motion are smaller, they are rounding, and the motion is rigid
@@ -136,7 +136,7 @@ class Step:
         if not len(at):
             return node
         blur = np.maximum(node.blur, blur[np.abs(node.v[:, None] - at[None, :]).argmin(axis=1)])
-        spread = blur if node.C is not None else np.minimum(blur / (2 * np.abs(node.lam)), np.sqrt(blur))
+        spread = blur if node.C is not None else spread_of(node.lam, blur)
         return replace(node, blur=blur, unstable=node.unstable & (node.lam.real > spread))
 
     def free(self, problem: Problem) -> np.ndarray | None:
