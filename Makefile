@@ -41,8 +41,8 @@ test-again: .venv/installed-test
 # With the lowest versions that pyproject.toml admits: the fast tests that call every part of the libraries. The mathematics,
 # hard cases, fuzzing and the browser run with the newest alone, and so do those of tests/unit that take long and call
 # nothing of a library that the others do not.
-NEWEST_ALONE := checkpoint counting effects_on_demand eigen eigen_complex estimate_run found_by_fuzz lumped_properties \
-	lumped_studies mesh_bars reduced resume run_effects
+NEWEST_ALONE := band checkpoint counting effects_on_demand eigen eigen_complex estimate_run found_by_fuzz lumped_properties \
+	lumped_studies marked mesh_bars reduced refining resume run_effects
 test-lowest: .venv-lowest/installed
 	.venv-lowest/bin/pytest $(PYTEST_OPTIONS) -m "not slow" tests/unit tests/regression $(NEWEST_ALONE:%=--ignore=tests/unit/test_%.py)
 

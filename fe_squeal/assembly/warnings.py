@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from ..fem.contact import ContactOperators
+from ..fem.distortion import shape_condition
 from ..fem.spaces import DisplacementSpace
 from ..mesh import LoadedMesh
-from ..mesh.distortion import shape_condition
 from ..scene import Scene
 from ..schema.place import Kind
 from .places import nodes_there

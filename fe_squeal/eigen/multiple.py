@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .blocks import lift
 from .pencil import Pencil
 
 # Entries of assembled matrices are sums of some tens of rounded products.
@@ -18,7 +19,7 @@ _EXACT = 1e-11  # backward error below which a single vector is a mode by itself
 
 def unit_mass(pencil: Pencil, right: np.ndarray) -> np.ndarray:
     """Return modes (n, k) scaled so that φᴴMφ = 1; modes without mass, which exist with damping, are not scaled."""
-    mass = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.M @ right))
+    mass = np.abs(np.einsum("ij,ij->j", right.conj(), lift(pencil.M, right)))
     return np.asarray(right / np.sqrt(np.where(mass > 0, mass, 1.0)))
 
 
@@ -35,10 +36,10 @@ def rounding_of_zero(pencil: Pencil, lam: np.ndarray, right: np.ndarray) -> np.n
     right : (n, k) float or complex
         The modes.
     """
-    dissipation = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.C @ right))
+    dissipation = np.abs(np.einsum("ij,ij->j", right.conj(), lift(pencil.C, right)))
     stiffness = np.abs(pencil.apply(lam, right)) + ROUNDING * pencil.magnitude(np.zeros(len(lam)), right)
     delta = np.einsum("ij,ij->j", np.abs(right), stiffness)
-    mass = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.M @ right))
+    mass = np.abs(np.einsum("ij,ij->j", right.conj(), lift(pencil.M, right)))
     return np.asarray(
         2 * delta / np.maximum(dissipation + np.sqrt(dissipation**2 + 4 * mass * delta), np.finfo(float).tiny)
     )

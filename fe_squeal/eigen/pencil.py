@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
+from .blocks import lift
 from .polish import equilibrate
 
 ProblemClass = Literal["symmetric", "nonsymmetric", "quadratic", "complex"]
@@ -86,8 +87,8 @@ class Pencil:
 
     def apply(self, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return the columns (λ²M + λC + K) u for λ (k,) and u (n, k)."""
-        r = (self.M @ u) * lam**2 + self.K @ u
-        return r if self.C is None else r + (self.C @ u) * lam
+        r = lift(self.M, u) * lam**2 + lift(self.K, u)
+        return r if self.C is None else r + lift(self.C, u) * lam
 
     @cached_property
     def units(self) -> tuple[np.ndarray, float]:
@@ -113,8 +114,8 @@ class Pencil:
 
     def derivative(self, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return the columns (2λM + C) u."""
-        r = (self.M @ u) * (2 * lam)
-        return r if self.C is None else r + self.C @ u
+        r = lift(self.M, u) * (2 * lam)
+        return r if self.C is None else r + lift(self.C, u)
 
     def dense(self) -> Pencil:
         """Return the pencil with full arrays, whose products are faster where the matrices are small and full."""

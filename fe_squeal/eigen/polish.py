@@ -9,6 +9,8 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from .blocks import lift
+
 ACCURATE = 1e-12  # backward error, some thousand roundings: a pair with a larger one is polished
 _STEPS = 3
 
@@ -110,9 +112,10 @@ def _step(
 
 def _backward_errors(A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return ‖Q(v)x‖ / ‖Σ|v|ʲ|A_j||x|‖ for each column of x."""
-    residual, magnitude, a = A[0] @ x, np.abs(A[0]) @ np.abs(x), np.abs(x)
+    a = np.abs(x)
+    residual, magnitude = lift(A[0], x), np.abs(A[0]) @ a
     for j, Aj in enumerate(A[1:], 1):
-        residual, magnitude = residual + (Aj @ x) * v**j, magnitude + (np.abs(Aj) @ a) * np.abs(v) ** j
+        residual, magnitude = residual + lift(Aj, x) * v**j, magnitude + (np.abs(Aj) @ a) * np.abs(v) ** j
     with np.errstate(invalid="ignore"):
         return np.asarray(np.linalg.norm(residual, axis=0) / np.linalg.norm(magnitude, axis=0))
 

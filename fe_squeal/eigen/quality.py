@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .blocks import lift
 from .multiple import ROUNDING, biorthogonal, defective_error, rounding_of_zero, separated, unit_mass
 from .pencil import Modes, Pencil
 
@@ -25,7 +26,7 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     """
     right = unit_mass(pencil, right)
     lefts = unit_mass(pencil, left)
-    left = biorthogonal(left, left.conj().T @ (pencil.M @ right), theta)
+    left = biorthogonal(left, left.conj().T @ lift(pencil.M, right), theta)
     lam = 1j * np.sqrt(theta.astype(complex))
     residual = pencil.apply(lam, right)
     magnitude = pencil.magnitude(lam, right)
@@ -67,14 +68,14 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     lam, right, left = separated(pencil, lam, unit_mass(pencil, right), left)
     # ψ_iᴴ((λ_i + λ_j)M + C)φ_j vanishes for λ_i ≠ λ_j, and is ψᴴ(2λM + C)φ on the diagonal.
     lefts = unit_mass(pencil, left)
-    mass = left.conj().T @ (pencil.M @ right)
-    gram = (lam[:, None] + lam[None, :]) * mass + left.conj().T @ (pencil.C @ right)
+    mass = left.conj().T @ lift(pencil.M, right)
+    gram = (lam[:, None] + lam[None, :]) * mass + left.conj().T @ lift(pencil.C, right)
     left = biorthogonal(left, gram, lam, _rounding_at_rest(pencil, lam, right, left))
     residual = pencil.apply(lam, right)
     magnitude = pencil.magnitude(lam, right)
     backward = _relative(pencil, residual, magnitude)
     first_order, amplification = _perturbation(left, residual, magnitude, lam)
-    dissipation = np.abs(np.einsum("ij,ij->j", right.conj(), pencil.C @ right))
+    dissipation = np.abs(np.einsum("ij,ij->j", right.conj(), lift(pencil.C, right)))
     least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
     with np.errstate(over="ignore"):  # for λ = 0 without damping the derivative of λ is infinite
         least = least / np.maximum(2 * np.abs(lam) + dissipation, np.finfo(float).tiny)

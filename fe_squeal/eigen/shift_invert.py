@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+from numpy.typing import DTypeLike
 from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator, eigs, eigsh
 
 from ..errors import NotConvergedError
@@ -128,7 +129,7 @@ class ShiftInverted:
             order = np.argsort(-np.abs(nu), kind="stable")[:count]
             nu, z = nu[order], z[:, order]
         else:
-            operator = LinearOperator((self.size, self.size), matvec=apply, dtype=dtype)
+            operator = _operator(self.size, apply, dtype)
             v0, basis = _start(self.size).astype(dtype), _basis_size(count, self.size)
             v0 = v0 if remain is None else remain(v0)
             require_vectors(self.size, basis + 2 * count, v0.itemsize)
@@ -151,13 +152,12 @@ class ShiftInverted:
             nu, y = _nonzero(nu[order], y[:, order], self.size)
             return self._unit * (sigma + 1 / nu), self._in_units(x @ y)
         require_vectors(self.size, _basis_size(count, self.size) + 2 * count, 8)
-        operator = LinearOperator(
-            M.shape, matvec=lambda b: respond(self._factor.solve(self._pad(b)))[rows], dtype=float
-        )
+        mass = _operator(self.size, lambda u: M @ u, float)
+        operator = _operator(self.size, lambda b: respond(self._factor.solve(self._pad(b)))[rows], float)
         v0 = respond(self._pad(_start(self.size)))[rows]
         theta, x = _run(
             lambda: eigsh(
-                M, count, M=M, sigma=sigma, which=which, OPinv=operator, tol=_TOLERANCE, v0=v0,
+                mass, count, M=mass, sigma=sigma, which=which, OPinv=operator, tol=_TOLERANCE, v0=v0,
                 ncv=_basis_size(count, self.size),
             ),
             count,
@@ -261,6 +261,12 @@ def occupied(A: sp.csr_array) -> np.ndarray:
     size = abs(A)
     return np.asarray((size.sum(axis=0) > 0) | (size.sum(axis=1) > 0))
 
+
+def _operator(n: int, apply: Solve, dtype: DTypeLike) -> LinearOperator:
+    """Return an (n, n) operator as ARPACK wants it, without SciPy's checks of each vector: those cost a small solve."""
+    operator = LinearOperator((n, n), matvec=apply, dtype=dtype)
+    operator.matvec = apply
+    return operator
 
 
 def _root(M: np.ndarray) -> np.ndarray:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from typing import Any
+
 import numpy as np
 import skfem
 
@@ -9,17 +12,27 @@ import skfem
 def shape_functions(element: skfem.Element, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the shape functions of an element at reference points (d, q), and their derivatives there.
 
+    The same few rules are asked for again, by each body and surface of a scene, so that what was found last is kept.
+
     Returns
     -------
-    N : (j, q) float
-    dN : (j, d, q) float
+    N : (j, q) float, not to be written to
+    dN : (j, d, q) float, not to be written to
     """
+    kind: Any = type(element)
+    return _shape_functions(kind, X.shape, np.asarray(X, float).tobytes())
+
+
+@lru_cache(maxsize=16)
+def _shape_functions(kind: Any, shape: tuple[int, int], data: bytes) -> tuple[np.ndarray, np.ndarray]:
+    element, X = kind(), np.frombuffer(data).reshape(shape)
     found = [element.lbasis(X, j) for j in range(len(element.doflocs))]
     N, dN = np.zeros((len(found), X.shape[1])), np.zeros((len(found), *X.shape))
     for j, (value, slope) in enumerate(found):  # some of them are plain numbers
         N[j] = value
         for axis in range(len(X)):
             dN[j, axis] = slope[axis]
+    N.flags.writeable = dN.flags.writeable = False
     return N, dN
 
 

@@ -243,8 +243,8 @@ did you mean "springs.piston.stiffness"?
         problem = self.at(moving)
         symmetric = all(t.symmetric for t in problem.terms if t.slot == "K" and t.coefficient(problem.parameters))
         M, C, K = (problem._slot(slot, moving) for slot in ("M", "C", "K"))
-        zero = sp.csr_array((self.unknowns, self.unknowns))
-        pencil = Pencil(zero if M is None else M, zero if K is None else K, C, symmetric)
+        M, K = (sp.csr_array((self.unknowns, self.unknowns)) if A is None else A for A in (M, K))
+        pencil = Pencil(M, K, C, symmetric)
         return replace(pencil, free=problem.free_motions(pencil))
 
     def free_motions(self, pencil: Pencil | None = None) -> FreeMotions:
@@ -282,7 +282,7 @@ did you mean "springs.piston.stiffness"?
             self._sums[slot, fixed] = sum_terms(part for part, m in zip(terms, moves, strict=True) if not m)
         rest = sum_terms(part for part, m in zip(terms, moves, strict=True) if m)
         constant = self._sums[slot, fixed]
-        return rest if constant is None else constant if rest is None else sp.csr_array(constant + rest)
+        return rest if constant is None else constant if rest is None else constant + rest
 
     def derivative(
         self, parameter: str, slot: Slot | None = None, values: Mapping[str, float] | None = None, /, *more: Never,

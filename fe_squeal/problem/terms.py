@@ -98,6 +98,7 @@ def sum_terms(parts: Iterable[tuple[Term, float]]) -> sp.csr_array | None:
     total = None
     for term, coefficient in parts:
         if coefficient:
-            matrix = term.matrix * (coefficient * term.unit())
+            factor = coefficient * term.unit()
+            matrix = term.matrix if factor == 1 else term.matrix * factor
             total = matrix if total is None else total + matrix
-    return None if total is None else sp.csr_array(total)
+    return None if total is None else total.tocsr()

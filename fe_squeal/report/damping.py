@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from fe_squeal.report.branches import figure_text, frequency_text, numbers, parameter_name, parameter_symbol, value_text
 from fe_squeal.report.labels import place_labels
@@ -37,7 +38,8 @@ def damping_figure(modes: pd.DataFrame, value: float | None = None, title: str =
     hz, ratio = numbers(here, "frequency_hz"), 100 * numbers(here, "damping_ratio")
     unstable = np.asarray(here["stability"] == "unstable", dtype=bool)
     per, unit = (1000.0, "kHz") if hz.max(initial=0.0) >= 2000 else (1.0, "Hz")
-    figure = NotebookFigure(figsize=(9, 5), dpi=150, layout="constrained")
+    layout = ConstrainedLayoutEngine()
+    figure = NotebookFigure(figsize=(9, 5), dpi=150, layout=layout)
     canvas = FigureCanvasAgg(figure)
     axes = figure.subplots()
     heads = [figure_text(title), f"{figure_text(parameter_symbol(parameter_name(modes)))} = {value_text(float(at))}"]
@@ -55,7 +57,7 @@ def damping_figure(modes: pd.DataFrame, value: float | None = None, title: str =
     axes.grid(True, color="0.92", lw=0.6)
     axes.set_axisbelow(True)
     axes.legend(fontsize=8)
-    figure.draw_without_rendering()
+    layout.execute(figure)
     figure.set_layout_engine("none")
     if 0 < unstable.sum() <= _LABELLED:
         points = list(zip((hz[unstable] / per).tolist(), ratio[unstable].tolist(), strict=True))

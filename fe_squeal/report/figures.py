@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
 from fe_squeal.report.axes import branch_styles, frequency_unit, growth_limits, parameter_label, set_parameter_axis
@@ -83,7 +84,8 @@ def stability_figure(
     styles = {branch.number: style for branch, style in zip(growing, branch_styles(len(growing)), strict=True)}
     unit, per_unit = frequency_unit(modes)
 
-    figure = NotebookFigure(figsize=(10, 8), dpi=150, layout="constrained")
+    layout = ConstrainedLayoutEngine()
+    figure = NotebookFigure(figsize=(10, 8), dpi=150, layout=layout)
     canvas = FigureCanvasAgg(figure)
     top, bottom = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2]})
     figure.suptitle(figure_text(title))
@@ -106,7 +108,7 @@ def stability_figure(
     _draw_legend(top, growing, styles, markers, modes)
 
     figure.align_ylabels([top, bottom])
-    figure.draw_without_rendering()  # fixes the layout: the places of the labels are found in pixels
+    layout.execute(figure)  # now, since the places of the labels are found in pixels
     figure.set_layout_engine("none")
     if 0 < len(onsets) <= MAX_LABELLED_ONSETS:
         _label_onsets(top, canvas, branches, onsets, parameter_name(modes), per_unit)

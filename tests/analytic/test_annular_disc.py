@@ -31,8 +31,9 @@ def hertz(lambda2):
 
 
 def characteristic(lam, n, clamped):
-    """Determinant of w = (A J_n + B Y_n + C I_n + D K_n)(λ r/a) cos nθ with free rim and clamped or free bore.
+    """Determinants of w = (A J_n + B Y_n + C I_n + D K_n)(λ r/a) cos nθ with free rim and clamped or free bore.
 
+    One for each λ (m,).
     Clamped: w = w' = 0. Free: M_r = 0, w'' + ν(w'/r − n²w/r²) = 0, and V_r = 0,
     (∇²w)' − (1 − ν)(n²/r²)(w' − w/r) = 0 (Leissa, Vibration of Plates, eq. 1.10, 1.11).
     """
@@ -45,17 +46,21 @@ def characteristic(lam, n, clamped):
             moment = d2 + NU * (d1 / z - n**2 * w / z**2)
             shear = sign * d1 - (1 - NU) * n**2 / z**2 * (d1 - w / z)
             rows.append([moment, shear] if free else [w, d1])
-        return np.array(rows).T
+        return np.transpose(rows, (2, 1, 0))
 
-    A = np.vstack([columns(lam, True), columns(lam * INNER / OUTER, not clamped)])
-    return np.linalg.det(A / np.abs(A).max(axis=0))
+    A = np.concatenate([columns(lam, True), columns(lam * INNER / OUTER, not clamped)], axis=1)
+    return np.linalg.det(A / np.abs(A).max(axis=1, keepdims=True))
 
 
 def roots(n, clamped, count):
     grid = np.linspace(0.5, 14.0, 600)
-    values = np.array([characteristic(x, n, clamped) for x in grid])
+    values = characteristic(grid, n, clamped)
     signs = np.flatnonzero(values[1:] * values[:-1] < 0)[:count]
-    return [brentq(characteristic, grid[i], grid[i + 1], args=(n, clamped), xtol=1e-12) ** 2 for i in signs]
+
+    def at(lam):
+        return characteristic(np.array([lam]), n, clamped)[0]
+
+    return [brentq(at, grid[i], grid[i + 1], xtol=1e-12) ** 2 for i in signs]
 
 
 @pytest.mark.parametrize(("n", "circles"), CLAMPED)

@@ -67,6 +67,11 @@ def assembled():
     return fe_squeal.assemble(parse_scene(scene()), mesh())
 
 
+@functools.cache
+def lowest_modes():
+    return modes_of(assembled(), 6)
+
+
 @pytest.mark.parametrize(("path", "low", "high"), PATHS)
 def test_problem_at_a_value_is_the_one_assembled_there(path, low, high):
     """Recombined or made anew, the matrices are those of a scene that was written with the value."""
@@ -84,7 +89,7 @@ def test_sensitivity_is_the_slope_of_the_eigenvalue(path, low, high):
     """∂λ/∂p from left and right modes against central differences of the eigenvalues, every mode of the lowest six."""
     problem = assembled()
     if not path.startswith("springs.caliper.stiffness,"):
-        modes = modes_of(problem, 6)
+        modes = lowest_modes()
         p = problem.value(path)
         step = 1e-4 * (abs(p) or high - low)
         above, below = (modes_of(problem, 9, **{path: p + s * step}) for s in (1, -1))

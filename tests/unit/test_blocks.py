@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 from fe_squeal.eigen import blocks
-from fe_squeal.eigen.blocks import combine, cross, times
+from fe_squeal.eigen.blocks import combine, cross, lift, times
 
 
 @pytest.fixture(params=[1, 3])
@@ -37,3 +37,19 @@ def test_matrices_with_empty_rows_and_no_columns():
     assert times(A, X[:, :0]).shape == (n, 0)
     assert cross(np.zeros((n, 0)), np.ones((n, 2))).shape == (0, 2)
     assert not combine(np.zeros((n, 0)), np.zeros((0, 2))).any()
+
+
+@pytest.mark.parametrize("n", [40, blocks._TALL + 7])
+@pytest.mark.parametrize("shape", [(5,), (5, 0), (5, 3)])
+@pytest.mark.usefixtures("threads")
+def test_complex_vectors_are_lifted_in_real_parts(n, shape):
+    """By a real matrix, sparse or not, in any order of the entries; a real column stays real."""
+    rng = np.random.default_rng(5)
+    V = rng.standard_normal((n, 5))
+    y = rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
+    for columns in (y, np.asfortranarray(y), y.real, y.real + 0j):
+        for matrix in (V, sp.csr_array(V)):
+            lifted = lift(matrix, columns)
+            assert lifted.shape == (n, *shape[1:]) and lifted.dtype == columns.dtype
+            np.testing.assert_allclose(lifted, V @ columns, rtol=1e-12, atol=1e-13)
+            assert columns.imag.any() or not lifted.imag.any()

@@ -28,6 +28,13 @@ _ADJOINT, _TRANSPOSED = 1, 2  # of iparm(12)
 _PLACE = "PYPARDISO_MKL_RT"  # where pypardiso looks first
 
 
+def _integer(value: int) -> Any:
+    return ctypes.byref(ctypes.c_int32(value))
+
+
+_ONE, _ZERO = _integer(1), _integer(0)
+
+
 def has_pardiso() -> bool:
     """Whether MKL's PARDISO can be loaded."""
     return _pardiso() is not None
@@ -40,9 +47,11 @@ def _pardiso() -> Any:
         with _known_place():
             from pypardiso import PyPardisoSolver
 
-            return PyPardisoSolver()._mkl_pardiso
+            routine = PyPardisoSolver()._mkl_pardiso
     except (ImportError, OSError):
         return None
+    routine.argtypes = [ctypes.c_void_p] * 16  # addresses: typed pointers take longer to make than a small solve
+    return routine
 
 
 @contextlib.contextmanager
@@ -105,6 +114,9 @@ class PardisoFactor:
             iparm[10] = iparm[12] = 1
         self._ia = self._matrix.indptr.astype(np.int32) + 1
         self._ja = self._matrix.indices.astype(np.int32) + 1
+        arrays = (self._matrix.data, self._ia, self._ja, self._perm)
+        self._fixed = (_integer(self._mtype), _integer(self._n), *(a.ctypes.data for a in arrays))
+        self._settings = self._handle.ctypes.data, self._iparm.ctypes.data
         self._call(11, np.zeros((self._n, 1)))
         if analyse_only:
             return
@@ -149,18 +161,11 @@ class PardisoFactor:
     def _call(self, phase: int, b: np.ndarray) -> np.ndarray:
         b = np.asfortranarray(b, dtype=self._dtype)
         x, error = np.zeros_like(b, order="F"), ctypes.c_int32(0)
-        doubles = ctypes.POINTER(ctypes.c_double)  # a complex number is two of them
-        ints = ctypes.POINTER(ctypes.c_int32)
-
-        def integer(value: int) -> Any:
-            return ctypes.byref(ctypes.c_int32(value))
-
+        handle, iparm = self._settings
+        mtype, *matrix = self._fixed
         _pardiso()(
-            self._handle.ctypes.data_as(ctypes.POINTER(ctypes.c_int64)), integer(1), integer(1), integer(self._mtype),
-            integer(phase), integer(self._n), self._matrix.data.ctypes.data_as(doubles),
-            self._ia.ctypes.data_as(ints), self._ja.ctypes.data_as(ints), self._perm.ctypes.data_as(ints),
-            integer(1 if b.ndim == 1 else b.shape[1]), self._iparm.ctypes.data_as(ints), integer(0),
-            b.ctypes.data_as(doubles), x.ctypes.data_as(doubles), ctypes.byref(error),
+            handle, _ONE, _ONE, mtype, _integer(phase), *matrix, _integer(1 if b.ndim == 1 else b.shape[1]), iparm,
+            _ZERO, b.ctypes.data, x.ctypes.data, ctypes.byref(error),
         )  # fmt: skip
         if error.value == _OUT_OF_MEMORY:
             raise MemoryError(f"PARDISO at phase {phase}")
@@ -172,7 +177,7 @@ class PardisoFactor:
         return x
 
     def __del__(self) -> None:
-        if getattr(self, "_ja", None) is not None and not sys.is_finalizing():
+        if getattr(self, "_settings", None) is not None and not sys.is_finalizing():
             self._call(-1, np.zeros((self._n, 1)))
 
 

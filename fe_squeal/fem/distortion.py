@@ -6,14 +6,14 @@ import numpy as np
 import skfem
 from skfem.refdom import RefTet
 
-from .raw import Floats, Ints
+from .cells import shape_functions
 
 # Edges of the regular tetrahedron from its first corner, as columns; the regular hexahedron is the cube.
 _REGULAR = np.array([[1.0, 0.5, 0.5], [0.0, np.sqrt(3) / 2, np.sqrt(3) / 6], [0.0, 0.0, np.sqrt(2 / 3)]])
 _CHUNK = 20_000  # cells at a time
 
 
-def shape_condition(mesh: skfem.Mesh, elements: Ints) -> Floats:
+def shape_condition(mesh: skfem.Mesh, elements: np.ndarray) -> np.ndarray:
     """Return the condition number κ of the map from the regular cell to each cell, at its worst node.
 
     κ = σ_max/σ_min of JW⁻¹, where J is the Jacobian of the cell and W that of the regular tetrahedron or cube. κ is 1
@@ -37,11 +37,13 @@ def shape_condition(mesh: skfem.Mesh, elements: Ints) -> Floats:
     array([4.])
     """
     inverse = np.linalg.inv(_REGULAR) if mesh.refdom is RefTet else np.eye(3)
-    X = np.asarray(mesh.elem().doflocs).T
+    slopes = np.moveaxis(shape_functions(mesh.elem(), np.asarray(mesh.elem.doflocs).T)[1], 2, 0)  # (points, n, 3)
     worst = np.ones(len(elements))
     for start in range(0, len(elements), _CHUNK):
         part = elements[start : start + _CHUNK]
-        J = np.moveaxis(np.asarray(mesh.mapping().DF(X, tind=part)), (0, 1), (-2, -1))  # (e, points, 3, 3)
+        nodes = mesh.doflocs[:, mesh.dofs.element_dofs[:, part]].T  # (e, n, 3)
+        local = np.swapaxes(nodes - nodes[:, :1], 1, 2)  # far from the origin coordinates lack digits
+        J = local[:, None] @ slopes  # (e, points, 3, 3)
         sizes = np.linalg.svd(J @ inverse, compute_uv=False)
         with np.errstate(divide="ignore"):
             worst[start : start + _CHUNK] = (sizes[..., 0] / sizes[..., 2]).max(axis=1)
