@@ -134,7 +134,7 @@ def likely_values(onsets: pd.DataFrame) -> list[str] | None:
     # A folder of an earlier version has no bars of these values.
     bar = numbers(onsets, "extrapolated_discretisation") if "extrapolated_discretisation" in onsets else 0 * value
     return [
-        "" if np.isnan(v) else f"{v:.4g} ± {b:.1g}" if np.isfinite(b) and b > 0 else f"{v:.4g}"
+        "" if np.isnan(v) else with_uncertainty(v, b) if np.isfinite(b) and b > 0 else f"{v:.4g}"
         for v, b in zip(value.tolist(), bar.tolist(), strict=True)
     ]
 
