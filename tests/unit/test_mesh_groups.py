@@ -14,6 +14,7 @@ from fe_squeal.accuracy.corrected import CorrectedModel
 from fe_squeal.accuracy.discretisation import with_changes
 from fe_squeal.accuracy.estimate import changes_by
 from fe_squeal.accuracy.groups import PLACES, element_groups, element_places, split_dataframe
+from fe_squeal.accuracy.pairs import growth_beyond
 from fe_squeal.accuracy.quantities import split_changes
 from fe_squeal.accuracy.rates import onset_factor
 from fe_squeal.accuracy.refined import refine_problem
@@ -98,10 +99,14 @@ class Exact:
 def rules_hold(result, changes, order):
     """Bars of growing modes and of onsets are at least what changes and parts make them."""
     wide = with_changes(result, changes)
-    for point, change, parts in zip(wide.points, changes.modes, changes.parts, strict=True):
-        known = np.isfinite(change) & parts.known
-        least = bar_of_parts(change.real, parts, order)[known]
-        assert (point.discretisation.real[known] >= least * (1 - 1e-12)).all()
+    for point, change, parts, (lam, _, near) in zip(
+        wide.points, changes.modes, changes.parts, changes.spectra, strict=True
+    ):
+        known, here = np.isfinite(change) & parts.known, lam[near].real
+        undamped = np.full(len(here), not result.problem.is_damped)
+        least, _, width = growth_beyond(here, here + change.real, parts, order, undamped)
+        assert (point.discretisation.real[known] >= least[known] * (1 - 1e-12)).all()
+        assert (point.extrapolated_discretisation.real[known] >= width[known] * (1 - 1e-12)).all()
         assert ((point.modes.stability == "unstable") & (point.modes.lam.imag > 0) == parts.known).all()
     assert wide.onsets
     bars = bar_of_parts(np.array(changes.onsets), changes.onset_parts, order)
