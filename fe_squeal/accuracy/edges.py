@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..assembly.assembly import Assembly
-from ..assembly.places import held_places
+from ..assembly.places import held_places, holding, nodes_there
 from ..fem.cells import geometry_map
 from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
@@ -57,7 +57,9 @@ class Edges:
 
 
 def singular_elements(assembly: Assembly) -> np.ndarray:
-    """Return (m,) bool, which elements have a node on an edge where stresses are singular, or on a held node set.
+    """Return (m,) bool, which elements have a node where stresses are singular.
+
+    That is on an edge, or in a set of nodes that supports, springs or ties act on.
 
     Parameters
     ----------
@@ -77,10 +79,12 @@ def singular_elements(assembly: Assembly) -> np.ndarray:
     corner = np.zeros(mesh.p.shape[1], bool)
     corner[edges.nodes[~smooth | joined]] = True
     found = np.asarray(corner[mesh.t].any(axis=0))
-    marked = np.zeros(mesh.doflocs.shape[1], bool)
-    for nodes, _ in held_places(scene, assembly.loaded)[1]:
-        marked[nodes] = True
-    return found | np.asarray(marked[mesh.dofs.element_dofs].any(axis=0))
+    space = assembly.space
+    marked = np.zeros(space.nodes, bool)
+    for path, kind, group in holding(scene):
+        if kind != "surface":
+            marked[nodes_there(space, assembly.loaded, kind, group, path)] = True
+    return found | np.asarray(marked[space.dofs.element_dofs].any(axis=0))
 
 
 def surface_edges(loaded: LoadedMesh) -> Edges:

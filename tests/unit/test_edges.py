@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import skfem
 
+import fe_squeal
 from fe_squeal.accuracy.edges import singular_elements, surface_edges
 from fe_squeal.mesh import from_skfem
+from fe_squeal.mesh.groups import NodeSet
 from meshes import STEEL, annulus, box, make_problem
 
 SOFT = {"youngs_modulus": 2e9, "poisson_ratio": 0.3, "density": 2600.0}
@@ -50,6 +54,21 @@ def test_a_plane_of_symmetry_that_ends_on_a_flat_face_is_singular_there():
     half = mesh.boundaries["bottom"][mesh.p[0, mesh.facets[:, mesh.boundaries["bottom"]]].mean(axis=0) < 2]
     (x, _, z), found = marked(mesh.with_boundaries({"half": half}), supports=[{"surface": "half", "fixed": "z"}])
     np.testing.assert_array_equal(found, (abs(x - 2) < 1) & (z < 1))
+
+
+@pytest.mark.parametrize("tables", [
+    {"supports": [{"nodes": "corner", "fixed": "x"}]},
+    {"springs": [{"name": "s", "nodes": "corner", "direction": [1, 0, 0], "stiffness": 1e6}]},
+])  # fmt: skip
+def test_forces_on_nodes_are_singular(tables):
+    mesh = box("hex1", (3, 2, 2), (3.0, 2.0, 2.0))
+    corner = np.flatnonzero((mesh.p == 0).all(axis=0))
+    loaded = replace(from_skfem(mesh, "box"), node_groups={"corner": NodeSet(corner, corner)})
+    body = {"materials": {"steel": STEEL}, "bodies": {"block": {"material": "steel"}}}
+    scene = fe_squeal.parse_scene({"mesh": {"file": "none.msh", "order": 2}, **body, **tables})
+    x, y, z = mesh.p[:, mesh.t].mean(axis=1)
+    found = singular_elements(fe_squeal.assemble(scene, loaded).source)
+    np.testing.assert_array_equal(found, (x < 1) & (y < 1) & (z < 1))
 
 
 @pytest.mark.parametrize("kind", ["hex1", "tet1"])
