@@ -121,7 +121,7 @@ def bar_of_parts(change: np.ndarray, parts: Parts, order: int) -> np.ndarray:
 def beyond(change: np.ndarray, parts: Parts, order: int) -> tuple[np.ndarray, np.ndarray]:
     """Return how far the likely exact values lie from those of the mesh (k,), and the bars (k,) of these likely values.
 
-    Parameters are those of `bar_of_parts`.
+    Parameters are those of `bar_of_parts`. Where parts are not known, the values lie `EXTRAPOLATED` changes away.
 
     Examples
     --------
@@ -132,7 +132,9 @@ def beyond(change: np.ndarray, parts: Parts, order: int) -> tuple[np.ndarray, np
     least, likely, most = np.array(LIMITS[order]).T
     sums, sizes, rest = _with_rest(change, parts)
     width = np.maximum(most - likely, likely - least)
-    return np.asarray(likely @ sums + likely[1] * rest), np.asarray(width @ sizes + width[1] * np.abs(rest))
+    furthest = max(most[1] - EXTRAPOLATED, EXTRAPOLATED - least[1])
+    shift = np.where(parts.known, likely @ sums + likely[1] * rest, EXTRAPOLATED * change)
+    return shift, np.where(parts.known, width @ sizes + width[1] * np.abs(rest), furthest * np.abs(change))
 
 
 def factors_of(change: np.ndarray, parts: Parts, order: int) -> np.ndarray:

@@ -128,11 +128,6 @@ def _onsets(onsets: Sequence[Onset], changes: Changes, order: int) -> list[Onset
     change = np.array(changes.onsets)
     parts = changes.onset_parts or Parts.unknown(len(change))
     bars, (shift, width) = bar_of_parts(change, parts, order), beyond(change, parts, order)
-    unknown = ~parts.known
-    factors = factors_of(change, parts, order)
-    shift = np.where(unknown, factors[1] * change, shift)
-    half = np.maximum(factors[2] - factors[1], factors[1] - factors[0])
-    width = np.where(unknown, half * np.abs(change), width)
     return [
         replace(
             onset, discretisation=np.inf if np.isnan(bar) else bar, extrapolated=onset.value + s,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from .bars import BARS, Parts, bar_of_parts, beyond
@@ -36,15 +38,8 @@ def bent_change(
     start = lam if about is None else about
     first = np.ones(len(lam)) if least is None else least
     last = np.full(len(lam), BARS[order]) if most is None else most
-    known = np.flatnonzero(np.isfinite(refined) & (lam.imag > 0))
-    for i in known.tolist():
-        others = known[known != i]
-        if not len(others):
-            continue
-        apart = np.minimum(np.abs(lam[others] - lam[i]), np.abs(refined[others] - refined[i]))
-        j = int(others[np.argmin(apart)])
-        m, D = ((x[i] + x[j]) / 2 for x in (lam, refined)), (((x[i] - x[j]) / 2) ** 2 for x in (lam, refined))
-        (m0, m1), (D0, D1) = m, D
+    for i, j, _ in _nearest(lam, refined):
+        (m0, m1), (D0, D1) = _mean_and_square(lam, refined, i, j)
         here, re, im = refined[i], 0.0, 0.0
         for s in np.linspace(1.0, last[i], _STEPS + 1):
             root = np.sqrt(D0 + s * (D1 - D0) + 0j)
@@ -80,18 +75,10 @@ def extrapolated(lam: np.ndarray, refined: np.ndarray, factor: float | np.ndarra
     """
     s = np.broadcast_to(factor, lam.shape)
     found = lam + s * (refined - lam)
-    known = np.flatnonzero(np.isfinite(refined) & (lam.imag > 0))
-    for i in known.tolist():
-        others = known[known != i]
-        if not len(others):
+    for i, j, apart in _nearest(lam, refined):
+        if apart > _APART * np.abs(refined - lam)[[i, j]].max():
             continue
-        apart = np.minimum(np.abs(lam[others] - lam[i]), np.abs(refined[others] - refined[i]))
-        j = int(others[np.argmin(apart)])
-        if apart.min() > _APART * np.abs(refined - lam)[[i, j]].max():
-            continue
-        (m0, m1), (D0, D1) = (
-            [(x[i] + x[j]) / 2 for x in (lam, refined)], [((x[i] - x[j]) / 2) ** 2 for x in (lam, refined)]
-        )  # fmt: skip
+        (m0, m1), (D0, D1) = _mean_and_square(lam, refined, i, j)
         # Mode i takes that of the roots ±√D which lies on its side of m on the refined mesh. If both are equally near,
         # the mode with the lower number takes +√D and the other one −√D, so that the two still differ.
         root, side = np.sqrt(D0 + s[i] * (D1 - D0) + 0j), (refined[i] - refined[j]) / 2
@@ -100,6 +87,21 @@ def extrapolated(lam: np.ndarray, refined: np.ndarray, factor: float | np.ndarra
         is_positive = same < other if is_clear else i < j
         found[i] = m0 + s[i] * (m1 - m0) + (root if is_positive else -root)
     return np.asarray(found)
+
+
+def _nearest(lam: np.ndarray, refined: np.ndarray) -> Iterator[tuple[int, int, float]]:
+    """Yield each mode that swings, the one nearest to it on either mesh, and their distance there, rad/s."""
+    known = np.flatnonzero(np.isfinite(refined) & (lam.imag > 0))
+    for i in known.tolist() if len(known) > 1 else ():
+        others = known[known != i]
+        apart = np.minimum(np.abs(lam[others] - lam[i]), np.abs(refined[others] - refined[i]))
+        yield i, int(others[np.argmin(apart)]), float(apart.min())
+
+
+def _mean_and_square(lam: np.ndarray, refined: np.ndarray, i: int, j: int) -> tuple[list[complex], list[complex]]:
+    """Return m = (λ_i + λ_j)/2 and D = ((λ_i − λ_j)/2)², each on the mesh and on the refined one."""
+    pairs = [(complex(x[i]), complex(x[j])) for x in (lam, refined)]
+    return [(a + b) / 2 for a, b in pairs], [((a - b) / 2) ** 2 for a, b in pairs]
 
 
 def growth_beyond(
