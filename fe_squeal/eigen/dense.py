@@ -14,6 +14,7 @@ from .linear.factor import LinearSolver
 from .pencil import Modes, Pencil
 from .polish import ACCURATE, pair_errors, polish_pairs
 from .quality import in_upper_half, modes_from_lambda, modes_from_theta
+from .threads import one_openblas_thread
 
 DENSE_LIMIT = 400  # unknowns up to which all modes come from LAPACK: seconds, tens of them where QZ is needed
 
@@ -26,6 +27,7 @@ _FEW, _FEW_OF_ASKED = 0.1, 0.3
 _HUGE, _WRONG = 1e4, 1e-8
 
 
+@one_openblas_thread()
 def solve_dense(
     pencil: Pencil, highest: float = np.inf, linear_solver: LinearSolver | str = "auto", growing: float | None = None
 ) -> Modes:  # fmt: skip

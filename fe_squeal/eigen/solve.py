@@ -15,6 +15,7 @@ from .pencil import Modes, Pencil
 from .request import Completeness, Request, select_wanted
 from .shift import distance_to_nearest, known_radius, shift_below, symmetric_part
 from .shift_invert import ShiftInverted
+from .threads import one_openblas_thread
 
 # A shift nearer to an eigenvalue than this, relatively, makes its 1/(θ − σ) so large that rounding of it costs the
 # other eigenvalues digits. The shift is then multiplied by a factor, at most so many times.
@@ -24,6 +25,7 @@ _CLEAR, _MOVE, _MOVES = 1e-4, 1.15, 3
 _CROWD = 2.5
 
 
+@one_openblas_thread()
 def solve_modes(
     pencil: Pencil, request: Request, band: float | None = None, linear_solver: LinearSolver | str = "auto"
 ) -> Modes:
