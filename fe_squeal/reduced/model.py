@@ -192,14 +192,15 @@ class ReducedModel:
         Modes with damping and friction grow out of these. Others can only come from beyond `highest`; `missing_modes`
         looks for them. None where the linear solver does not give the inertia.
         """
+        # Count in the highest clear gap. Above `highest` the basis has values that are not those of modes.
         theta = self._without
-        gaps = np.flatnonzero(np.diff(theta) > 1e-5 * theta[1:])
-        gaps = gaps[theta[gaps] < self.highest**2]
+        above = np.minimum(theta[1:], self.highest**2)
+        gaps = np.flatnonzero(above - theta[:-1] > 1e-5 * above)
         if not len(gaps):
             return None
         below = int(gaps[-1]) + 1
         self.factorizations += 1
-        omega = float(np.sqrt((theta[below - 1] + theta[below]) / 2))
+        omega = float(np.sqrt((theta[below - 1] + above[below - 1]) / 2))
         counted = count_below(self.basis.base(self._sigma), omega, self.linear_solver)
         return None if counted is None else counted == below
 

@@ -139,6 +139,18 @@ def test_values_asked_for_later_reuse_the_model():
     assert model.factorizations < len(VALUES) and len(model.basis) < N / 2
 
 
+@pytest.mark.parametrize("factor", [1 - 1e-9, 1.0, 1 + 1e-9])
+def test_modes_are_counted_however_the_highest_one_is_rounded(factor):
+    """Above it the basis has values that are no modes: no count is made between it and the lowest of them."""
+    model = ReducedModel(chain(*CLASSES["quadratic"]), "mu", VALUES, Request(count=MODES))
+    held = model._without[model._without < model.highest**2 * (1 + 1e-6)]
+    model._without = np.append(held, 3 * held[-1])
+    model.highest = float(np.sqrt(held[-1])) * factor
+    assert model.counted()
+    model._without = np.delete(model._without, 2)
+    assert model.counted() is False
+
+
 def test_a_mode_that_the_basis_misses_is_found(monkeypatch):
     """A mass on a spring of its own, of which residuals of the other modes know nothing; it has to be looked for."""
     n = N + 1
