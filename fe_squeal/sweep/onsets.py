@@ -117,7 +117,7 @@ def find_step_onsets(
     ]
     left_open = Found()
     for group in seen.open:
-        _tell_open(left_open, group, parameter, below)
+        _tell_open(left_open, group, parameter, below, halved)
     if halved and (unsettled or left_open.warnings or left_open.missing):
         return replace(left_open, warnings=unsettled + left_open.warnings)
     refiner = Refiner(step, precise, starts)
@@ -222,22 +222,32 @@ def _named(branches: list[int]) -> tuple[int, int | None]:
     return first, rest[0] if rest else None
 
 
-def _tell_open(found: Found, group: Open, parameter: str, below: float) -> None:
+def _tell_open(found: Found, group: Open, parameter: str, below: float, halved: bool) -> None:
     """Add a sentence to `found.missing` if modes of a group have no counterpart at the other value, inside the range.
 
-    If the numbers of unstable modes of the group differ as well, a warning is added too.
+    Modes that decay without swinging need not be known: free motions that friction alone damps, for instance, are not
+    among the modes without friction. If such modes are the reason and the step is not `halved`, or if the numbers of
+    unstable modes of the group differ, a warning is added.
     """
     (a, b), (s0, s1) = group.nodes, group.members
-    more, own = (a, s0) if len(s0) > len(s1) else (b, s1)
+    more, lam, other = (a, a.lam[s0], b.lam[s1]) if len(s0) > len(s1) else (b, b.lam[s1], a.lam[s0])
     rim = _RIM * min(float(np.abs(n.lam).max(initial=0.0)) for n in group.nodes)
-    lam = more.lam[own]
     inside = (lam.imag > 0) & (-lam.real < lam.imag) & (np.abs(lam) < rim) & (lam.imag <= below)
-    if inside.sum() >= abs(len(s0) - len(s1)):
+    still, also = (int(np.count_nonzero(-x.real >= np.maximum(np.abs(x.imag), x.real))) for x in (lam, other))
+    lacking = len(lam) - len(other)
+    explained = 0 if halved else max(still - also, 0)
+    if inside.sum() >= lacking > 0:
         at = f"{lam[inside].imag.mean() / (2 * np.pi):.5g} Hz"
-        found.missing.append(
-            f"{abs(len(s0) - len(s1))} modes are missing between {parameter} = {a.value:g} and {b.value:g} near {at}:"
-            f" they are there at {more.value:g} alone"
-        )
+        if lacking > explained:
+            found.missing.append(
+                f"{lacking - explained} modes are missing between {parameter} = {a.value:g} and {b.value:g} near {at}:"
+                f" they are there at {more.value:g} alone"
+            )
+        else:
+            found.warnings.append(
+                f"onsets near {at} between {parameter} = {a.value:g} and {b.value:g} are not found: modes that decay"
+                f" without swinging are there at {more.value:g} alone"
+            )
     growing = [(n, s[n.unstable[s]]) for n, s in zip(group.nodes, group.members, strict=True)]
     for node, s in growing:
         if len(s) and (node.lam[s].imag <= below).any() and len(growing[0][1]) != len(growing[1][1]):

@@ -129,6 +129,21 @@ def test_damped_pad_held_by_friction_alone(method, effects):
             assert np.count_nonzero(np.abs(lam + 20.0) < 1e-6) == 3
 
 
+def test_free_motions_that_friction_begins_to_damp():
+    """Without friction a pad slides in three ways and swings in others. Friction damps two of the three motions beside
+    those that swing: nothing is missing, and where modes could not be followed is said."""
+    contact = {"surface": "bottom", "counterface": "rigid", "normal_stiffness": 3e7, "sliding": BELT}
+    problem = make_problem(
+        box("hex1", (1, 1, 1), SIDES), order=1, materials={"lining": LINING}, contacts=[contact],
+        effects={"friction": {"mu": 0.0}, "friction_damping": {"contact_pressure": 1e6}},
+    )  # fmt: skip
+    result = fe_squeal.sweep(problem, [0.0, 0.6], modes=5)
+    free, damped = (point.modes.lam for point in result.points)
+    assert (free == 0).sum() == 3 and not free.real.any()
+    assert (damped == 0).sum() == 3 and ((damped.imag == 0) & (damped.real < 0)).sum() == 2
+    assert any("modes that decay without swinging" in w for w in result.warnings)
+
+
 @pytest.mark.parametrize("rayleigh", [(20.0, 0.0), (20.0, 1e-8), (0.0, 1e-8)])
 @pytest.mark.parametrize("cells", some([2, 4], lambda cells: cells == 2))
 def test_free_body_with_damping(record, cells, rayleigh):
