@@ -106,7 +106,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in absent:
         print(f"{name}: left out, this processor has no {SETTINGS[name].needs}", flush=True)
     settings = [name for name in asked.settings if name not in absent]
-    wanted = apart(settings, asked.repeat) if asked.apart else crossed(settings, asked.repeat)
+    numbers = range(asked.first, asked.first + asked.repeat)
+    wanted = apart(settings, numbers) if asked.apart else crossed(settings, numbers)
     todo = [(name, k) for k, name in wanted if (name, k) not in known]
     try:
         for run in _runs(todo, asked, folder, state, selection):
@@ -125,12 +126,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return int(any(r.failed for r in done))
 
 
-def apart(settings: Sequence[str], repeat: int) -> list[tuple[int, str]]:
+def apart(settings: Sequence[str], numbers: Sequence[int]) -> list[tuple[int, str]]:
     """Return the number and the setting of each run, where every run has one setting."""
-    return [(k, name) for k in range(1, repeat + 1) for name in settings]
+    return [(k, name) for k in numbers for name in settings]
 
 
-def crossed(settings: Sequence[str], repeat: int) -> list[tuple[int, str]]:
+def crossed(settings: Sequence[str], numbers: Sequence[int]) -> list[tuple[int, str]]:
     """Return the number and the joined settings of each run, where a run has one setting of each kind.
 
     In nine runs in a row any two settings of different kinds meet once (a Latin square and the one orthogonal to it).
@@ -138,11 +139,11 @@ def crossed(settings: Sequence[str], repeat: int) -> list[tuple[int, str]]:
 
     Examples
     --------
-    >>> [name for _, name in crossed(("threads-1", "threads-2", "superlu"), 1)]
+    >>> [name for _, name in crossed(("threads-1", "threads-2", "superlu"), [1])]
     ['threads-1+superlu', 'threads-2']
     """
     found = []
-    for k in range(1, repeat + 1):
+    for k in numbers:
         for t in range(3):
             kinds = THREAD_SETTINGS[t], KERNELS[(t + k) % 3], SOLVERS[(t + 2 * k) % 3], NUMBERS[k % 3], "start-vectors"
             if joined := "+".join(name for name in kinds if name in settings):
@@ -166,6 +167,7 @@ def table(runs: Sequence[Run], settings: Sequence[str]) -> Iterator[str]:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repeat", type=int, default=20, metavar="N", help="repetitions in each setting (20)")
+    parser.add_argument("--first", type=int, default=1, metavar="K", help="number of the first repetition (1)")
     parser.add_argument("--settings", nargs="+", default=list(SETTINGS), choices=list(SETTINGS), metavar="NAME",
                         help=f"some of {', '.join(SETTINGS)} (all)")  # fmt: skip
     parser.add_argument("--paths", nargs="+", default=list(FOLDERS), metavar="PATH",
