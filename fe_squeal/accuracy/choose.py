@@ -18,6 +18,7 @@ from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
 from .bars import SMALLEST, Parts, bar_of_parts
 from .candidates import ORDER, Candidate, finer_candidate, first_candidate, next_candidate
+from .corrections import right_corrections
 from .discretisation import with_changes, with_discretisation
 from .estimate import COMPARED, changes_by
 from .groups import element_groups, singular_groups
@@ -142,10 +143,11 @@ def choose(
             result = _swept(candidate)
             solver = candidate.scene.solve.linear_solver
             refined = refine_problem(result, solver)
-            split = split_changes(result, refined).of(kinds)
+            corrections = right_corrections(result, refined)
+            split = split_changes(result, refined, corrections).of(kinds)
             error = first = _first_order_error(split, refined.coarse)
             if first <= _SURELY * target:
-                result = with_changes(result, changes_by(result, refined, solver))
+                result = with_changes(result, changes_by(result, refined, solver, corrections))
                 error = estimated_error(result, kinds)
             trial = Trial(candidate.told, result.problem.unknowns, error, time.perf_counter() - start)
             trials.append(trial)
@@ -163,7 +165,7 @@ def choose(
                 candidate = finer_candidate(before)
             ratio = candidate.unknowns / before.unknowns
             unknowns = int(ratio * trial.unknowns)
-            del refined
+            del refined, corrections
             memory = int(refined_memory(result) * ratio)
             tell(
                 f"next: {candidate.told}: about {unknowns} unknowns, {spent * ratio**_GROWTH:.0f} s, "

@@ -11,6 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from ..eigen.dense import solve_dense
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
+from ..eigen.threads import one_openblas_thread
 from ..sweep.onsets import Onset
 from ..sweep.point import SweepPoint
 from ..sweep.result import Sweep
@@ -18,6 +19,7 @@ from ..sweep.sweep import sweep
 from ..sweep.tracking import match_modes
 from .bars import Parts
 from .corrected import CorrectedModel
+from .corrections import Correction, right_corrections
 from .refined import Refined, refine_problem
 from .spread import growth_asked, parts_of
 
@@ -70,10 +72,17 @@ def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -
     return changes_by(result, refine_problem(result, linear_solver), linear_solver)
 
 
-def changes_by(result: Sweep, refined: Refined, linear_solver: LinearSolver | str = "auto") -> Changes:
-    """Return the changes of `refined_changes` where the problem on the refined mesh is assembled already."""
+@one_openblas_thread()
+def changes_by(
+    result: Sweep, refined: Refined, linear_solver: LinearSolver | str = "auto",
+    corrections: Mapping[float, Correction] | None = None,
+) -> Changes:  # fmt: skip
+    """Return the changes of `refined_changes` where the problem on the refined mesh is assembled already.
+
+    So may be the corrections of right modes, see `right_corrections`.
+    """
     parameter, values, model = result.parameter, refined.values, refined.model
-    corrected = CorrectedModel(refined)
+    corrected = CorrectedModel(refined, right_corrections(result, refined) if corrections is None else corrections)
     first: dict[int, int] | None = None
     pairs, growing = [], []
     for point, value in zip(result.points, values.tolist(), strict=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,9 +11,9 @@ from ..eigen.pencil import Modes
 from ..sweep.onset import Onset
 from ..sweep.result import Sweep
 from .bars import SMALLEST
+from .corrections import Correction, right_corrections
 from .rates import by_eigenvalue, onset_factor
 from .refined import Refined
-from .residuals import Residuals
 
 KINDS = ("frequencies", "growth", "onsets")
 _ROUNDED = 1e-6  # of a frequency: a mode above the highest one by less than this is the same mode, up to rounding
@@ -71,7 +71,9 @@ class _Asked:
     factor: complex
 
 
-def split_changes(result: Sweep, refined: Refined) -> Split:
+def split_changes(
+    result: Sweep, refined: Refined, corrections: Mapping[float, Correction] | None = None
+) -> Split:  # fmt: skip
     """Return the first-order changes of frequencies and growth at both ends of the sweep, and of onsets, by parts.
 
     Parameters
@@ -80,34 +82,29 @@ def split_changes(result: Sweep, refined: Refined) -> Split:
         Result on the mesh itself.
     refined : Refined
         The problem of this sweep on the refined mesh, see `refine_problem`.
+    corrections : mapping of float to Correction, optional
+        What `right_corrections` returns for them.
 
     Raises
     ------
     NotConvergedError
         The conjugate gradients on the refined mesh do not settle.
     """
-    values = refined.values
-    at: dict[float, list[Onset]] = {float(v): [] for v in (values[0], values[-1])}
-    for onset in result.onsets if len(values) > 1 else ():
-        at.setdefault(float(onset.value), []).append(onset)
+    corrections = right_corrections(result, refined) if corrections is None else corrections
     asked: list[_Asked] = []
-    chosen: list[tuple[float, Modes]] = []
-    for value, onsets in at.items():
-        modes = _swinging(refined.model.modes(value), refined.problem.is_damped)
-        here = _asked(result, refined, value, modes, onsets)
-        first = sum(len(own) for _, own in chosen)
+    rho: list[np.ndarray] = []
+    z: list[np.ndarray] = []
+    for value, own in corrections.items():
+        onsets = [o for o in result.onsets if o.value == value and len(refined.values) > 1]
+        here = _asked(result, refined, value, own.modes, onsets)
+        first = sum(x.shape[1] for x in z)
         wanted = np.unique([a.column for a in here]).astype(int)
         asked += [replace(a, column=first + int(np.searchsorted(wanted, a.column))) for a in here]
-        chosen.append((value, modes.select(wanted)))
+        rho.append(np.take(own.left_residuals, wanted, axis=1))
+        z.append(np.take(own.right, wanted, axis=1))
     if not asked:
         return Split((), (), np.zeros(0), np.zeros((0, refined.coarse.space.mesh.nelements, 1)))
-    residuals = Residuals(refined, [modes for _, modes in chosen])
-    r, rho = (np.hstack([side(*own) for own in chosen]) for side in (residuals.right, residuals.left))
-    del residuals
-    z = refined.solver.solve(np.hstack([r.real, r.imag]) if r.imag.any() else r.real)
-    if r.imag.any():
-        z = z[:, : r.shape[1]] + 1j * z[:, r.shape[1] :]
-    sizes = refined.hierarchy.shares(rho, z)
+    sizes = refined.hierarchy.shares(np.hstack(rho), np.hstack(z))
     parts = np.stack([np.real(a.factor * sizes[a.column]) for a in asked])
     names, kinds, scales = (tuple(getattr(a, key) for a in asked) for key in ("name", "kind", "scale"))
     return Split(names, kinds, np.array(scales), parts)
@@ -125,7 +122,7 @@ def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: 
             continue
         highest = float(point.modes.lam.imag.max(initial=0.0))
         for k, lam in enumerate(modes.lam.tolist()):
-            if lam.imag > (1 + _ROUNDED) * highest:
+            if not 0 < lam.imag <= (1 + _ROUNDED) * highest:
                 continue
             told = f"{lam.imag / (2 * np.pi):.5g} Hz{name}"
             asked.append(_Asked(f"frequency {told}", "frequencies", lam.imag, k, -1j / turn[k]))
@@ -138,8 +135,3 @@ def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: 
         told = f"onset{name}, {onset.frequency_hz:.5g} Hz"
         asked.append(_Asked(told, "onsets", max(abs(onset.value), SMALLEST * width), k, factor))
     return asked
-
-
-def _swinging(modes: Modes, is_damped: bool) -> Modes:
-    """Return the modes with Im λ > 0; without damping λ and −λ* have equal errors: only that with Re λ ≥ 0 is kept."""
-    return modes.select(np.flatnonzero((modes.lam.imag > 0) & (is_damped | (modes.lam.real >= 0))))

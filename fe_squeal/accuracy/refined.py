@@ -13,6 +13,7 @@ from ..eigen.linear.choice import factorize_definite
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import require_memory
 from ..eigen.request import Request
+from ..eigen.threads import one_openblas_thread
 from ..errors import SceneError
 from ..mesh.refining import refine
 from ..problem.forms import collect_powers, interpolate
@@ -76,6 +77,7 @@ class Refined:
         return Hierarchy(self.coarse.space, self.fine.space, self.prolongation)
 
 
+@one_openblas_thread()
 def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Refined:
     """Assemble the problem of a sweep on its mesh with every element cut into eight.
 

@@ -2,15 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 
 from ..effects.context import Context
 from ..fem.descriptors import ModeDescriber, make_describer
+from ..problem.description import Describer, Description
+from ..problem.terms import Term
 
 
-def describer_of(context: Context, bodies: Mapping[str, np.ndarray]) -> ModeDescriber | None:
+@dataclass(frozen=True)
+class LaterDescriber:
+    """A describer that is made when it is first asked: many problems are assembled whose modes nobody describes.
+
+    Attributes
+    ----------
+    make : callable
+        Returns the describer.
+    """
+
+    make: Callable[[], ModeDescriber]
+
+    @cached_property
+    def _made(self) -> ModeDescriber:
+        return self.make()
+
+    def describe(self, terms: Iterable[Term], parameters: Mapping[str, float], shapes: np.ndarray) -> Description:
+        """Return the descriptors of shapes (n, k), see `fe_squeal.problem.description.Describer`."""
+        return self._made.describe(terms, parameters, shapes)
+
+    def on(self, V: np.ndarray) -> ModeDescriber:
+        """Return the describer of shapes V y that takes their coordinates y, for a basis V (n, r) float."""
+        return self._made.on(V)
+
+
+def describer_of(context: Context, bodies: Mapping[str, np.ndarray]) -> Describer | None:
     """Return an object that says what modes look like; None if no contact of the scene slides.
 
     It describes them about the axis of the first contact that slides about one, or along the normal of the first
@@ -30,11 +59,12 @@ def describer_of(context: Context, bodies: Mapping[str, np.ndarray]) -> ModeDesc
     masses = {name: body.mass.matrix for name, body in context.bodies.items()}
     if motion.centre is None:
         normal = sliding[0].operators.normals.mean(axis=0)
-        return make_describer(context.space, masses, bodies, (), normal, None)
+        return LaterDescriber(partial(make_describer, context.space, masses, bodies, (), normal, None))
     same = [part for part in sliding if part.motion is not None and _is_same(part.motion.way, motion.way)]
     carriers = {name for part in same for name in part.carriers}
     turning = tuple(name for name in bodies if name in carriers)
-    return make_describer(context.space, masses, bodies, turning, motion.velocity, motion.centre)
+    make = partial(make_describer, context.space, masses, bodies, turning, motion.velocity, motion.centre)
+    return LaterDescriber(make)
 
 
 def _is_same(a: tuple[float, ...], b: tuple[float, ...]) -> bool:

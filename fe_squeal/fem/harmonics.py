@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 
+from ..eigen.threads import one_openblas_thread
+
 ORDERS = 16  # highest number of nodal diameters that is told apart; brake discs squeal with 2 to about 12
 _DEGREE = 5  # degree of the polynomials along the radius: up to four nodal circles
 _ACROSS = 2  # polynomials through the thickness: a mean, and a slope that bending has in the plane
@@ -90,6 +92,7 @@ class Harmonics:
         return int(np.count_nonzero(np.diff(np.sign(seen))))
 
 
+@one_openblas_thread()
 def fit_harmonics(points: np.ndarray, weights: np.ndarray, axis: np.ndarray, centre: np.ndarray) -> Harmonics | None:
     """Return the fit for a body around an axis; None where no node lies off the axis.
 
@@ -138,9 +141,9 @@ def fit_harmonics(points: np.ndarray, weights: np.ndarray, axis: np.ndarray, cen
                 sine += [is_sine] * shape.shape[1]
                 function += range(shape.shape[1])
     basis = np.hstack(blocks)
-    kept = _independent(np.sqrt(w)[:, None] * basis, np.array(order))
-    scaled = np.sqrt(w)[:, None] * basis[:, kept]
-    fit = la.pinv(scaled) * np.sqrt(w)
+    scaled = np.sqrt(w)[:, None] * basis
+    kept, Q = _independent(scaled, np.array(order))
+    fit = la.solve(Q.T @ scaled[:, kept], Q.T) * np.sqrt(w)
     frame = np.stack([radial, around, np.broadcast_to(axis, radial.shape)], axis=1)
     gram = shape.T @ (w[:, None] * shape)
     return Harmonics(
@@ -158,8 +161,11 @@ def _to_unit(x: np.ndarray) -> np.ndarray:
     return np.zeros_like(x) if high - low <= 1e-12 * max(abs(low), abs(high)) else 2 * (x - low) / (high - low) - 1
 
 
-def _independent(A: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-    """Return the columns (k,) int that are far from combinations of earlier blocks and of each other."""
+def _independent(A: np.ndarray, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the columns (k,) int that are far from combinations of earlier blocks and of each other, and their span.
+
+    The span is given by orthonormal columns (n, k).
+    """
     size = np.linalg.norm(A, axis=0)
     Q, kept = np.zeros((len(A), 0)), []
     for block in np.unique(blocks):
@@ -171,4 +177,4 @@ def _independent(A: np.ndarray, blocks: np.ndarray) -> np.ndarray:
         count = int(np.count_nonzero(np.abs(np.diag(r)) > _DEPENDENT))
         kept.append(np.sort(columns[order[:count]]))
         Q = np.hstack([Q, q[:, :count]])
-    return np.concatenate(kept)
+    return np.concatenate(kept), Q

@@ -215,7 +215,9 @@ def _acting(term: Term) -> _Acting:
     """Return the rows in which a term acts (None for all rows), its matrix and the transposed one in these rows."""
     A = term.matrix
     transposed = None if term.symmetric else sp.csr_array(A.T)
-    rows = np.flatnonzero(np.diff(sp.csr_array(abs(A) + abs(A.T)).indptr))
+    acts = np.diff(A.indptr) > 0
+    acts[A.indices] = True  # in the rows of the transposed matrix
+    rows = np.flatnonzero(acts)
     if len(rows) >= _SPARSE * A.shape[0]:
         return None, A, transposed
     return rows, sp.csr_array(A[rows]), None if transposed is None else sp.csr_array(transposed[rows])

@@ -52,7 +52,7 @@ def real_columns(x: np.ndarray) -> np.ndarray:
         return x
     parts = np.hstack([x.real, x.imag])
     size = np.linalg.norm(parts, axis=0)
-    return np.asarray(parts[:, size > 1e-14 * size.max(initial=0.0)])
+    return np.compress(size > 1e-14 * size.max(initial=0.0), parts, axis=1)  # rows stay contiguous
 
 
 def interior_nodes(low: float, high: float, count: int) -> np.ndarray:

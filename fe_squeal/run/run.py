@@ -262,6 +262,7 @@ def _explained(result: Sweep, scene: Scene | MatrixScene) -> Sweep:
 
 def _estimated(result: Sweep, solver: LinearSolver, console: Console) -> tuple[Sweep, Split | None]:
     """Return the sweep with the error of the mesh, and where it comes from; if that fails, with a warning, and None."""
+    from ..accuracy.corrections import right_corrections
     from ..accuracy.discretisation import with_changes
     from ..accuracy.estimate import changes_by
     from ..accuracy.quantities import split_changes
@@ -272,8 +273,9 @@ def _estimated(result: Sweep, solver: LinearSolver, console: Console) -> tuple[S
     split = None
     try:
         refined = refine_problem(result, solver)
-        result = with_changes(result, changes_by(result, refined, solver))
-        split = split_changes(result, refined)
+        corrections = right_corrections(result, refined)
+        result = with_changes(result, changes_by(result, refined, solver, corrections))
+        split = split_changes(result, refined, corrections)
     except (NotConvergedError, InputError) as error:
         result = replace(result, warnings=(*result.warnings, f"the error of the mesh is not known: {error}"))
     return replace(result, seconds={**result.seconds, "estimate": time.perf_counter() - clock}), split

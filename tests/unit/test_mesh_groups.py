@@ -11,6 +11,7 @@ from scipy.sparse.linalg import splu
 from fe_squeal import sweep
 from fe_squeal.accuracy.bars import bar_of_parts
 from fe_squeal.accuracy.corrected import CorrectedModel
+from fe_squeal.accuracy.corrections import right_corrections
 from fe_squeal.accuracy.discretisation import with_changes
 from fe_squeal.accuracy.estimate import changes_by
 from fe_squeal.accuracy.groups import PLACES, element_groups, element_places, split_dataframe
@@ -85,7 +86,7 @@ def test_a_divergence_has_no_mode_that_swings_and_is_not_given_that_of_another()
     assert modes.lam[k].imag == pytest.approx(2 * np.pi * onset.frequency_hz, rel=1e-3) and factor
     assert onset_factor(refined, replace(onset, frequency_hz=0.0, kind="divergence"), modes) is None
     still = replace(result, onsets=(replace(onset, frequency_hz=0.0, kind="divergence"),))
-    _, found = parts_of(still, refined, CorrectedModel(refined), [])
+    _, found = parts_of(still, refined, CorrectedModel(refined, right_corrections(result, refined)), [])
     assert found.known.tolist() == [False]
 
 
