@@ -19,9 +19,9 @@ from .refined import Refined
 from .two_level import TwoLevelSolver
 
 # A mode whose correction has more than _LONG of its energy is corrected once more; of that second correction, energies
-# below _NEGLIGIBLE times that of the first need not be found. Chosen on two coarse meshes of a disc with two pads: the
-# changes of λ came out right to 2.5 %, and a change of an onset to 1 %.
-_LONG, _NEGLIGIBLE = 0.005, 0.003
+# below _NEGLIGIBLE times that of the first need not be found. Chosen on three coarse meshes of a brake: the
+# changes of λ came out right to 2.5 %, and the changes of onsets to 6 %.
+_LONG, _NEGLIGIBLE = 0.005, 0.001
 _NODES = 5  # values of the parameter whose modes span the final basis
 _FINE = 1e-5  # of a vector's norm: if its part outside the basis is smaller, the basis is not enlarged by it
 
