@@ -7,6 +7,7 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from multiprocessing.connection import Connection
@@ -24,6 +25,7 @@ from ..scene import Scene
 from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
 from .adapt import finer_geometry
+from .corrections import Correction, right_corrections
 from .estimate import Changes, changes_by
 from .line_errors import line_errors
 from .quantities import split_changes
@@ -139,13 +141,14 @@ def measure(
         clock = time.perf_counter()
         try:
             refined = refine_problem(result, solver)
-            changes = changes_by(result, refined, solver)
+            corrections = right_corrections(result, refined)
+            changes = changes_by(result, refined, solver, corrections)
         except (TooLargeError, NotConvergedError):  # the rest is worth keeping
             seconds["estimate"] = time.perf_counter() - clock
         else:
             seconds["estimate"] = time.perf_counter() - clock
             with suppress(TooLargeError, NotConvergedError):
-                finer = _finer(result, refined)
+                finer = _finer(result, refined, corrections)
     return Measurement(
         unknowns=problem.unknowns, seconds=seconds, peak_memory_mib=np.nan if peak is None else peak,
         values=np.array(grid), lam=_padded([p.modes.lam for p in result.points if not p.between]),
@@ -159,12 +162,12 @@ def measure(
     ), probes  # fmt: skip
 
 
-def _finer(result: Sweep, refined: Refined) -> str:
+def _finer(result: Sweep, refined: Refined, corrections: Mapping[float, Correction]) -> str:
     """Return the geometry whose bars, to first order, are expected to be `_LESS` times those of a sweep, as JSON."""
     geometry = refined.coarse.scene.mesh.geometry
     if geometry is None or geometry.element != "hex":
         return ""
-    errors = line_errors(split_changes(result, refined), refined.coarse)
+    errors = line_errors(split_changes(result, refined, corrections), refined.coarse)
     target = _LESS * float(errors.at(errors.lines).max(initial=0.0))
     return finer_geometry(errors, geometry, target).model_dump_json()
 

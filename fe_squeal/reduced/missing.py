@@ -1,4 +1,4 @@
-"""A search for modes that a basis does not hold: residuals of the modes that it has cannot tell."""
+"""Modes that a basis does not hold, by a count or by a search: residuals of the modes that it has cannot tell."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..eigen.blocks import lift, times
-from ..eigen.linear.factor import DefiniteFactor
-from ..eigen.pencil import Modes
+from ..eigen.inertia import count_below
+from ..eigen.linear.factor import DefiniteFactor, LinearSolver
+from ..eigen.pencil import Modes, Pencil
 from ..eigen.request import Request, select_wanted
 from ..problem.parameters import Place
 from .basis import ReducedBasis
@@ -16,6 +17,7 @@ from .vectors import real_columns
 
 _SEED, _BLOCK, _STEPS = 20251107, 8, 5
 _FOUND = 0.99  # times the highest |λ| asked for: a mode below this that only the extended basis has was missing
+_CLEAR = 1e-5  # of the next θ: a gap between two θ that is wider than this is a clear one
 SEARCH_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
 
 
@@ -62,6 +64,46 @@ def missing_modes(
             new = now[np.argsort(far)[len(then) - len(now) :]]
             found.append(real_columns(lift(trial.V, every.right[:, new])))
     return found
+
+
+def holds_all(
+    theta: np.ndarray, highest: float, pencil: Pencil, linear_solver: LinearSolver | str
+) -> bool | None:  # fmt: skip
+    """Return whether a basis holds all modes up to a frequency of a problem without damping and friction.
+
+    They are counted by the inertia in the highest clear gap: beyond it the basis has values that are not those of
+    modes.
+
+    Parameters
+    ----------
+    theta : (r,) float, rad²/s²
+        Values of the projection on the basis, ascending.
+    highest : float, rad/s
+        The frequency.
+    pencil : Pencil
+        The problem without damping and friction.
+    linear_solver : LinearSolver or str
+
+    Returns
+    -------
+    bool or None
+        None where there is no clear gap, or the linear solver does not give the inertia.
+
+    Examples
+    --------
+    >>> import scipy.sparse as sp
+    >>> one, K = (sp.diags_array(d).tocsr() for d in (np.ones(5), np.array([1, 1.5, 3, 4, 5])))
+    >>> pencil = Pencil(one, K, symmetric=True)
+    >>> [holds_all(np.array(t), 3.0**0.5, pencil, "auto") for t in ([1, 1.5, 3, 9], [1, 3, 9])]
+    [True, False]
+    """
+    above = np.minimum(theta[1:], highest**2)
+    gaps = np.flatnonzero(above - theta[:-1] > _CLEAR * above)
+    if not len(gaps):
+        return None
+    last = int(gaps[-1])
+    counted = count_below(pencil, float(np.sqrt((theta[last] + above[last]) / 2)), linear_solver)
+    return None if counted is None else counted == last + 1
 
 
 def _inside(modes: Modes, limit: float) -> np.ndarray:

@@ -29,7 +29,7 @@ from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from .basis import ReducedBasis
 from .estimate import GUARDED, Estimate, estimated
-from .missing import SEARCH_SOLVES, missing_modes
+from .missing import SEARCH_SOLVES, holds_all, missing_modes
 from .shapes import corrected_shapes
 from .undamped import factorize_undamped
 from .vectors import range_of, real_columns, unit_columns
@@ -192,17 +192,9 @@ class ReducedModel:
         Modes with damping and friction grow out of these. Others can only come from beyond `highest`; `missing_modes`
         looks for them. None where the linear solver does not give the inertia.
         """
-        # Count in the highest clear gap. Above `highest` the basis has values that are not those of modes.
-        theta = self._without
-        above = np.minimum(theta[1:], self.highest**2)
-        gaps = np.flatnonzero(above - theta[:-1] > 1e-5 * above)
-        if not len(gaps):
-            return None
-        below = int(gaps[-1]) + 1
-        self.factorizations += 1
-        omega = float(np.sqrt((theta[below - 1] + above[below - 1]) / 2))
-        counted = count_below(self.basis.base(self._sigma), omega, self.linear_solver)
-        return None if counted is None else counted == below
+        counted = holds_all(self._without, self.highest, self.basis.base(self._sigma), self.linear_solver)
+        self.factorizations += counted is not None
+        return counted
 
     def lift(self, vectors: np.ndarray) -> np.ndarray:
         """Return vectors (r,) or (r, k) of the reduced model as vectors (n,) or (n, k) of the problem."""

@@ -12,12 +12,14 @@ import fe_squeal.reduced.model as reduced_model
 from fe_squeal import assemble, parse_scene, sweep
 from fe_squeal.eigen import blocks
 from fe_squeal.eigen.block_lanczos import lowest_modes
+from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.request import Request
 from fe_squeal.errors import NotConvergedError, SceneError
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 from fe_squeal.reduced import ReducedModel
 from fe_squeal.reduced.basis import ReducedBasis
+from fe_squeal.reduced.missing import holds_all
 from fe_squeal.sweep import running
 
 VALUES = np.linspace(0.0, 0.9, 7)
@@ -141,14 +143,12 @@ def test_values_asked_for_later_reuse_the_model():
 
 @pytest.mark.parametrize("factor", [1 - 1e-9, 1.0, 1 + 1e-9])
 def test_modes_are_counted_however_the_highest_one_is_rounded(factor):
-    """Above it the basis has values that are no modes: no count is made between it and the lowest of them."""
-    model = ReducedModel(chain(*CLASSES["quadratic"]), "mu", VALUES, Request(count=MODES))
-    held = model._without[model._without < model.highest**2 * (1 + 1e-6)]
-    model._without = np.append(held, 3 * held[-1])
-    model.highest = float(np.sqrt(held[-1])) * factor
-    assert model.counted()
-    model._without = np.delete(model._without, 2)
-    assert model.counted() is False
+    """Beyond it the basis has a value that is no mode: nothing is counted between the two."""
+    pencil = Pencil(sp.eye_array(20, format="csr"), sp.diags_array(np.arange(1.0, 21.0)).tocsr(), symmetric=True)
+    held = np.append(np.arange(1.0, 9.0), 15.0)
+    assert holds_all(held, np.sqrt(8.0) * factor, pencil, "auto")
+    assert holds_all(np.delete(held, 2), np.sqrt(8.0) * factor, pencil, "auto") is False
+    assert holds_all(np.array([8.0, 15.0]), np.sqrt(8.0) * factor, pencil, "auto") is None
 
 
 def test_a_mode_that_the_basis_misses_is_found(monkeypatch):
