@@ -1,10 +1,12 @@
 """The gallery by every way: python benchmarks/gallery/compare.py [--models NAME ...] [--largest N] [--values 2 21]
-[--ways ...] [--limit SECONDS] [--write]
+[--direct-values 2] [--ways ...] [--limit SECONDS] [--at-once 2] [--log FILE] [--write]
 
 Every model of `gallery_models.py` whose size is at most N unknowns is swept by `method = "auto"`, "direct" and
 "reduced", each in a process of its own, with right and left modes, tracking, onsets and the count. SciPy, and SLEPc
-with MUMPS where the system's Python has it, solve one value for right modes alone, which is scaled to all. `--write`
-puts the table into docs/performance.md.
+with MUMPS where the system's Python has it, solve one value for right modes alone, which is scaled to all.
+`--direct-values` says at which numbers of values `direct` takes part, where not at all; what it finds at the last value
+is the reference at every number. A line per measurement is appended to the file of `--log`, and what is there already
+is not measured again. `--write` puts the table into docs/performance.md.
 """
 
 from __future__ import annotations
@@ -14,32 +16,26 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
 from gallery_models import MODELS, Model  # noqa: E402
+from gallery_table import HEAD, PEERS, section, table_line  # noqa: E402
 from mesh_bars import with_section_of  # noqa: E402
 from peers import scipy_modes  # noqa: E402
 from sweep_cost import slepc  # noqa: E402
 
 PAGE = Path(__file__).parents[2] / "docs" / "performance.md"
 OWN = "auto", "direct", "reduced"
-PEERS = {"scipy": "SciPy, right modes", "slepc": "SLEPc + MUMPS, right modes"}
 RUNGS = 8_000, 30_000, 130_000  # the largest numbers of unknowns of the two or three sizes of a model
 NO_SLEPC = "SLEPc is not there, or the problem has dampers, for which it is not asked"
 FOUND = 1e-6  # relative distance: an eigenvalue closer than this to one of the direct solve is the same
-HEAD = "## The gallery: models that the program is not tuned to"
-NOTE = """Models of `benchmarks/gallery/gallery_models.py`, which differ in kind; none is an example of the program. Its
-own ways sweep over all values with right and left modes, tracking, onsets and the count of modes; peers solve
-the last value for right modes alone, whose seconds are scaled to all values; SLEPc is among them where the
-machine has it, and for problems without dampers. With dampers or complex stiffness SciPy takes three complex
-shifts inside the band, which it is told. The ratio is the fastest peer's seconds over these: above 1 is
-faster. Found and error compare the modes at the last value with those of the direct solve. Vectors are those
-of the reduced model. A way that took longer than the limit of seconds says so. Each process has one thread,
-and its CPU seconds count, since the machine is shared with other work; of SLEPc the seconds on the clock."""
 
 
 def measure(way: str, model: Model, size: float, values: int, band: float) -> dict:
@@ -63,7 +59,7 @@ def measure(way: str, model: Model, size: float, values: int, band: float) -> di
             seconds, lam = scipy_modes(pencil, model.modes, band)
         elif pencil.C is None and not pencil.is_complex:
             try:
-                seconds, lam = slepc(pencil.K, pencil.M, model.modes, 1), np.zeros(0)
+                seconds, lam = slepc(pencil.K, pencil.M, model.modes, 1)[1], np.zeros(0)
             except (OSError, subprocess.CalledProcessError) as error:
                 raise SystemExit(NO_SLEPC) from error
         else:
@@ -103,24 +99,89 @@ def agreement(lam: np.ndarray, exact: np.ndarray) -> tuple[int, float]:
     return int(same.sum()), float(distance[same].max(initial=0.0))
 
 
-def compare(models: list[Model], largest: int, values: list[int], ways: list[str], limit: float) -> list[dict]:
-    """Return a row for each model, size, number of values and way."""
+@dataclass
+class Log:
+    """What was measured, in a file of JSON lines if there is one.
+
+    Attributes
+    ----------
+    path : Path or None
+    limit : float
+        Seconds after which a measurement is given up.
+    """
+
+    path: Path | None
+    limit: float
+    _known: dict[str, dict] = field(default_factory=dict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def __post_init__(self) -> None:
+        if self.path is not None and self.path.exists():
+            for line in self.path.read_text(encoding="utf-8").splitlines():
+                key, row = json.loads(line)
+                self._known[key] = row
+
+    def measured(self, way: str, model: Model, rung: int, values: int, band: float = 0.0) -> dict:
+        """Return what `run` does, or what is known of it."""
+        key = f"{way}, {model.name}, {rung}, {values}"
+        if key not in self._known:
+            row = run(way, model, rung, values, band, self.limit)
+            with self._lock:
+                self._known[key] = row
+                if self.path is not None:
+                    with self.path.open("a", encoding="utf-8") as file:
+                        file.write(json.dumps([key, row]) + "\n")
+        return self._known[key]
+
+
+def compare(
+    models: list[Model], largest: int, values: list[int], direct: list[int], ways: list[str], log: Log, at_once: int
+) -> list[dict]:
+    """Return a row for each model, size, number of values and way.
+
+    Parameters
+    ----------
+    models : list of Model
+    largest : int
+        Unknowns.
+    values : list of int
+        Numbers of values of the sweeps.
+    direct : list of int
+        Those at which the way "direct" takes part.
+    ways : list of str
+        Some of `OWN` and `PEERS`.
+    log : Log
+    at_once : int
+        Models that are measured at the same time.
+    """
+    sizes = [(m, r) for m in models for r in range(len(m.sizes)) if RUNGS[r] <= max(largest, RUNGS[0])]
+    with ThreadPoolExecutor(at_once) as pool:
+        groups = list(pool.map(lambda one: _group(*one, values, direct, ways, log), sizes))
+    return [row for group in groups for row in group]
+
+
+def _group(model: Model, rung: int, values: list[int], direct: list[int], ways: list[str], log: Log) -> list[dict]:
+    """Return the rows of one model and size."""
+    own = [
+        log.measured(way, model, rung, count)
+        for count in values for way in OWN if way in ways and (way != "direct" or count in direct)
+    ]  # fmt: skip
+    known = {r["way"]: _lam(r) for r in own if "lam" in r}
+    exact = known.get("direct", next(iter(known.values()), np.zeros(0)))
+    band = float(exact.imag.max(initial=0.0))
+    peers = [log.measured(way, model, rung, 1, band) for way in PEERS if way in ways and band]
     rows = []
-    for model in models:
-        for rung in range(len(model.sizes)):
-            if RUNGS[rung] > max(largest, RUNGS[0]):
-                continue
-            for count in values:
-                group = [run(way, model, rung, count, 0.0, limit) for way in OWN if way in ways]
-                known = {r["way"]: _lam(r) for r in group if "lam" in r}
-                exact = known.get("direct", next(iter(known.values()), np.zeros(0)))
-                band = float(exact.imag.max(initial=0.0))
-                if band:
-                    others = [run(way, model, rung, count, band, limit) for way in PEERS if way in ways]
-                    group += [r for r in others if r.get("failed") != NO_SLEPC]
-                rows += judged(group, exact)
-                print(*(_line(r) for r in rows[-len(group) :]), sep="\n", flush=True)
+    for count in values:
+        group = [r for r in own if r["values"] == count]
+        group += [_scaled(r, count) for r in peers if r.get("failed") != NO_SLEPC]
+        rows += judged(group, exact)
+    print(*(table_line(r) for r in rows), sep="\n", flush=True)
     return rows
+
+
+def _scaled(row: dict, values: int) -> dict:
+    """Return the row of one value as that of several."""
+    return row | {"values": values} | ({"seconds": row["seconds"] * values} if "seconds" in row else {})
 
 
 def judged(group: list[dict], exact: np.ndarray) -> list[dict]:
@@ -142,37 +203,6 @@ def _lam(row: dict) -> np.ndarray:
     return np.array([complex(*x) for x in row["lam"]])
 
 
-def _line(r: dict) -> str:
-    start = f"| {r['model']} | {r['unknowns']} | {r['values']} | {PEERS.get(r['way'], r['way'])} |"
-    if "failed" in r:
-        return f"{start} {r['failed'].replace('|', '/')} | | | | | | | | |"
-    found = f"{r['found']} of {r['wanted']}" if "found" in r else ""
-    error = f"{r['error']:.0e}" if "error" in r and r["way"] != "direct" else ""
-    method = r.get("method", "").split()
-    vectors = method[3] if method[:2] == ["reduced", "model"] else ""
-    told = [str(r[k]) if k in r else "" for k in ("onsets", "warnings")]
-    complete = ("yes" if r["complete"] else "not proven") if "complete" in r else ""
-    cells = [f"{r['seconds']:.1f}", f"{r['ratio']:.2g}", found, error, vectors, *told, f"{r['MiB']:.0f}", complete]
-    return f"{start} " + " | ".join(cells) + " |"
-
-
-def table(rows: list[dict]) -> str:
-    """Return the rows as Markdown."""
-    head = ["model", "unknowns", "values", "way", "CPU, s", "ratio to the fastest peer", "found", "worst error of λ",
-            "vectors", "onsets", "warnings", "memory, MiB", "count proven"]  # fmt: skip
-    return "\n".join(["| " + " | ".join(head) + " |", "|---" * len(head) + "|", *map(_line, rows)])
-
-
-def section(rows: list[dict], models: list[Model], limit: float) -> str:
-    """Return the section of the page."""
-    about = "\n".join(f"- {m.name}: {m.about}" for m in models)
-    when = f"{models[0].modes} modes, limit {limit:g} s; {os.cpu_count()} cores; {time.strftime('%Y-%m-%d')}."
-    made = f"Made by `python benchmarks/gallery/compare.py --write`; {when}"
-    rest = ", ".join(m.name for m in MODELS if m not in models)
-    rest = f"\nNot measured in this run: {rest}.\n" if rest else ""
-    return f"{HEAD}\n\n{NOTE}\n{made}\n\n{about}\n{rest}\n{table(rows)}\n"
-
-
 def main() -> None:
     """Print the table, or write it into docs/performance.md."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -180,8 +210,11 @@ def main() -> None:
     parser.add_argument("--models", nargs="+", choices=names, default=names)
     parser.add_argument("--largest", type=int, default=RUNGS[0], help="unknowns")
     parser.add_argument("--values", nargs="+", type=int, default=[2, 21])
+    parser.add_argument("--direct-values", nargs="+", type=int, help="those at which `direct` takes part (all)")
     parser.add_argument("--ways", nargs="+", choices=[*OWN, *PEERS], default=[*OWN, *PEERS])
     parser.add_argument("--limit", type=float, default=900.0, help="seconds for each way")
+    parser.add_argument("--at-once", type=int, default=1, metavar="N", help="models measured at the same time (1)")
+    parser.add_argument("--log", type=Path, metavar="FILE", help="JSON lines; what is there is not measured again")
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--one", nargs=5, help=argparse.SUPPRESS)
     given = parser.parse_args()
@@ -191,7 +224,9 @@ def main() -> None:
         print(json.dumps(measure(way, model, model.sizes[int(rung)], int(values), float(band))))
         return
     models = [m for m in MODELS if m.name in given.models]
-    rows = compare(models, given.largest, given.values, given.ways, given.limit)
+    direct = given.values if given.direct_values is None else given.direct_values
+    log = Log(given.log, given.limit)
+    rows = compare(models, given.largest, given.values, direct, given.ways, log, given.at_once)
     if given.write:
         text = PAGE.read_text(encoding="utf-8")
         PAGE.write_text(with_section_of(HEAD, text, section(rows, models, given.limit)), encoding="utf-8")

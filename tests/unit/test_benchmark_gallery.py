@@ -12,6 +12,7 @@ import pytest
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 sys.path[:0] = [str(BENCHMARKS), str(BENCHMARKS / "gallery")]
 import compare  # noqa: E402
+import gallery_table  # noqa: E402
 from gallery_models import MODELS  # noqa: E402
 
 
@@ -27,7 +28,7 @@ def test_every_way_finds_the_same_modes(name):
     assert len(exact) >= 8 and [r["found"] for r in rows] == [len(exact)] * 4
     assert max(r["error"] for r in rows) <= 1e-8
     assert rows[-1]["ratio"] == 1.0 and rows[0]["ratio"] == pytest.approx(rows[-1]["seconds"] / rows[0]["seconds"])
-    lines = compare.table(rows).splitlines()
+    lines = gallery_table.table(rows).splitlines()
     assert len({line.count("|") for line in lines}) == 1 and len(lines) == 6
     assert f"| {len(exact)} of {len(exact)} |" in lines[2]
 
@@ -37,6 +38,6 @@ def test_modes_that_a_way_misses_do_not_count():
     assert compare.agreement(np.array([1j * (1 + 1e-9), 3j]), exact) == (1, pytest.approx(1e-9, rel=1e-6))
     failed = {"model": "a", "way": "direct", "values": 2, "failed": "over 1 s"}
     peer = {"model": "a", "way": "scipy", "values": 2, "unknowns": 9, "MiB": 1.0, "lam": [[0.0, 1.0]], "seconds": 1.0}
-    lines = compare.table(compare.judged([failed, peer], exact)).splitlines()
+    lines = gallery_table.table(compare.judged([failed, peer], exact)).splitlines()
     assert "over 1 s" in lines[2] and "1 of 2" in lines[3]
     assert len({line.count("|") for line in lines}) == 1

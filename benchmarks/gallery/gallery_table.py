@@ -1,0 +1,57 @@
+"""The table of the gallery in docs/performance.md."""
+
+from __future__ import annotations
+
+import os
+import time
+
+from gallery_models import MODELS, Model
+
+PEERS = {"scipy": "SciPy, right modes", "slepc": "SLEPc + MUMPS, right modes"}
+COLUMNS = (
+    "model", "unknowns", "values", "way", "CPU, s", "ratio to the fastest peer", "found", "worst error of λ", "vectors",
+    "onsets", "warnings", "share of the onsets", "memory, MiB", "count proven",
+)  # fmt: skip
+HEAD = "## The gallery: models that the program is not tuned to"
+NOTE = """Models of `benchmarks/gallery/gallery_models.py`, which differ in kind; none is an example of the program. Its
+own ways sweep over all values with right and left modes, tracking, onsets and the count of modes; peers solve
+the last value for right modes alone, whose seconds are scaled to all values; SLEPc is among them where the
+machine has it, and for problems without dampers. With dampers or complex stiffness SciPy takes three complex
+shifts inside the band, which it is told. The ratio is the fastest peer's seconds over these: above 1 is
+faster. Found and error compare the modes at the last value with those of the direct solve. Vectors are those
+of the reduced model. The share of the onsets is that of refining them in the seconds of the sweep. A way that took
+longer than the limit of seconds says so. Each process has one thread, and its CPU seconds count, since the machine is
+shared with other work."""
+
+
+def table_line(r: dict) -> str:
+    """Return one row as Markdown, with what a failure says where a measurement failed."""
+    start = f"| {r['model']} | {r['unknowns']} | {r['values']} | {PEERS.get(r['way'], r['way'])} |"
+    if "failed" in r:
+        return f"{start} {r['failed'].replace('|', '/')} |" + " |" * (len(COLUMNS) - 5)
+    found = f"{r['found']} of {r['wanted']}" if "found" in r else ""
+    error = f"{r['error']:.0e}" if "error" in r and r["way"] != "direct" else ""
+    method = r.get("method", "").split()
+    vectors = method[3] if method[:2] == ["reduced", "model"] else ""
+    told = [str(r[k]) if k in r else "" for k in ("onsets", "warnings")]
+    complete = ("yes" if r["complete"] else "not proven") if "complete" in r else ""
+    stages = r.get("stages", {})
+    share = f"{100 * stages['onsets'] / sum(stages.values()):.0f} %" if stages.get("onsets") else ""
+    times, memory = [f"{r['seconds']:.1f}", f"{r['ratio']:.2g}"], f"{r['MiB']:.0f}"
+    cells = [*times, found, error, vectors, *told, share, memory, complete]
+    return f"{start} " + " | ".join(cells) + " |"
+
+
+def table(rows: list[dict]) -> str:
+    """Return the rows as Markdown."""
+    return "\n".join(["| " + " | ".join(COLUMNS) + " |", "|---" * len(COLUMNS) + "|", *map(table_line, rows)])
+
+
+def section(rows: list[dict], models: list[Model], limit: float) -> str:
+    """Return the section of the page."""
+    about = "\n".join(f"- {m.name}: {m.about}" for m in models)
+    when = f"{models[0].modes} modes, limit {limit:g} s; {os.cpu_count()} cores; {time.strftime('%Y-%m-%d')}."
+    made = f"Made by `python benchmarks/gallery/compare.py --write`; {when}"
+    rest = ", ".join(m.name for m in MODELS if m not in models)
+    rest = f"\nNot measured in this run: {rest}.\n" if rest else ""
+    return f"{HEAD}\n\n{NOTE}\n{made}\n\n{about}\n{rest}\n{table(rows)}\n"
