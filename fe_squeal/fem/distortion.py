@@ -17,9 +17,10 @@ def shape_condition(mesh: skfem.Mesh, elements: np.ndarray) -> np.ndarray:
     """Return the condition number κ of the map from the regular cell to each cell, at its worst node.
 
     κ = σ_max/σ_min of JW⁻¹, where J is the Jacobian of the cell and W that of the regular tetrahedron or cube. κ is 1
-    for a regular cell, the ratio of the longest to the shortest side for a brick, and infinite where a corner is flat.
-    An element stiffness has entries for strains across the shortest and along the longest extent, and the first are κ²
-    times the second. Source: P. M. Knupp, "Algebraic mesh quality metrics", SIAM J. Sci. Comput. 23, 2001.
+    for a regular cell, the ratio of the longest to the shortest side for a brick, and infinite where a corner is flat
+    or a curved cell is folded, so that det J has not the same sign at all of its nodes. An element stiffness has
+    entries for strains across the shortest and along the longest extent, and the first are κ² times the second.
+    Source: P. M. Knupp, "Algebraic mesh quality metrics", SIAM J. Sci. Comput. 23, 2001.
 
     Parameters
     ----------
@@ -43,8 +44,10 @@ def shape_condition(mesh: skfem.Mesh, elements: np.ndarray) -> np.ndarray:
         part = elements[start : start + _CHUNK]
         nodes = mesh.doflocs[:, mesh.dofs.element_dofs[:, part]].T  # (e, n, 3)
         local = np.swapaxes(nodes - nodes[:, :1], 1, 2)  # far from the origin coordinates lack digits
-        J = local[:, None] @ slopes  # (e, points, 3, 3)
-        sizes = np.linalg.svd(J @ inverse, compute_uv=False)
+        J = local[:, None] @ slopes @ inverse  # (e, points, 3, 3)
+        sizes, det = np.linalg.svd(J, compute_uv=False), np.linalg.det(J)
+        folded = (det.min(axis=1) < 0) & (det.max(axis=1) > 0)
         with np.errstate(divide="ignore"):
-            worst[start : start + _CHUNK] = (sizes[..., 0] / sizes[..., 2]).max(axis=1)
+            kappa = (sizes[..., 0] / sizes[..., 2]).max(axis=1)
+        worst[start : start + _CHUNK] = np.where(folded, np.inf, kappa)
     return worst

@@ -5,6 +5,7 @@ See tests/analytic/test_patch.py for distorted cells that pass the patch test.
 
 from __future__ import annotations
 
+import contextlib
 import re
 from dataclasses import replace
 
@@ -18,6 +19,7 @@ from selection import some
 import fe_squeal
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import solve_modes
+from fe_squeal.fem.cells import shape_functions
 from meshes import STEEL, box, make_problem, modes_of
 
 LENGTH, WIDTH = 1.0, 0.1
@@ -119,6 +121,28 @@ def test_midside_node_off_the_middle(record, shift):
     exact = 1j * np.sqrt(theta)
     record(digits(modes.lam[6:16], exact), "rigid motions stay zero; the element is named",
            *judged(plain_eigs(pencil, 16), exact))  # fmt: skip
+
+
+def test_cell_folded_in_the_middle_of_an_edge():
+    """det J of a curved tetrahedron may be positive at its corners and inside, where it is integrated, and negative in
+    the middle of an edge. Such a cell is no obstacle to a solution, but it is named, however moderate its sides are."""
+    mesh, rng = box("tet2", (1, 1, 1), (0.1, 0.1, 0.1)), np.random.default_rng(3)
+    dofs = mesh.dofs.element_dofs
+    slopes = np.moveaxis(shape_functions(mesh.elem(), np.asarray(mesh.elem.doflocs).T)[1], 2, 0)
+    middles = np.unique(dofs[4:])
+    for _ in range(5000):
+        x = mesh.doflocs.copy()
+        x[:, middles] += rng.uniform(-0.02, 0.02, (3, len(middles)))
+        det = np.linalg.det(np.swapaxes(x[:, dofs].T, 1, 2)[:, None] @ slopes)
+        det *= np.sign(np.linalg.det(np.swapaxes(mesh.doflocs[:, dofs].T, 1, 2)[:, None] @ slopes))
+        folded = np.flatnonzero((det[:, :4] > 0).all(axis=1) & (det[:, 4:] < 0).any(axis=1))
+        if len(folded) and (det[:, :4] > 0).all() and (det.mean(axis=1) > 0).all():
+            with contextlib.suppress(fe_squeal.MeshError):  # negative at a point of quadrature, too
+                problem = make_problem(replace(mesh, doflocs=x))
+                break
+    [sentence] = shapes_doubted(problem)
+    assert {int(number) for number in re.findall(r"(\d+) \(inf\)", sentence)} == set(folded)
+    assert not shapes_doubted(make_problem(mesh))
 
 
 def test_flat_and_inverted_cells_are_refused():
