@@ -15,6 +15,7 @@ from ..eigen.memory import require_memory
 from ..eigen.request import Request
 from ..eigen.threads import one_openblas_thread
 from ..errors import SceneError
+from ..fem.spaces import DisplacementSpace
 from ..mesh.refining import refine
 from ..problem.forms import collect_powers, interpolate
 from ..problem.problem import Problem
@@ -37,8 +38,10 @@ class Refined:
 
     Attributes
     ----------
-    coarse, fine : Assembly
-        What assembly knows of the mesh itself and of the refined one.
+    coarse : Assembly
+        What assembly knows of the mesh itself.
+    space : DisplacementSpace
+        The unknowns on the refined mesh.
     problem : Problem
         The problem on the refined mesh, its terms collected by powers of the parameter.
     model : ReducedModel
@@ -60,7 +63,7 @@ class Refined:
     """
 
     coarse: Assembly
-    fine: Assembly
+    space: DisplacementSpace
     problem: Problem
     model: ReducedModel
     parameter: str
@@ -74,7 +77,7 @@ class Refined:
     @cached_property
     def hierarchy(self) -> Hierarchy:
         """Which element of the mesh itself, and along which axis, a change comes from."""
-        return Hierarchy(self.coarse.space, self.fine.space, self.prolongation)
+        return Hierarchy(self.coarse.space, self.space, self.prolongation)
 
 
 @one_openblas_thread()
@@ -122,7 +125,7 @@ def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") ->
     P = weighted(collected, metric)
     solver = TwoLevelSolver(P, E, factorize_definite(weighted(basis.problem, basis.metric), model.linear_solver).solve)
     highest = max(float(p.modes.lam.imag.max(initial=0.0)) for p in result.points)
-    return Refined(assembly, fine, collected, model, axis, at, highest, E, metric, P, solver)
+    return Refined(assembly, fine.space, collected, model, axis, at, highest, E, metric, P, solver)
 
 
 def refined_memory(result: Sweep) -> int:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 
 from ..eigen.blocks import combine, lift, times
 from ..eigen.pencil import Modes
 from ..reduced.vectors import unit_columns
 from .refined import Refined
 
+_SPARSE = 0.3  # of all rows: a term that acts in fewer is multiplied in these rows alone
 _SAME = 1e-8  # part of a mode outside the span of others, relative to it, that is left out: it is rounding
+
+_Product: TypeAlias = tuple[np.ndarray | slice, np.ndarray]
 
 
 class Residuals:
@@ -33,9 +38,9 @@ class Residuals:
         U, size, _ = la.svd(np.hstack([unit_columns(*_both(m)) for m in modes]), full_matrices=False)
         self._span = U[:, size > _SAME * size.max(initial=0.0)]
         X = times(refined.prolongation, combine(refined.model.basis.V, self._span))
-        self._right = [times(term.matrix, X) for term in self._problem.terms]
+        self._right = [_product(term.matrix, X) for term in self._problem.terms]
         self._left = [
-            AX if term.symmetric else times(term.matrix.T.tocsr(), X)
+            AX if term.symmetric else _product(term.matrix.T.tocsr(), X)
             for AX, term in zip(self._right, self._problem.terms, strict=True)
         ]
 
@@ -51,9 +56,20 @@ class Residuals:
         at = self._problem.at({self._parameter: value})
         return [np.broadcast_to(t.factor(modes.lam, at.parameters), len(modes)) for t in at.terms]
 
-    def _combined(self, products: list[np.ndarray], shapes: np.ndarray, factors: list[np.ndarray]) -> np.ndarray:
+    def _combined(self, products: list[_Product], shapes: np.ndarray, factors: list[np.ndarray]) -> np.ndarray:
         own = self._span.T @ shapes
-        return np.asarray(sum(lift(B, own * c) for B, c in zip(products, factors, strict=True)))
+        total = np.zeros((self._problem.unknowns, shapes.shape[1]), np.result_type(own, *factors))
+        for (rows, B), c in zip(products, factors, strict=True):
+            total[rows] += lift(B, own * c)
+        return total
+
+
+def _product(A: sp.csr_array, X: np.ndarray) -> _Product:
+    """Return the rows in which A has entries and these rows of AX: friction acts in few."""
+    rows = np.flatnonzero(np.diff(A.indptr))
+    if len(rows) >= _SPARSE * A.shape[0]:
+        return slice(None), times(A, X)
+    return rows, times(sp.csr_array(A[rows]), X)
 
 
 def _both(modes: Modes) -> tuple[np.ndarray, np.ndarray]:

@@ -22,7 +22,7 @@ _FOUND, _NEAR = 1e-12, 1e-6
 _ROUNDED = 32.0
 _ITERATIONS, _FEWEST = 60, 3  # steps of conjugate gradients, at most and at least
 _SETTLED = 0.03  # of the energy ½ xᵀPx so far: the conjugate gradients end with a step that adds less
-_COLUMNS = 64  # right-hand sides that are solved at once
+_COLUMNS = 32  # right-hand sides that are solved at once: more take memory, and no less time
 
 
 def prolongation(coarse: DisplacementSpace, fine: DisplacementSpace) -> sp.csr_array:

@@ -16,6 +16,7 @@ from .pressures import pressure_functions
 from .spaces import DisplacementSpace
 
 _BYTES_PER_CHUNK = 2e8  # size of the element matrices held at once
+_AT_ONCE = 64  # elements whose stresses are held at once: they are larger than the matrices, and stay in the cache so
 
 
 @dataclass(frozen=True)
@@ -94,25 +95,53 @@ def assemble_elasticity(
     for shapes in element_shapes(space, elements):
         N, dN, t = shapes.values, shapes.gradients, shapes.nodes
         e, nodes = t.shape
-        stress = np.einsum("abcd,ejdq,eq->ejcabq", stiffness, dN, shapes.dx, optimize=True)
-        # Contract b and q in one batched matrix product: (e, I, bq) x (e, bq, Jca).
-        right = np.transpose(stress, (0, 4, 5, 1, 2, 3)).reshape(e, -1, nodes * 9)
-        block = (dN.reshape(e, nodes, -1) @ right).reshape(e, nodes, nodes, 3, 3)  # e I J c a
-        block = np.transpose(block, (0, 1, 4, 2, 3)).reshape(e, 3 * nodes, 3 * nodes)
+        block = np.concatenate([
+            _stiffness(stiffness, dN[first : first + _AT_ONCE], shapes.dx[first : first + _AT_ONCE])
+            for first in range(0, e, _AT_ONCE)
+        ])  # fmt: skip
         if lame:
             P = pressure_functions(shapes.points, shapes.dx, space.order)
             div = np.einsum("eiq,ejaq->ejai", P * shapes.dx[:, None], dN, optimize=True).reshape(e, 3 * nodes, -1)
-            block = block + lame * div @ np.swapaxes(div, 1, 2)
+            block += lame * div @ np.swapaxes(div, 1, 2)
         mass = (N * (density * shapes.dx)[:, None, :]) @ np.transpose(N, (0, 2, 1))
         t3 = (3 * t[:, :, None] + np.arange(3)).reshape(e, -1)
         K = K + space.restricted(scatter(block, t3, 3 * space.functions))
         M = M + scatter_scalar(space, mass, t)
     # Rounding in the products leaves an asymmetry of some ulps that would hide the true class of the problem.
-    return sp.csr_array((K + K.T) / 2), sp.csr_array((M + M.T) / 2)
+    return symmetrised(K), symmetrised(M)
+
+
+def _stiffness(stiffness: np.ndarray, dN: np.ndarray, dx: np.ndarray) -> np.ndarray:
+    """Return ∫ ∂_b N_I C_abcd ∂_d N_J (e, 3j, 3j) from gradients dN (e, j, 3, q) and weights dx (e, q)."""
+    e, nodes = dN.shape[:2]
+    stress = np.einsum("abcd,ejdq,eq->ejcabq", stiffness, dN, dx, optimize=True)
+    # Contract b and q in one batched matrix product: (e, I, bq) x (e, bq, Jca).
+    right = np.transpose(stress, (0, 4, 5, 1, 2, 3)).reshape(e, -1, nodes * 9)
+    block = (dN.reshape(e, nodes, -1) @ right).reshape(e, nodes, nodes, 3, 3)  # e I J c a
+    return np.transpose(block, (0, 1, 4, 2, 3)).reshape(e, 3 * nodes, 3 * nodes)
+
+
+def symmetrised(A: sp.csr_array) -> sp.csr_array:
+    """Return (A + Aᵀ)/2, with no third matrix of that size where A and Aᵀ have entries at the same places.
+
+    Examples
+    --------
+    >>> symmetrised(sp.csr_array(np.array([[1.0, 2.0], [4.0, 0.0]]))).toarray()
+    array([[1., 3.],
+           [3., 0.]])
+    """
+    A.sum_duplicates()
+    T = sp.csr_array(A.T)
+    if not (np.array_equal(A.indptr, T.indptr) and np.array_equal(A.indices, T.indices)):
+        return sp.csr_array((A + T) / 2)
+    T.data += A.data
+    T.data /= 2
+    return T
 
 
 def scatter(blocks: np.ndarray, index: np.ndarray, n: int) -> sp.csr_array:
     """Return the (n, n) sum of element matrices (e, j, j) at the rows and columns of index (e, j)."""
+    index = index.astype(np.int32 if n < 2**31 else np.int64)  # else SciPy would convert all rows and columns
     rows = np.broadcast_to(index[:, :, None], blocks.shape).ravel()
     columns = np.broadcast_to(index[:, None, :], blocks.shape).ravel()
     return sp.csr_array((blocks.ravel(), (rows, columns)), shape=(n, n))

@@ -58,12 +58,15 @@ def collect_powers(problem: Problem, parameter: str | tuple[str, ...]) -> Proble
         name = f"{slot}{'.'.join(map(str, powers))}" + ("" if symmetric else "n") + ("i" if imaginary else "")
         exponents = {paths[0]: e for paths, e in zip(together, powers, strict=True)}
         terms.append(Term(name, slot, matrix, symmetric, exponents, skew, imaginary))
-    own = problem.parameters
+    at = {p: problem.value(q) for q in several for p in paths_of(q)}
+    own, none = problem.parameters, FreeMotions.none(problem.unknowns)
+    if problem.is_held(moved):  # then the terms that were summed are not needed any more
+        return Problem(tuple(terms), at, free=lambda _: none)
 
     def free(values: Mapping[str, float]) -> FreeMotions:
         return replace(problem, parameters={**own, **{p: values[p] for p in moved}}).free_motions()
 
-    return Problem(tuple(terms), {p: problem.value(q) for q in several for p in paths_of(q)}, free=free)
+    return Problem(tuple(terms), at, free=free)
 
 
 def project(problem: Problem, V: np.ndarray) -> Problem:

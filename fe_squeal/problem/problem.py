@@ -20,7 +20,7 @@ from ..errors import SceneError, SquealError, suggest
 from .description import Describer
 from .parameters import MU, paths_of, values_by_path
 from .terms import POWER, Slot, Term, sum_terms
-from .unheld import find_free_motions
+from .unheld import find_free_motions, holds_everything
 
 _DIFFERENCE = 1e-4  # of a parameter: step of the difference quotient by a parameter that changes matrices
 
@@ -261,6 +261,17 @@ did you mean "springs.piston.stiffness"?
             self.terms, [t.coefficient(self.parameters) for t in self.terms], self.motions,
             lambda: self.pencil() if pencil is None else pencil, self.kernel, self._unheld,
         )  # fmt: skip
+
+    def is_held(self, moving: Collection[str] = ()) -> bool:
+        """Return whether no motion is free whatever the values of some parameters; False where that is not known.
+
+        Parameters
+        ----------
+        moving : collection of str
+            Terms that depend on these parameters may act or not.
+        """
+        acts = [0.0 if any(p in t.powers for p in moving) else t.coefficient(self.parameters) for t in self.terms]
+        return self.free is None and holds_everything(self.terms, acts, self.motions, self._unheld)
 
     @property
     def mass(self) -> sp.csr_array:

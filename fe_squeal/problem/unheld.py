@@ -50,6 +50,19 @@ def find_free_motions(
     return FreeMotions(Z, np.asarray(sum(forces)))
 
 
+def holds_everything(
+    terms: Sequence[Term], coefficients: Sequence[float], motions: np.ndarray | None, kept: dict[object, Any]
+) -> bool:
+    """Return whether the stiffnesses that act leave no motion free, so that none is free if others act, too.
+
+    The arguments are those of `find_free_motions`. False where nothing is known of the motions.
+    """
+    stiff = tuple(i for i, c in enumerate(coefficients) if c and terms[i].slot == "K")
+    if motions is not None and stiff not in kept:
+        kept[stiff] = _left_free([terms[i] for i in stiff], motions)
+    return motions is not None and not kept[stiff].shape[1]
+
+
 def _left_free(stiff: Sequence[Term], motions: np.ndarray) -> np.ndarray:
     """Return the motions that some stiffnesses leave free."""
     Z = motions

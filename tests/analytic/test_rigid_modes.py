@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
+import weakref
 
 import numpy as np
 import pytest
@@ -147,3 +149,25 @@ def test_a_parameter_that_vanishes_frees_what_it_held():
     assert [problem.at({stiffness: k}).free_motions().motions.shape[1] for k in (1e6, 0.0, 1e3)] == [3, 6, 3]
     swept = collect_powers(problem.prepared(stiffness, np.array([0.0, 1e6])), stiffness)
     assert [swept.at({stiffness: k}).pencil().free.motions.shape[1] for k in (0.0, 1.0)] == [6, 3]
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_terms_of_a_held_body_are_let_go_when_collected(held):
+    """Where supports hold a body whatever the spring's stiffness, no motion is free at any, and nobody asks the terms
+    again, which are as large as their sums. Else they are asked: the spring may be gone at one value."""
+    stiffness = "springs.soft.stiffness"
+    problem = make_problem(
+        box("hex1", (2, 2, 2), (SIDE,) * 3), order=1, springs=[{**SOFT_SPRING[0], "stiffness": 1e6}],
+        supports=[{"surface": "left", "fixed": "xyz"}] if held else [],
+    )  # fmt: skip
+    assert problem.is_held([stiffness]) == held
+    prepared = problem.prepared(stiffness, np.array([0.0, 1e6]))
+    terms = tuple(dataclasses.replace(t, matrix=t.matrix.copy()) for t in prepared.terms)
+    own = dataclasses.replace(prepared, terms=terms, source=None)
+    kept = weakref.ref(max((t.matrix for t in terms if t.slot == "K"), key=lambda A: A.nnz))
+    swept = collect_powers(own, stiffness)
+    free = [swept.at({stiffness: k}).pencil().free.motions.shape[1] for k in (0.0, 1.0)]
+    assert free == ([0, 0] if held else [6, 3])
+    del own, terms
+    gc.collect()
+    assert (kept() is None) == held
