@@ -13,9 +13,10 @@ from ..sweep.onset import Onset
 from ..sweep.point import SweepPoint
 from ..sweep.result import Sweep
 from ..sweep.tracking import mirror_partners
-from .bars import SHARE, Parts, bar_of, bar_of_parts, beyond, enveloped, factors_of, mirrored
-from .estimate import Changes, refined_changes
+from .bars import SHARE, SMALLEST, Parts, bar_of, bar_of_parts, beyond, enveloped, factors_of, mirrored
+from .estimate import COMPARED, Changes, refined_changes
 from .pairs import bent_change, extrapolated, growth_beyond
+from .quantities import KINDS
 
 
 def with_discretisation(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Sweep:
@@ -167,3 +168,48 @@ def near_onsets(point: SweepPoint, bar: np.ndarray, onsets: Sequence[Onset]) -> 
         own = np.isin(point.branches, [b for b in (onset.branch_a, onset.branch_b) if b])
         wide.real = np.where(own, np.maximum(wide.real, reach), wide.real)
     return wide
+
+
+def estimated_error(result: Sweep, kinds: Sequence[str] = KINDS) -> float:
+    """Return the largest relative error of a sweep according to its error bars; NaN where a bar is not known.
+
+    - "frequencies": the bar over the frequency, for all modes at all values.
+    - "growth": for each branch at the value where it grows fastest, the bar over the largest growth rate of all
+      branches. At other values growth may be small, and its error there is the error of the onset.
+    - "onsets": the bar of a critical value over this value, or over a tenth of the sweep's interval if that is larger.
+
+    Modes and onsets above 0.8 of the highest frequency whose bar is not known are left out: on the refined mesh they
+    may lie above the range that is solved for.
+
+    Parameters
+    ----------
+    result : Sweep
+        With the error of the mesh, see `with_discretisation`.
+    kinds : sequence of "frequencies", "growth", "onsets"
+        Which of these count.
+    """
+    highest = max(float(p.modes.lam.imag.max(initial=0.0)) for p in result.points)
+    found: list[float] = []
+
+    def add(kind: str, error: np.ndarray, frequency: np.ndarray) -> None:
+        """Take relative errors, but for the unknown ones near the highest frequency."""
+        if kind in kinds:
+            found.extend(error[np.isfinite(error) | (frequency <= COMPARED * highest)].tolist())
+
+    peaks: dict[int, tuple[float, float, float]] = {}  # growth, its bar and the frequency, by branch
+    for point in result.points:
+        assert point.discretisation is not None
+        lam, bar = point.modes.lam, point.discretisation
+        swinging = lam.imag > 0
+        add("frequencies", (bar.imag / np.where(swinging, lam.imag, 1.0))[swinging], lam.imag[swinging])
+        for i in np.flatnonzero(swinging & (point.modes.stability == "unstable")).tolist():
+            branch, own = int(point.branches[i]), (float(lam[i].real), float(bar[i].real), float(lam[i].imag))
+            peaks[branch] = max(peaks.get(branch, own), own)
+    if peaks:
+        growth, bars, frequencies = np.array(list(peaks.values())).T
+        add("growth", bars / growth.max(), frequencies)
+    width = float(np.ptp([p.value for p in result.points]))
+    for o in result.onsets:
+        relative = np.array([o.discretisation / max(abs(o.value), SMALLEST * width)])
+        add("onsets", relative, np.array([2 * np.pi * o.frequency_hz]))
+    return float(np.max(found)) if found else 0.0

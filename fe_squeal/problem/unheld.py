@@ -55,7 +55,7 @@ def holds_everything(
 ) -> bool:
     """Return whether the stiffnesses that act leave no motion free, so that none is free if others act, too.
 
-    The arguments are those of `find_free_motions`. False where nothing is known of the motions.
+    The arguments are those of `find_free_motions`, with motions (n, r). False where nothing is known of these.
     """
     stiff = tuple(i for i, c in enumerate(coefficients) if c and terms[i].slot == "K")
     if motions is not None and stiff not in kept:

@@ -13,7 +13,8 @@ from rich.console import Console
 
 from fe_squeal import assemble, load_mesh, sweep
 from fe_squeal.accuracy import choose as choosing
-from fe_squeal.accuracy.choose import Trial, choose, estimated_error
+from fe_squeal.accuracy.choose import Trial, choose
+from fe_squeal.accuracy.discretisation import estimated_error
 from fe_squeal.accuracy.line_errors import LineErrors
 from fe_squeal.cli import main
 from fe_squeal.errors import InputError
