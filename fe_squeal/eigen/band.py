@@ -20,6 +20,7 @@ from .free_modes import FreeModes
 from .inertia import count_below
 from .linear.choice import factorize
 from .linear.factor import LinearSolver, SingularError
+from .multiple import rounding_of_zero
 from .pencil import Modes, Pencil
 from .quality import in_upper_half, modes_from_lambda
 from .request import Request, is_beside, select_wanted
@@ -200,8 +201,10 @@ def band_modes(
         known.cover(top, band, missing + 4)
     if not known.every:
         _add_growing(known, float(np.abs(wanted.lam).max(initial=0.0)) or top)
-        wanted = select_wanted(known.modes(), request, top)
-        assert wanted is not None
+        modes = known.modes()
+        wanted = select_wanted(modes, request, top)
+        if wanted is None:
+            raise NotConvergedError("beside real eigenvalues that grow the others are too uncertain to be told", modes)
     return wanted
 
 
@@ -225,6 +228,7 @@ def _add_growing(band: _Band, top: float) -> None:
     For real λ > 0 and its real vector x, λ²xᵀMx + λxᵀCx + xᵀKx = 0 needs xᵀKx < 0 or xᵀCx < 0. So there is none where
     the symmetric parts of K and C are positive semidefinite. Otherwise a few eigenvalues around
     a small positive shift are looked at, since a divergence begins at zero; where none converges, `method` says so.
+    Those that rounding makes of zero are left out: the motions of a free body are known.
     """
     pencil = band.pencil
     assert pencil.C is not None
@@ -236,7 +240,7 @@ def _add_growing(band: _Band, top: float) -> None:
         band.method += ", without a search for real eigenvalues that grow"
         return
     lam, right, left, _ = found
-    growing = (lam.real > 0) & (np.abs(lam.imag) <= 1e-6 * np.abs(lam))
+    growing = (lam.real > rounding_of_zero(pencil, lam, right)) & (np.abs(lam.imag) <= 1e-6 * np.abs(lam))
     band._add(lam[growing], right[:, growing], left[:, growing])
 
 
