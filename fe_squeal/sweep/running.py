@@ -289,9 +289,22 @@ class RunningSweep:
                 self._next_branch = next(names)
                 self._value, self._previous, self._branches = value, modes, branches
                 return
-        middle = self._scale.middle(self._value, value)
-        self._follow(middle, self._solve(middle), refinements - 1)
+        self._follow(*self._halved(value, modes), refinements - 1)
         self._follow(value, modes, refinements - 1)
+
+    def _halved(self, value: float, modes: Modes) -> tuple[float, Modes]:
+        """Return the middle of the step to a value, and the modes there, or nearer to its start.
+
+        The middle may be a critical value itself: a mode that diverges just there has λ = 0, and no eigenvalue that
+        could be followed on either side.
+        """
+        assert self._previous is not None
+        middle = self._scale.middle(self._value, value)
+        found = self._solve(middle)
+        if _at_rest(found) > max(_at_rest(self._previous), _at_rest(modes)):
+            middle = self._scale.middle(self._value, middle)
+            found = self._solve(middle)
+        return middle, found
 
     def _tell(self, doubts: list[Doubt]) -> None:
         """Add a warning for each interval in which rounding hides onsets.
@@ -364,6 +377,11 @@ class RunningSweep:
         now = time.perf_counter()
         self.seconds[stage] += now - since
         return now
+
+
+def _at_rest(modes: Modes) -> int:
+    """Return how many modes have λ = 0: free motions, and those at the edge of divergence."""
+    return int(np.count_nonzero(modes.lam == 0))
 
 
 def _reach(modes: Modes, wanted: int) -> float:
