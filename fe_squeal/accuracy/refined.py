@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -121,11 +122,14 @@ def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") ->
     basis = model.basis
     own = {t.name: c for t, c in zip(basis.problem.terms, basis.metric, strict=True)}
     collected = collect_powers(affine[1], axis).at({axis: basis.problem.value(axis)})
+    space = fine.space
+    del fine, on_fine, affine
+    gc.collect()  # an assembly and its problems refer to each other; the terms, summed now, are as large as their sums
     metric = [own.get(t.name, 0.0) for t in collected.terms]
     P = weighted(collected, metric)
     solver = TwoLevelSolver(P, E, factorize_definite(weighted(basis.problem, basis.metric), model.linear_solver).solve)
     highest = max(float(p.modes.lam.imag.max(initial=0.0)) for p in result.points)
-    return Refined(assembly, fine.space, collected, model, axis, at, highest, E, metric, P, solver)
+    return Refined(assembly, space, collected, model, axis, at, highest, E, metric, P, solver)
 
 
 def refined_memory(result: Sweep) -> int:
