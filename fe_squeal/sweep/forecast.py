@@ -26,7 +26,7 @@ _FIGURES = 62 * 2**20  # bytes of Matplotlib, pandas and what belongs to them, w
 _KERNELS = 25 * 2**20  # bytes of the solver's library, read from the disk when it first factorises
 # Bytes that the C library keeps of what was freed, in pieces between others: those of up to 32 MiB (glibc), so that
 # large models keep no more than small ones.
-_KEPT = 50 * 2**20
+_KEPT = 40 * 2**20
 _GUARDED = 1.3  # times the modes asked for: modes that the basis begins with
 # Vectors of the basis for each of these modes, which damping and complex stiffness make complex, by problem class.
 _BASIS = {"symmetric": 3.0, "nonsymmetric": 5.0, "quadratic": 8.0, "complex": 17.0}
@@ -35,6 +35,9 @@ _PROJECTED = 18  # bytes for each entry of a projected term: sparse with its ind
 _DENSE = 8  # matrices of a small eigenproblem, with the workspaces of LAPACK
 _LIFTED = 10.0  # vectors for each guarded mode: shapes as vectors of the problem, complex, and a basis of them
 _KRYLOV = 8.0  # vectors for each mode asked for: of the Krylov spaces, and the modes themselves
+# What direct solves make of these: left ones too, complex ones, and with damping those of displacement and velocity.
+_SOLVED = {"symmetric": 1, "nonsymmetric": 2, "quadratic": 8, "complex": 4}
+_VERSIONS = 3  # sums of terms at other values that an assembly keeps where a parameter changes matrices
 # Copies of the matrices, in those of a real K: a matrix with the indices of a solver beside it; and the sizes of all
 # entries: what is kept of them in direct sweeps; in reduced ones the number was fitted to the table of
 # docs/performance.md.
@@ -124,7 +127,7 @@ class MemoryCount:
             parts["projections"] = int(_PROJECTED * self.terms * basis**2)
             parts["small eigenproblems"] = int(number * (_DENSE * order**2 + 2 * self.values * guarded * basis))
         elif n > DENSE_LIMIT:
-            parts["vectors"] = int(8 * n * _KRYLOV * modes * (1 if kind == "symmetric" else 2))
+            parts["vectors"] = int(8 * n * _KRYLOV * modes * _SOLVED[kind])
         return MemoryPrediction(sum(parts.values()), self.factors, available_memory(), self.reduced, parts)
 
 
@@ -167,6 +170,7 @@ def count_memory(
     A = factorised_matrix(pencil)
     # Sums of terms, at a value and of what does not move; what is factorised, and that again in the solver's hands.
     matrices = 2 * whole + (1 + _HANDED) * A.nnz * _per_entry(A) + (real if reduced else 0)
+    matrices += 0 if problem.is_affine(parameter) else _VERSIONS * real
     factors = _factors(A, pencil.symmetric and pencil.C is None, linear_solver, definite=False)
     del pencil, A, stored
     loaded = _loaded()  # after the analysis
