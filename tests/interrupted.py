@@ -72,7 +72,7 @@ def assert_same_results(found: Path, whole: Path, tables: tuple[str, ...] = TABL
     a, b = (pd.read_csv(folder / "modes.csv") for folder in (found, whole))
     np.testing.assert_allclose(a["re"], b["re"], rtol=NEAR, atol=NEAR * np.abs(b["im"]).max())
     names = [{str(p.relative_to(folder)) for p in folder.rglob("*")} for folder in (found, whole)]
-    assert names[0] == names[1]
+    assert names[0] == names[1], names[0] ^ names[1]
     record, other = (json.loads((folder / "run.json").read_text("utf-8")) for folder in (found, whole))
     assert record["status"] == other["status"] == "complete"
     assert record["values"] == other["values"] and record["completeness"] == other["completeness"]

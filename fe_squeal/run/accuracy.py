@@ -199,8 +199,6 @@ def run_to_accuracy(
                 raise
             choice, stopped = stop.args[0], True
         remove_results(held)
-        if not stopped:
-            held.remove(is_kept)
         said = write_results(choice.scene, choice.result, held, measured)
         write_mesh_error(choice.split, choice.result, out, whole.title)
         with replace_atomically(out / MESH) as temporary:
@@ -213,6 +211,8 @@ def run_to_accuracy(
         write_record(choice.scene, problem, choice.result, seconds, status, inputs, solver, out, measured, said)
         if choice.scene.output.report:
             write_run_report(out, out / REPORT)
+        if not stopped:
+            held.remove(is_kept)
         report_sweep(choice.scene, choice.result, out, console, seconds["total"])
         _print_trials(choice, target, console)
         console.print(_used_again(choice, out), markup=False)

@@ -20,7 +20,8 @@ from .inputs import differences, joined_differences
 def is_finished(out: Path, checkpoint: Checkpoint, inputs: Mapping[str, Any]) -> bool:
     """Return whether the folder has all results of the run with these inputs.
 
-    False means that it has a checkpoint of this run, or nothing.
+    False means that it has a checkpoint of this run, or nothing. Finished results may have a checkpoint beside them,
+    too: the run was interrupted behind the last table, and the page may be missing or old.
 
     Raises
     ------
@@ -40,8 +41,6 @@ def is_finished(out: Path, checkpoint: Checkpoint, inputs: Mapping[str, Any]) ->
             f"{out}: {what} another one: {joined_differences(found)}; run without --resume to start anew, or give"
             " another folder by -o"
         )
-    if finished:
-        checkpoint.remove()
     return finished
 
 

@@ -95,6 +95,9 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
     inputs = run_inputs(scene, mesh)
     checkpoint = Checkpoint(held)
     if resume and is_finished(out, checkpoint, inputs) and not (estimate and not is_estimated(out)):
+        if scene.output.report and (checkpoint.exists or not (out / REPORT).exists()):
+            write_run_report(out, out / REPORT)  # which an interruption behind the tables has left missing or old
+        checkpoint.remove()
         return show_finished(out, console)
     held.check(is_result)
     if not resume:

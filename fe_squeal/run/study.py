@@ -96,6 +96,9 @@ def _study(
             raise SceneError(
                 f"{out}: the finished study is another one: {joined_differences(found)}; expected the same one"
             )
+        if scene.output.report and (parts.exists or not (out / REPORT).exists()):
+            write_study_report(out, out / REPORT)  # which an interruption behind the tables has left missing or old
+        parts.remove()
         console.print(f"results in {out} are complete: nothing is left to resume", markup=False)
         return 0
     held.check(is_study_result)

@@ -198,6 +198,21 @@ def test_a_search_goes_on_where_it_was_stopped(tmp_path, capsys, monkeypatch):
     assert not (out / "checkpoint").exists()
 
 
+def test_a_search_that_ended_in_writing_does_not_begin_anew(tmp_path, monkeypatch):
+    scene, out = write(tmp_path), tmp_path / "out"
+    run = ["run", str(scene), "-o", str(out), "--accuracy", "0.012"]
+    swept, meshes = choosing._swept, []
+    monkeypatch.setattr(choosing, "_swept", lambda candidate: (meshes.append(candidate.unknowns), swept(candidate))[1])
+    with monkeypatch.context() as patched:
+        patched.setattr("fe_squeal.run.accuracy.write_record", lambda *_: exec("raise KeyboardInterrupt"))
+        assert main(run) == 130
+    found = len(meshes)
+    assert found > 1
+    assert main([*run, "--resume"]) == 0
+    assert meshes[found:] == meshes[found - 1 : found]  # the last mesh alone
+    assert not (out / "checkpoint").exists()
+
+
 def test_a_search_of_another_scene_is_not_resumed(tmp_path, capsys, monkeypatch):
     scene, out = write(tmp_path), tmp_path / "out"
     run = ["run", str(scene), "-o", str(out), "--accuracy", "0.012"]

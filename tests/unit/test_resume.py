@@ -122,6 +122,27 @@ def test_value_that_did_not_converge_is_tried_again(
     assert_same_results(out, tmp_path / "whole")
 
 
+@pytest.mark.parametrize("earlier", [False, True])
+def test_the_page_that_an_interruption_has_left_out_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, earlier: bool
+) -> None:
+    """Behind the last table: the page is missing, or that of an earlier interruption, which has fewer values."""
+    scene, out = replaced("report = false", "report = true", replaced("points = 5", "points = 3")), tmp_path / "out"
+    path, page = write_scene(tmp_path, scene), tmp_path / "out" / "report.html"
+    command = ["run", str(path), "-o", str(out), "--resume"]
+    if earlier:
+        interrupt(path, out, 3, monkeypatch)
+    before = page.read_text("utf-8") if earlier else ""
+    with monkeypatch.context() as patched:
+        patched.setattr(fe_squeal.run.run, "write_run_report", lambda *_: exec("raise KeyboardInterrupt"))
+        assert main(command) == 130
+    assert json.loads((out / "run.json").read_text("utf-8"))["status"] == "complete"
+    monkeypatch.setattr(fe_squeal.run.run, "assemble", lambda *_: pytest.fail("assembled again"))
+    assert main(command) == 0
+    assert page.read_text("utf-8") != before
+    assert not (out / "checkpoint").exists()
+
+
 def test_finished_run_is_shown_and_not_solved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -176,6 +176,20 @@ def test_resuming_gives_the_same_samples(scene, tmp_path, monkeypatch):
     assert not (parts / "parts").exists()
 
 
+def test_the_page_that_an_interruption_has_left_out_is_written(scene, tmp_path, monkeypatch):
+    path, out = scene(MAP), tmp_path / "out"
+    path.write_text(path.read_text().replace("report = false", "report = true"))
+    command = ["study", str(path), "-o", str(out), "--resume"]
+    with monkeypatch.context() as patched:
+        patched.setattr("fe_squeal.run.study.write_study_report", lambda *_: exec("raise KeyboardInterrupt"))
+        assert main(command) == 130
+    assert not (out / "report.html").exists()
+    monkeypatch.setattr("fe_squeal.run.study.assemble", lambda *_: pytest.fail("assembled again"))
+    assert main(command) == 0
+    assert "data:image/png" in (out / "report.html").read_text(encoding="utf-8")
+    assert not (out / "parts").exists()
+
+
 def test_parts_of_another_study_are_refused(scene, tmp_path, capsys, monkeypatch):
     out = tmp_path / "out"
     monkeypatch.setattr(engine, "solve_chunk", lambda model, places: (_ for _ in ()).throw(KeyboardInterrupt))
