@@ -18,6 +18,9 @@ from .scale import LINEAR, Scale
 # Values besides the ends at which modes of the step model are taken, at most. A step that may be halved is left after a
 # few: narrower steps need fewer values, and their step models are more exact.
 _NODES, _NODES_IF_HALVED = 24, 8
+# A group of more modes than this is parted first, as long as further values may be asked for: the samples of a group of m
+# cost 25 m³ operations each, a value about as much as one sample of all modes.
+_CROWD = 64
 _RIM = 0.9  # of the highest |λ| known: a mode above this may be known at one value and not at the next
 
 
@@ -92,8 +95,9 @@ def scan(
             if len(members[0]) != len(members[1]):
                 opened.append(Open((a, b), members))
                 continue
+            crowded = len(members[0]) > _CROWD and count < _NODES and share > SETTLED
             cluster = cluster_of((a, b), members, scale)
-            if not cluster.is_smooth:
+            if crowded or not cluster.is_smooth:
                 asked.append((begin + end) / 2)
                 unsettled.append(members)
                 continue
