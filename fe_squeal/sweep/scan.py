@@ -18,8 +18,8 @@ from .scale import LINEAR, Scale
 # Values besides the ends at which modes of the step model are taken, at most. A step that may be halved is left after a
 # few: narrower steps need fewer values, and their step models are more exact.
 _NODES, _NODES_IF_HALVED = 24, 8
-# A group of more modes than this is parted first, as long as further values may be asked for: the samples of a group of m
-# cost 25 m³ operations each, a value about as much as one sample of all modes.
+# A group of more modes than this is parted first, as long as further values may be asked for: each of the many samples
+# of a group of m costs 25 m³ operations, a further value about as much as a single sample of all modes.
 _CROWD = 64
 _RIM = 0.9  # of the highest |λ| known: a mode above this may be known at one value and not at the next
 
