@@ -21,6 +21,9 @@ from ..problem.terms import Slot, Term
 
 _STEPS = 12  # Newton steps, at most
 _SMALL = 1e-6  # of the value, or of the sweep's step: Newton steps below this that no longer shrink are rounding
+# A Newton step that changes a frequency by more than this part of ω is not the last, however small its change of p.
+# Where λ = 0 crosses the axis ω is rounding: small beside what the shape would swing at by its largest forces alone.
+_TURNED, _AT_REST = 1e-4, 1e-8
 _SLOTS: tuple[Slot, ...] = "M", "C", "K"
 _FULL = 1000  # unknowns up to which matrices that are at least half full are taken as arrays
 _Matrix: TypeAlias = sp.csr_array | np.ndarray
@@ -202,7 +205,9 @@ def find_crossing(
         rounding = rounding / abs(speed) if speed else np.inf
         if abs(p - value) > width or rounding > 0.1 * width:
             break
-        if _is_last(abs(step[1]), last, max(rounding, enough * abs(p)), _SMALL * max(abs(p), width)):
+        fast = np.sqrt(np.linalg.norm(abs(pencil.K) @ np.abs(x)) / np.linalg.norm(abs(pencil.M) @ np.abs(x)))
+        still = abs(step[0]) <= max(_TURNED * abs(omega), _AT_REST * fast)
+        if still and _is_last(abs(step[1]), last, max(rounding, enough * abs(p)), _SMALL * max(abs(p), width)):
             return Root(float(p), float(omega**2), speed, float(abs(step[1]) + rounding), x, y)
         last = abs(step[1])
     raise NotConvergedError(f"crossing near {parameter} = {value:.6g}: Newton's method did not converge")

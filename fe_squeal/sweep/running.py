@@ -38,6 +38,7 @@ from .warnings import rounding_warnings, tie_warnings
 
 _INSIDE = 0.95  # of the highest frequency reported: an onset below this is reported whatever its branches are
 _CHECKED = 4  # equal parts of the sweep: a reduced model meets the tolerance at least at the ends of these
+_BESIDE = 1 / 8  # of a step: a critical value of the sweep itself is passed from so far before it to so far behind it
 _REFINEMENTS = 4  # halvings of a step, at most, while it is not clear which mode continues which
 
 
@@ -62,7 +63,7 @@ class RunningSweep:
         linear_solver: LinearSolver | str = "auto",
     ) -> None:  # fmt: skip
         self.problem, self.parameter, self.request = problem, parameter, request
-        self._steps, self._precise, self._linear_solver = len(values) - 1, precise, linear_solver
+        self._values, self._steps, self._precise, self._linear_solver = values, len(values) - 1, precise, linear_solver
         self._scale = Scale.of(values)
         self._guarded = _with_guard(request) if self._steps else request
         self.points: list[SweepPoint] = []
@@ -157,12 +158,17 @@ class RunningSweep:
         modes = self._solve(value)
         if self._previous is None:
             self._begin(value, modes)
+            branches = self._branches
+            self._leave(value, modes)
+        elif _at_rest(modes) > _at_rest(self._previous):
+            branches = self._pass(value, modes)
         else:
             self._follow(value, modes, _REFINEMENTS)
+            branches = self._branches
         last = self.points[-1].value if self.points else value
         for middle, pair in windows(self.onsets, last, value):
             self.points.append(self._window(middle, pair))
-        self.points.append(self._point(value, modes, self._branches, keep_all))
+        self.points.append(self._point(value, modes, branches, keep_all))
 
     def _point(self, value: float, modes: Modes, branches: np.ndarray, keep_all: bool) -> SweepPoint:
         wanted = wanted_count(modes, self.request)
@@ -204,10 +210,7 @@ class RunningSweep:
         """Return the point in the middle of a window of instability between two values of the sweep."""
         assert self._previous is not None
         modes = self._solve(middle)
-        origin = match_modes(self._previous, modes, self._M).origin
-        names = itertools.count(self._next_branch)
-        branches = np.array([self._branches[i] if i >= 0 else next(names) for i in origin], dtype=int)
-        self._next_branch = next(names)
+        branches = self._named(self._known(modes))
         growing = np.flatnonzero(modes.stability == "unstable")
         if len(growing):
             omega = np.pi * (pair[0].frequency_hz + pair[1].frequency_hz)
@@ -218,6 +221,20 @@ class RunningSweep:
                 if position >= 0 and len(there):
                     branches[[position, there[0]]] = branches[[there[0], position]]
         return replace(self._point(middle, modes, branches, keep_all=False), between=True)
+
+    def _known(self, modes: Modes) -> np.ndarray:
+        """Return the branches that modes belong to, by their likeness to the modes of the last value; 0: to none."""
+        assert self._previous is not None
+        origin = match_modes(self._previous, modes, self._M).origin
+        return np.array([self._branches[i] if i >= 0 else 0 for i in origin], dtype=int)
+
+    def _named(self, branches: np.ndarray) -> np.ndarray:
+        """Return branches with new ones for 0."""
+        new = branches == 0
+        named = branches.copy()
+        named[new] = self._next_branch + np.arange(new.sum())
+        self._next_branch += int(new.sum())
+        return named
 
     def _solve(self, value: float) -> Modes:
         clock = time.perf_counter()
@@ -259,6 +276,53 @@ class RunningSweep:
         self._next_branch = len(modes) + 1
         self._value, self._previous = value, modes
         self._spend("completeness", clock)
+
+    def _leave(self, value: float, modes: Modes) -> None:
+        """Follow modes from a value beside the first one, if some have λ = 0 at the first value alone."""
+        if not self._steps or not _at_rest(modes):
+            return
+        behind = self._beside(value, self._values[1])
+        found = self._solve(behind)
+        if _at_rest(found) >= _at_rest(modes):
+            return  # free motions, which stay so
+        self._branches = self._first_branches = self._named(self._known(found))
+        self._first = self._previous = found
+        self._start = self._value = behind
+        self._tell_edge("first", value, _at_rest(modes) - _at_rest(found))
+
+    def _pass(self, value: float, modes: Modes) -> np.ndarray:
+        """Return the branches at a value where more modes have λ = 0 than at the last one, and go past it.
+
+        It is a critical value: a mode that diverges just there has no eigenvalue that could be followed on either side.
+        So the modes are followed from a value before it to one behind it.
+        """
+        assert self._previous is not None
+        before = self._beside(value, self._value)
+        self._follow(before, self._solve(before), _REFINEMENTS)
+        branches, rest = self._known(modes), _at_rest(self._previous)
+        if value < self._values[-1]:
+            behind = self._beside(value, float(self._values[np.searchsorted(self._values, value, "right")]))
+            self._follow(behind, self._solve(behind), _REFINEMENTS)
+            later = self._known(modes)
+            branches = np.where((branches == 0) & ~np.isin(later, branches), later, branches)
+        else:
+            self._tell_edge("last", value, _at_rest(modes) - rest)
+        return self._named(branches)
+
+    def _beside(self, value: float, other: float) -> float:
+        """Return a value beside one, in the direction of another."""
+        x = self._scale.x(value)
+        return self._scale.p(x + _BESIDE * (self._scale.x(other) - x))
+
+    def _tell_edge(self, which: str, value: float, count: int) -> None:
+        """Add a warning that the sweep begins or ends at a critical value."""
+        text = (
+            f"{count} of the modes {'has' if count == 1 else 'have'} λ = 0 at {self.parameter} = {value:g}, the {which}"
+            f" value of the sweep, as at the edge of divergence: {self.parameter} beyond it shows on which side they"
+            " grow"
+        )
+        self.warnings.append(text)
+        self.unsettled.append(text)
 
     def _follow(self, value: float, modes: Modes, refinements: int) -> None:
         """Name the branches at the next value and find the onsets on the way to it.

@@ -19,6 +19,7 @@ from .nodes import Node, node_of, spread_of
 
 _DEPENDENT = 1e-12  # of the largest eigenvalue of a Gram matrix: directions with smaller ones are left out of the basis
 _BALANCED = 1e-11  # of |K||z|: if the forces Kz of a motion are smaller, they are rounding, and the motion is rigid
+_KNOWN = 1e-6  # of a motion: one that differs by less from motions that nothing holds is one of these
 _SPANNED = 1e-4  # of a vector's length: if its part outside the rigid motions is shorter, that is rounding
 _ALIKE = 1e-6  # of θ, or of λ: the eigenvalues at the ends may differ so much from those of the step model
 _SMALL = 60  # unknowns up to which the step model is the problem itself
@@ -151,7 +152,13 @@ class Step:
             return None
         Z = self.rigid if self.reduced_model is None else self.reduced_model.lift(self.rigid)
         for p in self.ends:
-            K = self.full.pencil({self.parameter: p}).K
+            here = self.full.at({self.parameter: p})
+            known = here.free_motions().motions  # KZ = 0 holds for these by what the problem is made of
+            inside = known @ np.linalg.lstsq(known, Z)[0]
+            if np.linalg.norm(Z - inside) <= _KNOWN * np.linalg.norm(Z):
+                Z = inside
+                continue
+            K = here.pencil().K
             if np.linalg.norm(K @ Z) > _BALANCED * np.linalg.norm(abs(K) @ np.abs(Z)):
                 return None
         if problem is self.model:

@@ -1,0 +1,94 @@
+"""Sweeps with a value at which a mode diverges just there: λ = 0, and no eigenvalue to follow from or to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.stats import ortho_group
+
+from fe_squeal import sweep
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
+
+KINDS = ("undamped", "damped", "gyroscopic")
+_DAMPING = 0.05
+
+
+def chain(kind: str, n: int = 12) -> Problem:
+    """θ = 10, 20, … of unit masses, turned; at p = 1 the first is zero, from p = 1/2 on the fifth and sixth flutter."""
+    Q = ortho_group.rvs(n, random_state=1)
+    moved = np.zeros((n, n))
+    moved[0, 0], moved[4, 5], moved[5, 4] = -10.0, 10.0, -10.0
+
+    def turned(A: np.ndarray) -> sp.csr_array:
+        return sp.csr_array(Q @ A @ Q.T)
+
+    springs = np.diag(10.0 * np.arange(1, n + 1))
+    terms = [
+        Term("m", "M", sp.csr_array(np.eye(n)), True), Term("k", "K", turned(springs), True),
+        Term("f", "K", turned(moved), False, {"p": 1}),
+    ]  # fmt: skip
+    if kind == "damped":
+        terms.append(Term("c", "C", sp.csr_array(_DAMPING * np.eye(n)), True))
+    if kind == "gyroscopic":  # where K is singular does not depend on it
+        G = np.zeros((n, n))
+        G[0, 2], G[7, 8] = 0.3, 0.5
+        terms.append(Term("g", "C", turned(G - G.T), False, skew=True))
+    return Problem(tuple(terms), {"p": 0.0})
+
+
+def flutter(kind: str) -> float:
+    """With λ = iω: ω² = 55, and 5 √(4p² − 1) = cω."""
+    c = _DAMPING if kind == "damped" else 0.0
+    return 0.5 * np.sqrt(1 + 55 * c**2 / 25)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "values", [[0, 1, 2], [0, 0.5, 1, 1.5, 2], [0, 0.3, 1, 1.1], [0, 0.9, 1.1], [0, 0.99, 1, 1.01]]
+)
+def test_a_value_inside_the_sweep(kind, values):
+    result = sweep(chain(kind), np.array(values, float), "p", modes=8)
+    first, second = result.onsets
+    assert not result.warnings
+    for onset, value, frequency in (first, flutter(kind), np.sqrt(55) / (2 * np.pi)), (second, 1.0, 0.0):
+        assert abs(onset.value - value) <= onset.uncertainty + 1e-12 and onset.uncertainty < 1e-6
+        assert onset.direction == "into"
+        assert onset.kind == ("flutter" if frequency else "divergence")
+        assert onset.frequency_hz == pytest.approx(frequency, rel=1e-4)
+    assert [point.value for point in result.points] == values
+    count = [int(np.sum(point.modes.stability == "unstable")) for point in result.points]
+    assert count == [int(p > flutter(kind)) + int(p > 1) for p in values]
+    # One branch has λ = 0 at p = 1, and it is the one that diverges.
+    for point in result.points:
+        if point.value == 1:
+            assert point.branches[point.modes.lam == 0].tolist() == [second.branch_a]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_last_value(kind):
+    """Whether the mode grows is not known, and that is said."""
+    result = sweep(chain(kind), np.array([0, 0.25, 0.75, 1]), "p", modes=8)
+    assert [o.kind for o in result.onsets] == ["flutter"]
+    (warning,) = result.warnings
+    assert "1 of the modes has λ = 0 at p = 1, the last value" in warning
+    assert result.unsettled == (warning,)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_first_value(kind):
+    result = sweep(chain(kind), np.array([1, 1.5, 2]), "p", modes=8)
+    assert not result.onsets
+    assert [int(np.sum(point.modes.stability == "unstable")) for point in result.points] == [1, 2, 2]
+    assert any("1 of the modes has λ = 0 at p = 1, the first value" in warning for warning in result.warnings)
+
+
+def test_free_motions_are_no_critical_values():
+    """Two bodies that nothing holds have λ = 0 at every value."""
+    K = sp.csr_array(np.kron(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.diag([1.0, 2.0])))
+    terms = (Term("m", "M", sp.csr_array(np.eye(4)), True), Term("k", "K", K, True, {"p": 1}))
+    result = sweep(Problem(terms, {"p": 1.0}), np.array([1.0, 1.5, 2.0]), "p", modes=4)
+    assert not result.onsets and not result.unsettled
+    (warning,) = result.warnings
+    assert "rigid motions of frequency 0" in warning
