@@ -3,6 +3,7 @@
 from .box import BoxModel
 from .estimate import OnlineModel
 from .model import ReducedModel
+from .sharper import SharperModel
 from .vectors import SlowMotions
 
-__all__ = ["BoxModel", "OnlineModel", "ReducedModel", "SlowMotions"]
+__all__ = ["BoxModel", "OnlineModel", "ReducedModel", "SharperModel", "SlowMotions"]

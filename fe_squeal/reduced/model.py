@@ -205,12 +205,13 @@ class ReducedModel:
 
         The lifted vectors of `modes` are less exact: only as exact as their eigenvalues need.
         """
+        self.__dict__.pop("middle", None)
         every = self._every(value)
         wanted = self._estimated(value)[0].lam[list(positions)]
         _, at = linear_sum_assignment(np.abs(wanted[:, None] - every.lam[None, :]))
         lifted = replace(every, right=self.lift(every.right), left=None)
         pencil = self.basis.problem.pencil(values_at(self.parameter, value))
-        return corrected_shapes(pencil, lifted, at, self._factorize(value), self.request.tolerance)
+        return corrected_shapes(pencil, lifted, at, self.factorize(value), self.request.tolerance)
 
     @cached_property
     def projected(self) -> Problem:
@@ -235,6 +236,11 @@ class ReducedModel:
             The right and left vector there, in the coordinates of the reduced model.
         """
         return self.basis.root_error(value, 1j * np.sqrt(theta), right, left, self.highest)
+
+    @cached_property
+    def middle(self) -> Factor:
+        """Factors of Q(iω) at the value in the middle, kept until shapes are asked for, which need their memory."""
+        return self.factorize(float(self._values[len(self._values) // 2]))
 
     def _estimated(self, value: Place) -> Estimate:
         """Return the modes asked for, for each how far it is from meeting the tolerance (1: just met), and |Δλ/λ|."""
@@ -308,7 +314,7 @@ class ReducedModel:
         The corrections tried on the way do not stay in the basis. At a value between those whose modes the basis has,
         the error of an eigenvalue is the product of the errors of its right and left modes, so that few values suffice.
         """
-        inverse: Factor | DefiniteFactor = self._factorize(value) if factor is None else factor
+        inverse: Factor | DefiniteFactor = self.factorize(value) if factor is None else factor
         again = self._added[value]
         self._added[value] += 1
         local, every = self.basis, self._every(value)
@@ -319,7 +325,7 @@ class ReducedModel:
             if off.max(initial=0.0) <= self.enough or not more:
                 break
             inexact = modes.select(np.flatnonzero(off > _CORRECTED * self.enough))
-            self._correct(local, value, inexact, inverse, factor is not None)
+            self.correct(local, value, inexact, inverse, factor is not None)
             every = local.modes(value, GUARDED * self.highest)
         self._join(local, every, again)
 
@@ -342,7 +348,7 @@ class ReducedModel:
         free = basis.free_motions(self._start).motions
         return range_of(unit_columns(modes.right, modes.left), _FINE * self.request.tolerance**0.5, free)
 
-    def _factorize(self, value: Place) -> Factor:
+    def factorize(self, value: Place) -> Factor:
         """Factorise Q(iω) at a value, with ω in the middle of the band."""
         pencil = self.basis.problem.pencil(values_at(self.parameter, value))
         square = _MIDDLE * self.highest**2
@@ -359,7 +365,7 @@ class ReducedModel:
         self.solves += SEARCH_SOLVES
         return bool(found) and self.basis.append(np.hstack(found)) > 0
 
-    def _correct(
+    def correct(
         self, basis: ReducedBasis, value: Place, modes: Modes, factor: Factor | DefiniteFactor, real: bool
     ) -> int:
         """Add the corrections of some modes at a value to a basis: their residuals, solved for with a factor."""

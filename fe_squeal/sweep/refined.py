@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,6 +20,7 @@ from ..eigen.request import Request
 from ..eigen.solve import solve_modes
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
+from ..reduced import SharperModel
 from .changes import FINEST, Change
 from .newton import Root, find_coalescence, find_crossing, find_zero
 from .onset import Onset
@@ -26,6 +28,7 @@ from .step import Step, real_direction
 from .tracking import modal_assurance
 
 _BISECTED = 1e-7  # of the step: width at which a bisection ends
+_CORRECTIONS = 4  # of the mode of a root of a reduced model, at most, before it is refined on the problem itself
 _SURE = 1e-7  # of the value: an onset of a reduced model that is less uncertain is not refined on the problem itself
 _MOVED = 0.1  # of the step: a root of the problem may be so far from the root of the step model
 _ONE_SHAPE = 0.999  # MAC: two modes of equal frequency with a larger one are one defective mode, and no doublet
@@ -260,9 +263,36 @@ class Refiner:
         if error <= max(rounding, _SURE * abs(root.value)) and not self.precise:
             same = _is_one_shape(first, root.right, step.problem.mass)
             return replace(root, uncertainty=root.uncertainty + error + rounding), same
+        if not self.precise and (sharp := self._sharpened(newton, root)) is not None:
+            return sharp, _is_one_shape(self._sharper.padded(first), sharp.right, self._sharper.problem.mass)
         first, x, y = (reduced.lift(v) for v in (first, root.right, root.left))
         root = newton(step.full, root.value, x, y)
         return root, _is_one_shape(first, root.right, step.full.mass)
+
+    @cached_property
+    def _sharper(self) -> SharperModel:
+        assert self.step.reduced_model is not None
+        return SharperModel(self.step.reduced_model)
+
+    def _sharpened(self, newton: _Newton, root: Root) -> Root | None:
+        """Return a root of the reduced model that corrections of its mode make as certain as `_SURE`; None if not so.
+
+        The factors are those in the middle of the sweep first, and only then those at the root itself.
+        """
+        sharper, reduced = self._sharper, self.step.reduced_model
+        assert reduced is not None
+        for trial in range(_CORRECTIONS):
+            factor = reduced.middle if trial < _CORRECTIONS // 2 else reduced.factorize(root.value)
+            with suppress(NotConvergedError, ValueError, np.linalg.LinAlgError):
+                x, y = sharper.padded(root.right), sharper.padded(root.left)
+                sharper.correct(root.value, root.theta, x, y, factor)
+                root = newton(sharper.problem, root.value, sharper.padded(x), sharper.padded(y))
+                error, rounding = sharper.root_error(root.value, root.theta, root.right, root.left)
+                if error <= max(rounding, _SURE * abs(root.value)):
+                    return replace(root, uncertainty=root.uncertainty + error + rounding)
+                continue
+            return None
+        return None
 
     # Bisection, where Newton's method fails.
 

@@ -146,7 +146,7 @@ class Step:
         Parameters
         ----------
         problem : Problem
-            `full`, `problem` or `model`.
+            `full`, `problem`, `model`, or `problem` on a basis with further vectors behind the others.
         """
         if self.rigid is None:
             return None
@@ -163,7 +163,9 @@ class Step:
                 return None
         if problem is self.model:
             return self.rigid if len(self.V) == self.V.shape[1] else np.asarray(self.MV.T @ self.rigid)
-        return self.rigid if problem is self.problem else Z
+        if problem is self.full and self.reduced_model is not None:
+            return Z
+        return np.pad(self.rigid, ((0, problem.unknowns - len(self.rigid)), (0, 0)))
 
 
 def real_direction(vectors: np.ndarray) -> np.ndarray:
