@@ -377,7 +377,7 @@ class ReducedModel:
         parts = []
         for group in (g for g in groups if len(g)):
             right, left = basis.residuals(value, group)
-            if not real:  # the matrix of the factors is complex
+            if not real and right.shape[1] > len(group):  # else all λ and shapes are real, as of overdamped modes
                 right, left = (x[:, : len(group)] + 1j * x[:, len(group) :] for x in (right, left))
             self.solves += right.shape[1] + left.shape[1]
             parts += [real_columns(factor.solve(right)), real_columns(factor.solve_adjoint(left))]

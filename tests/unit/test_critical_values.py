@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.linalg as la
 import scipy.sparse as sp
 from scipy.stats import ortho_group
 
@@ -92,3 +93,39 @@ def test_free_motions_are_no_critical_values():
     assert not result.onsets and not result.unsettled
     (warning,) = result.warnings
     assert "rigid motions of frequency 0" in warning
+
+
+def line(kind: str, seed: int, n: int = 40) -> Problem:
+    """A chain of springs, some of which turn soft with p; the damped one has overdamped modes of any |λ|."""
+    rng = np.random.default_rng(seed)
+    k = np.exp(rng.uniform(0, 3, n + 1))
+    K = sp.csr_array(sp.diags_array([k[:-1] + k[1:], -k[1:-1], -k[1:-1]], offsets=[0, 1, -1]))
+    patch = np.zeros((n, n))
+    at = n // 3 + np.arange(6)
+    patch[at, at] = -1.0 - 0.3 * np.arange(6)
+    patch[at[:-1], at[1:]], patch[at[1:], at[:-1]] = 0.4, -0.3
+    terms = [
+        Term("m", "M", sp.csr_array(sp.diags_array(rng.uniform(0.5, 1.5, n))), True), Term("k", "K", K, True),
+        Term("f", "K", sp.csr_array(patch), False, {"p": 1}),
+    ]  # fmt: skip
+    if kind == "damped":
+        terms.append(Term("c", "C", sp.csr_array(0.01 * K), True))
+    if kind == "gyroscopic":
+        G = sp.diags_array([np.full(n // 2, 0.05)], offsets=[n // 2], shape=(n, n))
+        terms.append(Term("g", "C", sp.csr_array(G - G.T), False, skew=True))
+    return Problem(tuple(terms), {"p": 0.0})
+
+
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_value_that_is_critical_up_to_rounding(kind, seed, method):
+    """det K changes its sign there: λ is zero, or so small that rounding says whether it is real."""
+    problem = line(kind, seed)
+    K, change = (next(t for t in problem.terms if t.name == name).matrix.toarray() for name in "kf")
+    theta = la.inv(K) @ -change  # K + p change is singular where 1/p is one of its eigenvalues
+    critical = 1 / max(v.real for v in la.eigvals(theta) if v.imag == 0)
+    result = sweep(problem, np.array([0, critical / 2, critical, 1.5 * critical]), "p", modes=6, method=method)
+    (found,) = [o for o in result.onsets if o.kind == "divergence"]
+    assert abs(found.value - critical) <= found.uncertainty + 1e-12 * critical
+    assert found.direction == "into" and not result.warnings
