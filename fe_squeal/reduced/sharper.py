@@ -33,7 +33,7 @@ class SharperModel:
         return self._basis.collected()
 
     def padded(self, vector: np.ndarray) -> np.ndarray:
-        """Return a vector of the model, or of a smaller basis of this one, in coordinates of the present basis."""
+        """Return a vector (m,) of the model, or of this basis before it grew, in coordinates (r,) of the present one."""
         return np.pad(vector, (0, len(self._basis) - len(vector)))
 
     def correct(self, value: float, theta: float, right: np.ndarray, left: np.ndarray, factor: Factor) -> None:
@@ -56,5 +56,5 @@ class SharperModel:
         self.__dict__.pop("problem", None)
 
     def root_error(self, value: float, theta: float, right: np.ndarray, left: np.ndarray) -> tuple[float, float]:
-        """Return how far a critical value may be off, see `ReducedModel.root_error`."""
+        """Return how far a critical value may be off for vectors (r,), see `ReducedModel.root_error`."""
         return self._basis.root_error(value, 1j * np.sqrt(theta), right, left, self._model.highest)

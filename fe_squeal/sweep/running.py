@@ -25,7 +25,7 @@ from ..problem.sensitivity import sensitivities
 from ..reduced import ReducedModel
 from .balance import Census, unbalanced
 from .counting import count_apart
-from .doubts import Doubt, joined, without_narrow_windows
+from .doubts import without_narrow_windows
 from .forecast import is_reduced
 from .onset import Onset
 from .onsets import Found, find_step_onsets, two_mode_value, windows
@@ -33,6 +33,7 @@ from .point import LiftedShapes, SweepPoint
 from .result import Sweep
 from .scale import Scale
 from .state import Record, Store, SweepState, lifted
+from .told import Told
 from .tracking import match_modes, mirror_partners
 from .warnings import rounding_warnings, tie_warnings
 
@@ -70,10 +71,8 @@ class RunningSweep:
         self.onsets: list[Onset] = []
         stages = ("reduction", "eigenvalues", "tracking", "onsets", "completeness", "descriptors")
         self.seconds = dict.fromkeys(stages, 0.0)
-        self.warnings: list[str] = []
+        self.told = Told(parameter)
         self.window = 0.0  # every window of instability wider than this was found
-        self.unsettled: list[str] = []  # the warnings that are about onsets
-        self._doubt: Doubt | None = None  # the last doubt that there is a warning about
         self.completeness = Completeness(0, None, False)
         self._first: Modes | None = None
         self._previous: Modes | None = None
@@ -120,13 +119,13 @@ class RunningSweep:
         except NotConvergedError as error:
             if method != "auto":
                 raise
-            self.warnings.append(f"solved directly at every value: {error}")
+            self.told.add(f"solved directly at every value: {error}")
             self._spend("reduction", clock)
             return
         self._reduced_model, self._tracked = model, model.projected
         self._M = self._tracked.mass
         if method == "modal":
-            self.warnings.append(
+            self.told.add(
                 f"modal projection: an eigenvalue may be off by {100 * model.worst:.2g} % of |λ|, as estimated"
             )
         self._spend("reduction", clock)
@@ -137,21 +136,21 @@ class RunningSweep:
         """Return what is needed to resume the sweep after its last value."""
         assert self._first is not None and self._previous is not None
         return SweepState(
-            tuple(self.points), tuple(self.onsets), tuple(self.warnings), self.completeness, dict(self.seconds),
+            tuple(self.points), tuple(self.onsets), tuple(self.told.warnings), self.completeness, dict(self.seconds),
             self._first, self._previous, self._first_branches, self._branches, self._next_branch, self._start,
-            self._value, self._reduced_model is not None, self.window, tuple(self.unsettled),
+            self._value, self._reduced_model is not None, self.window, tuple(self.told.unsettled),
         )  # fmt: skip
 
     def restore(self, state: SweepState) -> None:
         """Take over a state, to continue after its last value."""
         V = None if self._reduced_model is None else self._reduced_model.basis.V
         self.points = [point if V is None else lifted(point, V) for point in state.points]
-        self.onsets, self.warnings = list(state.onsets), list(state.warnings)
+        self.onsets, self.told = list(state.onsets), Told(self.parameter, state.warnings, state.unsettled)
         self.completeness, self.seconds = state.completeness, dict(state.seconds)
         self._first, self._previous = state.first, state.previous
         self._first_branches, self._branches = state.first_branches, state.branches
         self._next_branch, self._start, self._value = state.next_branch, state.start, state.value
-        self.window, self.unsettled = state.window, list(state.unsettled)
+        self.window = state.window
 
     def advance(self, value: float, keep_all: bool) -> None:
         """Solve at the next value and follow the modes to it; `keep_all` keeps the shapes of all its modes."""
@@ -268,9 +267,9 @@ class RunningSweep:
         if c.expected is not None and c.found != c.expected:
             raise NotConvergedError(f"{c.found} modes found where the inertia counts {c.expected}", modes)
         wanted = modes.select(np.arange(wanted_count(modes, self.request)))
-        self.warnings += rounding_warnings(wanted)
+        self.told.add(*rounding_warnings(wanted))
         if any(t.penalty for t in self._tracked.terms):
-            self.warnings += tie_warnings(self._tracked.at({self.parameter: value}), wanted)
+            self.told.add(*tie_warnings(self._tracked.at({self.parameter: value}), wanted))
         self.completeness, self._start, self._first = c, value, modes
         self._branches = self._first_branches = np.arange(1, len(modes) + 1)
         self._next_branch = len(modes) + 1
@@ -288,7 +287,7 @@ class RunningSweep:
         self._branches = self._first_branches = self._named(self._known(found))
         self._first = self._previous = found
         self._start = self._value = behind
-        self._tell_edge("first", value, _at_rest(modes) - _at_rest(found))
+        self.told.edge("first", value, _at_rest(modes) - _at_rest(found))
 
     def _pass(self, value: float, modes: Modes) -> np.ndarray:
         """Return the branches at a value where more modes have λ = 0 than at the last one, and go past it.
@@ -306,23 +305,13 @@ class RunningSweep:
             later = self._known(modes)
             branches = np.where((branches == 0) & ~np.isin(later, branches), later, branches)
         else:
-            self._tell_edge("last", value, _at_rest(modes) - rest)
+            self.told.edge("last", value, _at_rest(modes) - rest)
         return self._named(branches)
 
     def _beside(self, value: float, other: float) -> float:
         """Return a value beside one, in the direction of another."""
         x = self._scale.x(value)
         return self._scale.p(x + _BESIDE * (self._scale.x(other) - x))
-
-    def _tell_edge(self, which: str, value: float, count: int) -> None:
-        """Add a warning that the sweep begins or ends at a critical value."""
-        text = (
-            f"{count} of the modes {'has' if count == 1 else 'have'} λ = 0 at {self.parameter} = {value:g}, the {which}"
-            f" value of the sweep, as at the edge of divergence: {self.parameter} beyond it shows on which side they"
-            " grow"
-        )
-        self.warnings.append(text)
-        self.unsettled.append(text)
 
     def _follow(self, value: float, modes: Modes, refinements: int) -> None:
         """Name the branches at the next value and find the onsets on the way to it.
@@ -343,12 +332,11 @@ class RunningSweep:
             if not ((found.warnings or found.missing) and refinements):
                 if found.missing:
                     raise NotConvergedError(found.missing[0])
-                self.warnings += found.warnings
-                self.unsettled += found.warnings
+                self.told.of_onsets(*found.warnings)
                 # A window of instability may reach from step to step.
                 self.onsets, narrow = without_narrow_windows(self.onsets + found.onsets, 0.0)
-                self._tell(found.doubts + narrow)
-                self._absorb(value)
+                self.told.doubts(found.doubts + narrow)
+                self.onsets = self.told.absorbed(self.onsets, self._start, value)
                 self.window = max(self.window, found.width)
                 self._next_branch = next(names)
                 self._value, self._previous, self._branches = value, modes, branches
@@ -370,34 +358,12 @@ class RunningSweep:
             found = self._solve(middle)
         return middle, found
 
-    def _tell(self, doubts: list[Doubt]) -> None:
-        """Add a warning for each interval in which rounding hides onsets.
-
-        Intervals of neighbouring steps about the same pair of modes give one warning.
-        """
-        for doubt in joined(doubts):
-            if self._doubt is not None and (both := self._doubt.joined(doubt)) is not None:
-                old, doubt = self._doubt.sentence(self.parameter), both
-                for told in (self.warnings, self.unsettled):
-                    told.remove(old)
-            self._doubt = doubt
-            for told in (self.warnings, self.unsettled):
-                told.append(doubt.sentence(self.parameter))
-
-    def _absorb(self, end: float) -> None:
-        """Make onsets that the last doubt covers part of it; the sweep is at `end`."""
-        vague = [o for o in self.onsets if self._doubt is not None and self._doubt.covers(o)]
-        self.onsets = [o for o in self.onsets if o not in vague]
-        for onset in vague:
-            low, high = onset.value - onset.uncertainty, onset.value + onset.uncertainty
-            self._tell([Doubt(max(low, self._start), min(high, end), onset.frequency_hz)])
-
     def result(self) -> Sweep:
         """Return the result so far."""
         return Sweep(
             self.problem, self.parameter, tuple(self.points), tuple(sorted(self.onsets, key=lambda o: o.value)),
-            self.completeness, dict(self.seconds), tuple(self.warnings), self._reduced_model, self.window,
-            tuple(self.unsettled),
+            self.completeness, dict(self.seconds), tuple(self.told.warnings), self._reduced_model, self.window,
+            tuple(self.told.unsettled),
         )  # fmt: skip
 
     def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray, halved: bool) -> Found:
