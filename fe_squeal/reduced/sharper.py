@@ -33,7 +33,7 @@ class SharperModel:
         return self._basis.collected()
 
     def padded(self, vector: np.ndarray) -> np.ndarray:
-        """Return a vector (m,) of the model, or of this basis before it grew, in coordinates (r,) of the present one."""
+        """Return a vector (m,) of the model, or of the basis before it grew, as one (r,) of the present basis."""
         return np.pad(vector, (0, len(self._basis) - len(vector)))
 
     def correct(self, value: float, theta: float, right: np.ndarray, left: np.ndarray, factor: Factor) -> None:
