@@ -123,7 +123,7 @@ class ReducedBasis(Projection):
         basis = cls.__new__(cls)
         Projection.__init__(basis, problem, parameter, numbers["metric"], numbers["sigma"], linear_solver)
         basis._cancels, basis.has_slow = numbers["cancels"], numbers["has_slow"]
-        basis.V = arrays["vectors"].T
+        basis.V, basis._store, basis._Z = arrays["vectors"].T, arrays["vectors"], arrays["samples"]
         basis._units, basis._lines, basis._size = arrays["units"], arrays["lines"], arrays["size"]
         basis._sampled_rows, basis._sizes = arrays["sampled_rows"], None
         basis._projected, basis._right, basis._left = (
@@ -138,7 +138,7 @@ class ReducedBasis(Projection):
         arrays = {f"{n}_{i}": A for n, part in zip(_OF_TERMS, parts, strict=True) for i, A in enumerate(part)}
         arrays |= {
             "vectors": self.V.T, "units": self._units, "lines": self._lines, "size": self._size,
-            "sampled_rows": self._sampled_rows,
+            "sampled_rows": self._sampled_rows, "samples": self._Z,
         }  # fmt: skip
         numbers = {"cancels": self._cancels, "sigma": self.sigma, "has_slow": self.has_slow}
         return arrays, {"metric": [float(c) for c in self.metric], **numbers}

@@ -58,3 +58,17 @@ def test_corrections_leave_the_model_as_it_is():
     padded = sharper.padded(right), sharper.padded(left)
     np.testing.assert_allclose(sharper.root_error(0.45, theta, *padded)[0], before[0], rtol=1e-6)
     np.testing.assert_array_equal(model.modes(0.45).lam, modes.lam)
+
+
+def test_a_model_that_was_stored_is_sharpened_alike():
+    problem, request = chain(), Request(count=MODES, tolerance=1e-3)
+    model = ReducedModel(problem, "mu", VALUES, request)
+    again = ReducedModel.restored(problem, "mu", VALUES, request, *model.stored())
+    modes = model.modes(0.45)
+    right, left = modes.right[:, 0].real, modes.left[:, 0].real
+    errors = []
+    for each in (model, again):
+        sharper = SharperModel(each)
+        sharper.correct(0.45, float(modes.lam[0].imag ** 2), right, left, each.middle)
+        errors.append(sharper.root_error(0.45, 1.0, sharper.padded(right), sharper.padded(left)))
+    assert errors[0] == pytest.approx(errors[1], rel=1e-9)
