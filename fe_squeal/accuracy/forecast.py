@@ -69,8 +69,9 @@ class Forecast:
         """
         known = [(self._solved(s), mib) for s, mib in done if s.order == setting.order and np.isfinite(mib)]
         most, taken = max(known, default=(1.0, 1.0 + _PROCESS))
-        ratio = max((taken - _PROCESS) / most, 0.0) if known else 1.0
-        return _PROCESS + ratio * self._solved(setting)
+        process = min(_PROCESS, taken)  # other versions of the libraries may take less
+        ratio = (taken - process) / most if known else 1.0
+        return process + ratio * self._solved(setting)
 
     def _solved(self, setting: Setting) -> float:
         return (_MATRICES[setting.order] + _VECTORS * setting.modes) * self.unknowns(setting)
