@@ -205,12 +205,17 @@ def find_crossing(
         rounding = rounding / abs(speed) if speed else np.inf
         if abs(p - value) > width or rounding > 0.1 * width:
             break
-        fast = np.sqrt(np.linalg.norm(abs(pencil.K) @ np.abs(x)) / np.linalg.norm(abs(pencil.M) @ np.abs(x)))
-        still = abs(step[0]) <= max(_TURNED * abs(omega), _AT_REST * fast)
-        if still and _is_last(abs(step[1]), last, max(rounding, enough * abs(p)), _SMALL * max(abs(p), width)):
+        is_last = _is_last(abs(step[1]), last, max(rounding, enough * abs(p)), _SMALL * max(abs(p), width))
+        if is_last and (abs(step[0]) <= _TURNED * abs(omega) or abs(step[0]) <= _AT_REST * _fastest(pencil, x)):
             return Root(float(p), float(omega**2), speed, float(abs(step[1]) + rounding), x, y)
         last = abs(step[1])
     raise NotConvergedError(f"crossing near {parameter} = {value:.6g}: Newton's method did not converge")
+
+
+def _fastest(pencil: Pencil, x: np.ndarray) -> float:
+    """Return ω, rad/s, at which the inertia of a shape is as large as all its elastic forces, before they cancel."""
+    forces, inertia = (np.linalg.norm(abs(A) @ np.abs(x)) for A in (pencil.K, pencil.M))
+    return float(np.sqrt(forces / inertia)) if inertia else 0.0
 
 
 def _is_last(size: float, last: float, enough: float, small: float) -> bool:

@@ -283,15 +283,15 @@ class Refiner:
         assert reduced is not None
         for trial in range(_CORRECTIONS):
             factor = reduced.middle if trial < _CORRECTIONS // 2 else reduced.factorize(root.value)
-            with suppress(NotConvergedError, ValueError, np.linalg.LinAlgError):
-                x, y = sharper.padded(root.right), sharper.padded(root.left)
+            x, y = sharper.padded(root.right), sharper.padded(root.left)
+            try:
                 sharper.correct(root.value, root.theta, x, y, factor)
                 root = newton(sharper.problem, root.value, sharper.padded(x), sharper.padded(y))
-                error, rounding = sharper.root_error(root.value, root.theta, root.right, root.left)
-                if error <= max(rounding, _SURE * abs(root.value)):
-                    return replace(root, uncertainty=root.uncertainty + error + rounding)
-                continue
-            return None
+            except (NotConvergedError, ValueError, np.linalg.LinAlgError):
+                return None
+            error, rounding = sharper.root_error(root.value, root.theta, root.right, root.left)
+            if error <= max(rounding, _SURE * abs(root.value)):
+                return replace(root, uncertainty=root.uncertainty + error + rounding)
         return None
 
     # Bisection, where Newton's method fails.

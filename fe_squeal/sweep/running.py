@@ -40,6 +40,7 @@ from .warnings import rounding_warnings, tie_warnings
 _INSIDE = 0.95  # of the highest frequency reported: an onset below this is reported whatever its branches are
 _CHECKED = 4  # equal parts of the sweep: a reduced model meets the tolerance at least at the ends of these
 _BESIDE = 1 / 8  # of a step: a critical value of the sweep itself is passed from so far before it to so far behind it
+_EDGES = 1e-4, 1e-2, _BESIDE  # of a step: so near to the ends of a sweep that are critical modes are followed, if known
 _REFINEMENTS = 4  # halvings of a step, at most, while it is not clear which mode continues which
 
 
@@ -280,14 +281,13 @@ class RunningSweep:
         """Follow modes from a value beside the first one, if some have λ = 0 at the first value alone."""
         if not self._steps or not _at_rest(modes):
             return
-        behind = self._beside(value, self._values[1])
-        found = self._solve(behind)
+        behind, found = self._edge(value, modes, float(self._values[1]))
         if _at_rest(found) >= _at_rest(modes):
             return  # free motions, which stay so
         self._branches = self._first_branches = self._named(self._known(found))
         self._first = self._previous = found
         self._start = self._value = behind
-        self.told.edge("first", value, _at_rest(modes) - _at_rest(found))
+        self.told.edge("first", value, behind, _at_rest(modes) - _at_rest(found))
 
     def _pass(self, value: float, modes: Modes) -> np.ndarray:
         """Return the branches at a value where more modes have λ = 0 than at the last one, and go past it.
@@ -296,22 +296,35 @@ class RunningSweep:
         So the modes are followed from a value before it to one behind it.
         """
         assert self._previous is not None
-        before = self._beside(value, self._value)
-        self._follow(before, self._solve(before), _REFINEMENTS)
-        branches, rest = self._known(modes), _at_rest(self._previous)
-        if value < self._values[-1]:
-            behind = self._beside(value, float(self._values[np.searchsorted(self._values, value, "right")]))
-            self._follow(behind, self._solve(behind), _REFINEMENTS)
-            later = self._known(modes)
-            branches = np.where((branches == 0) & ~np.isin(later, branches), later, branches)
+        last = value >= self._values[-1]
+        if last:
+            before, found = self._edge(value, modes, self._value)
         else:
-            self.told.edge("last", value, _at_rest(modes) - rest)
-        return self._named(branches)
+            before = self._beside(value, self._value)
+            found = self._solve(before)
+        self._follow(before, found, _REFINEMENTS)
+        branches = self._known(modes)
+        if last:
+            self.told.edge("last", value, before, _at_rest(modes) - _at_rest(found))
+            return self._named(branches)
+        behind = self._beside(value, float(self._values[np.searchsorted(self._values, value, "right")]))
+        self._follow(behind, self._solve(behind), _REFINEMENTS)
+        later = self._known(modes)
+        return self._named(np.where((branches == 0) & ~np.isin(later, branches), later, branches))
 
-    def _beside(self, value: float, other: float) -> float:
-        """Return a value beside one, in the direction of another."""
+    def _edge(self, value: float, modes: Modes, other: float) -> tuple[float, Modes]:
+        """Return the value nearest to an end of the sweep at which fewer modes have λ = 0, and the modes there."""
+        for share in _EDGES:
+            beside = self._beside(value, other, share)
+            found = self._solve(beside)
+            if _at_rest(found) < _at_rest(modes):
+                break
+        return beside, found
+
+    def _beside(self, value: float, other: float, share: float = _BESIDE) -> float:
+        """Return a value beside one, at a share of the way to another."""
         x = self._scale.x(value)
-        return self._scale.p(x + _BESIDE * (self._scale.x(other) - x))
+        return self._scale.p(x + share * (self._scale.x(other) - x))
 
     def _follow(self, value: float, modes: Modes, refinements: int) -> None:
         """Name the branches at the next value and find the onsets on the way to it.

@@ -96,8 +96,7 @@ def scan(
                 opened.append(Open((a, b), members))
                 continue
             crowded = len(members[0]) > _CROWD and count < _NODES and share > SETTLED
-            cluster = cluster_of((a, b), members, scale)
-            if crowded or not cluster.is_smooth:
+            if crowded or not (cluster := cluster_of((a, b), members, scale)).is_smooth:
                 asked.append((begin + end) / 2)
                 unsettled.append(members)
                 continue

@@ -32,12 +32,21 @@ class Told:
         self.warnings += sentences
         self.unsettled += sentences
 
-    def edge(self, which: str, value: float, count: int) -> None:
-        """Add a warning that the sweep begins or ends at a critical value; `which` is "first" or "last"."""
+    def edge(self, which: str, value: float, beside: float, count: int) -> None:
+        """Add a warning that the sweep begins or ends at a critical value, and is searched from or to one beside it.
+
+        Parameters
+        ----------
+        which : "first" or "last"
+        value, beside : float
+        count : int
+            Number of modes with λ = 0 there.
+        """
+        first, second = sorted((value, beside))
         self.of_onsets(
             f"{count} of the modes {'has' if count == 1 else 'have'} λ = 0 at {self._parameter} = {value:g}, the"
-            f" {which} value of the sweep, as at the edge of divergence: {self._parameter} beyond it shows on which"
-            " side they grow"
+            f" {which} value of the sweep, and not beside it: nothing holds a body just there, or it is the edge of"
+            f" divergence; onsets are not looked for between {first:.10g} and {second:.10g}"
         )
 
     def doubts(self, doubts: list[Doubt]) -> None:

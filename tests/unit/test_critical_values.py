@@ -16,11 +16,11 @@ KINDS = ("undamped", "damped", "gyroscopic")
 _DAMPING = 0.05
 
 
-def chain(kind: str, n: int = 12) -> Problem:
-    """θ = 10, 20, … of unit masses, turned; at p = 1 the first is zero, from p = 1/2 on the fifth and sixth flutter."""
+def chain(kind: str, met: float = 0.5, n: int = 12) -> Problem:
+    """θ = 10, 20, … of unit masses, turned; at p = 1 the first is zero, at `met` the fifth and sixth meet."""
     Q = ortho_group.rvs(n, random_state=1)
     moved = np.zeros((n, n))
-    moved[0, 0], moved[4, 5], moved[5, 4] = -10.0, 10.0, -10.0
+    moved[0, 0], moved[4, 5], moved[5, 4] = -10.0, 5.0 / met, -5.0 / met
 
     def turned(A: np.ndarray) -> sp.csr_array:
         return sp.csr_array(Q @ A @ Q.T)
@@ -39,10 +39,10 @@ def chain(kind: str, n: int = 12) -> Problem:
     return Problem(tuple(terms), {"p": 0.0})
 
 
-def flutter(kind: str) -> float:
-    """With λ = iω: ω² = 55, and 5 √(4p² − 1) = cω."""
+def flutter(kind: str, met: float = 0.5) -> float:
+    """With λ = iω: ω² = 55, and 5 √((p/met)² − 1) = cω."""
     c = _DAMPING if kind == "damped" else 0.0
-    return 0.5 * np.sqrt(1 + 55 * c**2 / 25)
+    return met * np.sqrt(1 + 55 * c**2 / 25)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -68,21 +68,29 @@ def test_a_value_inside_the_sweep(kind, values):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_last_value(kind):
-    """Whether the mode grows is not known, and that is said."""
-    result = sweep(chain(kind), np.array([0, 0.25, 0.75, 1]), "p", modes=8)
-    assert [o.kind for o in result.onsets] == ["flutter"]
+@pytest.mark.parametrize("met", [0.5, 0.98])
+def test_the_last_value(kind, met):
+    """Whether the mode grows is not known, and that is said; an onset close before it is found."""
+    result = sweep(chain(kind, met), np.array([0, 0.25, 0.75, 1]), "p", modes=8)
+    (onset,) = result.onsets
+    assert onset.kind == "flutter" and abs(onset.value - flutter(kind, met)) <= onset.uncertainty + 1e-12
     (warning,) = result.warnings
     assert "1 of the modes has λ = 0 at p = 1, the last value" in warning
+    assert "not looked for between 0.999975 and 1" in warning
     assert result.unsettled == (warning,)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_first_value(kind):
-    result = sweep(chain(kind), np.array([1, 1.5, 2]), "p", modes=8)
-    assert not result.onsets
-    assert [int(np.sum(point.modes.stability == "unstable")) for point in result.points] == [1, 2, 2]
-    assert any("1 of the modes has λ = 0 at p = 1, the first value" in warning for warning in result.warnings)
+@pytest.mark.parametrize("met", [0.5, 1.02])
+def test_the_first_value(kind, met):
+    """An onset close behind it is found; there is none where the mode diverges."""
+    result = sweep(chain(kind, met), np.array([1, 1.5, 2]), "p", modes=8)
+    assert [o.kind for o in result.onsets] == ["flutter"] * (met > 1)
+    assert all(abs(o.value - flutter(kind, met)) <= o.uncertainty + 1e-12 for o in result.onsets)
+    assert [int(np.sum(point.modes.stability == "unstable")) for point in result.points] == [int(met < 1), 2, 2]
+    (warning,) = result.unsettled
+    assert "1 of the modes has λ = 0 at p = 1, the first value" in warning
+    assert "not looked for between 1 and 1.00005" in warning
 
 
 def test_free_motions_are_no_critical_values():
