@@ -278,12 +278,19 @@ class RunningSweep:
         self._spend("completeness", clock)
 
     def _leave(self, value: float, modes: Modes) -> None:
-        """Follow modes from a value beside the first one, if some have λ = 0 at the first value alone."""
+        """Follow modes from a value beside the first one, if some have λ = 0 at the first value alone and grow there.
+
+        Those that swing beside it can be followed from the first value itself, as of a spring whose stiffness begins at
+        zero.
+        """
         if not self._steps or not _at_rest(modes):
             return
+        free = self.problem.at({self.parameter: self._beside(value, float(self._values[1]))}).free_motions().motions
+        if free.shape[1] >= _at_rest(modes):
+            return
         behind, found = self._edge(value, modes, float(self._values[1]))
-        if _at_rest(found) >= _at_rest(modes):
-            return  # free motions, which stay so
+        if _growing(found) <= _growing(modes):
+            return
         self._branches = self._first_branches = self._named(self._known(found))
         self._first = self._previous = found
         self._start = self._value = behind
@@ -425,6 +432,11 @@ class RunningSweep:
 def _at_rest(modes: Modes) -> int:
     """Return how many modes have λ = 0: free motions, and those at the edge of divergence."""
     return int(np.count_nonzero(modes.lam == 0))
+
+
+def _growing(modes: Modes) -> int:
+    """Return how many modes are unstable."""
+    return int(np.count_nonzero(modes.stability == "unstable"))
 
 
 def _reach(modes: Modes, wanted: int) -> float:

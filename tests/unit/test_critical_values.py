@@ -93,6 +93,25 @@ def test_the_first_value(kind, met):
     assert "not looked for between 1 and 1.00005" in warning
 
 
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+def test_a_spring_whose_stiffness_begins_at_zero(method):
+    """What nothing holds at the first value swings at all others: nothing about onsets is left open."""
+    n = 40
+    k = np.append(0.0, np.append(np.exp(np.random.default_rng(1).uniform(0, 3, n - 1)), 0.0))
+    K = sp.csr_array(sp.diags_array([k[:-1] + k[1:], -k[1:-1], -k[1:-1]], offsets=[0, 1, -1]))
+    spring = sp.csr_array(([1.0], ([3], [3])), shape=(n, n))
+    terms = (
+        Term("m", "M", sp.csr_array(sp.eye_array(n)), True), Term("k", "K", K, True),
+        Term("s", "K", spring, True, {"s": 1}),
+    )  # fmt: skip
+    result = sweep(Problem(terms, {"s": 0.0}), np.array([0.0, 0.5, 1.0]), "s", modes=6, method=method)
+    assert not result.onsets and not result.unsettled
+    for point in result.points:
+        exact = np.sqrt(np.maximum(la.eigvalsh(K.toarray() + point.value * spring.toarray())[:6], 0.0))
+        np.testing.assert_allclose(point.modes.lam.imag, exact, rtol=1e-8, atol=1e-6)
+        assert point.branches.tolist() == list(range(1, 7))
+
+
 def test_free_motions_are_no_critical_values():
     """Two bodies that nothing holds have λ = 0 at every value."""
     K = sp.csr_array(np.kron(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.diag([1.0, 2.0])))
