@@ -10,6 +10,8 @@ from .pencil import Modes, Pencil
 
 __all__ = ["ROUNDING", "backward_errors", "in_upper_half", "modes_from_lambda", "modes_from_theta"]
 
+_ONE_FREQUENCY = 1e-9  # of a frequency: modes whose frequencies are closer than this are put in order by growth rate
+
 
 def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left: np.ndarray, method: str) -> Modes:
     """Return the modes of an undamped pencil from K φ = θ M φ, θ = −λ².
@@ -51,7 +53,7 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     lam[divergent] = lam[divergent].real
     index = np.concatenate([np.arange(len(lam)), divergent])
     lam = np.concatenate([lam, -lam[divergent]]) + 0.0  # turns −0 into 0
-    order = np.lexsort((-lam.real, lam.imag))
+    order = _by_frequency(lam, u_re[index])
     index, lam = index[order], lam[order]
     return Modes(lam, right[:, index], left[:, index], backward[index], u_re[index], condition[index], method)
 
@@ -88,11 +90,24 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     if pencil.is_complex:
         lam = np.where(_is_real(lam, pencil.n), lam.real, lam)
         u = _outside_the_law(lam, u)
-    order = np.lexsort((-lam.real, lam.imag))
+    order = _by_frequency(lam, u)
     if pencil.is_complex:
         order = order[lam[order].imag >= 0]
     condition = _over(amplification, np.abs(lam))
     return Modes(lam, right, left, backward, u, condition, method).select(order)
+
+
+def _by_frequency(lam: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Return the order (k,) of λ (k,) by rising frequency, and by falling growth rate where frequencies are equal.
+
+    The two modes of a coupled pair have one frequency, and rounding must not decide which of them comes first. Growth
+    rates within their uncertainties u (k,) of zero count as zero.
+    """
+    order = np.lexsort((-lam.real, lam.imag))
+    frequency = lam.imag[order]
+    group = np.concatenate([[0], np.cumsum(np.diff(frequency) > _ONE_FREQUENCY * np.abs(frequency[1:]))])[: len(lam)]
+    growth = np.where(np.abs(lam.real) <= u, 0.0, lam.real)[order]
+    return np.asarray(order[np.lexsort((frequency, -growth, group))])
 
 
 def _rounding_at_rest(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray) -> np.ndarray:
