@@ -10,15 +10,15 @@ import scipy.linalg as la
 
 from ..errors import NotConvergedError
 from .free_modes import FreeModes, split_off
+from .lapack import Pairs, damped_methods, symmetric_methods, undamped_methods
 from .linear.factor import LinearSolver
 from .pencil import Modes, Pencil
-from .polish import ACCURATE, pair_errors, polish_pairs
+from .polish import inaccurate, pair_errors, polish_pairs
 from .quality import in_upper_half, modes_from_lambda, modes_from_theta
 from .threads import one_openblas_thread
 
 DENSE_LIMIT = 400  # unknowns up to which all modes come from LAPACK: seconds, tens of them where QZ is needed
 
-Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # eigenvalues (k,), right and left vectors (n, k)
 # Up to so many inaccurate pairs are polished one by one, instead of trying another method: as parts of all eigenvalues
 # of the matrices, and of those that are asked for.
 _FEW, _FEW_OF_ASKED = 0.1, 0.3
@@ -75,7 +75,7 @@ def _undamped_pairs(pencil: Pencil, M: np.ndarray, K: np.ndarray, highest: float
     if not len(A[0]):
         return np.zeros(0), np.zeros((len(K), 0)), np.zeros((len(K), 0))
     real_symmetric = pencil.symmetric and not pencil.is_complex
-    methods = _symmetric_methods(-A[1], A[0]) if real_symmetric else _undamped_methods(-A[1], A[0], highest)
+    methods = symmetric_methods(-A[1], A[0]) if real_symmetric else undamped_methods(-A[1], A[0], highest)
     theta, right, left = _finite(A, polish_pairs(A, *_best(A, methods, highest)), _HUGE**2)
     if X is None or free is None:
         return theta, right, left
@@ -109,7 +109,7 @@ def _damped_pairs(
         return np.zeros(0, complex), np.zeros((len(K), 0)), np.zeros((len(K), 0))
     # Eigenvalues of real matrices come in conjugate pairs. Those of free motions may be pairs by rounding alone.
     upper = free is None and not pencil.is_complex
-    lam, right, left, error = _best(A, _damped_methods(A[2], A[1], A[0], highest, upper), highest)
+    lam, right, left, error = _best(A, damped_methods(A[2], A[1], A[0], highest, upper), highest)
     keep = in_upper_half(pencil, omega0 * lam)
     if free is not None:  # how many eigenvalues are zero is known: they are the nearest to zero, and are added exactly
         keep[np.argsort(np.abs(lam), kind="stable")[: free.zeros]] = False
@@ -143,7 +143,7 @@ def _best(
         keep = np.abs(v) <= highest
         pairs = v[keep], x[:, keep], y[:, keep]
         errors = pair_errors(A, *pairs)
-        wrong = ~(errors <= ACCURATE)
+        wrong = inaccurate(A, *pairs, errors)
         tried.append((float(wrong.mean()) if len(wrong) else 0.0, (*pairs, errors)))
         if tried[-1][0] <= _FEW_OF_ASKED and np.count_nonzero(wrong) <= _FEW * len(A[0]) * (len(A) - 1):
             break
@@ -152,122 +152,9 @@ def _best(
     return min(tried, key=lambda t: t[0])[1]
 
 
-def _symmetric_methods(M: np.ndarray, K: np.ndarray) -> list[Callable[[], Pairs]]:
-    def direct() -> Pairs:
-        theta, phi = la.eigh(K, M)
-        return theta, phi, phi
-
-    def inverted() -> Pairs:
-        """1/(θ + 1) of M against K + M, where M is singular or nearly so and K has no strong divergence."""
-        nu, phi = la.eigh(M, K + M)
-        finite = nu > len(M) * np.finfo(float).eps
-        return 1 / nu[finite] - 1, phi[:, finite], phi[:, finite]
-
-    def constrained() -> Pairs:
-        """Unknowns without mass, eliminated from K φ = θ M φ: QZ would split equal eigenvalues into complex pairs.
-
-        Their own stiffness K00 makes some follow the others statically. Its null vectors are Lagrange multipliers:
-        their rows are constraints Bu = 0, on whose null space the others move.
-        """
-        rest, light = (np.flatnonzero(f) for f in (M.diagonal() > 0, M.diagonal() == 0))
-        if not len(light):
-            raise la.LinAlgError("every unknown has mass")
-        w, v = la.eigh(K[np.ix_(light, light)])
-        stiff = np.abs(w) > len(w) * np.finfo(float).eps * max(np.abs(w).max(), 1.0)  # of entries of order one
-        across = v.T @ K[np.ix_(light, rest)]
-        follow = -across[stiff] / w[stiff, None]
-        S = K[np.ix_(rest, rest)] + across[stiff].T @ follow
-        B = across[~stiff]
-        free = la.null_space(B) if len(B) else np.eye(len(rest))
-        if free.shape[1] != len(rest) - len(B):
-            raise la.LinAlgError("the constraints depend on each other")
-        mass = M[np.ix_(rest, rest)]
-        theta, y = la.eigh(free.T @ S @ free, free.T @ mass @ free)
-        phi = np.zeros((len(M), len(theta)))
-        phi[rest] = free @ y
-        phi[light] = v[:, stiff] @ (follow @ phi[rest])
-        if len(B):  # the forces that hold the constraints
-            forces = la.lstsq(B.T, (mass @ phi[rest]) * theta - S @ phi[rest])[0]
-            phi[light] += v[:, ~stiff] @ forces
-        return theta, phi, phi
-
-    return [direct, inverted, constrained, lambda: _qz(K, M)]
-
-
-def _undamped_methods(M: np.ndarray, K: np.ndarray, highest: float) -> list[Callable[[], Pairs]]:
-    """Methods for K x = θ M x; pairs beyond |θ| = highest may be left out."""
-    def standard() -> Pairs:
-        """With M = LLᵀ the standard problem L⁻¹KL⁻ᵀ is several times cheaper than QZ."""
-        L = la.cholesky(M, lower=True)
-        theta, left, right = la.eig(_congruent(L, K), left=True, right=True)
-        keep = np.abs(theta) <= highest
-        return theta[keep], _back(L, right[:, keep]), _back(L, left[:, keep])
-
-    return [standard, lambda: _qz(K, M)]
-
-
-def _damped_methods(
-    M: np.ndarray, C: np.ndarray, K: np.ndarray, highest: float, upper: bool
-) -> list[Callable[[], Pairs]]:  # fmt: skip
-    """Linearise [[0, I], [−K, −C]] z = λ [[I, 0], [0, M]] z, z = (u, λu); the lower half of a left z is a left mode.
-
-    Pairs beyond |λ| = highest, and with `upper` those with Im λ < 0, may be left out.
-    """
-    n = len(M)
-    zero, identity = np.zeros((n, n)), np.eye(n)
-
-    def standard() -> Pairs:
-        """With M = LLᵀ a standard problem in Lᵀu, several times cheaper than QZ."""
-        L = la.cholesky(M, lower=True)
-        A = np.block([[zero, identity], [-_congruent(L, K), -_congruent(L, C)]])
-        lam, left, right = la.eig(A, left=True, right=True)
-        keep = (np.abs(lam) <= highest) & ((lam.imag >= 0) | (not upper))
-        return lam[keep], _back(L, right[:n, keep]), _back(L, left[n:, keep])
-
-    def general(unit: float = 1.0) -> Pairs:
-        """QZ with λ in multiples of a unit: a linearisation is accurate for λ near it where C is large."""
-        size = max(np.abs(K).max(), unit * np.abs(C).max(), unit**2 * np.abs(M).max()) or 1.0
-        A = np.block([[zero, identity], [-K / size, -unit / size * C]])
-        lam, right, left = _qz(A, la.block_diag(identity, unit**2 / size * M))
-        return unit * lam, right[:n], left[n:]
-
-    def by_ranges() -> Pairs:
-        """Creeping modes around K/C, ordinary ones around 1 and fast ones around C/M, each with its own unit."""
-        k, c, m = (np.abs(A.diagonal()) for A in (K, C, M))
-        if not ((c > 0) & (k > 0)).any() or not ((c > 0) & (m > 0)).any():
-            raise la.LinAlgError("no unknown is damped")
-        slow = float(np.median((k / np.where(c > 0, c, 1.0))[(c > 0) & (k > 0)]))
-        fast = float(np.median((c / np.where(m > 0, m, 1.0))[(c > 0) & (m > 0)]))
-        borders = [0.0, np.sqrt(min(slow, 1.0)), np.sqrt(max(fast, 1.0)), np.inf]
-        parts = []
-        for unit, low, high in zip((slow, 1.0, fast), borders[:-1], borders[1:], strict=True):
-            lam, right, left = general(unit)
-            inside = (low <= np.abs(lam)) & (np.abs(lam) < high)
-            parts.append((lam[inside], right[:, inside], left[:, inside]))
-        lam, right, left = (np.concatenate(p, axis=-1) for p in zip(*parts, strict=True))
-        return lam, right, left
-
-    return [standard, general, by_ranges]
-
-
-def _qz(A: np.ndarray, B: np.ndarray) -> Pairs:
-    (alpha, beta), left, right = la.eig(A, B, left=True, right=True, homogeneous_eigvals=True)
-    finite = np.abs(beta) > len(A) * np.finfo(float).eps * la.norm(B, 1)
-    return alpha[finite] / beta[finite], right[:, finite], left[:, finite]
-
-
 def _finite(A: Sequence[np.ndarray], pairs: Pairs, huge: float) -> Pairs:
     v, right, left = pairs
     keep = np.abs(v) <= huge
     if not keep.all():
         keep |= pair_errors(A, *pairs) <= _WRONG
     return v[keep], right[:, keep], left[:, keep]
-
-
-def _congruent(L: np.ndarray, A: np.ndarray) -> np.ndarray:
-    """Return L⁻¹AL⁻ᵀ."""
-    return np.asarray(la.solve_triangular(L, la.solve_triangular(L, A, lower=True).T, lower=True).T)
-
-
-def _back(L: np.ndarray, x: np.ndarray) -> np.ndarray:
-    return np.asarray(la.solve_triangular(L, x, lower=True, trans="T"))

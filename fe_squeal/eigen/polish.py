@@ -12,6 +12,9 @@ import scipy.sparse as sp
 from .blocks import lift
 
 ACCURATE = 1e-12  # backward error, some thousand roundings: a pair with a larger one is polished
+# So is one that a Rayleigh quotient moves by more than _MOVED of its value, if more than rounding is wrong with it:
+# LAPACK's error is that of the largest eigenvalue, to which the stiffest and lightest unknowns raise it.
+_ROUNDING, _MOVED = 1e-15, 1e-8
 _STEPS = 3
 
 
@@ -56,6 +59,21 @@ def pair_errors(A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray, y: np.nda
     return np.maximum(_backward_errors(A, v, x), left)
 
 
+def inaccurate(
+    A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray, y: np.ndarray, error: np.ndarray
+) -> np.ndarray:
+    """Return (k,) which eigenpairs with these `pair_errors` are not as exact as they could be.
+
+    Beside those with a large backward error it is those whose Rayleigh quotient v − yᴴQ(v)x / yᴴQ'(v)x is another v.
+    """
+    residual, slope = lift(A[0], x), np.zeros_like(x)
+    for j, Aj in enumerate(A[1:], 1):
+        Ajx = lift(Aj, x)
+        residual, slope = residual + Ajx * v**j, slope + j * Ajx * v ** (j - 1)
+    by, size = (np.abs(np.einsum("ij,ij->j", y.conj(), f)) for f in (residual, slope * v))
+    return np.asarray(~(error <= ACCURATE) | (error > _ROUNDING) & (by > _MOVED * size))
+
+
 def polish_pairs(
     A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray, y: np.ndarray, error: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -76,7 +94,7 @@ def polish_pairs(
     start, error = v, error.copy()
     v, x, y = v.copy(), x.copy(), y.copy()
     is_real = not any(np.iscomplexobj(Aj) for Aj in A)
-    for i in np.flatnonzero(~(error <= ACCURATE)):
+    for i in np.flatnonzero(inaccurate(A, v, x, y, error)):
         pair = start[i], x[:, i], y[:, i]
         if is_real and start[i].imag == 0:
             pair = start[i].real, x[:, i].real, y[:, i].real
@@ -84,7 +102,7 @@ def polish_pairs(
         for _ in range(_STEPS):
             pair = _step(A, *pair)
             now = pair_errors(A, np.array([pair[0]]), pair[1][:, None], pair[2][:, None])[0]
-            if not now < error[i] or abs(pair[0] - start[i]) > room:
+            if not now < max(error[i], _ROUNDING) or abs(pair[0] - start[i]) > room:
                 break
             v[i], x[:, i], y[:, i], error[i] = *pair, now
             if now <= ACCURATE / 10:

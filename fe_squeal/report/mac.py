@@ -30,8 +30,19 @@ def mac(a: Complexes, b: Complexes) -> float:
     a, b = np.ravel(a).astype(complex), np.ravel(b).astype(complex)
     both = np.isfinite(a) & np.isfinite(b)
     a, b = a[both], b[both]
+    a, b = _scaled(a), _scaled(b)
     size = np.vdot(a, a).real * np.vdot(b, b).real
     return float(abs(np.vdot(a, b)) ** 2 / size) if size > 0 else float("nan")
+
+
+def _scaled(a: Complexes) -> Complexes:
+    """Return a vector (n,) times a power of two, by which its largest part lies between 1/2 and 1, unless it is 0.
+
+    The square of a measured number may be too large or too small for a float.
+    """
+    parts = a.view(float)
+    exponent = np.frexp(np.max(np.abs(parts), initial=0.0))[1]
+    return np.ldexp(parts, -exponent).view(complex)
 
 
 def nearest_nodes(points: Floats, nodes: Floats, distance: float) -> tuple[Integers, Integers]:

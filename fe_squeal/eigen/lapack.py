@@ -1,0 +1,168 @@
+"""The ways to ask LAPACK for all eigenpairs of small matrices, the cheapest first: none is accurate for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import scipy.linalg as la
+
+from .polish import inaccurate, pair_errors
+
+Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # eigenvalues (k,), right and left vectors (n, k)
+_APART = 1.001  # at least this ratio of two eigenvalues is between those that are taken from one list and another
+
+
+def symmetric_methods(M: np.ndarray, K: np.ndarray) -> list[Callable[[], Pairs]]:
+    """Return methods for K x = θ M x with symmetric M, K (n, n), the cheapest first."""
+
+    def direct() -> Pairs:
+        theta, phi = la.eigh(K, M)
+        return theta, phi, phi
+
+    def graded() -> Pairs:
+        nu, phi = la.eigh(M, K)
+        return _together([K, -M], _inverse(nu, phi, phi), direct())
+
+    def inverted() -> Pairs:
+        """1/(θ + 1) of M against K + M, where M is singular or nearly so and K has no strong divergence."""
+        nu, phi = la.eigh(M, K + M)
+        finite = nu > len(M) * np.finfo(float).eps
+        return 1 / nu[finite] - 1, phi[:, finite], phi[:, finite]
+
+    def constrained() -> Pairs:
+        """Unknowns without mass, eliminated from K φ = θ M φ: QZ would split equal eigenvalues into complex pairs.
+
+        Their own stiffness K00 makes some follow the others statically. Its null vectors are Lagrange multipliers:
+        their rows are constraints Bu = 0, on whose null space the others move.
+        """
+        rest, light = (np.flatnonzero(f) for f in (M.diagonal() > 0, M.diagonal() == 0))
+        if not len(light):
+            raise la.LinAlgError("every unknown has mass")
+        w, v = la.eigh(K[np.ix_(light, light)])
+        stiff = np.abs(w) > len(w) * np.finfo(float).eps * max(np.abs(w).max(), 1.0)  # of entries of order one
+        across = v.T @ K[np.ix_(light, rest)]
+        follow = -across[stiff] / w[stiff, None]
+        S = K[np.ix_(rest, rest)] + across[stiff].T @ follow
+        B = across[~stiff]
+        free = la.null_space(B) if len(B) else np.eye(len(rest))
+        if free.shape[1] != len(rest) - len(B):
+            raise la.LinAlgError("the constraints depend on each other")
+        mass = M[np.ix_(rest, rest)]
+        theta, y = la.eigh(free.T @ S @ free, free.T @ mass @ free)
+        phi = np.zeros((len(M), len(theta)))
+        phi[rest] = free @ y
+        phi[light] = v[:, stiff] @ (follow @ phi[rest])
+        if len(B):  # the forces that hold the constraints
+            forces = la.lstsq(B.T, (mass @ phi[rest]) * theta - S @ phi[rest])[0]
+            phi[light] += v[:, ~stiff] @ forces
+        return theta, phi, phi
+
+    return [direct, graded, inverted, constrained, lambda: _qz(K, M)]
+
+
+def undamped_methods(M: np.ndarray, K: np.ndarray, highest: float) -> list[Callable[[], Pairs]]:
+    """Return methods for K x = θ M x with M, K (n, n); pairs beyond |θ| = highest may be left out."""
+
+    def standard() -> Pairs:
+        """With M = LLᵀ the standard problem L⁻¹KL⁻ᵀ is several times cheaper than QZ."""
+        L = la.cholesky(M, lower=True)
+        theta, left, right = la.eig(_congruent(L, K), left=True, right=True)
+        keep = np.abs(theta) <= highest
+        return theta[keep], _back(L, right[:, keep]), _back(L, left[:, keep])
+
+    def graded() -> Pairs:
+        nu, left, right = la.eig(np.linalg.solve(K, M), left=True, right=True)
+        return _together([K, -M], _inverse(nu, right, np.linalg.solve(K.conj().T, left)), standard())
+
+    return [standard, graded, lambda: _qz(K, M)]
+
+
+def _inverse(nu: np.ndarray, x: np.ndarray, y: np.ndarray) -> Pairs:
+    """Return the pairs with 1/ν instead of ν, without those that rounding does not tell from infinity."""
+    finite = np.abs(nu) > len(nu) * np.finfo(float).eps * np.abs(nu).max()
+    return 1 / nu[finite], x[:, finite], y[:, finite]
+
+
+def _together(A: Sequence[np.ndarray], low: Pairs, high: Pairs) -> Pairs:
+    """Return the smallest pairs of one list and the largest of another one, all of which both lists have.
+
+    LAPACK's error is a rounding of the largest eigenvalue it is asked for. That of 1/θ is the smallest θ. So what is
+    much smaller than the largest θ is right in one list, and what is much larger than the smallest θ in the other one.
+    """
+    parts = []
+    for v, x, y in (low, high):
+        order = np.argsort(np.abs(v), kind="stable")
+        parts.append((v[order], x[:, order], y[:, order]))
+    wrong = [inaccurate(A, *pairs, pair_errors(A, *pairs)) for pairs in parts]
+    sizes = [np.abs(v) for v, _, _ in parts]
+    m = min(map(len, sizes))
+    if m < 2:
+        raise la.LinAlgError("too few eigenvalues to be parted")
+    # Parted before the s-th eigenvalue of both lists, where all others are smaller: not within a pair.
+    gap = np.minimum.reduce([s[1:m] for s in sizes]) / np.maximum.reduce([s[: m - 1] for s in sizes])
+    faults = np.cumsum(wrong[0])[: m - 1] + np.cumsum(wrong[1][::-1])[::-1][1:m]
+    s = 1 + int(np.argmin(np.where(gap > _APART, faults, np.iinfo(int).max)))
+    v, x, y = (np.concatenate([a[..., :s], b[..., s:]], axis=-1) for a, b in zip(*parts, strict=True))
+    return v, x, y
+
+
+def damped_methods(
+    M: np.ndarray, C: np.ndarray, K: np.ndarray, highest: float, upper: bool
+) -> list[Callable[[], Pairs]]:  # fmt: skip
+    """Return methods for (λ²M + λC + K) x = 0 with M, C, K (n, n).
+
+    They linearise [[0, I], [−K, −C]] z = λ [[I, 0], [0, M]] z, z = (u, λu); the lower half of a left z is a left mode.
+
+    Pairs beyond |λ| = highest, and with `upper` those with Im λ < 0, may be left out.
+    """
+    n = len(M)
+    zero, identity = np.zeros((n, n)), np.eye(n)
+
+    def standard() -> Pairs:
+        """With M = LLᵀ a standard problem in Lᵀu, several times cheaper than QZ."""
+        L = la.cholesky(M, lower=True)
+        A = np.block([[zero, identity], [-_congruent(L, K), -_congruent(L, C)]])
+        lam, left, right = la.eig(A, left=True, right=True)
+        keep = (np.abs(lam) <= highest) & ((lam.imag >= 0) | (not upper))
+        return lam[keep], _back(L, right[:n, keep]), _back(L, left[n:, keep])
+
+    def general(unit: float = 1.0) -> Pairs:
+        """QZ with λ in multiples of a unit: a linearisation is accurate for λ near it where C is large."""
+        size = max(np.abs(K).max(), unit * np.abs(C).max(), unit**2 * np.abs(M).max()) or 1.0
+        A = np.block([[zero, identity], [-K / size, -unit / size * C]])
+        lam, right, left = _qz(A, la.block_diag(identity, unit**2 / size * M))
+        return unit * lam, right[:n], left[n:]
+
+    def by_ranges() -> Pairs:
+        """Creeping modes around K/C, ordinary ones around 1 and fast ones around C/M, each with its own unit."""
+        k, c, m = (np.abs(A.diagonal()) for A in (K, C, M))
+        if not ((c > 0) & (k > 0)).any() or not ((c > 0) & (m > 0)).any():
+            raise la.LinAlgError("no unknown is damped")
+        slow = float(np.median((k / np.where(c > 0, c, 1.0))[(c > 0) & (k > 0)]))
+        fast = float(np.median((c / np.where(m > 0, m, 1.0))[(c > 0) & (m > 0)]))
+        borders = [0.0, np.sqrt(min(slow, 1.0)), np.sqrt(max(fast, 1.0)), np.inf]
+        parts = []
+        for unit, low, high in zip((slow, 1.0, fast), borders[:-1], borders[1:], strict=True):
+            lam, right, left = general(unit)
+            inside = (low <= np.abs(lam)) & (np.abs(lam) < high)
+            parts.append((lam[inside], right[:, inside], left[:, inside]))
+        lam, right, left = (np.concatenate(p, axis=-1) for p in zip(*parts, strict=True))
+        return lam, right, left
+
+    return [standard, general, by_ranges]
+
+
+def _qz(A: np.ndarray, B: np.ndarray) -> Pairs:
+    (alpha, beta), left, right = la.eig(A, B, left=True, right=True, homogeneous_eigvals=True)
+    finite = np.abs(beta) > len(A) * np.finfo(float).eps * la.norm(B, 1)
+    return alpha[finite] / beta[finite], right[:, finite], left[:, finite]
+
+
+def _congruent(L: np.ndarray, A: np.ndarray) -> np.ndarray:
+    """Return L⁻¹AL⁻ᵀ."""
+    return np.asarray(la.solve_triangular(L, la.solve_triangular(L, A, lower=True).T, lower=True).T)
+
+
+def _back(L: np.ndarray, x: np.ndarray) -> np.ndarray:
+    return np.asarray(la.solve_triangular(L, x, lower=True, trans="T"))
