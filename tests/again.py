@@ -95,7 +95,7 @@ class Run:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the repetitions that the command line asks for, and print the table."""
     asked = _parser().parse_args(arguments)
-    selection = [*asked.paths, *(["--fast"] if asked.fast else [])]
+    selection = [*asked.paths, *(["--fast"] if asked.fast else []), *(["--slow"] if asked.slow else [])]
     state = _state()
     folder, done = _folder(asked.resume)
     done = [r for r in done if r.state == state and r.selection == selection]
@@ -175,7 +175,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--at-once", type=int, default=2, metavar="N", help="runs at once (2)")
     parser.add_argument("--workers", default="0", metavar="N", help="processes of a run beside pytest's own (0)")
     parser.add_argument("--apart", action="store_true", help="a run has one setting, not one of each kind")
-    parser.add_argument("--fast", action="store_true", help="only those tests that `make test` runs")
+    part = parser.add_mutually_exclusive_group()
+    part.add_argument("--fast", action="store_true", help="only those tests that `make test` runs")
+    part.add_argument("--slow", action="store_true", help="only the others")
     parser.add_argument("--minutes", type=float, default=120.0, help="after which a run counts as hung (120)")
     parser.add_argument("--resume", action="store_true", help="go on with the newest folder under results/")
     return parser
@@ -209,7 +211,7 @@ def _run(
     name: str, k: int, asked: argparse.Namespace, folder: Path, state: str, selection: list[str], processes: Processes
 ) -> Run:  # fmt: skip
     settings = [SETTINGS[part] for part in name.split("+")]
-    marks = [s.marks for s in settings if s.marks] + ["not slow"] * asked.fast
+    marks = [s.marks for s in settings if s.marks] + ["not slow"] * asked.fast + ["slow"] * asked.slow
     paths = [path for s in settings for path in s.paths] or asked.paths
     environment = {key: value for key, value in os.environ.items() if key not in _CLEARED}
     environment |= {key: value.format(k=k) for s in settings for key, value in s.environment.items()}

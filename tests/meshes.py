@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import skfem
+from renumbering import QUADRATIC
 
 import fe_squeal
 from fe_squeal.eigen.pencil import Modes
@@ -17,7 +18,6 @@ KINDS = ("hex1", "hex2", "tet1", "tet2")
 STEEL = {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 7800.0}
 BELT = {"direction": [1.0, 0.0, 0.0], "speed": 1.0}
 _SIDES = {"left": (0, 0), "right": (0, -1), "front": (1, 0), "back": (1, -1), "bottom": (2, 0), "top": (2, -1)}
-_QUADRATIC = {skfem.MeshHex1: skfem.MeshHex2, skfem.MeshTet1: skfem.MeshTet2}
 
 
 def box(kind, counts, size=(1.0, 1.0, 1.0), corner=(0.0, 0.0, 0.0), name="block"):
@@ -83,7 +83,7 @@ def _raise(mesh, kind):
     """Return the mesh with midside nodes if the kind has them, with the same groups."""
     if kind.endswith("1"):
         return mesh
-    raised = _QUADRATIC[type(mesh)].from_mesh(mesh)
+    raised = QUADRATIC[type(mesh)].from_mesh(mesh)
     return replace(raised, _subdomains=mesh.subdomains, _boundaries=mesh.boundaries)
 
 
@@ -104,7 +104,7 @@ def distorted(mesh, amount, seed=0):
 def join(*meshes):
     """Return one mesh of several meshes of the same kind, without merging nodes."""
     kind = type(meshes[0])
-    corners = next((linear for linear, quadratic in _QUADRATIC.items() if quadratic is kind), kind)
+    corners = next((linear for linear, quadratic in QUADRATIC.items() if quadratic is kind), kind)
     starts = np.cumsum([0] + [m.nvertices for m in meshes])  # corners come first
     points = np.hstack([m.p[:, : m.nvertices] for m in meshes])
     mesh = corners(points, np.hstack([m.t + start for m, start in zip(meshes, starts, strict=False)]))
@@ -122,37 +122,6 @@ def join(*meshes):
         x[:, mesh.dofs.element_dofs] = np.concatenate([m.doflocs[:, m.dofs.element_dofs] for m in meshes], axis=2)
         mesh = replace(mesh, doflocs=x)
     return replace(mesh, _subdomains=volumes, _boundaries=boundaries)
-
-
-def renumbered(mesh, seed):
-    """Return a mesh with its corners and elements numbered anew at random; groups keep their elements and facets.
-
-    Returns
-    -------
-    mesh
-    cells : (n_elements,)
-        The old number of each element.
-    """
-    rng = np.random.default_rng(seed)
-    kind = type(mesh)
-    corners = next((linear for linear, quadratic in _QUADRATIC.items() if quadratic is kind), kind)
-    nodes, cells = rng.permutation(mesh.nvertices), rng.permutation(mesh.nelements)  # new numbers; old numbers
-    points = np.empty((3, mesh.nvertices))
-    points[:, nodes] = mesh.doflocs[:, : mesh.nvertices]  # corners come first
-    new = corners(points, nodes[mesh.t][:, cells].astype(mesh.t.dtype))
-    rows = {tuple(f): i for i, f in enumerate(np.sort(new.facets, axis=0).T.tolist())}
-    boundaries = {
-        name: np.sort([rows[tuple(f)] for f in np.sort(nodes[mesh.facets[:, facets]], axis=0).T.tolist()]).astype(int)
-        for name, facets in (mesh.boundaries or {}).items()
-    }
-    place = np.argsort(cells)
-    volumes = {name: np.sort(place[elements]) for name, elements in (mesh.subdomains or {}).items()}
-    if kind is not corners:
-        new = kind.from_mesh(new)
-        x = new.doflocs.copy()
-        x[:, new.dofs.element_dofs] = mesh.doflocs[:, mesh.dofs.element_dofs][:, :, cells]
-        new = replace(new, doflocs=x)
-    return replace(new, _subdomains=volumes, _boundaries=boundaries), cells
 
 
 def make_problem(mesh, order=2, materials=None, bodies=None, **tables) -> Problem:

@@ -9,7 +9,11 @@ import re
 from pathlib import Path
 from typing import Any
 
+from varied_imports import SEED, SHUFFLE, SOLVER
+
 from fe_squeal.geometry import Block, write_mesh
+
+_STARTED = str(Path(__file__).parent / "started")  # has what Python imports at its start
 
 # A rigid block of mass m moves along x and z like the minimal model of two degrees of freedom. The springs give
 # K_xx = K_zz = K0 (with the contact), and the inclined ones K_xz = -COUPLING. Friction changes K_xz to
@@ -110,5 +114,8 @@ def read_rows(path: Path) -> list[dict[str, str]]:
 
 
 def environment(**more: Any) -> dict[str, str]:
-    """Return the environment for a subprocess that uses one thread."""
-    return {**os.environ, "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", **more}
+    """Return the environment for a subprocess that uses one thread, and varies as this process does."""
+    values = {**os.environ, "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", **more}
+    if any(values.get(name) for name in (SEED, SHUFFLE, SOLVER)):
+        values["PYTHONPATH"] = os.pathsep.join(filter(None, (_STARTED, values.get("PYTHONPATH"))))
+    return values

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hard_cases import SMALL, brake, digits
+from renumbering import renumbered
 from selection import some
 
 import fe_squeal
 from fe_squeal.eigen import shift_invert
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import solve_modes
-from meshes import renumbered
 
 ROOT = Path(__file__).parents[2]
 MU = 0.3

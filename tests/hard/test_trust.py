@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from scene_texts import environment
 
 TRUST = Path(__file__).parents[2] / "benchmarks" / "trust.py"
 
@@ -22,7 +23,7 @@ TRUST = Path(__file__).parents[2] / "benchmarks" / "trust.py"
 def test_no_promise_is_broken(options: tuple[str, ...], other_seed: int) -> None:
     """In a process of its own, whose copies are under limits of memory and time."""
     command = [sys.executable, str(TRUST), *options, "--seed", str(other_seed)]
-    done = subprocess.run(command, capture_output=True, encoding="utf-8", timeout=3600)
+    done = subprocess.run(command, env=environment(), capture_output=True, encoding="utf-8", timeout=3600)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     if options[-1] == "18":  # of 36 pairs
         assert "\n2 pairs" in f"\n{done.stdout}"

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import skfem
 from deck_texts import deck_of
+from renumbering import renumbered
 from selection import some
 from test_refining import bent
 
@@ -29,7 +30,7 @@ from fe_squeal.mesh.measures import area_of, volume_of
 from fe_squeal.mesh.refining import refine
 from fe_squeal.mesh.subdividing import vtk_nodes
 from fe_squeal.mesh.writing import write_loaded
-from meshes import BELT, annulus, box, distorted, frequencies, join, make_problem, renumbered
+from meshes import BELT, annulus, box, distorted, frequencies, join, make_problem
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PAD = {"youngs_modulus": 2e9, "poisson_ratio": 0.3, "density": 2600.0}
