@@ -7,6 +7,7 @@ import numpy as np
 from fe_squeal.report.branches import Branch, Floats
 
 _DENSE = np.linspace(0.0, 1.0, 33)  # of a step: points at which a curve is evaluated
+_SLOWEST = 1e-9  # of the growth at the next value: what begins more slowly than this is drawn as a line
 
 
 def growth_curves(branch: Branch) -> list[Floats]:
@@ -56,6 +57,8 @@ def _beginning(width: float, last: float, speed: float, rooted: bool) -> tuple[F
     if not (np.isfinite(speed) and speed > 0 and width > 0 and last):
         return s[[0, -1]], np.array([0.0, last])
     ratio = speed * first[-1] / abs(last)  # 1 + β width
+    if ratio < _SLOWEST:
+        return s[[0, -1]], np.array([0.0, last])
     return s, np.sign(last) * speed * first / (1 + (ratio - 1) * s / width)
 
 
