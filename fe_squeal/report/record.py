@@ -1,4 +1,4 @@
-"""What run.json has to hold for the page: files in a folder of results may have been changed by anybody."""
+"""What run.json, study.json and diff.json have to hold for the page: anybody may have changed them."""
 
 from __future__ import annotations
 
@@ -40,7 +40,9 @@ class _Inputs(BaseModel):
     content: dict[str, Any] | None = None
 
 
-class _Record(BaseModel):
+class RunRecord(BaseModel):
+    """Keys of run.json."""
+
     axis: _Axis | None = None
     completeness: dict[str, Any] | None = None
     onsets_complete: _Onsets | None = None
@@ -56,17 +58,44 @@ class _Record(BaseModel):
     peak_memory_mib: _Number = None
 
 
-def readable(record: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+class StudyRecord(BaseModel):
+    """Keys of study.json, of a scatter or a map."""
+
+    title: str | None = None
+    status: str | None = None
+    driver: str | None = None
+    probability: _Number = None
+    dangerous: list[str] | None = None
+    parameters: list[str] | None = None
+    unstable_share: _Number = None
+    not_followed: list[str] | None = None
+
+
+class DifferenceRecord(BaseModel):
+    """Keys of diff.json."""
+
+    title: str = ""
+    symbol: str = ""
+    answers: list[str] = []
+    lacks: list[str] = []
+
+
+def readable(record: dict[str, Any], kind: type[BaseModel]) -> tuple[dict[str, Any], list[str]]:
     """Return what a record holds that the page can show, and the keys whose values it cannot.
 
     Examples
     --------
-    >>> readable({"axis": {"direction": [0, 0, 1]}, "seconds": 3.0})
+    >>> readable({"axis": {"direction": [0, 0, 1]}, "seconds": 3.0}, RunRecord)
     ({'axis': {'direction': [0, 0, 1]}}, ['seconds'])
     """
     try:
-        _Record.model_validate(record)
+        kind.model_validate(record)
     except ValidationError as error:
         wrong = sorted({str(fault["loc"][0]) for fault in error.errors()})
         return {key: value for key, value in record.items() if key not in wrong}, wrong
     return record, []
+
+
+def left_out(name: str, wrong: list[str]) -> list[str]:
+    """Return a sentence about the keys of a file that are not shown, if there are any."""
+    return [f"{name}: {', '.join(wrong)}: not as fe-squeal writes it; it is left out."] if wrong else []

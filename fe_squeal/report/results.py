@@ -14,8 +14,9 @@ import numpy as np
 import pandas as pd
 
 from fe_squeal.errors import one_line
-from fe_squeal.report.record import readable
-from fe_squeal.report.shapes import Complexes, Floats, ShapeGrid
+from fe_squeal.report.record import RunRecord, left_out, readable
+from fe_squeal.report.shapes import Complexes, ShapeGrid
+from fe_squeal.report.table_files import check_table
 
 _NEEDED = {
     "modes": ("value", "mode", "re", "im", "frequency_hz", "stability"),
@@ -25,12 +26,6 @@ _NEEDED = {
 }
 _MAC = ("measured", "value", "branch", "frequency_hz", "mac")
 _MESH_ERROR = ("quantity", "kind", "change", "scale", "body", "direction", "part")
-_WORDS = {  # columns that hold words; every other one holds numbers
-    "parameter", "stability", "noise", "body", "term", "number", "kind", "direction", "measured", "quantity", "output",
-    "method", "place",
-}  # fmt: skip
-_COUNTS = {"mode", "branch", "branch_a", "branch_b", "nodal_diameters", "other_nodal_diameters", "nodal_circles"}
-_LARGEST = 1e150  # number in a table that is believed
 _CELLS = {"tetra": 10, "tetra10": 24, "hexahedron": 12, "hexahedron27": 29}  # VTK's numbers of meshio's types
 _STATUS = {
     "running": "The run is still going on, or was killed: what is shown is what was finished until then.",
@@ -144,9 +139,8 @@ def _read_record(path: Path) -> tuple[dict[str, Any], list[str]]:
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
         if isinstance(record, dict):
-            record, wrong = readable(record)
-            told = f"{path.name}: {', '.join(wrong)}: not as fe-squeal writes it; it is left out."
-            return record, [told] if wrong else []
+            record, wrong = readable(record, RunRecord)
+            return record, left_out(path.name, wrong)
         why = "it is no table"
     except FileNotFoundError:
         why = "it is missing"
@@ -164,34 +158,6 @@ def _read_table(path: Path, needed: Sequence[str]) -> tuple[pd.DataFrame, str]:
     except (OSError, OverflowError, ValueError) as error:
         return pd.DataFrame(columns=list(needed)), f"{path.name} cannot be read ({error}); it is left out."
     return frame, ""
-
-
-def check_table(frame: pd.DataFrame, needed: Sequence[str] = ()) -> None:
-    """Raise ValueError where a table is not one that this program writes.
-
-    Columns that are needed are there and have no holes, all columns but those of words hold numbers whose squares are
-    finite (or that are infinite, as an uncertainty may be), and what is counted is whole or unknown.
-    """
-    missing = [name for name in needed if name not in frame.columns]
-    if missing:
-        raise ValueError(f"it has no column {', '.join(missing)}")
-    for name in frame.columns:
-        column = frame[name]
-        if name in _WORDS:
-            good = name not in needed or bool(column.notna().all())
-        else:
-            good = column.dtype.kind in "fiub" and _plausible(column.to_numpy(float), name in needed, name in _COUNTS)
-            good = good and bool(name != "branch" or column.notna().all())
-        if len(column) and not good:
-            raise ValueError(f"column {name} does not hold what it should")
-
-
-def _plausible(numbers: Floats, needed: bool, counted: bool) -> bool:
-    """Return whether numbers (k,) may stand in a column."""
-    finite = numbers[np.isfinite(numbers)]
-    if (np.abs(finite) > _LARGEST).any() or (needed and len(finite) < len(numbers)):
-        return False
-    return not counted or bool((finite % 1 == 0).all() and not np.isinf(numbers).any())
 
 
 def read_shapes(folder: Path) -> tuple[ShapeGrid | None, list[Shape], list[str]]:

@@ -150,7 +150,8 @@ def test_the_command_writes_table_picture_and_page(tmp_path: Path, capsys: pytes
     assert main(["report", str(out)]) == 0
     assert "diff.json: it cannot be read" in capsys.readouterr().out
     (out / "diff.csv").write_text("b\nslot\n")
-    assert main(["report", str(out)]) == 2 and "is no table of fe-squeal diff" in capsys.readouterr().err
+    assert main(["report", str(out)]) == 2
+    assert "expected the table that fe-squeal diff writes" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("case", ["one", "empty", "itself", "parameter"])

@@ -12,6 +12,7 @@ from fe_squeal.errors import OutputError
 from fe_squeal.report.advice import LINES, QUANTITIES, advice, lines_of
 from fe_squeal.report.page.build import write_page
 from fe_squeal.report.page.markup import bullets, table
+from fe_squeal.report.table_files import read_checked
 
 _NEEDED = ("order", "size", "modes", "method", "tolerance", "unknowns", "seconds", "knob")
 
@@ -24,14 +25,7 @@ def write_accuracy_page(path: Path, page: Path) -> tuple[str, ...]:
     OutputError
         The table cannot be read.
     """
-    expected = "expected the table that fe-squeal accuracy writes"
-    try:
-        frame = pd.read_csv(path)
-    except (OSError, OverflowError, ValueError) as error:
-        raise OutputError(f"{path}: cannot be read ({error}); {expected}") from error
-    missing = [name for name in _NEEDED if name not in frame]
-    if missing:
-        raise OutputError(f"{path}: has no column {', '.join(missing)}; {expected}")
+    frame = read_checked(path, "fe-squeal accuracy", _NEEDED)
     varied = sorted({line.knob for line in LINES})
     if not frame["knob"].isin(varied).any():
         given = frame["knob"].iloc[0] if len(frame) else "nothing"

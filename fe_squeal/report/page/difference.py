@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fe_squeal.errors import OutputError, one_line
+from fe_squeal.errors import one_line
 from fe_squeal.report.branches import frequency_text
-from fe_squeal.report.differences import GONE, UNPAIRED
+from fe_squeal.report.differences import COLUMNS, GONE, UNPAIRED
 from fe_squeal.report.page.build import write_page
 from fe_squeal.report.page.markup import bullets, paragraph, table, text
+from fe_squeal.report.record import DifferenceRecord, left_out, readable
+from fe_squeal.report.table_files import read_checked
 
 
 def read_and_write_page(table_file: Path, record_file: Path, path: Path) -> tuple[str, ...]:
@@ -26,15 +28,18 @@ def read_and_write_page(table_file: Path, record_file: Path, path: Path) -> tupl
     """
     record: dict[str, Any] = {"title": "Designs side by side", "symbol": "parameter", "answers": [], "lacks": []}
     lacks: list[str] = []
+    differences = read_checked(
+        table_file, "fe-squeal diff", there=COLUMNS, dtype={"b": str, "state": str, "look": str},
+        keep_default_na=False, na_values=[""],
+    )  # fmt: skip
     try:
-        words = {"b": str, "state": str, "look": str}
-        differences = pd.read_csv(table_file, dtype=words, keep_default_na=False, na_values=[""])
-        _ = differences[["b", "state", "look", "mac", "onset_bar", "re_bar", "onset_exceeds"]]
-    except (OSError, OverflowError, ValueError, KeyError) as error:
-        raise OutputError(f"{table_file}: is no table of fe-squeal diff ({one_line(str(error))})") from error
-    try:
-        record |= json.loads(record_file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, TypeError) as error:
+        said = json.loads(record_file.read_text(encoding="utf-8"))
+        if not isinstance(said, dict):
+            raise ValueError("it is no table")
+        said, wrong = readable(said, DifferenceRecord)
+        lacks += left_out(record_file.name, wrong)
+        record |= said
+    except (OSError, RecursionError, ValueError) as error:
         why = one_line(str(error))
         lacks.append(f"{record_file.name}: it cannot be read ({why}); the answer in words is left out.")
     notes = [str(s) for s in record["lacks"]] + lacks

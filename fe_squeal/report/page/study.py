@@ -12,8 +12,18 @@ import pandas as pd
 from fe_squeal.errors import OutputError
 from fe_squeal.report.page.build import Section, write_page
 from fe_squeal.report.page.markup import bullets, image, paragraph, table, text
+from fe_squeal.report.record import StudyRecord, left_out, readable
+from fe_squeal.report.table_files import read_checked
 
 _MOST = 200  # rows of a table, at most
+# Of each table the columns that have no holes, and those that may have some.
+_COLUMNS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "bands": (("low_hz", "high_hz", "probability", "lower", "upper"), ()),
+    "indices": (("parameter", "output"), ("first", "first_error", "total", "total_error")),
+    "samples": ((), ()),
+    "boundaries": (("curve", "x", "y", "frequency_hz", "kind", "uncertainty"), ()),
+    "map": ((), ()),
+}
 
 
 def write_study_page(record: Path, tables: dict[str, Path], figures: dict[str, Path], page: Path) -> tuple[str, ...]:
@@ -39,14 +49,18 @@ def write_study_page(record: Path, tables: dict[str, Path], figures: dict[str, P
         said: dict[str, Any] = json.loads(record.read_text(encoding="utf-8"))
         if not isinstance(said, dict):
             raise ValueError("it is no table")
-        frames = {name: pd.read_csv(path) for name, path in tables.items() if path.exists()}
-    except (OSError, OverflowError, ValueError) as error:
+    except (OSError, OverflowError, RecursionError, ValueError) as error:
         raise OutputError(f"{record}: cannot be read ({error}); expected what fe-squeal study writes") from error
-    lacks = [f"{path.name} is missing, so it is not shown." for path in (*tables.values(), *figures.values())
+    frames = {
+        name: read_checked(path, "fe-squeal study", *_COLUMNS[name]) for name, path in tables.items() if path.exists()
+    }
+    said, wrong = readable(said, StudyRecord)
+    lacks = left_out(record.name, wrong)
+    lacks += [f"{path.name} is missing, so it is not shown." for path in (*tables.values(), *figures.values())
              if not path.exists()]  # fmt: skip
     if said.get("status") != "complete":
         lacks.append(f"The study is {said.get('status', 'not complete')}.")
-    make = _map_sections if said.get("kind") == "map" else _scatter_sections
+    make = _map_sections if "map" in tables else _scatter_sections
     sections = [*make(said, frames, figures), ("rests", "What it rests on", _rests(said) + bullets(lacks))]
     write_page(str(said.get("title") or "A study"), sections, page)
     return tuple(lacks)
@@ -62,7 +76,7 @@ def _scatter_sections(said: dict[str, Any], frames: dict[str, pd.DataFrame], fig
         _, value, interval = rows.pop()
         rows.append(("all", value, interval))
         answer.append(f"Unstable with a probability of {value} % (95 % interval {interval} %).")
-    if said.get("driver") and 0 < said.get("probability", 0) < 1:
+    if said.get("driver") and 0 < (said.get("probability") or 0) < 1:
         answer.append(f"What drives it most is {said['driver']}.")
     words = "".join(f'<p class="answer">{text(sentence)}</p>' for sentence in answer)
     shares = [
@@ -88,10 +102,12 @@ def _map_sections(said: dict[str, Any], frames: dict[str, pd.DataFrame], figures
          f"{r['uncertainty'].max():.0e}")
         for number, r in boundaries.groupby("curve")
     ]  # fmt: skip
-    names = [*said.get("parameters", ("x", "y"))]
+    parameters: list[str] = said.get("parameters") or []
+    names = parameters if len(parameters) == 2 else ["x", "y"]
     heads = ("boundary", "kind", "frequency, Hz", names[0], names[1], "points", "uncertainty, of the width")
-    share = f"{100 * said.get('unstable_share', np.nan):.3g} % of the places on the grid are unstable."
-    words = f'<p class="answer">{text(share)}</p>'
+    share = said.get("unstable_share")
+    words = "" if share is None else f"{100 * share:.3g} % of the places on the grid are unstable."
+    words = f'<p class="answer">{text(words)}</p>' if words else ""
     left = said.get("not_followed") or []
     return [
         ("answer", "The map", words + _image(figures["map"], "Largest growth, and the boundaries of stability")),
