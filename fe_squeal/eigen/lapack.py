@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -11,6 +12,8 @@ from .polish import inaccurate, pair_errors
 
 Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # eigenvalues (k,), right and left vectors (n, k)
 _APART = 1.001  # at least this ratio of two eigenvalues is between those that are taken from one list and another
+_BLURRED = 1e-11  # of the largest eigenvalue asked for: a method with such a rounding is not tried
+_SHIFT = 0.1  # times the largest eigenvalue asked for: the shift, about as far from that as from much smaller ones
 
 
 def symmetric_methods(M: np.ndarray, K: np.ndarray) -> list[Callable[[], Pairs]]:
@@ -122,10 +125,31 @@ def damped_methods(
     def standard() -> Pairs:
         """With M = LLᵀ a standard problem in Lᵀu, several times cheaper than QZ."""
         L = la.cholesky(M, lower=True)
-        A = np.block([[zero, identity], [-_congruent(L, K), -_congruent(L, C)]])
+        damping = _congruent(L, C)
+        if np.finfo(float).eps * la.norm(damping, 1) > _BLURRED * highest:
+            raise la.LinAlgError("a rounding of the fastest eigenvalue hides those asked for")
+        A = np.block([[zero, identity], [-_congruent(L, K), -damping]])
         lam, left, right = la.eig(A, left=True, right=True)
         keep = (np.abs(lam) <= highest) & ((lam.imag >= 0) | (not upper))
         return lam[keep], _back(L, right[:n, keep]), _back(L, left[n:, keep])
+
+    def shifted() -> Pairs:
+        """1/(ν − 1) of λ = νs: what C makes fast comes to 0, and what creeps to −1. Only divergence may be near ν = 1.
+
+        S = (A − B)⁻¹B of the linearisation A z = ν B z, by Q(1) = K + C + M alone.
+        """
+        if not np.isfinite(highest):
+            raise la.LinAlgError("all eigenvalues are asked for")
+        shift = _SHIFT * highest
+        C1, M1 = shift * C, shift**2 * M
+        Q = _lu(K + C1 + M1)
+        first, second = (la.lu_solve(Q, part) for part in (C1 + M1, M1))
+        mu, left, right = la.eig(np.block([[-first, -second], [identity - first, -second]]), left=True, right=True)
+        keep = np.abs(mu) > np.finfo(float).eps * np.abs(mu).max()
+        lam = np.full(len(mu), np.inf, complex)
+        lam[keep] = shift * (1 + 1 / mu[keep])
+        keep &= (np.abs(lam) <= highest) & ((lam.imag >= 0) | (not upper))
+        return lam[keep], right[:n, keep], la.lu_solve(Q, left[:n, keep] + left[n:, keep], trans=2)
 
     def general(unit: float = 1.0) -> Pairs:
         """QZ with λ in multiples of a unit: a linearisation is accurate for λ near it where C is large."""
@@ -150,13 +174,30 @@ def damped_methods(
         lam, right, left = (np.concatenate(p, axis=-1) for p in zip(*parts, strict=True))
         return lam, right, left
 
-    return [standard, general, by_ranges]
+    return [standard, shifted, general, by_ranges]
 
 
 def _qz(A: np.ndarray, B: np.ndarray) -> Pairs:
     (alpha, beta), left, right = la.eig(A, B, left=True, right=True, homogeneous_eigvals=True)
     finite = np.abs(beta) > len(A) * np.finfo(float).eps * la.norm(B, 1)
     return alpha[finite] / beta[finite], right[:, finite], left[:, finite]
+
+
+def _lu(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the factors of a matrix (n, n) that is not singular.
+
+    Raises
+    ------
+    LinAlgError
+        It is.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", la.LinAlgWarning)
+        try:
+            lu, pivots = la.lu_factor(A)
+        except la.LinAlgWarning as error:
+            raise la.LinAlgError(str(error)) from error
+    return lu, pivots
 
 
 def _congruent(L: np.ndarray, A: np.ndarray) -> np.ndarray:

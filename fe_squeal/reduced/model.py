@@ -98,12 +98,7 @@ class ReducedModel:
         else:
             self._grow(values, definite)
             self._without = self.basis.undamped_values(self._sigma)
-            for _ in range(_SUPPLEMENTS):
-                missed = self._missed(values)
-                if not missed:
-                    return
-                self._grow(np.array(missed), definite)
-            raise NotConvergedError(f"the reduced model misses the tolerance at {parameter} = {missed[0]:g}")
+            self._supplement(values)
 
     def _begin(
         self, problem: Problem, parameter: str | tuple[str, ...], start: Place, request: Request,
@@ -284,17 +279,24 @@ class ReducedModel:
         return estimated(basis, value, every, self.request, self.highest)
 
     def _grow(self, values: np.ndarray, definite: DefiniteFactor) -> None:
-        """Add the modes at a few values, each the worst of the candidates, until all meet the tolerance there."""
+        """Add the modes at a few values, each the worst of the candidates, until all meet the tolerance there.
+
+        Then the values half way between candidates are candidates, too: modes are least exact far from all values whose
+        modes the basis has.
+        """
         start = self._start
-        candidates = values[np.unique(np.round(np.linspace(0, len(values) - 1, _CANDIDATES)).astype(int))].tolist()
+        candidates = _spread(values, _CANDIDATES)
         if self._off(start) > 1:
             self._add_modes(start, definite)
         searched = None  # the basis in which no mode was missing
         found: dict[Place, float] = dict.fromkeys(candidates, np.inf)
         for _ in range(_NODES):
             worst = self._worst(found)
+            if found[worst] <= 1 and (between := set(_spread(values, 2 * _CANDIDATES - 1)) - found.keys()):
+                found |= dict.fromkeys(between, np.inf)
+                worst = self._worst(found)
             if found[worst] <= 1:
-                found = {p: self._off(p) for p in candidates}
+                found = {p: self._off(p) for p in found}
                 worst = max(found, key=lambda p: found[p])
             if found[worst] <= 1 and searched is self.basis.V:
                 return
@@ -303,8 +305,27 @@ class ReducedModel:
             if searched is None or found[worst] <= 1:
                 self._add_missing([candidates[0], candidates[-1]], definite)
                 searched = self.basis.V
-        raise NotConvergedError(
-            f"the reduced model misses the tolerance {found[worst]:.2g} times at {self.parameter} = {worst:g} with"
+        raise self._misses(worst, found[worst])
+
+    def _supplement(self, values: np.ndarray) -> None:
+        """Add the modes at further values, the worst first, until all values meet the tolerance on one basis.
+
+        The basis misses no mode any more, so that none is looked for.
+        """
+        for _ in range(_SUPPLEMENTS):
+            basis = self.basis.V
+            missed = {p: off for p in values.tolist() if (off := self._off(p)) > 1}
+            while missed and missed[worst := self._worst(missed)] > 1:
+                if self._added[worst] >= _ROUNDS:
+                    raise self._misses(worst, missed[worst])
+                self._add_modes(worst, None)
+            if self.basis.V is basis:
+                return
+        raise self._misses(worst, missed[worst])
+
+    def _misses(self, value: Place, off: float) -> NotConvergedError:
+        return NotConvergedError(
+            f"the reduced model misses the tolerance {off:.2g} times at {self.parameter} = {value:g} with"
             f" {len(self.basis)} vectors"
         )
 
@@ -387,12 +408,11 @@ class ReducedModel:
         # If all are short, they are added nevertheless: an error just above the tolerance may need no more.
         return basis.append(X, _SHORT * self.request.tolerance**0.5 * length) or basis.append(X)
 
-    def _missed(self, values: np.ndarray) -> list[float]:
-        """Return the first value at which a mode misses the tolerance and all values after it, which were not tried."""
-        for i, p in enumerate(values.tolist()):
-            if self._off(p) > 1:
-                return [float(q) for q in values[i:]]
-        return []
+
+def _spread(values: np.ndarray, count: int) -> list[float]:
+    """Return so many of some values (m,), or all, from the first to the last one in equal steps of their positions."""
+    positions = np.unique(np.round(np.linspace(0, len(values) - 1, count)).astype(int))
+    return [float(p) for p in values[positions]]
 
 
 def _on(modes: Modes, W: np.ndarray) -> Modes:
