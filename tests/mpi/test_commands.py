@@ -128,11 +128,19 @@ def long_scene(tmp_path):
     return path
 
 
+def wait_for_rows(out):
+    """Wait until the first value of a run is solved."""
+    deadline = time.time() + 120
+    while time.time() < deadline and not ((out / "modes.csv").is_file() and len(table(out))):
+        time.sleep(0.05)
+
+
 @pytest.mark.parametrize("rank", [1, 0])
 def test_the_death_of_a_process_ends_all(tmp_path, rank):
+    """While values are solved: a machine may be quick to begin, and quick to end."""
     process = started(3, "run", str(long_scene(tmp_path)), "-o", str(tmp_path / "out"))
     ranks = helpers_of(process)
-    time.sleep(4)
+    wait_for_rows(tmp_path / "out")
     ranks[rank].send_signal(signal.SIGKILL)
     code, _, _ = ended(process, 60)
     assert code != 0
@@ -144,9 +152,7 @@ def test_what_was_finished_is_kept_and_goes_on(tmp_path):
     """Ctrl-C reaches mpiexec, which ends its processes; --resume goes on from there, on another number of them."""
     scene, out = long_scene(tmp_path), tmp_path / "out"
     process = started(3, "run", str(scene), "-o", str(out))
-    deadline = time.time() + 120
-    while time.time() < deadline and not ((out / "modes.csv").is_file() and len(table(out))):
-        time.sleep(0.05)
+    wait_for_rows(out)
     process.send_signal(signal.SIGINT)
     code, _, err = ended(process, 60)
     assert code != 0 and err.count("interrupted") <= 1
