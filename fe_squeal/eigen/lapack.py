@@ -24,6 +24,7 @@ def symmetric_methods(M: np.ndarray, K: np.ndarray) -> list[Callable[[], Pairs]]
         return theta, phi, phi
 
     def graded() -> Pairs:
+        """Low modes from M φ = ν K φ, ν = 1/θ, where some unknowns are much lighter or stiffer than others."""
         nu, phi = la.eigh(M, K)
         return _together([K, -M], _inverse(nu, phi, phi), direct())
 
@@ -75,6 +76,7 @@ def undamped_methods(M: np.ndarray, K: np.ndarray, highest: float) -> list[Calla
         return theta[keep], _back(L, right[:, keep]), _back(L, left[:, keep])
 
     def graded() -> Pairs:
+        """Low modes from K⁻¹M φ = ν φ, ν = 1/θ, where some unknowns are much lighter or stiffer than others."""
         nu, left, right = la.eig(np.linalg.solve(K, M), left=True, right=True)
         return _together([K, -M], _inverse(nu, right, np.linalg.solve(K.conj().T, left)), standard())
 
