@@ -24,11 +24,12 @@ from fe_squeal.sweep.running import RunningSweep
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="devices and signals of POSIX")
 COMMAND = [sys.executable, "-P", "-m", "fe_squeal"]
-# Where the tests run in the background, the shell has SIGINT ignored, which the command respects.
+# Where the tests run in the background, the shell has SIGINT ignored, and nohup SIGHUP, which the command respects.
 HEARING = [
     sys.executable, "-c",
-    "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); from fe_squeal_start import main;"
-    "sys.exit(main())",
+    "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler);"
+    "hasattr(signal, 'SIGHUP') and signal.signal(signal.SIGHUP, signal.SIG_DFL);"
+    "from fe_squeal_start import main; sys.exit(main())",
 ]  # fmt: skip
 SHOWN = sweep_text(3).replace('shapes = "none"', 'shapes = "unstable"')
 
