@@ -26,6 +26,7 @@ _BEYOND = 1.05  # times the highest frequency that matters: changes of stability
 _MATTERS = 1.02  # times that frequency: up to here it is told where stability is not decided
 _TOGETHER = 4  # times `FINEST`: changes that are closer together than this may be a single one, or cancel
 _SLOW = 1e-3  # of the largest |λ|: changes whose |λ| differ by more are never taken for the same one
+_DIGITS = 6  # of a likeness of shapes: beyond these two shapes are one
 _RIM = 0.9  # of the highest |λ| known: a mode above this may leave the range of modes, so its absence is no error
 
 
@@ -187,8 +188,12 @@ def _sum(onsets: list[Onset], gains: int, failed: list[str]) -> tuple[list[Onset
 
 def _frequency(step: Step, change: Change) -> float:
     """Return |λ| of the eigenvalue that changes, rad/s."""
-    plain = not any(t.slot == "C" for t in step.model.terms)
-    return float(np.sqrt(abs(change.v)) if plain else abs(change.v))
+    return float(np.sqrt(abs(change.v)) if _is_plain(step) else abs(change.v))
+
+
+def _is_plain(step: Step) -> bool:
+    """Whether nothing depends on velocity, so that changes are told in θ = −λ² instead of λ."""
+    return not any(t.slot == "C" for t in step.model.terms)
 
 
 def _names(step: Step, change: Change, branches: tuple[np.ndarray, np.ndarray]) -> tuple[int, int | None]:
@@ -196,7 +201,7 @@ def _names(step: Step, change: Change, branches: tuple[np.ndarray, np.ndarray]) 
 
     The shapes at that end of the step are compared first where the modes are unstable.
     """
-    pair = change.kind == "meeting"
+    pair, plain = change.kind == "meeting", _is_plain(step)
     plane = np.column_stack([change.right.real, change.right.imag]) if pair else change.right[:, None]
     best: tuple[float, list[int]] = (-1.0, [0])
     for end in (1, 0) if change.gains > 0 else (0, 1):
@@ -210,7 +215,9 @@ def _names(step: Step, change: Change, branches: tuple[np.ndarray, np.ndarray]) 
             i = int(np.argmax(np.where(growing, likeness, -1.0)))
             if partner[i] >= 0 and likeness[i] > 0.5:
                 return _named([int(branches[end][i]), int(branches[end][partner[i]])])
-        order = np.argsort(-likeness)[: 2 if pair else 1]
+        # The two real modes of an overdamped one have one shape: the nearer eigenvalue decides, not rounding.
+        away = np.abs(modes.lam**2 + change.v if plain else modes.lam - change.v)
+        order = np.lexsort((away, -likeness.round(_DIGITS)))[: 2 if pair else 1]
         score = float(likeness[order].sum())
         if score > best[0] + (0.2 if best[0] >= 0 else 0.0):
             best = score, [int(branches[end][i]) for i in order]
