@@ -114,9 +114,9 @@ and the effect that it names:
 
 - **No friction**: symmetric. One Lanczos run gives right and left modes at once.
 - **Friction**: nonsymmetric. Right and left modes take an Arnoldi run each, {friction.solves} solves in all.
-- **Damping, rotation** (terms with velocity): quadratic. A vector is twice as long and each mode has two eigenvalues,
-  λ and λ*, so that there are {damped.solves} solves. Factorised is still one matrix of the size of the unknowns,
-  not one of twice the size.
+- **Damping, rotation** (terms with velocity): quadratic. A vector is twice as long. Discs around complex shifts cover
+  the band, and a real shift shows that nothing is beside; that takes {damped.solves} solves. What is factorised has
+  the size of the unknowns, not twice that.
 - **Structural damping at each mode's own frequency**: the same steps as for friction in complex arithmetic; frozen at
   one frequency it is a damping matrix and quadratic. Together with velocity terms it is complex and quadratic, the
   dearest.

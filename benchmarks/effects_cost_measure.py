@@ -46,7 +46,7 @@ class Row:
     static : int
         Number of factorisations during assembly, for the static state under preload.
     solves : int
-        Number of solves with the factors.
+        Number of right-hand sides that are solved for with the factors.
     nonzeros : int
         Entries of M, C and K together.
     memory_mib, before_mib : float or None, MiB
@@ -156,7 +156,7 @@ class _CountingFactor:
     @staticmethod
     def _counting(solve: choice.Solve, work: _Work) -> choice.Solve:
         def counted(b: np.ndarray) -> np.ndarray:
-            work.solves += 1
+            work.solves += 1 if b.ndim == 1 else b.shape[1]
             return solve(b)
 
         return counted

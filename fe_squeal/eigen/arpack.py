@@ -64,37 +64,20 @@ def quadratic_modes(
     pencil: Pencil, operator: ShiftInverted, count: int, free: FreeModes | None = None
 ) -> tuple[Modes, bool]:
     """Return the modes of (λ²M + λC + K) φ = 0 among the 2·count eigenvalues nearest the shift, and whether all are."""
-    lam, right, left, every = quadratic_pairs(operator, min(2 * count, operator.most))
+    count = min(2 * count, operator.most)
+    lam, right = operator.largest(count)
+    every = len(lam) < count or count == operator.size
+    lam_left, left = operator.largest(count, adjoint=True)
+    inner, inner_left = _common(lam, lam_left.conj(), operator.sigma, every)
+    lam, right = lam[inner], right[:, inner]
+    # The left mode of λ is the transposed problem's mode of λ*: ψᴴQ(λ) = 0 is Q(λ)ᴴψ = 0.
+    _, partner = linear_sum_assignment(np.abs(lam[:, None] - lam_left[None, inner_left].conj()))
+    left = left[:, inner_left[partner]]
     upper = in_upper_half(pencil, lam)
     lam, right, left = lam[upper], right[:, upper], left[:, upper]
     if free is not None:
         lam, right, left = free.beside(lam, right, left)
     return modes_from_lambda(pencil, lam, right, left, method_of(operator)), every
-
-
-def quadratic_pairs(
-    operator: ShiftInverted, count: int, restarts: int | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
-    """Return the λ nearest a real or complex shift, their right and left vectors, and whether these are all.
-
-    Parameters
-    ----------
-    restarts : int, optional
-        Largest number of restarts of each Krylov space.
-
-    Raises
-    ------
-    NotConvergedError
-        `partial` has what converged of 1/(λ − σ).
-    """
-    lam, right = operator.largest(count, restarts=restarts)
-    every = len(lam) < count or count == operator.size
-    lam_left, left = operator.largest(count, adjoint=True, restarts=restarts)
-    inner, inner_left = _common(lam, lam_left.conj(), operator.sigma, every)
-    lam, right = lam[inner], right[:, inner]
-    # The left mode of λ is the transposed problem's mode of λ*: ψᴴQ(λ) = 0 is Q(λ)ᴴψ = 0.
-    _, partner = linear_sum_assignment(np.abs(lam[:, None] - lam_left[None, inner_left].conj()))
-    return lam, right, left[:, inner_left[partner]], every
 
 
 def _common(theta: np.ndarray, theta_left: np.ndarray, sigma: complex, every: bool) -> tuple[np.ndarray, np.ndarray]:

@@ -65,7 +65,9 @@ def lift(V: sp.csr_array | np.ndarray, y: np.ndarray) -> np.ndarray:
     if not np.iscomplexobj(y) or np.iscomplexobj(V):
         return product(V, y)
     columns = np.ascontiguousarray(y.reshape(len(y), -1), dtype=complex)
-    if V.shape[0] < _TALL:  # real and imaginary parts side by side are twice as many real columns
+    sparse = not isinstance(V, np.ndarray)
+    if V.shape[0] < _TALL or (sparse and columns.imag.any(axis=0).all()):
+        # Real and imaginary parts side by side are twice as many real columns.
         return np.asarray(product(V, columns.view(float))).view(complex).reshape(V.shape[0], *y.shape[1:])
     lifted = product(V, np.ascontiguousarray(columns.real)).astype(complex)
     mixed = np.flatnonzero(columns.imag.any(axis=0))  # most vectors are real

@@ -56,19 +56,33 @@ def select_wanted(modes: Modes, request: Request, radius: float) -> Modes | None
 def wanted_count(modes: Modes, request: Request) -> int:
     """Return how many of the modes, lowest first, were asked for.
 
-    Real eigenvalues, and those that may be real within their uncertainty, are returned beside the `count` asked for: in
-    a heavily damped problem they would take the place of every oscillating mode. A pair λ, −λ* is not cut apart.
+    Eigenvalues that are real, or nearly so, are returned beside the `count` asked for, see `is_beside`: in a heavily
+    damped problem they would take the place of every oscillating mode. A pair λ, −λ* is not cut apart.
     """
     if request.max_frequency_hz is not None:
         return int(np.count_nonzero(modes.frequency_hz <= request.max_frequency_hz))
     beside, omega = is_beside(modes), modes.lam.imag
     counted = np.flatnonzero(~beside)[: request.count or 0]
-    count = len(counted) + int(np.count_nonzero(beside & (omega <= omega[counted].max(initial=0.0))))
+    if len(counted) < (request.count or 0):  # there are no more that swing
+        counted = np.flatnonzero(~beside | (modes.re_uncertainty < np.abs(modes.lam)))
+    limit = omega[counted].max(initial=0.0)
+    counted = counted[~beside[counted]]
+    count = len(counted) + int(np.count_nonzero(beside & (omega <= limit)))
     cuts_a_pair = 0 < count < len(modes) and is_mirror(modes.lam[count - 1], modes.lam[count])
     return count + 1 if cuts_a_pair else count
 
 
 def is_beside(modes: Modes) -> np.ndarray:
-    """Return which modes, (m,) bool, do not count towards `Request.count`: real, or so uncertain that they may be."""
+    """Return which modes, (m,) bool, do not count towards `Request.count`.
+
+    These are real ones, those that decay as fast as they swing (damping ratio above 0.71) or faster, and those so
+    uncertain that they may be real.
+    """
     lam = modes.lam
-    return np.asarray((lam != 0) & ((lam.imag == 0) | (modes.re_uncertainty >= np.abs(lam))))
+    still = (lam.imag == 0) | (-lam.real >= lam.imag) | (modes.re_uncertainty >= np.abs(lam))
+    return np.asarray((lam != 0) & still)
+
+
+def is_needed(modes: Modes) -> np.ndarray:
+    """Return which modes, (m,) bool, have to be found: all but those that decay without swinging, see `is_beside`."""
+    return np.asarray(~is_beside(modes) | (modes.lam.real >= 0))

@@ -12,7 +12,9 @@ from numpy.typing import DTypeLike
 from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator, eigs, eigsh
 
 from ..errors import NotConvergedError
+from .blocks import lift
 from .dense import DENSE_LIMIT
+from .disc import largest_within, room_for
 from .free_modes import FreeModes, States
 from .linear.choice import choose, factorize
 from .linear.factor import Factor, LinearSolver, Solve
@@ -52,6 +54,8 @@ class ShiftInverted:
     free : FreeModes, optional
         What is known of motions that nothing holds. Their eigenvalues, multiple and with damping defective, are taken
         out of the operator by the spectral projector. In their place it has zero, the image of an infinite eigenvalue.
+    known : pair of States, optional
+        States of other modes that are known already, of the problem and of the adjoint one, to be taken out as well.
     linear_solver : LinearSolver or str
         Factorises the shifted matrices.
 
@@ -67,8 +71,9 @@ class ShiftInverted:
     """
 
     def __init__(
-        self, pencil: Pencil, sigma: complex, free: FreeModes | None = None, linear_solver: LinearSolver | str = "auto"
-    ) -> None:
+        self, pencil: Pencil, sigma: complex, free: FreeModes | None = None, linear_solver: LinearSolver | str = "auto",
+        known: tuple[States, States] | None = None,
+    ) -> None:  # fmt: skip
         d, omega0 = pencil.units
         self._d = d if d.max() > _ALIKE * d.min() else None
         self._unit = omega0**2 if pencil.C is None else omega0
@@ -87,27 +92,69 @@ class ShiftInverted:
             raise NotConvergedError("no unknown has a mass")
         self._free_motions: tuple[np.ndarray, np.ndarray] | None = None
         self._free: tuple[Solve, Solve] | None = None  # without the known eigenvalues: of the problem, of the adjoint
-        if free is not None:
-            own, other = (self._own_units(s, d, omega0) for s in (free.states, free.adjoint_states))
+        out = [] if free is None else [(free.states, free.adjoint_states)]
+        if known is not None:
+            out.append(known)
+        if out:
+            own, other = (
+                self._own_units((np.hstack([s[0] for s in states]), np.hstack([s[1] for s in states])), d, omega0)
+                for states in zip(*out, strict=True)
+            )
             self._free = self._projector(own, other, adjoint=False), self._projector(other, own, adjoint=True)
             Z, MW = own[0], pencil.M @ other[0]
             self._free_motions = Z, np.linalg.pinv(MW.conj().T @ Z) @ MW.conj().T
 
-    def largest(self, count: int, adjoint: bool = False, restarts: int | None = None) -> Pairs:
+    def largest(self, count: int, adjoint: bool = False) -> Pairs:
         """Return the θ or λ nearest the shift and the vectors u; fewer where there are no more.
 
         Parameters
         ----------
         adjoint : bool
             Whether to solve the adjoint problem, whose vectors are the left modes of λ*, nearest the shift's conjugate.
-        restarts : int, optional
-            Largest number of restarts of the Krylov space.
 
         Raises
         ------
         NotConvergedError
             `partial` has the values 1/(θ − σ), 1/(λ − σ) that converged.
         """
+        apply, finish, dtype = self._operator(adjoint)
+        if self._takes_all(count):
+            nu, z = la.eig(apply(np.eye(self.size, dtype=dtype)))
+            order = np.argsort(-np.abs(nu), kind="stable")[:count]
+            return finish(nu[order], z[:, order])
+        operator, v0 = _operator(self.size, apply, dtype), _start(self.size).astype(dtype)
+        basis, remain = _basis_size(count, self.size), None if self._free is None else self._free[adjoint]
+        v0 = v0 if remain is None else remain(v0)
+        require_vectors(self.size, basis + 2 * count, v0.itemsize)
+        return finish(*_run(lambda: eigs(operator, count, which="LM", tol=_TOLERANCE, v0=v0, ncv=basis), count))
+
+    def within(
+        self, radius: float, most: int, adjoint: bool = False, restarts: int = 12
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return the θ or λ in a disc around the shift, the vectors u, and a radius inside which these are all.
+
+        Parameters
+        ----------
+        radius : float
+            In the unit of the shift.
+        most : int
+            Largest number of eigenvalues to look for; if there are more, the radius returned is smaller.
+        adjoint : bool
+            As for `largest`.
+        restarts : int
+            As for `largest_within`.
+        """
+        apply, finish, dtype = self._operator(adjoint)
+        if self.size <= room_for(most) + most:
+            nu, z = la.eig(apply(np.eye(self.size, dtype=dtype)))
+            inside = np.abs(nu) * radius > self._unit
+            return *finish(nu[inside], z[:, inside]), radius
+        with one_openblas_thread():
+            nu, z, known = largest_within(apply, self.size, radius / self._unit, most, restarts)
+        return *finish(nu, z), known * self._unit
+
+    def _operator(self, adjoint: bool) -> tuple[Solve, Callable[[np.ndarray, np.ndarray], Pairs], DTypeLike]:
+        """Return the operator on columns z, what makes θ or λ and u of its eigenvalues and vectors, and its type."""
         solve = self._factor.solve_adjoint if adjoint else self._factor.solve
         respond = (self._undamped if self.pencil.C is None else self._damped)(solve, adjoint)
         shift = np.conj(self._shift) if adjoint else self._shift
@@ -124,22 +171,14 @@ class ShiftInverted:
         def apply(z: np.ndarray) -> np.ndarray:
             return step(z) if remain is None else remain(step(remain(z)))
 
-        if self._takes_all(count):
-            nu, z = la.eig(apply(np.eye(self.size, dtype=dtype)))
-            order = np.argsort(-np.abs(nu), kind="stable")[:count]
-            nu, z = nu[order], z[:, order]
-        else:
-            operator = _operator(self.size, apply, dtype)
-            v0, basis = _start(self.size).astype(dtype), _basis_size(count, self.size)
-            v0 = v0 if remain is None else remain(v0)
-            require_vectors(self.size, basis + 2 * count, v0.itemsize)
-            nu, z = _run(
-                lambda: eigs(operator, count, which="LM", tol=_TOLERANCE, v0=v0, ncv=basis, maxiter=restarts), count
-            )
-        nu, z = _nonzero(nu, z, self.size)
-        return self._unit * (shift + 1 / nu), self._in_units(z[:k] if k == self.pencil.n else respond(z))
+        def finish(nu: np.ndarray, z: np.ndarray) -> Pairs:
+            nu, z = _nonzero(nu, z, self.size)
+            u = z[:k] if k == self.pencil.n or not len(nu) else respond(z)
+            return self._unit * (shift + 1 / nu), self._in_units(u if len(nu) else np.zeros((self.pencil.n, 0), dtype))
 
-    def largest_symmetric(self, count: int, which: str) -> Pairs:
+        return apply, finish, dtype
+
+    def largest_symmetric(self, count: int, which: str, tolerance: float = _TOLERANCE) -> Pairs:
         """Return θ and φ of an undamped symmetric pencil: those nearest the shift ("LM"), or those below it ("SA")."""
         n, sigma, rows = self.pencil.n, self._shift, self._active
         M = sp.csr_array(_columns(self.pencil.M, rows)[rows]) if self.size < n else self.pencil.M
@@ -157,7 +196,7 @@ class ShiftInverted:
         v0 = respond(self._pad(_start(self.size)))[rows]
         theta, x = _run(
             lambda: eigsh(
-                mass, count, M=mass, sigma=sigma, which=which, OPinv=operator, tol=_TOLERANCE, v0=v0,
+                mass, count, M=mass, sigma=sigma, which=which, OPinv=operator, tol=tolerance, v0=v0,
                 ncv=_basis_size(count, self.size),
             ),
             count,
@@ -200,7 +239,7 @@ class ShiftInverted:
         M = _columns(self.pencil.M, self._mass)
         C = _columns(sp.csr_array(self.pencil.C.T) if adjoint else self.pencil.C, self._active)
         sigma, k = np.conj(self._shift) if adjoint else self._shift, len(self._active)
-        return lambda z: -solve(M @ (z[k:] * sigma + sigma * z[:k][self._moving]) + C @ z[:k])
+        return lambda z: -solve(lift(M, sigma * (z[k:] + z[:k][self._moving])) + lift(C, z[:k]))
 
     def _own_units(self, states: States, d: np.ndarray, omega0: float) -> States:
         """Return states (u, λu) in the units of the scaled pencil."""

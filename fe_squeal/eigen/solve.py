@@ -20,9 +20,8 @@ from .threads import one_openblas_thread
 # A shift nearer to an eigenvalue than this, relatively, makes its 1/(θ − σ) so large that rounding of it costs the
 # other eigenvalues digits. The shift is then multiplied by a factor, at most so many times.
 _CLEAR, _MOVE, _MOVES = 1e-4, 1.15, 3
-# Strong dampers crowd real eigenvalues around a real shift: if more than so many times the number sought at first are
-# needed, complex shifts take over.
-_CROWD = 2.5
+_SMALL = 2 * DENSE_LIMIT  # unknowns up to which LAPACK finds all modes where discs do not find those asked for
+_ROUGHLY = 1e-3  # accuracy of undamped frequencies that only say where a band ends
 
 
 @one_openblas_thread()
@@ -64,9 +63,7 @@ def solve_modes(
     return modes
 
 
-def prove_completeness(
-    pencil: Pencil, modes: Modes, linear_solver: LinearSolver | str = "auto"
-) -> Completeness:
+def prove_completeness(pencil: Pencil, modes: Modes, linear_solver: LinearSolver | str = "auto") -> Completeness:
     """Count the modes up to the highest one found by the inertia just above it (symmetric pencils).
 
     The inertia counts values of θ. One that is negative makes two modes ±λ, so where such a one is missing `expected`
@@ -95,9 +92,7 @@ def prove_completeness(
     return Completeness(found, found - below + counted, counted == below)
 
 
-def _solve_sparse(
-    pencil: Pencil, request: Request, band: float | None, linear_solver: LinearSolver | str
-) -> Modes:
+def _solve_sparse(pencil: Pencil, request: Request, band: float | None, linear_solver: LinearSolver | str) -> Modes:
     """Return the wanted modes from those nearest a shift: more of them are sought until the wanted ones are covered."""
     count = request.count or 0
     if request.max_frequency_hz is not None:
@@ -105,26 +100,30 @@ def _solve_sparse(
         # Friction and damping change the number of modes in a band by a few at most: start from the symmetric part's.
         below = count_below(symmetric_part(pencil), band, linear_solver)
         count = below if below is not None else 20
-    sought = first = count + max(4, count // 10)
+    free = split_off(pencil, linear_solver)
+    if pencil.C is not None and not pencil.is_complex:
+        try:
+            band = band or _undamped_band(pencil, request, linear_solver)
+            return band_modes(pencil, request, band, free, linear_solver)
+        except NotConvergedError:
+            if pencil.n > _SMALL:
+                raise
+        modes = select_wanted(solve_dense(pencil, linear_solver=linear_solver), request, np.inf)
+        assert modes is not None
+        return modes
+    sought = count + max(4, count // 10)
+    sigma, moves = shift_below(pencil, band), 0
     if pencil.C is not None:
-        # A real positive shift sees both half planes alike, and no mode is near it. In the middle of the band it takes
-        # a quarter less solves than at the top, and costs the upper modes no accuracy.
+        # Structural damping reaches every mode, so that heavily damped ones count, too. A real positive shift sees both
+        # half planes alike, and no mode is near it.
         sigma = (band or _undamped_band(pencil, request, linear_solver)) / 2
-    else:
-        sigma = shift_below(pencil, band)
-    moves, free = 0, split_off(pencil, linear_solver)
     operator, divergent = _shifted(pencil, sigma, free, linear_solver)
     while True:
         sigma = float(operator.sigma.real)
         sought = min(sought, operator.most)
         try:
             if pencil.C is not None:
-                try:
-                    modes, every = quadratic_modes(pencil, operator, sought, free)
-                except NotConvergedError:  # equal eigenvalues, or too many of them, around a real shift
-                    if pencil.is_complex:  # strongly damped modes count as well, and complex shifts may miss them
-                        raise
-                    return band_modes(pencil, request, 2 * sigma, free, linear_solver)
+                modes, every = quadratic_modes(pencil, operator, sought, free)
             elif pencil.problem_class == "symmetric":
                 modes, every = symmetric_modes(pencil, operator, sought, divergent, free)
             else:
@@ -148,8 +147,6 @@ def _solve_sparse(
         limit = band or float(modes.lam.imag.max(initial=0.0))
         growth = (limit / radius) ** 1.5 if 0 < radius < limit else 1.4
         sought = int(np.clip(growth, 1.2, 3.0) * sought) + 4
-        if pencil.C is not None and not pencil.is_complex and sought > _CROWD * first:
-            return band_modes(pencil, request, 2 * sigma, free, linear_solver)
 
 
 def _shifted(
@@ -176,5 +173,8 @@ def _shifted(
 def _undamped_band(pencil: Pencil, request: Request, linear_solver: LinearSolver | str) -> float:
     """Return about where the wanted modes end, rad/s: the highest of as many modes without damping and friction."""
     count = min(max(request.count or 1, 2), pencil.n - 2)
-    modes = _solve_sparse(symmetric_part(pencil), Request(count=count), None, linear_solver)
-    return float(np.abs(modes.lam).max(initial=0.0)) or float(np.sqrt(-shift_below(pencil, None)))
+    undamped = symmetric_part(pencil)
+    sigma = shift_below(undamped, None)
+    operator, _ = _shifted(undamped, sigma, split_off(undamped, linear_solver), linear_solver)
+    theta, _ = operator.largest_symmetric(count, "LM", _ROUGHLY)
+    return float(np.sqrt(np.abs(theta).max(initial=0.0))) or float(np.sqrt(-sigma))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..eigen.pencil import Modes
-from ..eigen.request import Request, select_wanted
+from ..eigen.request import Request, is_needed, select_wanted
 from ..problem.parameters import Place
 from .basis import ReducedBasis
 from .lowest import Blocks, KnownModes, lowest_modes
@@ -52,7 +52,8 @@ def estimated(
     # The tolerance is meant for well-conditioned modes: next to a double eigenvalue no solver finds λ so closely.
     relative = error / np.maximum(np.abs(modes.lam), 1e-3 * highest)
     known = relative / np.maximum(condition / _ILL, 1.0) + np.finfo(float).eps
-    off = known / (_SAFETY * request.tolerance)
+    # What decays without swinging need not be found: its errors are told, and the basis does not grow for it.
+    off = np.where(is_needed(modes), known / (_SAFETY * request.tolerance), 0.0)
     modes = replace(
         modes, re_uncertainty=modes.re_uncertainty + error + rounding,
         backward_error=np.fmax(modes.backward_error, backward),

@@ -22,7 +22,7 @@ from ..eigen.linear.choice import choose, factorize
 from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
 from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
-from ..eigen.request import Request
+from ..eigen.request import Request, is_needed
 from ..errors import NotConvergedError
 from ..problem.forms import collect_powers
 from ..problem.parameters import Place, values_at
@@ -47,6 +47,7 @@ _FINE = 0.01  # times √tolerance and the largest singular value: directions of
 _KEPT = 0.1  # times √tolerance and a mode's length: parts of modes outside the basis that are shorter are left out
 _ALIKE = 1e-8  # eigenvalue of a Gram matrix of unit vectors: below it new modes depend on each other
 _SHORT = 1e-4  # times √tolerance and the length of a mode: shorter corrections are left out
+_CROWD = 0.25  # of the modes that the basis begins with: more overdamped ones are a crowd
 _SUPPLEMENTS = 6  # how often the basis is extended for values that were no candidates
 
 
@@ -71,7 +72,7 @@ class ReducedModel:
 
     def __init__(
         self, problem: Problem, parameter: str, values: Sequence[float] | np.ndarray, request: Request,
-        modal: bool = False, linear_solver: LinearSolver | str = "auto",
+        modal: bool = False, linear_solver: LinearSolver | str = "auto", swinging: bool = False,
     ) -> None:  # fmt: skip
         """Build the model.
 
@@ -85,14 +86,19 @@ class ReducedModel:
             Stop at the modes of the problem without damping and friction, whatever the error.
         linear_solver : LinearSolver or str
             Factorises the matrices that the model is made from.
+        swinging : bool
+            Whether to give up where many modes are overdamped.
 
         Raises
         ------
         NotConvergedError
-            If the tolerance is not met, or the problem without damping and friction is not positive semidefinite.
+            If the tolerance is not met, the problem without damping and friction is not positive semidefinite, or too
+            many modes are overdamped.
         """
         self._values = values = np.asarray(values, float)
         definite = self._begin(problem, parameter, float(values[np.argmin(np.abs(values))]), request, linear_solver)
+        if swinging:
+            self._refuse_overdamped((float(values[0]), float(values[-1])))
         if modal:
             self._without = self.basis.undamped_values(self._sigma)
         else:
@@ -129,9 +135,7 @@ class ReducedModel:
         theta, vectors = lowest_modes(definite, base.M, self._sigma, count, _ROUGH)
         self.factorizations += 1
         self.highest = float(np.sqrt(theta.max(initial=0.0)))
-        self.basis = ReducedBasis(
-            collected, parameter, metric, self._sigma, definite.half_solve, self.linear_solver
-        )
+        self.basis = ReducedBasis(collected, parameter, metric, self._sigma, definite.half_solve, self.linear_solver)
         if (theta < -_SLOW * self._sigma).any():
             self.basis.expect_slow_motions()
         unheld = collected.free_motions().motions
@@ -144,6 +148,20 @@ class ReducedModel:
             raise NotConvergedError("the reduced model has no modes in the range that was asked for")
         self.basis.calibrate(start, first)
         return definite
+
+    def _refuse_overdamped(self, values: Sequence[Place]) -> None:
+        """Raise NotConvergedError where many modes at some values decay without swinging.
+
+        A basis cannot part a crowd of such modes from the swinging ones: what it makes of the crowd swings, too, and
+        has to be corrected like a mode. Discs of a direct solve leave the crowd out.
+        """
+        for value in values:
+            needed = is_needed(self._every(value))
+            if np.count_nonzero(~needed) > _CROWD * len(needed):
+                raise NotConvergedError(
+                    f"{np.count_nonzero(~needed)} of {len(needed)} modes decay without swinging at"
+                    f" {self.parameter} = {value:g}"
+                )
 
     @classmethod
     def restored(
@@ -358,13 +376,14 @@ class ReducedModel:
         """
         # Modes above those asked for stay too: what the basis lacks is then far from the modes asked for, as the
         # estimated errors suppose.
-        every = every.select(np.flatnonzero(np.abs(every.lam) <= self.highest))
+        every = every.select(np.flatnonzero((np.abs(every.lam) <= self.highest) & is_needed(every)))
         assert every.left is not None
         least = _KEPT * self.request.tolerance**0.5 * 0.1**again
         self.basis.append(combine(local.V, unit_columns(every.right, every.left)), least, _ALIKE, together=True)
 
     def _span(self, basis: ReducedBasis, modes: Modes) -> np.ndarray:
         """Return orthonormal coordinates (r, ·) that span right and left modes and the motions that nothing holds."""
+        modes = modes.select(np.flatnonzero(is_needed(modes)))
         assert modes.left is not None
         free = basis.free_motions(self._start).motions
         return range_of(unit_columns(modes.right, modes.left), _FINE * self.request.tolerance**0.5, free)

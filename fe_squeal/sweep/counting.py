@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from ..eigen.band import count_beside
+from ..eigen.free_modes import split_off
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..eigen.request import Request, is_beside
@@ -25,7 +27,9 @@ def count_apart(
 ) -> int | None:
     """Count the modes up to the highest of those found, by another method than the one that found them.
 
-    The modes without damping and friction are counted by the inertia of K − σM (Sylvester's law). They make a first
+    With dampers others are searched for around another shift, with those found taken out.
+
+    Without dampers the modes without friction are counted by the inertia of K − σM (Sylvester's law). They make a first
     reduced model. It is extended until every residual of the modes with damping and friction meets the tolerance and a
     search from random vectors finds no other mode. The count is the number of its modes up to a clear gap between two
     frequencies.
@@ -44,26 +48,31 @@ def count_apart(
     Returns
     -------
     int or None
-        None if there is no clear gap, the solver does not give the inertia, or the reduced model does not converge.
+        None if there is no clear gap, the solver does not give the inertia, the reduced model does not converge, or
+        overdamped modes are so many that a search does not part them.
     """
     swinging = np.sort(modes.lam.imag[(modes.lam.imag > 0) & ~is_beside(modes)])
     gaps = np.flatnonzero(np.diff(swinging) > _CLEAR * swinging[1:])
     if not len(gaps):
         return None
     end = float(swinging[gaps[-1]] + swinging[gaps[-1] + 1]) / 2
+    pencil = problem.pencil()
+    if pencil.C is not None and not pencil.is_complex:
+        others = count_beside(pencil, modes, end, split_off(pencil, linear_solver), linear_solver)
+        return None if others is None else len(modes) + others
     frozen = replace(problem, parameters={**problem.parameters, _VALUE: 0.0}, coupled=frozenset())
     try:
         model = ReducedModel(frozen, _VALUE, [0.0], request, linear_solver=linear_solver)
         if not model.counted():
             return None
-        others = model.modes(0.0)
+        counted = model.modes(0.0)
     except NotConvergedError:
         return None
-    # With structural damping every mode is counted. With dampers the solver promises the lightly damped modes alone.
+    # With structural damping every mode is counted.
     every = any(t.imaginary for t in problem.terms)
     lam, found = (
         m.lam[(m.lam.imag > 0) & (m.lam.imag < end) & (every | (m.lam.real > -LIGHT * m.lam.imag)) & ~is_beside(m)]
-        for m in (others, modes)
+        for m in (counted, modes)
     )
     alike = np.abs(lam[:, None] - modes.lam[None, :]) <= _SAME * np.abs(lam)[:, None]
     i, j = linear_sum_assignment(alike, maximize=True)  # each mode found is identified with a mode of the model

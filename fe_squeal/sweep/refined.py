@@ -365,7 +365,7 @@ class Refiner:
         else:
             pencil = step.problem.pencil({step.parameter: p})
             if step.reduced_model is None:
-                request = Request(max_frequency_hz=highest / (2 * np.pi))
+                request = Request(max_frequency_hz=_FAST * highest / (2 * np.pi))
                 modes = solve_modes(pencil, request, linear_solver=step.linear_solver)
             else:  # the matrices of a reduced model are small and dense
                 known_to = max(highest, *(float(np.abs(m.lam).max(initial=0.0)) for m in step.modes_at_ends))

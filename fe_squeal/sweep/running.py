@@ -113,9 +113,9 @@ class RunningSweep:
                         self.problem, self.parameter, values, self._guarded, *stored, self._linear_solver
                     )
                 else:
-                    modal = method == "modal"
+                    modal, swinging = method == "modal", method == "auto"
                     model = ReducedModel(
-                        self.problem, self.parameter, values, self._guarded, modal, self._linear_solver
+                        self.problem, self.parameter, values, self._guarded, modal, self._linear_solver, swinging
                     )
         except NotConvergedError as error:
             if method != "auto":

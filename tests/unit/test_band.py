@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 from selection import some
 
-from fe_squeal.eigen.band import band_modes
+from fe_squeal.eigen.band import band_modes, count_beside
 from fe_squeal.eigen.free_modes import split_off
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.request import Request
@@ -66,3 +66,78 @@ def test_growing_real_eigenvalue_and_free_motion_beside_a_band():
     swinging = np.sqrt(np.delete(k, [7, 11]) - 0.025**2)
     assert len(found) >= 18
     np.testing.assert_allclose(found, swinging[: len(found)], rtol=1e-9)
+
+
+@pytest.mark.parametrize("lost", [(), (3,), (0, 11)])
+def test_a_second_search_counts_what_the_first_one_missed(lost):
+    """A few overdamped modes do not disturb it, and modes above the frequency do not count."""
+    k, c = np.linspace(1.0, 400.0, N), np.full(N, 0.05)
+    c[4::60] = 90.0
+    k[2], c[2] = 0.0, 0.2  # moves freely
+    pencil = mixed(np.ones(N), c, k)
+    free = split_off(pencil)
+    modes = solve_modes(pencil, Request(count=20))
+    swinging = np.flatnonzero(modes.lam.imag > 0)
+    assert len(swinging) >= 19 and (modes.lam == 0).any()
+    top = float(modes.lam.imag[swinging[-2:]].mean())
+    less = modes.select(np.delete(np.arange(len(modes)), swinging[list(lost)]))
+    assert count_beside(pencil, less, top, free, "auto") == len(lost)
+
+
+def test_growth_that_was_missed_is_counted():
+    k, c = np.linspace(1.0, 400.0, N), np.full(N, 0.05)
+    k[7] = -0.04
+    pencil = mixed(np.ones(N), c, k)
+    modes = solve_modes(pencil, Request(count=20))
+    assert (modes.lam.real > 0).sum() == 1
+    stable = modes.select(np.flatnonzero(modes.lam.real <= 0))
+    top = float(modes.lam.imag[-2:].mean())
+    assert [count_beside(pencil, m, top, None, "auto") for m in (modes, stable)] == [0, 1]
+
+
+def test_a_crowd_is_not_counted_and_not_listed_in_part():
+    """Which ones of hundreds of overdamped modes are found is chance: none is listed, and no count is claimed."""
+    pencil, lam = oscillators(60.0)
+    modes = solve_modes(pencil, Request(count=24))
+    assert (modes.lam.imag > 0).all()
+    assert count_beside(pencil, modes, float(modes.lam.imag[-2:].mean()), None, "auto") is None
+    light = np.sort(lam[lam.real > -0.2 * lam.imag].imag)[: len(modes)]
+    np.testing.assert_allclose(modes.lam.imag, light, rtol=1e-9)
+
+
+def test_real_growth_near_zero_and_beyond_the_band_in_a_crowd():
+    k, c = np.linspace(1.0, 400.0, N) ** 1.1, np.full(N, 60.0)
+    c[::EVERY] = 0.02
+    exact = []
+    for i, growth in ((7, 1e-4), (13, 0.3), (18, 6.0)):
+        c[i], k[i] = 0.5, -growth * (growth + 0.5)
+        exact.append(growth)
+    modes = solve_modes(mixed(np.ones(N), c, k), Request(count=24))
+    growing = np.sort(modes.lam.real[(modes.lam.imag == 0) & (modes.lam.real > 0)])
+    np.testing.assert_allclose(growing, exact, rtol=1e-7)
+
+
+def test_fewer_swinging_modes_than_asked_for_are_all_there_are():
+    """All others are overdamped, however far the band is extended: that is no error."""
+    k, c = np.linspace(1.0, 400.0, 2 * N), np.full(2 * N, 100.0)
+    c[:9] = 0.02
+    diagonals = (np.ones(2 * N), k, c)
+    pencil = Pencil(*(sp.csr_array(sp.diags_array(d)) for d in diagonals), symmetric=True)
+    modes = solve_modes(pencil, Request(count=12))
+    found = modes.lam[modes.lam.imag > 0]
+    np.testing.assert_allclose(found.imag, np.sqrt(k[:9] - 1e-4), rtol=1e-9)
+
+
+@pytest.mark.parametrize("eta", [0.01, 1.0])
+@pytest.mark.parametrize("slow", [0.02, 1e-3])
+def test_slow_modes_beside_a_wide_band(eta, slow):
+    """A mode far below the others lies under the discs of the band, with dampers and loss factors together, too."""
+    k = np.append(slow**2, np.linspace(1.0, 400.0, N - 1))
+    pencil = mixed(np.ones(N), np.full(N, 1e-4 * slow), k)
+    lossy = Pencil(pencil.M, sp.csr_array(pencil.K * (1 + 1j * eta)), pencil.C, symmetric=True)
+    for p, loss in ((pencil, 0.0), (lossy, eta)):
+        modes = solve_modes(p, Request(max_frequency_hz=1.0))
+        exact = 1j * np.sqrt(k * (1 + 1j * loss) - (0.5e-4 * slow) ** 2) - 0.5e-4 * slow
+        exact = exact[exact.imag <= 2 * np.pi]
+        assert len(modes) == len(exact) > 10
+        assert np.abs(modes.lam[:, None] - exact).min(axis=0).max() < 1e-9

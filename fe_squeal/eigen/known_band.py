@@ -1,0 +1,260 @@
+"""What is known of a band of frequencies of a pencil with C, found by discs around shifts that together cover it.
+
+A shift iω sees the eigenvalues in a disc around it. Discs on the imaginary axis cover the band but for its lower end,
+and hold no real decaying eigenvalue, of which strong dampers make any number. A disc around a positive real shift holds
+what is near zero and what grows.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from ..errors import NotConvergedError
+from .both_sides import pairs_within
+from .free_modes import FreeModes, States
+from .linear.factor import LinearSolver, SingularError
+from .multiple import rounding_of_zero
+from .pencil import Modes, Pencil
+from .quality import in_upper_half, modes_from_lambda
+from .shift import light_tilt
+from .shift_invert import ShiftInverted
+
+_FULL = 40  # eigenvalues expected in a disc; a band with more of them is covered by several discs
+_MOST = 2.5  # times the eigenvalues expected: as many are looked for in a disc, in addition to _FULL
+_DISCS = 60  # largest number of discs
+_RESTARTS = 12  # largest number of restarts of a Krylov space
+_CLEAR, _MOVE, _MOVES = 1e-4, 1.03, 3  # a shift relatively closer to an eigenvalue is multiplied, at most thrice
+_TILT = 0.15  # |Re λ| / Im λ up to which a disc reaches as far as it is meant to
+_TOUCHING = 0.97  # of a shift: a disc with this radius holds no real eigenvalue
+_OVERLAP = 1.02  # times the ends of a range: discs overlap by so much
+_SLIVER = 1e-3  # of the band: creeping motions may crowd so near zero that no disc reaches farther down than this
+_ROUNDING = 1e-12  # what rounding may leave of zero, relative to |λ|
+_SAME = 1e-7  # of |λ|: eigenvalues of two discs that are closer are one
+_GROWING, _NARROW = 0.53, 0.9  # of a real λ: the shift around which growth up to it is looked for; of that: the radius
+_SLOWEST = 1e-5  # of the highest frequency: slower growth is not looked for in a crowd
+_FEW = 40  # modes beside the known ones that are looked for in the whole band
+_BEHIND = 0.5  # of the highest frequency of the band: the shift of that search
+
+
+@dataclass
+class KnownBand:
+    """What is known of a band: eigenpairs, and the frequencies between which none is missing.
+
+    Attributes
+    ----------
+    top, low : float, rad/s
+        All eigenvalues between these are known once a range is covered; nothing is known below `low`.
+    near : float, rad/s
+        Down to there the discs on the imaginary axis reach.
+    thin : bool
+        Only what lies near the imaginary axis is known in some part.
+    crowded : bool
+        Overdamped modes are so many that only some of them are known.
+    """
+
+    pencil: Pencil
+    free: FreeModes | None
+    linear_solver: LinearSolver | str
+    lam: np.ndarray = field(default_factory=lambda: np.zeros(0, complex))
+    right: np.ndarray | None = None
+    left: np.ndarray | None = None
+    top: float = 0.0
+    low: float = 0.0
+    near: float = 0.0
+    discs: int = 0
+    thin: bool = False
+    crowded: bool = False
+    method: str = ""
+    _modes: Modes | None = None
+
+    def cover(self, start: float, end: float, expected: int) -> None:
+        """Find the eigenvalues with Im λ between two frequencies, rad/s, of which about so many are expected.
+
+        Raises
+        ------
+        NotConvergedError
+            If too many discs do not cover the range; `partial` has the modes found.
+        """
+        number = int(np.ceil(expected / _FULL))
+        # The lowest disc is the smallest one, in proportion to the distance from zero; the others are alike.
+        edges = np.linspace(start, end, number + 1)
+        todo = [(a, b, expected / number) for a, b in itertools.pairwise(edges)][::-1]
+        while todo:
+            a, b, share = todo.pop()
+            if self.discs >= _DISCS:
+                raise NotConvergedError(f"{len(self.lam)} modes found, the range is still not covered", self.modes())
+            known = len(self.lam)
+            low, high = self._around(a, b, share)
+            if not low < high:
+                if b > 2 * _SLIVER * self.top:
+                    todo += [((a + b) / 2, b, share / 2), (a, (a + b) / 2, share / 2)]
+                continue
+            density = (len(self.lam) - known) / (high - low)
+            if low <= b:
+                self.top = max(self.top, high)
+            if high < b:
+                todo.append((max(high, a), b, density * (b - high)))
+            if low > a and a > 0:
+                todo.append((a, min(_OVERLAP * low, b), density * (low - a)))
+            elif low > a:
+                self.near = low
+
+    def _around(self, a: float, b: float, expected: float) -> tuple[float, float]:
+        """Add the eigenvalues in a disc around the middle of an interval; return where on the axis they are all."""
+        omega, half = (a + b) / 2, _OVERLAP * (b - a) / 2
+        radius = float(np.hypot(half, _TILT * b))
+        if radius > _TOUCHING * omega:
+            omega = _OVERLAP * b / _on_ray(1.0, _TOUCHING, _TILT)[1]
+            radius = _TOUCHING * omega
+        sigma, known = self._disc(1j * omega, radius, expected)
+        near = self.lam[np.abs(self.lam - sigma) <= known]
+        whole = _on_ray(abs(sigma), known, light_tilt(near))
+        if whole[0] < whole[1]:
+            return whole
+        self.thin = True
+        return _on_ray(abs(sigma), known, 0.0)
+
+    def add_rest(self, top: float) -> None:
+        """Add what else is near: all eigenvalues around zero, and those that grow, up to a frequency, rad/s.
+
+        A disc around a positive real shift holds the band on both sides of the real axis, and what grows or decays
+        there. The modes that are known already are taken out, so that it is empty unless modes are overdamped.
+        Where these are many, smaller discs look near zero and for real growth alone.
+        """
+        if self.add_beside(top):
+            return
+        self.crowded = True
+        self.add_slow(top)
+        high = top
+        while high > _SLOWEST * top:
+            sigma, known = self._disc(_GROWING * high, _NARROW * _GROWING * high, 0, growing=True)
+            if known < _NARROW * abs(sigma) * (1 - _CLEAR):
+                self.method += ", without a full search for real eigenvalues that grow"
+                break
+            high *= _OVERLAP * _GROWING * (1 - _NARROW)
+
+    def add_slow(self, top: float) -> None:
+        """Add modes below the discs on the imaginary axis, down to zero unless overdamped modes crowd there."""
+        while self.near > _SLIVER * top:
+            reach = _OVERLAP * self.near
+            sigma, known = self._disc(reach, float(np.hypot(1, _OVERLAP)) * reach, 0)
+            if known >= np.hypot(abs(sigma), reach):
+                return
+            low, high = self._around(0.0, reach, 0)
+            if not low < min(high, self.near / 2):
+                break
+            self.near = low
+        self.low = self.near
+
+    def add_beside(self, top: float) -> bool:
+        """Add what is beside the known modes in a disc that reaches up to i·top, and return whether that is all."""
+        sigma, known = self._disc(_BEHIND * top, float(np.hypot(_BEHIND, 1.0)) * top, None)
+        return bool(known >= (1 - _CLEAR) * np.hypot(abs(sigma), top))
+
+    def _disc(
+        self, sigma: complex, radius: float, expected: float | None, growing: bool = False
+    ) -> tuple[complex, float]:
+        """Add the eigenvalues in a disc, and return its centre and the radius inside which all are known.
+
+        Parameters
+        ----------
+        expected : float or None
+            How many there are, about; None where few are beside the known ones, which are taken out.
+        growing : bool
+            Whether only real λ > 0 count.
+        """
+        most, out, restarts = _FEW, None, 0
+        if expected is None:
+            out = self._states()
+        else:
+            most, restarts = int(_MOST * expected) + _FULL, _RESTARTS
+        for _ in range(_MOVES):
+            self.discs += 1
+            try:
+                operator = ShiftInverted(self.pencil, sigma, self.free, self.linear_solver, out)
+                lam, right, left, known = pairs_within(operator, radius, most, restarts)
+            except SingularError:
+                sigma *= _MOVE
+                continue
+            if np.abs(lam - sigma).min(initial=np.inf) < _CLEAR * abs(sigma):
+                sigma *= _MOVE
+                continue
+            self.method = self.method or f"block Krylov-Schur in discs, {operator.linear_solver.name}"
+            if growing:
+                here = (lam.real > rounding_of_zero(self.pencil, lam, right)) & (np.abs(lam.imag) <= 1e-6 * np.abs(lam))
+                lam, right, left = lam[here], right[:, here], left[:, here]
+            self._add(lam, right, left)
+            return sigma, known
+        return sigma, 0.0
+
+    def _states(self) -> tuple[States, States] | None:
+        """Return real states that span those of all known modes, of the problem and of the adjoint one."""
+        if self.right is None or self.left is None:
+            return None
+        upper = np.flatnonzero((self.lam.imag >= 0) & (self.lam != 0))  # those of free motions are taken out anyway
+        real = self.lam[upper].imag == 0
+
+        def spanned(u: np.ndarray, lam: np.ndarray) -> States:
+            # The vector of a real eigenvalue is real but for a factor.
+            u = np.where(real, u / u[np.abs(u).argmax(axis=0), np.arange(len(lam))], u)
+            velocity = u * lam
+            return np.hstack([u.real, u.imag[:, ~real]]), np.hstack([velocity.real, velocity.imag[:, ~real]])
+
+        lam = self.lam[upper]
+        return spanned(self.right[:, upper], lam), spanned(self.left[:, upper], lam.conj())
+
+    def _add(self, lam: np.ndarray, right: np.ndarray, left: np.ndarray) -> None:
+        """Add eigenpairs that are not known yet."""
+        if len(lam):
+            self._modes = None
+        lam = np.where(np.abs(lam.imag) <= _ROUNDING * np.abs(lam), lam.real, lam)
+        if self.right is None or self.left is None:
+            self.lam, self.right, self.left = lam, right, left
+            return
+        new = np.ones(len(lam), bool)
+        if len(self.lam) and len(lam):
+            # Every known eigenvalue accounts for one of the new ones, so that a multiple one keeps its number.
+            apart = np.abs(self.lam[:, None] - lam[None, :])
+            near = apart <= _SAME * np.abs(lam)[None, :]
+            i, j = linear_sum_assignment(np.where(near, apart, 1e3 * np.abs(lam).max()))
+            new[j[near[i, j]]] = False
+        self.lam = np.concatenate([self.lam, lam[new]])
+        self.right = np.hstack([self.right, right[:, new]])
+        self.left = np.hstack([self.left, left[:, new]])
+
+    def modes(self) -> Modes:
+        """Return the modes found, those of free motions among them."""
+        if self._modes is None:
+            self._modes = self._made()
+        return self._modes
+
+    def _made(self) -> Modes:
+        n = self.pencil.n
+        lam = self.lam
+        right, left = (np.zeros((n, 0)) if u is None else u for u in (self.right, self.left))
+        upper = in_upper_half(self.pencil, lam)
+        lam, right, left = lam[upper], right[:, upper], left[:, upper]
+        if self.free is not None:
+            lam, right, left = self.free.beside(lam, right, left)
+        method = self.method
+        if self.low:
+            method += f", above {self.low / (2 * np.pi):.3g} Hz"
+        if self.thin:
+            method += ", near the imaginary axis"
+        return modes_from_lambda(self.pencil, lam, right, left, method)
+
+
+def _on_ray(omega: float, radius: float, tilt: float) -> tuple[float, float]:
+    """Return the two Im λ between which the rays Re λ = ∓tilt · Im λ lie in a disc around iω; equal if they miss it.
+
+    On these |λ − iω|² = (1 + tilt²)(Im λ)² − 2ω Im λ + ω².
+    """
+    a = 1 + tilt**2
+    root = omega**2 - a * (omega**2 - radius**2)
+    if root < 0:
+        return omega, omega
+    return max((omega - np.sqrt(root)) / a, 0.0), float((omega + np.sqrt(root)) / a)
