@@ -259,6 +259,15 @@ class ReducedBasis(Projection):
         smaller._sampled_rows = self._sampled_rows @ W
         return smaller
 
+    def leading(self, count: int) -> ReducedBasis:
+        """Return the basis of its first vectors alone."""
+        smaller = copy.copy(self)
+        smaller.V, smaller._store = self.V[:, :count], self._store[:count]
+        smaller._projected = [A[:count, :count] for A in self._projected]
+        smaller._right, smaller._left = [B[:, :count] for B in self._right], [B[:, :count] for B in self._left]
+        smaller._sampled_rows = self._sampled_rows[:, :count]
+        return smaller
+
     def calibrate(self, value: Place, modes: Modes) -> None:
         """Set the factor between the size of the sums that cancel in Q(λ)φ and its estimate in `errors`.
 

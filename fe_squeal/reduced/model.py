@@ -117,6 +117,7 @@ class ReducedModel:
         self.factorizations = self.solves = 0
         self._added: Counter[Place] = Counter()  # how often the modes at a place were added
         self._known: dict[Place, Estimate] = {}
+        self._met: dict[Place, int] = {}  # places whose modes met the tolerance on so many vectors: they stay
         self._last: dict[Place, Modes] = {}
         self._known_with: np.ndarray | None = None  # the basis that these belong to
         collected = collect_powers(problem, parameter).at(values_at(parameter, start))
@@ -175,6 +176,7 @@ class ReducedModel:
         model.parameter, model.request = parameter, request
         model.factorizations, model.solves = numbers["factorizations"], numbers["solves"]
         model._known, model._last, model._known_with, model._start = {}, {}, None, numbers["start"]
+        model._met = {place: size for place, size in numbers["met"]}
         model._values = np.asarray(values, float)
         model._sigma, model.highest, model._without = numbers["sigma"], numbers["highest"], arrays["without"]
         collected = collect_powers(problem, parameter).at({parameter: numbers["start"]})
@@ -186,7 +188,7 @@ class ReducedModel:
         arrays, numbers = self.basis.stored()
         return arrays | {"without": self._without}, {
             "basis": numbers, "sigma": self._sigma, "highest": self.highest, "factorizations": self.factorizations,
-            "solves": self.solves, "start": self._start,
+            "solves": self.solves, "start": self._start, "met": list(self._met.items()),
         }  # fmt: skip
 
     @property
@@ -259,13 +261,26 @@ class ReducedModel:
         """Return the modes asked for, for each how far it is from meeting the tolerance (1: just met), and |Δλ/λ|."""
         self._forget()
         if value not in self._known:
-            self._known[value] = self._estimate(value, self.basis, self._every(value))
+            if value in self._met and self._met[value] < len(self.basis):  # of a model that was stored
+                smaller = self.basis.leading(self._met[value])
+                every = smaller.modes(value, GUARDED * self.highest)
+                self._known[value] = self._padded(self._estimate(value, smaller, every))
+            else:
+                self._known[value] = self._estimate(value, self.basis, self._every(value))
         return self._known[value]
 
     def _forget(self) -> None:
-        """Drop what is known of modes if the basis has changed."""
+        """Drop what is known of modes if the basis has changed, but for those that met the tolerance for good."""
         if self._known_with is not self.basis.V:
-            self._known, self._last, self._known_with = {}, {}, self.basis.V
+            self._known = {p: self._padded(e) for p, e in self._known.items() if p in self._met}
+            self._last, self._known_with = {}, self.basis.V
+
+    def _padded(self, estimate: Estimate) -> Estimate:
+        """Return modes of the first vectors of the basis in the coordinates of all vectors."""
+        modes, off, relative = estimate
+        assert modes.left is not None
+        more = ((0, len(self.basis) - len(modes.right)), (0, 0))
+        return replace(modes, right=np.pad(modes.right, more), left=np.pad(modes.left, more)), off, relative
 
     def _every(self, value: Place) -> Modes:
         """Return the modes at a value up to above the highest frequency of the basis; the last few are kept."""
@@ -328,11 +343,15 @@ class ReducedModel:
     def _supplement(self, values: np.ndarray) -> None:
         """Add the modes at further values, the worst first, until all values meet the tolerance on one basis.
 
-        The basis misses no mode any more, so that none is looked for.
+        The basis misses no mode any more, so that none is looked for, and modes that meet the tolerance stay what they
+        are when it grows: more vectors would change them by less than the tolerance.
         """
         for _ in range(_SUPPLEMENTS):
             basis = self.basis.V
             missed = {p: off for p in values.tolist() if (off := self._off(p)) > 1}
+            for p in values.tolist():
+                if p not in missed:
+                    self._met.setdefault(p, len(self.basis))
             while missed and missed[worst := self._worst(missed)] > 1:
                 if self._added[worst] >= _ROUNDS:
                     raise self._misses(worst, missed[worst])
