@@ -80,7 +80,6 @@ class KnownBand:
             If too many discs do not cover the range; `partial` has the modes found.
         """
         number = int(np.ceil(expected / _FULL))
-        # The lowest disc is the smallest one, in proportion to the distance from zero; the others are alike.
         edges = np.linspace(start, end, number + 1)
         todo = [(a, b, expected / number) for a, b in itertools.pairwise(edges)][::-1]
         while todo:
@@ -92,6 +91,8 @@ class KnownBand:
             if not low < high:
                 if b > 2 * _SLIVER * self.top:
                     todo += [((a + b) / 2, b, share / 2), (a, (a + b) / 2, share / 2)]
+                else:  # overdamped modes crowd at zero, and nothing that stands apart is nearer
+                    self.near = max(self.near, b)
                 continue
             density = (len(self.lam) - known) / (high - low)
             if low <= b:
