@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 
 from ..eigen.blocks import combine, cross, lift, times
@@ -143,50 +142,47 @@ class ReducedBasis(Projection):
         numbers = {"cancels": self._cancels, "sigma": self.sigma, "has_slow": self.has_slow}
         return arrays, {"metric": [float(c) for c in self.metric], **numbers}
 
-    def append(
-        self, X: np.ndarray, threshold: float = 0.0, dependent: float = DEPENDENT, together: bool = False
-    ) -> int:  # fmt: skip
+    def append(self, X: np.ndarray, threshold: float = 0.0) -> int:
+        """Add directions of X (n, k) as `extend` does, and return how many were added."""
+        before = len(self)
+        self.extend(X, threshold)
+        return len(self) - before
+
+    def extend(self, X: np.ndarray, threshold: float = 0.0) -> np.ndarray:
         """Add the directions of X (n, k) real whose part outside the basis is longer than a threshold in the P-norm.
 
         P is a sum of the terms, so that the products of the terms with X, needed for the projection, also give lengths
         in the P-norm. Every sparse matrix is multiplied with a vector once; the rest is arithmetic of (r, r) matrices.
 
         Directions in which the parts outside depend on each other are left out: those with an eigenvalue of their Gram
-        matrix, scaled to unit vectors, below `dependent`.
-
-        Parameters
-        ----------
-        together : bool
-            X is orthonormal in the P-norm, and the threshold is for directions in the span of X instead of its columns:
-            a direction is left out if the sine of its angle with the basis is below the threshold.
+        matrix, scaled to unit vectors, of at most `DEPENDENT`.
 
         Returns
         -------
-        int
-            How many were added.
+        (r, m) float
+            Coordinates, in the extended basis, of columns that span what X was apart from the parts left out.
         """
+        known = np.zeros((len(self), X.shape[1]))  # coordinates of what was taken off the columns of X
+        within = []  # coordinates of columns without a part outside that counts
         while True:
             parts = [self._meet(i, X) for i in range(len(self.problem.terms))]
             inside = self._in_metric(parts, lambda p: (p.VAX + p.VATX) / 2)
             whole = self._in_metric(parts, lambda p: (p.XAX + p.XAX.T) / 2)
             gram = whole - inside.T @ inside
             outside = gram.diagonal() / np.maximum(whole.diagonal(), np.finfo(float).tiny)
-            if together:
-                w, turn = la.eigh(gram)
-                X, threshold, together = combine(X, turn[:, w > threshold**2]), 0.0, False
-                continue
-            long = np.flatnonzero((outside > _RANK) & (gram.diagonal() > threshold**2))
-            if not (outside[long] > _CLEAR).all():
-                X = X[:, long] - combine(self.V, inside[:, long])  # first, or `gram` would lose digits
-                continue
-            T = normalising(gram, long, dependent)
-            if not T.shape[1]:
-                return 0
-            back = inside @ T
-            if dependent >= DEPENDENT:
+            long = (outside > _RANK) & (gram.diagonal() > threshold**2)
+            known = known + inside
+            if (outside[long] > _CLEAR).all():
                 break
-            # Directions in which X hardly differs are long combinations of it, and so is the rounding of the products.
-            X, dependent = combine(X, T) - combine(self.V, back), DEPENDENT
+            within.append(known[:, ~long])
+            # What lies outside is first computed once more, or `gram` would lose digits.
+            X, known = X[:, long] - combine(self.V, inside[:, long]), known[:, long]
+        within.append(known[:, ~long])
+        T = normalising(gram, np.flatnonzero(long), DEPENDENT)
+        spanned = np.hstack([known @ T, *within])
+        if not T.shape[1]:
+            return spanned
+        back = inside @ T
         for i, (term, p) in enumerate(zip(self.problem.terms, parts, strict=True)):
             A = self._projected[i]
             right, left = p.VAX @ T - A @ back, p.VATX @ T - A.T @ back
@@ -198,7 +194,7 @@ class ReducedBasis(Projection):
         X = combine(X, T) - combine(self.V, back)
         self._sampled_rows = np.hstack([self._sampled_rows, self._size[:, None] * X[self._lines]])
         self._extend(X)
-        return X.shape[1]
+        return np.vstack([spanned, np.eye(X.shape[1], spanned.shape[1])])
 
     def _meet(self, i: int, X: np.ndarray) -> _Products:
         """Return the products of a term A with X, V and Z."""
@@ -249,23 +245,49 @@ class ReducedBasis(Projection):
         small.problem = Problem(terms, self.problem.parameters, free=_Held(n))
         return small
 
-    def restricted(self, W: np.ndarray) -> ReducedBasis:
-        """Return the basis of the span of VW alone, W (r, k) orthonormal."""
-        smaller = copy.copy(self)
-        smaller.V = combine(self.V, W)
+    def restricted(self, W: np.ndarray, lifted: bool = True) -> ReducedBasis:
+        """Return the basis of the span of VW alone, W (r, k) orthonormal.
+
+        Parameters
+        ----------
+        lifted : bool
+            Whether the vectors VW are wanted. Without them modes and their errors are found all the same. They are
+            there in any case where motions that nothing holds, or hardly anything, have to be looked for in them.
+        """
+        smaller = self._turned(lambda A: W.T @ A @ W, lambda B: B @ W)
+        lifted = lifted or self.has_slow or bool(self.problem.free_motions().motions.shape[1])
+        smaller.V = combine(self.V, W) if lifted else np.zeros((0, W.shape[1]))
         smaller._store = smaller.V.T
-        smaller._projected = [W.T @ A @ W for A in self._projected]
-        smaller._right, smaller._left = [B @ W for B in self._right], [B @ W for B in self._left]
-        smaller._sampled_rows = self._sampled_rows @ W
+        return smaller
+
+    def narrowed(self, count: int, U: np.ndarray) -> ReducedBasis:
+        """Return the basis of its first vectors and of some directions U (r − count, k), orthonormal, of the others.
+
+        Its vectors take the place of those of this basis, which must not be used any more.
+        """
+        def squared(A: np.ndarray) -> np.ndarray:
+            corner = U.T @ A[count:, count:] @ U
+            return np.block([[A[:count, :count], A[:count, count:] @ U], [U.T @ A[count:, :count], corner]])
+
+        smaller = self._turned(squared, lambda B: np.hstack([B[:, :count], B[:, count:] @ U]))
+        self._store[count : count + U.shape[1]] = combine(self.V[:, count:], U).T
+        smaller.V = self._store[: count + U.shape[1]].T
+        return smaller
+
+    def _turned(
+        self, squared: Callable[[np.ndarray], np.ndarray], columns: Callable[[np.ndarray], np.ndarray]
+    ) -> ReducedBasis:  # fmt: skip
+        """Return the basis of other vectors, by what turns (r, r) matrices and columns (·, r) of products with V."""
+        smaller = copy.copy(self)
+        smaller._projected = [squared(A) for A in self._projected]
+        smaller._right, smaller._left = [columns(B) for B in self._right], [columns(B) for B in self._left]
+        smaller._sampled_rows = columns(self._sampled_rows)
         return smaller
 
     def leading(self, count: int) -> ReducedBasis:
         """Return the basis of its first vectors alone."""
-        smaller = copy.copy(self)
+        smaller = self._turned(lambda A: A[:count, :count], lambda B: B[:, :count])
         smaller.V, smaller._store = self.V[:, :count], self._store[:count]
-        smaller._projected = [A[:count, :count] for A in self._projected]
-        smaller._right, smaller._left = [B[:, :count] for B in self._right], [B[:, :count] for B in self._left]
-        smaller._sampled_rows = self._sampled_rows[:, :count]
         return smaller
 
     def calibrate(self, value: Place, modes: Modes) -> None:

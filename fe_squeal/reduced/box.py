@@ -9,7 +9,6 @@ import numpy as np
 import scipy.linalg as la
 from scipy.optimize import linear_sum_assignment
 
-from ..eigen.blocks import combine
 from ..eigen.linear.factor import DefiniteFactor, LinearSolver
 from ..eigen.pencil import Modes
 from ..eigen.request import Request
@@ -58,6 +57,7 @@ class BoxModel(ReducedModel):
     """
 
     enough = 0.3  # errors at other places are larger than at those of the making
+    _keeps = False  # there are far more places than values of a sweep, whose modes would fill the memory
 
     def __init__(
         self, problem: Problem, parameters: Sequence[str], low: np.ndarray, high: np.ndarray,
@@ -100,6 +100,7 @@ class BoxModel(ReducedModel):
             worst = max(self._off(p) for p in missed)
             progress(f"{len(self.basis)} vectors, {worst:.1e} times the tolerance at other places")
             self._made_for(missed, definite, (), progress)
+        self._corrections.release()
         self.condensed = self._condense()
         online = self.certified()
         found = [online.modes(p) for p in places]
@@ -236,11 +237,10 @@ class BoxModel(ReducedModel):
             self.places.append(places[far])
             distance = np.minimum(distance, np.linalg.norm(spots - spots[far], axis=1))
 
-    def _join(self, local: ReducedBasis, every: Modes, again: int) -> None:
-        """Add the modes asked for and their neighbours; those of the softest corner keep others far enough."""
+    def _kept(self, wide: ReducedBasis, every: Modes, again: int) -> tuple[np.ndarray, float]:
+        """Keep the modes asked for and their neighbours; those of the softest corner keep others far enough."""
         near = neighbours(every, self.request)
-        X = combine(local.V, self._span(local, near))
-        self.basis.append(X, _TURNED * self.request.tolerance**0.5, together=True)
+        return self._corrections.span(wide, near), _TURNED * self.request.tolerance**0.5
 
     def _has_room(self) -> bool:
         return len(self.places) < _NODES and len(self.basis) < min(_MOST, self.problem.unknowns // 2)

@@ -12,13 +12,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
+import scipy.linalg as la
 from scipy.optimize import linear_sum_assignment
 
 from ..eigen.block_lanczos import lowest_modes
-from ..eigen.blocks import combine, lift
+from ..eigen.blocks import lift
 from ..eigen.inertia import count_below
-from ..eigen.linear.choice import choose, factorize
+from ..eigen.linear.choice import choose
 from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
 from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
@@ -28,25 +28,20 @@ from ..problem.forms import collect_powers
 from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from .basis import ReducedBasis
-from .estimate import GUARDED, Estimate, estimated
+from .corrections import ROUNDS, Corrections
+from .estimate import GUARDED, Estimate, estimated, neighbours
 from .missing import SEARCH_SOLVES, holds_all, missing_modes
 from .shapes import corrected_shapes
 from .undamped import factorize_undamped
-from .vectors import range_of, real_columns, unit_columns
+from .vectors import unit_columns
 
 _GUARD = 1.25  # the basis begins with so many times as many undamped modes as modes are asked for
 _ROUGH = 1e-4  # accuracy of these undamped modes: the corrections that follow mend the rest
 _LANCZOS = 8  # times the number of undamped modes: vectors that the Lanczos iteration keeps at first
 _SLOW = 0.1  # part of −σ: a smaller θ, which is known roughly, may belong to a motion that is hardly held
-_ROUNDS = 8  # largest number of corrections of the modes at one value
 _NODES = 24  # largest number of values whose modes span the basis
 _CANDIDATES = 5  # number of values among which the one with the largest error is next
-_CORRECTED = 0.3  # times the tolerance: modes with a larger error are corrected along with those that miss it
-_MIDDLE = 0.6  # times the square of the highest frequency of the basis: ω² at which Q is factorised
-_FINE = 0.01  # times √tolerance and the largest singular value: directions of modes with a smaller one are left out
-_KEPT = 0.1  # times √tolerance and a mode's length: parts of modes outside the basis that are shorter are left out
-_ALIKE = 1e-8  # eigenvalue of a Gram matrix of unit vectors: below it new modes depend on each other
-_SHORT = 1e-4  # times √tolerance and the length of a mode: shorter corrections are left out
+_KEPT = 0.1  # times √tolerance: parts of unit modes outside the basis that are shorter are left out
 _CROWD = 0.25  # of the modes that the basis begins with: more overdamped ones are a crowd
 _SUPPLEMENTS = 6  # how often the basis is extended for values that were no candidates
 
@@ -62,13 +57,12 @@ class ReducedModel:
     highest : float, rad/s
         Frequency up to which the basis holds the modes of the problem without damping and friction.
     linear_solver : LinearSolver
-    factorizations, solves : int
-        Matrices factorised and right-hand sides solved for.
     enough : float
         Of what an error may be: below that modes that are put into the basis are not corrected any more.
     """
 
     enough = 1.0
+    _keeps = True  # modes that meet the tolerance stay what they are when the basis grows
 
     def __init__(
         self, problem: Problem, parameter: str, values: Sequence[float] | np.ndarray, request: Request,
@@ -105,6 +99,7 @@ class ReducedModel:
             self._grow(values, definite)
             self._without = self.basis.undamped_values(self._sigma)
             self._supplement(values)
+        self._corrections.release()
 
     def _begin(
         self, problem: Problem, parameter: str | tuple[str, ...], start: Place, request: Request,
@@ -114,7 +109,7 @@ class ReducedModel:
         self.linear_solver = choose(linear_solver)
         self.problem = problem = problem.solved_with(self.linear_solver)
         self.parameter, self.request, self._start = parameter, request, start
-        self.factorizations = self.solves = 0
+        factorizations = 0
         self._added: Counter[Place] = Counter()  # how often the modes at a place were added
         self._known: dict[Place, Estimate] = {}
         self._met: dict[Place, int] = {}  # places whose modes met the tolerance on so many vectors: they stay
@@ -130,11 +125,12 @@ class ReducedModel:
             if below is None:
                 raise NotConvergedError("the linear solver does not count the modes below solve.max_frequency")
             count = below
-            self.factorizations += 1
+            factorizations += 1
         count = min(int(_GUARD * count) + 4, base.n)
         require_vectors(base.n, _LANCZOS * count, 8)
         theta, vectors = lowest_modes(definite, base.M, self._sigma, count, _ROUGH)
-        self.factorizations += 1
+        self._corrections = Corrections(problem, self._sigma, request.tolerance, start, self.linear_solver)
+        self._corrections.factorizations = factorizations + 1
         self.highest = float(np.sqrt(theta.max(initial=0.0)))
         self.basis = ReducedBasis(collected, parameter, metric, self._sigma, definite.half_solve, self.linear_solver)
         if (theta < -_SLOW * self._sigma).any():
@@ -174,11 +170,13 @@ class ReducedModel:
         model.linear_solver = choose(linear_solver)
         model.problem = problem = problem.solved_with(model.linear_solver)
         model.parameter, model.request = parameter, request
-        model.factorizations, model.solves = numbers["factorizations"], numbers["solves"]
         model._known, model._last, model._known_with, model._start = {}, {}, None, numbers["start"]
         model._met = {place: size for place, size in numbers["met"]}
         model._values = np.asarray(values, float)
         model._sigma, model.highest, model._without = numbers["sigma"], numbers["highest"], arrays["without"]
+        made = Corrections(problem, model._sigma, request.tolerance, model._start, model.linear_solver)
+        made.factorizations, made.solves = numbers["factorizations"], numbers["solves"]
+        model._corrections = made
         collected = collect_powers(problem, parameter).at({parameter: numbers["start"]})
         model.basis = ReducedBasis.restored(collected, parameter, arrays, numbers["basis"], model.linear_solver)
         return model
@@ -190,6 +188,16 @@ class ReducedModel:
             "basis": numbers, "sigma": self._sigma, "highest": self.highest, "factorizations": self.factorizations,
             "solves": self.solves, "start": self._start, "met": list(self._met.items()),
         }  # fmt: skip
+
+    @property
+    def factorizations(self) -> int:
+        """Matrices factorised."""
+        return self._corrections.factorizations
+
+    @property
+    def solves(self) -> int:
+        """Right-hand sides solved for."""
+        return self._corrections.solves
 
     @property
     def worst(self) -> float:
@@ -208,7 +216,7 @@ class ReducedModel:
         looks for them. None where the linear solver does not give the inertia.
         """
         counted = holds_all(self._without, self.highest, self.basis.base(self._sigma), self.linear_solver)
-        self.factorizations += counted is not None
+        self._corrections.factorizations += counted is not None
         return counted
 
     def lift(self, vectors: np.ndarray) -> np.ndarray:
@@ -292,8 +300,14 @@ class ReducedModel:
         return self._last[value]
 
     def _off(self, value: Place) -> float:
-        """Return how far the worst mode at a value is from meeting the tolerance: 1 where it just does."""
-        return float(self._estimated(value)[1].max(initial=0.0))
+        """Return how far the worst mode at a value is from meeting the tolerance: 1 where it just does.
+
+        Modes that meet it stay what they are when the basis grows: more vectors would change them by less than that.
+        """
+        off = float(self._estimated(value)[1].max(initial=0.0))
+        if self._keeps and off <= 1:
+            self._met.setdefault(value, len(self.basis))
+        return off
 
     def _worst(self, off: dict[Place, float]) -> Place:
         """Return the place that misses the tolerance most.
@@ -326,34 +340,29 @@ class ReducedModel:
         for _ in range(_NODES):
             worst = self._worst(found)
             if found[worst] <= 1 and (between := set(_spread(values, 2 * _CANDIDATES - 1)) - found.keys()):
-                found |= dict.fromkeys(between, np.inf)
+                found |= dict.fromkeys(sorted(between), np.inf)
                 worst = self._worst(found)
-            if found[worst] <= 1:
-                found = {p: self._off(p) for p in found}
-                worst = max(found, key=lambda p: found[p])
             if found[worst] <= 1 and searched is self.basis.V:
                 return
             if found[worst] > 1:
                 self._add_modes(worst, None)
             if searched is None or found[worst] <= 1:
-                self._add_missing([candidates[0], candidates[-1]], definite)
+                if self._add_missing([candidates[0], candidates[-1]], definite):
+                    self._met.clear()
+                    found = dict.fromkeys(found, np.inf)
                 searched = self.basis.V
         raise self._misses(worst, found[worst])
 
     def _supplement(self, values: np.ndarray) -> None:
         """Add the modes at further values, the worst first, until all values meet the tolerance on one basis.
 
-        The basis misses no mode any more, so that none is looked for, and modes that meet the tolerance stay what they
-        are when it grows: more vectors would change them by less than the tolerance.
+        The basis misses no mode any more, so that none is looked for.
         """
         for _ in range(_SUPPLEMENTS):
             basis = self.basis.V
             missed = {p: off for p in values.tolist() if (off := self._off(p)) > 1}
-            for p in values.tolist():
-                if p not in missed:
-                    self._met.setdefault(p, len(self.basis))
             while missed and missed[worst := self._worst(missed)] > 1:
-                if self._added[worst] >= _ROUNDS:
+                if self._added[worst] >= ROUNDS:
                     raise self._misses(worst, missed[worst])
                 self._add_modes(worst, None)
             if self.basis.V is basis:
@@ -366,94 +375,56 @@ class ReducedModel:
             f" {len(self.basis)} vectors"
         )
 
-    def _add_modes(self, value: Place, factor: DefiniteFactor | None) -> None:
-        """Add the right and left modes at a value, corrected on a basis of their own until they meet the tolerance.
+    def _add_modes(self, value: Place, definite: DefiniteFactor | None) -> None:
+        """Add the right and left modes at a value, corrected until they meet the tolerance.
 
         The corrections tried on the way do not stay in the basis. At a value between those whose modes the basis has,
         the error of an eigenvalue is the product of the errors of its right and left modes, so that few values suffice.
         """
-        inverse: Factor | DefiniteFactor = self.factorize(value) if factor is None else factor
         again = self._added[value]
         self._added[value] += 1
-        local, every = self.basis, self._every(value)
-        for more in reversed(range(_ROUNDS)):
-            W = self._span(local, every)
-            local, every = local.restricted(W), _on(every, W)
-            modes, off, _ = self._estimate(value, local, every)
-            if off.max(initial=0.0) <= self.enough or not more:
-                break
-            inexact = modes.select(np.flatnonzero(off > _CORRECTED * self.enough))
-            self.correct(local, value, inexact, inverse, factor is not None)
-            every = local.modes(value, GUARDED * self.highest)
-        self._join(local, every, again)
 
-    def _join(self, local: ReducedBasis, every: Modes, again: int) -> None:
-        """Add the modes at a value, found on a basis made for this value alone, to the basis.
+        def estimate(basis: ReducedBasis, modes: Modes) -> Estimate:
+            return self._estimate(value, basis, modes)
 
-        The error of an eigenvalue is the product of the errors of its right and left modes, so that each of these may
-        be the root of the tolerance. If modes were added at this value before and that was not enough, a tenth of it.
+        wide, every = self._corrections.corrected(
+            self.basis, value, self._every(value), self.highest, self.enough, estimate, definite
+        )
+        columns, least = self._kept(wide, every, again)
+        U, s, _ = la.svd(columns[len(self.basis) :], full_matrices=False, check_finite=False)
+        if (new := s > least).any():
+            self.basis = wide.narrowed(len(self.basis), U[:, new])
+
+    def _kept(self, wide: ReducedBasis, every: Modes, again: int) -> tuple[np.ndarray, float]:
+        """Return what is kept of the modes at a value: columns of coordinates, and which parts of them are left out.
+
+        These are directions whose angle with the basis has a smaller sine. The error of an eigenvalue is the product of
+        the errors of its right and left modes, so that each of these may be the root of the tolerance. If modes were
+        added at this value before and that was not enough, a tenth of it.
         """
         # Modes above those asked for stay too: what the basis lacks is then far from the modes asked for, as the
         # estimated errors suppose.
-        every = every.select(np.flatnonzero((np.abs(every.lam) <= self.highest) & is_needed(every)))
+        every = neighbours(every.select(np.flatnonzero(is_needed(every))), self.request)
         assert every.left is not None
-        least = _KEPT * self.request.tolerance**0.5 * 0.1**again
-        self.basis.append(combine(local.V, unit_columns(every.right, every.left)), least, _ALIKE, together=True)
-
-    def _span(self, basis: ReducedBasis, modes: Modes) -> np.ndarray:
-        """Return orthonormal coordinates (r, ·) that span right and left modes and the motions that nothing holds."""
-        modes = modes.select(np.flatnonzero(is_needed(modes)))
-        assert modes.left is not None
-        free = basis.free_motions(self._start).motions
-        return range_of(unit_columns(modes.right, modes.left), _FINE * self.request.tolerance**0.5, free)
+        return unit_columns(every.right, every.left), _KEPT * self.request.tolerance**0.5 * 0.1**again
 
     def factorize(self, value: Place) -> Factor:
         """Factorise Q(iω) at a value, with ω in the middle of the band."""
-        pencil = self.basis.problem.pencil(values_at(self.parameter, value))
-        square = _MIDDLE * self.highest**2
-        shifted = pencil.K - square * pencil.M
-        if pencil.C is not None:
-            shifted = shifted + 1j * np.sqrt(square) * pencil.C
-        self.factorizations += 1
-        return factorize(sp.csr_array(shifted), pencil.symmetric and pencil.C is None, self.linear_solver)
+        return self._corrections.factorize(self.basis, value, self.highest)
+
+    def correct(self, basis: ReducedBasis, value: Place, modes: Modes, factor: Factor, real: bool) -> None:
+        """Add the corrections of some modes at a value to a basis, see `Corrections.correct`."""
+        self._corrections.correct(basis, value, modes, factor, real)
 
     def _add_missing(self, values: Sequence[Place], definite: DefiniteFactor) -> bool:
         """Add modes that the basis does not hold, if there are any, and return whether there were."""
         known = [self._every(p) for p in values]
         found = missing_modes(self.basis, values, known, self.request, self.highest, definite)
-        self.solves += SEARCH_SOLVES
+        self._corrections.solves += SEARCH_SOLVES
         return bool(found) and self.basis.append(np.hstack(found)) > 0
-
-    def correct(
-        self, basis: ReducedBasis, value: Place, modes: Modes, factor: Factor | DefiniteFactor, real: bool
-    ) -> int:
-        """Add the corrections of some modes at a value to a basis: their residuals, solved for with a factor."""
-        groups = [modes]
-        if not self.problem.is_damped:  # λ and −λ* have the same shapes, and most shapes are real
-            plain = (modes.lam.real == 0) & ~modes.right.imag.any(axis=0)
-            groups = [modes.select(np.flatnonzero(f)) for f in (plain, ~plain & ~(modes.lam.real < 0))]
-            real = True
-        parts = []
-        for group in (g for g in groups if len(g)):
-            right, left = basis.residuals(value, group)
-            if not real and right.shape[1] > len(group):  # else all λ and shapes are real, as of overdamped modes
-                right, left = (x[:, : len(group)] + 1j * x[:, len(group) :] for x in (right, left))
-            self.solves += right.shape[1] + left.shape[1]
-            parts += [real_columns(factor.solve(right)), real_columns(factor.solve_adjoint(left))]
-        X = np.hstack(parts)
-        # The error of an eigenvalue is the product of two such errors, relative to the mode's length in the P-norm.
-        length = float(np.sqrt(np.abs(modes.lam).min() ** 2 - self._sigma))
-        # If all are short, they are added nevertheless: an error just above the tolerance may need no more.
-        return basis.append(X, _SHORT * self.request.tolerance**0.5 * length) or basis.append(X)
 
 
 def _spread(values: np.ndarray, count: int) -> list[float]:
     """Return so many of some values (m,), or all, from the first to the last one in equal steps of their positions."""
     positions = np.unique(np.round(np.linspace(0, len(values) - 1, count)).astype(int))
     return [float(p) for p in values[positions]]
-
-
-def _on(modes: Modes, W: np.ndarray) -> Modes:
-    """Return modes in the coordinates of a smaller basis, whose columns are W in theirs."""
-    assert modes.left is not None
-    return replace(modes, right=W.T @ modes.right, left=W.T @ modes.left)

@@ -1,0 +1,165 @@
+"""Right and left modes at one value of a parameter, made exact by corrections: residuals solved for with factors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from ..eigen.blocks import lift
+from ..eigen.linear.choice import factorize
+from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
+from ..eigen.pencil import Modes
+from ..eigen.request import is_needed
+from ..problem.parameters import Place, values_at
+from ..problem.problem import Problem
+from .basis import ReducedBasis
+from .estimate import GUARDED, Estimate
+from .vectors import range_of, real_columns, unit_columns
+
+ROUNDS = 8  # largest number of corrections of the modes at one value
+_CORRECTED = 0.3  # times the tolerance: modes with a larger error are corrected along with those that miss it
+_MIDDLE = 0.6  # times the square of the highest frequency of the basis: ω² at which Q is factorised
+_FINE = 0.01  # times √tolerance and the largest singular value: directions of modes with a smaller one are left out
+_SHORT = 1e-4  # times √tolerance and the length of a mode: shorter corrections are left out
+_BORROWED = 0.03  # of an error: what factors of another value have to make of it, or those of the value itself are made
+_CLOSE = 1e3  # times the tolerance: larger errors are not left to factors of another value
+
+
+class Corrections:
+    """Corrects modes on a basis, with factors of Q(iω) at one value after another.
+
+    Attributes
+    ----------
+    factorizations, solves : int
+        Matrices factorised and right-hand sides solved for.
+
+    Parameters
+    ----------
+    problem : Problem
+    sigma : float, rad²/s²
+        The shift of the P-norm.
+    tolerance : float
+    start : float or tuple of float
+        The value whose motions that nothing holds are in every basis.
+    linear_solver : LinearSolver
+    """
+
+    def __init__(
+        self, problem: Problem, sigma: float, tolerance: float, start: Place, linear_solver: LinearSolver
+    ) -> None:  # fmt: skip
+        self.factorizations = self.solves = 0
+        self._is_damped, self._sigma, self._tolerance = problem.is_damped, sigma, tolerance
+        self._start, self._linear_solver = start, linear_solver
+        self._last: tuple[Place, Factor] | None = None
+
+    def factorize(self, basis: ReducedBasis, value: Place, highest: float) -> Factor:
+        """Factorise Q(iω) at a value, with ω in the middle of the band up to `highest`, rad/s."""
+        pencil = basis.problem.pencil(values_at(basis.parameter, value))
+        square = _MIDDLE * highest**2
+        shifted = pencil.K - square * pencil.M
+        if pencil.C is not None:
+            shifted = shifted + 1j * np.sqrt(square) * pencil.C
+        self.factorizations += 1
+        return factorize(sp.csr_array(shifted), pencil.symmetric and pencil.C is None, self._linear_solver)
+
+    def release(self) -> None:
+        """Forget the factors of the last value, which take the most memory."""
+        self._last = None
+
+    def _factor_for(self, basis: ReducedBasis, value: Place, highest: float, worst: float, before: float) -> Factor:
+        """Return factors of a value, or those of the last one where errors are small and fall fast by these."""
+        if self._last is not None and self._last[0] != value and (worst > _CLOSE or worst > _BORROWED * before):
+            self._last = None  # before others take memory
+        if self._last is None:
+            self._last = value, self.factorize(basis, value, highest)
+        return self._last[1]
+
+    def corrected(
+        self, basis: ReducedBasis, value: Place, every: Modes, highest: float, enough: float,
+        estimate: Callable[[ReducedBasis, Modes], Estimate], definite: DefiniteFactor | None,
+    ) -> tuple[ReducedBasis, Modes]:  # fmt: skip
+        """Return a basis that holds the modes at a value, and these modes; the vectors of the given one come first.
+
+        Each round projects on the modes at this value alone, and on the corrections of those that are not exact. Where
+        modes miss the tolerance by little, the factors of the last value serve once more: what a basis lacks has higher
+        frequencies than the modes, and differs less from value to value than these do.
+
+        Parameters
+        ----------
+        every : Modes
+            The modes at the value in coordinates of the basis.
+        highest : float, rad/s
+            Up to `GUARDED` times this modes are returned.
+        enough : float
+            Of what an error may be: below that modes are not corrected any more.
+        estimate : callable
+            Returns modes with their errors for a basis and its modes.
+        definite : DefiniteFactor, optional
+            Factors of P, to be used instead of Q(iω).
+        """
+        wide, before = basis.copy(), np.inf
+        lifted = basis.has_slow or any(basis.at(p).free_motions().motions.shape[1] for p in (self._start, value))
+        for more in reversed(range(ROUNDS)):
+            W = self.span(wide, every)
+            modes, off, _ = estimate(wide.restricted(W, lifted), _turned(every, W.T))
+            worst = float(off.max(initial=0.0))
+            if worst <= enough or not more:
+                break
+            inverse = definite or self._factor_for(basis, value, highest, worst, before)
+            inexact = _turned(modes.select(np.flatnonzero(off > _CORRECTED * enough)), W)
+            new = self.correct(wide, value, inexact, inverse, definite is not None)
+            W = la.qr(np.hstack([_padded(W, len(wide)), new]), mode="economic", check_finite=False)[0]
+            every = _turned(wide.restricted(W, lifted).modes(value, GUARDED * highest), W)
+            before = worst
+        return wide, every
+
+    def span(self, basis: ReducedBasis, modes: Modes) -> np.ndarray:
+        """Return orthonormal coordinates (r, ·) that span right and left modes and the motions that nothing holds."""
+        modes = modes.select(np.flatnonzero(is_needed(modes)))
+        assert modes.left is not None
+        free = basis.free_motions(self._start).motions
+        return range_of(unit_columns(modes.right, modes.left), _FINE * self._tolerance**0.5, free)
+
+    def correct(
+        self, basis: ReducedBasis, value: Place, modes: Modes, factor: Factor | DefiniteFactor, real: bool
+    ) -> np.ndarray:
+        """Add the corrections of some modes at a value to a basis: their residuals, solved for with a factor.
+
+        Returns
+        -------
+        (r, m) float
+            Coordinates of columns that span the corrections in the extended basis.
+        """
+        groups = [modes]
+        if not self._is_damped:  # λ and −λ* have the same shapes, and most shapes are real
+            plain = (modes.lam.real == 0) & ~modes.right.imag.any(axis=0)
+            groups = [modes.select(np.flatnonzero(f)) for f in (plain, ~plain & ~(modes.lam.real < 0))]
+            real = True
+        parts = []
+        for group in (g for g in groups if len(g)):
+            right, left = basis.residuals(value, group)
+            if not real and right.shape[1] > len(group):  # else all λ and shapes are real, as of overdamped modes
+                right, left = (x[:, : len(group)] + 1j * x[:, len(group) :] for x in (right, left))
+            self.solves += right.shape[1] + left.shape[1]
+            parts += [real_columns(factor.solve(right)), real_columns(factor.solve_adjoint(left))]
+        X = np.hstack(parts)
+        # The error of an eigenvalue is the product of two such errors, relative to the mode's length in the P-norm.
+        length = float(np.sqrt(np.abs(modes.lam).min() ** 2 - self._sigma))
+        before = len(basis)
+        spanned = basis.extend(X, _SHORT * self._tolerance**0.5 * length)
+        # If all are short, they are added nevertheless: an error just above the tolerance may need no more.
+        return spanned if len(basis) > before else basis.extend(X)
+
+
+def _padded(W: np.ndarray, size: int) -> np.ndarray:
+    return np.pad(W, ((0, size - len(W)), (0, 0)))
+
+
+def _turned(modes: Modes, W: np.ndarray) -> Modes:
+    """Return modes with vectors Wy instead of y."""
+    assert modes.left is not None
+    return replace(modes, right=lift(W, modes.right), left=lift(W, modes.left))
