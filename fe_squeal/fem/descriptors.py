@@ -60,9 +60,8 @@ class ModeDescriber:
         found["out_of_plane"] = self._out_of_plane(terms, parameters, shapes)
         if self.harmonics is not None:
             spectra = self._spectra(shapes)
-            size = np.abs(spectra).reshape(-1, count).max(axis=0)
-            for k in range(count):
-                self._describe_waves(self.harmonics, spectra[:, :, k], bool(size[k] > 0), found, k)
+            moves = np.abs(spectra).reshape(-1, count).max(axis=0) > 0
+            self._describe_waves(self.harmonics, spectra[:, :, moves], np.flatnonzero(moves), found)
         return found
 
     def on(self, V: np.ndarray) -> ModeDescriber:
@@ -89,22 +88,24 @@ class ModeDescriber:
         return [float(min(a / w, 1.0)) if w > 0 else None for a, w in zip(along, whole, strict=True)]
 
     def _describe_waves(
-        self, harmonics: Harmonics, spectrum: np.ndarray, moves: bool, found: Description, k: int
+        self, harmonics: Harmonics, spectra: np.ndarray, positions: np.ndarray, found: Description
     ) -> None:
-        if not moves:
-            return
-        table = harmonics.table(spectrum)
+        """Describe the waves of some amplitudes (b, 3, k), none of them all zero, of the modes at k positions."""
+        table = harmonics.table(spectra)
         waves, energy = harmonics.energies(table)
-        share = energy / energy.sum()
-        first, second = (int(m) for m in np.argsort(-share, kind="stable")[:2])
-        with_, against = waves[first]
-        travelling = 0.0 if not first else float((with_ - against) / (with_ + against))
-        found["nodal_diameters"][k] = first
-        found["nodal_circles"][k] = harmonics.circles(table, first)
-        found["nodal_diameters_share"][k] = float(share[first])
-        found["other_nodal_diameters"][k] = second
-        found["other_share"][k] = float(share[second])
-        found["travelling"][k] = travelling if abs(travelling) > _SAME else 0.0
+        share = energy / energy.sum(axis=0)
+        order = np.argsort(-share, axis=0, kind="stable")
+        circles = harmonics.circles(table, order[0])
+        for j, k in enumerate(positions):
+            first, second = (int(m) for m in order[:2, j])
+            with_, against = waves[first, :, j]
+            travelling = 0.0 if not first else float((with_ - against) / (with_ + against))
+            found["nodal_diameters"][k] = first
+            found["nodal_circles"][k] = int(circles[j])
+            found["nodal_diameters_share"][k] = float(share[first, j])
+            found["other_nodal_diameters"][k] = second
+            found["other_share"][k] = float(share[second, j])
+            found["travelling"][k] = travelling if abs(travelling) > _SAME else 0.0
 
 
 def make_describer(

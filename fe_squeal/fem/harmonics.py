@@ -56,40 +56,57 @@ class Harmonics:
         return np.asarray(np.tensordot(self.fit, local, axes=1))
 
     def table(self, spectrum: np.ndarray) -> np.ndarray:
-        """Return the amplitudes (orders, 2, g, 3) by order, cosine and sine, and function of r and z."""
+        """Return the amplitudes (orders, 2, g, 3, k) by order, cosine and sine, and function of r and z.
+
+        Parameters
+        ----------
+        spectrum : (b, 3, k)
+            Amplitudes of k displacements.
+        """
         count = int(self.order.max(initial=0)) + 1
-        table = np.zeros((count, 2, len(self.gram), 3), dtype=spectrum.dtype)
+        table = np.zeros((count, 2, len(self.gram), *spectrum.shape[1:]), dtype=spectrum.dtype)
         table[self.order, self.sine.astype(int), self.radial] = spectrum
         return table
 
     def energies(self, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what each order has of ∫|u|², (orders, 2): of waves that run with θ and of those against it.
+        """Return what each order has of ∫|u|²: (orders, 2, k) of waves that run with θ and against it, and (orders, k).
 
         With u = a cos mθ + b sin mθ in a motion Re(u e^{iωt}), (a + ib)/2 is the amplitude of e^{−imθ}, which runs with
         θ, and (a − ib)/2 that of e^{imθ}, which runs against it.
         """
         a, b = table[:, 0], table[:, 1]
         waves = np.stack([(a + 1j * b) / 2, (a - 1j * b) / 2], axis=1)
-        found = np.einsum("mwgc,gh,mwhc->mw", waves.conj(), self.gram, waves).real
+        found = self._squared(waves).sum(axis=2)
         found[0] *= 2  # m = 0 has no sine: both halves are the one motion
         return found, np.asarray(found.sum(axis=1))
 
-    def circles(self, table: np.ndarray, order: int) -> int:
+    def circles(self, table: np.ndarray, order: np.ndarray) -> np.ndarray:
         """Return how often the displacement of one order changes its sign along the radius: the nodal circles.
 
         Parameters
         ----------
-        table : (orders, 2, g, 3) complex
+        table : (orders, 2, g, 3, k) complex
             Coefficients of cosine and sine of every order, for g functions of the cross section and three components.
-        order : int
+        order : (k,) int
+            Which order it is for each of k displacements.
         """
-        a = table[order]  # (2, g, 3)
-        component = int(np.argmax(np.einsum("wgc,gh,whc->c", a.conj(), self.gram, a).real))
-        along = _legendre(_RADII, _DEGREE) @ a[:, : _DEGREE + 1, component].T  # (radii, 2): the mean over the thickness
-        _, _, vh = la.svd(along.T, full_matrices=False)
-        profile = vh[0] * np.exp(-0.5j * np.angle(np.sum(vh[0] ** 2)))
-        seen = profile.real[np.abs(profile.real) > _VISIBLE * np.abs(profile.real).max()]
-        return int(np.count_nonzero(np.diff(np.sign(seen))))
+        k = np.arange(len(order))
+        a = np.moveaxis(table, -1, 0)[k, order]  # (k, 2, g, 3)
+        component = np.argmax(self._squared(np.moveaxis(a, 0, -1)).sum(axis=0), axis=0)
+        # The mean over the thickness, (k, 2, radii): the shapes along the radius of cosine and sine.
+        along = a[k, :, : _DEGREE + 1, component] @ _legendre(_RADII, _DEGREE).T
+        main = np.linalg.svd(along, full_matrices=False)[2][:, 0]
+        profile = (main * np.exp(-0.5j * np.angle(np.sum(main**2, axis=1)))[:, None]).real
+        found = np.zeros(len(order), dtype=int)
+        for i, x in enumerate(profile):
+            seen = x[np.abs(x) > _VISIBLE * np.abs(x).max()]
+            found[i] = np.count_nonzero(np.diff(np.sign(seen)))
+        return found
+
+    def _squared(self, amplitudes: np.ndarray) -> np.ndarray:
+        """Return ∫|u|² over the cross section (..., 3, k) of amplitudes (..., g, 3, k)."""
+        weighted = np.einsum("gh,...hck->...gck", self.gram, amplitudes)
+        return np.asarray(np.einsum("...gck,...gck->...ck", amplitudes.conj(), weighted).real)
 
 
 @one_openblas_thread()

@@ -265,6 +265,7 @@ class ReducedBasis(Projection):
 
         Its vectors take the place of those of this basis, which must not be used any more.
         """
+
         def squared(A: np.ndarray) -> np.ndarray:
             corner = U.T @ A[count:, count:] @ U
             return np.block([[A[:count, :count], A[:count, count:] @ U], [U.T @ A[count:, :count], corner]])

@@ -57,9 +57,14 @@ def estimated(
     modes = replace(
         modes, re_uncertainty=modes.re_uncertainty + error + rounding,
         backward_error=np.fmax(modes.backward_error, backward),
-        method=f"reduced model of {len(basis)} vectors", exhaustive=False,
+        method=method_of(basis), exhaustive=False,
     )  # fmt: skip
     return modes, off, relative
+
+
+def method_of(basis: ReducedBasis) -> str:
+    """Return what the results say of how modes of a basis were found."""
+    return f"reduced model of {len(basis)} vectors"
 
 
 def neighbours(every: Modes, request: Request) -> Modes:

@@ -29,7 +29,7 @@ from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from .basis import ReducedBasis
 from .corrections import ROUNDS, Corrections
-from .estimate import GUARDED, Estimate, estimated, neighbours
+from .estimate import GUARDED, Estimate, estimated, method_of, neighbours
 from .missing import SEARCH_SOLVES, holds_all, missing_modes
 from .shapes import corrected_shapes
 from .undamped import factorize_undamped
@@ -288,7 +288,8 @@ class ReducedModel:
         modes, off, relative = estimate
         assert modes.left is not None
         more = ((0, len(self.basis) - len(modes.right)), (0, 0))
-        return replace(modes, right=np.pad(modes.right, more), left=np.pad(modes.left, more)), off, relative
+        right, left = np.pad(modes.right, more), np.pad(modes.left, more)
+        return replace(modes, right=right, left=left, method=method_of(self.basis)), off, relative
 
     def _every(self, value: Place) -> Modes:
         """Return the modes at a value up to above the highest frequency of the basis; the last few are kept."""
