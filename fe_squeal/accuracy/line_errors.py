@@ -24,8 +24,9 @@ from .quantities import Split
 # given the rate between these; once two meshes are known, their errors tell the rate, which is kept within the limits.
 _RATES = {1: 1.5, 2: 2.5}
 _LIMITS = {1: (0.7, 2.0), 2: (1.0, 4.0)}
-# Where a support holds the end of a graded line, the error sits in the element there and falls with its length alone,
-# to this power: 1.4 in theory at a clamped edge of steel; 1.4 and 1.7 seen at the hub of a disc, with order 2.
+# Where stresses are singular errors fall to this power alone: 1.4 in theory at a clamped edge of steel; 1.4 and 1.7 seen
+# at the hub of a disc, with order 2. Where a support holds the end of a graded line, the error sits in the element there
+# and falls with its length.
 _HELD = 1.4
 _TRIED = 31  # rates between the limits that an observed error is compared with
 _TOLD = 0.3  # of the logarithm of an error, between both limits: two meshes that are more alike do not tell the rate
@@ -79,7 +80,8 @@ class LineErrors:
         """Return what the parts of a line are multiplied by if it gets other elements."""
         now, own = self.lines[key], self.along == key
         layers = self.layers[own]
-        found = layer_factors(now, then, rate)[layers]
+        slow = layer_factors(now, then, min(rate, _HELD))[layers]
+        found = np.where(self.singular[own], slow, layer_factors(now, then, rate)[layers])
         if now.places:
             for end, layer in ((0, 0), (-1, now.elements - 1)):
                 shorter = np.diff(then.places)[end] / np.diff(now.places)[end]

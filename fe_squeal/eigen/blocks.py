@@ -40,7 +40,9 @@ def times(A: sp.csr_array, X: np.ndarray) -> np.ndarray:
 
 
 def cross(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
-    """Return XᵀY for X (n, k) and Y (n, l)."""
+    """Return XᵀY for X (n, k) and Y (n, l), either of them complex or not, without a complex copy of X."""
+    if np.iscomplexobj(Y) and not np.iscomplexobj(X):
+        return np.ascontiguousarray(cross(X, np.ascontiguousarray(Y).view(float))).view(complex)
     if len(X) < _TALL:
         return np.asarray(X.T @ Y)
     return np.asarray(sum(_in_slices(lambda rows: X[rows].T @ Y[rows], len(X))))
