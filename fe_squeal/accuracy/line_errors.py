@@ -24,9 +24,9 @@ from .quantities import Split
 # given the rate between these; once two meshes are known, their errors tell the rate, which is kept within the limits.
 _RATES = {1: 1.5, 2: 2.5}
 _LIMITS = {1: (0.7, 2.0), 2: (1.0, 4.0)}
-# Where stresses are singular errors fall to this power alone: 1.4 in theory at a clamped edge of steel; 1.4 and 1.7 seen
-# at the hub of a disc, with order 2. Where a support holds the end of a graded line, the error sits in the element there
-# and falls with its length.
+# Where stresses are singular errors fall to this power alone: 1.4 in theory at a clamped edge of steel; 1.4 and 1.7
+# seen at the hub of a disc, with order 2. Where a support holds the end of a graded line, the error sits in the element
+# there and falls with its length.
 _HELD = 1.4
 _TRIED = 31  # rates between the limits that an observed error is compared with
 _TOLD = 0.3  # of the logarithm of an error, between both limits: two meshes that are more alike do not tell the rate
