@@ -31,7 +31,8 @@ _RUNS = 8  # meshes tried, at most
 # For forecasts alone: the power of the unknowns by which times grow, and the seconds of the bars over those of the
 # right corrections (3.9 where measured, on a disc with two pads), where only the next mesh may need them.
 _GROWTH, _BARS = 1.2, 3.7
-_SLACK = 1.02  # times the unknowns of the mesh before: a mesh with fewer does not count as finer
+# Times the unknowns of the mesh before: a mesh with fewer does not count as finer, unless its elements lie elsewhere.
+_SLACK = 1.02
 
 
 @dataclass(frozen=True)
@@ -165,7 +166,7 @@ def choose(
             aim = _MARGIN * target * min(1.0, first / error if np.isfinite(error) else 1.0)
             before, spent = candidate, trial.seconds + bars_take
             candidate = next_candidate(candidate, refined.coarse, split, aim)
-            if candidate.unknowns < _SLACK * before.unknowns:
+            if candidate.unknowns < _SLACK * before.unknowns and not _moved(before, candidate):
                 candidate = finer_candidate(before)
             ratio = candidate.unknowns / before.unknowns
             unknowns = int(ratio * trial.unknowns)
@@ -185,6 +186,12 @@ def choose(
         if nearest is None:
             raise
         raise KeyboardInterrupt(_picked(nearest, trials, bars=False)) from stop
+
+
+def _moved(before: Candidate, then: Candidate) -> bool:
+    """Return whether elements of a parametric mesh lie elsewhere than before: graded, or aligned with an edge."""
+    own, other = before.scene.mesh.geometry, then.scene.mesh.geometry
+    return own is not None and other is not None and own.placing != other.placing
 
 
 def _first_order_error(split: Split, assembly: Assembly) -> float:
