@@ -119,6 +119,16 @@ def test_an_error_at_the_hub_grades_the_disc_towards_it(held):
     assert f"disc_grading = {finer.disc_grading:g}" in told(finer, BRAKE)
 
 
+@pytest.mark.parametrize("rate", [1.0, 2.5, 4.0])
+def test_singular_parts_fall_slowly(rate):
+    """As the element's length to the power 1.4, unless the line is known to err with a lower one still."""
+    smooth = errors_of(([0.06], [0.0], [0.0]), rate)
+    singular = replace(smooth, singular=np.ones(3, bool))
+    twice = BLOCK.with_counts({**counts(BLOCK), "elements_x": 16})
+    fallen = [e.at(twice.lines)[0] / e.at(BLOCK.lines)[0] for e in (smooth, singular)]
+    assert fallen == pytest.approx([0.5**rate, 0.5 ** min(rate, 1.4)])
+
+
 def split_of(parts):
     parts = np.asarray(parts, float)[:, :, None]
     return Split(tuple(f"q{i}" for i in range(len(parts))), ("onsets",) * len(parts), np.ones(len(parts)), parts)

@@ -53,3 +53,13 @@ def test_complex_vectors_are_lifted_in_real_parts(n, shape):
             assert lifted.shape == (n, *shape[1:]) and lifted.dtype == columns.dtype
             np.testing.assert_allclose(lifted, V @ columns, rtol=1e-12, atol=1e-13)
             assert columns.imag.any() or not lifted.imag.any()
+
+
+@pytest.mark.parametrize("n", [40, blocks._TALL + 7])
+@pytest.mark.usefixtures("threads")
+def test_complex_columns_beside_real_ones(n):
+    rng = np.random.default_rng(4)
+    X, Y = rng.standard_normal((n, 5)), rng.standard_normal((n, 3)) + 1j * rng.standard_normal((n, 3))
+    for A, B in ((X, Y), (X, np.asfortranarray(Y)), (X, Y[:, ::2]), (Y, X), (Y, Y)):
+        np.testing.assert_allclose(cross(A, B), A.T @ B, rtol=1e-11, atol=1e-11)
+    assert cross(X, Y[:, :0]).shape == (5, 0)

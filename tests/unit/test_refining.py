@@ -94,3 +94,13 @@ def test_circles_stay_as_round_as_they_were():
     rim = np.unique(fine.mesh.dofs.get_facet_dofs(fine.mesh.boundaries["rim"]).flatten())
     radius = np.linalg.norm(fine.mesh.doflocs[:2, rim], axis=0)
     assert np.abs(radius / 2 - 1).max() < (np.pi / 12) ** 4 / 8  # a parabola through three points of a circle
+
+
+@pytest.mark.parametrize("kind", some(KINDS, lambda kind: kind == "hex2"))
+def test_neighbours_have_near_numbers(kind):
+    """Numbers of the corners rise as the elements are met: none is new and yet smaller than one before."""
+    fine = refine(from_skfem(box(kind, (5, 4, 3), (2.0, 1.5, 1.0)))).mesh
+    corners = fine.t.T
+    highest = np.maximum.accumulate(corners.max(axis=1))
+    new = np.r_[corners[0].max(), np.diff(highest)]
+    assert highest[-1] == corners.max() and (np.abs(new[1:]) <= 27).all()  # a parent and its children bring few at once
