@@ -251,11 +251,10 @@ class ReducedBasis(Projection):
         Parameters
         ----------
         lifted : bool
-            Whether the vectors VW are wanted. Without them modes and their errors are found all the same. They are
-            there in any case where motions that nothing holds, or hardly anything, have to be looked for in them.
+            Whether the vectors VW are wanted. Modes and their errors need them only to look for motions that nothing
+            holds, or hardly anything.
         """
         smaller = self._turned(lambda A: W.T @ A @ W, lambda B: B @ W)
-        lifted = lifted or self.has_slow or bool(self.problem.free_motions().motions.shape[1])
         smaller.V = combine(self.V, W) if lifted else np.zeros((0, W.shape[1]))
         smaller._store = smaller.V.T
         return smaller

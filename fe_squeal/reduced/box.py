@@ -57,7 +57,6 @@ class BoxModel(ReducedModel):
     """
 
     enough = 0.3  # errors at other places are larger than at those of the making
-    _keeps = False  # there are far more places than values of a sweep, whose modes would fill the memory
 
     def __init__(
         self, problem: Problem, parameters: Sequence[str], low: np.ndarray, high: np.ndarray,

@@ -28,9 +28,9 @@ from ..problem.forms import collect_powers
 from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from .basis import ReducedBasis
-from .corrections import ROUNDS, Corrections
 from .estimate import GUARDED, Estimate, estimated, method_of, neighbours
 from .missing import SEARCH_SOLVES, holds_all, missing_modes
+from .mode_corrections import ROUNDS, ModeCorrections
 from .shapes import corrected_shapes
 from .undamped import factorize_undamped
 from .vectors import unit_columns
@@ -62,7 +62,9 @@ class ReducedModel:
     """
 
     enough = 1.0
-    _keeps = True  # modes that meet the tolerance stay what they are when the basis grows
+    # Whether modes that meet the tolerance stay what they are when the basis grows. Not before missing modes were looked
+    # for: what the basis gets until then may be a mode that they lack.
+    _keeps = False
 
     def __init__(
         self, problem: Problem, parameter: str, values: Sequence[float] | np.ndarray, request: Request,
@@ -129,7 +131,7 @@ class ReducedModel:
         count = min(int(_GUARD * count) + 4, base.n)
         require_vectors(base.n, _LANCZOS * count, 8)
         theta, vectors = lowest_modes(definite, base.M, self._sigma, count, _ROUGH)
-        self._corrections = Corrections(problem, self._sigma, request.tolerance, start, self.linear_solver)
+        self._corrections = ModeCorrections(problem, self._sigma, request.tolerance, start, self.linear_solver)
         self._corrections.factorizations = factorizations + 1
         self.highest = float(np.sqrt(theta.max(initial=0.0)))
         self.basis = ReducedBasis(collected, parameter, metric, self._sigma, definite.half_solve, self.linear_solver)
@@ -174,7 +176,7 @@ class ReducedModel:
         model._met = {place: size for place, size in numbers["met"]}
         model._values = np.asarray(values, float)
         model._sigma, model.highest, model._without = numbers["sigma"], numbers["highest"], arrays["without"]
-        made = Corrections(problem, model._sigma, request.tolerance, model._start, model.linear_solver)
+        made = ModeCorrections(problem, model._sigma, request.tolerance, model._start, model.linear_solver)
         made.factorizations, made.solves = numbers["factorizations"], numbers["solves"]
         model._corrections = made
         collected = collect_powers(problem, parameter).at({parameter: numbers["start"]})
@@ -303,7 +305,7 @@ class ReducedModel:
     def _off(self, value: Place) -> float:
         """Return how far the worst mode at a value is from meeting the tolerance: 1 where it just does.
 
-        Modes that meet it stay what they are when the basis grows: more vectors would change them by less than that.
+        Modes that meet it may stay what they are when the basis grows, which would change them by less than that.
         """
         off = float(self._estimated(value)[1].max(initial=0.0))
         if self._keeps and off <= 1:
@@ -351,7 +353,7 @@ class ReducedModel:
                 if self._add_missing([candidates[0], candidates[-1]], definite):
                     self._met.clear()
                     found = dict.fromkeys(found, np.inf)
-                searched = self.basis.V
+                searched, self._keeps = self.basis.V, True
         raise self._misses(worst, found[worst])
 
     def _supplement(self, values: np.ndarray) -> None:
@@ -414,7 +416,7 @@ class ReducedModel:
         return self._corrections.factorize(self.basis, value, self.highest)
 
     def correct(self, basis: ReducedBasis, value: Place, modes: Modes, factor: Factor, real: bool) -> None:
-        """Add the corrections of some modes at a value to a basis, see `Corrections.correct`."""
+        """Add the corrections of some modes at a value to a basis, see `ModeCorrections.correct`."""
         self._corrections.correct(basis, value, modes, factor, real)
 
     def _add_missing(self, values: Sequence[Place], definite: DefiniteFactor) -> bool:

@@ -1,110 +1,79 @@
-"""What corrections add to a basis, and what is kept of it: against projections made directly."""
+"""Solves on the refined mesh that are shared: conjugate gradients against LU, and each correction made once."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-import scipy.linalg as la
-from chains import CLASSES, MODES, chain
-from selection import some
+from scipy.sparse.linalg import splu
 
-from fe_squeal.eigen.request import Request
-from fe_squeal.reduced import ReducedModel
+from fe_squeal import sweep
+from fe_squeal.accuracy.corrections import right_corrections, solved
+from fe_squeal.accuracy.estimate import changes_by
+from fe_squeal.accuracy.quantities import split_changes
+from fe_squeal.accuracy.refined import refine_problem
+from meshes import box, make_problem
 
-VALUES = np.linspace(0.0, 0.9, 7)
+BELT = {"direction": [1, 0, 0], "speed": 1.0}
 
 
 @pytest.fixture(scope="module")
-def model():
-    return ReducedModel(chain("damper", "slip damping"), "mu", VALUES, Request(count=MODES))
+def case():
+    problem = make_problem(
+        box("hex1", (3, 2, 2), (0.08, 0.05, 0.03)), order=1,
+        materials={"m": {"youngs_modulus": 2e9, "poisson_ratio": 0.3, "density": 2600.0}},
+        supports=[{"surface": "left", "fixed": "xyz"}],
+        contacts=[{"name": "belt", "surface": "bottom", "counterface": "rigid", "normal_stiffness": 1e11,
+                   "sliding": BELT}], effects={"friction": {"mu": 0.3}},
+    )  # fmt: skip
+    result = sweep(problem, np.linspace(0.0, 1.2, 5), modes=6)
+    refined = refine_problem(result)
+    return result, refined, right_corrections(result, refined)
 
 
-def inside(basis, X):
-    """Coordinates (r, k) of the part of X inside a basis, and the lengths (k,) of the rest, all in the P-norm."""
-    P = sum(c * t.matrix for c, t in zip(basis.metric, basis.problem.terms, strict=True))
-    y = basis.V.T @ (P @ X)
-    rest = X - basis.V @ y
-    return y, np.sqrt(np.einsum("ij,ij->j", rest, P @ rest)), np.sqrt(np.einsum("ij,ij->j", X, P @ X))
+def test_corrections_are_those_by_lu(case):
+    """At both ends and at every onset, within the few per cent of the energy norm that conjugate gradients leave."""
+    result, refined, corrections = case
+    assert {0.0, 1.2, *(o.value for o in result.onsets)} == set(corrections) and result.onsets
+    factors = splu(refined.P.tocsc())
+    for value, own in corrections.items():
+        modes = own.modes
+        pencil = refined.problem.pencil({refined.parameter: value})
+        phi = refined.prolongation @ (refined.model.basis.V @ modes.right)
+        r = pencil.apply(modes.lam, phi)
+        exact = factors.solve(np.ascontiguousarray(r.real)) + 1j * factors.solve(np.ascontiguousarray(r.imag))
+        wrong = own.right - exact
+        energy, left_over = (np.real(np.einsum("ij,ij->j", x.conj(), refined.P @ x)) for x in (exact, wrong))
+        assert (left_over <= 0.05 * energy).all()
+        np.testing.assert_allclose(own.energies, energy, rtol=0.05)
 
 
-def terms_are_projected(basis):
-    for term, A in zip(basis.problem.terms, basis._projected, strict=True):
-        exact = basis.V.T @ (term.matrix @ basis.V)
-        np.testing.assert_allclose(A, exact, atol=1e-12 * max(np.abs(exact).max(), 1.0))
+def test_real_and_imaginary_parts_are_solved_for_apart_and_zeros_not_at_all(case):
+    _, refined, _ = case
+    rng = np.random.default_rng(3)
+    r = rng.standard_normal((refined.P.shape[0], 3)) + 0j
+    r[:, 1] *= 1j
+    r[:, 2] = 0
+    z, energies = solved(refined.solver, r)
+    assert not z[:, 0].imag.any() and not z[:, 1].real.any() and not z[:, 2].any() and energies[2] == 0
+    before = refined.solver.iterations
+    assert not solved(refined.solver, 0 * r)[0].any() and refined.solver.iterations == before
 
 
-def test_coordinates_span_what_was_added(model):
-    """Columns outside the basis, inside it, nearly inside it, and twice the same one."""
-    basis, rng = model.basis.copy(), np.random.default_rng(7)
-    outside = rng.standard_normal((len(basis.V), 3))
-    within = basis.V @ rng.standard_normal((len(basis), 2))
-    nearly = basis.V @ rng.standard_normal((len(basis), 1)) + 1e-3 * rng.standard_normal((len(basis.V), 1))
-    X = np.hstack([outside, within, nearly, outside[:, :1]])
-    before = len(basis)
-    coordinates = basis.extend(X)
-    assert len(basis) == before + 4 and coordinates.shape[0] == len(basis)
-    y, rest, length = inside(basis, X)
-    assert (rest <= 1e-9 * length).all()
-    span = la.orth(coordinates)
-    missed = y - span @ (span.T @ y)
-    assert (np.linalg.norm(missed, axis=0) <= 1e-8 * np.linalg.norm(y, axis=0)).all()
-    terms_are_projected(basis)
+def test_what_is_negligible_ends_the_iteration(case):
+    _, refined, _ = case
+    B = np.random.default_rng(4).standard_normal((refined.P.shape[0], 2))
+    steps = []
+    for negligible in (0.0, np.inf):
+        before = refined.solver.iterations
+        refined.solver.solve(B, negligible)
+        steps.append(refined.solver.iterations - before)
+    assert steps[1] < steps[0]
 
 
-def test_short_parts_are_left_out_of_the_basis_alone(model):
-    """Their parts inside the basis count among what was spanned."""
-    basis, rng = model.basis.copy(), np.random.default_rng(8)
-    own = basis.V @ rng.standard_normal((len(basis), 2))
-    before = len(basis)
-    coordinates = basis.extend(own + 1e-6 * rng.standard_normal(own.shape), threshold=1.0)
-    assert len(basis) == before
-    y = inside(basis, own)[0]
-    span = la.orth(coordinates)
-    assert np.linalg.norm(y - span @ (span.T @ y)) <= 1e-4 * np.linalg.norm(y)
-
-
-def test_a_narrowed_basis_is_that_of_its_vectors(model):
-    """Same modes, errors and projections as of a basis to which the kept directions were added by themselves."""
-    wide, rng = model.basis.copy(), np.random.default_rng(9)
-    count = len(wide)
-    wide.extend(rng.standard_normal((len(wide.V), 6)))
-    U = la.orth(rng.standard_normal((6, 2)))
-    kept = wide.V[:, count:] @ U
-    plain = model.basis.copy()
-    narrow = wide.narrowed(count, U)
-    assert len(narrow) == count + 2
-    np.testing.assert_allclose(narrow.V[:, count:], kept, atol=1e-12)
-    np.testing.assert_array_equal(narrow.V[:, :count], model.basis.V)
-    terms_are_projected(narrow)
-    plain.append(kept)
-    a, b = (x.modes(0.5, model.highest) for x in (narrow, plain))
-    np.testing.assert_allclose(a.lam, b.lam, rtol=1e-9)
-    for x, y in zip(narrow.errors(0.5, a, model.highest), plain.errors(0.5, b, model.highest), strict=True):
-        np.testing.assert_allclose(x, y, rtol=1e-4, atol=1e-12)
-
-
-def test_modes_without_lifted_vectors(model):
-    W = la.orth(np.random.default_rng(10).standard_normal((len(model.basis), len(model.basis) - 3)))
-    lifted, bare = (model.basis.restricted(W, whether) for whether in (True, False))
-    assert lifted.V.shape == (len(model.basis.V), W.shape[1]) and bare.V.shape == (0, W.shape[1])
-    a, b = (x.modes(0.5, model.highest) for x in (lifted, bare))
-    np.testing.assert_array_equal(a.lam, b.lam)
-    for x, y in zip(lifted.errors(0.5, a, model.highest), bare.errors(0.5, b, model.highest), strict=True):
-        np.testing.assert_array_equal(x, y)
-
-
-@pytest.mark.parametrize("kind", some(["quadratic", "gyroscopic", "complex with C"], lambda kind: kind == "quadratic"))
-def test_factors_serve_more_than_one_value(kind, monkeypatch):
-    """Fewer matrices are factorised than values whose modes are added, and every estimate meets the tolerance."""
-    own = []  # values whose modes are not corrected with the factors of P
-    add = ReducedModel._add_modes
-
-    def noted(self, value, definite):
-        own.extend([value] if definite is None else [])
-        add(self, value, definite)
-
-    monkeypatch.setattr(ReducedModel, "_add_modes", noted)
-    model = ReducedModel(chain(*CLASSES[kind]), "mu", np.linspace(0.0, 0.9, 31), Request(count=MODES))
-    assert len(own) > 1 and model.worst <= 1e-8
-    assert model.factorizations < 1 + len(own)  # one is P
-    assert model._corrections._last is None  # factors are not kept when the model is made
+def test_shared_corrections_change_nothing(case):
+    result, refined, corrections = case
+    np.testing.assert_allclose(
+        split_changes(result, refined, corrections).changes, split_changes(result, refined).changes, rtol=1e-10
+    )
+    shared, own = changes_by(result, refined, "auto", corrections), changes_by(result, refined)
+    np.testing.assert_allclose(shared.onsets, own.onsets, rtol=1e-8)

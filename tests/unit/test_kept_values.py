@@ -45,3 +45,18 @@ def test_a_stored_model_gives_the_kept_modes_again():
     for p, before in kept.items():
         np.testing.assert_allclose(again.modes(p).lam, before.lam, rtol=1e-12)
         assert again.modes(p).right.shape[0] == len(model.basis)
+
+
+@pytest.mark.parametrize("kind", some(CLASSES, lambda kind: kind == "quadratic"))
+def test_no_modes_are_kept_before_missing_ones_were_looked_for(kind, monkeypatch):
+    """The basis may get a mode that they lack from other values; then the search finds that nothing is missing."""
+    kept = []
+    search = ReducedModel._add_missing
+
+    def noted(self, values, definite):
+        kept.append(len(self._met))
+        return search(self, values, definite)
+
+    monkeypatch.setattr(ReducedModel, "_add_missing", noted)
+    model = model_of(kind)
+    assert kept[0] == 0 and set(model._met) == set(VALUES.tolist())

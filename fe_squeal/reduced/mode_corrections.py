@@ -29,7 +29,7 @@ _BORROWED = 0.03  # of an error: what factors of another value have to make of i
 _CLOSE = 1e3  # times the tolerance: larger errors are not left to factors of another value
 
 
-class Corrections:
+class ModeCorrections:
     """Corrects modes on a basis, with factors of Q(iω) at one value after another.
 
     Attributes
