@@ -62,8 +62,8 @@ class ReducedModel:
     """
 
     enough = 1.0
-    # Whether modes that meet the tolerance stay what they are when the basis grows. Not before missing modes were looked
-    # for: what the basis gets until then may be a mode that they lack.
+    # Whether modes that meet the tolerance stay what they are when the basis grows. Not before missing modes were
+    # looked for: what the basis gets until then may be a mode that they lack.
     _keeps = False
 
     def __init__(
