@@ -28,7 +28,11 @@ def stopped_by_signals() -> Iterator[None]:
 
 @contextmanager
 def signals_deferred() -> Iterator[None]:
-    """Let these signals wait until the block has ended, so that what it starts is whole before it is ended again."""
+    """Let these signals wait until the block has ended; as a decorator, until the function has.
+
+    What a block starts is whole before it is ended again. And Matplotlib calls Python from compiled code to measure
+    text: an interruption that is raised there comes out of Matplotlib as another exception, such as a TypeError.
+    """
     came: list[int] = []
     before = {}
     for name in _ENDS:

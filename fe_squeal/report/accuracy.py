@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .advice import QUANTITIES, advice, fitted, lines_of, pareto
-from .files import replace_atomically
+from .files import save_figure
 
 _FLOOR = 1e-12  # smaller errors are left out of the chart
 _TITLES = {"error_frequency": "frequency", "error_growth": "growth rate", "error_onset": "critical value"}
@@ -55,8 +55,7 @@ def plot_accuracy(frame: pd.DataFrame, own: Mapping[str, float], path: Path, tit
         handles, labels = figure.axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     figure.suptitle(title or "error against time", fontsize=11)
-    with replace_atomically(path) as temporary:
-        figure.savefig(temporary, dpi=130)
+    save_figure(figure, path, dpi=130)
 
 
 def accuracy_page(

@@ -8,6 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from fe_squeal.process.signals import signals_deferred
 from fe_squeal.report.branches import figure_text, frequency_text, numbers, parameter_name, parameter_symbol, value_text
 from fe_squeal.report.labels import place_labels
 from fe_squeal.report.notebook import NotebookFigure
@@ -15,6 +16,7 @@ from fe_squeal.report.notebook import NotebookFigure
 _LABELLED = 12  # unstable modes with a label, at most
 
 
+@signals_deferred()  # it is laid out here, by which text is measured
 def damping_figure(modes: pd.DataFrame, value: float | None = None, title: str = "") -> Figure:
     """Return a figure of the damping ratios in per cent, negative where a mode is unstable.
 

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
+from fe_squeal.process.signals import signals_deferred
 from fe_squeal.report.axes import branch_styles, frequency_unit, growth_limits, parameter_label, set_parameter_axis
 from fe_squeal.report.branches import (
     Branch,
@@ -74,6 +75,7 @@ def plot_stability(
     return save_figure(stability_figure(modes, onsets, title, covered_hz, measured), path)
 
 
+@signals_deferred()  # it is laid out here, by which text is measured
 def stability_figure(
     modes: pd.DataFrame, onsets: pd.DataFrame, title: str = "", covered_hz: float | None = None,
     measured: Sequence[tuple[float, str]] = (),

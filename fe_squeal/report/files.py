@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from fe_squeal.errors import OutputError, one_line
+from fe_squeal.process.signals import signals_deferred
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -170,13 +171,15 @@ def _plain(data: Any) -> Any:
     raise TypeError(f"cannot be written as JSON: {type(data).__name__} {data!r}")
 
 
-def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
-    """Write a figure by `replace_atomically` and return its path; the suffix chooses the format."""
+def save_figure(figure: Figure, path: str | os.PathLike[str], dpi: float | None = None) -> Path:
+    """Write a figure by `replace_atomically`, signals deferred; return its path, whose suffix chooses the format."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     path = Path(path)
-    with replace_atomically(path) as temporary:
-        if path.suffix == ".png" and isinstance(figure.canvas, FigureCanvasAgg):
+    with signals_deferred(), replace_atomically(path) as temporary:
+        if dpi is not None:
+            figure.savefig(temporary, dpi=dpi)
+        elif path.suffix == ".png" and isinstance(figure.canvas, FigureCanvasAgg):
             figure.canvas.print_png(temporary)  # the same picture; savefig would draw everything twice to lay it out
         else:
             figure.savefig(temporary)

@@ -13,6 +13,8 @@ import pandas as pd
 import psutil
 import pytest
 from interrupted import assert_same_results, sweep_text, write_sweep
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 from scene_texts import environment, replaced, write_scene
 from test_safety import matrix_scene
 
@@ -20,6 +22,7 @@ import fe_squeal.run.run
 from fe_squeal.cli import main
 from fe_squeal.process.signals import signals_deferred, stopped_by_signals
 from fe_squeal.process.streams import lasting_streams
+from fe_squeal.report.files import save_figure
 from fe_squeal.sweep.running import RunningSweep
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="devices and signals of POSIX")
@@ -86,6 +89,25 @@ def test_a_loss_is_told_and_a_reader_that_went_is_none(
         patched.setattr(sys, "stdout", stream)
         assert main(["info"]) == 0
     assert capsys.readouterr().err == ""
+
+
+@POSIX
+def test_a_signal_waits_for_a_figure(tmp_path: Path) -> None:
+    """Compiled code that measures text would turn the interruption into another exception; and the figure is whole."""
+
+    class Title(Text):
+        def draw(self, renderer: object) -> None:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(0.01)
+            super().draw(renderer)
+
+    figure = Figure()
+    figure.add_artist(Title(0.5, 0.5, "Ctrl-C"))
+    for dpi in (None, 50):
+        path = tmp_path / f"{dpi}.png"
+        with stopped_by_signals(), pytest.raises(KeyboardInterrupt):
+            save_figure(figure, path, dpi=dpi)
+        assert path.read_bytes().startswith(b"\x89PNG")
 
 
 @POSIX

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fe_squeal.process.signals import signals_deferred
 from fe_squeal.report.branches import distinct_texts, frequency_text, numbers, parameter_symbol
 from fe_squeal.report.looks import body_text, diameters_text, plane_text, way_text
 from fe_squeal.report.mesh_error import mesh_error_figure
@@ -170,7 +171,8 @@ def mesh_error_section(results: Results) -> str:
         " there first; fe-squeal run --accuracy 0.02 does so by itself. mesh_error.vtu has the parts by element."
     )
     data = io.BytesIO()
-    mesh_error_figure(parts).savefig(data, format="png", dpi=110)
+    with signals_deferred():
+        mesh_error_figure(parts).savefig(data, format="png", dpi=110)
     bars = image(data.getvalue(), "Bars: parts of the error of the mesh by body and direction")
     drawn = image(results.mesh_picture, "The bodies, elements coloured by their parts of the error")
     return paragraph(words) + bars + (drawn if results.mesh_picture else "")
