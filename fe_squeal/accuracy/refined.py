@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..assembly.assembly import Assembly
-from ..eigen.linear.choice import factorize_definite
+from ..eigen.linear.choice import factorize_definite_roughly
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import require_memory
 from ..eigen.request import Request
@@ -127,7 +127,8 @@ def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") ->
     gc.collect()  # an assembly and its problems refer to each other; the terms, summed now, are as large as their sums
     metric = [own.get(t.name, 0.0) for t in collected.terms]
     P = weighted(collected, metric)
-    solver = TwoLevelSolver(P, E, factorize_definite(weighted(basis.problem, basis.metric), model.linear_solver).solve)
+    coarse = factorize_definite_roughly(weighted(basis.problem, basis.metric), model.linear_solver)
+    solver = TwoLevelSolver(P, E, coarse.solve)
     highest = max(float(p.modes.lam.imag.max(initial=0.0)) for p in result.points)
     return Refined(assembly, space, collected, model, axis, at, highest, E, metric, P, solver)
 

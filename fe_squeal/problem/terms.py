@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 Slot = Literal["M", "C", "K"]
+_SHORT = 2**31  # rows, columns or entries of a matrix whose indices take four bytes each, instead of eight
 POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}  # the power of λ that multiplies the matrix of a slot in Q(λ)
 
 
@@ -47,6 +48,13 @@ class Term:
     skew: bool = False
     imaginary: bool = False
     penalty: bool = False
+
+    def __post_init__(self) -> None:
+        # SciPy's products of small matrices come with long indices, and sums with the large ones would take them over.
+        A = self.matrix
+        if sp.issparse(A) and A.format == "csr" and A.indices.dtype == np.int64 and max(*A.shape, A.nnz) < _SHORT:
+            short = (A.data, A.indices.astype(np.int32), A.indptr.astype(np.int32))
+            object.__setattr__(self, "matrix", sp.csr_array(short, shape=A.shape))
 
     @cached_property
     def full(self) -> np.ndarray:

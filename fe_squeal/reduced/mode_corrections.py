@@ -10,7 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from ..eigen.blocks import lift
-from ..eigen.linear.choice import factorize
+from ..eigen.linear.choice import factorize_roughly
 from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
 from ..eigen.pencil import Modes
 from ..eigen.request import is_needed
@@ -64,7 +64,7 @@ class ModeCorrections:
         if pencil.C is not None:
             shifted = shifted + 1j * np.sqrt(square) * pencil.C
         self.factorizations += 1
-        return factorize(sp.csr_array(shifted), pencil.symmetric and pencil.C is None, self._linear_solver)
+        return factorize_roughly(sp.csr_array(shifted), pencil.symmetric and pencil.C is None, self._linear_solver)
 
     def release(self) -> None:
         """Forget the factors of the last value, which take the most memory."""

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.linalg as la
+import scipy.sparse as sp
 from chains import CLASSES, MODES, chain
 from selection import some
 
 from fe_squeal.eigen.request import Request
+from fe_squeal.problem.terms import Term
 from fe_squeal.reduced import ReducedModel
 
 VALUES = np.linspace(0.0, 0.9, 7)
@@ -108,3 +110,12 @@ def test_factors_serve_more_than_one_value(kind, monkeypatch):
     assert len(own) > 1 and model.worst <= 1e-8
     assert model.factorizations < 1 + len(own)  # one is P
     assert model._corrections._last is None  # factors are not kept when the model is made
+
+
+def test_indices_of_terms_are_short():
+    """SciPy's products have long indices, which a sum with a large matrix would take over."""
+    A = sp.csr_array(np.eye(3))
+    A.indices, A.indptr = A.indices.astype(np.int64), A.indptr.astype(np.int64)
+    term = Term("spring", "K", A, True)
+    assert term.matrix.indices.dtype == term.matrix.indptr.dtype == np.int32
+    assert np.shares_memory(term.matrix.data, A.data) and (term.matrix != A).nnz == 0

@@ -64,7 +64,7 @@ def test_sweeps_call_every_member_of_the_protocol_and_no_other():
         sweep(chain(n=N), VALUES, modes=MODES, method=method, linear_solver=watched)
     sweep(chain("loss", n=N), VALUES[:2], modes=MODES, method="direct", linear_solver=watched)
     predict_memory(chain(n=N), "mu", 7, MODES, "direct", watched)
-    assert seen == protocol
+    assert seen - {"LinearSolver.rough"} == protocol  # a solver may have that, and need not
     page = (Path(__file__).parents[2] / "docs/architecture.md").read_text(encoding="utf-8")
     named = page.partition("## Factors on a device")[2].partition("## ")[0]
     assert all(f"`{name.partition('.')[2]}(" in named or f"`{name.partition('.')[2]}:" in named for name in protocol)

@@ -6,6 +6,7 @@ of `LinearSolver`. Another solver is a file beside `superlu.py`, an entry in `_a
 
 from __future__ import annotations
 
+import contextlib
 from typing import Literal
 
 import scipy.sparse as sp
@@ -17,6 +18,7 @@ from .dense import DenseFactor
 from .factor import DefiniteFactor, Factor, LinearSolver, Solve
 from .mumps import MUMPS, PLAIN, Mumps, MumpsOptions, has_mumps
 from .pardiso import PARDISO, has_pardiso
+from .refinement import contraction
 from .superlu import SUPERLU
 
 SolverName = Literal["auto", "pardiso", "superlu", "mumps"]
@@ -25,6 +27,8 @@ _MISSING = {
     "mumps": "MUMPS cannot be loaded on this machine (petsc4py with MUMPS and real numbers; see docs/cluster.md)",
 }
 _LARGE = 3000  # unknowns from which on freed memory is given back before a factorisation, which takes far longer
+_ROUGH = 0.05  # of a residual: what a correction with rough factors may leave
+_CHECKED = 2  # corrections by which that is seen
 _FULL = 1000  # unknowns up to which a full matrix goes to LAPACK
 
 
@@ -106,6 +110,44 @@ def factorize_definite(A: sp.csr_array, linear_solver: LinearSolver | str = "aut
         raise NotConvergedError("the matrix is not positive definite: its diagonal is not")
     _make_room(A)
     return choose(linear_solver).factorize_definite(A)
+
+
+def factorize_roughly(A: sp.csr_array, symmetric: bool, linear_solver: LinearSolver | str = "auto") -> Factor:
+    """Factorise as `factorize`, for corrections alone: solves whose residuals are computed and solved for again.
+
+    Factors of the solver's `rough`, such as those in single precision, take half the memory. Where one correction by
+    them leaves more than `_ROUGH` of a residual, the others are computed instead.
+    """
+    rough = _rough(linear_solver)
+    if rough is not None:
+        with contextlib.suppress(NotConvergedError):
+            factor = factorize(A, symmetric, rough)
+            if contraction(A, factor.solve, _CHECKED) <= _ROUGH:
+                return factor
+            del factor  # before others take memory
+    return factorize(A, symmetric, linear_solver)
+
+
+def factorize_definite_roughly(A: sp.csr_array, linear_solver: LinearSolver | str = "auto") -> DefiniteFactor:
+    """Factorise as `factorize_definite`, for what `factorize_roughly` is for.
+
+    Raises
+    ------
+    NotConvergedError
+        If the matrix is not positive definite.
+    """
+    rough = _rough(linear_solver)
+    if rough is not None:
+        with contextlib.suppress(NotConvergedError):  # a pivot may be negative in single precision alone
+            factor = factorize_definite(A, rough)
+            if contraction(A, factor.solve, _CHECKED) <= _ROUGH:
+                return factor
+            del factor
+    return factorize_definite(A, linear_solver)
+
+
+def _rough(linear_solver: LinearSolver | str) -> LinearSolver | None:
+    return getattr(choose(linear_solver), "rough", None)
 
 
 def _make_room(A: sp.csr_array) -> None:

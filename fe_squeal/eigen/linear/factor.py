@@ -48,7 +48,11 @@ class DefiniteFactor(Protocol):
 
 
 class LinearSolver(Protocol):
-    """A sparse direct solver."""
+    """A sparse direct solver.
+
+    It may have an attribute `rough`: a solver whose factors are smaller and less exact, such as those in single
+    precision, for solves that are corrected anyway.
+    """
 
     @property
     def name(self) -> str:

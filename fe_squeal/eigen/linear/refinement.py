@@ -13,7 +13,7 @@ _GAIN = 0.5  # times the last residual: if a step leaves more than this, only ro
 _TINY = np.finfo(float).tiny
 
 
-def contraction(A: sp.csr_array, solve: Solve) -> float:
+def contraction(A: sp.csr_array, solve: Solve, steps: int = _STEPS) -> float:
     """Return about the spectral radius ρ of 1 − AB⁻¹, where B⁻¹ is what `solve` applies, for a matrix A (n, n).
 
     A step x + B⁻¹(b − Ax) leaves ρ of an error. If ρ < 1 then B + t(A − B) is singular for no t from 0 to 1, so that A
@@ -21,7 +21,7 @@ def contraction(A: sp.csr_array, solve: Solve) -> float:
     """
     unit, largest = _units(A), 0.0
     rest = np.random.default_rng(_SEED).standard_normal((A.shape[0], _COLUMNS)) / unit[:, None]
-    for _ in range(_STEPS):
+    for _ in range(steps):
         rest = rest / np.maximum(_sizes(rest, unit), _TINY)
         rest = rest - A @ solve(rest)
         largest = max(largest, float(_sizes(rest, unit).max()))
