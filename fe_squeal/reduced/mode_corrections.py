@@ -60,11 +60,12 @@ class ModeCorrections:
         """Factorise Q(iω) at a value, with ω in the middle of the band up to `highest`, rad/s."""
         pencil = basis.problem.pencil(values_at(basis.parameter, value))
         square = _MIDDLE * highest**2
-        shifted = pencil.K - square * pencil.M
+        shifted, symmetric = pencil.K - square * pencil.M, pencil.symmetric and pencil.C is None
         if pencil.C is not None:
             shifted = shifted + 1j * np.sqrt(square) * pencil.C
+        del pencil  # before the factors take memory
         self.factorizations += 1
-        return factorize_roughly(sp.csr_array(shifted), pencil.symmetric and pencil.C is None, self._linear_solver)
+        return factorize_roughly(sp.csr_array(shifted), symmetric, self._linear_solver)
 
     def release(self) -> None:
         """Forget the factors of the last value, which take the most memory."""

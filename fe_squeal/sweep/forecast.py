@@ -41,7 +41,7 @@ _VERSIONS = 3  # sums of terms at other values that an assembly keeps where a pa
 # Copies of the matrices, in those of a real K: a matrix with the indices of a solver beside it; and the sizes of all
 # entries: what is kept of them in direct sweeps; in reduced ones the number was fitted to the table of
 # docs/performance.md.
-_HANDED, _SIZES, _SIZES_REDUCED = 1.25, 2 / 3, 2.0
+_HANDED, _SIZES, _SIZES_REDUCED = 1.25, 2 / 3, 1.2
 
 
 def is_reduced(problem: Problem, parameter: str, values: int, method: str) -> bool:
@@ -171,7 +171,7 @@ def count_memory(
     # Sums of terms, at a value and of what does not move; what is factorised, and that again in the solver's hands.
     matrices = 2 * whole + (1 + _HANDED) * A.nnz * _per_entry(A) + (real if reduced else 0)
     matrices += 0 if problem.is_affine(parameter) else _VERSIONS * real
-    factors = _factors(A, pencil.symmetric and pencil.C is None, linear_solver, definite=False)
+    factors = _factors(A, pencil.symmetric and pencil.C is None, linear_solver, roughly=reduced)
     del pencil, A, stored
     loaded = _loaded()  # after the analysis
     fixed = {
@@ -199,9 +199,9 @@ def factorised_matrix(pencil: Pencil) -> sp.csr_array:
     return sp.csr_array(A if pencil.C is None else A + 1j * np.sqrt(-sigma) * pencil.C)
 
 
-def _factors(A: sp.csr_array, symmetric: bool, linear_solver: LinearSolver | str, *, definite: bool) -> int:
+def _factors(A: sp.csr_array, symmetric: bool, linear_solver: LinearSolver | str, *, roughly: bool) -> int:
     try:
-        return factor_memory(A, symmetric, definite, linear_solver)
+        return factor_memory(A, symmetric, False, linear_solver, roughly)
     except NotConvergedError:  # the analysis fails, and so will the solve, which reports why
         return 0
     except MemoryError:  # the analysis itself did not fit

@@ -157,10 +157,12 @@ def _make_room(A: sp.csr_array) -> None:
 
 
 def factor_memory(
-    A: sp.csr_array, symmetric: bool, definite: bool = False, linear_solver: LinearSolver | str = "auto"
-) -> int:
-    """Return the bytes that the factors of a matrix will take, without computing them."""
-    return choose(linear_solver).memory(A, symmetric, definite)
+    A: sp.csr_array, symmetric: bool, definite: bool = False, linear_solver: LinearSolver | str = "auto",
+    roughly: bool = False,
+) -> int:  # fmt: skip
+    """Return the bytes that the factors of a matrix will take, maybe rough ones, without computing them."""
+    solver = (_rough(linear_solver) if roughly else None) or choose(linear_solver)
+    return solver.memory(A, symmetric, definite)
 
 
 def solver_name(linear_solver: LinearSolver | str = "auto") -> str:
