@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sp
 
-from ..eigen.linear.choice import factorize_definite_roughly
+from ..eigen.linear.choice import factorize_definite
 from ..eigen.linear.factor import DefiniteFactor, LinearSolver
 from ..eigen.pencil import Pencil
 from ..eigen.shift import shift_below
@@ -79,7 +79,7 @@ def factorize_undamped(
         ]
         try:
             P = sp.csr_array(pencil.K - sigma * M)
-            return pencil, sigma, metric, factorize_definite_roughly(P, linear_solver)
+            return pencil, sigma, metric, factorize_definite(P, linear_solver)
         except NotConvergedError as error:
             failure = error
     raise NotConvergedError(f"the problem without damping and friction is not positive semidefinite: {failure}")
