@@ -72,6 +72,7 @@ def test_onsets_and_branches_are_those_of_direct_solves():
     reduced, direct = (sweep(problem, VALUES, modes=MODES, method=m) for m in ("reduced", "direct"))
     assert len(reduced.onsets) == len(direct.onsets) > 0
     for a, b in zip(reduced.onsets, direct.onsets, strict=True):
+        assert a.value == pytest.approx(b.value, rel=1e-9)
         assert abs(a.value - b.value) <= a.uncertainty + b.uncertainty
         assert max(a.uncertainty / 100, b.uncertainty) <= 1e-9
         assert a.crossing_speed == pytest.approx(b.crossing_speed, rel=1e-6)
@@ -186,6 +187,7 @@ def test_onsets_of_the_small_model_tell_how_far_they_are_off():
     found = sweep(problem, VALUES, modes=MODES, method="reduced").onsets
     assert len(found) == len(exact) > 0
     for a, b in zip(found, exact, strict=True):
+        assert a.value == pytest.approx(b.value, rel=1e-9)
         assert abs(a.value - b.value) <= a.uncertainty + b.uncertainty
         assert a.uncertainty <= 1e-7 * a.value
 

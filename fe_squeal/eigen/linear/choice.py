@@ -7,7 +7,8 @@ of `LinearSolver`. Another solver is a file beside `superlu.py`, an entry in `_a
 from __future__ import annotations
 
 import contextlib
-from typing import Literal
+from collections.abc import Callable
+from typing import Literal, TypeVar
 
 import scipy.sparse as sp
 
@@ -21,6 +22,7 @@ from .pardiso import PARDISO, has_pardiso
 from .refinement import contraction
 from .superlu import SUPERLU
 
+_Solving = TypeVar("_Solving", Factor, DefiniteFactor)
 SolverName = Literal["auto", "pardiso", "superlu", "mumps"]
 _MISSING = {
     "pardiso": "MKL's PARDISO cannot be loaded on this machine (package pypardiso)",
@@ -115,17 +117,10 @@ def factorize_definite(A: sp.csr_array, linear_solver: LinearSolver | str = "aut
 def factorize_roughly(A: sp.csr_array, symmetric: bool, linear_solver: LinearSolver | str = "auto") -> Factor:
     """Factorise as `factorize`, for corrections alone: solves whose residuals are computed and solved for again.
 
-    Factors of the solver's `rough`, such as those in single precision, take half the memory. Where one correction by
-    them leaves more than `_ROUGH` of a residual, the others are computed instead.
+    Factors of the solver's `rough`, such as those in single precision, are smaller. Where one correction by them leaves
+    more than `_ROUGH` of a residual, the others are computed instead.
     """
-    rough = _rough(linear_solver)
-    if rough is not None:
-        with contextlib.suppress(NotConvergedError):
-            factor = factorize(A, symmetric, rough)
-            if contraction(A, factor.solve, _CHECKED) <= _ROUGH:
-                return factor
-            del factor  # before others take memory
-    return factorize(A, symmetric, linear_solver)
+    return _good_enough(A, lambda solver: factorize(A, symmetric, solver), linear_solver)
 
 
 def factorize_definite_roughly(A: sp.csr_array, linear_solver: LinearSolver | str = "auto") -> DefiniteFactor:
@@ -136,14 +131,21 @@ def factorize_definite_roughly(A: sp.csr_array, linear_solver: LinearSolver | st
     NotConvergedError
         If the matrix is not positive definite.
     """
+    return _good_enough(A, lambda solver: factorize_definite(A, solver), linear_solver)
+
+
+def _good_enough(
+    A: sp.csr_array, make: Callable[[LinearSolver | str], _Solving], linear_solver: LinearSolver | str
+) -> _Solving:
+    """Return factors by the rough solver if these are good enough for corrections, else those by the solver itself."""
     rough = _rough(linear_solver)
     if rough is not None:
-        with contextlib.suppress(NotConvergedError):  # a pivot may be negative in single precision alone
-            factor = factorize_definite(A, rough)
+        with contextlib.suppress(NotConvergedError):  # single precision may take a pivot for zero or negative
+            factor = make(rough)
             if contraction(A, factor.solve, _CHECKED) <= _ROUGH:
                 return factor
-            del factor
-    return factorize_definite(A, linear_solver)
+            del factor  # before others take memory
+    return make(linear_solver)
 
 
 def _rough(linear_solver: LinearSolver | str) -> LinearSolver | None:

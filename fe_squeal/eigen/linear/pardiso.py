@@ -218,7 +218,7 @@ class Pardiso:
     Parameters
     ----------
     single : bool
-        Whether factors are in single precision: half the memory, and solves in half the time.
+        Whether factors are in single precision, which take about two thirds of the memory and of the time of a solve.
     """
 
     name = "PARDISO (MKL)"
