@@ -127,7 +127,7 @@ def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") ->
     gc.collect()  # an assembly and its problems refer to each other; the terms, summed now, are as large as their sums
     metric = [own.get(t.name, 0.0) for t in collected.terms]
     P = weighted(collected, metric)
-    coarse = factorize_definite_roughly(weighted(basis.problem, basis.metric), model.linear_solver)
+    coarse = factorize_definite_roughly(lambda: weighted(basis.problem, basis.metric), model.linear_solver)
     solver = TwoLevelSolver(P, E, coarse.solve)
     highest = max(float(p.modes.lam.imag.max(initial=0.0)) for p in result.points)
     return Refined(assembly, space, collected, model, axis, at, highest, E, metric, P, solver)

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as la
 from scipy.optimize import linear_sum_assignment
 
-from ..eigen.linear.factor import DefiniteFactor, LinearSolver
+from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..eigen.request import Request
 from ..problem.parameters import Place, paths_of
@@ -87,10 +87,10 @@ class BoxModel(ReducedModel):
         self._seen: dict[Place, np.ndarray] = {}  # right and left modes asked for, in coordinates of the basis
         self._blocks = KnownModes(np.maximum(np.subtract(high, low), np.finfo(float).tiny))
         self.condensed: CertifiedBasis | None = None
-        definite = self._begin(problem, names, softest_corner(problem, names, low, high), request, linear_solver)
+        self._begin(problem, names, softest_corner(problem, names, low, high), request, linear_solver)
         self._first = len(self.basis)
         self.places: list[Place] = []
-        self._made_for(draw(0), definite, (softest_corner(problem, names, high, low),), progress)
+        self._made_for(draw(0), (softest_corner(problem, names, high, low),), progress)
         for i in range(1, _CHECKS + 1):
             places = draw(i)
             missed = self._missed_at(places)
@@ -98,8 +98,8 @@ class BoxModel(ReducedModel):
                 break
             worst = max(self._off(p) for p in missed)
             progress(f"{len(self.basis)} vectors, {worst:.1e} times the tolerance at other places")
-            self._made_for(missed, definite, (), progress)
-        self._corrections.release()
+            self._made_for(missed, (), progress)
+        self._release()
         self.condensed = self._condense()
         online = self.certified()
         found = [online.modes(p) for p in places]
@@ -195,13 +195,12 @@ class BoxModel(ReducedModel):
         return self.basis.residual_product(place, lam, right, left, self.highest)
 
     def _made_for(
-        self, places: Places, definite: DefiniteFactor, corners: Places, progress: Callable[[str], None]
+        self, places: Places, corners: Places, progress: Callable[[str], None]
     ) -> None:
         """Add the modes at the place with the largest errors, and so on until all places meet the tolerance."""
         off: dict[Place, float] = dict.fromkeys(places, np.inf)
-        if corners and self._off(self._start) > 1:
-            self._add_modes(self._start, definite)
-            self._add_missing([self._start, *corners], definite)
+        if corners and self._add_start():
+            self._add_missing([self._start, *corners])
             self.places.append(self._start)
         if corners:
             self._spread_over(places, progress)
@@ -211,12 +210,12 @@ class BoxModel(ReducedModel):
                 break
             progress(f"{len(self.basis)} vectors, {off[worst]:.1e} times the tolerance")
             before = len(self.basis)
-            self._add_modes(worst, None)
+            self._add_modes(worst)
             self.places.append(worst)
             if len(self.basis) == before and off[worst] <= 1:
                 off[worst] = 0.0  # it meets the tolerance, and its own modes do not make it any better
-        if corners and self._add_missing([self._start, *corners], definite):
-            self._made_for(places, definite, (), progress)
+        if corners and self._add_missing([self._start, *corners]):
+            self._made_for(places, (), progress)
 
     def _spread_over(self, places: Places, progress: Callable[[str], None]) -> None:
         """Add modes at places as far apart as possible while modes at such places miss the tolerance by far.
@@ -232,7 +231,7 @@ class BoxModel(ReducedModel):
             if off <= _FAR:
                 return
             progress(f"{len(self.basis)} vectors, {off:.1e} times the tolerance")
-            self._add_modes(places[far], None)
+            self._add_modes(places[far])
             self.places.append(places[far])
             distance = np.minimum(distance, np.linalg.norm(spots - spots[far], axis=1))
 

@@ -21,24 +21,14 @@ _CLEAR = 1e-5  # of the next θ: a gap between two θ that is wider than this is
 SEARCH_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
 
 
-def missing_modes(
-    basis: ReducedBasis, values: Sequence[Place], before: Sequence[Modes], request: Request, highest: float,
-    definite: DefiniteFactor,
-) -> list[np.ndarray]:  # fmt: skip
-    """Return vectors (n, ·) of modes in the range that was asked for, which the basis lacks.
+def search_vectors(basis: ReducedBasis, definite: DefiniteFactor) -> np.ndarray:
+    """Return vectors (n, ·) that span the lowest modes outside a basis, roughly.
 
-    A few steps of block Krylov iteration with P⁻¹M, from random vectors, find the lowest modes outside the basis. A
-    copy of the basis is extended by them: a mode in the range that only the copy has was missing.
+    They are those of a few steps of block Krylov iteration with P⁻¹M, from random vectors.
 
     Parameters
     ----------
-    values : sequence of float, or of tuples of them
-        Values of the parameter at which modes are compared.
-    before : sequence of Modes
-        Modes of the basis at these values, at least up to `highest`.
-    request : Request
-    highest : float, rad/s
-        Frequency up to which the basis holds the modes of the problem without damping and friction.
+    basis : ReducedBasis
     definite : DefiniteFactor
         Factors of P.
     """
@@ -51,6 +41,31 @@ def missing_modes(
         if not trial.append(block):
             break
         block = trial.V[:, size:]
+    return trial.V[:, len(basis) :].copy()
+
+
+def missing_modes(
+    basis: ReducedBasis, values: Sequence[Place], before: Sequence[Modes], request: Request, highest: float,
+    outside: np.ndarray,
+) -> list[np.ndarray]:  # fmt: skip
+    """Return vectors (n, ·) of modes in the range that was asked for, which the basis lacks.
+
+    A copy of the basis is extended by what may lie outside: a mode in the range that only the copy has was missing.
+
+    Parameters
+    ----------
+    values : sequence of float, or of tuples of them
+        Values of the parameter at which modes are compared.
+    before : sequence of Modes
+        Modes of the basis at these values, at least up to `highest`.
+    request : Request
+    highest : float, rad/s
+        Frequency up to which the basis holds the modes of the problem without damping and friction.
+    outside : (n, ·) float
+        As of `search_vectors`, for this basis or for one that its vectors begin with.
+    """
+    trial = basis.copy()
+    trial.append(outside)
     found = []
     for p, known in zip(values, before, strict=True):
         every = trial.modes(p, highest)

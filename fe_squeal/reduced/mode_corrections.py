@@ -58,14 +58,18 @@ class ModeCorrections:
 
     def factorize(self, basis: ReducedBasis, value: Place, highest: float) -> Factor:
         """Factorise Q(iω) at a value, with ω in the middle of the band up to `highest`, rad/s."""
-        pencil = basis.problem.pencil(values_at(basis.parameter, value))
-        square = _MIDDLE * highest**2
-        shifted, symmetric = pencil.K - square * pencil.M, pencil.symmetric and pencil.C is None
-        if pencil.C is not None:
-            shifted = shifted + 1j * np.sqrt(square) * pencil.C
-        del pencil  # before the factors take memory
+        values, square = values_at(basis.parameter, value), _MIDDLE * highest**2
+        problem = basis.problem.at(values)
+        acting = [t for t in problem.terms if t.coefficient(problem.parameters)]
+        symmetric = all(t.symmetric and t.slot != "C" for t in acting)
+
+        def shifted() -> sp.csr_array:
+            pencil = basis.problem.pencil(values)  # which keeps the sum of what does not change
+            Q = pencil.K - square * pencil.M
+            return sp.csr_array(Q if pencil.C is None else Q + 1j * np.sqrt(square) * pencil.C)
+
         self.factorizations += 1
-        return factorize_roughly(sp.csr_array(shifted), symmetric, self._linear_solver)
+        return factorize_roughly(shifted, symmetric, self._linear_solver)
 
     def release(self) -> None:
         """Forget the factors of the last value, which take the most memory."""

@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 from ..eigen.block_lanczos import lowest_modes
 from ..eigen.blocks import lift
 from ..eigen.inertia import count_below
-from ..eigen.linear.choice import choose
+from ..eigen.linear.choice import choose, factorize_definite_roughly
 from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
 from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
@@ -29,10 +29,10 @@ from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from .basis import ReducedBasis
 from .estimate import GUARDED, Estimate, estimated, method_of, neighbours
-from .missing import SEARCH_SOLVES, holds_all, missing_modes
+from .missing import SEARCH_SOLVES, holds_all, missing_modes, search_vectors
 from .mode_corrections import ROUNDS, ModeCorrections
 from .shapes import corrected_shapes
-from .undamped import factorize_undamped
+from .undamped import factorize_undamped, weighted
 from .vectors import unit_columns
 
 _GUARD = 1.25  # the basis begins with so many times as many undamped modes as modes are asked for
@@ -65,6 +65,8 @@ class ReducedModel:
     # Whether modes that meet the tolerance stay what they are when the basis grows. Not before missing modes were
     # looked for: what the basis gets until then may be a mode that they lack.
     _keeps = False
+    _definite: DefiniteFactor | None = None  # factors of P, until the basis holds the modes at the start
+    _outside: np.ndarray | None = None  # vectors (n, ·) to look for missing modes with
 
     def __init__(
         self, problem: Problem, parameter: str, values: Sequence[float] | np.ndarray, request: Request,
@@ -92,22 +94,22 @@ class ReducedModel:
             many modes are overdamped.
         """
         self._values = values = np.asarray(values, float)
-        definite = self._begin(problem, parameter, float(values[np.argmin(np.abs(values))]), request, linear_solver)
+        self._begin(problem, parameter, float(values[np.argmin(np.abs(values))]), request, linear_solver)
         if swinging:
             self._refuse_overdamped((float(values[0]), float(values[-1])))
         if modal:
             self._without = self.basis.undamped_values(self._sigma)
         else:
-            self._grow(values, definite)
+            self._grow(values)
             self._without = self.basis.undamped_values(self._sigma)
             self._supplement(values)
-        self._corrections.release()
+        self._release()
 
     def _begin(
         self, problem: Problem, parameter: str | tuple[str, ...], start: Place, request: Request,
         linear_solver: LinearSolver | str,
-    ) -> DefiniteFactor:  # fmt: skip
-        """Put the modes without damping and friction at one place into the basis, and return the factors of P."""
+    ) -> None:  # fmt: skip
+        """Put the modes without damping and friction at one place into the basis, and keep the factors of P."""
         self.linear_solver = choose(linear_solver)
         self.problem = problem = problem.solved_with(self.linear_solver)
         self.parameter, self.request, self._start = parameter, request, start
@@ -146,7 +148,12 @@ class ReducedModel:
         if not len(first):
             raise NotConvergedError("the reduced model has no modes in the range that was asked for")
         self.basis.calibrate(start, first)
-        return definite
+        self._definite = definite
+
+    def _release(self) -> None:
+        """Forget the factors, and the vectors of the search for missing modes."""
+        self._corrections.release()
+        self._definite = self._outside = None
 
     def _refuse_overdamped(self, values: Sequence[Place]) -> None:
         """Raise NotConvergedError where many modes at some values decay without swinging.
@@ -328,16 +335,27 @@ class ReducedModel:
     def _estimate(self, value: Place, basis: ReducedBasis, every: Modes) -> Estimate:
         return estimated(basis, value, every, self.request, self.highest)
 
-    def _grow(self, values: np.ndarray, definite: DefiniteFactor) -> None:
+    def _add_start(self) -> bool:
+        """Make the modes at the start exact, and return whether they were not; then factors of P are not needed more.
+
+        They would take a third of the memory while those of Q(iω) are there, too.
+        """
+        added = self._off(self._start) > 1
+        if added:
+            self._add_modes(self._start)
+        assert self._definite is not None
+        self._search(self._definite)
+        self._definite = None
+        return added
+
+    def _grow(self, values: np.ndarray) -> None:
         """Add the modes at a few values, each the worst of the candidates, until all meet the tolerance there.
 
         Then the values half way between candidates are candidates, too: modes are least exact far from all values whose
         modes the basis has.
         """
-        start = self._start
         candidates = _spread(values, _CANDIDATES)
-        if self._off(start) > 1:
-            self._add_modes(start, definite)
+        self._add_start()
         searched = None  # the basis in which no mode was missing
         found: dict[Place, float] = dict.fromkeys(candidates, np.inf)
         for _ in range(_NODES):
@@ -348,9 +366,9 @@ class ReducedModel:
             if found[worst] <= 1 and searched is self.basis.V:
                 return
             if found[worst] > 1:
-                self._add_modes(worst, None)
+                self._add_modes(worst)
             if searched is None or found[worst] <= 1:
-                if self._add_missing([candidates[0], candidates[-1]], definite):
+                if self._add_missing([candidates[0], candidates[-1]]):
                     self._met.clear()
                     found = dict.fromkeys(found, np.inf)
                 searched, self._keeps = self.basis.V, True
@@ -367,7 +385,7 @@ class ReducedModel:
             while missed and missed[worst := self._worst(missed)] > 1:
                 if self._added[worst] >= ROUNDS:
                     raise self._misses(worst, missed[worst])
-                self._add_modes(worst, None)
+                self._add_modes(worst)
             if self.basis.V is basis:
                 return
         raise self._misses(worst, missed[worst])
@@ -378,7 +396,7 @@ class ReducedModel:
             f" {len(self.basis)} vectors"
         )
 
-    def _add_modes(self, value: Place, definite: DefiniteFactor | None) -> None:
+    def _add_modes(self, value: Place) -> None:
         """Add the right and left modes at a value, corrected until they meet the tolerance.
 
         The corrections tried on the way do not stay in the basis. At a value between those whose modes the basis has,
@@ -391,7 +409,7 @@ class ReducedModel:
             return self._estimate(value, basis, modes)
 
         wide, every = self._corrections.corrected(
-            self.basis, value, self._every(value), self.highest, self.enough, estimate, definite
+            self.basis, value, self._every(value), self.highest, self.enough, estimate, self._definite
         )
         columns, least = self._kept(wide, every, again)
         U, s, _ = la.svd(columns[len(self.basis) :], full_matrices=False, check_finite=False)
@@ -419,12 +437,25 @@ class ReducedModel:
         """Add the corrections of some modes at a value to a basis, see `ModeCorrections.correct`."""
         self._corrections.correct(basis, value, modes, factor, real)
 
-    def _add_missing(self, values: Sequence[Place], definite: DefiniteFactor) -> bool:
-        """Add modes that the basis does not hold, if there are any, and return whether there were."""
-        known = [self._every(p) for p in values]
-        found = missing_modes(self.basis, values, known, self.request, self.highest, definite)
+    def _search(self, definite: DefiniteFactor) -> None:
+        """Find vectors of modes that the basis may lack."""
+        self._outside = search_vectors(self.basis, definite)
         self._corrections.solves += SEARCH_SOLVES
-        return bool(found) and self.basis.append(np.hstack(found)) > 0
+
+    def _add_missing(self, values: Sequence[Place]) -> bool:
+        """Add modes that the basis does not hold, if there are any, and return whether there were."""
+        if self._outside is None:  # modes were found by the last search: there may be more than it could find
+            self._corrections.release()
+            self._corrections.factorizations += 1
+            base, metric = self.basis.problem, self.basis.metric
+            self._search(factorize_definite_roughly(lambda: weighted(base, metric), self.linear_solver))
+        assert self._outside is not None
+        known = [self._every(p) for p in values]
+        found = missing_modes(self.basis, values, known, self.request, self.highest, self._outside)
+        if not found or not self.basis.append(np.hstack(found)):
+            return False
+        self._outside = None
+        return True
 
 
 def _spread(values: np.ndarray, count: int) -> list[float]:

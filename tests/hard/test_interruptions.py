@@ -20,7 +20,7 @@ import fe_squeal.report.files as files
 from fe_squeal.cli import main
 
 METHODS = ("direct", "reduced")
-POINTS, KILLS = 24, 2  # values of the sweep, and kills of each method
+POINTS, KILLS = 24, 1  # values of the sweep, and kills of each method
 # tests/unit/test_resume.py has the shorter ones.
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="no signals as on POSIX")]
 

@@ -198,7 +198,7 @@ def test_long_sweeps_are_forecast(
 
 @POSIX
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_while_importing(number: signal.Signals, scene: Path) -> None:
     """At moments from the first line of the program on: one word, and the exit code of an interruption."""
     hears = "signal.signal(signal.SIGINT, signal.default_int_handler)"
@@ -265,7 +265,7 @@ def test_signal_while_workers_start(tmp_path: Path) -> None:
 
 @POSIX
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_while_drawing(number: signal.Signals, tmp_path: Path, whole_with_shapes: Path) -> None:
     """The process that draws ends with its parent, nothing half drawn stays, and --resume finishes."""
     path, out = write_scene(tmp_path, SHOWN), tmp_path / "out"

@@ -101,9 +101,9 @@ def test_factors_serve_more_than_one_value(kind, monkeypatch):
     own = []  # values whose modes are not corrected with the factors of P
     add = ReducedModel._add_modes
 
-    def noted(self, value, definite):
-        own.extend([value] if definite is None else [])
-        add(self, value, definite)
+    def noted(self, value):
+        own.extend([value] if self._definite is None else [])
+        add(self, value)
 
     monkeypatch.setattr(ReducedModel, "_add_modes", noted)
     model = ReducedModel(chain(*CLASSES[kind]), "mu", np.linspace(0.0, 0.9, 31), Request(count=MODES))

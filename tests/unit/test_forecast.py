@@ -130,12 +130,12 @@ def test_what_makes_no_sense_is_one_message(tmp_path, capsys, arguments, message
 @pytest.mark.slow
 @pytest.mark.skipif(not has_pardiso() or not sys.platform.startswith("linux"), reason="figures of PARDISO on Linux")
 def test_a_forecast_is_right_within_15_per_cent():
-    """Three runs of 6 558 unknowns in processes of their own, and the forecast of another; more: benchmarks/memory.py.
+    """Two runs of 6 558 unknowns in processes of their own, and the forecast of another; more: benchmarks/memory.py.
 
     The system may take back pages that rest for a while: a run can show less than it needs, and never more.
     """
     found, taken = {}, []
-    for what in ("forecast", "run", "run", "run"):
+    for what in ("forecast", "run", "run"):
         command = [sys.executable, str(ROOT / "benchmarks/memory.py"), "hexahedra, direct", "--one", what]
         one = {**os.environ, "OMP_NUM_THREADS": "1"}  # PARDISO's analysis allows for each thread
         done = subprocess.run(command, capture_output=True, text=True, check=True, env=one)

@@ -53,9 +53,9 @@ def test_no_modes_are_kept_before_missing_ones_were_looked_for(kind, monkeypatch
     kept = []
     search = ReducedModel._add_missing
 
-    def noted(self, values, definite):
+    def noted(self, values):
         kept.append(len(self._met))
-        return search(self, values, definite)
+        return search(self, values)
 
     monkeypatch.setattr(ReducedModel, "_add_missing", noted)
     model = model_of(kind)

@@ -6,7 +6,6 @@ of `LinearSolver`. Another solver is a file beside `superlu.py`, an entry in `_a
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
 from typing import Literal, TypeVar
 
@@ -19,7 +18,7 @@ from .dense import DenseFactor
 from .factor import DefiniteFactor, Factor, LinearSolver, Solve
 from .mumps import MUMPS, PLAIN, Mumps, MumpsOptions, has_mumps
 from .pardiso import PARDISO, has_pardiso
-from .refinement import contraction
+from .refinement import contraction, in_single
 from .superlu import SUPERLU
 
 _Solving = TypeVar("_Solving", Factor, DefiniteFactor)
@@ -114,16 +113,25 @@ def factorize_definite(A: sp.csr_array, linear_solver: LinearSolver | str = "aut
     return choose(linear_solver).factorize_definite(A)
 
 
-def factorize_roughly(A: sp.csr_array, symmetric: bool, linear_solver: LinearSolver | str = "auto") -> Factor:
+def factorize_roughly(
+    make: Callable[[], sp.csr_array], symmetric: bool, linear_solver: LinearSolver | str = "auto"
+) -> Factor:  # fmt: skip
     """Factorise as `factorize`, for corrections alone: solves whose residuals are computed and solved for again.
 
     Factors of the solver's `rough`, such as those in single precision, are smaller. Where one correction by them leaves
     more than `_ROUGH` of a residual, the others are computed instead.
+
+    Parameters
+    ----------
+    make : callable
+        Returns the matrix (n, n) anew, so that it takes no memory beside rough factors but in single precision.
     """
-    return _good_enough(A, lambda solver: factorize(A, symmetric, solver), linear_solver)
+    return _good_enough(make, lambda A, solver: factorize(A, symmetric, solver), linear_solver)
 
 
-def factorize_definite_roughly(A: sp.csr_array, linear_solver: LinearSolver | str = "auto") -> DefiniteFactor:
+def factorize_definite_roughly(
+    make: Callable[[], sp.csr_array], linear_solver: LinearSolver | str = "auto"
+) -> DefiniteFactor:  # fmt: skip
     """Factorise as `factorize_definite`, for what `factorize_roughly` is for.
 
     Raises
@@ -131,21 +139,29 @@ def factorize_definite_roughly(A: sp.csr_array, linear_solver: LinearSolver | st
     NotConvergedError
         If the matrix is not positive definite.
     """
-    return _good_enough(A, lambda solver: factorize_definite(A, solver), linear_solver)
+    return _good_enough(make, factorize_definite, linear_solver)
 
 
 def _good_enough(
-    A: sp.csr_array, make: Callable[[LinearSolver | str], _Solving], linear_solver: LinearSolver | str
-) -> _Solving:
+    make: Callable[[], sp.csr_array], factors: Callable[[sp.csr_array, LinearSolver | str], _Solving],
+    linear_solver: LinearSolver | str,
+) -> _Solving:  # fmt: skip
     """Return factors by the rough solver if these are good enough for corrections, else those by the solver itself."""
     rough = _rough(linear_solver)
-    if rough is not None:
-        with contextlib.suppress(NotConvergedError):  # single precision may take a pivot for zero or negative
-            factor = make(rough)
-            if contraction(A, factor.solve, _CHECKED) <= _ROUGH:
-                return factor
-            del factor  # before others take memory
-    return make(linear_solver)
+    factor = None if rough is None else _rough_factors(make, factors, rough)
+    return factors(make(), linear_solver) if factor is None else factor
+
+
+def _rough_factors(
+    make: Callable[[], sp.csr_array], factors: Callable[[sp.csr_array, LinearSolver | str], _Solving],
+    rough: LinearSolver,
+) -> _Solving | None:  # fmt: skip
+    A = in_single(make())
+    try:
+        factor = factors(A, rough)
+    except NotConvergedError:  # single precision may take a pivot for zero or negative
+        return None
+    return factor if contraction(A, factor.solve, _CHECKED) <= _ROUGH else None
 
 
 def _rough(linear_solver: LinearSolver | str) -> LinearSolver | None:

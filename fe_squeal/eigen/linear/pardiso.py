@@ -29,6 +29,7 @@ _KINDS: dict[tuple[bool, bool], type[np.inexact]] = {
 _OUT_OF_MEMORY, _ZERO_PIVOT = -2, -4  # PARDISO's errors
 _SMALL_PIVOT = 13  # 10 to minus this of the norm: which pivots are perturbed at the second attempt
 _ADJOINT, _TRANSPOSED = 1, 2  # of iparm(12)
+_RANGE = 1e20  # a matrix in single precision is scaled if its largest entry is beyond this or its inverse
 _PLACE = "PYPARDISO_MKL_RT"  # where pypardiso looks first
 
 
@@ -100,10 +101,11 @@ class PardisoFactor:
         self._dtype = _KINDS[np.iscomplexobj(A), single]
         own = sp.csr_array(sp.triu(A, format="csr") if symmetric else A)
         own = own if own.has_sorted_indices else own.sorted_indices()
+        largest = float(max(own.data.real.max(initial=0.0), -own.data.real.min(initial=0.0))) if single else 1.0
         # In single precision numbers end at 1e38 and fade below 1e-38.
-        self._scale = float(np.abs(own.data).max(initial=0.0)) or 1.0 if single else 1.0
-        self._data = np.empty(own.nnz, self._dtype)
-        np.divide(own.data[: own.nnz], self._scale, out=self._data, casting="unsafe")
+        self._scale = 1.0 if 1 / _RANGE < largest < _RANGE else largest or 1.0
+        data = own.data[: own.nnz]  # what the matrix and PARDISO can share is not copied
+        self._data = (data if self._scale == 1 else data / self._scale).astype(self._dtype, copy=False)
         self._n = A.shape[0]
         self._symmetric = symmetric
         self._mtype = _DEFINITE if definite else _TYPES[symmetric, np.iscomplexobj(A)]
@@ -116,16 +118,14 @@ class PardisoFactor:
         iparm[0], iparm[1], iparm[7] = 1, 3, 0
         iparm[9], iparm[10], iparm[12], iparm[20] = (8, 0, 0, 1) if symmetric else (13, 1, 1, 0)
         iparm_before = int(iparm[9])
-        iparm[27] = single
+        iparm[27], iparm[34] = single, 1  # rows are numbered from zero
         diagonal = np.abs(A.diagonal())
         if symmetric and not definite and diagonal.min() <= 10.0 ** -iparm[9] * diagonal.max():
             # Pivots this far below the norm are perturbed, all of them beside a penalty of 1e20, unless scaling comes
             # before; matching besides prepares pivots of two rows where the diagonal is zero (Lagrange multipliers).
             iparm[10] = iparm[12] = 1
-        self._ia, self._ja = own.indptr.astype(np.int32), own.indices.astype(np.int32)
-        self._ia += 1
-        self._ja += 1
-        del own
+        self._ia, self._ja = (x.astype(np.int32, copy=False) for x in (own.indptr, own.indices[: own.nnz]))
+        del own, data
         arrays = (self._data, self._ia, self._ja, self._perm)
         self._fixed = (_integer(self._mtype), _integer(self._n), *(a.ctypes.data for a in arrays))
         self._settings = self._handle.ctypes.data, self._iparm.ctypes.data

@@ -10,6 +10,7 @@ from .factor import Solve
 _SEED, _COLUMNS, _STEPS = 20261123, 4, 4  # of random right-hand sides, and how many steps measure the contraction
 _ROUNDING = 1e-16  # relative: an error below this is rounding
 _GAIN = 0.5  # times the last residual: if a step leaves more than this, only rounding is left
+_RANGE = 1e20  # a matrix whose largest entry is beyond this or its inverse is not brought to single precision
 _TINY = np.finfo(float).tiny
 
 
@@ -23,7 +24,7 @@ def contraction(A: sp.csr_array, solve: Solve, steps: int = _STEPS) -> float:
     rest = np.random.default_rng(_SEED).standard_normal((A.shape[0], _COLUMNS)) / unit[:, None]
     for _ in range(steps):
         rest = rest / np.maximum(_sizes(rest, unit), _TINY)
-        rest = rest - A @ solve(rest)
+        rest = rest - _product(A, solve(rest))
         largest = max(largest, float(_sizes(rest, unit).max()))
     return largest
 
@@ -43,10 +44,31 @@ def refined(A: sp.csr_array, solve: Solve, b: np.ndarray, rho: float) -> np.ndar
     return np.asarray(x.reshape(b.shape))
 
 
+def in_single(A: sp.csr_array) -> sp.csr_array:
+    """Return a matrix in single precision, which shares its indices; itself where numbers are too large or too small.
+
+    Examples
+    --------
+    >>> [in_single(sp.csr_array([[a]])).dtype.name for a in (2.0, 2e30, 2j)]
+    ['float32', 'float64', 'complex64']
+    """
+    sizes = np.abs([A.data.real.max(initial=0.0), A.data.real.min(initial=0.0)])
+    if not 1 / _RANGE < sizes.max() < _RANGE:
+        return A
+    kind = np.complex64 if np.iscomplexobj(A) else np.float32
+    return sp.csr_array((A.data.astype(kind), A.indices, A.indptr), shape=A.shape)
+
+
+def _product(A: sp.csr_array, x: np.ndarray) -> np.ndarray:
+    """Return Ax, without a copy of A in double precision if it is in single."""
+    single = A.dtype in (np.float32, np.complex64)
+    return np.asarray(A @ (x.astype(np.complex64 if np.iscomplexobj(x) else np.float32) if single else x))
+
+
 def _units(A: sp.csr_array) -> np.ndarray:
     """Return (n,) what rows are multiplied with before their residuals are compared."""
     diagonal = np.abs(A.diagonal())
-    size = np.where(diagonal > 0, diagonal, abs(A).max(axis=1).toarray().ravel())
+    size = diagonal if diagonal.all() else np.where(diagonal > 0, diagonal, abs(A).max(axis=1).toarray().ravel())
     return np.asarray(1 / np.sqrt(np.where(size > 0, size, 1.0)))
 
 
