@@ -26,6 +26,7 @@ _MIDDLE = 0.6  # times the square of the highest frequency of the basis: ω² at
 _FINE = 0.01  # times √tolerance and the largest singular value: directions of modes with a smaller one are left out
 _SHORT = 1e-4  # times √tolerance and the length of a mode: shorter corrections are left out
 _BORROWED = 0.03  # of an error: what factors of another value have to make of it, or those of the value itself are made
+_MOST = 2**27  # bytes of the residuals of modes that are solved for at once, of real ones on one side
 _CLOSE = 1e3  # times the tolerance: larger errors are not left to factors of another value
 
 
@@ -139,25 +140,47 @@ class ModeCorrections:
         (r, m) float
             Coordinates of columns that span the corrections in the extended basis.
         """
+        # The error of an eigenvalue is the product of two such errors, relative to the mode's length in the P-norm.
+        length = float(np.sqrt(np.abs(modes.lam).min() ** 2 - self._sigma))
+        short, before, found = _SHORT * self._tolerance**0.5 * length, len(basis), []
+        blocks = self._blocks(modes, len(basis.V))
+        for block in blocks:
+            X = self._solved(basis, value, block, factor, real)
+            found.append(basis.extend(X, short))
+        if len(basis) == before:
+            # If all are short, they are added nevertheless: an error just above the tolerance may need no more.
+            again = (X if len(blocks) == 1 else self._solved(basis, value, b, factor, real) for b in blocks)
+            found = [basis.extend(X) for X in again]
+        return np.hstack([_padded(coordinates, len(basis)) for coordinates in found])
+
+    def _blocks(self, modes: Modes, rows: int) -> list[list[Modes]]:
+        """Return groups of modes with shapes of one kind, all of them together unless they take too much memory."""
         groups = [modes]
         if not self._is_damped:  # λ and −λ* have the same shapes, and most shapes are real
             plain = (modes.lam.real == 0) & ~modes.right.imag.any(axis=0)
             groups = [modes.select(np.flatnonzero(f)) for f in (plain, ~plain & ~(modes.lam.real < 0))]
-            real = True
+        groups = [g for g in groups if len(g)]
+        most = max(1, _MOST // (8 * rows))
+        if sum(map(len, groups)) <= most:
+            return [groups]
+        return [[g.select(np.arange(i, min(i + most, len(g))))] for g in groups for i in range(0, len(g), most)]
+
+    def _solved(
+        self, basis: ReducedBasis, value: Place, groups: list[Modes], factor: Factor | DefiniteFactor, real: bool
+    ) -> np.ndarray:  # fmt: skip
+        """Return the residuals of modes at a value, solved for with a factor, as real columns (n, ·)."""
         parts = []
-        for group in (g for g in groups if len(g)):
+        for group in groups:
+            assert group.left is not None
+            now = len(basis)  # vectors may have been added since the modes were found
+            group = replace(group, right=_padded(group.right, now), left=_padded(group.left, now))
             right, left = basis.residuals(value, group)
-            if not real and right.shape[1] > len(group):  # else all λ and shapes are real, as of overdamped modes
+            if self._is_damped and not real and right.shape[1] > len(group):
+                # Else all λ and shapes are real, as of overdamped modes, or λ² and the matrices are.
                 right, left = (x[:, : len(group)] + 1j * x[:, len(group) :] for x in (right, left))
             self.solves += right.shape[1] + left.shape[1]
             parts += [real_columns(factor.solve(right)), real_columns(factor.solve_adjoint(left))]
-        X = np.hstack(parts)
-        # The error of an eigenvalue is the product of two such errors, relative to the mode's length in the P-norm.
-        length = float(np.sqrt(np.abs(modes.lam).min() ** 2 - self._sigma))
-        before = len(basis)
-        spanned = basis.extend(X, _SHORT * self._tolerance**0.5 * length)
-        # If all are short, they are added nevertheless: an error just above the tolerance may need no more.
-        return spanned if len(basis) > before else basis.extend(X)
+        return np.hstack(parts)
 
 
 def _padded(W: np.ndarray, size: int) -> np.ndarray:

@@ -34,10 +34,13 @@ def _stiffnesses(problem: Problem) -> list[list[float]]:
 
 def weighted(problem: Problem, coefficients: Sequence[float]) -> sp.csr_array:
     """Return a weighted sum (n, n) of the terms' matrices; of a matrix that is not symmetric its symmetric part."""
-    parts = [c * (t.matrix if t.symmetric else (t.matrix + t.matrix.T) / 2)
-             for c, t in zip(coefficients, problem.terms, strict=True) if c]  # fmt: skip
-    zero = sp.csr_array((problem.unknowns, problem.unknowns))
-    return sp.csr_array(sum(parts[1:], parts[0])) if parts else zero
+    total = None
+    for c, t in zip(coefficients, problem.terms, strict=True):
+        if c:
+            part = t.matrix if t.symmetric else sp.csr_array(t.matrix + t.matrix.T) / 2
+            part = part if c == 1 else part * c
+            total = part if total is None else total + part
+    return sp.csr_array((problem.unknowns, problem.unknowns) if total is None else total)
 
 
 def factorize_undamped(

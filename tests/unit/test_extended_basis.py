@@ -11,7 +11,7 @@ from selection import some
 
 from fe_squeal.eigen.request import Request
 from fe_squeal.problem.terms import Term
-from fe_squeal.reduced import ReducedModel
+from fe_squeal.reduced import ReducedModel, mode_corrections
 
 VALUES = np.linspace(0.0, 0.9, 7)
 
@@ -119,3 +119,15 @@ def test_indices_of_terms_are_short():
     term = Term("spring", "K", A, True)
     assert term.matrix.indices.dtype == term.matrix.indptr.dtype == np.int32
     assert np.shares_memory(term.matrix.data, A.data) and (term.matrix != A).nnz == 0
+
+
+@pytest.mark.parametrize("kind", some(list(CLASSES), lambda kind: kind == "quadratic"))
+def test_corrections_in_blocks_give_the_same_eigenvalues(kind, monkeypatch):
+    """Large models solve for a few modes at a time, which takes less memory."""
+    problem, values = chain(*CLASSES[kind]), np.linspace(0.0, 0.9, 7)
+    whole = ReducedModel(problem, "mu", values, Request(count=MODES))
+    monkeypatch.setattr(mode_corrections, "_MOST", 3 * 8 * problem.unknowns)
+    parts = ReducedModel(problem, "mu", values, Request(count=MODES))
+    assert parts.worst <= 1e-8
+    for p in values.tolist():
+        np.testing.assert_allclose(parts.modes(p).lam, whole.modes(p).lam, rtol=3e-8)
