@@ -199,7 +199,10 @@ class BoxModel(ReducedModel):
     ) -> None:
         """Add the modes at the place with the largest errors, and so on until all places meet the tolerance."""
         off: dict[Place, float] = dict.fromkeys(places, np.inf)
-        if corners and self._add_start():
+        if corners and self._outside is None:
+            self._search()  # as long as there are factors of P
+        if corners and self._off(self._start) > 1:
+            self._add_modes(self._start)
             self._add_missing([self._start, *corners])
             self.places.append(self._start)
         if corners:

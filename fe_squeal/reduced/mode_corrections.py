@@ -25,18 +25,24 @@ _CORRECTED = 0.3  # times the tolerance: modes with a larger error are corrected
 _MIDDLE = 0.6  # times the square of the highest frequency of the basis: ω² at which Q is factorised
 _FINE = 0.01  # times √tolerance and the largest singular value: directions of modes with a smaller one are left out
 _SHORT = 1e-4  # times √tolerance and the length of a mode: shorter corrections are left out
+_FAST = 0.1  # of an error: what factors of P have to make of it, or those of Q(iω) take their place for good
 _BORROWED = 0.03  # of an error: what factors of another value have to make of it, or those of the value itself are made
 _MOST = 2**27  # bytes of the residuals of modes that are solved for at once, of real ones on one side
 _CLOSE = 1e3  # times the tolerance: larger errors are not left to factors of another value
 
 
 class ModeCorrections:
-    """Corrects modes on a basis, with factors of Q(iω) at one value after another.
+    """Corrects modes on a basis: by the factors of P, or where these do little, by those of Q(iω) at the values.
+
+    P is symmetric and has no damping, so that its factors take half the memory of those of a Q(iω) with friction, and a
+    quarter of those with damping; and those of P are there, since the basis begins with its modes.
 
     Attributes
     ----------
     factorizations, solves : int
         Matrices factorised and right-hand sides solved for.
+    definite : DefiniteFactor or None
+        Factors of P, as long as they are of use.
 
     Parameters
     ----------
@@ -47,14 +53,18 @@ class ModeCorrections:
     start : float or tuple of float
         The value whose motions that nothing holds are in every basis.
     linear_solver : LinearSolver
+    definite : DefiniteFactor, optional
+        Factors of P.
     """
 
     def __init__(
-        self, problem: Problem, sigma: float, tolerance: float, start: Place, linear_solver: LinearSolver
+        self, problem: Problem, sigma: float, tolerance: float, start: Place, linear_solver: LinearSolver,
+        definite: DefiniteFactor | None = None,
     ) -> None:  # fmt: skip
         self.factorizations = self.solves = 0
         self._is_damped, self._sigma, self._tolerance = problem.is_damped, sigma, tolerance
         self._start, self._linear_solver = start, linear_solver
+        self.definite = definite
         self._last: tuple[Place, Factor] | None = None
 
     def factorize(self, basis: ReducedBasis, value: Place, highest: float) -> Factor:
@@ -73,11 +83,20 @@ class ModeCorrections:
         return factorize_roughly(shifted, symmetric, self._linear_solver)
 
     def release(self) -> None:
-        """Forget the factors of the last value, which take the most memory."""
-        self._last = None
+        """Forget all factors, which take the most memory."""
+        self._last = self.definite = None
 
-    def _factor_for(self, basis: ReducedBasis, value: Place, highest: float, worst: float, before: float) -> Factor:
-        """Return factors of a value, or those of the last one where errors are small and fall fast by these."""
+    def _factor_for(
+        self, basis: ReducedBasis, value: Place, highest: float, worst: float, before: float
+    ) -> Factor | DefiniteFactor:  # fmt: skip
+        """Return factors of P as long as errors fall fast by these; then those of a value.
+
+        Where errors are small and fall fast by them, these may be those of the last value.
+        """
+        if self.definite is not None and worst > _FAST * before:
+            self.definite = None  # before others take memory
+        if self.definite is not None:
+            return self.definite
         if self._last is not None and self._last[0] != value and (worst > _CLOSE or worst > _BORROWED * before):
             self._last = None  # before others take memory
         if self._last is None:
@@ -86,7 +105,7 @@ class ModeCorrections:
 
     def corrected(
         self, basis: ReducedBasis, value: Place, every: Modes, highest: float, enough: float,
-        estimate: Callable[[ReducedBasis, Modes], Estimate], definite: DefiniteFactor | None,
+        estimate: Callable[[ReducedBasis, Modes], Estimate],
     ) -> tuple[ReducedBasis, Modes]:  # fmt: skip
         """Return a basis that holds the modes at a value, and these modes; the vectors of the given one come first.
 
@@ -104,8 +123,6 @@ class ModeCorrections:
             Of what an error may be: below that modes are not corrected any more.
         estimate : callable
             Returns modes with their errors for a basis and its modes.
-        definite : DefiniteFactor, optional
-            Factors of P, to be used instead of Q(iω).
         """
         wide, before = basis.copy(), np.inf
         lifted = basis.has_slow or any(basis.at(p).free_motions().motions.shape[1] for p in (self._start, value))
@@ -115,9 +132,9 @@ class ModeCorrections:
             worst = float(off.max(initial=0.0))
             if worst <= enough or not more:
                 break
-            inverse = definite or self._factor_for(basis, value, highest, worst, before)
+            inverse = self._factor_for(basis, value, highest, worst, before)
             inexact = _turned(modes.select(np.flatnonzero(off > _CORRECTED * enough)), W)
-            new = self.correct(wide, value, inexact, inverse, definite is not None)
+            new = self.correct(wide, value, inexact, inverse, inverse is self.definite)
             W = la.qr(np.hstack([_padded(W, len(wide)), new]), mode="economic", check_finite=False)[0]
             every = _turned(wide.restricted(W, lifted).modes(value, GUARDED * highest), W)
             before = worst

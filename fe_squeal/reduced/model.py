@@ -19,7 +19,8 @@ from ..eigen.block_lanczos import lowest_modes
 from ..eigen.blocks import lift
 from ..eigen.inertia import count_below
 from ..eigen.linear.choice import choose, factorize_definite_roughly
-from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
+from ..eigen.linear.factor import Factor, LinearSolver
+from ..eigen.linear.refinement import unrefined
 from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
 from ..eigen.request import Request, is_needed
@@ -65,7 +66,6 @@ class ReducedModel:
     # Whether modes that meet the tolerance stay what they are when the basis grows. Not before missing modes were
     # looked for: what the basis gets until then may be a mode that they lack.
     _keeps = False
-    _definite: DefiniteFactor | None = None  # factors of P, until the basis holds the modes at the start
     _outside: np.ndarray | None = None  # vectors (n, ·) to look for missing modes with
 
     def __init__(
@@ -130,10 +130,14 @@ class ReducedModel:
                 raise NotConvergedError("the linear solver does not count the modes below solve.max_frequency")
             count = below
             factorizations += 1
-        count = min(int(_GUARD * count) + 4, base.n)
-        require_vectors(base.n, _LANCZOS * count, 8)
-        theta, vectors = lowest_modes(definite, base.M, self._sigma, count, _ROUGH)
-        self._corrections = ModeCorrections(problem, self._sigma, request.tolerance, start, self.linear_solver)
+        M, n = base.M, base.n
+        del base  # and its K, before there are many vectors
+        count = min(int(_GUARD * count) + 4, n)
+        require_vectors(n, _LANCZOS * count, 8)
+        theta, vectors = lowest_modes(definite, M, self._sigma, count, _ROUGH)
+        self._corrections = ModeCorrections(
+            problem, self._sigma, request.tolerance, start, self.linear_solver, unrefined(definite)
+        )
         self._corrections.factorizations = factorizations + 1
         self.highest = float(np.sqrt(theta.max(initial=0.0)))
         self.basis = ReducedBasis(collected, parameter, metric, self._sigma, definite.half_solve, self.linear_solver)
@@ -143,17 +147,16 @@ class ReducedModel:
         if unheld.shape[1]:
             self.basis.append(unheld)  # first, so that the basis has them exactly
         self.basis.append(vectors)
-        del base, vectors
+        del vectors
         first = self._estimated(start)[0]
         if not len(first):
             raise NotConvergedError("the reduced model has no modes in the range that was asked for")
         self.basis.calibrate(start, first)
-        self._definite = definite
 
     def _release(self) -> None:
         """Forget the factors, and the vectors of the search for missing modes."""
         self._corrections.release()
-        self._definite = self._outside = None
+        self._outside = None
 
     def _refuse_overdamped(self, values: Sequence[Place]) -> None:
         """Raise NotConvergedError where many modes at some values decay without swinging.
@@ -335,19 +338,6 @@ class ReducedModel:
     def _estimate(self, value: Place, basis: ReducedBasis, every: Modes) -> Estimate:
         return estimated(basis, value, every, self.request, self.highest)
 
-    def _add_start(self) -> bool:
-        """Make the modes at the start exact, and return whether they were not; then factors of P are not needed more.
-
-        They would take a third of the memory while those of Q(iω) are there, too.
-        """
-        added = self._off(self._start) > 1
-        if added:
-            self._add_modes(self._start)
-        assert self._definite is not None
-        self._search(self._definite)
-        self._definite = None
-        return added
-
     def _grow(self, values: np.ndarray) -> None:
         """Add the modes at a few values, each the worst of the candidates, until all meet the tolerance there.
 
@@ -355,7 +345,9 @@ class ReducedModel:
         modes the basis has.
         """
         candidates = _spread(values, _CANDIDATES)
-        self._add_start()
+        self._search()  # as long as there are factors of P
+        if self._off(self._start) > 1:
+            self._add_modes(self._start)
         searched = None  # the basis in which no mode was missing
         found: dict[Place, float] = dict.fromkeys(candidates, np.inf)
         for _ in range(_NODES):
@@ -409,7 +401,7 @@ class ReducedModel:
             return self._estimate(value, basis, modes)
 
         wide, every = self._corrections.corrected(
-            self.basis, value, self._every(value), self.highest, self.enough, estimate, self._definite
+            self.basis, value, self._every(value), self.highest, self.enough, estimate
         )
         columns, least = self._kept(wide, every, again)
         U, s, _ = la.svd(columns[len(self.basis) :], full_matrices=False, check_finite=False)
@@ -437,18 +429,21 @@ class ReducedModel:
         """Add the corrections of some modes at a value to a basis, see `ModeCorrections.correct`."""
         self._corrections.correct(basis, value, modes, factor, real)
 
-    def _search(self, definite: DefiniteFactor) -> None:
-        """Find vectors of modes that the basis may lack."""
+    def _search(self) -> None:
+        """Find vectors of modes that the basis may lack, by factors of P."""
+        definite = self._corrections.definite
+        if definite is None:
+            self._corrections.release()
+            self._corrections.factorizations += 1
+            base, metric = self.basis.problem, self.basis.metric
+            definite = factorize_definite_roughly(lambda: weighted(base, metric), self.linear_solver)
         self._outside = search_vectors(self.basis, definite)
         self._corrections.solves += SEARCH_SOLVES
 
     def _add_missing(self, values: Sequence[Place]) -> bool:
         """Add modes that the basis does not hold, if there are any, and return whether there were."""
         if self._outside is None:  # modes were found by the last search: there may be more than it could find
-            self._corrections.release()
-            self._corrections.factorizations += 1
-            base, metric = self.basis.problem, self.basis.metric
-            self._search(factorize_definite_roughly(lambda: weighted(base, metric), self.linear_solver))
+            self._search()
         assert self._outside is not None
         known = [self._every(p) for p in values]
         found = missing_modes(self.basis, values, known, self.request, self.highest, self._outside)

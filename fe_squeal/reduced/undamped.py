@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
 
-from ..eigen.linear.choice import factorize_definite
+from ..eigen.blocks import times
+from ..eigen.linear.choice import factorize_large_definite
 from ..eigen.linear.factor import DefiniteFactor, LinearSolver
 from ..eigen.pencil import Pencil
 from ..eigen.shift import shift_below
@@ -41,6 +43,16 @@ def weighted(problem: Problem, coefficients: Sequence[float]) -> sp.csr_array:
             part = part if c == 1 else part * c
             total = part if total is None else total + part
     return sp.csr_array((problem.unknowns, problem.unknowns) if total is None else total)
+
+
+def _weighted_product(problem: Problem, coefficients: Sequence[float], x: np.ndarray) -> np.ndarray:
+    """Return the product of what `weighted` returns with x (n, k), without that sum."""
+    total = np.zeros_like(x)
+    for c, t in zip(coefficients, problem.terms, strict=True):
+        if c:
+            Ax = times(t.matrix, x)
+            total += c * (Ax if t.symmetric else (Ax + times(sp.csr_array(t.matrix.T), x)) / 2)
+    return total
 
 
 def factorize_undamped(
@@ -80,9 +92,9 @@ def factorize_undamped(
             -sigma * t.coefficient(problem.parameters) if t.slot == "M" else c
             for c, t in zip(stiffness, problem.terms, strict=True)
         ]
+        make, product = partial(weighted, problem, metric), partial(_weighted_product, problem, metric)
         try:
-            P = sp.csr_array(pencil.K - sigma * M)
-            return pencil, sigma, metric, factorize_definite(P, linear_solver)
+            return pencil, sigma, metric, factorize_large_definite(make, product, linear_solver)
         except NotConvergedError as error:
             failure = error
     raise NotConvergedError(f"the problem without damping and friction is not positive semidefinite: {failure}")

@@ -98,18 +98,26 @@ def test_modes_without_lifted_vectors(model):
 @pytest.mark.parametrize("kind", some(["quadratic", "gyroscopic", "complex with C"], lambda kind: kind == "quadratic"))
 def test_factors_serve_more_than_one_value(kind, monkeypatch):
     """Fewer matrices are factorised than values whose modes are added, and every estimate meets the tolerance."""
-    own = []  # values whose modes are not corrected with the factors of P
+    own = []  # values whose modes are added
     add = ReducedModel._add_modes
 
     def noted(self, value):
-        own.extend([value] if self._definite is None else [])
+        own.append(value)
         add(self, value)
 
     monkeypatch.setattr(ReducedModel, "_add_modes", noted)
+    monkeypatch.setattr(mode_corrections, "_FAST", 0.0)  # factors of P serve for one correction at most
     model = ReducedModel(chain(*CLASSES[kind]), "mu", np.linspace(0.0, 0.9, 31), Request(count=MODES))
     assert len(own) > 1 and model.worst <= 1e-8
     assert model.factorizations < 1 + len(own)  # one is P
-    assert model._corrections._last is None  # factors are not kept when the model is made
+    assert model._corrections._last is model._corrections.definite is None  # none are kept when the model is made
+
+
+@pytest.mark.parametrize("kind", some(list(CLASSES), lambda kind: kind == "complex with C"))
+def test_factors_of_p_serve_at_all_values_where_they_are_fast(kind):
+    """Weak friction and damping change little: no other matrix is factorised."""
+    model = ReducedModel(chain(*CLASSES[kind]), "mu", np.linspace(0.0, 0.05, 7), Request(count=MODES))
+    assert model.factorizations == 1 and model.worst <= 1e-8
 
 
 def test_indices_of_terms_are_short():

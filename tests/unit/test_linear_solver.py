@@ -256,7 +256,8 @@ def test_a_solver_handed_in_finds_static_states_on_the_refined_mesh(tmp_path, no
     no_other()
     found = with_discretisation(sweep(problem, [0.1, 0.3], modes=4, linear_solver=toy), linear_solver=toy)
     for a, b in zip(found.points, expected.points, strict=True):
-        np.testing.assert_allclose(a.discretisation, b.discretisation, rtol=1e-4, atol=1e-7 * np.abs(b.modes.lam).max())
+        # These react to shapes, which are exact to the root of the tolerance of λ, 1e-8.
+        np.testing.assert_allclose(a.discretisation, b.discretisation, rtol=1e-3, atol=1e-7 * np.abs(b.modes.lam).max())
 
 
 @pytest.mark.parametrize(

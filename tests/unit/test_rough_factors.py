@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from chains import chain
+from chains import CLASSES, MODES, chain
 
 import fe_squeal.eigen.linear.choice as choice
 from fe_squeal import sweep
-from fe_squeal.eigen.linear.choice import factorize_definite_roughly, factorize_roughly
+from fe_squeal.eigen.linear.choice import factorize_definite_roughly, factorize_large_definite, factorize_roughly
 from fe_squeal.eigen.linear.pardiso import PARDISO
-from fe_squeal.eigen.linear.refinement import contraction, refined
+from fe_squeal.eigen.linear.refinement import RefinedDefinite, contraction, refined, unrefined
+from fe_squeal.eigen.request import Request
 from fe_squeal.errors import NotConvergedError
+from fe_squeal.reduced import ReducedModel
 
 N = 300
 pytestmark = pytest.mark.usefixtures("needs_pardiso")
@@ -112,3 +114,47 @@ def test_a_sweep_is_as_exact_by_them(effects, monkeypatch):
     assert made
     for one, other in zip(rough, lam(), strict=True):
         np.testing.assert_allclose(np.sort_complex(one), np.sort_complex(other), rtol=1e-7)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e30])
+def test_large_definite_matrices_are_solved_to_the_accuracy_of_their_use(unit, monkeypatch):
+    """By rough factors with refinement; with no more than the product of the matrix for that."""
+    A, b = bar(1000) * unit, np.random.default_rng(8).standard_normal((1000, 3))
+    exact = np.linalg.solve(A.toarray(), b)
+    made = []
+
+    def make():
+        made.append(1)
+        return A
+
+    plain = factorize_large_definite(make, None)
+    np.testing.assert_allclose(plain.solve(b), exact, rtol=1e-9, atol=1e-9 * np.abs(exact).max())
+    assert unrefined(plain) is plain and len(made) == 1
+    monkeypatch.setattr(choice, "_MANY", 0)
+    factor = factorize_large_definite(make, lambda x: A @ x)
+    assert isinstance(factor, RefinedDefinite)
+    for x in (factor.solve(b), factor.solve_adjoint(b)):
+        assert np.abs(x - exact).max() < 1e-4 * np.abs(exact).max()
+        assert np.linalg.norm(A @ x - b) < 1e-5 * np.linalg.norm(b)
+    assert np.abs(unrefined(factor).solve(b) - exact).max() > 10 * np.abs(factor.solve(b) - exact).max()
+    Z = factor.half_solve(np.eye(1000))
+    assert np.abs(Z @ Z.T - np.linalg.inv(A.toarray())).max() < 0.05 * np.abs(np.linalg.inv(A.toarray())).max()
+
+
+def test_large_matrices_that_are_not_definite_are_refused(monkeypatch):
+    monkeypatch.setattr(choice, "_MANY", 0)
+    A = bar(moved=0.5)
+    with pytest.raises(NotConvergedError):
+        factorize_large_definite(lambda: A, lambda x: A @ x)
+
+
+@pytest.mark.parametrize("kind", ["nonsymmetric", "complex with C"])
+def test_a_reduced_model_begins_with_refined_solves(kind, monkeypatch):
+    """As that of a large problem does; its eigenvalues are those of double precision within the tolerance."""
+    problem, values = chain(*CLASSES[kind]), np.linspace(0.0, 0.9, 7)
+    usual = ReducedModel(problem, "mu", values, Request(count=MODES))
+    monkeypatch.setattr(choice, "_MANY", 0)
+    large = ReducedModel(problem, "mu", values, Request(count=MODES))
+    assert large.worst <= 1e-8
+    for p in values.tolist():
+        np.testing.assert_allclose(large.modes(p).lam, usual.modes(p).lam, rtol=3e-8)

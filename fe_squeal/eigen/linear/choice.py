@@ -18,7 +18,7 @@ from .dense import DenseFactor
 from .factor import DefiniteFactor, Factor, LinearSolver, Solve
 from .mumps import MUMPS, PLAIN, Mumps, MumpsOptions, has_mumps
 from .pardiso import PARDISO, has_pardiso
-from .refinement import contraction, in_single
+from .refinement import RefinedDefinite, contraction, in_single
 from .superlu import SUPERLU
 
 _Solving = TypeVar("_Solving", Factor, DefiniteFactor)
@@ -28,6 +28,7 @@ _MISSING = {
     "mumps": "MUMPS cannot be loaded on this machine (petsc4py with MUMPS and real numbers; see docs/cluster.md)",
 }
 _LARGE = 3000  # unknowns from which on freed memory is given back before a factorisation, which takes far longer
+_MANY = 3e7  # entries of a definite matrix from which on it is factorised roughly: of 200 000 unknowns of a solid
 _ROUGH = 0.05  # of a residual: what a correction with rough factors may leave
 _CHECKED = 2  # corrections by which that is seen
 _FULL = 1000  # unknowns up to which a full matrix goes to LAPACK
@@ -113,6 +114,31 @@ def factorize_definite(A: sp.csr_array, linear_solver: LinearSolver | str = "aut
     return choose(linear_solver).factorize_definite(A)
 
 
+def factorize_large_definite(
+    make: Callable[[], sp.csr_array], product: Solve, linear_solver: LinearSolver | str = "auto"
+) -> DefiniteFactor:  # fmt: skip
+    """Factorise as `factorize_definite`; a matrix of many entries roughly, and then solves are refined.
+
+    Parameters
+    ----------
+    make : callable
+        Returns the matrix A (n, n) anew, so that it takes no memory beside rough factors but in single precision.
+    product : callable
+        Returns A x for x (n, k).
+
+    Raises
+    ------
+    NotConvergedError
+        If the matrix is not positive definite.
+    """
+    A, rough = make(), _rough(linear_solver)
+    if rough is None or A.nnz < _MANY:
+        return factorize_definite(A, linear_solver)
+    del A
+    found = _rough_factors(make, factorize_definite, rough)
+    return factorize_definite(make(), linear_solver) if found is None else RefinedDefinite(found[0], product, found[1])
+
+
 def factorize_roughly(
     make: Callable[[], sp.csr_array], symmetric: bool, linear_solver: LinearSolver | str = "auto"
 ) -> Factor:  # fmt: skip
@@ -124,7 +150,7 @@ def factorize_roughly(
     Parameters
     ----------
     make : callable
-        Returns the matrix (n, n) anew, so that it takes no memory beside rough factors but in single precision.
+        As of `factorize_large_definite`.
     """
     return _good_enough(make, lambda A, solver: factorize(A, symmetric, solver), linear_solver)
 
@@ -148,20 +174,22 @@ def _good_enough(
 ) -> _Solving:  # fmt: skip
     """Return factors by the rough solver if these are good enough for corrections, else those by the solver itself."""
     rough = _rough(linear_solver)
-    factor = None if rough is None else _rough_factors(make, factors, rough)
-    return factors(make(), linear_solver) if factor is None else factor
+    found = None if rough is None else _rough_factors(make, factors, rough)
+    return factors(make(), linear_solver) if found is None else found[0]
 
 
 def _rough_factors(
     make: Callable[[], sp.csr_array], factors: Callable[[sp.csr_array, LinearSolver | str], _Solving],
     rough: LinearSolver,
-) -> _Solving | None:  # fmt: skip
+) -> tuple[_Solving, float] | None:  # fmt: skip
+    """Return rough factors, and what a correction by them leaves of a residual; None where that is too much."""
     A = in_single(make())
     try:
         factor = factors(A, rough)
     except NotConvergedError:  # single precision may take a pivot for zero or negative
         return None
-    return factor if contraction(A, factor.solve, _CHECKED) <= _ROUGH else None
+    left = contraction(A, factor.solve, _CHECKED)
+    return (factor, left) if left <= _ROUGH else None
 
 
 def _rough(linear_solver: LinearSolver | str) -> LinearSolver | None:

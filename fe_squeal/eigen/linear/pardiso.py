@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from ...errors import NotConvergedError
 from ..memory import require_memory
 from .factor import DefiniteFactor, Factor, LinearSolver, SingularError, solve_real_parts
+from .refinement import largest_part
 
 # PARDISO's numbers of the matrix types, by (symmetric, complex).
 _TYPES = {(True, False): -2, (False, False): 11, (True, True): 6, (False, True): 13}
@@ -101,7 +102,7 @@ class PardisoFactor:
         self._dtype = _KINDS[np.iscomplexobj(A), single]
         own = sp.csr_array(sp.triu(A, format="csr") if symmetric else A)
         own = own if own.has_sorted_indices else own.sorted_indices()
-        largest = float(max(own.data.real.max(initial=0.0), -own.data.real.min(initial=0.0))) if single else 1.0
+        largest = largest_part(own) if single else 1.0
         # In single precision numbers end at 1e38 and fade below 1e-38.
         self._scale = 1.0 if 1 / _RANGE < largest < _RANGE else largest or 1.0
         data = own.data[: own.nnz]  # what the matrix and PARDISO can share is not copied

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from .factor import Solve
+from .factor import DefiniteFactor, Solve
 
 _SEED, _COLUMNS, _STEPS = 20261123, 4, 4  # of random right-hand sides, and how many steps measure the contraction
 _ROUNDING = 1e-16  # relative: an error below this is rounding
+_REFINED = 1e-6  # of a residual: what `RefinedDefinite` leaves
 _GAIN = 0.5  # times the last residual: if a step leaves more than this, only rounding is left
 _RANGE = 1e20  # a matrix whose largest entry is beyond this or its inverse is not brought to single precision
 _TINY = np.finfo(float).tiny
@@ -44,6 +45,44 @@ def refined(A: sp.csr_array, solve: Solve, b: np.ndarray, rho: float) -> np.ndar
     return np.asarray(x.reshape(b.shape))
 
 
+class RefinedDefinite:
+    """Rough factors of a definite matrix A (n, n), whose solves are refined.
+
+    Parameters
+    ----------
+    factor : DefiniteFactor
+        The rough factors.
+    product : callable
+        Returns A x for x (n, k).
+    left : float
+        What one correction leaves of a residual.
+    """
+
+    def __init__(self, factor: DefiniteFactor, product: Solve, left: float) -> None:
+        self.rough, self._product = factor, product
+        self._steps = int(np.ceil(np.log(_REFINED) / np.log(np.clip(left, _ROUNDING, _GAIN)))) - 1
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Return A⁻¹ b for b (n, k), exact to about 1e-6."""
+        x = self.rough.solve(b)
+        for _ in range(self._steps):
+            x += self.rough.solve(b - self._product(x))
+        return x
+
+    def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
+        """Return A⁻¹ b."""
+        return self.solve(b)
+
+    def half_solve(self, b: np.ndarray) -> np.ndarray:
+        """Return L⁻ᵀ b by the rough factors."""
+        return self.rough.half_solve(b)
+
+
+def unrefined(factor: DefiniteFactor) -> DefiniteFactor:
+    """Return the rough factors where solves with a factor are refined, for solves that need no refinement."""
+    return factor.rough if isinstance(factor, RefinedDefinite) else factor
+
+
 def in_single(A: sp.csr_array) -> sp.csr_array:
     """Return a matrix in single precision, which shares its indices; itself where numbers are too large or too small.
 
@@ -52,11 +91,22 @@ def in_single(A: sp.csr_array) -> sp.csr_array:
     >>> [in_single(sp.csr_array([[a]])).dtype.name for a in (2.0, 2e30, 2j)]
     ['float32', 'float64', 'complex64']
     """
-    sizes = np.abs([A.data.real.max(initial=0.0), A.data.real.min(initial=0.0)])
-    if not 1 / _RANGE < sizes.max() < _RANGE:
+    if not 1 / _RANGE < largest_part(A) < _RANGE:
         return A
     kind = np.complex64 if np.iscomplexobj(A) else np.float32
     return sp.csr_array((A.data.astype(kind), A.indices, A.indptr), shape=A.shape)
+
+
+def largest_part(A: sp.csr_array) -> float:
+    """Return the size of the largest real or imaginary part among the entries of a matrix, without a copy of them.
+
+    Examples
+    --------
+    >>> largest_part(sp.csr_array([[1 - 3j]]))
+    3.0
+    """
+    parts = A.data.view(A.data.real.dtype)
+    return float(max(parts.max(initial=0.0), -parts.min(initial=0.0)))
 
 
 def _product(A: sp.csr_array, x: np.ndarray) -> np.ndarray:
