@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from ..errors import NotConvergedError
 from .dense import DENSE_LIMIT
-from .linear.choice import factorize
+from .linear.choice import factorize, negative_eigenvalues
 from .linear.factor import LinearSolver
 from .pencil import Pencil
 
@@ -20,7 +20,7 @@ def count_below(pencil: Pencil, omega: float, linear_solver: LinearSolver | str 
     """
     try:
         shifted = sp.csr_array(pencil.K - omega**2 * pencil.M)
-        pivots = factorize(shifted, True, linear_solver).negative_pivots
+        pivots = negative_eigenvalues(shifted, linear_solver)
     except NotConvergedError:
         return None
     return finite_below(pencil, pivots, linear_solver)

@@ -17,6 +17,9 @@ from .problem import Problem
 from .terms import Slot, Term, sum_terms
 from .unheld import ROUNDING_OF_FORCES
 
+_SPARSE = 0.1  # of all rows: a term that acts in fewer is multiplied in these rows alone
+_PIECE = 64  # vectors that are multiplied at once: products of all of them may not fit into memory
+
 
 def collect_powers(problem: Problem, parameter: str | tuple[str, ...]) -> Problem:
     """Return the same problem over one parameter, or over several, as few terms.
@@ -78,8 +81,11 @@ def project(problem: Problem, V: np.ndarray) -> Problem:
     none = FreeMotions.none(V.shape[1])
     terms = []
     for t in problem.terms:
-        rows = np.flatnonzero(np.diff(t.matrix.indptr))  # springs and contacts have few
-        terms.append(replace(t, matrix=sp.csr_array(cross(V[rows], times(sp.csr_array(t.matrix[rows]), V)))))
+        A, here, rows = t.matrix, V, np.flatnonzero(np.diff(t.matrix.indptr))
+        if len(rows) < _SPARSE * len(V):  # springs and contacts have few
+            A, here = sp.csr_array(A[rows]), V[rows]
+        pieces = [cross(here, times(A, V[:, i : i + _PIECE])) for i in range(0, V.shape[1], _PIECE)]
+        terms.append(replace(t, matrix=sp.csr_array(np.hstack([np.zeros((V.shape[1], 0)), *pieces]))))
     return Problem(tuple(terms), problem.parameters, free=lambda _: none)
 
 

@@ -18,14 +18,16 @@ from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from .basis import ReducedBasis
 from .estimate import GUARDED, Estimate
+from .undamped import weighted
 from .vectors import range_of, real_columns, unit_columns
 
-ROUNDS = 8  # largest number of corrections of the modes at one value
+ROUNDS = 12  # largest number of corrections of the modes at one value
 _CORRECTED = 0.3  # times the tolerance: modes with a larger error are corrected along with those that miss it
 _MIDDLE = 0.6  # times the square of the highest frequency of the basis: ω² at which Q is factorised
 _FINE = 0.01  # times √tolerance and the largest singular value: directions of modes with a smaller one are left out
 _SHORT = 1e-4  # times √tolerance and the length of a mode: shorter corrections are left out
 _FAST = 0.1  # of an error: what factors of P have to make of it, or those of Q(iω) take their place for good
+_FEW = 2  # corrections that cost no more than other factors
 _BORROWED = 0.03  # of an error: what factors of another value have to make of it, or those of the value itself are made
 _MOST = 2**27  # bytes of the residuals of modes that are solved for at once, of real ones on one side
 _CLOSE = 1e3  # times the tolerance: larger errors are not left to factors of another value
@@ -43,6 +45,8 @@ class ModeCorrections:
         Matrices factorised and right-hand sides solved for.
     definite : DefiniteFactor or None
         Factors of P, as long as they are of use.
+    definite_suffices : bool
+        Whether they were of use at all values so far.
 
     Parameters
     ----------
@@ -64,7 +68,7 @@ class ModeCorrections:
         self.factorizations = self.solves = 0
         self._is_damped, self._sigma, self._tolerance = problem.is_damped, sigma, tolerance
         self._start, self._linear_solver = start, linear_solver
-        self.definite = definite
+        self.definite, self.definite_suffices = definite, True
         self._last: tuple[Place, Factor] | None = None
 
     def factorize(self, basis: ReducedBasis, value: Place, highest: float) -> Factor:
@@ -82,19 +86,26 @@ class ModeCorrections:
         self.factorizations += 1
         return factorize_roughly(shifted, symmetric, self._linear_solver)
 
+    def factorize_undamped(self, basis: ReducedBasis, highest: float) -> Factor:
+        """Factorise Q(iω) without damping and friction, with ω in the middle of the band up to `highest`, rad/s."""
+        problem, metric, above = basis.problem, basis.metric, basis.sigma - _MIDDLE * highest**2
+        self.factorizations += 1
+        return factorize_roughly(lambda: weighted(problem, metric) + above * problem.mass, True, self._linear_solver)
+
     def release(self) -> None:
         """Forget all factors, which take the most memory."""
         self._last = self.definite = None
 
     def _factor_for(
-        self, basis: ReducedBasis, value: Place, highest: float, worst: float, before: float
+        self, basis: ReducedBasis, value: Place, highest: float, worst: float, before: float, enough: float
     ) -> Factor | DefiniteFactor:  # fmt: skip
-        """Return factors of P as long as errors fall fast by these; then those of a value.
+        """Return factors of P as long as errors fall fast by these, or a few more corrections suffice; then of a value.
 
         Where errors are small and fall fast by them, these may be those of the last value.
         """
-        if self.definite is not None and worst > _FAST * before:
-            self.definite = None  # before others take memory
+        ratio = worst / before
+        if self.definite is not None and ratio > _FAST and worst * ratio**_FEW > enough:
+            self.definite, self.definite_suffices = None, False  # before others take memory
         if self.definite is not None:
             return self.definite
         if self._last is not None and self._last[0] != value and (worst > _CLOSE or worst > _BORROWED * before):
@@ -132,9 +143,9 @@ class ModeCorrections:
             worst = float(off.max(initial=0.0))
             if worst <= enough or not more:
                 break
-            inverse = self._factor_for(basis, value, highest, worst, before)
             inexact = _turned(modes.select(np.flatnonzero(off > _CORRECTED * enough)), W)
-            new = self.correct(wide, value, inexact, inverse, inverse is self.definite)
+            # No name here holds the factors, so that they are free before others take memory.
+            new = self.correct(wide, value, inexact, self._factor_for(basis, value, highest, worst, before, enough))
             W = la.qr(np.hstack([_padded(W, len(wide)), new]), mode="economic", check_finite=False)[0]
             every = _turned(wide.restricted(W, lifted).modes(value, GUARDED * highest), W)
             before = worst
@@ -148,7 +159,7 @@ class ModeCorrections:
         return range_of(unit_columns(modes.right, modes.left), _FINE * self._tolerance**0.5, free)
 
     def correct(
-        self, basis: ReducedBasis, value: Place, modes: Modes, factor: Factor | DefiniteFactor, real: bool
+        self, basis: ReducedBasis, value: Place, modes: Modes, factor: Factor | DefiniteFactor
     ) -> np.ndarray:
         """Add the corrections of some modes at a value to a basis: their residuals, solved for with a factor.
 
@@ -162,11 +173,11 @@ class ModeCorrections:
         short, before, found = _SHORT * self._tolerance**0.5 * length, len(basis), []
         blocks = self._blocks(modes, len(basis.V))
         for block in blocks:
-            X = self._solved(basis, value, block, factor, real)
+            X = self._solved(basis, value, block, factor)
             found.append(basis.extend(X, short))
         if len(basis) == before:
             # If all are short, they are added nevertheless: an error just above the tolerance may need no more.
-            again = (X if len(blocks) == 1 else self._solved(basis, value, b, factor, real) for b in blocks)
+            again = (X if len(blocks) == 1 else self._solved(basis, value, b, factor) for b in blocks)
             found = [basis.extend(X) for X in again]
         return np.hstack([_padded(coordinates, len(basis)) for coordinates in found])
 
@@ -183,7 +194,7 @@ class ModeCorrections:
         return [[g.select(np.arange(i, min(i + most, len(g))))] for g in groups for i in range(0, len(g), most)]
 
     def _solved(
-        self, basis: ReducedBasis, value: Place, groups: list[Modes], factor: Factor | DefiniteFactor, real: bool
+        self, basis: ReducedBasis, value: Place, groups: list[Modes], factor: Factor | DefiniteFactor
     ) -> np.ndarray:  # fmt: skip
         """Return the residuals of modes at a value, solved for with a factor, as real columns (n, ·)."""
         parts = []
@@ -192,8 +203,8 @@ class ModeCorrections:
             now = len(basis)  # vectors may have been added since the modes were found
             group = replace(group, right=_padded(group.right, now), left=_padded(group.left, now))
             right, left = basis.residuals(value, group)
-            if self._is_damped and not real and right.shape[1] > len(group):
-                # Else all λ and shapes are real, as of overdamped modes, or λ² and the matrices are.
+            if self._is_damped and factor is not self.definite and right.shape[1] > len(group):
+                # Else all λ and shapes are real, as of overdamped modes, or the factors are.
                 right, left = (x[:, : len(group)] + 1j * x[:, len(group) :] for x in (right, left))
             self.solves += right.shape[1] + left.shape[1]
             parts += [real_columns(factor.solve(right)), real_columns(factor.solve_adjoint(left))]

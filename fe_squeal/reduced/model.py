@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,6 @@ from ..eigen.blocks import lift
 from ..eigen.inertia import count_below
 from ..eigen.linear.choice import choose, factorize_definite_roughly
 from ..eigen.linear.factor import Factor, LinearSolver
-from ..eigen.linear.refinement import unrefined
 from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
 from ..eigen.request import Request, is_needed
@@ -136,7 +135,7 @@ class ReducedModel:
         require_vectors(n, _LANCZOS * count, 8)
         theta, vectors = lowest_modes(definite, M, self._sigma, count, _ROUGH)
         self._corrections = ModeCorrections(
-            problem, self._sigma, request.tolerance, start, self.linear_solver, unrefined(definite)
+            problem, self._sigma, request.tolerance, start, self.linear_solver, definite
         )
         self._corrections.factorizations = factorizations + 1
         self.highest = float(np.sqrt(theta.max(initial=0.0)))
@@ -188,6 +187,7 @@ class ReducedModel:
         model._sigma, model.highest, model._without = numbers["sigma"], numbers["highest"], arrays["without"]
         made = ModeCorrections(problem, model._sigma, request.tolerance, model._start, model.linear_solver)
         made.factorizations, made.solves = numbers["factorizations"], numbers["solves"]
+        made.definite_suffices = numbers["definite_suffices"]
         model._corrections = made
         collected = collect_powers(problem, parameter).at({parameter: numbers["start"]})
         model.basis = ReducedBasis.restored(collected, parameter, arrays, numbers["basis"], model.linear_solver)
@@ -199,6 +199,7 @@ class ReducedModel:
         return arrays | {"without": self._without}, {
             "basis": numbers, "sigma": self._sigma, "highest": self.highest, "factorizations": self.factorizations,
             "solves": self.solves, "start": self._start, "met": list(self._met.items()),
+            "definite_suffices": self._corrections.definite_suffices,
         }  # fmt: skip
 
     @property
@@ -245,8 +246,13 @@ class ReducedModel:
         wanted = self._estimated(value)[0].lam[list(positions)]
         _, at = linear_sum_assignment(np.abs(wanted[:, None] - every.lam[None, :]))
         lifted = replace(every, right=self.lift(every.right), left=None)
-        pencil = self.basis.problem.pencil(values_at(self.parameter, value))
-        return corrected_shapes(pencil, lifted, at, self.factorize(value), self.request.tolerance)
+        pencil, tolerance = self.basis.problem.pencil(values_at(self.parameter, value)), self.request.tolerance
+        if self._corrections.definite_suffices:
+            undamped = partial(self._corrections.factorize_undamped, self.basis, self.highest)
+            shapes, errors = corrected_shapes(pencil, lifted, at, undamped, tolerance)
+            if errors.max(initial=0.0) <= tolerance:
+                return shapes, errors
+        return corrected_shapes(pencil, lifted, at, partial(self.factorize, value), tolerance)
 
     @cached_property
     def projected(self) -> Problem:
@@ -425,9 +431,9 @@ class ReducedModel:
         """Factorise Q(iω) at a value, with ω in the middle of the band."""
         return self._corrections.factorize(self.basis, value, self.highest)
 
-    def correct(self, basis: ReducedBasis, value: Place, modes: Modes, factor: Factor, real: bool) -> None:
+    def correct(self, basis: ReducedBasis, value: Place, modes: Modes, factor: Factor) -> None:
         """Add the corrections of some modes at a value to a basis, see `ModeCorrections.correct`."""
-        self._corrections.correct(basis, value, modes, factor, real)
+        self._corrections.correct(basis, value, modes, factor)
 
     def _search(self) -> None:
         """Find vectors of modes that the basis may lack, by factors of P."""

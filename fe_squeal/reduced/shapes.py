@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -19,7 +21,7 @@ _FINE = 1e-8  # part of a unit vector: directions in which columns of length 1 d
 
 
 def corrected_shapes(
-    pencil: Pencil, modes: Modes, wanted: np.ndarray, factor: Factor, tolerance: float
+    pencil: Pencil, modes: Modes, wanted: np.ndarray, factorize: Callable[[], Factor], tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return shapes whose backward error meets a tolerance, and these errors.
 
@@ -36,8 +38,9 @@ def corrected_shapes(
         Right vectors (n, m) of the reduced model, those wanted and their neighbours.
     wanted : (k,) int
         Positions among them.
-    factor : Factor
-        Factors of Q(λ) for a λ somewhere in the range of these modes.
+    factorize : callable
+        Returns factors of Q(λ) for a λ somewhere in the range of these modes, or of a matrix near it; called if a shape
+        misses the tolerance.
     tolerance : float
 
     Returns
@@ -50,11 +53,13 @@ def corrected_shapes(
     basis = _beside(np.zeros((len(modes.right), 0)), real_columns(modes.right))
     best = modes.right[:, wanted].astype(complex)
     errors = backward_errors(pencil, lam, best)
+    factor = None
     for _ in range(_ROUNDS):
         bad = np.flatnonzero(errors > tolerance)
         if not len(bad):
             break
         rest = pencil.apply(lam[bad], best[:, bad])
+        factor = factor or factorize()
         steps = factor.solve(rest)
         basis = np.hstack([basis, _beside(basis, real_columns(steps))])
         found = solve_dense(_projected(pencil, basis))

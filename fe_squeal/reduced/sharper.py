@@ -52,7 +52,7 @@ class SharperModel:
         """
         lam, unknown = np.array([1j * np.sqrt(theta + 0j)]), np.zeros(1)
         mode = Modes(lam, right[:, None], left[:, None], unknown, unknown, unknown)
-        self._model.correct(self._basis, value, mode, factor, False)
+        self._model.correct(self._basis, value, mode, factor)
         self.__dict__.pop("problem", None)
 
     def root_error(self, value: float, theta: float, right: np.ndarray, left: np.ndarray) -> tuple[float, float]:

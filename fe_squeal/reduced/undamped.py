@@ -8,8 +8,7 @@ from functools import partial
 import numpy as np
 import scipy.sparse as sp
 
-from ..eigen.blocks import times
-from ..eigen.linear.choice import factorize_large_definite
+from ..eigen.linear.choice import factorize_with_care
 from ..eigen.linear.factor import DefiniteFactor, LinearSolver
 from ..eigen.pencil import Pencil
 from ..eigen.shift import shift_below
@@ -43,16 +42,6 @@ def weighted(problem: Problem, coefficients: Sequence[float]) -> sp.csr_array:
             part = part if c == 1 else part * c
             total = part if total is None else total + part
     return sp.csr_array((problem.unknowns, problem.unknowns) if total is None else total)
-
-
-def _weighted_product(problem: Problem, coefficients: Sequence[float], x: np.ndarray) -> np.ndarray:
-    """Return the product of what `weighted` returns with x (n, k), without that sum."""
-    total = np.zeros_like(x)
-    for c, t in zip(coefficients, problem.terms, strict=True):
-        if c:
-            Ax = times(t.matrix, x)
-            total += c * (Ax if t.symmetric else (Ax + times(sp.csr_array(t.matrix.T), x)) / 2)
-    return total
 
 
 def factorize_undamped(
@@ -92,9 +81,9 @@ def factorize_undamped(
             -sigma * t.coefficient(problem.parameters) if t.slot == "M" else c
             for c, t in zip(stiffness, problem.terms, strict=True)
         ]
-        make, product = partial(weighted, problem, metric), partial(_weighted_product, problem, metric)
         try:
-            return pencil, sigma, metric, factorize_large_definite(make, product, linear_solver)
+            factor = factorize_with_care(partial(weighted, problem, metric), linear_solver)
+            return pencil, sigma, metric, factor
         except NotConvergedError as error:
             failure = error
     raise NotConvergedError(f"the problem without damping and friction is not positive semidefinite: {failure}")

@@ -9,9 +9,14 @@ from chains import CLASSES, MODES, chain
 
 import fe_squeal.eigen.linear.choice as choice
 from fe_squeal import sweep
-from fe_squeal.eigen.linear.choice import factorize_definite_roughly, factorize_large_definite, factorize_roughly
-from fe_squeal.eigen.linear.pardiso import PARDISO
-from fe_squeal.eigen.linear.refinement import RefinedDefinite, contraction, refined, unrefined
+from fe_squeal.eigen.linear.choice import (
+    factorize_definite_roughly,
+    factorize_roughly,
+    factorize_with_care,
+    negative_eigenvalues,
+)
+from fe_squeal.eigen.linear.pardiso import PARDISO, PardisoFactor
+from fe_squeal.eigen.linear.refinement import contraction, refined
 from fe_squeal.eigen.request import Request
 from fe_squeal.errors import NotConvergedError
 from fe_squeal.reduced import ReducedModel
@@ -108,6 +113,7 @@ def test_a_sweep_is_as_exact_by_them(effects, monkeypatch):
 
     made = []
     single = PARDISO.rough
+    monkeypatch.setattr(choice, "_MANY", 0)
     monkeypatch.setattr(choice, "_rough", lambda _: made.append(1) or single)
     rough = lam()
     monkeypatch.setattr(choice, "_rough", lambda _: None)
@@ -117,39 +123,18 @@ def test_a_sweep_is_as_exact_by_them(effects, monkeypatch):
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e30])
-def test_large_definite_matrices_are_solved_to_the_accuracy_of_their_use(unit, monkeypatch):
-    """By rough factors with refinement; with no more than the product of the matrix for that."""
-    A, b = bar(1000) * unit, np.random.default_rng(8).standard_normal((1000, 3))
-    exact = np.linalg.solve(A.toarray(), b)
-    made = []
-
-    def make():
-        made.append(1)
-        return A
-
-    plain = factorize_large_definite(make, None)
-    np.testing.assert_allclose(plain.solve(b), exact, rtol=1e-9, atol=1e-9 * np.abs(exact).max())
-    assert unrefined(plain) is plain and len(made) == 1
+def test_large_definite_matrices_are_factorised_roughly(unit, monkeypatch):
+    A = bar(1000) * unit
+    off = [contraction(A, factorize_with_care(lambda: A).solve)]
     monkeypatch.setattr(choice, "_MANY", 0)
-    factor = factorize_large_definite(make, lambda x: A @ x)
-    assert isinstance(factor, RefinedDefinite)
-    for x in (factor.solve(b), factor.solve_adjoint(b)):
-        assert np.abs(x - exact).max() < 1e-4 * np.abs(exact).max()
-        assert np.linalg.norm(A @ x - b) < 1e-5 * np.linalg.norm(b)
-    assert np.abs(unrefined(factor).solve(b) - exact).max() > 10 * np.abs(factor.solve(b) - exact).max()
-    Z = factor.half_solve(np.eye(1000))
-    assert np.abs(Z @ Z.T - np.linalg.inv(A.toarray())).max() < 0.05 * np.abs(np.linalg.inv(A.toarray())).max()
-
-
-def test_large_matrices_that_are_not_definite_are_refused(monkeypatch):
-    monkeypatch.setattr(choice, "_MANY", 0)
-    A = bar(moved=0.5)
+    off.append(contraction(A, factorize_with_care(lambda: A).solve))
+    assert off[0] < 1e-9 < off[1] < choice._ROUGH
     with pytest.raises(NotConvergedError):
-        factorize_large_definite(lambda: A, lambda x: A @ x)
+        factorize_with_care(lambda: bar(moved=0.5))
 
 
 @pytest.mark.parametrize("kind", ["nonsymmetric", "complex with C"])
-def test_a_reduced_model_begins_with_refined_solves(kind, monkeypatch):
+def test_a_reduced_model_begins_with_rough_factors(kind, monkeypatch):
     """As that of a large problem does; its eigenvalues are those of double precision within the tolerance."""
     problem, values = chain(*CLASSES[kind]), np.linspace(0.0, 0.9, 7)
     usual = ReducedModel(problem, "mu", values, Request(count=MODES))
@@ -158,3 +143,22 @@ def test_a_reduced_model_begins_with_refined_solves(kind, monkeypatch):
     assert large.worst <= 1e-8
     for p in values.tolist():
         np.testing.assert_allclose(large.modes(p).lam, usual.modes(p).lam, rtol=3e-8)
+
+
+@pytest.mark.parametrize("near", [0.5, 1e-9])
+def test_eigenvalues_are_counted_by_rough_factors_that_show_the_same_number(near, monkeypatch):
+    """Near an eigenvalue the rough ones do not show it, and others count."""
+    lowest = 4 * np.sin(np.pi / (N + 1) / 2) ** 2
+    made = []
+    make = PardisoFactor.__init__
+
+    def noted(self, *args, single=False, **more):
+        made.append(single)
+        make(self, *args, single=single, **more)
+
+    monkeypatch.setattr(PardisoFactor, "__init__", noted)
+    monkeypatch.setattr(choice, "_MANY", 0)
+    for side, expected in ((-1, 0), (1, 1)):
+        made.clear()
+        assert negative_eigenvalues(bar(moved=lowest * (1 + side * near))) == expected
+        assert made == ([True] if near == 0.5 else [True, False])

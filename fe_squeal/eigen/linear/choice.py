@@ -18,7 +18,7 @@ from .dense import DenseFactor
 from .factor import DefiniteFactor, Factor, LinearSolver, Solve
 from .mumps import MUMPS, PLAIN, Mumps, MumpsOptions, has_mumps
 from .pardiso import PARDISO, has_pardiso
-from .refinement import RefinedDefinite, contraction, in_single
+from .refinement import contraction, in_single
 from .superlu import SUPERLU
 
 _Solving = TypeVar("_Solving", Factor, DefiniteFactor)
@@ -28,7 +28,7 @@ _MISSING = {
     "mumps": "MUMPS cannot be loaded on this machine (petsc4py with MUMPS and real numbers; see docs/cluster.md)",
 }
 _LARGE = 3000  # unknowns from which on freed memory is given back before a factorisation, which takes far longer
-_MANY = 3e7  # entries of a definite matrix from which on it is factorised roughly: of 200 000 unknowns of a solid
+_MANY = 3e7  # entries from which on memory counts most: those of a solid of 200 000 unknowns
 _ROUGH = 0.05  # of a residual: what a correction with rough factors may leave
 _CHECKED = 2  # corrections by which that is seen
 _FULL = 1000  # unknowns up to which a full matrix goes to LAPACK
@@ -114,29 +114,50 @@ def factorize_definite(A: sp.csr_array, linear_solver: LinearSolver | str = "aut
     return choose(linear_solver).factorize_definite(A)
 
 
-def factorize_large_definite(
-    make: Callable[[], sp.csr_array], product: Solve, linear_solver: LinearSolver | str = "auto"
+def factorize_with_care(
+    make: Callable[[], sp.csr_array], linear_solver: LinearSolver | str = "auto"
 ) -> DefiniteFactor:  # fmt: skip
-    """Factorise as `factorize_definite`; a matrix of many entries roughly, and then solves are refined.
+    """Factorise as `factorize_definite`, but roughly where the matrix has so many entries that memory counts most.
 
     Parameters
     ----------
     make : callable
-        Returns the matrix A (n, n) anew, so that it takes no memory beside rough factors but in single precision.
-    product : callable
-        Returns A x for x (n, k).
+        Returns the matrix (n, n) anew, so that it takes no memory beside rough factors but in single precision.
 
     Raises
     ------
     NotConvergedError
         If the matrix is not positive definite.
     """
-    A, rough = make(), _rough(linear_solver)
-    if rough is None or A.nnz < _MANY:
+    A = make()
+    if A.nnz < _MANY:
         return factorize_definite(A, linear_solver)
     del A
-    found = _rough_factors(make, factorize_definite, rough)
-    return factorize_definite(make(), linear_solver) if found is None else RefinedDefinite(found[0], product, found[1])
+    return factorize_definite_roughly(make, linear_solver)
+
+
+def negative_eigenvalues(A: sp.csr_array, linear_solver: LinearSolver | str = "auto") -> int | None:
+    """Return the number of negative eigenvalues of a real symmetric matrix, or None where the factors do not tell.
+
+    A matrix of many entries is factorised roughly: `contraction` shows whether it has as many as its factors.
+
+    Raises
+    ------
+    NotConvergedError
+        If the matrix cannot be factorised.
+    """
+    rough = _rough(linear_solver)
+    counted = None if rough is None or A.nnz < _MANY else _counted_roughly(A, rough)
+    return factorize(A, True, linear_solver).negative_pivots if counted is None else counted
+
+
+def _counted_roughly(A: sp.csr_array, rough: LinearSolver) -> int | None:
+    try:
+        factor = factorize(A, True, rough)
+    except NotConvergedError:  # single precision may take a pivot for zero
+        return None
+    sure = factor.negative_pivots is not None and contraction(A, factor.solve) <= _ROUGH
+    return factor.negative_pivots if sure else None
 
 
 def factorize_roughly(
@@ -150,7 +171,7 @@ def factorize_roughly(
     Parameters
     ----------
     make : callable
-        As of `factorize_large_definite`.
+        As of `factorize_with_care`.
     """
     return _good_enough(make, lambda A, solver: factorize(A, symmetric, solver), linear_solver)
 
@@ -174,22 +195,20 @@ def _good_enough(
 ) -> _Solving:  # fmt: skip
     """Return factors by the rough solver if these are good enough for corrections, else those by the solver itself."""
     rough = _rough(linear_solver)
-    found = None if rough is None else _rough_factors(make, factors, rough)
-    return factors(make(), linear_solver) if found is None else found[0]
+    factor = None if rough is None else _rough_factors(make, factors, rough)
+    return factors(make(), linear_solver) if factor is None else factor
 
 
 def _rough_factors(
     make: Callable[[], sp.csr_array], factors: Callable[[sp.csr_array, LinearSolver | str], _Solving],
     rough: LinearSolver,
-) -> tuple[_Solving, float] | None:  # fmt: skip
-    """Return rough factors, and what a correction by them leaves of a residual; None where that is too much."""
+) -> _Solving | None:  # fmt: skip
     A = in_single(make())
     try:
         factor = factors(A, rough)
     except NotConvergedError:  # single precision may take a pivot for zero or negative
         return None
-    left = contraction(A, factor.solve, _CHECKED)
-    return (factor, left) if left <= _ROUGH else None
+    return factor if contraction(A, factor.solve, _CHECKED) <= _ROUGH else None
 
 
 def _rough(linear_solver: LinearSolver | str) -> LinearSolver | None:

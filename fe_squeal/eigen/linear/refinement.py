@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from .factor import DefiniteFactor, Solve
+from .factor import Solve
 
 _SEED, _COLUMNS, _STEPS = 20261123, 4, 4  # of random right-hand sides, and how many steps measure the contraction
 _ROUNDING = 1e-16  # relative: an error below this is rounding
-_REFINED = 1e-6  # of a residual: what `RefinedDefinite` leaves
 _GAIN = 0.5  # times the last residual: if a step leaves more than this, only rounding is left
 _RANGE = 1e20  # a matrix whose largest entry is beyond this or its inverse is not brought to single precision
 _TINY = np.finfo(float).tiny
@@ -43,44 +42,6 @@ def refined(A: sp.csr_array, solve: Solve, b: np.ndarray, rho: float) -> np.ndar
         before[better] = size[better]
         x[:, better] += solve(rest[:, better])
     return np.asarray(x.reshape(b.shape))
-
-
-class RefinedDefinite:
-    """Rough factors of a definite matrix A (n, n), whose solves are refined.
-
-    Parameters
-    ----------
-    factor : DefiniteFactor
-        The rough factors.
-    product : callable
-        Returns A x for x (n, k).
-    left : float
-        What one correction leaves of a residual.
-    """
-
-    def __init__(self, factor: DefiniteFactor, product: Solve, left: float) -> None:
-        self.rough, self._product = factor, product
-        self._steps = int(np.ceil(np.log(_REFINED) / np.log(np.clip(left, _ROUNDING, _GAIN)))) - 1
-
-    def solve(self, b: np.ndarray) -> np.ndarray:
-        """Return A⁻¹ b for b (n, k), exact to about 1e-6."""
-        x = self.rough.solve(b)
-        for _ in range(self._steps):
-            x += self.rough.solve(b - self._product(x))
-        return x
-
-    def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
-        """Return A⁻¹ b."""
-        return self.solve(b)
-
-    def half_solve(self, b: np.ndarray) -> np.ndarray:
-        """Return L⁻ᵀ b by the rough factors."""
-        return self.rough.half_solve(b)
-
-
-def unrefined(factor: DefiniteFactor) -> DefiniteFactor:
-    """Return the rough factors where solves with a factor are refined, for solves that need no refinement."""
-    return factor.rough if isinstance(factor, RefinedDefinite) else factor
 
 
 def in_single(A: sp.csr_array) -> sp.csr_array:
