@@ -220,6 +220,11 @@ class ReducedBasis(Projection):
         self._store[r : r + k] = X.T
         self.V = self._store[: r + k].T
 
+    def shrink(self) -> None:
+        """Give up the room that was set aside for further vectors, and that corrections took."""
+        self._store = self.V.T.copy()
+        self.V = self._store.T
+
     def copy(self) -> ReducedBasis:
         """Return a copy that can be extended without changing this basis."""
         other = copy.copy(self)

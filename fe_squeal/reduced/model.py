@@ -153,9 +153,12 @@ class ReducedModel:
         self.basis.calibrate(start, first)
 
     def _release(self) -> None:
-        """Forget the factors, and the vectors of the search for missing modes."""
+        """Forget the factors and the vectors of the search for missing modes; no vectors are added from now on."""
         self._corrections.release()
         self._outside = None
+        self._forget()
+        self.basis.shrink()
+        self._known_with = self.basis.V  # which is the same
 
     def _refuse_overdamped(self, values: Sequence[Place]) -> None:
         """Raise NotConvergedError where many modes at some values decay without swinging.
