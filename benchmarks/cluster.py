@@ -35,8 +35,8 @@ COPIES, VECTORS = 15.6, 1020
 GIB, MB = 2**30, 10**6
 NOTE = """### How many nodes for my brake
 
-A reduced sweep for 50 modes holds LDLᵀ and LU factors at once while its model is made, and process 0 all matrices and
-vectors besides. The factors are extrapolated from the analyses above on one process, of more than 50 000 unknowns, by
+A reduced sweep for 50 modes holds LDLᵀ factors while its model is made, and where friction or damping is strong LU
+factors after these, for which the table allows; process 0 holds all matrices and vectors besides. The factors are extrapolated from the analyses above on one process, of more than 50 000 unknowns, by
 powers of the number of unknowns n that fit them in the least-squares sense; nothing of this size was factorised. Nine
 tenths of a node's memory are used. "The first of" says how much process 0's node needs where the others' is not enough.
 Seconds are those of one LU factorisation. The exponents are those of this brake, a thin disc with pads; of solids as
@@ -107,12 +107,12 @@ def nodes(rows: list[dict]) -> str:
     said = ", ".join(f"{key}: n^{alpha:.2f}" for key, (_, alpha) in laws.items())
     last = [r for r in rows if r["unknowns"] == max(o["unknowns"] for o in rows)]
     more = max(r["LU all"] for r in last) / min(r["LU all"] for r in last)
-    head = ["unknowns", "LDLᵀ + LU, GiB on all", "process 0 besides, GiB",
+    head = ["unknowns", "LU, GiB on all", "process 0 besides, GiB",
             *(f"nodes of {g} GiB" for g in NODES), "LU, 10¹² operations", "s at 100 GFlop/s"]  # fmt: skip
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for n in LARGE:
         at = {key: c * n**alpha for key, (c, alpha) in laws.items()}
-        factors = more * (at["LDLᵀ all"] + at["LU all"])
+        factors = more * at["LU all"]
         first = COPIES * 12 * at["entries"] + 8 * VECTORS * n
         cells = [f"{n}", f"{factors / GIB:.0f}", f"{first / GIB:.0f}"]
         for g in NODES:

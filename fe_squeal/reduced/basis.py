@@ -224,6 +224,7 @@ class ReducedBasis(Projection):
         """Give up the room that was set aside for further vectors, and that corrections took."""
         self._store = self.V.T.copy()
         self.V = self._store.T
+        self._last = self._last_matrices = self._slow = self._contained = None  # what they hold has the old vectors
 
     def copy(self) -> ReducedBasis:
         """Return a copy that can be extended without changing this basis."""

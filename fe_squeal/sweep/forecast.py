@@ -10,7 +10,7 @@ import psutil
 import scipy.sparse as sp
 
 from ..eigen.dense import DENSE_LIMIT
-from ..eigen.linear.choice import factor_memory
+from ..eigen.linear.choice import factor_memory, is_large
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.linear.superlu import superlu_memory
 from ..eigen.memory import available_memory, memory_text, release_freed
@@ -35,6 +35,10 @@ _PROJECTED = 18  # bytes for each entry of a projected term: sparse with its ind
 _DENSE = 8  # matrices of a small eigenproblem, with the workspaces of LAPACK
 _LIFTED = 10.0  # vectors for each guarded mode: shapes as vectors of the problem, complex, and a basis of them
 _KRYLOV = 8.0  # vectors for each mode asked for: of the Krylov spaces, and the modes themselves
+# Of a large problem: bytes of the blocks of vectors of one correction; vectors that the search for missing modes keeps;
+# corrections of each guarded mode that are in the basis until its modes are exact.
+_BLOCKS, _SEARCHED, _CORRECTED = 6 * 2**28, 40, 2.0
+_STRONG = 1.2  # times the factors: what those of a matrix with friction take more
 # What direct solves make of these: left ones too, complex ones, and with damping those of displacement and velocity.
 _SOLVED = {"symmetric": 1, "nonsymmetric": 2, "quadratic": 8, "complex": 4}
 _VERSIONS = 3  # sums of terms at other values that an assembly keeps where a parameter changes matrices
@@ -70,6 +74,8 @@ class MemoryPrediction:
         Whether the sweep uses a reduced model.
     parts : dict of int, bytes
         What the total consists of, by name.
+    strong : int, bytes
+        What comes to that of a large problem whose friction or damping is strong.
     """
 
     total: int
@@ -77,6 +83,7 @@ class MemoryPrediction:
     free: int
     reduced: bool
     parts: dict[str, int] = field(default_factory=dict)
+    strong: int = 0
 
     @property
     def fits(self) -> bool:
@@ -86,7 +93,8 @@ class MemoryPrediction:
     def __str__(self) -> str:
         way = "reduced sweep" if self.reduced else "a direct solve per value"
         parts = ", ".join(f"{name} {memory_text(size)}" for name, size in self.parts.items())
-        text = f"{memory_text(self.total)} ({way}): {parts}"
+        more = f"; {memory_text(self.strong)} more if friction or damping is strong" if self.strong else ""
+        text = f"{memory_text(self.total)} ({way}): {parts}{more}"
         return text if self.fits else f"{text}; {memory_text(self.free)} are free: it does not fit"
 
 
@@ -105,6 +113,8 @@ class MemoryCount:
         Those that the solver's analysis tells; 0 where small matrices go to LAPACK as a whole.
     fixed : dict of int, bytes
         Parts that modes and values do not change, by name.
+    large : bool
+        Whether the reduced model begins with rough factors, and goes on with them where friction and damping are weak.
     """
 
     unknowns: int
@@ -114,6 +124,7 @@ class MemoryCount:
     reduced: bool
     factors: int
     fixed: dict[str, int]
+    large: bool = False
 
     def at(self, modes: int) -> MemoryPrediction:
         """Return the prediction for a number of modes."""
@@ -123,12 +134,14 @@ class MemoryCount:
             basis = min(_BASIS[kind] * guarded, n)
             number = 16 if kind == "complex" else 8
             order = 2 * basis if kind == "quadratic" else basis
-            parts["vectors"] = int(8 * n * (basis + _SAMPLES + _LIFTED * guarded))
+            beside = _LIFTED * guarded if not self.large else _BLOCKS / (8 * n) + _SEARCHED + _CORRECTED * guarded
+            parts["vectors"] = int(8 * n * (basis + _SAMPLES + beside))
             parts["projections"] = int(_PROJECTED * self.terms * basis**2)
             parts["small eigenproblems"] = int(number * (_DENSE * order**2 + 2 * self.values * guarded * basis))
         elif n > DENSE_LIMIT:
             parts["vectors"] = int(8 * n * _KRYLOV * modes * _SOLVED[kind])
-        return MemoryPrediction(sum(parts.values()), self.factors, available_memory(), self.reduced, parts)
+        strong = int(_STRONG * self.factors) if self.large else 0
+        return MemoryPrediction(sum(parts.values()), self.factors, available_memory(), self.reduced, parts, strong)
 
 
 def predict_memory(
@@ -164,6 +177,8 @@ def count_memory(
     n, terms = problem.unknowns, len(problem.terms)
     if n <= DENSE_LIMIT:
         return MemoryCount(n, values, terms, problem.problem_class, reduced, 0, {"program and model": _loaded()})
+    if reduced and is_large(sum(t.matrix.nnz for t in problem.terms if t.slot == "K"), linear_solver):
+        return _large(problem, values, linear_solver)
     pencil = problem.solved_with(linear_solver).pencil()
     kind, stored = pencil.problem_class, [A for A in (pencil.M, pencil.C, pencil.K) if A is not None]
     real, whole = sum(12 * A.nnz for A in stored), sum(_per_entry(A) * A.nnz for A in stored)
@@ -180,6 +195,23 @@ def count_memory(
         "errors": int((_SIZES_REDUCED if reduced else _SIZES) * real), "freed, but kept": _KEPT,
     }  # fmt: skip
     return MemoryCount(n, values, terms, kind, reduced, factors, fixed)
+
+
+def _large(problem: Problem, values: int, linear_solver: LinearSolver | str) -> MemoryCount:
+    """Return what is counted while rough factors of a problem without damping and friction make modes exact."""
+    pencil = problem.solved_with(linear_solver).pencil()
+    kind, n, terms = pencil.problem_class, problem.unknowns, len(problem.terms)
+    plain = Pencil(pencil.M, sp.csr_array(pencil.K.real), symmetric=True)
+    sums = sum(_per_entry(A) * A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)
+    A = factorised_matrix(plain)
+    del pencil, plain
+    factors = factor_memory(A, True, definite=True, linear_solver=linear_solver, roughly=True)
+    del A
+    fixed = {
+        "program and model": _loaded(), "libraries": _KERNELS + (0 if "matplotlib.figure" in sys.modules else _FIGURES),
+        "matrices": sums, "factors": factors, "freed, but kept": _KEPT,
+    }  # fmt: skip
+    return MemoryCount(n, values, terms, kind, True, factors, fixed, large=True)
 
 
 def _per_entry(A: sp.csr_array) -> int:

@@ -117,6 +117,11 @@ def factorize_definite(A: sp.csr_array, linear_solver: LinearSolver | str = "aut
     return choose(linear_solver).factorize_definite(A)
 
 
+def is_large(entries: int, linear_solver: LinearSolver | str = "auto") -> bool:
+    """Whether a matrix has so many entries that it is factorised roughly, if the solver can do that."""
+    return entries >= _MANY and _rough(linear_solver) is not None
+
+
 def factorize_with_care(
     make: Callable[[], sp.csr_array], linear_solver: LinearSolver | str = "auto"
 ) -> DefiniteFactor:  # fmt: skip
@@ -133,7 +138,7 @@ def factorize_with_care(
         If the matrix is not positive definite.
     """
     A = make()
-    if A.nnz < _MANY:
+    if not is_large(A.nnz, linear_solver):
         return factorize_definite(A, linear_solver)
     del A
     return _good_enough(make, factorize_definite, linear_solver, _ROUGHER)
@@ -150,7 +155,7 @@ def negative_eigenvalues(A: sp.csr_array, linear_solver: LinearSolver | str = "a
         If the matrix cannot be factorised.
     """
     rough = _rough(linear_solver)
-    counted = None if rough is None or A.nnz < _MANY else _counted_roughly(A, rough)
+    counted = None if rough is None or not is_large(A.nnz, linear_solver) else _counted_roughly(A, rough)
     return factorize(A, True, linear_solver).negative_pivots if counted is None else counted
 
 

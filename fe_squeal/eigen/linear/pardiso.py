@@ -133,7 +133,7 @@ class PardisoFactor:
         self._call(11, np.zeros((self._n, 1)))
         if analyse_only:
             return
-        require_memory(self.memory, self._n)
+        require_memory(1024 * int(self._iparm[16]), self._n)  # the analysis has the rest already
         self._call(22, np.zeros((self._n, 1)))
         if symmetric and not definite and self._iparm[13]:
             # A soft spring behind a stiff one leaves small pivots that are right: keep them, unless that does not help.
