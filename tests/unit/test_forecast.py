@@ -19,6 +19,7 @@ from toy_solver import Toy
 
 from fe_squeal.cli import main
 from fe_squeal.eigen import memory
+from fe_squeal.eigen.linear import choice
 from fe_squeal.eigen.linear.pardiso import has_pardiso
 from fe_squeal.run import fits
 from fe_squeal.run.fits import Machines, fits_here, fits_there, modes_that_fit
@@ -143,3 +144,17 @@ def test_a_forecast_is_right_within_15_per_cent():
         taken.append(found.get("taken", 0.0))
     assert found["unknowns"] == 6558
     assert 1 / 1.15 < found["forecast"] / max(taken) < 1.15
+
+
+def test_a_large_problem_is_forecast_with_rough_factors(needs_pardiso, monkeypatch):
+    """And it is said what factors of a matrix with friction would take more."""
+    problem = chain(n=450)
+    usual = count_memory(problem, "mu", 7, "reduced")
+    monkeypatch.setattr(choice, "_MANY", 0)
+    count = count_memory(problem, "mu", 7, "reduced")
+    few, many = count.at(4), count.at(8)
+    assert not usual.large and count.large and 0 < count.factors < usual.factors
+    assert sum(few.parts.values()) == few.total and many.parts["vectors"] > few.parts["vectors"]
+    assert usual.at(4).strong == 0 < few.strong
+    assert f"; {memory.memory_text(few.strong)} more if friction or damping is strong" in str(few)
+    assert not count_memory(problem, "mu", 7, "direct").large
