@@ -36,9 +36,10 @@ GIB, MB = 2**30, 10**6
 NOTE = """### How many nodes for my brake
 
 A reduced sweep for 50 modes holds LDLᵀ factors while its model is made, and where friction or damping is strong LU
-factors after these, for which the table allows; process 0 holds all matrices and vectors besides. The factors are extrapolated from the analyses above on one process, of more than 50 000 unknowns, by
-powers of the number of unknowns n that fit them in the least-squares sense; nothing of this size was factorised. Nine
-tenths of a node's memory are used. "The first of" says how much process 0's node needs where the others' is not enough.
+factors after these, for which the table allows; process 0 holds all matrices and vectors besides. The factors are
+extrapolated from the analyses above on one process, of more than 50 000 unknowns, by powers of the number of unknowns n
+that fit them in the least-squares sense; nothing of this size was factorised. Nine tenths of a node's memory are used.
+"The first of" says how much process 0's node needs where the others' is not enough.
 Seconds are those of one LU factorisation. The exponents are those of this brake, a thin disc with pads; of solids as
 thick as wide they tend to 4/3 for bytes and 2 for operations, with larger constants. Found:
 """

@@ -60,3 +60,8 @@ def test_how_a_sweep_grows():
     assert row["predicted"] > row["factors"] > 0
     lines = performance.table([row]).splitlines()
     assert len({line.count("|") for line in lines}) == 1 and str(row["unknowns"]) in lines[-1]
+    assert 0 < sum(row["within"].values()) < row["stages"]["reduction"]
+    lines = performance.inside([row]).splitlines()
+    cells = [float(cell) for cell in lines[-1].strip("|").split("|")]
+    assert len({line.count("|") for line in lines}) == 1
+    assert sum(cells[1 + len(performance.PARTS) :]) == pytest.approx(row["predicted"], abs=3)
