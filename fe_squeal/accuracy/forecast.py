@@ -16,9 +16,9 @@ from .settings import Setting, own_setting
 
 # Seconds of a reduced sweep, measured on two cores: for a process to start, and for each unknown at 40 modes.
 _START, _PER_UNKNOWN = 2.0, 3e-4  # s
-# MiB of the same until its modes are found, measured on brakes of 180 to 9 500 unknowns: of a process itself, and for
-# each unknown by the order of the elements and for each mode.
-_PROCESS, _MATRICES, _VECTORS = 165.0, {1: 0.025, 2: 0.035}, 24 * 8 / 2**20
+# MiB of the same until its modes are found, measured on brakes of 1 632 to 101 550 unknowns: of a process itself, and
+# for each unknown by the order of the elements and for each mode.
+_PROCESS, _MATRICES, _VECTORS = 150.0, {1: 0.012, 2: 0.016}, 24 * 8 / 2**20
 _METHODS = {"reduced": 1.0, "modal": 0.6, "direct": 4.0}  # times the seconds of a reduced sweep
 _ESTIMATE = 3.0  # times the seconds of the sweep: what the estimate of the mesh's error takes in addition
 _GROWTH = 0.8  # power of the forecast work by which times grow, until two measured times of the study give it

@@ -35,17 +35,17 @@ _PROJECTED = 18  # bytes for each entry of a projected term: sparse with its ind
 _DENSE = 8  # matrices of a small eigenproblem, with the workspaces of LAPACK
 _LIFTED = 10.0  # vectors for each guarded mode: shapes as vectors of the problem, complex, and a basis of them
 _KRYLOV = 8.0  # vectors for each mode asked for: of the Krylov spaces, and the modes themselves
-# Of a large problem: bytes of the blocks of vectors of one correction; vectors that the search for missing modes keeps;
-# corrections of each guarded mode that are in the basis until its modes are exact.
-_BLOCKS, _SEARCHED, _CORRECTED = 6 * 2**28, 40, 2.0
-_STRONG = 1.2  # times the factors: what those of a matrix with friction take more
+# While a reduced model is made: vectors that the search for missing modes keeps; corrections of each guarded mode that
+# are in the basis until its modes are exact; the arrays of the vectors that are corrected at once, right and left ones,
+# and the bytes of these arrays of a large problem, which corrects fewer at once.
+_SEARCHED, _CORRECTED, _BLOCKS, _MOST = 40, 2.0, 12.0, 12 * 2**27
+_STRONG = 1.2  # times the factors of a large problem: what those of a matrix with friction take more
 # What direct solves make of these: left ones too, complex ones, and with damping those of displacement and velocity.
 _SOLVED = {"symmetric": 1, "nonsymmetric": 2, "quadratic": 8, "complex": 4}
 _VERSIONS = 3  # sums of terms at other values that an assembly keeps where a parameter changes matrices
-# Copies of the matrices, in those of a real K: a matrix with the indices of a solver beside it; and the sizes of all
-# entries: what is kept of them in direct sweeps; in reduced ones the number was fitted to the table of
-# docs/performance.md.
-_HANDED, _SIZES, _SIZES_REDUCED = 1.25, 2 / 3, 1.2
+# Copies of the matrices of direct sweeps, in those of a real K: a matrix with the indices of a solver beside it; and
+# what is kept of the sizes of all entries.
+_HANDED, _SIZES = 1.25, 2 / 3
 
 
 def is_reduced(problem: Problem, parameter: str, values: int, method: str) -> bool:
@@ -113,6 +113,8 @@ class MemoryCount:
         Those that the solver's analysis tells; 0 where small matrices go to LAPACK as a whole.
     fixed : dict of int, bytes
         Parts that modes and values do not change, by name.
+    lifted : int, bytes
+        Of a reduced model: sums of matrices while shapes are made of its modes, when there are no factors.
     large : bool
         Whether the reduced model begins with rough factors, and goes on with them where friction and damping are weak.
     """
@@ -124,6 +126,7 @@ class MemoryCount:
     reduced: bool
     factors: int
     fixed: dict[str, int]
+    lifted: int = 0
     large: bool = False
 
     def at(self, modes: int) -> MemoryPrediction:
@@ -134,8 +137,10 @@ class MemoryCount:
             basis = min(_BASIS[kind] * guarded, n)
             number = 16 if kind == "complex" else 8
             order = 2 * basis if kind == "quadratic" else basis
-            beside = _LIFTED * guarded if not self.large else _BLOCKS / (8 * n) + _SEARCHED + _CORRECTED * guarded
-            parts["vectors"] = int(8 * n * (basis + _SAMPLES + beside))
+            blocks = min(8 * n * _BLOCKS * guarded, _MOST)
+            parts["vectors"] = int(8 * n * (basis + _SAMPLES + _SEARCHED + _CORRECTED * guarded) + blocks)
+            shapes = self.lifted + int(8 * n * (basis + _SAMPLES + _LIFTED * guarded))
+            parts["shapes"] = max(0, shapes - parts["matrices"] - parts["factors"] - parts["vectors"])
             parts["projections"] = int(_PROJECTED * self.terms * basis**2)
             parts["small eigenproblems"] = int(number * (_DENSE * order**2 + 2 * self.values * guarded * basis))
         elif n > DENSE_LIMIT:
@@ -177,41 +182,49 @@ def count_memory(
     n, terms = problem.unknowns, len(problem.terms)
     if n <= DENSE_LIMIT:
         return MemoryCount(n, values, terms, problem.problem_class, reduced, 0, {"program and model": _loaded()})
-    if reduced and is_large(sum(t.matrix.nnz for t in problem.terms if t.slot == "K"), linear_solver):
-        return _large(problem, values, linear_solver)
+    if reduced:
+        return _reduced(problem, parameter, values, linear_solver)
     pencil = problem.solved_with(linear_solver).pencil()
     kind, stored = pencil.problem_class, [A for A in (pencil.M, pencil.C, pencil.K) if A is not None]
     real, whole = sum(12 * A.nnz for A in stored), sum(_per_entry(A) * A.nnz for A in stored)
     A = factorised_matrix(pencil)
     # Sums of terms, at a value and of what does not move; what is factorised, and that again in the solver's hands.
-    matrices = 2 * whole + (1 + _HANDED) * A.nnz * _per_entry(A) + (real if reduced else 0)
+    matrices = 2 * whole + (1 + _HANDED) * A.nnz * _per_entry(A)
     matrices += 0 if problem.is_affine(parameter) else _VERSIONS * real
-    factors = _factors(A, pencil.symmetric and pencil.C is None, linear_solver, roughly=reduced)
+    factors = _factors(A, pencil.symmetric and pencil.C is None, linear_solver)
     del pencil, A, stored
-    loaded = _loaded()  # after the analysis
-    fixed = {
-        "program and model": loaded, "libraries": _KERNELS + (0 if "matplotlib.figure" in sys.modules else _FIGURES),
-        "matrices": int(matrices), "factors": factors,
-        "errors": int((_SIZES_REDUCED if reduced else _SIZES) * real), "freed, but kept": _KEPT,
+    fixed = _loaded_parts() | {
+        "matrices": int(matrices), "factors": factors, "errors": int(_SIZES * real), "freed, but kept": _KEPT,
     }  # fmt: skip
-    return MemoryCount(n, values, terms, kind, reduced, factors, fixed)
+    return MemoryCount(n, values, terms, kind, False, factors, fixed)
 
 
-def _large(problem: Problem, values: int, linear_solver: LinearSolver | str) -> MemoryCount:
-    """Return what is counted while rough factors of a problem without damping and friction make modes exact."""
+def _reduced(problem: Problem, parameter: str, values: int, linear_solver: LinearSolver | str) -> MemoryCount:
+    """Return what is counted of a reduced sweep while factors make modes exact.
+
+    These are taken to be factors of Q(iω), or of a large problem those of P, without damping and friction.
+    """
     pencil = problem.solved_with(linear_solver).pencil()
-    kind, n, terms = pencil.problem_class, problem.unknowns, len(problem.terms)
-    plain = Pencil(pencil.M, sp.csr_array(pencil.K.real), symmetric=True)
+    kind, real = pencil.problem_class, 12 * pencil.K.nnz
     sums = sum(_per_entry(A) * A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)
-    A = factorised_matrix(plain)
-    del pencil, plain
-    factors = factor_memory(A, True, definite=True, linear_solver=linear_solver, roughly=True)
-    del A
-    fixed = {
-        "program and model": _loaded(), "libraries": _KERNELS + (0 if "matplotlib.figure" in sys.modules else _FIGURES),
-        "matrices": sums, "factors": factors, "freed, but kept": _KEPT,
-    }  # fmt: skip
-    return MemoryCount(n, values, terms, kind, True, factors, fixed, large=True)
+    large = is_large(pencil.K.nnz, linear_solver)
+    if large:
+        pencil = Pencil(pencil.M, sp.csr_array(pencil.K.real), symmetric=True)
+    A, symmetric = factorised_matrix(pencil), pencil.symmetric and pencil.C is None
+    factors = _factors(A, symmetric, linear_solver, roughly=True, definite=large)
+    # A in single precision, and PARDISO's copy of a triangle of it; of P the copy alone is there.
+    handed = A.nnz * (A.dtype.itemsize // 2 + 4) * (0.5 if large else 1.5 if symmetric else 1.0)
+    del pencil, A
+    handed += 0 if problem.is_affine(parameter) else _VERSIONS * real
+    fixed = _loaded_parts() | {"matrices": int(sums + handed), "factors": factors, "freed, but kept": _KEPT}
+    n, terms = problem.unknowns, len(problem.terms)
+    return MemoryCount(n, values, terms, kind, True, factors, fixed, int(2 * sums + real), large)
+
+
+def _loaded_parts() -> dict[str, int]:
+    """Return what the process has now, after the analysis, and the libraries that it will load."""
+    figures = 0 if "matplotlib.figure" in sys.modules else _FIGURES
+    return {"program and model": _loaded(), "libraries": _KERNELS + figures}
 
 
 def _per_entry(A: sp.csr_array) -> int:
@@ -231,9 +244,11 @@ def factorised_matrix(pencil: Pencil) -> sp.csr_array:
     return sp.csr_array(A if pencil.C is None else A + 1j * np.sqrt(-sigma) * pencil.C)
 
 
-def _factors(A: sp.csr_array, symmetric: bool, linear_solver: LinearSolver | str, *, roughly: bool) -> int:
+def _factors(
+    A: sp.csr_array, symmetric: bool, linear_solver: LinearSolver | str, roughly: bool = False, definite: bool = False
+) -> int:  # fmt: skip
     try:
-        return factor_memory(A, symmetric, False, linear_solver, roughly)
+        return factor_memory(A, symmetric, definite, linear_solver, roughly)
     except NotConvergedError:  # the analysis fails, and so will the solve, which reports why
         return 0
     except MemoryError:  # the analysis itself did not fit
