@@ -27,6 +27,7 @@ def times(A: sp.csr_array, X: np.ndarray) -> np.ndarray:
     if A.shape[0] < _TALL:
         return np.asarray((faster(A) if X.ndim > 1 else A) @ X)
 
+    X = np.ascontiguousarray(X)  # or SciPy makes a copy of it in each thread
     out = np.empty((A.shape[0], *X.shape[1:]), np.result_type(A.dtype, X))
 
     def part(rows: slice) -> None:

@@ -221,9 +221,10 @@ class ReducedBasis(Projection):
         self.V = self._store[: r + k].T
 
     def shrink(self) -> None:
-        """Give up the room that was set aside for further vectors, and that corrections took."""
-        self._store = self.V.T.copy()
-        self.V = self._store.T
+        """Give up the memory that corrections took behind the vectors."""
+        store = np.empty((_ROOM * len(self), len(self.V)))
+        store[: len(self)] = self.V.T
+        self._store, self.V = store, store[: len(self)].T
         self._last = self._last_matrices = self._slow = self._contained = None  # what they hold has the old vectors
 
     def copy(self) -> ReducedBasis:

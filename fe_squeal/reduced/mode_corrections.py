@@ -46,7 +46,7 @@ class ModeCorrections:
     definite : DefiniteFactor or None
         Factors of P, as long as they are of use.
     definite_suffices : bool
-        Whether they were of use at all values so far.
+        Whether they made modes exact, and no others were needed so far.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class ModeCorrections:
         self.factorizations = self.solves = 0
         self._is_damped, self._sigma, self._tolerance = problem.is_damped, sigma, tolerance
         self._start, self._linear_solver = start, linear_solver
-        self.definite, self.definite_suffices = definite, True
+        self.definite, self.definite_suffices = definite, False
         self._last: tuple[Place, Factor] | None = None
 
     def factorize(self, basis: ReducedBasis, value: Place, highest: float) -> Factor:
@@ -107,6 +107,7 @@ class ModeCorrections:
         if self.definite is not None and ratio > _FAST and worst * ratio**_FEW > enough:
             self.definite, self.definite_suffices = None, False  # before others take memory
         if self.definite is not None:
+            self.definite_suffices = True
             return self.definite
         if self._last is not None and self._last[0] != value and (worst > _CLOSE or worst > _BORROWED * before):
             self._last = None  # before others take memory

@@ -140,13 +140,13 @@ class ReducedModel:
         self._corrections.factorizations = factorizations + 1
         self.highest = float(np.sqrt(theta.max(initial=0.0)))
         self.basis = ReducedBasis(collected, parameter, metric, self._sigma, definite.half_solve, self.linear_solver)
-        if (theta < -_SLOW * self._sigma).any():
-            self.basis.expect_slow_motions()
         unheld = collected.free_motions().motions
         if unheld.shape[1]:
             self.basis.append(unheld)  # first, so that the basis has them exactly
         self.basis.append(vectors)
         del vectors
+        if (self.basis.undamped_values(self._sigma) < -_SLOW * self._sigma).any():
+            self.basis.expect_slow_motions()
         first = self._estimated(start)[0]
         if not len(first):
             raise NotConvergedError("the reduced model has no modes in the range that was asked for")
@@ -255,6 +255,7 @@ class ReducedModel:
             shapes, errors = corrected_shapes(pencil, lifted, at, undamped, tolerance)
             if errors.max(initial=0.0) <= tolerance:
                 return shapes, errors
+            self._corrections.definite_suffices = False
         return corrected_shapes(pencil, lifted, at, partial(self.factorize, value), tolerance)
 
     @cached_property

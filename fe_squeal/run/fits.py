@@ -113,10 +113,11 @@ def _factors(problem: Problem, count: MemoryCount) -> tuple[int, int | None, str
     """Return the bytes of the factors on the process that has most, the same out of core if known, and who says so."""
     if not count.factors:
         return 0, 0, "LAPACK, no factors"
-    if not has_mumps():
-        return count.factors, None, "by the analysis of this machine's solver, as MUMPS is not installed here"
     pencil = problem.pencil()
     A, symmetric = factorised_matrix(pencil), pencil.symmetric and pencil.C is None
+    if not has_mumps():  # whose factors are in double precision
+        own = factor_memory(A, symmetric, False)
+        return own, None, "by the analysis of this machine's solver, as MUMPS is not installed here"
     try:
         whole, disk = (factor_memory(A, symmetric, False, s) for s in (MUMPS, Mumps(MumpsOptions(out_of_core=True))))
     except (SquealError, MemoryError):

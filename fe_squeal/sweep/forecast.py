@@ -39,7 +39,8 @@ _KRYLOV = 8.0  # vectors for each mode asked for: of the Krylov spaces, and the 
 # are in the basis until its modes are exact; the arrays of the vectors that are corrected at once, right and left ones,
 # and the bytes of these arrays of a large problem, which corrects fewer at once.
 _SEARCHED, _CORRECTED, _BLOCKS, _MOST = 40, 2.0, 12.0, 12 * 2**27
-_STRONG = 1.2  # times the factors of a large problem: what those of a matrix with friction take more
+# Times the factors of a large problem: what those of a matrix with friction take more, or one that is complex.
+_STRONG = {"symmetric": 0.0, "nonsymmetric": 1.2, "quadratic": 3.0, "complex": 3.0}
 # What direct solves make of these: left ones too, complex ones, and with damping those of displacement and velocity.
 _SOLVED = {"symmetric": 1, "nonsymmetric": 2, "quadratic": 8, "complex": 4}
 _VERSIONS = 3  # sums of terms at other values that an assembly keeps where a parameter changes matrices
@@ -114,7 +115,7 @@ class MemoryCount:
     fixed : dict of int, bytes
         Parts that modes and values do not change, by name.
     lifted : int, bytes
-        Of a reduced model: sums of matrices while shapes are made of its modes, when there are no factors.
+        Of a reduced model: sums of matrices while shapes are made of its modes.
     large : bool
         Whether the reduced model begins with rough factors, and goes on with them where friction and damping are weak.
     """
@@ -140,12 +141,12 @@ class MemoryCount:
             blocks = min(8 * n * _BLOCKS * guarded, _MOST)
             parts["vectors"] = int(8 * n * (basis + _SAMPLES + _SEARCHED + _CORRECTED * guarded) + blocks)
             shapes = self.lifted + int(8 * n * (basis + _SAMPLES + _LIFTED * guarded))
-            parts["shapes"] = max(0, shapes - parts["matrices"] - parts["factors"] - parts["vectors"])
+            parts["shapes"] = max(0, shapes - parts["matrices"] - parts["vectors"])
             parts["projections"] = int(_PROJECTED * self.terms * basis**2)
             parts["small eigenproblems"] = int(number * (_DENSE * order**2 + 2 * self.values * guarded * basis))
         elif n > DENSE_LIMIT:
             parts["vectors"] = int(8 * n * _KRYLOV * modes * _SOLVED[kind])
-        strong = int(_STRONG * self.factors) if self.large else 0
+        strong = int(_STRONG[kind] * self.factors) if self.large else 0
         return MemoryPrediction(sum(parts.values()), self.factors, available_memory(), self.reduced, parts, strong)
 
 
@@ -212,8 +213,9 @@ def _reduced(problem: Problem, parameter: str, values: int, linear_solver: Linea
         pencil = Pencil(pencil.M, sp.csr_array(pencil.K.real), symmetric=True)
     A, symmetric = factorised_matrix(pencil), pencil.symmetric and pencil.C is None
     factors = _factors(A, symmetric, linear_solver, roughly=True, definite=large)
-    # A in single precision, and PARDISO's copy of a triangle of it; of P the copy alone is there.
-    handed = A.nnz * (A.dtype.itemsize // 2 + 4) * (0.5 if large else 1.5 if symmetric else 1.0)
+    # A, and PARDISO's copy of it or of a triangle, in single precision; of P the copy alone is there.
+    copy = A.nnz * (A.dtype.itemsize // 2 + 4)
+    handed = copy / 2 if large else A.nnz * _per_entry(A) + copy * (0.5 if symmetric else 1.0)
     del pencil, A
     handed += 0 if problem.is_affine(parameter) else _VERSIONS * real
     fixed = _loaded_parts() | {"matrices": int(sums + handed), "factors": factors, "freed, but kept": _KEPT}

@@ -90,7 +90,7 @@ def rows(processes, gib, modes=50):
 
 
 def test_process_0_holds_all_but_the_others_parts_of_the_factors(monkeypatch):
-    monkeypatch.setattr(fits, "has_mumps", lambda: False)
+    monkeypatch.setattr(fits, "_factors", lambda _, count: (count.factors, None, "as given"))
     besides = (LARGE.at(50).total - LARGE.factors) / 2**20
     for count in (1, 2, 8):
         found = [float(a) * {"M": 1, "G": 1024}[b] for a, b in re.findall(r"([\d.]+) ([MG])iB", rows(count, None)[0])]
@@ -101,7 +101,7 @@ def test_process_0_holds_all_but_the_others_parts_of_the_factors(monkeypatch):
 
 def test_what_would_fit_on_processes_does(monkeypatch):
     """The number of processes that is named is the smallest; fewer modes, and the memory of process 0, suffice too."""
-    monkeypatch.setattr(fits, "has_mumps", lambda: False)
+    monkeypatch.setattr(fits, "_factors", lambda _, count: (count.factors, None, "as given"))
     total = LARGE.at(50).total / 2**30
     assert "does not fit" in rows(1, total - 0.01)[1] and rows(1, total + 0.01)[1].startswith("fits; 5")
     room = total - 10**9 * (1 - 8**-0.7) / 2**30 + 1e-4

@@ -141,7 +141,7 @@ def factorize_with_care(
     if not is_large(A.nnz, linear_solver):
         return factorize_definite(A, linear_solver)
     del A
-    return _good_enough(make, factorize_definite, linear_solver, _ROUGHER)
+    return factorize_definite_roughly(make, linear_solver)
 
 
 def negative_eigenvalues(A: sp.csr_array, linear_solver: LinearSolver | str = "auto") -> int | None:
@@ -162,9 +162,9 @@ def negative_eigenvalues(A: sp.csr_array, linear_solver: LinearSolver | str = "a
 def _counted_roughly(A: sp.csr_array, rough: LinearSolver) -> int | None:
     try:
         factor = factorize(A, True, rough)
+        sure = factor.negative_pivots is not None and contraction(A, factor.solve) <= _ROUGHER
     except NotConvergedError:  # single precision may take a pivot for zero
         return None
-    sure = factor.negative_pivots is not None and contraction(A, factor.solve) <= _ROUGHER
     return factor.negative_pivots if sure else None
 
 
@@ -174,7 +174,7 @@ def factorize_roughly(
     """Factorise as `factorize`, for corrections alone: solves whose residuals are computed and solved for again.
 
     Factors of the solver's `rough`, such as those in single precision, are smaller. Where one correction by them leaves
-    more than `_ROUGH` of a residual, the others are computed instead.
+    more than `_ROUGH` of a residual, or of a large matrix `_ROUGHER`, the others are computed instead.
 
     Parameters
     ----------
@@ -199,24 +199,26 @@ def factorize_definite_roughly(
 
 def _good_enough(
     make: Callable[[], sp.csr_array], factors: Callable[[sp.csr_array, LinearSolver | str], _Solving],
-    linear_solver: LinearSolver | str, most: float = _ROUGH,
+    linear_solver: LinearSolver | str,
 ) -> _Solving:  # fmt: skip
     """Return factors by the rough solver if these are good enough for corrections, else those by the solver itself."""
     rough = _rough(linear_solver)
-    factor = None if rough is None else _rough_factors(make, factors, rough, most)
+    factor = None if rough is None else _rough_factors(make, factors, rough)
     return factors(make(), linear_solver) if factor is None else factor
 
 
 def _rough_factors(
     make: Callable[[], sp.csr_array], factors: Callable[[sp.csr_array, LinearSolver | str], _Solving],
-    rough: LinearSolver, most: float,
+    rough: LinearSolver,
 ) -> _Solving | None:  # fmt: skip
-    A = in_single(make())
+    A, most = make(), _ROUGH
+    if A.nnz >= _MANY:  # then the matrix in double precision takes no memory beside the factors
+        A, most = in_single(A), _ROUGHER
     try:
         factor = factors(A, rough)
+        return factor if contraction(A, factor.solve, _CHECKED) <= most else None
     except NotConvergedError:  # single precision may take a pivot for zero or negative
         return None
-    return factor if contraction(A, factor.solve, _CHECKED) <= most else None
 
 
 def _rough(linear_solver: LinearSolver | str) -> LinearSolver | None:

@@ -51,7 +51,8 @@ class LinearSolver(Protocol):
     """A sparse direct solver.
 
     It may have an attribute `rough`: a solver whose factors are smaller and less exact, such as those in single
-    precision, for solves that are corrected anyway.
+    precision, for solves that are corrected anyway. That one is also given matrices in single precision (float32,
+    complex64), with right-hand sides in double precision.
     """
 
     @property

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -154,13 +153,11 @@ class MumpsDefinite(MumpsFactor):
         if self.negative_pivots:
             raise NotConvergedError(f"the matrix is not positive definite: {self.negative_pivots} pivots are negative")
         self._matrix = A
-        self._root: Callable[[np.ndarray], np.ndarray] | None = None
 
     def half_solve(self, b: np.ndarray) -> np.ndarray:
         """Return Z b with ZZᵀ = A⁻¹ to two per cent: PETSc gives no solves with L alone."""
-        if self._root is None:
-            self._root = inverse_root(self._matrix, self.solve, self._definite_solve)
-        return self._root(b)
+        # It is not kept: it refers to this object, which is to be freed as soon as nothing else does.
+        return inverse_root(self._matrix, self.solve, self._definite_solve)(b)
 
     def _definite_solve(self, A: sp.csr_array) -> Solve:
         return MumpsFactor(A, symmetric=True, definite=True, options=self._asked).solve

@@ -91,7 +91,8 @@ class PardisoFactor:
 
     pypardiso finds the library; its own `solve` takes real matrices only, compares the whole matrix with the last one
     and rebuilds its index arrays at every call, which takes longer than the solve, so here they are kept and the solve
-    step is called directly.
+    step is called directly. A matrix in the precision of its factors, all of which is stored (not a triangle), shares
+    its arrays with PARDISO; they must not change.
     """
 
     def __init__(
