@@ -31,7 +31,7 @@ LARGE = (1_000_000, 3_000_000, 10_000_000)  # unknowns
 NODES = (64, 256, 1024)  # GiB
 # What process 0 holds at the peak of a reduced sweep besides factors, as `check` counts it: copies of K, 12 bytes for
 # each entry, and vectors for 50 modes.
-COPIES, VECTORS = 15.6, 1020
+COPIES, VECTORS = 6.0, 750
 GIB, MB = 2**30, 10**6
 NOTE = """### How many nodes for my brake
 
