@@ -284,7 +284,12 @@ class ReducedModel:
 
     @cached_property
     def middle(self) -> Factor:
-        """Factors of Q(iω) at the value in the middle, kept until shapes are asked for, which need their memory."""
+        """Factors of Q(iω) at the value in the middle, kept until shapes are asked for, which need their memory.
+
+        Without friction and damping where these change modes so little that factors of P sufficed.
+        """
+        if self._corrections.definite_suffices:
+            return self._corrections.factorize_undamped(self.basis, self.highest)
         return self.factorize(float(self._values[len(self._values) // 2]))
 
     def _estimated(self, value: Place) -> Estimate:
@@ -432,7 +437,8 @@ class ReducedModel:
         return unit_columns(every.right, every.left), _KEPT * self.request.tolerance**0.5 * 0.1**again
 
     def factorize(self, value: Place) -> Factor:
-        """Factorise Q(iω) at a value, with ω in the middle of the band."""
+        """Factorise Q(iω) at a value, with ω in the middle of the band; those of `middle` are given up."""
+        self.__dict__.pop("middle", None)
         return self._corrections.factorize(self.basis, value, self.highest)
 
     def correct(self, basis: ReducedBasis, value: Place, modes: Modes, factor: Factor) -> None:

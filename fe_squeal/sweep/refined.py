@@ -282,6 +282,7 @@ class Refiner:
         sharper, reduced = self._sharper, self.step.reduced_model
         assert reduced is not None
         for trial in range(_CORRECTIONS):
+            factor = None  # before others take memory
             factor = reduced.middle if trial < _CORRECTIONS // 2 else reduced.factorize(root.value)
             x, y = sharper.padded(root.right), sharper.padded(root.left)
             try:
