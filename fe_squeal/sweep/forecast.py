@@ -213,9 +213,8 @@ def _reduced(problem: Problem, parameter: str, values: int, linear_solver: Linea
         pencil = Pencil(pencil.M, sp.csr_array(pencil.K.real), symmetric=True)
     A, symmetric = factorised_matrix(pencil), pencil.symmetric and pencil.C is None
     factors = _factors(A, symmetric, linear_solver, roughly=True, definite=large)
-    # A, and PARDISO's copy of it or of a triangle, in single precision; of P the copy alone is there.
-    copy = A.nnz * (A.dtype.itemsize // 2 + 4)
-    handed = copy / 2 if large else A.nnz * _per_entry(A) + copy * (0.5 if symmetric else 1.0)
+    # PARDISO's copy of A or of its upper triangle, in single precision. A itself is gone when vectors are corrected.
+    handed = A.nnz * (A.dtype.itemsize // 2 + 4) * (0.5 if symmetric else 1.0)
     del pencil, A
     handed += 0 if problem.is_affine(parameter) else _VERSIONS * real
     fixed = _loaded_parts() | {"matrices": int(sums + handed), "factors": factors, "freed, but kept": _KEPT}
