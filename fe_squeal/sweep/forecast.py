@@ -141,7 +141,10 @@ class MemoryCount:
             blocks = min(8 * n * _BLOCKS * guarded, _MOST)
             parts["vectors"] = int(8 * n * (basis + _SAMPLES + _SEARCHED + _CORRECTED * guarded) + blocks)
             shapes = self.lifted + int(8 * n * (basis + _SAMPLES + _LIFTED * guarded))
-            parts["shapes"] = max(0, shapes - parts["matrices"] - parts["vectors"])
+            # Most shapes are exact without factors; of a large problem, whose factors are gone by then, all are taken
+            # to be.
+            gone = parts["matrices"] + parts["vectors"] + (self.factors if self.large else 0)
+            parts["shapes"] = max(0, shapes - gone)
             parts["projections"] = int(_PROJECTED * self.terms * basis**2)
             parts["small eigenproblems"] = int(number * (_DENSE * order**2 + 2 * self.values * guarded * basis))
         elif n > DENSE_LIMIT:
