@@ -35,7 +35,8 @@ million entries of K on, factors are in single precision.
 STAGES = {"assembly": "assembly", "reduction": "reduced model", "onsets": "onsets", "completeness": "count"}
 NOTE = """The disc with two pads of `examples/disc_pad.toml` on finer and finer meshes, swept over the friction
 coefficient with right and left modes, tracking, onsets and the count of modes. The reduced model is made once; each
-value of the sweep then costs a small dense eigenproblem. The predicted memory is that of `fe-squeal check`.
+value of the sweep then costs a small dense eigenproblem. The predicted memory is that of `fe-squeal check`, with 62 MiB
+for pictures, which are not drawn here.
 Made by `python benchmarks/performance.py --write`; """
 
 
