@@ -419,6 +419,8 @@ class ReducedModel:
             self.basis, value, self._every(value), self.highest, self.enough, estimate
         )
         columns, least = self._kept(wide, every, again)
+        if len(wide) == len(self.basis):  # no correction lies outside the basis
+            return
         U, s, _ = la.svd(columns[len(self.basis) :], full_matrices=False, check_finite=False)
         if (new := s > least).any():
             self.basis = wide.narrowed(len(self.basis), U[:, new])
