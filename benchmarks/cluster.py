@@ -29,8 +29,9 @@ BEGIN, END = "<!-- forecast: python benchmarks/cluster.py --write -->\n", "<!-- 
 SIZES, COUNTS = (0.014, 0.006, 0.0045, 0.0034), (1, 2, 4)  # m
 LARGE = (1_000_000, 3_000_000, 10_000_000)  # unknowns
 NODES = (64, 256, 1024)  # GiB
-# What process 0 holds at the peak of a reduced sweep besides factors, as `check` counts it: copies of K, 12 bytes for
-# each entry, and vectors for 50 modes.
+# What process 0 holds at the peak of a reduced sweep besides factors, counted from the program and not measured: copies
+# of K, 12 bytes for each entry (terms by body and their sums 2.7, both with M; the matrix to be factorised and what
+# PETSc is handed, 3.3), and vectors for 50 modes (basis and its corrections 455, samples 48, search 40, blocks 200).
 COPIES, VECTORS = 6.0, 750
 GIB, MB = 2**30, 10**6
 NOTE = """### How many nodes for my brake

@@ -6,6 +6,7 @@ import csv
 import importlib
 import json
 import os
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from scene_texts import SCENE, replaced, write_scene
 from toy_solver import Toy
 
 from fe_squeal import assemble, parse_scene, sweep
-from fe_squeal.accuracy import with_discretisation
+from fe_squeal.accuracy import refined, with_discretisation
 from fe_squeal.cli import main
 from fe_squeal.compare.table import compare_case
 from fe_squeal.eigen.linear import choice, pardiso
@@ -25,6 +26,7 @@ from fe_squeal.eigen.linear.dense import DenseFactor
 from fe_squeal.eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
 from fe_squeal.eigen.linear.pardiso import PardisoFactor
 from fe_squeal.eigen.linear.superlu import SuperLUCholesky, SuperLUFactor
+from fe_squeal.eigen.request import Request
 from fe_squeal.errors import SceneError
 from fe_squeal.scene.file import load_scene
 from fe_squeal.sweep.forecast import predict_memory
@@ -250,14 +252,15 @@ def test_a_solver_handed_in_finds_static_states(tmp_path, no_other):
 
 
 @pytest.mark.slow
-def test_a_solver_handed_in_finds_static_states_on_the_refined_mesh(tmp_path, no_other):
+def test_a_solver_handed_in_finds_static_states_on_the_refined_mesh(tmp_path, no_other, monkeypatch):
+    # The bars react to shapes, which are exact only to the root of the tolerance of λ.
+    monkeypatch.setattr(refined, "Request", partial(Request, tolerance=1e-12))
     problem, toy = assemble(preloaded(tmp_path)), Toy()
     expected = with_discretisation(sweep(problem, [0.1, 0.3], modes=4))
     no_other()
     found = with_discretisation(sweep(problem, [0.1, 0.3], modes=4, linear_solver=toy), linear_solver=toy)
     for a, b in zip(found.points, expected.points, strict=True):
-        # These react to shapes, which are exact to the root of the tolerance of λ, 1e-8.
-        np.testing.assert_allclose(a.discretisation, b.discretisation, rtol=1e-3, atol=1e-7 * np.abs(b.modes.lam).max())
+        np.testing.assert_allclose(a.discretisation, b.discretisation, rtol=1e-4, atol=1e-7 * np.abs(b.modes.lam).max())
 
 
 @pytest.mark.parametrize(

@@ -155,7 +155,7 @@ def negative_eigenvalues(A: sp.csr_array, linear_solver: LinearSolver | str = "a
         If the matrix cannot be factorised.
     """
     rough = _rough(linear_solver)
-    counted = None if rough is None or not is_large(A.nnz, linear_solver) else _counted_roughly(A, rough)
+    counted = None if rough is None or A.nnz < _MANY else _counted_roughly(A, rough)
     return factorize(A, True, linear_solver).negative_pivots if counted is None else counted
 
 

@@ -18,7 +18,6 @@ class DenseFactor:
 
     def __init__(self, A: sp.csr_array | np.ndarray) -> None:
         full = A if isinstance(A, np.ndarray) else A.toarray()
-        full = full.astype(np.result_type(full, float), copy=False)  # single precision would save nothing here
         # Units may differ by any factor: without scaling the pivots would be chosen by them.
         self._rows = _unit_of(np.abs(full).max(axis=1))
         self._columns = _unit_of((self._rows[:, None] * np.abs(full)).max(axis=0))

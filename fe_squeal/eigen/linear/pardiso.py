@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from ...errors import NotConvergedError
 from ..memory import require_memory
 from .factor import DefiniteFactor, Factor, LinearSolver, SingularError, solve_real_parts
-from .refinement import largest_part
+from .refinement import RANGE, largest_part
 
 # PARDISO's numbers of the matrix types, by (symmetric, complex).
 _TYPES = {(True, False): -2, (False, False): 11, (True, True): 6, (False, True): 13}
@@ -30,7 +30,6 @@ _KINDS: dict[tuple[bool, bool], type[np.inexact]] = {
 _OUT_OF_MEMORY, _ZERO_PIVOT = -2, -4  # PARDISO's errors
 _SMALL_PIVOT = 13  # 10 to minus this of the norm: which pivots are perturbed at the second attempt
 _ADJOINT, _TRANSPOSED = 1, 2  # of iparm(12)
-_RANGE = 1e20  # a matrix in single precision is scaled if its largest entry is beyond this or its inverse
 _PLACE = "PYPARDISO_MKL_RT"  # where pypardiso looks first
 
 
@@ -105,7 +104,7 @@ class PardisoFactor:
         own = own if own.has_sorted_indices else own.sorted_indices()
         largest = largest_part(own) if single else 1.0
         # In single precision numbers end at 1e38 and fade below 1e-38.
-        self._scale = 1.0 if 1 / _RANGE < largest < _RANGE else largest or 1.0
+        self._scale = 1.0 if 1 / RANGE < largest < RANGE else largest or 1.0
         data = own.data[: own.nnz]  # what the matrix and PARDISO can share is not copied
         self._data = (data if self._scale == 1 else data / self._scale).astype(self._dtype, copy=False)
         self._n = A.shape[0]

@@ -10,7 +10,7 @@ from .factor import Solve
 _SEED, _COLUMNS, _STEPS = 20261123, 4, 4  # of random right-hand sides, and how many steps measure the contraction
 _ROUNDING = 1e-16  # relative: an error below this is rounding
 _GAIN = 0.5  # times the last residual: if a step leaves more than this, only rounding is left
-_RANGE = 1e20  # a matrix whose largest entry is beyond this or its inverse is not brought to single precision
+RANGE = 1e20  # a matrix whose largest entry is beyond this or its inverse is not brought to single precision
 _TINY = np.finfo(float).tiny
 
 
@@ -52,7 +52,7 @@ def in_single(A: sp.csr_array) -> sp.csr_array:
     >>> [in_single(sp.csr_array([[a]])).dtype.name for a in (2.0, 2e30, 2j)]
     ['float32', 'float64', 'complex64']
     """
-    if not 1 / _RANGE < largest_part(A) < _RANGE:
+    if not 1 / RANGE < largest_part(A) < RANGE:
         return A
     kind = np.complex64 if np.iscomplexobj(A) else np.float32
     return sp.csr_array((A.data.astype(kind), A.indices, A.indptr), shape=A.shape)
