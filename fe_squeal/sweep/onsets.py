@@ -27,6 +27,7 @@ _MATTERS = 1.02  # times that frequency: up to here it is told where stability i
 _TOGETHER = 4  # times `FINEST`: changes that are closer together than this may be a single one, or cancel
 _SLOW = 1e-3  # of the largest |λ|: changes whose |λ| differ by more are never taken for the same one
 _DIGITS = 6  # of a likeness of shapes: beyond these two shapes are one
+_AT_END = 1e-6  # of the distance of two values: an onset nearer to one of them may be at that value
 _RIM = 0.9  # of the highest |λ| known: a mode above this may leave the range of modes, so its absence is no error
 
 
@@ -267,10 +268,13 @@ def _tell_open(found: Found, group: Open, parameter: str, below: float, halved: 
 def windows(onsets: Sequence[Onset], low: float, high: float) -> list[tuple[float, tuple[Onset, Onset]]]:
     """Return the windows of instability between two values of a sweep: the middle of each, and its two onsets.
 
-    A window goes from an onset into instability to the next onset out of instability of the same branch.
+    A window goes from an onset into instability to the next onset out of instability of the same branch. It may begin
+    at the first value and end at the second one, where the modes are marginal: by rounding such an onset lies on either
+    side of that value.
     """
     found = []
-    ordered = sorted((o for o in onsets if low < o.value < high), key=lambda o: o.value)
+    room = _AT_END * (high - low)
+    ordered = sorted((o for o in onsets if low - room <= o.value <= high + room), key=lambda o: o.value)
     for i, into in enumerate(ordered):
         own = {into.branch_a, into.branch_b} - {None}
         later = (o for o in ordered[i + 1 :] if own & {o.branch_a, o.branch_b})
