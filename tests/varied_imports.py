@@ -25,7 +25,7 @@ def vary_imports(environment: Mapping[str, str]) -> None:
     ----------
     environment : mapping
         SEED = "3" adds 3 to the seed of every start vector. SHUFFLE = "3" numbers the nodes and elements of every mesh
-        anew, by a permutation with that seed. SOLVER = "superlu" hides PARDISO.
+        anew, by a permutation with that seed. SOLVER = "superlu" hides PARDISO, and MKL altogether.
 
     Raises
     ------
@@ -77,6 +77,8 @@ class _Finder(MetaPathFinder):
                 own[name] = _shuffled(own[name], self._shuffle)
         if self._solver and getattr(own.get("has_pardiso"), "__module__", "") == module.__name__:
             own["has_pardiso"] = functools.wraps(own["has_pardiso"])(lambda: False)
+        if self._solver and module.__name__ == "fe_squeal.eigen.mkl":
+            own["library"] = lambda: None  # products are those of SciPy, too
 
 
 class _Loader(SourceFileLoader):

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..eigen.blocks import times
+from ..eigen.linear.refinement import in_single
 from ..errors import NotConvergedError
 from ..fem.cells import geometry_map
 from ..fem.contact import interpolation
@@ -22,6 +23,7 @@ _FOUND, _NEAR = 1e-12, 1e-6
 _ROUNDED = 32.0
 _ITERATIONS, _FEWEST = 60, 3  # steps of conjugate gradients, at most and at least
 _SETTLED = 0.03  # of the energy ½ xᵀPx so far: the conjugate gradients end with a step that adds less
+_ROWS = 4096  # whose products are summed in single precision: sums of many more would lose digits
 _COLUMNS = 32  # right-hand sides that are solved at once: more take memory, and no less time
 
 
@@ -92,6 +94,9 @@ class TwoLevelSolver:
     node, and for such vectors the diagonal of P is equivalent to P up to a factor that does not depend on the mesh
     (Bank, Dupont, Yserentant, Numer. Math. 52, 1988).
 
+    Errors of some per cent do not matter, and all but the coarse solves is limited by the memory that it reads: so it
+    is done in single precision.
+
     Parameters
     ----------
     P : (n_fine, n_fine) sparse, symmetric positive definite
@@ -107,9 +112,10 @@ class TwoLevelSolver:
     """
 
     def __init__(self, P: sp.csr_array, E: sp.csr_array, coarse: Callable[[np.ndarray], np.ndarray]) -> None:
-        self._P, self._E, self._coarse = P, E, coarse
-        self._restriction = sp.csr_array(E.T)
-        self._diagonal = P.diagonal()[:, None]
+        self._P, self._coarse = in_single(P), coarse
+        self._E = sp.csr_array((E.data.astype(self._P.dtype), E.indices, E.indptr), shape=E.shape)
+        self._restriction = sp.csr_array(self._E.T)
+        self._diagonal = self._P.diagonal()[:, None]
         self.iterations = 0
 
     def solve(self, B: np.ndarray, negligible: np.ndarray | float = 0.0) -> np.ndarray:
@@ -128,9 +134,11 @@ class TwoLevelSolver:
         """
         limits = np.broadcast_to(negligible, B.shape[1])
         X, loaded = np.zeros(B.shape), np.flatnonzero(B.any(axis=0))  # imaginary parts of real vectors are zero
-        for first in range(0, len(loaded), _COLUMNS):
-            own = loaded[first : first + _COLUMNS]
-            X[:, own] = self._solve(np.take(B, own, axis=1), limits[own])
+        if not len(loaded):
+            return X
+        for own in np.array_split(loaded, -(-len(loaded) // _COLUMNS)):
+            size = np.abs(B[:, own]).max(axis=0)  # numbers in single precision end at 1e38
+            X[:, own] = size * self._solve((B[:, own] / size).astype(self._P.dtype), limits[own] / size**2)
         return X
 
     def _solve(self, B: np.ndarray, negligible: np.ndarray) -> np.ndarray:
@@ -142,8 +150,9 @@ class TwoLevelSolver:
             AD = times(self._P, D)
             curvature = _dots(D, AD)
             alpha = np.divide(rz, curvature, out=np.zeros_like(rz), where=curvature > 0)
-            X += np.multiply(D, alpha, out=part)
-            R -= np.multiply(AD, alpha, out=part)
+            length = alpha.astype(D.dtype)
+            X += np.multiply(D, length, out=part)
+            R -= np.multiply(AD, length, out=part)
             gain = alpha * rz  # twice what this step adds to the energy ½ xᵀPx
             energy += gain
             self.iterations += 1
@@ -151,7 +160,7 @@ class TwoLevelSolver:
                 return X
             self._precondition(R, Z)
             before, rz = rz, _dots(R, Z)
-            D *= np.divide(rz, before, out=np.zeros_like(rz), where=before > 0)
+            D *= np.divide(rz, before, out=np.zeros_like(rz), where=before > 0).astype(D.dtype)
             D += Z
         raise NotConvergedError(f"the correction on the refined mesh has not settled after {_ITERATIONS} iterations")
 
@@ -163,4 +172,5 @@ class TwoLevelSolver:
 
 def _dots(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
     """Return the products xᵀy (k,) of the columns of X and Y (n, k)."""
-    return np.asarray(np.einsum("ij,ij->j", X, Y))
+    blocks = (slice(first, first + _ROWS) for first in range(0, len(X), _ROWS))
+    return np.asarray(sum(np.einsum("ij,ij->j", X[rows], Y[rows]).astype(float) for rows in blocks))

@@ -133,7 +133,9 @@ def symmetrised(A: sp.csr_array) -> sp.csr_array:
     A.sum_duplicates()
     T = sp.csr_array(A.T)
     if not (np.array_equal(A.indptr, T.indptr) and np.array_equal(A.indices, T.indices)):
-        return sp.csr_array((A + T) / 2)
+        T = sp.csr_array(A + T)
+        T.data /= 2
+        return T
     T.data += A.data
     T.data /= 2
     return T

@@ -103,10 +103,17 @@ class Term:
 
 def sum_terms(parts: Iterable[tuple[Term, float]]) -> sp.csr_array | None:
     """Return Σ coefficient · matrix, complex where a term is imaginary; None where every coefficient is zero."""
+    factors = ((term.matrix, coefficient * term.unit()) for term, coefficient in parts)
+    return sum_matrices((A, c) for A, c in factors if c)
+
+
+def sum_matrices(parts: Iterable[tuple[sp.csr_array, complex]]) -> sp.csr_array | None:
+    """Return Σ factor · matrix, or None without any.
+
+    Those with few entries come first: each sum goes through all entries that were added before.
+    """
     total = None
-    for term, coefficient in parts:
-        if coefficient:
-            factor = coefficient * term.unit()
-            matrix = term.matrix if factor == 1 else term.matrix * factor
-            total = matrix if total is None else total + matrix
+    for matrix, factor in sorted(parts, key=lambda part: int(part[0].nnz)):
+        own = matrix if factor == 1 else matrix * factor
+        total = own if total is None else total + own
     return None if total is None else total.tocsr()

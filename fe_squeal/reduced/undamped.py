@@ -14,6 +14,7 @@ from ..eigen.pencil import Pencil
 from ..eigen.shift import shift_below
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
+from ..problem.terms import sum_matrices
 
 
 def _stiffnesses(problem: Problem) -> list[list[float]]:
@@ -35,12 +36,10 @@ def _stiffnesses(problem: Problem) -> list[list[float]]:
 
 def weighted(problem: Problem, coefficients: Sequence[float]) -> sp.csr_array:
     """Return a weighted sum (n, n) of the terms' matrices; of a matrix that is not symmetric its symmetric part."""
-    total = None
-    for c, t in zip(coefficients, problem.terms, strict=True):
-        if c:
-            part = t.matrix if t.symmetric else sp.csr_array(t.matrix + t.matrix.T) / 2
-            part = part if c == 1 else part * c
-            total = part if total is None else total + part
+    total = sum_matrices(
+        (t.matrix if t.symmetric else sp.csr_array(t.matrix + t.matrix.T) / 2, c)
+        for c, t in zip(coefficients, problem.terms, strict=True) if c
+    )  # fmt: skip
     return sp.csr_array((problem.unknowns, problem.unknowns) if total is None else total)
 
 

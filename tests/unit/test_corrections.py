@@ -11,6 +11,7 @@ from fe_squeal.accuracy.corrections import right_corrections, solved
 from fe_squeal.accuracy.estimate import changes_by
 from fe_squeal.accuracy.quantities import split_changes
 from fe_squeal.accuracy.refined import refine_problem
+from fe_squeal.accuracy.two_level import TwoLevelSolver
 from meshes import box, make_problem
 
 BELT = {"direction": [1, 0, 0], "speed": 1.0}
@@ -57,6 +58,20 @@ def test_real_and_imaginary_parts_are_solved_for_apart_and_zeros_not_at_all(case
     assert not z[:, 0].imag.any() and not z[:, 1].real.any() and not z[:, 2].any() and energies[2] == 0
     before = refined.solver.iterations
     assert not solved(refined.solver, 0 * r)[0].any() and refined.solver.iterations == before
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e15])
+def test_solves_in_single_precision_do_not_depend_on_units(case, unit):
+    """Neither on those of the matrix nor on those of the right-hand sides, far beyond what single precision holds."""
+    refined = case[1]
+    B = np.random.default_rng(6).standard_normal((refined.P.shape[0], 3)) * [1e-60, 1.0, 1e60]
+    coarse = refined.solver._coarse
+    other = TwoLevelSolver(refined.P * unit, refined.prolongation, lambda R: coarse(R) / R.dtype.type(unit))
+    exact = splu(refined.P.tocsc()).solve(B) / unit
+    for X, factor in ((refined.solver.solve(B), unit), (other.solve(B), 1.0)):
+        wrong = X / factor - exact
+        energy, left_over = (np.einsum("ij,ij->j", x, refined.P @ x) for x in (exact, wrong))
+        assert (left_over <= 0.05 * energy).all()
 
 
 def test_what_is_negligible_ends_the_iteration(case):

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import functools
-import importlib.metadata
-import os
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +12,7 @@ import scipy.sparse as sp
 
 from ...errors import NotConvergedError
 from ..memory import require_memory
+from ..mkl import library
 from .factor import DefiniteFactor, Factor, LinearSolver, SingularError, solve_real_parts
 from .refinement import RANGE, largest_part
 
@@ -30,7 +26,6 @@ _KINDS: dict[tuple[bool, bool], type[np.inexact]] = {
 _OUT_OF_MEMORY, _ZERO_PIVOT = -2, -4  # PARDISO's errors
 _SMALL_PIVOT = 13  # 10 to minus this of the norm: which pivots are perturbed at the second attempt
 _ADJOINT, _TRANSPOSED = 1, 2  # of iparm(12)
-_PLACE = "PYPARDISO_MKL_RT"  # where pypardiso looks first
 
 
 def _integer(value: int) -> Any:
@@ -48,41 +43,11 @@ def has_pardiso() -> bool:
 @functools.cache
 def _pardiso() -> Any:
     """Return MKL's pardiso routine, or None."""
-    try:
-        with _known_place():
-            from pypardiso import PyPardisoSolver
-
-            routine = PyPardisoSolver()._mkl_pardiso
-    except (ImportError, OSError):
+    if (mkl := library()) is None:
         return None
+    routine = mkl.pardiso
     routine.argtypes = [ctypes.c_void_p] * 16  # addresses: typed pointers take longer to make than a small solve
     return routine
-
-
-@contextlib.contextmanager
-def _known_place() -> Iterator[None]:
-    """Tell pypardiso where the library is if the wheel of MKL says so.
-
-    Without that it asks the compiler, and then looks through all files of the environment, twice: half a second.
-    """
-    if _PLACE in os.environ or not (found := _mkl_rt()):
-        yield
-        return
-    os.environ[_PLACE] = str(found)
-    try:
-        yield
-    finally:
-        del os.environ[_PLACE]
-
-
-def _mkl_rt() -> Path | None:
-    """Return the library of MKL that chooses among the others, from the list of files of MKL's wheel."""
-    try:
-        files = importlib.metadata.files("mkl") or []
-    except importlib.metadata.PackageNotFoundError:
-        return None
-    libraries = (Path(str(f.locate())) for f in files if "mkl_rt" in f.name and f.suffix != ".lib")
-    return next((path for path in libraries if path.exists()), None)
 
 
 class PardisoFactor:

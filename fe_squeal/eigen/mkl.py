@@ -1,0 +1,99 @@
+"""The Math Kernel Library, which comes with PARDISO: where it is, and its products of sparse matrices with blocks."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import functools
+import importlib.metadata
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+_PLACE = "PYPARDISO_MKL_RT"  # where pypardiso looks first
+# Milliseconds that a thread of MKL waits for more work before it sleeps. As it is delivered these are 200, in which it
+# takes a core from the threads of OpenBLAS and of `blocks`, whose turn mostly comes next.
+_WAIT, _AT_ONCE = "KMP_BLOCKTIME", "0"
+_LETTERS = {np.dtype(np.float64): ("d", ctypes.c_double), np.dtype(np.float32): ("s", ctypes.c_float)}
+_DONE, _AS_IT_IS, _GENERAL, _BY_ROWS = 0, 10, 20, 101  # numbers that MKL has for these
+
+
+class _Kind(ctypes.Structure):
+    _fields_ = (("type", ctypes.c_int), ("mode", ctypes.c_int), ("diagonal", ctypes.c_int))
+
+
+@functools.cache
+def library() -> Any:
+    """Return MKL as loaded by pypardiso, or None where it is not installed."""
+    os.environ.setdefault(_WAIT, _AT_ONCE)
+    try:
+        with _known_place():
+            from pypardiso import PyPardisoSolver
+
+            return PyPardisoSolver().libmkl
+    except (ImportError, OSError):
+        return None
+
+
+def multiply(A: sp.csr_array, X: np.ndarray, out: np.ndarray) -> bool:
+    """Write A X to `out` on all threads, and return whether that could be done: False if MKL does not know the types.
+
+    For few columns, where SciPy's products take much longer, and in single precision; nothing is copied.
+
+    Parameters
+    ----------
+    A : (m, n) sparse
+    X : (n, k) C-contiguous
+    out : (m, k) C-contiguous
+        Of the type of X.
+    """
+    known = _LETTERS.get(A.dtype)
+    if known is None or X.dtype != A.dtype or A.indices.dtype != np.int32 or (mkl := library()) is None:
+        return False
+    letter, number = known
+    k, handle = ctypes.c_int32(X.shape[1]), ctypes.c_void_p()
+    begins, ends = (ctypes.c_void_p(A.indptr.ctypes.data + shift) for shift in (0, A.indptr.itemsize))
+    columns, entries = (ctypes.c_void_p(a.ctypes.data) for a in (A.indices, A.data))
+    rows, width = (ctypes.c_int32(n) for n in A.shape)
+    create, product = (getattr(mkl, f"mkl_sparse_{letter}_{name}") for name in ("create_csr", "mm"))
+    if create(ctypes.byref(handle), 0, rows, width, begins, ends, columns, entries) != _DONE:
+        return False
+    try:
+        return bool(
+            product(
+                _AS_IT_IS, number(1.0), handle, _Kind(_GENERAL, 0, 0), _BY_ROWS, ctypes.c_void_p(X.ctypes.data), k, k,
+                number(0.0), ctypes.c_void_p(out.ctypes.data), k,
+            ) == _DONE
+        )  # fmt: skip
+    finally:
+        mkl.mkl_sparse_destroy(handle)
+
+
+@contextlib.contextmanager
+def _known_place() -> Iterator[None]:
+    """Tell pypardiso where the library is if the wheel of MKL says so.
+
+    Without that it asks the compiler, and then looks through all files of the environment, twice: half a second.
+    """
+    if _PLACE in os.environ or not (found := _mkl_rt()):
+        yield
+        return
+    os.environ[_PLACE] = str(found)
+    try:
+        yield
+    finally:
+        del os.environ[_PLACE]
+
+
+def _mkl_rt() -> Path | None:
+    """Return the library of MKL that chooses among the others, from the list of files of MKL's wheel."""
+    try:
+        files = importlib.metadata.files("mkl") or []
+    except importlib.metadata.PackageNotFoundError:
+        return None
+    libraries = (Path(str(f.locate())) for f in files if "mkl_rt" in f.name and f.suffix != ".lib")
+    return next((path for path in libraries if path.exists()), None)
