@@ -33,7 +33,7 @@ from fe_squeal.cli import main
 # Figures take most of the time; tests of the figures have them.
 _FIGURES = (
     (fe_squeal.run.run, "write_figures"), (fe_squeal.run.run, "write_preload"),
-    (fe_squeal.report.export, "draw_shapes"),
+    (fe_squeal.report.export, "drawing_shapes"),
     (fe_squeal.run.scattered, "plot_probability"), (fe_squeal.run.scattered, "plot_scatter"),
     (fe_squeal.run.scattered, "plot_indices"), (fe_squeal.run.mapped, "plot_map"),
     (fe_squeal.run.accuracy, "write_mesh_error"), (fe_squeal.report.mac, "plot_mac"),

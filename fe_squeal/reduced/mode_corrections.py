@@ -29,7 +29,7 @@ _SHORT = 1e-4  # times √tolerance and the length of a mode: shorter correction
 _FAST = 0.1  # of an error: what factors of P have to make of it, or those of Q(iω) take their place for good
 _FEW = 2  # corrections that cost no more than other factors
 _BORROWED = 0.03  # of an error: what factors of another value have to make of it, or those of the value itself are made
-_MOST = 2**27  # bytes of the residuals of modes that are solved for at once, of real ones on one side
+_MOST = 2**26  # bytes of the residuals of modes that are solved for at once, of real ones on one side
 _CLOSE = 1e3  # times the tolerance: larger errors are not left to factors of another value
 
 

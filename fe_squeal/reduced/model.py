@@ -18,12 +18,13 @@ from scipy.optimize import linear_sum_assignment
 from ..eigen.block_lanczos import lowest_modes
 from ..eigen.blocks import lift
 from ..eigen.inertia import count_below
-from ..eigen.linear.choice import choose, factorize_definite_roughly
+from ..eigen.linear.choice import choose, factorize_definite_roughly, is_large
 from ..eigen.linear.factor import Factor, LinearSolver
 from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
 from ..eigen.request import Request, is_needed
 from ..errors import NotConvergedError
+from ..problem.aside import put_aside
 from ..problem.forms import collect_powers
 from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
@@ -119,6 +120,9 @@ class ReducedModel:
         self._last: dict[Place, Modes] = {}
         self._known_with: np.ndarray | None = None  # the basis that these belong to
         collected = collect_powers(problem, parameter).at(values_at(parameter, start))
+        summed = [t.matrix for t in collected.terms]
+        if is_large(max(A.nnz for A in summed), self.linear_solver):
+            put_aside(problem.terms, summed)  # they are not needed before shares are asked for
         limit = request.max_frequency_hz
         band = None if limit is None else 2 * np.pi * limit
         base, self._sigma, metric, definite = factorize_undamped(collected, band, self.linear_solver)

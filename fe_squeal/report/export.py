@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from fe_squeal.report.pictures import Z_AXIS, PictureJob, draw_shapes
+from fe_squeal.report.pictures import Z_AXIS, PictureJob, drawing_shapes
 from fe_squeal.report.shape_names import shape_title
 from fe_squeal.report.shapes import Complexes, ShapeGrid
 from fe_squeal.report.vtk_files import write_animation, write_shape
@@ -25,7 +26,29 @@ def export_shapes(
     frames: int = 16,
     axis: tuple[float, float, float] = Z_AXIS,
 ) -> list[Path]:
-    """Write for each shape `<name>.vtu`, `<name>.pvd` with its frames, and `<name>.png`.
+    """Write for each shape `<name>.vtu`, `<name>.pvd` with its frames, and `<name>.png`, and return all files.
+
+    Parameters and errors raised are those of `exporting_shapes`.
+    """
+    with exporting_shapes(
+        grid, shapes, folder, animate=animate, pictures=pictures, frames=frames, axis=axis
+    ) as files:
+        pass
+    return files
+
+
+@contextmanager
+def exporting_shapes(
+    grid: ShapeGrid,
+    shapes: Sequence[tuple[str, Complexes, Mapping[str, Any]]],
+    folder: str | os.PathLike[str],
+    *,
+    animate: bool = True,
+    pictures: bool = True,
+    frames: int = 16,
+    axis: tuple[float, float, float] = Z_AXIS,
+) -> Iterator[list[Path]]:
+    """Write the files of `export_shapes`; another process draws the pictures while the block does something else.
 
     Parameters
     ----------
@@ -43,10 +66,10 @@ def export_shapes(
     axis : (3,) float
         Axis of the disc, or normal of the belt: the direction of the second view of a picture.
 
-    Returns
-    -------
+    Yields
+    ------
     list of Path
-        All files written, shape by shape, pictures last.
+        All files, shape by shape, pictures last; these are there after the block.
 
     Raises
     ------
@@ -68,9 +91,8 @@ def export_shapes(
         if animate:
             files += write_animation(grid, u, folder / f"{name}.pvd", frames)
         jobs.append(PictureJob(shape, folder / f"{name}.png", shape_title(info), axis))
-    if pictures:
-        draw_shapes(grid, [u for _, u, _ in shapes], jobs)
-        files += [job.picture for job in jobs]
-    return files
+    jobs = jobs if pictures else []
+    with drawing_shapes(grid, [u for _, u, _ in shapes], jobs):
+        yield [*files, *(job.picture for job in jobs)]
 
 

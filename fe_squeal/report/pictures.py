@@ -12,8 +12,10 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -98,7 +100,21 @@ def draw_shapes(
 ) -> list[str]:
     """Draw several shapes in one child process; return the renderer of each, "pyvista" or "matplotlib".
 
+    Parameters are those of `drawing_shapes`.
+    """
+    with drawing_shapes(grid, shapes, jobs, seconds) as renderers:
+        pass
+    return renderers
+
+
+@contextmanager
+def drawing_shapes(
+    grid: ShapeGrid, shapes: Sequence[Complexes], jobs: Sequence[PictureJob], seconds: float | None = None
+) -> Iterator[list[str]]:
+    """Draw several shapes in one child process while the block does something else.
+
     Pictures that the child did not draw within its time limit are drawn by Matplotlib, after a warning that says why.
+    If the block raises an error, the child is ended.
 
     Parameters
     ----------
@@ -109,37 +125,57 @@ def draw_shapes(
         Their shape files have to be written already.
     seconds : float, s, optional
         The time limit (default: 60 s, and 20 s for each picture).
+
+    Yields
+    ------
+    list of str
+        Empty; after the block the renderer of each picture, "pyvista" or "matplotlib".
     """
+    renderers: list[str] = []
     if not jobs:
-        return []
-    drawn, reason = _draw_in_child(jobs, 60.0 + 20.0 * len(jobs) if seconds is None else seconds)
+        yield renderers
+        return
+    with _child_that_draws(jobs, 60.0 + 20.0 * len(jobs) if seconds is None else seconds) as finish:
+        yield renderers
+        drawn, reason = finish()
     missing = [i for i in range(len(jobs)) if i not in drawn]
     if missing:
         message = f"{len(missing)} of {len(jobs)} pictures of shapes are drawn by Matplotlib, more plainly: {reason}"
-        warnings.warn(message, RuntimeWarning, stacklevel=2)
+        warnings.warn(message, RuntimeWarning, stacklevel=3)
     for i in missing:
         _draw_with_matplotlib(grid, shapes[i], jobs[i])
-    return ["pyvista" if i in drawn else "matplotlib" for i in range(len(jobs))]
+    renderers += ["pyvista" if i in drawn else "matplotlib" for i in range(len(jobs))]
 
 
-def _draw_in_child(jobs: Sequence[PictureJob], seconds: float) -> tuple[set[int], str]:
-    """Return the indices of the jobs that the child drew, and why it did not draw the others."""
-    if not sys.executable:
-        return set(), "no Python interpreter to start"
+@contextmanager
+def _child_that_draws(jobs: Sequence[PictureJob], seconds: float) -> Iterator[Callable[[], tuple[set[int], str]]]:
+    """Start the child; what is yielded waits for it, and returns which jobs it drew, and why it did not draw others."""
     # Absolute, since the child has another working folder.
     unfinished = [temporary_path(job.picture.absolute()).absolute() for job in jobs]
-    try:
-        drawn, reason = _drawn_by_child(jobs, unfinished, seconds)
+    limit = time.monotonic() + seconds
+    child, reason = _started(jobs, unfinished)
+
+    def finish() -> tuple[set[int], str]:
+        drawn, why = (set[int](), reason) if child is None else _drawn_by(child, unfinished, limit, seconds)
         for i in drawn:
             with replace_atomically(jobs[i].picture) as temporary:
                 os.replace(unfinished[i], temporary)
+        return drawn, why
+
+    try:
+        yield finish
     finally:
+        if child is not None:
+            child.kill()
+            child.communicate()
         for path in unfinished:
             path.unlink(missing_ok=True)
-    return drawn, reason
 
 
-def _drawn_by_child(jobs: Sequence[PictureJob], unfinished: Sequence[Path], seconds: float) -> tuple[set[int], str]:
+def _started(jobs: Sequence[PictureJob], unfinished: Sequence[Path]) -> tuple[subprocess.Popen[str] | None, str]:
+    """Return the child, or None and why it could not be started."""
+    if not sys.executable:
+        return None, "no Python interpreter to start"
     orders = json.dumps([{"shape": str(job.shape.absolute()), "picture": str(picture), "title": job.title,
                           "axis": list(job.axis)} for job, picture in zip(jobs, unfinished, strict=True)])
     try:
@@ -147,16 +183,26 @@ def _drawn_by_child(jobs: Sequence[PictureJob], unfinished: Sequence[Path], seco
         with tempfile.TemporaryFile("w+", encoding="utf-8") as file:
             file.write(orders)
             file.seek(0)
-            child = subprocess.run([sys.executable, "-m", "fe_squeal.report.draw"], stdin=file, capture_output=True,
-                                   env=isolated_environment(), timeout=seconds, encoding="utf-8", errors="replace",
-                                   cwd=Path(__file__).parent, check=False)
-        output, errors = child.stdout, child.stderr.strip().splitlines()
-        reason = f"VTK's process ended with code {child.returncode}" + (f": {errors[-1]}" if errors else "")
-    except subprocess.TimeoutExpired as late:
-        output = late.stdout.decode(errors="replace") if isinstance(late.stdout, bytes) else late.stdout or ""
-        reason = f"VTK's process was not done after {seconds:.0f} s"
+            return subprocess.Popen(
+                [sys.executable, "-m", "fe_squeal.report.draw"], stdin=file, stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE, env=isolated_environment(), encoding="utf-8", errors="replace",
+                cwd=Path(__file__).parent,
+            ), ""  # fmt: skip
     except OSError as error:
-        return set(), f"no process could be started ({error})"
+        return None, f"no process could be started ({error})"
+
+
+def _drawn_by(
+    child: subprocess.Popen[str], unfinished: Sequence[Path], limit: float, seconds: float
+) -> tuple[set[int], str]:
+    try:
+        output, said = child.communicate(timeout=max(limit - time.monotonic(), 0.0))
+        errors = said.strip().splitlines()
+        reason = f"VTK's process ended with code {child.returncode}" + (f": {errors[-1]}" if errors else "")
+    except subprocess.TimeoutExpired:
+        child.kill()
+        output, _ = child.communicate()  # what it had said by then
+        reason = f"VTK's process was not done after {seconds:.0f} s"
     # The child prints the number of each complete picture; VTK may print other things.
     drawn = {int(line.split()[1]) for line in output.splitlines() if line.startswith("drawn ")}
     return {i for i in drawn if unfinished[i].exists()}, reason

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -59,27 +60,38 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
     OutputError
         `which` is neither of the two, or a file cannot be written.
     """
+    with exporting_shapes(result, folder, which) as files:
+        pass
+    return files
+
+
+@contextmanager
+def exporting_shapes(result: Sweep, folder: str | Path, which: str = "unstable") -> Iterator[list[Path]]:
+    """Do what `export_shapes` does; another process draws the pictures while the block does something else.
+
+    Parameters and errors raised are those of `export_shapes`. Yields the list of files, all there after the block.
+    """
     if which not in ("unstable", "all"):
         raise OutputError(f'export_shapes: given which = {which!r:.60}; expected "unstable" or "all"')
-    from ..report.export import export_shapes as export  # loads Matplotlib
+    from ..report.export import exporting_shapes as exporting  # loads Matplotlib
 
     discretisation = discretisation_of(result.problem)
     chosen = fastest_growing(result)
     if which == "all":
         last = result.points[-1]
         chosen += [(last, i) for i in last.shapes if not any(p is last and i == j for p, j in chosen)]
-    if not chosen:
-        return []
     shapes = _shapes(result, chosen)
-    if discretisation is None:
-        return [_write_array(name, u, info, Path(folder)) for name, u, info in shapes]
+    if discretisation is None or not shapes:
+        yield [_write_array(name, u, info, Path(folder)) for name, u, info in shapes]
+        return
     shapes = [(name, discretisation.space.expand(u), info) for name, u, info in shapes]
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", RuntimeWarning)
-        files = export(grid_of(discretisation), shapes, folder, axis=view_axis(discretisation))
+    with ExitStack() as stack:
+        yield stack.enter_context(exporting(grid_of(discretisation), shapes, folder, axis=view_axis(discretisation)))
+        with warnings.catch_warnings(record=True) as caught:  # not those of the block
+            warnings.simplefilter("always", RuntimeWarning)
+            stack.close()
     for warning in caught:
         print(f"pictures: {warning.message}", file=sys.stderr)
-    return files
 
 
 def write_tables(result: Sweep, out: Path) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 import time
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -42,7 +43,7 @@ from .inputs import input_files, run_inputs
 from .manifest import Manifest
 from .measured import NOTHING_MEASURED, Measurements, read_measured
 from .mesh_error import write_mesh_error
-from .outputs import export_shapes, write_figures, write_mac, write_modes, write_tables
+from .outputs import exporting_shapes, write_figures, write_mac, write_modes, write_tables
 from .page import write_run_report
 from .preload import write_preload
 from .record import write_record
@@ -245,11 +246,11 @@ def write_results(
     out = held.folder
     held.remove(is_shape)  # shapes of an interrupted run may be those of other values: of the fastest growth so far
     write_tables(result, out)
-    write_figures(result, out, scene.title, frequency_range(scene, result)[1], measured.frequencies)
-    if isinstance(scene, Scene):
-        write_preload(scene, result.problem, out)
-    if scene.output.shapes != "none":
-        export_shapes(result, out / SHAPES, scene.output.shapes)
+    which = scene.output.shapes
+    with nullcontext() if which == "none" else exporting_shapes(result, out / SHAPES, which):
+        write_figures(result, out, scene.title, frequency_range(scene, result)[1], measured.frequencies)
+        if isinstance(scene, Scene):
+            write_preload(scene, result.problem, out)
     return write_mac(result, measured, out, scene.title)
 
 

@@ -17,6 +17,7 @@ from ..eigen.memory import available_memory, memory_text, release_freed
 from ..eigen.pencil import Pencil
 from ..eigen.shift import shift_below, symmetric_part
 from ..errors import NotConvergedError
+from ..problem.aside import movable_bytes
 from ..problem.problem import Problem
 
 VALUES, UNKNOWNS = 5, 2000  # values of the sweep and unknowns from which a reduced model is faster than direct solves
@@ -38,7 +39,7 @@ _KRYLOV = 8.0  # vectors for each mode asked for: of the Krylov spaces, and the 
 # While a reduced model is made, counted from the program: vectors that the search for missing modes keeps; corrections
 # of each guarded mode that are in the basis until its modes are exact; the arrays of the vectors that are corrected at
 # once, right and left ones, and the bytes of these arrays of a large problem, which corrects fewer at once.
-_SEARCHED, _CORRECTED, _BLOCKS, _MOST = 40, 2.0, 12.0, 12 * 2**27
+_SEARCHED, _CORRECTED, _BLOCKS, _MOST = 40, 2.0, 12.0, 12 * 2**26
 # Times the factors of a large problem: what those of a matrix with friction take more, by PARDISO's analyses at 437 886
 # unknowns; those of a complex matrix have twice the bytes.
 _STRONG = {"symmetric": 0.0, "nonsymmetric": 1.2, "quadratic": 3.0, "complex": 3.0}
@@ -213,7 +214,11 @@ def _reduced(problem: Problem, parameter: str, values: int, linear_solver: Linea
     kind, real = pencil.problem_class, 12 * pencil.K.nnz
     sums = sum(_per_entry(A) * A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)
     large = is_large(pencil.K.nnz, linear_solver)
+    aside = 0
     if large:
+        used = [A for A in (pencil.M, pencil.C, pencil.K) if A is not None]
+        aside = movable_bytes(problem.terms, used)
+        del used
         pencil = Pencil(pencil.M, sp.csr_array(pencil.K.real), symmetric=True)
     A, symmetric = factorised_matrix(pencil), pencil.symmetric and pencil.C is None
     factors = _factors(A, symmetric, linear_solver, roughly=True, definite=large)
@@ -222,6 +227,7 @@ def _reduced(problem: Problem, parameter: str, values: int, linear_solver: Linea
     del pencil, A
     handed += 0 if problem.is_affine(parameter) else _VERSIONS * real
     fixed = _loaded_parts() | {"matrices": int(sums + handed), "factors": factors, "freed, but kept": _KEPT}
+    fixed["program and model"] -= aside
     n, terms = problem.unknowns, len(problem.terms)
     return MemoryCount(n, values, terms, kind, True, factors, fixed, int(2 * sums + real), large)
 

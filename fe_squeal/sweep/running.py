@@ -254,8 +254,9 @@ class RunningSweep:
 
     def _begin(self, value: float, modes: Modes) -> None:
         clock = time.perf_counter()
-        pencil = self.problem.pencil({self.parameter: value})
-        c = prove_completeness(pencil, modes, self._linear_solver)
+        # A reduced model has the terms summed up already.
+        summed = self.problem if self._reduced_model is None else self._reduced_model.basis.problem
+        c = prove_completeness(summed.pencil({self.parameter: value}), modes, self._linear_solver)
         if c.expected is None and self._reduced_model is None:
             here = self.problem.at({self.parameter: value})
             c = replace(c, expected=count_apart(here, modes, self._guarded, self._linear_solver))

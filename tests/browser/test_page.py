@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scene = folder / "brake.toml"
     scene.write_text(f'{text}\n[output]\nshapes = "all"\n', encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)
+        patch.setattr(fe_squeal.report.export, "drawing_shapes", lambda *_: nullcontext())
         patch.setattr(fe_squeal.report.export, "write_animation", lambda *_a, **_k: [])
         assert main(["run", str(scene), "-o", str(folder / "out")]) == 0
     return folder / "out"

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -137,7 +138,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
     monkeypatch.setattr(fe_squeal.run.run, "write_preload", lambda *_: None)
-    monkeypatch.setattr(fe_squeal.run.run, "export_shapes", lambda *_: None)
+    monkeypatch.setattr(fe_squeal.run.run, "exporting_shapes", lambda *_: nullcontext())
 
 
 def spoilt(rng: np.random.Generator, number: int) -> bytes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     text = replaced("points = 5", "points = 2").replace('shapes = "none"', 'shapes = "unstable"')
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
-        patch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)
+        patch.setattr(fe_squeal.report.export, "drawing_shapes", lambda *_: nullcontext())
         assert main(["run", str(write_scene(folder, text)), "-o", str(folder / "out")]) == 0
     return folder
 

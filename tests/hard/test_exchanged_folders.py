@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ pytestmark = pytest.mark.skipif(os.unlink not in os.supports_dir_fd, reason="no 
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A scene with shapes."""
     monkeypatch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
-    monkeypatch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)
+    monkeypatch.setattr(fe_squeal.report.export, "drawing_shapes", lambda *_: nullcontext())
     write_scene(tmp_path, replaced("points = 5", "points = 2").replace('shapes = "none"', 'shapes = "unstable"'))
     return tmp_path
 

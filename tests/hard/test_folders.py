@@ -10,6 +10,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -29,7 +30,7 @@ from fe_squeal.sweep.running import RunningSweep
 def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """They take most of the time and are written as all other files."""
     monkeypatch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
-    monkeypatch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)
+    monkeypatch.setattr(fe_squeal.report.export, "drawing_shapes", lambda *_: nullcontext())
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +39,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("results")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
-        patch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)
+        patch.setattr(fe_squeal.report.export, "drawing_shapes", lambda *_: nullcontext())
         text = replaced("points = 5", "points = 3").replace('shapes = "none"', 'shapes = "unstable"')
         assert main(["run", str(write_scene(folder, text)), "-o", str(folder / "out")]) == 0
     return folder

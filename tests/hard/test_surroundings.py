@@ -11,7 +11,7 @@ import stat
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +39,7 @@ _NOT_ON_WINDOWS = re.compile(rf'.*[<>:"|?*\\\x00-\x1f].*|{_DEVICES}|.*[. ]', re.
 @pytest.fixture(autouse=True)
 def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
-    monkeypatch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)
+    monkeypatch.setattr(fe_squeal.report.export, "drawing_shapes", lambda *_: nullcontext())
 
 
 # Clocks
@@ -126,7 +126,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     text = replaced("points = 5", "points = 2").replace('shapes = "none"', 'shapes = "unstable"')
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
-        patch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)
+        patch.setattr(fe_squeal.report.export, "drawing_shapes", lambda *_: nullcontext())
         assert main(["run", str(write_scene(place, text)), "-o", str(place / "out")]) == 0
     assert main(["lumped", "oscillator", "--study", "noise-map", "-o", str(place / "lumped")]) == 0
     shutil.rmtree(place / "lumped")

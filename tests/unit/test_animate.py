@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from fe_squeal.report import animation
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("film")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fe_squeal.report.export.draw_shapes", lambda *_: None)
+        patch.setattr("fe_squeal.report.export.drawing_shapes", lambda *_: nullcontext())
         path = write_scene(folder, replaced('shapes = "none"', 'shapes = "unstable"'))
         assert main(["run", str(path), "-o", str(folder / "out")]) == 0
     return folder / "out"

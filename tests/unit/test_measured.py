@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,7 @@ def run(folder: Path, measured: str, shapes: str = "none") -> Path:
 def shape(tmp_path_factory: pytest.TempPathFactory) -> tuple[np.ndarray, np.ndarray, int]:
     """Points and displacements of the unstable mode, and its branch: what a perfect test would measure."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fe_squeal.report.export.draw_shapes", lambda *_: None)
+        patch.setattr("fe_squeal.report.export.drawing_shapes", lambda *_: nullcontext())
         out = run(tmp_path_factory.mktemp("shape"), "", "unstable")
     grid, [found], _ = read_shapes(out / "shapes")
     return grid.points, found.u, int(found.info["branch"])

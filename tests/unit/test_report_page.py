@@ -6,6 +6,7 @@ import base64
 import json
 import re
 import shutil
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ ROOT = Path(__file__).parents[2]
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fe_squeal.report.export.draw_shapes", lambda *_: None)
+        patch.setattr("fe_squeal.report.export.drawing_shapes", lambda *_: nullcontext())
         path = write_scene(folder, replaced('shapes = "none"\nreport = false', 'shapes = "unstable"'))
         assert main(["run", str(path), "-o", str(folder / "out")]) == 0
     return folder / "out"

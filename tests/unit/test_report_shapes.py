@@ -240,7 +240,8 @@ file = write_shape(grid, bending(grid, 2), Path(sys.argv[1]) / "mode.vtu")
 job = pictures.PictureJob(file, file.with_suffix(".png"), "x" * 200_000)  # more than a pipe holds
 signal.signal(signal.SIGPIPE, signal.SIG_DFL)
 sys.executable = "/bin/false"
-print(pictures._draw_in_child([job], 60.0))
+with pictures._child_that_draws([job], 60.0) as finish:
+    print(finish())
 """
     done = subprocess.run([sys.executable, "-c", code, tmp_path], capture_output=True, text=True, check=False)
     assert done.returncode == 0 and "ended with code 1" in done.stdout, done.stderr

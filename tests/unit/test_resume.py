@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -58,7 +59,7 @@ def wholes(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     def whole(kind: str) -> Path:
         folder = tmp_path_factory.mktemp(kind)
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)
+            patch.setattr(fe_squeal.report.export, "drawing_shapes", lambda *_: nullcontext())
             assert main(["run", str(write_scene(folder, SCENES[kind])), "-o", str(folder / "whole")]) == 0
         return folder / "whole"
 
@@ -73,7 +74,8 @@ def test_every_kind_of_problem_goes_on(
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     """Real and complex shapes, left ones, reduced models and static states come back from the files."""
-    monkeypatch.setattr(fe_squeal.report.export, "draw_shapes", lambda *_: None)  # pictures are tested elsewhere
+    # Pictures are tested elsewhere.
+    monkeypatch.setattr(fe_squeal.report.export, "drawing_shapes", lambda *_: nullcontext())
     path, out, whole = write_scene(tmp_path, SCENES[kind]), tmp_path / "out", wholes(kind)
     interrupt(path, out, call, monkeypatch)
     assert assert_valid(out, whole) == "interrupted"
