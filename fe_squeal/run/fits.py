@@ -48,13 +48,14 @@ def machines_of(processes: int | None, gib: float | None) -> Machines | None:
 
 def fits_here(count: MemoryCount, modes: int, forecast: MemoryPrediction) -> str:
     """Return how many modes fit into this machine's memory, and if those asked for do not, what else helps."""
-    free = forecast.free + forecast.parts["program and model"]  # what is loaded is counted in both
-    most = modes_that_fit(count, free)
+    most = modes_that_fit(count, forecast.room)
     values = f"{count.values} value{'s' if count.values > 1 else ''}"
     if count.fixed["program and model"] == forecast.total:
         return f"all modes × {values} (LAPACK on whole matrices)"
     if most >= modes:
-        return f"{_rounded(most)} modes × {values} or more; {memory_text(forecast.free)} are free"
+        lacks = forecast.strong and forecast.total + forecast.strong > forecast.room
+        more = f"; not {modes} modes if friction or damping is strong" if lacks else ""
+        return f"{_rounded(most)} modes × {values} or more; {memory_text(forecast.free)} are free{more}"
     helps = [f"{_rounded(most)} modes instead of {modes}"] if most else []
     if not count.reduced:
         helps.append('solve.method = "reduced"')

@@ -89,9 +89,14 @@ class MemoryPrediction:
     strong: int = 0
 
     @property
+    def room(self) -> int:
+        """Bytes that the whole process may take: what it has now, and what is free."""
+        return self.free + int(psutil.Process().memory_info().rss)
+
+    @property
     def fits(self) -> bool:
-        """Whether so much memory is free."""
-        return self.total - psutil.Process().memory_info().rss <= self.free
+        """Whether there is room for it."""
+        return self.total <= self.room
 
     def __str__(self) -> str:
         way = "reduced sweep" if self.reduced else "a direct solve per value"
