@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTet
 
+from ..eigen.threads import one_openblas_thread
 from .bubbles import bubble_functions
 from .cells import cell_points, shape_functions
 from .pressures import pressure_functions
@@ -72,6 +73,7 @@ def scatter_scalar(space: DisplacementSpace, blocks: np.ndarray, nodes: np.ndarr
     return space.restricted(sp.kron(scalar, sp.eye_array(3), format="csr"))
 
 
+@one_openblas_thread()  # threads that other work keeps from their cores would make it take five times as long
 def assemble_elasticity(
     space: DisplacementSpace, elements: np.ndarray, stiffness: np.ndarray, density: float, lame: float = 0.0
 ) -> tuple[sp.csr_array, sp.csr_array]:

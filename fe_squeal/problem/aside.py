@@ -51,6 +51,14 @@ def put_aside(terms: Iterable[Term], used: Iterable[sp.csr_array]) -> int:
     return moved
 
 
+def forget_pages(terms: Iterable[Term]) -> None:
+    """Give back the memory that matrices take since they were read from their files; they can be read again."""
+    for term in terms:
+        mapped = term.matrix.data.base
+        if isinstance(mapped, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+            mapped.madvise(mmap.MADV_DONTNEED)
+
+
 def movable_bytes(terms: Iterable[Term], used: Iterable[sp.csr_array]) -> int:
     """Return the bytes of what `put_aside` would move."""
     if _is_in_memory(Path(tempfile.gettempdir())):

@@ -24,7 +24,7 @@ from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
 from ..eigen.request import Request, is_needed
 from ..errors import NotConvergedError
-from ..problem.aside import put_aside
+from ..problem.aside import forget_pages, put_aside
 from ..problem.forms import collect_powers
 from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
@@ -265,7 +265,9 @@ class ReducedModel:
     @cached_property
     def projected(self) -> Problem:
         """The projected problem with every term of the problem: for shares and sensitivities."""
-        return self.basis.project(self.problem)
+        found = self.basis.project(self.problem)
+        forget_pages(self.problem.terms)
+        return found
 
     @cached_property
     def collected(self) -> Problem:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
 
 import numpy as np
+import psutil
 import pytest
 import scipy.sparse as sp
 
 from fe_squeal import sweep
 from fe_squeal.eigen.linear import choice
 from fe_squeal.problem import aside
-from fe_squeal.problem.aside import movable_bytes, put_aside
+from fe_squeal.problem.aside import forget_pages, movable_bytes, put_aside
 from fe_squeal.problem.terms import Term, sum_terms
 from fe_squeal.reduced import model
 from meshes import box, make_problem
@@ -46,6 +48,25 @@ def test_matrices_stay_what_they_are(terms, tmp_path, monkeypatch):
     np.testing.assert_array_equal(sum_terms((t, 2.0) for t in terms).toarray(), total.toarray())
     assert os.listdir(tmp_path) == []  # a file without a name: gone with the process, however that ends
     assert put_aside(terms, []) == movable_bytes(terms, []) == 0  # once is enough
+    forget_pages(terms)
+    assert all((term.matrix.toarray() == dense).all() for term, dense in zip(terms, before, strict=True))
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the system does not tell what comes from files")
+def test_pages_that_were_read_are_given_back(monkeypatch):
+    monkeypatch.setattr(aside, "_is_in_memory", lambda folder: False)
+    n = 2_000_000
+    term = Term("m", "M", sp.csr_array(sp.eye_array(n, format="csr")), True)
+    assert put_aside([term], []) == 12 * n
+
+    def held() -> int:
+        return psutil.Process().memory_info().shared  # what comes from files
+
+    before = held()
+    assert term.matrix.data.sum() == n
+    read = held()
+    forget_pages([term])
+    assert read - before >= 8 * n and held() <= before + 2**20
 
 
 def test_what_is_worked_with_stays(terms):
