@@ -6,6 +6,7 @@ import mmap
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
@@ -54,7 +55,10 @@ def put_aside(terms: Iterable[Term], used: Iterable[sp.csr_array]) -> int:
 def forget_pages(terms: Iterable[Term]) -> None:
     """Give back the memory that matrices take since they were read from their files; they can be read again."""
     for term in terms:
-        mapped = term.matrix.data.base
+        mapped: Any = term.matrix.data
+        while isinstance(mapped, np.ndarray):
+            mapped = mapped.base
+        mapped = mapped.obj if isinstance(mapped, memoryview) else mapped
         if isinstance(mapped, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
             mapped.madvise(mmap.MADV_DONTNEED)
 
