@@ -95,7 +95,7 @@ class TwoLevelSolver:
     (Bank, Dupont, Yserentant, Numer. Math. 52, 1988).
 
     Errors of some per cent do not matter, and all but the coarse solves is limited by the memory that it reads: so it
-    is done in single precision.
+    is done in single precision (unless numbers are beyond that, see `in_single`).
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ class TwoLevelSolver:
     def _precondition(self, R: np.ndarray, Z: np.ndarray) -> None:
         """Write the preconditioner times R to Z."""
         np.divide(R, self._diagonal, out=Z)
-        Z += times(self._E, self._coarse(times(self._restriction, R)))
+        Z += times(self._E, self._coarse(times(self._restriction, R)).astype(Z.dtype, copy=False))
 
 
 def _dots(X: np.ndarray, Y: np.ndarray) -> np.ndarray:

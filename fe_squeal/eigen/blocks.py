@@ -1,4 +1,4 @@
-"""Products of blocks of tall vectors, a slice of their rows on each thread."""
+"""Products of blocks of tall vectors: sparse ones by MKL, others with a slice of the rows on each thread."""
 
 from __future__ import annotations
 

@@ -40,19 +40,29 @@ def library() -> Any:
 
 
 def multiply(A: sp.csr_array, X: np.ndarray, out: np.ndarray) -> bool:
-    """Write A X to `out` on all threads, and return whether that could be done: False if MKL does not know the types.
+    """Write A X to `out` on all threads of MKL, and return whether that was done; nothing is copied.
 
-    For few columns, where SciPy's products take much longer, and in single precision; nothing is copied.
+    It is not where MKL is absent, does not know the types, or would need arrays without gaps: those of the real parts
+    of a complex matrix have gaps.
 
     Parameters
     ----------
     A : (m, n) sparse
-    X : (n, k) C-contiguous
-    out : (m, k) C-contiguous
+    X : (n, k)
+    out : (m, k)
         Of the type of X.
+
+    Raises
+    ------
+    ValueError
+        The shapes do not belong together.
     """
-    known = _LETTERS.get(A.dtype)
-    if known is None or X.dtype != A.dtype or A.indices.dtype != np.int32 or (mkl := library()) is None:
+    if X.shape != (A.shape[1], out.shape[1]) or out.shape[0] != A.shape[0]:
+        raise ValueError(f"shapes {A.shape}, {X.shape} and {out.shape} do not belong together")
+    known, indices = _LETTERS.get(A.dtype), (A.indices, A.indptr)
+    if known is None or not X.dtype == out.dtype == A.dtype or any(i.dtype != np.int32 for i in indices):
+        return False
+    if not all(a.flags.c_contiguous for a in (A.data, *indices, X, out)) or (mkl := library()) is None:
         return False
     letter, number = known
     k, handle = ctypes.c_int32(X.shape[1]), ctypes.c_void_p()

@@ -1,8 +1,9 @@
-"""Matrices of terms in a file instead of memory, for as long as their sums are worked with."""
+"""Matrices of terms in a file instead of memory, while their sums are worked with."""
 
 from __future__ import annotations
 
 import mmap
+import shutil
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,6 +16,7 @@ import scipy.sparse as sp
 from .terms import Term
 
 _LEAST = 1e6  # entries: smaller matrices stay
+_LEFT = 2**30  # bytes of the disk that are left to others
 _OF_MEMORY = frozenset({"tmpfs", "ramfs"})  # file systems whose files are in memory themselves
 
 
@@ -31,24 +33,25 @@ def put_aside(terms: Iterable[Term], used: Iterable[sp.csr_array]) -> int:
     used : iterable of (n, n) sparse
         Matrices that are worked with: what is one of these is not moved.
     """
-    if _is_in_memory(Path(tempfile.gettempdir())):
-        return 0
     moved = 0
-    for A in _movable(terms, used):
-        arrays = A.data, A.indices
+    for same in _movable(terms, used):
+        A = same[0]
+        arrays, size = (A.data, A.indices), _size(A)
         try:
             with tempfile.TemporaryFile() as file:
                 for array in arrays:
                     array.tofile(file)
                 file.flush()
-                mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        except OSError:
+                mapped = mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ)
+        except (OSError, ValueError):  # the disk is full, or the file is shorter than what was written
             return moved
         starts = 0, A.data.nbytes
-        A.data, A.indices = (
+        data, indices = (
             np.frombuffer(mapped, array.dtype, array.size, start) for array, start in zip(arrays, starts, strict=True)
         )
-        moved += len(mapped)
+        for B in same:
+            B.data, B.indices = data, indices
+        moved += size
     return moved
 
 
@@ -65,18 +68,39 @@ def forget_pages(terms: Iterable[Term]) -> None:
 
 def movable_bytes(terms: Iterable[Term], used: Iterable[sp.csr_array]) -> int:
     """Return the bytes of what `put_aside` would move."""
-    if _is_in_memory(Path(tempfile.gettempdir())):
+    return sum(_size(same[0]) for same in _movable(terms, used))
+
+
+def _movable(terms: Iterable[Term], used: Iterable[sp.csr_array]) -> list[list[sp.csr_array]]:
+    """Return the matrices that are moved, those that share their arrays together; as many as there is room for."""
+    room, kept = _room(), [A.data for A in used]
+    own: dict[tuple[int, int], list[sp.csr_array]] = {}
+    for A in {id(t.matrix): t.matrix for t in terms}.values():
+        own.setdefault((A.data.ctypes.data, A.indices.ctypes.data), []).append(A)
+    found = []
+    for same in own.values():
+        A = same[0]
+        # Those that were moved before are not to be written to.
+        if A.nnz < _LEAST or not A.data.flags.writeable or any(np.may_share_memory(A.data, data) for data in kept):
+            continue
+        if _size(A) > room:
+            break
+        room -= _size(A)
+        found.append(same)
+    return found
+
+
+def _size(A: sp.csr_array) -> int:
+    return int(A.data.nbytes + A.indices.nbytes)
+
+
+def _room() -> int:
+    """Return the bytes that temporary files may take."""
+    try:
+        folder = Path(tempfile.gettempdir())
+        return 0 if _is_in_memory(folder) else shutil.disk_usage(folder).free - _LEFT
+    except OSError:  # there is no such folder
         return 0
-    return sum(A.data.nbytes + A.indices.nbytes for A in _movable(terms, used))
-
-
-def _movable(terms: Iterable[Term], used: Iterable[sp.csr_array]) -> list[sp.csr_array]:
-    own = {id(t.matrix): t.matrix for t in terms}
-    kept = [A.data for A in used]
-    return [
-        A for A in own.values()  # those that were moved before are not to be written to
-        if A.nnz >= _LEAST and A.data.flags.writeable and not any(np.may_share_memory(A.data, data) for data in kept)
-    ]  # fmt: skip
 
 
 def _is_in_memory(folder: Path) -> bool:

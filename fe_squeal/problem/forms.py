@@ -109,10 +109,10 @@ def interpolate(problem: Problem, parameter: str, low: float, high: float) -> Pr
         for power in range(3):
             A = sp.csr_array(sum(w * part for w, part in zip(basis[power], parts, strict=True)))
             powers = {paths_of(parameter)[0]: power}
-            real = Term(f"{slot}{power}", slot, sp.csr_array(A.real), slot == "M" or symmetric, powers)
+            real = Term(f"{slot}{power}", slot, sp.csr_array(A.real.copy()), slot == "M" or symmetric, powers)
             terms.append(real)
             if np.iscomplexobj(A):
-                terms.append(replace(real, matrix=sp.csr_array(A.imag), imaginary=True))
+                terms.append(replace(real, matrix=sp.csr_array(A.imag.copy()), imaginary=True))
     always = _common([p.free for p in pencils if p.free is not None])
     return Problem(tuple(terms), dict.fromkeys(paths_of(parameter), low), free=lambda _: always)
 

@@ -27,7 +27,8 @@ class Term:
     slot : "M", "C" or "K"
         The matrix that it is a summand of.
     matrix : (n, n) sparse float
-        In kg, N s/m or N/m after multiplication by the powers of the parameters.
+        In kg, N s/m or N/m after multiplication by the powers of the parameters. It is not to be changed: sums are
+        kept, and what is large may lie in a file.
     symmetric : bool
         Whether the matrix is symmetric by its mathematics, apart from rounding.
     powers : mapping of str to int

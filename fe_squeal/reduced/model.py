@@ -120,9 +120,7 @@ class ReducedModel:
         self._last: dict[Place, Modes] = {}
         self._known_with: np.ndarray | None = None  # the basis that these belong to
         collected = collect_powers(problem, parameter).at(values_at(parameter, start))
-        summed = [t.matrix for t in collected.terms]
-        if is_large(max(A.nnz for A in summed), self.linear_solver):
-            put_aside(problem.terms, summed)  # they are not needed before shares are asked for
+        self._put_terms_aside(collected)
         limit = request.max_frequency_hz
         band = None if limit is None else 2 * np.pi * limit
         base, self._sigma, metric, definite = factorize_undamped(collected, band, self.linear_solver)
@@ -155,6 +153,12 @@ class ReducedModel:
         if not len(first):
             raise NotConvergedError("the reduced model has no modes in the range that was asked for")
         self.basis.calibrate(start, first)
+
+    def _put_terms_aside(self, collected: Problem) -> None:
+        """Move the terms of a large problem to files: they are not needed before shares are asked for."""
+        summed = [t.matrix for t in collected.terms]
+        if is_large(max(A.nnz for A in summed), self.linear_solver):
+            put_aside(self.problem.terms, summed)
 
     def _release(self) -> None:
         """Forget the factors and the vectors of the search for missing modes; no vectors are added from now on."""
@@ -197,6 +201,7 @@ class ReducedModel:
         made.definite_suffices = numbers["definite_suffices"]
         model._corrections = made
         collected = collect_powers(problem, parameter).at({parameter: numbers["start"]})
+        model._put_terms_aside(collected)
         model.basis = ReducedBasis.restored(collected, parameter, arrays, numbers["basis"], model.linear_solver)
         return model
 

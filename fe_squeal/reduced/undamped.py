@@ -36,10 +36,12 @@ def _stiffnesses(problem: Problem) -> list[list[float]]:
 
 def weighted(problem: Problem, coefficients: Sequence[float]) -> sp.csr_array:
     """Return a weighted sum (n, n) of the terms' matrices; of a matrix that is not symmetric its symmetric part."""
-    total = sum_matrices(
-        (t.matrix if t.symmetric else sp.csr_array(t.matrix + t.matrix.T) / 2, c)
-        for c, t in zip(coefficients, problem.terms, strict=True) if c
-    )  # fmt: skip
+    used = [(t, c) for t, c in zip(problem.terms, coefficients, strict=True) if c]
+    total = sum_matrices((t.matrix, c) for t, c in used if t.symmetric)
+    for t, c in used:
+        if not t.symmetric:  # one after the other: each has a copy
+            part = sp.csr_array(t.matrix + t.matrix.T) * (c / 2)
+            total = part if total is None else total + part
     return sp.csr_array((problem.unknowns, problem.unknowns) if total is None else total)
 
 

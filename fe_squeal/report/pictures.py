@@ -15,10 +15,10 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -48,6 +48,7 @@ from fe_squeal.report.vtk_files import VISIBLE, displacement_at, write_shape
 
 AMPLITUDE_COLOURS, NORMAL_COLOURS = "viridis", "RdBu_r"
 Z_AXIS = (0.0, 0.0, 1.0)
+_TEXT: Any = {"encoding": "utf-8", "errors": "replace"}
 _LEVEL = 0.2  # of the largest displacement over the width of the body: a shape with a smaller slope counts as level
 _STILL = 1e-3  # of the largest amplitude: points that move less count as not moving
 
@@ -153,59 +154,71 @@ def _child_that_draws(jobs: Sequence[PictureJob], seconds: float) -> Iterator[Ca
     # Absolute, since the child has another working folder.
     unfinished = [temporary_path(job.picture.absolute()).absolute() for job in jobs]
     limit = time.monotonic() + seconds
-    child, reason = _started(jobs, unfinished)
+    with ExitStack() as stack:
+        # Files instead of pipes: writing to a pipe whose reader has died could end this process too, nobody reads what
+        # the child says before it ends, and what it has started may hold a pipe open.
+        orders, said, errors = (stack.enter_context(tempfile.TemporaryFile("w+", **_TEXT)) for _ in range(3))
+        child, reason = _started(jobs, unfinished, orders, said, errors)
 
-    def finish() -> tuple[set[int], str]:
-        drawn, why = (set[int](), reason) if child is None else _drawn_by(child, unfinished, limit, seconds)
-        for i in drawn:
-            with replace_atomically(jobs[i].picture) as temporary:
-                os.replace(unfinished[i], temporary)
-        return drawn, why
+        def finish() -> tuple[set[int], str]:
+            if child is None:
+                return set(), reason
+            done = _is_done(child, limit)
+            output, why = (_text_of(file) for file in (said, errors))
+            last = f": {why.strip().splitlines()[-1]}" if why.strip() else ""
+            ended = f"ended with code {child.returncode}{last}" if done else f"was not done after {seconds:.0f} s"
+            # The child prints the number of each complete picture; VTK may print other things.
+            drawn = {int(line.split()[1]) for line in output.splitlines() if line.startswith("drawn ")}
+            drawn = {i for i in drawn if unfinished[i].exists()}
+            for i in drawn:
+                with replace_atomically(jobs[i].picture) as temporary:
+                    os.replace(unfinished[i], temporary)
+            return drawn, f"VTK's process {ended}"
 
-    try:
-        yield finish
-    finally:
-        if child is not None:
-            child.kill()
-            child.communicate()
-        for path in unfinished:
-            path.unlink(missing_ok=True)
+        try:
+            yield finish
+        finally:
+            if child is not None:
+                child.kill()
+                child.wait()
+            for path in unfinished:
+                path.unlink(missing_ok=True)
 
 
-def _started(jobs: Sequence[PictureJob], unfinished: Sequence[Path]) -> tuple[subprocess.Popen[str] | None, str]:
+def _started(
+    jobs: Sequence[PictureJob], unfinished: Sequence[Path], orders: IO[str], said: IO[str], errors: IO[str]
+) -> tuple[subprocess.Popen[bytes] | None, str]:
     """Return the child, or None and why it could not be started."""
     if not sys.executable:
         return None, "no Python interpreter to start"
-    orders = json.dumps([{"shape": str(job.shape.absolute()), "picture": str(picture), "title": job.title,
-                          "axis": list(job.axis)} for job, picture in zip(jobs, unfinished, strict=True)])
+    given = [{"shape": str(job.shape.absolute()), "picture": str(picture), "title": job.title,
+              "axis": list(job.axis)} for job, picture in zip(jobs, unfinished, strict=True)]  # fmt: skip
     try:
-        # The jobs are handed over in a file: writing to a pipe whose reader has died could end this process too.
-        with tempfile.TemporaryFile("w+", encoding="utf-8") as file:
-            file.write(orders)
-            file.seek(0)
-            return subprocess.Popen(
-                [sys.executable, "-m", "fe_squeal.report.draw"], stdin=file, stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE, env=isolated_environment(), encoding="utf-8", errors="replace",
-                cwd=Path(__file__).parent,
-            ), ""  # fmt: skip
+        json.dump(given, orders)
+        orders.seek(0)
+        command = [sys.executable, "-m", "fe_squeal.report.draw"]
+        return subprocess.Popen(
+            command, stdin=orders, stdout=said, stderr=errors, env=isolated_environment(), cwd=Path(__file__).parent
+        ), ""
     except OSError as error:
         return None, f"no process could be started ({error})"
 
 
-def _drawn_by(
-    child: subprocess.Popen[str], unfinished: Sequence[Path], limit: float, seconds: float
-) -> tuple[set[int], str]:
+def _is_done(child: subprocess.Popen[bytes], limit: float) -> bool:
+    """Wait for a child until a time, and return whether it has ended by itself; else it is ended."""
     try:
-        output, said = child.communicate(timeout=max(limit - time.monotonic(), 0.0))
-        errors = said.strip().splitlines()
-        reason = f"VTK's process ended with code {child.returncode}" + (f": {errors[-1]}" if errors else "")
+        child.wait(max(limit - time.monotonic(), 0.0))
     except subprocess.TimeoutExpired:
         child.kill()
-        output, _ = child.communicate()  # what it had said by then
-        reason = f"VTK's process was not done after {seconds:.0f} s"
-    # The child prints the number of each complete picture; VTK may print other things.
-    drawn = {int(line.split()[1]) for line in output.splitlines() if line.startswith("drawn ")}
-    return {i for i in drawn if unfinished[i].exists()}, reason
+        child.wait()
+        return False
+    return True
+
+
+def _text_of(file: IO[str]) -> str:
+    """Return all that another process wrote to a file."""
+    file.seek(0)
+    return file.read()
 
 
 def widest_body(points: Floats, cells: Any, body: Any) -> int:

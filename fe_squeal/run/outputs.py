@@ -86,7 +86,8 @@ def exporting_shapes(result: Sweep, folder: str | Path, which: str = "unstable")
         return
     shapes = [(name, discretisation.space.expand(u), info) for name, u, info in shapes]
     with ExitStack() as stack:
-        yield stack.enter_context(exporting(grid_of(discretisation), shapes, folder, axis=view_axis(discretisation)))
+        grid, axis = grid_of(discretisation), view_axis(discretisation)
+        yield stack.enter_context(exporting(grid, shapes, folder, axis=axis))
         with warnings.catch_warnings(record=True) as caught:  # not those of the block
             warnings.simplefilter("always", RuntimeWarning)
             stack.close()

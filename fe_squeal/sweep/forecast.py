@@ -79,6 +79,8 @@ class MemoryPrediction:
         What the total consists of, by name.
     strong : int, bytes
         What comes to that of a large problem whose friction or damping is strong.
+    taken : int, bytes
+        What the process has now.
     """
 
     total: int
@@ -87,11 +89,12 @@ class MemoryPrediction:
     reduced: bool
     parts: dict[str, int] = field(default_factory=dict)
     strong: int = 0
+    taken: int = 0
 
     @property
     def room(self) -> int:
         """Bytes that the whole process may take: what it has now, and what is free."""
-        return self.free + int(psutil.Process().memory_info().rss)
+        return self.free + self.taken
 
     @property
     def fits(self) -> bool:
@@ -157,7 +160,8 @@ class MemoryCount:
         elif n > DENSE_LIMIT:
             parts["vectors"] = int(8 * n * _KRYLOV * modes * _SOLVED[kind])
         strong = int(_STRONG[kind] * self.factors) if self.large else 0
-        return MemoryPrediction(sum(parts.values()), self.factors, available_memory(), self.reduced, parts, strong)
+        free, taken = available_memory(), int(psutil.Process().memory_info().rss)
+        return MemoryPrediction(sum(parts.values()), self.factors, free, self.reduced, parts, strong, taken)
 
 
 def predict_memory(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from types import SimpleNamespace
 
 import numpy as np
 import psutil
@@ -23,7 +24,7 @@ from meshes import box, make_problem
 @pytest.fixture
 def terms(monkeypatch):
     monkeypatch.setattr(aside, "_LEAST", 100)
-    monkeypatch.setattr(aside, "_is_in_memory", lambda folder: False)
+    monkeypatch.setattr(aside, "_room", lambda: 2**30)
     rng = np.random.default_rng(8)
     A, B = (sp.csr_array(sp.random_array((50, 50), density=0.2, rng=rng, format="csr")) for _ in range(2))
     few = sp.csr_array(sp.eye_array(50))
@@ -54,7 +55,7 @@ def test_matrices_stay_what_they_are(terms, tmp_path, monkeypatch):
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the system does not tell what comes from files")
 def test_pages_that_were_read_are_given_back(monkeypatch):
-    monkeypatch.setattr(aside, "_is_in_memory", lambda folder: False)
+    monkeypatch.setattr(aside, "_room", lambda: 2**30)
     n = 2_000_000
     term = Term("m", "M", sp.csr_array(sp.eye_array(n, format="csr")), True)
     assert put_aside([term], []) == 12 * n
@@ -94,9 +95,30 @@ def test_without_room_on_the_disk(terms, monkeypatch):
         assert (term.matrix.toarray() == dense).all() and not on_disk(term.matrix)
 
 
-def test_files_in_memory_would_gain_nothing(terms, monkeypatch):
-    monkeypatch.setattr(aside, "_is_in_memory", lambda folder: True)
-    assert put_aside(terms, []) == movable_bytes(terms, []) == 0
+def test_matrices_that_share_their_arrays_are_moved_once(terms):
+    A = terms[0].matrix
+    twin = sp.csr_array(A.shape)
+    twin.data, twin.indices, twin.indptr = A.data, A.indices, A.indptr
+    both = [terms[0], Term("twin", "C", twin, False)]
+    assert movable_bytes(both, []) == put_aside(both, []) == 12 * A.nnz
+    assert on_disk(A) and twin.data is A.data and twin.indices is A.indices
+
+
+def test_only_what_there_is_room_for_is_moved(terms, monkeypatch):
+    """So that the forecast, which is told the same, is right."""
+    monkeypatch.setattr(aside, "_room", lambda: 12 * terms[0].matrix.nnz + 100)
+    assert movable_bytes(terms, []) == put_aside(terms, []) == 12 * terms[0].matrix.nnz
+    assert [on_disk(t.matrix) for t in terms] == [True, False, False]
+
+
+@pytest.mark.parametrize("in_memory", [False, True])
+def test_room_is_that_of_the_disk(in_memory, monkeypatch, tmp_path):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(aside, "_is_in_memory", lambda folder: in_memory)
+    monkeypatch.setattr(aside.shutil, "disk_usage", lambda folder: SimpleNamespace(free=3 * 2**30))
+    assert aside._room() == (0 if in_memory else 2 * 2**30)
+    monkeypatch.setattr(aside.shutil, "disk_usage", lambda folder: os.listdir(folder / "absent"))
+    assert aside._room() == 0
 
 
 def test_file_systems_are_known(tmp_path, monkeypatch):
@@ -128,7 +150,7 @@ def test_a_large_problem_is_swept_with_its_terms_on_disk(monkeypatch):
     _, usual = swept()
     monkeypatch.setattr(choice, "_MANY", 0)
     monkeypatch.setattr(aside, "_LEAST", 100)
-    monkeypatch.setattr(aside, "_is_in_memory", lambda folder: False)
+    monkeypatch.setattr(aside, "_room", lambda: 2**30)
     moved = []
     monkeypatch.setattr(model, "put_aside", lambda terms, used: moved.append(put_aside(terms, used)))
     problem, large = swept()

@@ -23,7 +23,7 @@ from fe_squeal.eigen.linear import choice
 from fe_squeal.eigen.linear.pardiso import has_pardiso
 from fe_squeal.run import fits
 from fe_squeal.run.fits import Machines, fits_here, fits_there, modes_that_fit
-from fe_squeal.sweep.forecast import MemoryCount, MemoryPrediction, count_memory
+from fe_squeal.sweep.forecast import MemoryCount, count_memory
 
 ROOT = Path(__file__).parents[2]
 SMALL = replaced("size = 0.02", "size = 0.01", replaced('file = "block.msh"\n', ""))  # 405 unknowns, solved directly
@@ -76,8 +76,7 @@ def test_check_says_what_fits(tmp_path, capsys, monkeypatch):
 
 def test_what_does_not_fit_here_has_what_takes_less(monkeypatch):
     monkeypatch.setattr(fits, "has_mumps", lambda: False)
-    monkeypatch.setattr(MemoryPrediction, "room", property(lambda self: self.free + 10**9))
-    forecast = replace(LARGE.at(50), free=5 * 2**29)
+    forecast = replace(LARGE.at(50), free=5 * 2**29, taken=10**9)
     said = fits_here(LARGE, 50, forecast)
     most = modes_that_fit(LARGE, 5 * 2**29 + 10**9)
     assert 0 < most < 50 and said.startswith(f"not 50 modes × 20 values; what takes less: {most} modes instead of 50, ")
@@ -85,13 +84,12 @@ def test_what_does_not_fit_here_has_what_takes_less(monkeypatch):
     assert "reduced" not in said and "reduced" in fits_here(replace(LARGE, reduced=False), 5000, forecast)
 
 
-def test_strong_friction_that_does_not_fit_is_told(monkeypatch):
-    monkeypatch.setattr(MemoryPrediction, "room", property(lambda self: self.free + 10**9))
+def test_strong_friction_that_does_not_fit_is_told():
     large = replace(LARGE, large=True)
     total, strong = large.at(50).total, large.at(50).strong
     assert strong > 0
     for free, told in ((total + strong, False), (total + strong // 2, True)):
-        said = fits_here(large, 50, replace(large.at(50), free=free - 10**9))
+        said = fits_here(large, 50, replace(large.at(50), free=free - 10**9, taken=10**9))
         assert " modes × 20 values or more" in said
         assert ("; not 50 modes if friction or damping is strong" in said) == told
 

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
 from fe_squeal.eigen import blocks, mkl
 from fe_squeal.eigen.linear.pardiso import has_pardiso
+from fe_squeal.eigen.pencil import FreeMotions
+from fe_squeal.problem.forms import interpolate, project
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
 
 
 @pytest.fixture
@@ -45,7 +51,25 @@ def test_types_that_it_does_not_know_are_refused(matrix):
     assert not out.any()
 
 
-@pytest.mark.parametrize("kind", ["long", "complex", "mixed"])
+def test_arrays_with_gaps_are_refused(matrix):
+    """SciPy's real part of a complex matrix is a view of every second number."""
+    A = sp.csr_array((matrix * (1 + 2j)).real)
+    X = np.random.default_rng(4).standard_normal((200, 6))
+    if A.data.flags.c_contiguous:
+        A.data = np.repeat(A.data, 2)[::2]
+    assert not A.data.flags.c_contiguous
+    assert not mkl.multiply(A, X, np.zeros((300, 6)))
+    assert not mkl.multiply(matrix, np.asfortranarray(X), np.zeros((300, 6)))
+    assert not mkl.multiply(matrix, X, np.zeros((300, 12))[:, ::2])
+
+
+def test_shapes_that_do_not_belong_together_are_an_error(matrix):
+    for X, out in ((np.ones((199, 2)), np.ones((300, 2))), (np.ones((200, 2)), np.ones((300, 3)))):
+        with pytest.raises(ValueError, match="do not belong together"):
+            mkl.multiply(matrix, X, out)
+
+
+@pytest.mark.parametrize("kind", ["long", "complex", "mixed", "gaps"])
 def test_such_products_are_made_without_it(kind):
     n = blocks._TALL + 3
     A = sp.csr_array(sp.diags_array([np.arange(1.0, n + 1), np.ones(n - 1)], offsets=[0, 1]))
@@ -54,11 +78,38 @@ def test_such_products_are_made_without_it(kind):
         A = sp.csr_array((A.data, A.indices.astype(np.int64), A.indptr.astype(np.int64)), A.shape)
     elif kind == "complex":
         A, X = sp.csr_array(A * (1 + 2j)), X + 1j
+    elif kind == "gaps":
+        A = sp.csr_array((A * (1 + 2j)).imag)
     else:
         X = X.astype(np.float32)
     found = blocks.times(A, X)
     assert found.dtype == (complex if kind == "complex" else float)
     np.testing.assert_allclose(found, A @ X, rtol=1e-14)
+
+
+def test_interpolated_complex_problems_have_terms_without_gaps():
+    """Their products with blocks are those of the matrices, whatever does them."""
+    n = blocks._TALL + 1
+    rng = np.random.default_rng(5)
+    one, loss = (sp.csr_array(sp.diags_array(rng.uniform(1, 2, n))) for _ in range(2))
+    terms = (Term("m", "M", one, True), Term("k", "K", one, True), Term("l", "K", loss, True, imaginary=True))
+
+    class Moving:
+        def number(self, path):
+            return 9.0
+
+        def problem(self, values):
+            factor = 1 + values["p"] ** 2
+            moved = [replace(t, matrix=t.matrix * factor) if t.slot == "K" else t for t in terms]
+            return Problem(tuple(moved), {}, changed=values, source=self, free=lambda _: FreeMotions.none(n))
+
+    moving = Problem(terms, {}, source=Moving(), free=lambda _: FreeMotions.none(n))
+    V = rng.standard_normal((n, 3))
+    projected = project(interpolate(moving, "p", 0.0, 2.0), V)
+    found = {t.name + "i" * t.imaginary: t.matrix.toarray() for t in projected.terms}
+    for power, factor in ((0, 1.0), (1, 0.0), (2, 1.0)):
+        for name, matrix in ((f"K{power}", one), (f"K{power}i", loss)):
+            np.testing.assert_allclose(found[name], factor * (V.T @ (matrix @ V)), rtol=1e-9, atol=1e-8 * n)
 
 
 def test_without_the_library(matrix, monkeypatch):

@@ -71,7 +71,7 @@ class PardisoFactor:
         # In single precision numbers end at 1e38 and fade below 1e-38.
         self._scale = 1.0 if 1 / RANGE < largest < RANGE else largest or 1.0
         data = own.data[: own.nnz]  # what the matrix and PARDISO can share is not copied
-        self._data = (data if self._scale == 1 else data / self._scale).astype(self._dtype, copy=False)
+        self._data = np.ascontiguousarray(data if self._scale == 1 else data / self._scale, self._dtype)
         self._n = A.shape[0]
         self._symmetric = symmetric
         self._mtype = _DEFINITE if definite else _TYPES[symmetric, np.iscomplexobj(A)]
@@ -90,7 +90,7 @@ class PardisoFactor:
             # Pivots this far below the norm are perturbed, all of them beside a penalty of 1e20, unless scaling comes
             # before; matching besides prepares pivots of two rows where the diagonal is zero (Lagrange multipliers).
             iparm[10] = iparm[12] = 1
-        self._ia, self._ja = (x.astype(np.int32, copy=False) for x in (own.indptr, own.indices[: own.nnz]))
+        self._ia, self._ja = (np.ascontiguousarray(x, np.int32) for x in (own.indptr, own.indices[: own.nnz]))
         del own, data
         arrays = (self._data, self._ia, self._ja, self._perm)
         self._fixed = (_integer(self._mtype), _integer(self._n), *(a.ctypes.data for a in arrays))
