@@ -3,7 +3,7 @@
 The disc with two pads of examples/disc_pad.toml, meshed with elements of the given sizes in m, is swept over the
 friction coefficient with `method = "reduced"`, each size in a process of its own: seconds of every stage, the largest
 memory of the process and what `fe-squeal check` would have predicted, and where seconds and bytes go. The largest size
-has 1 003 086 unknowns and takes some 17 GiB and a quarter of an hour.
+has 1 003 086 unknowns and takes 18 GiB and a quarter of an hour.
 """
 
 from __future__ import annotations
