@@ -69,7 +69,17 @@ def export_shapes(result: Sweep, folder: str | Path, which: str = "unstable") ->
 def exporting_shapes(result: Sweep, folder: str | Path, which: str = "unstable") -> Iterator[list[Path]]:
     """Do what `export_shapes` does; another process draws the pictures while the block does something else.
 
-    Parameters and errors raised are those of `export_shapes`. Yields the list of files, all there after the block.
+    Parameters are those of `export_shapes`.
+
+    Yields
+    ------
+    list of Path
+        The files, all there after the block.
+
+    Raises
+    ------
+    OutputError
+        `which` is neither of the two, or a file cannot be written.
     """
     if which not in ("unstable", "all"):
         raise OutputError(f'export_shapes: given which = {which!r:.60}; expected "unstable" or "all"')
