@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 
@@ -26,7 +27,7 @@ shared with other work."""
 
 def table_line(r: dict) -> str:
     """Return one row as Markdown, with what a failure says where a measurement failed."""
-    start = f"| {r['model']} | {r['unknowns']} | {r['values']} | {PEERS.get(r['way'], r['way'])} |"
+    start = f"| {r['model']} | {r['unknowns'] or ''} | {r['values']} | {PEERS.get(r['way'], r['way'])} |"
     if "failed" in r:
         return f"{start} {r['failed'].replace('|', '/')} |" + " |" * (len(COLUMNS) - 5)
     found = f"{r['found']} of {r['wanted']}" if "found" in r else ""
@@ -37,7 +38,8 @@ def table_line(r: dict) -> str:
     complete = ("yes" if r["complete"] else "not proven") if "complete" in r else ""
     stages = r.get("stages", {})
     share = f"{100 * stages['onsets'] / sum(stages.values()):.0f} %" if stages.get("onsets") else ""
-    times, memory = [f"{r['seconds']:.1f}", f"{r['ratio']:.2g}"], f"{r['MiB']:.0f}"
+    ratio = "" if math.isnan(r["ratio"]) else f"{r['ratio']:.2g}"  # no peer was within the limit
+    times, memory = [f"{r['seconds']:.1f}", ratio], f"{r['MiB']:.0f}"
     cells = [*times, found, error, vectors, *told, share, memory, complete]
     return f"{start} " + " | ".join(cells) + " |"
 
