@@ -34,9 +34,14 @@ def library() -> Any:
         with _known_place():
             from pypardiso import PyPardisoSolver
 
-            return PyPardisoSolver().libmkl
+            mkl = PyPardisoSolver().libmkl
     except (ImportError, OSError):
         return None
+    # With its first product MKL loads the libraries that do the work, and ends the process where these do not fit into
+    # memory any more: so that comes at once.
+    one = np.ones((2, 2))
+    _multiply(mkl, sp.csr_array(one), one, np.empty_like(one))
+    return mkl
 
 
 def multiply(A: sp.csr_array, X: np.ndarray, out: np.ndarray) -> bool:
@@ -59,12 +64,16 @@ def multiply(A: sp.csr_array, X: np.ndarray, out: np.ndarray) -> bool:
     """
     if X.shape != (A.shape[1], out.shape[1]) or out.shape[0] != A.shape[0]:
         raise ValueError(f"shapes {A.shape}, {X.shape} and {out.shape} do not belong together")
-    known, indices = _LETTERS.get(A.dtype), (A.indices, A.indptr)
-    if known is None or not X.dtype == out.dtype == A.dtype or any(i.dtype != np.int32 for i in indices):
+    indices = A.indices, A.indptr
+    if A.dtype not in _LETTERS or not X.dtype == out.dtype == A.dtype or any(i.dtype != np.int32 for i in indices):
         return False
     if not all(a.flags.c_contiguous for a in (A.data, *indices, X, out)) or (mkl := library()) is None:
         return False
-    letter, number = known
+    return _multiply(mkl, A, X, out)
+
+
+def _multiply(mkl: Any, A: sp.csr_array, X: np.ndarray, out: np.ndarray) -> bool:
+    letter, number = _LETTERS[A.dtype]
     k, handle = ctypes.c_int32(X.shape[1]), ctypes.c_void_p()
     begins, ends = (ctypes.c_void_p(A.indptr.ctypes.data + shift) for shift in (0, A.indptr.itemsize))
     columns, entries = (ctypes.c_void_p(a.ctypes.data) for a in (A.indices, A.data))

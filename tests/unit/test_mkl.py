@@ -18,7 +18,8 @@ from fe_squeal.problem.terms import Term
 
 @pytest.fixture
 def matrix() -> sp.csr_array:
-    return sp.csr_array(sp.random_array((300, 200), density=0.05, rng=np.random.default_rng(1), format="csr"))
+    rng = np.random.default_rng(1)
+    return sp.csr_array(np.where(rng.random((300, 200)) < 0.05, rng.random((300, 200)), 0.0))
 
 
 @pytest.mark.skipif(not has_pardiso(), reason="PARDISO, which MKL comes with, is not installed")
