@@ -16,27 +16,6 @@ from fe_squeal.report.vtk_files import write_animation, write_shape
 FIELDS = ("parameter", "value", "mode", "branch", "re", "im", "frequency_hz")
 
 
-def export_shapes(
-    grid: ShapeGrid,
-    shapes: Sequence[tuple[str, Complexes, Mapping[str, Any]]],
-    folder: str | os.PathLike[str],
-    *,
-    animate: bool = True,
-    pictures: bool = True,
-    frames: int = 16,
-    axis: tuple[float, float, float] = Z_AXIS,
-) -> list[Path]:
-    """Write for each shape `<name>.vtu`, `<name>.pvd` with its frames, and `<name>.png`, and return all files.
-
-    Parameters and errors raised are those of `exporting_shapes`.
-    """
-    with exporting_shapes(
-        grid, shapes, folder, animate=animate, pictures=pictures, frames=frames, axis=axis
-    ) as files:
-        pass
-    return files
-
-
 @contextmanager
 def exporting_shapes(
     grid: ShapeGrid,
@@ -48,7 +27,9 @@ def exporting_shapes(
     frames: int = 16,
     axis: tuple[float, float, float] = Z_AXIS,
 ) -> Iterator[list[Path]]:
-    """Write the files of `export_shapes`; another process draws the pictures while the block does something else.
+    """Write for each shape `<name>.vtu`, `<name>.pvd` with its frames, and `<name>.png`.
+
+    Another process draws the pictures while the block does something else.
 
     Parameters
     ----------

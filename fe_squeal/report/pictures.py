@@ -48,7 +48,6 @@ from fe_squeal.report.vtk_files import VISIBLE, displacement_at, write_shape
 
 AMPLITUDE_COLOURS, NORMAL_COLOURS = "viridis", "RdBu_r"
 Z_AXIS = (0.0, 0.0, 1.0)
-_TEXT: Any = {"encoding": "utf-8", "errors": "replace"}
 _LEVEL = 0.2  # of the largest displacement over the width of the body: a shape with a smaller slope counts as level
 _STILL = 1e-3  # of the largest amplitude: points that move less count as not moving
 
@@ -157,14 +156,17 @@ def _child_that_draws(jobs: Sequence[PictureJob], seconds: float) -> Iterator[Ca
     with ExitStack() as stack:
         # Files instead of pipes: writing to a pipe whose reader has died could end this process too, nobody reads what
         # the child says before it ends, and what it has started may hold a pipe open.
-        orders, said, errors = (stack.enter_context(tempfile.TemporaryFile("w+", **_TEXT)) for _ in range(3))
-        child, reason = _started(jobs, unfinished, orders, said, errors)
+        try:
+            files = [stack.enter_context(tempfile.TemporaryFile()) for _ in range(3)]
+            child, reason = _started(jobs, unfinished, *files)
+        except OSError as error:  # no folder for them, or a full disc
+            files, child, reason = [], None, f"no process could be started ({error})"
 
         def finish() -> tuple[set[int], str]:
             if child is None:
                 return set(), reason
             done = _is_done(child, limit)
-            output, why = (_text_of(file) for file in (said, errors))
+            output, why = (_text_of(file) for file in files[1:])
             last = f": {why.strip().splitlines()[-1]}" if why.strip() else ""
             ended = f"ended with code {child.returncode}{last}" if done else f"was not done after {seconds:.0f} s"
             # The child prints the number of each complete picture; VTK may print other things.
@@ -186,22 +188,19 @@ def _child_that_draws(jobs: Sequence[PictureJob], seconds: float) -> Iterator[Ca
 
 
 def _started(
-    jobs: Sequence[PictureJob], unfinished: Sequence[Path], orders: IO[str], said: IO[str], errors: IO[str]
+    jobs: Sequence[PictureJob], unfinished: Sequence[Path], orders: IO[bytes], said: IO[bytes], errors: IO[bytes]
 ) -> tuple[subprocess.Popen[bytes] | None, str]:
     """Return the child, or None and why it could not be started."""
     if not sys.executable:
         return None, "no Python interpreter to start"
     given = [{"shape": str(job.shape.absolute()), "picture": str(picture), "title": job.title,
               "axis": list(job.axis)} for job, picture in zip(jobs, unfinished, strict=True)]  # fmt: skip
-    try:
-        json.dump(given, orders)
-        orders.seek(0)
-        command = [sys.executable, "-m", "fe_squeal.report.draw"]
-        return subprocess.Popen(
-            command, stdin=orders, stdout=said, stderr=errors, env=isolated_environment(), cwd=Path(__file__).parent
-        ), ""
-    except OSError as error:
-        return None, f"no process could be started ({error})"
+    os.write(orders.fileno(), json.dumps(given).encode())  # nothing is left to be written when the file is closed
+    orders.seek(0)
+    command = [sys.executable, "-m", "fe_squeal.report.draw"]
+    return subprocess.Popen(
+        command, stdin=orders, stdout=said, stderr=errors, env=isolated_environment(), cwd=Path(__file__).parent
+    ), ""
 
 
 def _is_done(child: subprocess.Popen[bytes], limit: float) -> bool:
@@ -215,10 +214,10 @@ def _is_done(child: subprocess.Popen[bytes], limit: float) -> bool:
     return True
 
 
-def _text_of(file: IO[str]) -> str:
+def _text_of(file: IO[bytes]) -> str:
     """Return all that another process wrote to a file."""
     file.seek(0)
-    return file.read()
+    return file.read().decode(errors="replace")
 
 
 def widest_body(points: Floats, cells: Any, body: Any) -> int:

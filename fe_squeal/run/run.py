@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 import time
-from contextlib import nullcontext
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -247,10 +247,14 @@ def write_results(
     held.remove(is_shape)  # shapes of an interrupted run may be those of other values: of the fastest growth so far
     write_tables(result, out)
     which = scene.output.shapes
-    with nullcontext() if which == "none" else exporting_shapes(result, out / SHAPES, which):
-        write_figures(result, out, scene.title, frequency_range(scene, result)[1], measured.frequencies)
-        if isinstance(scene, Scene):
-            write_preload(scene, result.problem, out)
+    with ExitStack() as drawing:
+        try:
+            if which != "none":
+                drawing.enter_context(exporting_shapes(result, out / SHAPES, which))
+        finally:  # the figures do not depend on shapes, which may take more memory than there is
+            write_figures(result, out, scene.title, frequency_range(scene, result)[1], measured.frequencies)
+            if isinstance(scene, Scene):
+                write_preload(scene, result.problem, out)
     return write_mac(result, measured, out, scene.title)
 
 

@@ -11,7 +11,7 @@ import skfem
 
 from fe_squeal.cli import main
 from fe_squeal.report.differences import GONE, NEW, PAIRED, compare_designs, sentences
-from fe_squeal.report.export import export_shapes
+from fe_squeal.report.export import exporting_shapes
 from fe_squeal.report.pairing import common_points, mac_matrix, pair_shapes
 from fe_squeal.report.results import Results, Shape
 from fe_squeal.report.shapes import ShapeGrid, shape_grid
@@ -126,7 +126,8 @@ def written(folder: Path, results: Results) -> Path:
     results.modes.to_csv(folder / "modes.csv", index=False)
     results.onsets.to_csv(folder / "onsets.csv", index=False)
     shapes = [(f"branch_{s.info['branch']:.0f}", s.u, s.info) for s in results.shapes]
-    export_shapes(results.grid, shapes, folder / "shapes", animate=False, pictures=False)
+    with exporting_shapes(results.grid, shapes, folder / "shapes", animate=False, pictures=False):
+        pass
     return folder
 
 

@@ -14,7 +14,7 @@ import vtk
 from matplotlib import image
 
 from fe_squeal.report import pictures
-from fe_squeal.report.export import export_shapes
+from fe_squeal.report.export import exporting_shapes
 from fe_squeal.report.pictures import draw_shape, widest_body
 from fe_squeal.report.shape_names import shape_name
 from fe_squeal.report.shapes import (
@@ -202,12 +202,13 @@ def test_exported_names_and_files(tmp_path):
     assert name == "branch_07_mu_0.60_2413Hz"
     assert shape_name({**info, "branch": float("nan"), "parameter": "materials.a/b.E"}) == "mode_04_E_0.60_2413Hz"
     shape = (name, bending(grid, 3), info)
-    files = export_shapes(grid, [shape], tmp_path, frames=4)
+    with exporting_shapes(grid, [shape], tmp_path, frames=4) as files:
+        pass
     frames = [tmp_path / f"{name}_frames" / f"{name}_{k:02d}.vtu" for k in range(4)]
     assert files == [tmp_path / f"{name}.vtu", tmp_path / f"{name}.pvd", *frames, tmp_path / f"{name}.png"]
     assert sorted(files) == sorted(p for p in tmp_path.rglob("*") if p.is_file())
     with pytest.raises(ValueError, match="same name"):
-        export_shapes(grid, [shape, shape], tmp_path, pictures=False)
+        exporting_shapes(grid, [shape, shape], tmp_path, pictures=False).__enter__()
 
 
 def nodal_changes(picture):
