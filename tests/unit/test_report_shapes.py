@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -285,6 +286,17 @@ def test_child_that_hangs_is_ended(tmp_path, monkeypatch):
         assert pictures.draw_shapes(grid, [bending(grid, 2)], [job], seconds=0.01) == ["matplotlib"]
     assert nodal_changes(image.imread(job.picture)[..., :3]) == 4
     assert pictures.draw_shapes(grid, [], []) == []
+
+
+def test_without_a_folder_for_temporary_files(tmp_path, monkeypatch):
+    """The child cannot be told what to draw; Matplotlib draws, more plainly."""
+    grid = disc_with_pad()
+    file = write_shape(grid, bending(grid, 2), tmp_path / "mode.vtu")
+    job = pictures.PictureJob(file, tmp_path / "mode.png", "title")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "absent"))
+    with pytest.warns(RuntimeWarning, match="no process could be started"):
+        assert pictures.draw_shapes(grid, [bending(grid, 2)], [job]) == ["matplotlib"]
+    assert nodal_changes(image.imread(job.picture)[..., :3]) == 4
 
 
 def test_frame_about_an_axis_is_a_rotation():

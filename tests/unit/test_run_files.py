@@ -22,6 +22,7 @@ from scene_texts import (
 )
 
 from fe_squeal.cli import main
+from fe_squeal.eigen.memory import TooLargeError
 
 MODES = (
     "parameter,value,mode,branch,re,im,frequency_hz,damping_ratio,stability,noise,backward_error,re_uncertainty,"
@@ -178,6 +179,21 @@ def test_all_shapes_of_the_last_value(tmp_path: Path, monkeypatch: pytest.Monkey
     assert len(rows) == len(files) == 8
     branches = sorted(int(re.match(r"branch_(\d+)_mu_0.70_", name)[1]) for name in files)  # type: ignore[index]
     assert branches == sorted(int(r["branch"]) for r in rows)
+
+
+def test_figures_are_there_though_no_shape_can_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A shape of a large problem may take more memory than there is; the run ends with that message."""
+    import fe_squeal.run.outputs
+
+    def fails(*given: object) -> None:
+        raise TooLargeError("no room for a shape")
+
+    monkeypatch.setattr(fe_squeal.run.outputs, "_shapes", fails)
+    text = replaced('"none"', '"unstable"')
+    assert main(["run", str(write_scene(tmp_path, text)), "-o", str(tmp_path / "out")]) != 0
+    for name in ("stability.png", "root_locus.png", "contributions.png"):
+        assert (tmp_path / "out" / name).read_bytes().startswith(b"\x89PNG")
+    assert len(read_rows(tmp_path / "out" / "modes.csv")) > 0
 
 
 def test_damped_run(tmp_path: Path) -> None:
