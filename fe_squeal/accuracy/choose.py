@@ -11,8 +11,10 @@ import numpy as np
 from ..assembly.assembly import Assembly
 from ..assembly.swept import swept
 from ..eigen.memory import TooLargeError, memory_text, require_memory
+from ..eigen.threads import one_openblas_thread
 from ..errors import NotConvergedError, SceneError
 from ..mesh import LoadedMesh
+from ..problem.problem import Problem
 from ..scene import Scene
 from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
@@ -23,7 +25,7 @@ from .discretisation import estimated_error, with_changes, with_discretisation
 from .estimate import changes_by
 from .groups import element_groups, singular_groups
 from .quantities import KINDS, Split, split_changes
-from .refined import refine_problem, refined_memory
+from .refined import finer_mesh_ahead, refine_problem, refined_memory
 
 _MARGIN = 0.8  # of the target: the error that the next mesh is made for
 _SURELY = 1.1  # times the target: where the bar to first order is larger, the bars are not worth their time
@@ -99,6 +101,7 @@ class _Nearest:
     split: Split
 
 
+@one_openblas_thread()  # for what is made ahead, too
 def choose(
     scene: Scene, target: float, tell: Callable[[str], None] = lambda text: None, kinds: Sequence[str] = KINDS,
     earlier: tuple[list[Trial], Candidate] | None = None,
@@ -143,9 +146,11 @@ def choose(
         for _ in range(_RUNS):
             keep(trials, candidate)
             start = time.perf_counter()
-            result = _swept(candidate)
+            problem = Assembly(candidate.scene, candidate.loaded).problem({})
+            ahead = finer_mesh_ahead(problem)
+            result = _swept(candidate.scene, problem)
             solver = candidate.scene.solve.linear_solver
-            refined = refine_problem(result, solver)
+            refined = refine_problem(result, solver, ahead)
             clock = time.perf_counter()
             corrections = right_corrections(result, refined)
             bars_take = _BARS * (time.perf_counter() - clock)
@@ -201,9 +206,7 @@ def _first_order_error(split: Split, assembly: Assembly) -> float:
     return float((bar_of_parts(split.changes, parts, ORDER) / split.scales).max(initial=0.0))
 
 
-def _swept(candidate: Candidate) -> Sweep:
-    scene = candidate.scene
-    problem = Assembly(scene, candidate.loaded).problem({})
+def _swept(scene: Scene, problem: Problem) -> Sweep:
     parameter, grid = swept(scene, problem)
     solve = scene.solve
     return sweep(

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from ..assembly.assembly import Assembly
 from ..eigen.linear.choice import factorize_definite_roughly
 from ..eigen.linear.factor import LinearSolver
-from ..eigen.memory import require_memory
+from ..eigen.memory import available_memory, require_memory
 from ..eigen.request import Request
 from ..eigen.threads import one_openblas_thread
 from ..errors import SceneError
@@ -20,6 +20,7 @@ from ..fem.spaces import DisplacementSpace
 from ..mesh.refining import refine
 from ..problem.forms import collect_powers, interpolate
 from ..problem.problem import Problem
+from ..process.ahead import Ahead
 from ..reduced import ReducedModel
 from ..reduced.undamped import weighted
 from ..sweep.result import Sweep
@@ -29,6 +30,7 @@ from .two_level import TwoLevelSolver, prolongation
 _VALUE = "value"
 _CHILDREN = 8  # elements that replace one; the refined problem has about as many times the unknowns
 _COPIES = 4  # copies of M, C and K on the refined mesh that memory is counted for: the terms, and their sums
+_ROOM = 2  # times the memory of its matrices: so much has to be free for the refined mesh beside a sweep
 _VECTORS = 24  # vectors on the refined mesh that the corrections of one mode take
 _BASIS = 10  # vectors in the coarse basis for each mode, where the sweep has made no basis yet
 
@@ -81,8 +83,43 @@ class Refined:
         return Hierarchy(self.coarse.space, self.space, self.prolongation)
 
 
+@dataclass(frozen=True)
+class FinerMesh:
+    """What can be made of the refined mesh before there are modes.
+
+    Attributes
+    ----------
+    assembly : Assembly
+        With its bodies and contacts.
+    prolongation : (n_fine, n_coarse) sparse
+    """
+
+    assembly: Assembly
+    prolongation: sp.csr_array
+
+    @classmethod
+    def of(cls, coarse: Assembly) -> FinerMesh:
+        """Cut every element of a mesh into eight, and assemble bodies and contacts."""
+        fine = Assembly(coarse.scene, refine(coarse.loaded))
+        fine.prepare()
+        return cls(fine, prolongation(coarse.space, fine.space))
+
+
+def finer_mesh_ahead(problem: Problem) -> Ahead[FinerMesh] | None:
+    """Begin with the refined mesh of a problem beside its sweep: most of assembly takes one core alone.
+
+    None where the problem has no mesh, or memory for both is not sure.
+    """
+    coarse = problem.source
+    if not isinstance(coarse, Assembly) or _ROOM * _matrices_memory(problem) > available_memory():
+        return None
+    return Ahead(lambda: FinerMesh.of(coarse))
+
+
 @one_openblas_thread()
-def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Refined:
+def refine_problem(
+    result: Sweep, linear_solver: LinearSolver | str = "auto", ahead: Ahead[FinerMesh] | None = None
+) -> Refined:  # fmt: skip
     """Assemble the problem of a sweep on its mesh with every element cut into eight.
 
     Where the parameter changes the matrices themselves, not only their coefficients (μ under preload), the matrices of
@@ -94,6 +131,8 @@ def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") ->
         Sweep of a problem that was assembled from a mesh.
     linear_solver : LinearSolver or str
         As for `sweep`.
+    ahead : Ahead of FinerMesh, optional
+        What was begun beside the sweep.
 
     Raises
     ------
@@ -110,8 +149,8 @@ def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") ->
         raise SceneError("the error of a mesh is asked for (--estimate), and the scene has matrices instead of a mesh")
     require_memory(refined_memory(result), _CHILDREN * problem.unknowns, "modes on the refined mesh")
     values = np.array([p.value for p in result.points])
-    fine = Assembly(assembly.scene, refine(assembly.loaded)).solved_with(linear_solver)
-    E = prolongation(assembly.space, fine.space)
+    finer = FinerMesh.of(assembly) if ahead is None else ahead.take()
+    fine, E = finer.assembly.solved_with(linear_solver), finer.prolongation
     on_fine = fine.problem(problem.changed).prepared(parameter, values)
     affine = [_affine(p, parameter, values) for p in (problem, on_fine)]
     axis, at = (parameter, values) if len(values) > 1 else (_VALUE, np.zeros(1))
@@ -123,7 +162,7 @@ def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") ->
     own = {t.name: c for t, c in zip(basis.problem.terms, basis.metric, strict=True)}
     collected = collect_powers(affine[1], axis).at({axis: basis.problem.value(axis)})
     space = fine.space
-    del fine, on_fine, affine
+    del finer, fine, on_fine, affine
     gc.collect()  # an assembly and its problems refer to each other; the terms, summed now, are as large as their sums
     metric = [own.get(t.name, 0.0) for t in collected.terms]
     P = weighted(collected, metric)
@@ -135,12 +174,17 @@ def refine_problem(result: Sweep, linear_solver: LinearSolver | str = "auto") ->
 
 def refined_memory(result: Sweep) -> int:
     """Return about how many bytes the modes on the refined mesh take, in addition to what the sweep takes."""
-    pencil = result.problem.pencil()
-    entries = sum(A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)
     modes = max((len(p.modes) for p in result.points), default=0)
     basis = _BASIS * modes if result.reduced_model is None else len(result.reduced_model.basis)
     vectors = 2 * basis + _VECTORS * modes
-    return _CHILDREN * (_COPIES * 12 * entries + 8 * vectors * result.problem.unknowns)
+    return _matrices_memory(result.problem) + _CHILDREN * 8 * vectors * result.problem.unknowns
+
+
+def _matrices_memory(problem: Problem) -> int:
+    """Return about how many bytes the matrices on the refined mesh take."""
+    pencil = problem.pencil()
+    entries = sum(A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)
+    return _CHILDREN * _COPIES * 12 * entries
 
 
 def _affine(problem: Problem, parameter: str, values: np.ndarray) -> Problem:

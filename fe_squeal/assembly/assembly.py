@@ -173,6 +173,10 @@ class Assembly:
         other._linear_solver = linear_solver
         return other
 
+    def prepare(self) -> None:
+        """Make what every problem is made from, the bodies and contacts without effects; it is kept for `problem`."""
+        self._context(self.scene)
+
     def problem(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with other numbers of the scene, by their paths.
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 
 from threadpoolctl import ThreadpoolController
+
+_limited = ContextVar("_limited", default=False)  # whether a block around this one has set one thread already
 
 
 @contextmanager
@@ -17,9 +20,16 @@ def one_openblas_thread() -> Iterator[None]:
     Where other programs or MKL want the same cores, threads of OpenBLAS wait for each other, and take ten times as
     long.
     """
-    thread_count()  # while OpenBLAS still knows
-    with _openblas().limit(limits=1):
+    if _limited.get():  # the number of threads is of the whole program, and the outermost block gives it back
         yield
+        return
+    thread_count()  # while OpenBLAS still knows
+    token = _limited.set(True)
+    try:
+        with _openblas().limit(limits=1):
+            yield
+    finally:
+        _limited.reset(token)
 
 
 @functools.cache

@@ -179,11 +179,11 @@ def test_a_search_goes_on_where_it_was_stopped(tmp_path, capsys, monkeypatch):
     run = ["run", str(scene), "-o", str(out), "--accuracy", "0.012"]
     swept, meshes = choosing._swept, []
 
-    def stops(candidate):
-        meshes.append(candidate.unknowns)
+    def stops(scene, problem):
+        meshes.append(problem.unknowns)
         if len(meshes) == 2:
             raise KeyboardInterrupt
-        return swept(candidate)
+        return swept(scene, problem)
 
     monkeypatch.setattr(choosing, "_swept", stops)
     assert main(run) == 130
@@ -202,7 +202,7 @@ def test_a_search_that_ended_in_writing_does_not_begin_anew(tmp_path, monkeypatc
     scene, out = write(tmp_path), tmp_path / "out"
     run = ["run", str(scene), "-o", str(out), "--accuracy", "0.012"]
     swept, meshes = choosing._swept, []
-    monkeypatch.setattr(choosing, "_swept", lambda candidate: (meshes.append(candidate.unknowns), swept(candidate))[1])
+    monkeypatch.setattr(choosing, "_swept", lambda scene, p: (meshes.append(p.unknowns), swept(scene, p))[1])
     with monkeypatch.context() as patched:
         patched.setattr("fe_squeal.run.accuracy.write_record", lambda *_: exec("raise KeyboardInterrupt"))
         assert main(run) == 130
@@ -217,7 +217,7 @@ def test_a_search_of_another_scene_is_not_resumed(tmp_path, capsys, monkeypatch)
     scene, out = write(tmp_path), tmp_path / "out"
     run = ["run", str(scene), "-o", str(out), "--accuracy", "0.012"]
 
-    def stops(candidate):
+    def stops(scene, problem):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(choosing, "_swept", stops)
