@@ -343,9 +343,20 @@ def damping_swept(rng: np.random.Generator) -> Family:
     return Family("damping", parts, _values(rng, float(rng.uniform(0.2, 2))))
 
 
+def overdamped(rng: np.random.Generator) -> Family:
+    """Return many modes that decay without swinging, of which some meet, and friction that makes a few grow."""
+    n = int(rng.integers(8, 17))
+    theta, heavy = np.sort(rng.uniform(1, 30, n)), rng.random(n) < 0.75
+    C = np.diag(np.where(heavy, rng.uniform(15, 120, n), rng.uniform(0.01, 0.3, n)))
+    F = rng.standard_normal((n, n)) * rng.uniform(1, 12)
+    M, K, F, C = _turned(rng, n, np.diag(theta), F, C)
+    parts = (("M", M, 0, False), ("K", K, 0, False), ("K", F, 1, False), ("C", C, 0, False))
+    return Family("overdamped", parts, np.linspace(0, 1, int(rng.integers(2, 8))))
+
+
 FAMILIES = (
     undamped, damped, gyroscopic, complex_stiffness, rigid, doublets, window, damped_window, triple, decades, large,
-    damping_swept,
+    damping_swept, overdamped,
 )  # fmt: skip
 
 

@@ -48,6 +48,8 @@ from .record import write_record
 from .run import report_sweep, write_results
 from .search import KeptSearch
 
+_MESH = 44  # characters of the words for a mesh in one line of a table, which then fits into 80
+
 
 def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget: float | None) -> int:
     """Measure error against time and memory, and write accuracy.csv, accuracy.png and accuracy.md.
@@ -226,7 +228,7 @@ def run_to_accuracy(
 
 def _print_trials(choice: Choice, target: float, console: Console) -> None:
     table = Table(title=f"Meshes tried for {100 * target:g} %", title_justify="left", box=SIMPLE_HEAD)
-    table.add_column("mesh")
+    table.add_column("mesh", max_width=_MESH)
     for head in ("unknowns", "error, %", "seconds"):
         table.add_column(head, justify="right")
     for t in choice.trials:

@@ -9,6 +9,8 @@ from .clusters import Cluster
 
 _FIRST = 9  # samples at the start
 _NEAR = 0.5  # of the estimated distance to the next meeting: samples are at most so far apart
+SAFE = 4.0  # times the difference of the cubic H from a parabola: taken for its error
+_WIDER = 2.0  # times as far apart as estimated: so far two eigenvalues may be when they meet
 _MOST = 4000  # samples of a group, at most
 _ROUNDING = 1e-14  # of the size of a group's matrix: the rounding of its entries
 
@@ -60,24 +62,29 @@ class Samples:
 
     def _evaluate(self) -> None:
         t = np.linspace(0.0, 1.0, _FIRST if self.cluster.m > 1 else 5)
-        samples = self.at(t)
+        rounds = [(t, *self.at(t))]
+        v, _, reach, _, departure, _ = rounds[0][1:]
+        index = np.arange(len(t))  # of the samples by rising t in the order in which they were taken
         while len(t) < _MOST:
             gap = np.diff(t)
-            near = np.maximum(samples[2][:-1], samples[2][1:])  # of two samples that farther from a meeting decides
-            wide = ((gap > _NEAR * near) | self._is_change(samples)) & (gap > self.finest)
+            near = np.maximum(reach[:-1], reach[1:])  # of two samples that farther from a meeting decides
+            wide = ((gap > _NEAR * near) | self._is_change(v, departure)) & (gap > self.finest)
             if not wide.any():
                 break
             more = (t[:-1] + gap / 2)[wide]
-            added = self.at(more)
-            order = np.argsort(np.concatenate([t, more]), kind="stable")
-            t = np.concatenate([t, more])[order]
-            samples = tuple(np.concatenate([s, a])[order] for s, a in zip(samples, added, strict=True))
-        self.t = t
-        self.v, self.slope, _, self.W, self.departure, self.condition = samples
+            rounds.append((more, *self.at(more)))
+            index = np.append(index, len(index) + np.arange(len(more)))
+            order = np.argsort(np.append(t, more), kind="stable")
+            index = index[order]
+            t, v, reach, departure = (
+                np.concatenate([old, rounds[-1][k]])[order] for old, k in ((t, 0), (v, 1), (reach, 3), (departure, 5))
+            )
+        self.t, self.v, self.departure = t, v, departure
+        # Only now, since these are large.
+        self.slope, self.W, self.condition = (np.concatenate([r[k] for r in rounds])[index] for k in (2, 4, 6))
 
-    def _is_change(self, samples: tuple[np.ndarray, ...]) -> np.ndarray:
+    def _is_change(self, v: np.ndarray, departure: np.ndarray) -> np.ndarray:
         """Return (s − 1,) bool, whether the number of complex pairs changes between each sample and the next."""
-        v, departure = samples[0], samples[4]
         if not (self.cluster.ends[0].paired or self.turned):
             return np.zeros(len(v) - 1, bool)
         pairs = (v.imag > self._parted(v, departure)[:, None]).sum(axis=1)
@@ -100,15 +107,33 @@ class Samples:
                 inverse = np.linalg.inv(W)
             except np.linalg.LinAlgError:
                 inverse = np.linalg.pinv(W)
-            slope = np.einsum("tij,tjk,tki->ti", inverse, dH, W)
+            slope = diagonals(inverse, dH, W)
+            condition = np.nan_to_num(np.linalg.norm(W, axis=1) * np.linalg.norm(inverse, axis=2), nan=np.inf)
             i, j = np.triu_indices(m, 1)
             apart, drift = np.abs(v[:, i] - v[:, j]), np.abs(slope[:, i] - slope[:, j])
             reach = np.where(drift > 0, apart / (2 * drift), np.inf)
-            condition = np.nan_to_num(np.linalg.norm(W, axis=1) * np.linalg.norm(inverse, axis=2), nan=np.inf)
+            if not (self.theta or self.turned):
+                reach[self._decay(v, slope, W, inverse)[:, i, j]] = np.inf
         reach = np.nan_to_num(reach.min(axis=1), nan=0.0, posinf=np.inf)
         centred = H - np.trace(H, axis1=1, axis2=2)[:, None, None] / m * np.eye(m)
         energy = (np.abs(centred) ** 2).sum(axis=(1, 2)) - (np.abs(v - v.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
         return v, slope, reach, W, np.sqrt(np.maximum(energy, 0.0)), condition
+
+    def _decay(self, v: np.ndarray, slope: np.ndarray, W: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+        """Return (s, m, m) whether two eigenvalues decay up to the next sample, even if they meet before it.
+
+        With dampers v is λ. Half way between the two Re λ moves at its own rate, and from there they are √D away, with
+        D = ((v_i − v_j)/2)² that changes by D' times the step. The error E of H, in the basis of its eigenvectors,
+        moves the middle by (E_ii + E_jj)/2, and D becomes ((v_i − v_j + E_ii − E_jj)/2)² + E_ij E_ji. Of heavily damped
+        modes many meet, none of which ever grows.
+        """
+        step = 1 / (_FIRST - 1)
+        E = SAFE * (inverse @ self.cluster.remainder(np.array([0.5])) @ W)  # where it is largest
+        own = np.einsum("sii->si", E)
+        moved = v.real + step * np.abs(slope.real) + np.abs(own.real)
+        apart, drift, rest = (x[:, :, None] - x[:, None, :] for x in (v, slope, own))
+        D = ((np.abs(apart) + np.abs(rest)) / 2) ** 2 + step * np.abs(apart * drift) / 2 + np.abs(E * E.swapaxes(1, 2))
+        return np.asarray((moved[:, :, None] + moved[:, None, :]) / 2 + _WIDER * np.sqrt(D) < -self.blur)
 
     def made(self, kind: str, gains: int, k: int, there: int, i: int, limits: tuple[float, float]) -> Change:
         """Return a change of eigenvalue i between samples k and k + 1.
@@ -162,6 +187,11 @@ class Samples:
     def _parted(self, v: np.ndarray, departure: np.ndarray) -> np.ndarray:
         size = np.abs(v).max(axis=1)
         return np.asarray(np.sqrt(self.blur**2 + _ROUNDING * size * (departure + self.blur)))
+
+
+def diagonals(left: np.ndarray, A: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Return the diagonals (s, m) of the products of three stacks of matrices (s, m, m)."""
+    return np.asarray(np.einsum("sij,sji->si", left @ A, right))
 
 
 def _real_or_paired(v: np.ndarray) -> np.ndarray:
