@@ -1,9 +1,11 @@
-"""How a sweep grows with the problem: python benchmarks/performance.py [size ...] [--modes 50] [--values 21] [--write]
+"""How a sweep grows with the problem: python benchmarks/performance.py [mesh ...] [--modes 50] [--values 21]
+[--log FILE] [--write]
 
-The disc with two pads of examples/disc_pad.toml, meshed with elements of the given sizes in m, is swept over the
-friction coefficient with `method = "reduced"`, each size in a process of its own: seconds of every stage, the largest
-memory of the process and what `fe-squeal check` would have predicted, and where seconds and bytes go. The largest size
-has 1 003 086 unknowns and takes 18 GiB and a quarter of an hour.
+The disc with two pads of examples/disc_pad.toml, meshed with quadratic elements of the given sizes in m ("0.014", or
+"tet 0.02" for tetrahedra), is swept over the friction coefficient with `method = "reduced"`, each mesh in a process of
+its own: seconds of every stage, the largest memory of the process and what `fe-squeal check` would have predicted, and
+where seconds and bytes go. The largest mesh has 1 003 086 unknowns and takes 18 GiB and a quarter of an hour. A line
+per mesh is appended to the file of `--log`, and what is there already is not measured again.
 """
 
 from __future__ import annotations
@@ -32,15 +34,16 @@ friction, by block Lanczos iteration with factors of P = K − σM; modes at fur
 with the same factors, or, where these are slow because friction or damping is strong, with those of Q(iω). From 30
 million entries of K on, factors are in single precision, and the terms of single bodies lie in files.
 """
+MESHES = ["0.014", "0.0095", "0.0055", "0.0034", "0.0025", "tet 0.02", "tet 0.0105", "tet 0.0058", "tet 0.0034"]
 STAGES = {"assembly": "assembly", "reduction": "reduced model", "onsets": "onsets", "completeness": "count"}
-NOTE = """The disc with two pads of `examples/disc_pad.toml` on finer and finer meshes, swept over the friction
-coefficient with right and left modes, tracking, onsets and the count of modes. The reduced model is made once; each
-value of the sweep then costs a small dense eigenproblem. The predicted memory is that of `fe-squeal check`, with 62 MiB
-for pictures, which are not drawn here.
+NOTE = """The disc with two pads of `examples/disc_pad.toml` on finer and finer meshes of 27-node hexahedra ("hex") or
+quadratic tetrahedra ("tet"), swept over the friction coefficient with right and left modes, tracking, onsets and the
+count of modes. The reduced model is made once; each value of the sweep then costs a small dense eigenproblem. The
+predicted memory is that of `fe-squeal check`, with 62 MiB for pictures, which are not drawn here.
 Made by `python benchmarks/performance.py --write`; """
 
 
-def measure(size: float, modes: int, values: int) -> dict:
+def measure(mesh: str, modes: int, values: int) -> dict:
     """Sweep one problem in this process."""
     from fe_squeal import sweep
     from fe_squeal.eigen.memory import peak_memory_mib
@@ -49,7 +52,8 @@ def measure(size: float, modes: int, values: int) -> dict:
 
     within: dict[str, float] = {}
     start = time.perf_counter()
-    problem = build(size)
+    size, element = size_of(mesh)
+    problem = build(size, element)
     assembly = time.perf_counter() - start
     predicted = predict_memory(problem, "mu", values, modes, "reduced")
     start = time.perf_counter()
@@ -59,12 +63,18 @@ def measure(size: float, modes: int, values: int) -> dict:
             stack.enter_context(mock.patch.object(ReducedModel, name, same))
         found = sweep(problem, np.linspace(0.0, STOP, values), modes=modes, method="reduced")
     return {
-        "unknowns": problem.unknowns, "total": assembly + time.perf_counter() - start,
+        "mesh": mesh, "element": element, "unknowns": problem.unknowns, "total": assembly + time.perf_counter() - start,
         "stages": {"assembly": assembly, **found.seconds}, "method": found.method, "onsets": len(found.onsets),
         "warnings": len(found.warnings), "proven": found.completeness.proven, "MiB": peak_memory_mib(),
         "predicted": predicted.total / 2**20, "factors": predicted.factors / 2**20, "within": within,
         "parts": {name: size / 2**20 for name, size in predicted.parts.items()},
     }  # fmt: skip
+
+
+def size_of(mesh: str) -> tuple[float, str]:
+    """Return the size of elements, m, and their kind, from the words for a mesh."""
+    element, _, size = f"hex {mesh}".rpartition(" ")
+    return float(size), element.split()[-1]
 
 
 def timed(function: Callable[..., Any], seconds: dict[str, float]) -> Callable[..., Any]:
@@ -82,49 +92,58 @@ def timed(function: Callable[..., Any], seconds: dict[str, float]) -> Callable[.
 
 def table(rows: list[dict]) -> str:
     """Return the rows as Markdown."""
-    head = ["unknowns", *(f"{name}, s" for name in STAGES.values()), "in all, s", "vectors", "onsets", "memory, MiB",
-            "predicted, MiB", "of it factors"]  # fmt: skip
+    head = ["unknowns", "elements", *(f"{name}, s" for name in STAGES.values()), "in all, s", "vectors", "onsets",
+            "memory, MiB", "predicted, MiB", "of it factors"]  # fmt: skip
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for r in rows:
         cells = [f"{r['stages'][s]:.1f}" for s in STAGES]
         cells += [f"{r['total']:.1f}", r["method"].split()[3], str(r["onsets"])]
         cells += [f"{r[key]:.0f}" for key in ("MiB", "predicted", "factors")]
-        lines.append(f"| {r['unknowns']} | " + " | ".join(cells) + " |")
+        lines.append(f"| {r['unknowns']} | {r['element']} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
 def inside(rows: list[dict]) -> str:
     """Return as Markdown where the seconds of the reduced models and the predicted bytes go."""
-    head = ["unknowns", *(f"{name}, s" for name in PARTS.values()), *(f"{name}, MiB" for name in BYTES), "others, MiB"]
+    head = ["unknowns", "elements", *(f"{name}, s" for name in PARTS.values())]
+    head += [f"{name}, MiB" for name in (*BYTES, "others")]
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for r in rows:
         cells = [f"{r['within'].get(name, 0.0):.1f}" for name in PARTS]
         cells += [f"{r['parts'].get(name, 0.0):.0f}" for name in BYTES]
         others = sum(size for name, size in r["parts"].items() if name not in BYTES)
-        lines.append(f"| {r['unknowns']} | " + " | ".join(cells) + f" | {others:.0f} |")
+        lines.append(f"| {r['unknowns']} | {r['element']} | " + " | ".join(cells) + f" | {others:.0f} |")
     return "\n".join(lines)
 
 
 def main() -> None:
     """Print the table, or write it into docs/performance.md."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("sizes", nargs="*", type=float, default=[0.014, 0.0095, 0.0055, 0.0034, 0.0025])
+    parser.add_argument("meshes", nargs="*", default=MESHES)
     parser.add_argument("--modes", type=int, default=50)
     parser.add_argument("--values", type=int, default=21)
+    parser.add_argument("--log", type=Path)
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.one:
-        print(json.dumps(measure(given.sizes[0], given.modes, given.values)))
+        print(json.dumps(measure(given.meshes[0], given.modes, given.values)))
         return
-    rows = []
-    for size in given.sizes:
-        command = [sys.executable, __file__, "--one", str(size), "--modes", str(given.modes)]
+    log = given.log.read_text("utf-8").splitlines() if given.log is not None and given.log.exists() else []
+    known = {row["mesh"]: row for row in map(json.loads, log)}
+    for mesh in given.meshes:
+        if mesh in known:
+            continue
+        command = [sys.executable, __file__, "--one", mesh, "--modes", str(given.modes)]
         done = subprocess.run([*command, "--values", str(given.values)], stdout=subprocess.PIPE, text=True)
         if done.returncode:
             sys.exit(done.returncode)
-        rows.append(json.loads(done.stdout.splitlines()[-1]))
-        print(rows[-1], file=sys.stderr)
+        known[mesh] = json.loads(done.stdout.splitlines()[-1])
+        print(known[mesh], file=sys.stderr)
+        if given.log is not None:
+            with given.log.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(known[mesh]) + "\n")
+    rows = [known[mesh] for mesh in given.meshes]
     print(table(rows), inside(rows), sep="\n\n")
     if given.write:
         when = (

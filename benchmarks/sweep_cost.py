@@ -46,13 +46,13 @@ All ways ran one after the other in one run. Made by `python benchmarks/sweep_co
 SLEPC = Path(__file__).with_name("slepc_solve.py")
 
 
-def build(size: float):
-    """Return the assembled problem of the disc meshed with elements of a size, m."""
+def build(size: float, element: str = "hex"):
+    """Return the assembled problem of the disc meshed with elements of a size, m, hexahedra or tetrahedra ("tet")."""
     from fe_squeal import assemble, parse_scene
 
     raw = tomllib.loads((ROOT / "examples" / "disc_pad.toml").read_text("utf-8"))
     del raw["mesh"]["file"], raw["solve"]
-    raw["mesh"]["disc_pad"]["size"] = size
+    raw["mesh"]["disc_pad"] |= {"size": size, "element": element}
     return assemble(parse_scene(raw))
 
 

@@ -55,13 +55,15 @@ def test_table_and_chart(monkeypatch, tmp_path, own, seconds):
 
 @pytest.mark.slow
 def test_how_a_sweep_grows():
-    row = performance.measure(0.03, 8, 5)
+    assert performance.size_of("0.014") == (0.014, "hex")
+    row = performance.measure("tet 0.03", 8, 5)
     assert row["unknowns"] > 1000 and row["proven"] and not row["warnings"]
     assert row["predicted"] > row["factors"] > 0
     lines = performance.table([row]).splitlines()
     assert len({line.count("|") for line in lines}) == 1 and str(row["unknowns"]) in lines[-1]
     assert 0 < sum(row["within"].values()) < row["stages"]["reduction"]
     lines = performance.inside([row]).splitlines()
-    cells = [float(cell) for cell in lines[-1].strip("|").split("|")]
+    unknowns, element, *cells = (cell.strip() for cell in lines[-1].strip("|").split("|"))
+    assert (int(unknowns), element) == (row["unknowns"], "tet")
     assert len({line.count("|") for line in lines}) == 1
-    assert sum(cells[1 + len(performance.PARTS) :]) == pytest.approx(row["predicted"], abs=3)
+    assert sum(map(float, cells[len(performance.PARTS) :])) == pytest.approx(row["predicted"], abs=3)
