@@ -90,7 +90,6 @@ class FinerMesh:
     Attributes
     ----------
     assembly : Assembly
-        With its bodies and contacts.
     prolongation : (n_fine, n_coarse) sparse
     """
 
@@ -99,10 +98,16 @@ class FinerMesh:
 
     @classmethod
     def of(cls, coarse: Assembly) -> FinerMesh:
-        """Cut every element of a mesh into eight, and assemble bodies and contacts."""
+        """Cut every element of a mesh into eight."""
         fine = Assembly(coarse.scene, refine(coarse.loaded))
-        fine.prepare()
         return cls(fine, prolongation(coarse.space, fine.space))
+
+    @classmethod
+    def prepared(cls, coarse: Assembly) -> FinerMesh:
+        """Do the same, and assemble bodies and contacts with the numbers of the scene."""
+        finer = cls.of(coarse)
+        finer.assembly.prepare()
+        return finer
 
 
 def finer_mesh_ahead(problem: Problem) -> Ahead[FinerMesh] | None:
@@ -113,7 +118,7 @@ def finer_mesh_ahead(problem: Problem) -> Ahead[FinerMesh] | None:
     coarse = problem.source
     if not isinstance(coarse, Assembly) or _ROOM * _matrices_memory(problem) > available_memory():
         return None
-    return Ahead(lambda: FinerMesh.of(coarse))
+    return Ahead(lambda: FinerMesh.prepared(coarse))
 
 
 @one_openblas_thread()
@@ -147,9 +152,11 @@ def refine_problem(
     assembly = problem.source
     if not isinstance(assembly, Assembly):
         raise SceneError("the error of a mesh is asked for (--estimate), and the scene has matrices instead of a mesh")
-    require_memory(refined_memory(result), _CHILDREN * problem.unknowns, "modes on the refined mesh")
+    taken = 0 if ahead is None else _matrices_memory(problem) // _COPIES  # by the terms that are there already
+    finer = None if ahead is None else ahead.take()
+    require_memory(refined_memory(result) - taken, _CHILDREN * problem.unknowns, "modes on the refined mesh")
+    finer = finer or FinerMesh.of(assembly)
     values = np.array([p.value for p in result.points])
-    finer = FinerMesh.of(assembly) if ahead is None else ahead.take()
     fine, E = finer.assembly.solved_with(linear_solver), finer.prolongation
     on_fine = fine.problem(problem.changed).prepared(parameter, values)
     affine = [_affine(p, parameter, values) for p in (problem, on_fine)]

@@ -8,8 +8,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from .changes import Asked, Change
-from .samples import SAFE, Samples, diagonals
+from .samples import Samples, diagonals
 
+_SAFE = 4.0  # times the difference of the cubic H from a parabola: taken for its error
 _REAL = 1e-6  # of |λ|: a real eigenvalue has less of an imaginary part
 _VARIES = 8.0  # times the error of H: its slope over the interval (t from 0 to 1) is taken to be at most so large
 
@@ -43,7 +44,7 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
     amplified = error + samples.departure * np.divide(error, distance, out=np.zeros_like(error), where=distance > 0)
     worst = np.sqrt(error * (error + samples.departure)) + error
     group = np.minimum(amplified, worst) if samples.cluster.m > 1 else error
-    hidden, shifts = samples.finest, SAFE * _shifts(samples)
+    hidden, shifts = samples.finest, _SAFE * _shifts(samples)
     found: list[tuple[int, int, Change]] = []
     unstable = growth > blur
     for end, at in ((0, 0), (1, -1)):

@@ -9,8 +9,6 @@ from .clusters import Cluster
 
 _FIRST = 9  # samples at the start
 _NEAR = 0.5  # of the estimated distance to the next meeting: samples are at most so far apart
-SAFE = 4.0  # times the difference of the cubic H from a parabola: taken for its error
-_WIDER = 2.0  # times as far apart as estimated: so far two eigenvalues may be when they meet
 _MOST = 4000  # samples of a group, at most
 _ROUNDING = 1e-14  # of the size of a group's matrix: the rounding of its entries
 
@@ -112,28 +110,10 @@ class Samples:
             i, j = np.triu_indices(m, 1)
             apart, drift = np.abs(v[:, i] - v[:, j]), np.abs(slope[:, i] - slope[:, j])
             reach = np.where(drift > 0, apart / (2 * drift), np.inf)
-            if not (self.theta or self.turned):
-                reach[self._decay(v, slope, W, inverse)[:, i, j]] = np.inf
         reach = np.nan_to_num(reach.min(axis=1), nan=0.0, posinf=np.inf)
         centred = H - np.trace(H, axis1=1, axis2=2)[:, None, None] / m * np.eye(m)
         energy = (np.abs(centred) ** 2).sum(axis=(1, 2)) - (np.abs(v - v.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
         return v, slope, reach, W, np.sqrt(np.maximum(energy, 0.0)), condition
-
-    def _decay(self, v: np.ndarray, slope: np.ndarray, W: np.ndarray, inverse: np.ndarray) -> np.ndarray:
-        """Return (s, m, m) whether two eigenvalues decay up to the next sample, even if they meet before it.
-
-        With dampers v is λ. Half way between the two Re λ moves at its own rate, and from there they are √D away, with
-        D = ((v_i − v_j)/2)² that changes by D' times the step. The error E of H, in the basis of its eigenvectors,
-        moves the middle by (E_ii + E_jj)/2, and D becomes ((v_i − v_j + E_ii − E_jj)/2)² + E_ij E_ji. Of heavily damped
-        modes many meet, none of which ever grows.
-        """
-        step = 1 / (_FIRST - 1)
-        E = SAFE * (inverse @ self.cluster.remainder(np.array([0.5])) @ W)  # where it is largest
-        own = np.einsum("sii->si", E)
-        moved = v.real + step * np.abs(slope.real) + np.abs(own.real)
-        apart, drift, rest = (x[:, :, None] - x[:, None, :] for x in (v, slope, own))
-        D = ((np.abs(apart) + np.abs(rest)) / 2) ** 2 + step * np.abs(apart * drift) / 2 + np.abs(E * E.swapaxes(1, 2))
-        return np.asarray((moved[:, :, None] + moved[:, None, :]) / 2 + _WIDER * np.sqrt(D) < -self.blur)
 
     def made(self, kind: str, gains: int, k: int, there: int, i: int, limits: tuple[float, float]) -> Change:
         """Return a change of eigenvalue i between samples k and k + 1.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from dataclasses import replace
 
 import meshio
@@ -13,9 +14,11 @@ from rich.console import Console
 
 from fe_squeal import assemble, load_mesh, sweep
 from fe_squeal.accuracy import choose as choosing
+from fe_squeal.accuracy import refined
 from fe_squeal.accuracy.choose import Trial, choose
 from fe_squeal.accuracy.discretisation import estimated_error
 from fe_squeal.accuracy.line_errors import LineErrors
+from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.cli import main
 from fe_squeal.errors import InputError
 from fe_squeal.mesh.refining import refine
@@ -196,6 +199,38 @@ def test_a_search_goes_on_where_it_was_stopped(tmp_path, capsys, monkeypatch):
     assert printed.index("the scene's own mesh: ") < printed.rindex(" unknowns, error about")
     assert json.loads((out / "run.json").read_text("utf-8"))["status"] == "complete"
     assert not (out / "checkpoint").exists()
+
+
+def test_the_refined_mesh_is_begun_before_the_sweep(tmp_path, monkeypatch):
+    """Each trial takes what was assembled beside its sweep, with the errors of an assembly behind it."""
+    scene = load_scene(write(tmp_path))
+    assembled, swept = threading.Event(), choosing._swept
+    prepare = Assembly.prepare
+    monkeypatch.setattr(Assembly, "prepare", lambda self: (prepare(self), assembled.set())[0])
+
+    def waits(scene, problem):
+        assert assembled.wait(60)
+        assembled.clear()
+        return swept(scene, problem)
+
+    monkeypatch.setattr(choosing, "_swept", waits)
+    beside = choose(scene, 0.012)
+    monkeypatch.undo()
+    monkeypatch.setattr(choosing, "finer_mesh_ahead", lambda problem: None)
+    behind = choose(scene, 0.012)
+    assert len(beside.trials) > 1
+    assert [t.unknowns for t in beside.trials] == [t.unknowns for t in behind.trials]
+    # Single precision, in which what is solved on the refined mesh is rounded by the order of a sum.
+    assert [t.error for t in beside.trials] == pytest.approx([t.error for t in behind.trials], rel=1e-3)
+
+
+def test_nothing_is_begun_without_memory_for_both(tmp_path, monkeypatch):
+    scene = load_scene(write(tmp_path))
+    problem = assemble(scene)
+    ahead = refined.finer_mesh_ahead(problem)
+    assert ahead is not None and ahead.take().prolongation.shape[1] == problem.unknowns
+    monkeypatch.setattr(refined, "available_memory", lambda: 2**20)
+    assert refined.finer_mesh_ahead(problem) is None
 
 
 def test_a_search_that_ended_in_writing_does_not_begin_anew(tmp_path, monkeypatch):
