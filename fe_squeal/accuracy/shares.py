@@ -179,9 +179,9 @@ def _nodal(map_: sp.csr_array, columns: np.ndarray) -> np.ndarray:
 
 def _at_own_nodes(E: sp.csr_array, z: np.ndarray) -> np.ndarray:
     """Return (n_coarse, k) the values of z, columns on the refined mesh, at the nodes that the mesh itself has too."""
-    E = sp.csr_array(E)
-    largest = sp.csr_array((np.where(np.abs(E.data) > _ROUNDED, E.data, 0.0), E.indices, E.indptr), E.shape)
-    largest.eliminate_zeros()
+    largest = sp.csr_array(E, copy=True)
+    largest.data[np.abs(largest.data) <= _ROUNDED] = 0.0
+    largest.eliminate_zeros()  # which moves the indices, too
     rows = np.flatnonzero(np.diff(largest.indptr) == 1)
     first = largest.indptr[rows]
     own = np.abs(largest.data[first] - 1) < _ROUNDED

@@ -10,13 +10,14 @@ import meshio
 import numpy as np
 import pandas as pd
 import pytest
+import scipy.sparse as sp
 from rich.console import Console
 
 from fe_squeal import assemble, load_mesh, sweep
 from fe_squeal.accuracy import choose as choosing
 from fe_squeal.accuracy import refined
 from fe_squeal.accuracy.choose import Trial, choose
-from fe_squeal.accuracy.discretisation import estimated_error
+from fe_squeal.accuracy.discretisation import estimated_error, with_discretisation
 from fe_squeal.accuracy.line_errors import LineErrors
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.cli import main
@@ -222,6 +223,22 @@ def test_the_refined_mesh_is_begun_before_the_sweep(tmp_path, monkeypatch):
     assert [t.unknowns for t in beside.trials] == [t.unknowns for t in behind.trials]
     # Single precision, in which what is solved on the refined mesh is rounded by the order of a sum.
     assert [t.error for t in beside.trials] == pytest.approx([t.error for t in behind.trials], rel=1e-3)
+
+
+def test_bars_of_tetrahedra_are_those_of_an_estimate(tmp_path, monkeypatch):
+    """Where the error comes from is looked at before the bars are made, and must not change what they are made from."""
+    scene, exact = load_scene(write(tmp_path, "tet")), refined.prolongation
+
+    def rounded(*spaces):  # as where edges of elements are not parallel to the axes
+        E = exact(*spaces)
+        noise = sp.random_array(E.shape, density=0.01, random_state=np.random.default_rng(1))
+        return sp.csr_array(E + 1e-18 * noise)
+
+    expected = with_discretisation(choosing._swept(scene, assemble(scene)))
+    monkeypatch.setattr(refined, "prolongation", rounded)
+    found = choose(scene, 0.9).result
+    for point, other in zip(found.points, expected.points, strict=True):
+        np.testing.assert_allclose(point.discretisation.imag, other.discretisation.imag, rtol=1e-2)
 
 
 def test_nothing_is_begun_without_memory_for_both(tmp_path, monkeypatch):
