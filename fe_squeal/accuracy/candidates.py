@@ -6,7 +6,7 @@ elements are marked, and hexahedra from a file are all cut into eight.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,16 +20,16 @@ from ..mesh.marked import refine_marked
 from ..mesh.refining import refine
 from ..scene import Scene
 from .adapt import finer_geometry, told
-from .bars import BARS
+from .bars import Parts, bar_of_parts
+from .groups import element_groups, singular_groups
 from .line_errors import LineErrors, line_errors
 from .quantities import Split
 
 ORDER = 2  # of the elements: on every scene that was measured, order 1 takes many times as long for the same error
 _FALLS = 0.8  # part of an element's share in the error that is expected to vanish when it is cut into eight
-_LEAST = 0.3  # of the whole error: the marked elements have at least this part of it
-_ALL = 0.9  # of the whole error: if the marked elements had to have more, all elements are cut
+_PARTS = 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9  # of the whole error: what the marked elements may have of it
 _EVERYWHERE = 1.5  # times the elements along every line, where no line explains the error
-_SHARP = 4.0  # power of error/target that weighs each quantity: the larger, the more the worst quantity decides
+_SHARP = 5.0  # power of bar/target that weighs each quantity: the larger, the more the worst quantity decides
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def next_candidate(candidate: Candidate, assembly: Assembly, split: Split, targe
         return replace(found, errors=errors)
     if candidate.loaded.mesh.elem.refdom.p.shape[1] == 8:
         return _candidate(scene, refine(candidate.loaded), "every element into eight")
-    marked = marked_elements(split, target / BARS[ORDER])
+    marked = marked_elements(split, lambda expected: first_order_bars(expected, assembly) / target)
     if len(marked) == split.parts.shape[1]:
         return _candidate(scene, refine(candidate.loaded), "every element into eight")
     loaded, _ = refine_marked(candidate.loaded, marked)
@@ -141,22 +141,39 @@ def finer_candidate(candidate: Candidate) -> Candidate:
     return _candidate(changed, read_mesh(changed), "more elements along every line")
 
 
-def marked_elements(split: Split, target: float) -> np.ndarray:
-    """Return the elements (e,) int, ascending, whose refinement is expected to bring every change below a target.
+def first_order_bars(split: Split, assembly: Assembly) -> np.ndarray:
+    """Return the bars (q,), relative, that changes to first order and their parts give, see `bars`."""
+    names, groups = element_groups(assembly)
+    parts = Parts.of(groups @ split.parts.reshape(len(split.names), groups.shape[1]).T, singular_groups(names))
+    return bar_of_parts(split.changes, parts, ORDER) / split.scales
 
-    An element's share is Σ_q w_q |its part of the relative change of quantity q|. The weight w_q = (change/target)^4
-    grows with how far the quantity misses the target. The elements with the largest shares are taken.
+
+def marked_elements(split: Split, missed: Callable[[Split], np.ndarray]) -> np.ndarray:
+    """Return the elements (e,) int, ascending, whose refinement is expected to bring every bar below a target.
+
+    An element's share is Σ_q m_q^5 |its part of quantity q| / Σ |parts of q|, with m the bars over the target:
+    quantities count the more, the farther they miss it. Of the elements with the largest shares so many are taken that
+    the bars meet the target when what is expected to vanish of their parts has vanished. Parts of either sign cancel in
+    a bar, and refining some elements alone may make it wider: then it takes more of them, or all.
+
+    Parameters
+    ----------
+    missed : callable of Split
+        Returns each quantity's bar over the target, (q,).
     """
-    relative = np.abs(split.relative.sum(axis=2))
-    missed = relative.sum(axis=1) / target
-    share = (missed**_SHARP) @ relative
+    sizes, own = np.abs(split.parts.sum(axis=2)), missed(split)
+    whole = sizes.sum(axis=1, keepdims=True)
+    share = own**_SHARP @ np.divide(sizes, whole, out=np.zeros_like(sizes), where=whole > 0)
     order = np.argsort(-share)
-    worst = max(float(missed.max(initial=0.0)), 1.0)
-    part = max(_LEAST, (1 - 1 / worst) / _FALLS)
-    if part > _ALL:
-        return np.arange(len(share))
     held = np.cumsum(share[order])
-    return np.sort(order[: 1 + int(np.searchsorted(held, part * held[-1]))])
+    for part in _PARTS:
+        marked = np.sort(order[: 1 + int(np.searchsorted(held, part * held[-1]))])
+        left = np.ones(len(share))
+        left[marked] -= _FALLS
+        expected = missed(replace(split, parts=split.parts * left[:, None]))
+        if expected.max(initial=0.0) <= 1 and len(marked) < len(share):
+            return marked
+    return np.arange(len(share))
 
 
 def _candidate(scene: Scene, loaded: LoadedMesh, words: str) -> Candidate:

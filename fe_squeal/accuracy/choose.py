@@ -18,12 +18,10 @@ from ..problem.problem import Problem
 from ..scene import Scene
 from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
-from .bars import Parts, bar_of_parts
-from .candidates import ORDER, Candidate, finer_candidate, first_candidate, next_candidate
+from .candidates import Candidate, finer_candidate, first_candidate, first_order_bars, next_candidate
 from .corrections import right_corrections
 from .discretisation import estimated_error, with_changes, with_discretisation
 from .estimate import changes_by
-from .groups import element_groups, singular_groups
 from .quantities import KINDS, Split, split_changes
 from .refined import finer_mesh_ahead, refine_problem, refined_memory
 
@@ -155,7 +153,7 @@ def choose(
             corrections = right_corrections(result, refined)
             bars_take = _BARS * (time.perf_counter() - clock)
             split = split_changes(result, refined, corrections).of(kinds)
-            error = first = _first_order_error(split, refined.coarse)
+            error = first = float(first_order_bars(split, refined.coarse).max(initial=0.0))
             if first <= _SURELY * target:
                 result = with_changes(result, changes_by(result, refined, solver, corrections))
                 error, bars_take = estimated_error(result, kinds), 0.0  # in the seconds of this mesh already
@@ -197,13 +195,6 @@ def _moved(before: Candidate, then: Candidate) -> bool:
     """Return whether elements of a parametric mesh lie elsewhere than before: graded, or aligned with an edge."""
     own, other = before.scene.mesh.geometry, then.scene.mesh.geometry
     return own is not None and other is not None and own.placing != other.placing
-
-
-def _first_order_error(split: Split, assembly: Assembly) -> float:
-    """Return the largest relative error by the bars that changes to first order and their parts give."""
-    names, groups = element_groups(assembly)
-    parts = Parts.of(groups @ split.parts.reshape(len(split.names), groups.shape[1]).T, singular_groups(names))
-    return float((bar_of_parts(split.changes, parts, ORDER) / split.scales).max(initial=0.0))
 
 
 def _swept(scene: Scene, problem: Problem) -> Sweep:

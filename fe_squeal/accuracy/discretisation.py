@@ -16,7 +16,9 @@ from ..sweep.tracking import mirror_partners
 from .bars import SHARE, SMALLEST, Parts, bar_of, bar_of_parts, beyond, enveloped, factors_of, mirrored
 from .estimate import COMPARED, Changes, refined_changes
 from .pairs import bent_change, extrapolated, growth_beyond
-from .quantities import KINDS
+from .quantities import KINDS, SLOW
+
+_ONE_MODE = 1e-2  # of a frequency: onsets of one branch whose frequencies differ by less belong to one window
 
 
 def with_discretisation(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Sweep:
@@ -179,7 +181,9 @@ def estimated_error(result: Sweep, kinds: Sequence[str] = KINDS) -> float:
     - "onsets": the bar of a critical value over this value, or over a tenth of the sweep's interval if that is larger.
 
     Modes and onsets above 0.8 of the highest frequency whose bar is not known are left out: on the refined mesh they
-    may lie above the range that is solved for.
+    may lie above the range that is solved for. So are both ends of a window of instability that one of the meshes alone
+    has, if nothing grows in it faster than 0.02 of the largest growth rate: where two modes just miss each other, any
+    change of the mesh makes such a window or closes it.
 
     Parameters
     ----------
@@ -207,9 +211,36 @@ def estimated_error(result: Sweep, kinds: Sequence[str] = KINDS) -> float:
             peaks[branch] = max(peaks.get(branch, own), own)
     if peaks:
         growth, bars, frequencies = np.array(list(peaks.values())).T
-        add("growth", bars / growth.max(), frequencies)
+        asked = np.isfinite(bars) | (growth >= SLOW * growth.max())
+        add("growth", (bars / growth.max())[asked], frequencies[asked])
     width = float(np.ptp([p.value for p in result.points]))
+    slow = _slow_windows(result, SLOW * max((own[0] for own in peaks.values()), default=0.0))
     for o in result.onsets:
+        if o in slow:
+            continue
         relative = np.array([o.discretisation / max(abs(o.value), SMALLEST * width)])
         add("onsets", relative, np.array([2 * np.pi * o.frequency_hz]))
     return float(np.max(found)) if found else 0.0
+
+
+def _slow_windows(result: Sweep, limit: float) -> list[Onset]:
+    """Return the onsets at both ends of windows that one mesh alone has, in which nothing grows faster than a limit.
+
+    Two modes that meet at a and b grow by κ√((p − a)(b − p)) between, at most by κ(b − a)/2 = c√(b − a)/2, with the
+    crossing speed c at the ends; with damping a parabola c(p − a)(b − p)/(b − a) is at most c(b − a)/4.
+    """
+    alone = sorted((o for o in result.onsets if np.isinf(o.discretisation)), key=lambda o: o.value)
+    found: list[Onset] = []
+    for into in (o for o in alone if o.direction == "into"):
+        same = [o for o in alone if o.value > into.value and o.branch_a == into.branch_a and _near(o, into)]
+        if not same or same[0].direction != "out of":
+            continue
+        speed, length = max(abs(o.crossing_speed) for o in (into, same[0])), same[0].value - into.value
+        growth = speed * length / 4 if result.problem.is_damped else speed * np.sqrt(length) / 2
+        if growth < limit:
+            found += [into, same[0]]
+    return found
+
+
+def _near(one: Onset, other: Onset) -> bool:
+    return abs(one.frequency_hz - other.frequency_hz) <= _ONE_MODE * one.frequency_hz

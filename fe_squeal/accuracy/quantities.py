@@ -17,7 +17,7 @@ from .refined import Refined
 
 KINDS = ("frequencies", "growth", "onsets")
 _ROUNDED = 1e-6  # of a frequency: a mode above the highest one by less than this is the same mode, up to rounding
-_SLOW = 0.02  # of the fastest growth rate: growth slower than this is not a quantity whose change is asked for
+SLOW = 0.02  # of the fastest growth rate: growth slower than this is not a quantity whose change is asked for
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: 
                 continue
             told = f"{lam.imag / (2 * np.pi):.5g} Hz{name}"
             asked.append(_Asked(f"frequency {told}", "frequencies", lam.imag, k, -1j / turn[k]))
-            if lam.real > _SLOW * fastest:
+            if lam.real > SLOW * fastest:
                 asked.append(_Asked(f"growth of {told}", "growth", fastest, k, 1 / turn[k]))
     for onset in onsets:
         if (found := onset_factor(refined, onset, modes)) is None:

@@ -1,0 +1,72 @@
+"""Windows of instability that one mesh alone has: they keep a search from its end only if something grows in them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from fe_squeal import sweep
+from fe_squeal.accuracy.discretisation import _slow_windows, estimated_error
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
+
+OMEGA, HALF, CENTRE = 5000.0, 3000.0, 0.4  # rad/s; rad²/s², half the split of θ where growth is largest; its place
+SLOPE = 1e7  # rad²/s² over the unit of p
+
+
+def window(damping=0.0):
+    """θ = ω² ± √(s²(p − p₀)² − h²): a window |p − p₀| < h/s, in whose middle Re λ = h/2ω to first order in h/ω²."""
+    x, coupling = np.diag([SLOPE, -SLOPE, 0.0]), np.zeros((3, 3))
+    coupling[0, 1], coupling[1, 0] = HALF, -HALF
+    K = np.diag([1.0, 1.0, 4.0]) * OMEGA**2 + coupling - CENTRE * x  # the third mode is far above
+    terms = [
+        Term("mass", "M", sp.eye_array(3, format="csr"), True),
+        Term("stiffness", "K", sp.csr_array(K), False),
+        Term("friction", "K", sp.csr_array(x), True, {"p": 1}),
+    ]
+    if damping:
+        terms.append(Term("damping", "C", damping * sp.eye_array(3, format="csr"), True))
+    result = sweep(Problem(tuple(terms), {"p": 0.0}), np.linspace(0.0, 1.0, 11), "p", modes=3)
+    assert [o.direction for o in result.onsets] == ["into", "out of"]
+    return with_bars(result, np.inf)
+
+
+def with_bars(result, of_onsets):
+    """The same with bars: 1e-6 of each frequency, and those of onsets as they are given."""
+    points = tuple(replace(p, discretisation=1e-6j * p.modes.lam.imag) for p in result.points)
+    return replace(result, points=points, onsets=tuple(replace(o, discretisation=of_onsets) for o in result.onsets))
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.2])
+def test_growth_in_a_window_by_its_closed_form(damping):
+    result = window(damping)
+    growth = HALF / (2 * OMEGA) - damping / 2
+    if damping:  # Re λ is steeper than a parabola at its ends, and the estimate is above the truth
+        assert not _slow_windows(result, growth)
+        assert _slow_windows(result, 10 * growth) == list(result.onsets)
+        return
+    assert _slow_windows(result, 1.001 * growth) == list(result.onsets)
+    assert not _slow_windows(result, 0.999 * growth)
+
+
+def test_a_window_counts_unless_other_modes_grow_much_faster():
+    result = window()
+    assert estimated_error(result) == np.inf  # nothing grows faster than what is in it
+    point = next(p for p in result.points if p.modes.lam.real.max() > 0)
+    fast = replace(point.modes, lam=point.modes.lam.imag * 1j + np.array([100.0, -100.0, 0.0]))
+    grown = replace(result, points=(*result.points, replace(point, modes=fast, branches=np.array([7, 8, 9]))))
+    assert estimated_error(grown) == pytest.approx(1e-6)
+    known = with_bars(grown, 0.01)
+    assert estimated_error(known) == pytest.approx(0.01 / CENTRE, rel=1e-2)
+
+
+def test_an_end_without_the_other_counts():
+    result = window()
+    for kept in result.onsets:
+        assert not _slow_windows(replace(result, onsets=(kept,)), 1e9)
+    into, out = result.onsets
+    other = replace(out, frequency_hz=2 * out.frequency_hz)
+    assert not _slow_windows(replace(result, onsets=(into, other)), 1e9)
