@@ -6,11 +6,12 @@ elements are marked, and hexahedra from a file are all cut into eight.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from ..assembly.assembly import Assembly
 from ..assembly.bodies import read_mesh
@@ -117,7 +118,8 @@ def next_candidate(candidate: Candidate, assembly: Assembly, split: Split, targe
         return replace(found, errors=errors)
     if candidate.loaded.mesh.elem.refdom.p.shape[1] == 8:
         return _candidate(scene, refine(candidate.loaded), "every element into eight")
-    marked = marked_elements(split, lambda expected: first_order_bars(expected, assembly) / target)
+    grouped = element_groups(assembly)
+    marked = marked_elements(split, lambda expected: first_order_bars(expected, *grouped) / target)
     if len(marked) == split.parts.shape[1]:
         return _candidate(scene, refine(candidate.loaded), "every element into eight")
     loaded, _ = refine_marked(candidate.loaded, marked)
@@ -141,9 +143,11 @@ def finer_candidate(candidate: Candidate) -> Candidate:
     return _candidate(changed, read_mesh(changed), "more elements along every line")
 
 
-def first_order_bars(split: Split, assembly: Assembly) -> np.ndarray:
-    """Return the bars (q,), relative, that changes to first order and their parts give, see `bars`."""
-    names, groups = element_groups(assembly)
+def first_order_bars(split: Split, names: Sequence[tuple[str, str, str]], groups: sp.csr_array) -> np.ndarray:
+    """Return the bars (q,), relative, that changes to first order and their parts give, see `bars`.
+
+    The names and the matrix of the groups are those of `element_groups`.
+    """
     parts = Parts.of(groups @ split.parts.reshape(len(split.names), groups.shape[1]).T, singular_groups(names))
     return bar_of_parts(split.changes, parts, ORDER) / split.scales
 

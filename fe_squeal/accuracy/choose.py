@@ -22,6 +22,7 @@ from .candidates import Candidate, finer_candidate, first_candidate, first_order
 from .corrections import right_corrections
 from .discretisation import estimated_error, with_changes, with_discretisation
 from .estimate import changes_by
+from .groups import element_groups
 from .quantities import KINDS, Split, split_changes
 from .refined import finer_mesh_ahead, refine_problem, refined_memory
 
@@ -153,7 +154,7 @@ def choose(
             corrections = right_corrections(result, refined)
             bars_take = _BARS * (time.perf_counter() - clock)
             split = split_changes(result, refined, corrections).of(kinds)
-            error = first = float(first_order_bars(split, refined.coarse).max(initial=0.0))
+            error = first = float(first_order_bars(split, *element_groups(refined.coarse)).max(initial=0.0))
             if first <= _SURELY * target:
                 result = with_changes(result, changes_by(result, refined, solver, corrections))
                 error, bars_take = estimated_error(result, kinds), 0.0  # in the seconds of this mesh already

@@ -227,7 +227,8 @@ def _slow_windows(result: Sweep, limit: float) -> list[Onset]:
     """Return the onsets at both ends of windows that one mesh alone has, in which nothing grows faster than a limit.
 
     Two modes that meet at a and b grow by κ√((p − a)(b − p)) between, at most by κ(b − a)/2 = c√(b − a)/2, with the
-    crossing speed c at the ends; with damping a parabola c(p − a)(b − p)/(b − a) is at most c(b − a)/4.
+    crossing speed c at the ends. With damping the growth between is taken to be concave, so that it lies below its
+    tangents at both ends: at most c(b − a)/2. A window whose speeds are not known counts.
     """
     alone = sorted((o for o in result.onsets if np.isinf(o.discretisation)), key=lambda o: o.value)
     found: list[Onset] = []
@@ -235,8 +236,8 @@ def _slow_windows(result: Sweep, limit: float) -> list[Onset]:
         same = [o for o in alone if o.value > into.value and o.branch_a == into.branch_a and _near(o, into)]
         if not same or same[0].direction != "out of":
             continue
-        speed, length = max(abs(o.crossing_speed) for o in (into, same[0])), same[0].value - into.value
-        growth = speed * length / 4 if result.problem.is_damped else speed * np.sqrt(length) / 2
+        speed, length = np.abs([into.crossing_speed, same[0].crossing_speed]).max(), same[0].value - into.value
+        growth = speed * (length if result.problem.is_damped else np.sqrt(length)) / 2
         if growth < limit:
             found += [into, same[0]]
     return found

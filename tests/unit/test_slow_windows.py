@@ -44,7 +44,7 @@ def with_bars(result, of_onsets):
 def test_growth_in_a_window_by_its_closed_form(damping):
     result = window(damping)
     growth = HALF / (2 * OMEGA) - damping / 2
-    if damping:  # Re λ is steeper than a parabola at its ends, and the estimate is above the truth
+    if damping:  # tangents at both ends lie above the growth between
         assert not _slow_windows(result, growth)
         assert _slow_windows(result, 10 * growth) == list(result.onsets)
         return
@@ -70,3 +70,11 @@ def test_an_end_without_the_other_counts():
     into, out = result.onsets
     other = replace(out, frequency_hz=2 * out.frequency_hz)
     assert not _slow_windows(replace(result, onsets=(into, other)), 1e9)
+
+
+def test_a_window_whose_speed_is_not_known_counts():
+    result = window()
+    for i in (0, 1):
+        onsets = list(result.onsets)
+        onsets[i] = replace(onsets[i], crossing_speed=np.nan)
+        assert not _slow_windows(replace(result, onsets=tuple(onsets)), 1e9)
