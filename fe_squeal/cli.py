@@ -74,8 +74,11 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(arguments: list[str] | None) -> int:
     with lasting_streams() as (out, err):
-        with stopped_by_signals():
-            code = _main(arguments)
+        try:
+            with stopped_by_signals():
+                code = _main(arguments)
+        except KeyboardInterrupt:
+            code = INTERRUPTED
         if code == INTERRUPTED and not err.used:  # Typer, too, takes up what no command does, and says nothing
             print("interrupted", file=sys.stderr)
         out.flush()
@@ -90,8 +93,6 @@ def _main(arguments: list[str] | None) -> int:
     try:
         import_matplotlib()
         code = app(arguments, standalone_mode=False, prog_name="fe-squeal")
-    except KeyboardInterrupt:
-        return INTERRUPTED
     except SquealError as error:
         text = f"error: {error}" if not isinstance(error, NotConvergedError) else f"not converged: {error}"
         print(one_line(text), file=sys.stderr)

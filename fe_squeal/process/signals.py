@@ -3,27 +3,56 @@
 from __future__ import annotations
 
 import signal
+import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from types import FrameType
 
 _ENDS = ("SIGINT", "SIGTERM", "SIGHUP")
+_IMPORTING = "<frozen importlib._bootstrap>"
+_WAIT = 0.01  # seconds after which it is seen again whether an import has ended
 
 
 @contextmanager
 def stopped_by_signals() -> Iterator[None]:
-    """Let every signal that asks for the end do what Ctrl-C does: what is finished is kept, children are ended."""
+    """Let every signal that asks for the end do what Ctrl-C does: what is finished is kept, children are ended.
+
+    A signal that comes during an import waits for its end: a compiled module that is interrupted while it is set up
+    says ImportError instead of KeyboardInterrupt, and a module in Python is left half made.
+    """
+    caller = sys._getframe(2)  # who opens the block; what it is itself imported by does not count
     before = {}
     for name in _ENDS:
         number = getattr(signal, name, None)  # Windows knows no SIGHUP
         if number is None or signal.getsignal(number) in (signal.SIG_IGN, None):
             continue
         with suppress(ValueError):  # not in the main thread
-            before[number] = signal.signal(number, signal.default_int_handler)
+            before[number] = signal.signal(number, lambda number, frame: _interrupt(number, frame, caller))
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _interrupt(number: int, frame: FrameType | None, caller: FrameType) -> None:
+    """Raise KeyboardInterrupt, or have the signal sent again a little later if `caller` is importing something."""
+    while frame is not None and frame is not caller:
+        if frame.f_code.co_filename == _IMPORTING:
+            again = threading.Timer(_WAIT, _send, (number,))
+            again.daemon = True  # a program that ends meanwhile does not wait for it
+            again.start()
+            return
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
+
+def _send(number: int) -> None:
+    if sys.platform == "win32":
+        signal.raise_signal(number)
+    else:  # to the main thread, where it ends waiting
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
 
 
 @contextmanager

@@ -193,6 +193,7 @@ def _refuse_foreign(folder: Path) -> None:
     except OSError:  # it does not exist or is not a folder; making the folder reports that
         return
     own = {LOCK} if is_lock(folder / LOCK) else set()
+    own |= {name for name in FOLDERS if _is_empty_folder(folder / name)}  # of a command that was stopped right then
     others = [name for name in names if name not in own and not _UNFINISHED.fullmatch(name)]
     if not others or Manifest.marks(folder) or _earlier(folder):
         return
@@ -202,6 +203,10 @@ def _refuse_foreign(folder: Path) -> None:
         f"{folder}: holds what fe-squeal did not write ({listed}) and no {MANIFEST}; expected a new or empty folder, or"
         " one of earlier results, given by -o"
     )
+
+
+def _is_empty_folder(path: Path) -> bool:
+    return path.is_dir() and not path.is_symlink() and not os.listdir(path)
 
 
 def _refuse_names(manifest: Manifest) -> None:

@@ -227,6 +227,19 @@ def test_refused_scene_leaves_no_folders(tmp_path: Path, capsys: pytest.CaptureF
         assert content(tmp_path) == before
 
 
+def test_empty_folders_of_an_early_interruption_are_used_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Stopped between the making of a folder and its first file; what somebody has put there is not touched."""
+    scene, out = write_sweep(tmp_path, 3), tmp_path / "out"
+    (out / "checkpoint").mkdir(parents=True)
+    (out / "shapes").mkdir()
+    (out / "shapes" / "mine.txt").touch()
+    assert "holds what fe-squeal did not write (shapes)" in refused(["run", str(scene), "-o", str(out)], capsys)
+    (out / "shapes" / "mine.txt").unlink()
+    assert main(["run", str(scene), "-o", str(out)]) == 0
+
+
 def test_refused_scene_leaves_older_results(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Whatever is wrong, and wherever it is found: before the assembly, in it, and as the sweep begins."""
     before = content(place / "out")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
 import subprocess
@@ -241,6 +242,38 @@ def _wait(number: signal.Signals, done: list[str]) -> None:
             os.kill(os.getpid(), number)
             time.sleep(1)
             done.append("too late")
+
+
+@POSIX
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_waits_for_an_import(
+    number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A module is not left half made; and what imports the caller itself is none of its business."""
+    sending = f"import os, time\nos.kill(os.getpid(), {int(number)})\ntime.sleep(0.05)\n"
+    (tmp_path / f"module_that_is_whole_{number}.py").write_text(f"{sending}whole = True\n")
+    (tmp_path / f"module_that_calls_{number}.py").write_text(
+        "from fe_squeal.process.signals import stopped_by_signals\nstopped = False\ntry:\n"
+        f"    with stopped_by_signals():\n        exec({sending!r})\nexcept KeyboardInterrupt:\n    stopped = True\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    before = signal.signal(number, signal.default_int_handler)
+    try:
+        with stopped_by_signals(), pytest.raises(KeyboardInterrupt):
+            importlib.import_module(f"module_that_is_whole_{number}")
+            time.sleep(1)
+        assert importlib.import_module(f"module_that_calls_{number}").stopped
+    finally:
+        signal.signal(number, before)
+    assert sys.modules[f"module_that_is_whole_{number}"].whole
+
+
+def test_an_interruption_while_an_error_is_told(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("fe_squeal.cli.one_line", lambda text: exec("raise KeyboardInterrupt"))
+    assert main(["run", "nowhere.toml"]) == 130
+    assert capsys.readouterr().err == "interrupted\n"
 
 
 @POSIX
