@@ -43,6 +43,7 @@ _SLOW = 0.1  # part of −σ: a smaller θ, which is known roughly, may belong t
 _NODES = 24  # largest number of values whose modes span the basis
 _CANDIDATES = 5  # number of values among which the one with the largest error is next
 _KEPT = 0.1  # times √tolerance: parts of unit modes outside the basis that are shorter are left out
+_FURTHER = 0.3  # times what an error may be: each time that modes are added at a value once more
 _CROWD = 0.25  # of the modes that the basis begins with: more overdamped ones are a crowd
 _SUPPLEMENTS = 6  # how often the basis is extended for values that were no candidates
 
@@ -419,6 +420,7 @@ class ReducedModel:
 
         The corrections tried on the way do not stay in the basis. At a value between those whose modes the basis has,
         the error of an eigenvalue is the product of the errors of its right and left modes, so that few values suffice.
+        Where that was done before and was not enough, they are corrected further, however little they miss.
         """
         again = self._added[value]
         self._added[value] += 1
@@ -427,7 +429,7 @@ class ReducedModel:
             return self._estimate(value, basis, modes)
 
         wide, every = self._corrections.corrected(
-            self.basis, value, self._every(value), self.highest, self.enough, estimate
+            self.basis, value, self._every(value), self.highest, self.enough * _FURTHER**again, estimate
         )
         columns, least = self._kept(wide, every, again)
         if len(wide) == len(self.basis):  # no correction lies outside the basis

@@ -68,9 +68,8 @@ def interior_nodes(low: float, high: float, count: int) -> np.ndarray:
 
 
 def unit_columns(right: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """Return the real and imaginary parts of right and left modes, both (n, k), as real columns of unit length."""
-    new = np.hstack([real_columns(right), real_columns(left)])
-    return np.asarray(new / np.linalg.norm(new, axis=0))
+    """Return the real and imaginary parts of right and left modes, both (n, k), each mode of unit length."""
+    return np.hstack([real_columns(x / np.linalg.norm(x, axis=0)) for x in (right, left)])
 
 
 def range_of(columns: np.ndarray, least: float, exact: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ..eigen.blocks import lift
 from ..eigen.pencil import Modes
+from ..eigen.request import is_needed
 
 _FREQUENCY_SCALE = 0.02  # of |λ|: a change of λ by this costs 1/2, as much as a change of shape to MAC = 1/2
 _NO_MATCH = 1.5  # cost from which on a mode counts as new
@@ -60,7 +61,8 @@ def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> Match:
     The assignment minimises the sum of the costs 1 − MAC and x/(1 + x), where x is the relative change of λ in units of
     2 %. In a coupled pair λ, −λ* both shapes resemble both modes before. Then the growing mode continues the growing
     one, or the one of lower frequency if the two modes were not coupled before. Where a pair couples or comes apart
-    shapes change abruptly, and within a multiple eigenvalue they are arbitrary: such modes are not doubtful.
+    shapes change abruptly, and within a multiple eigenvalue they are arbitrary: such modes are not doubtful. Nor are
+    those that decay without swinging: the many of a heavily damped problem mix from value to value.
 
     Parameters
     ----------
@@ -93,6 +95,7 @@ def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> Match:
     group = near.astype(float) @ assurance
     kept = np.where(origin >= 0, group[origin, np.arange(len(current))], 0.0)
     doubtful = ~coupling & (1 - kept > _DOUBT) | (origin < 0) & (current.lam.imag > 0)
+    doubtful &= is_needed(current)
     return Match(origin, doubtful)
 
 

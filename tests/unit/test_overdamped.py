@@ -7,9 +7,11 @@ import pytest
 import scipy.sparse as sp
 
 from fe_squeal import sweep
+from fe_squeal.eigen.pencil import Modes
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 from fe_squeal.sweep import forecast
+from fe_squeal.sweep.tracking import match_modes
 
 N, EVERY, DAMPER = 500, 5, 60.0
 
@@ -41,6 +43,17 @@ def exact(k: np.ndarray, c: np.ndarray, mu: float) -> np.ndarray:
         theta[i // EVERY], theta[j // EVERY] = mean - root, mean + root
     lam = -c[light] / 2 + 1j * np.sqrt(theta - c[light] ** 2 / 4)
     return lam[np.argsort(lam.imag)]
+
+
+@pytest.mark.parametrize(("swings", "halved"), [(False, False), (True, True)])
+def test_only_modes_that_swing_are_followed_closely(swings, halved):
+    """Three modes that mix from value to value: no shape is like one before, with MAC of 1/9 and 4/9."""
+    turned = np.eye(3) - 2 / 3
+    lam = np.array([-2.0, -3.0, -4.0]) + 1j * swings * np.array([100.0, 101.0, 102.0])
+    none = np.zeros(3)
+    before, now = (Modes(lam, x + 0j, x + 0j, none, none, none) for x in (np.eye(3), turned))
+    match = match_modes(before, now, sp.csr_array(np.eye(3)))
+    assert match.doubtful.any() == halved and (match.origin >= 0).any()
 
 
 @pytest.mark.parametrize("method", ["direct", "auto"])
