@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -146,10 +147,10 @@ def choose(
             keep(trials, candidate)
             start = time.perf_counter()
             problem = Assembly(candidate.scene, candidate.loaded).problem({})
-            ahead = finer_mesh_ahead(problem)
-            result = _swept(candidate.scene, problem)
             solver = candidate.scene.solve.linear_solver
-            refined = refine_problem(result, solver, ahead)
+            with finer_mesh_ahead(problem) or nullcontext() as ahead:
+                result = _swept(candidate.scene, problem)
+                refined = refine_problem(result, solver, ahead)
             clock = time.perf_counter()
             corrections = right_corrections(result, refined)
             bars_take = _BARS * (time.perf_counter() - clock)

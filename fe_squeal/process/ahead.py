@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextvars
+import ctypes
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -12,7 +13,10 @@ _T = TypeVar("_T")
 
 
 class Ahead(Generic[_T]):
-    """What is being made on another thread; the program does not end before that thread does.
+    """What is being made on another thread. Where a `with` block ends before it was taken, it is given up.
+
+    The program does not end before that thread does, since libraries may stop the whole process if a thread is cut off
+    in them. What is given up ends at its next step in Python.
 
     Parameters
     ----------
@@ -32,12 +36,23 @@ class Ahead(Generic[_T]):
 
         def work() -> None:
             try:
-                future.set_result(make())
+                made = make()
             except BaseException as error:  # raised where the result is taken
                 future.set_exception(error)
+            else:
+                future.set_result(made)
 
         self._future: Future[_T] | None = future
-        threading.Thread(target=contextvars.copy_context().run, args=(work,), name="ahead").start()
+        self._thread = threading.Thread(target=contextvars.copy_context().run, args=(work,), name="ahead")
+        self._thread.start()
+
+    def __enter__(self) -> Ahead[_T]:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._future is not None and self._thread.is_alive():
+            number = ctypes.c_ulong(self._thread.ident or 0)
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(number, ctypes.py_object(SystemExit))
 
     def take(self) -> _T:
         """Wait for it and return it, once: nothing keeps its memory then.
@@ -49,7 +64,8 @@ class Ahead(Generic[_T]):
         RuntimeError
             It was taken before.
         """
-        future, self._future = self._future, None
-        if future is None:
+        if self._future is None:
             raise RuntimeError("taken before")
-        return future.result()
+        made = self._future.result()
+        self._future = None
+        return made

@@ -2,6 +2,7 @@
 
 import gc
 import threading
+import time
 import weakref
 
 import pytest
@@ -65,3 +66,25 @@ def test_openblas_gets_its_threads_back_after_an_error():
     with pytest.raises(ValueError, match="inside"), one_openblas_thread():
         raise ValueError("inside")
     assert _openblas_threads() == before
+
+
+def test_what_is_given_up_ends_at_once():
+    """As after Ctrl-C, at which the program would otherwise wait for it; what was taken or has ended is not touched."""
+    begun, ended = threading.Event(), threading.Event()
+
+    def busy():
+        begun.set()
+        try:
+            for _ in range(int(WAIT / 0.01)):
+                time.sleep(0.01)
+        finally:
+            ended.set()
+
+    with pytest.raises(KeyboardInterrupt), Ahead(busy):
+        begun.wait(WAIT)
+        raise KeyboardInterrupt
+    assert ended.wait(WAIT / 3)
+    with Ahead(lambda: 6 * 7) as ahead:
+        assert ahead.take() == 42
+    with pytest.raises(ValueError, match="not made"), Ahead(lambda: int("not made")) as ahead:
+        ahead.take()
