@@ -51,6 +51,7 @@ class Ahead(Generic[_T]):
 
     def __exit__(self, *_: object) -> None:
         if self._future is not None and self._thread.is_alive():
+            # Raised in that thread, where Python ends it without a word.
             number = ctypes.c_ulong(self._thread.ident or 0)
             ctypes.pythonapi.PyThreadState_SetAsyncExc(number, ctypes.py_object(SystemExit))
 

@@ -11,7 +11,7 @@ from types import FrameType
 
 _ENDS = ("SIGINT", "SIGTERM", "SIGHUP")
 _IMPORTING = "<frozen importlib._bootstrap>"
-_WAIT = 0.01  # seconds after which it is seen again whether an import has ended
+_WAIT = 0.01  # seconds until a signal that came during an import is sent again
 
 
 @contextmanager
@@ -21,7 +21,8 @@ def stopped_by_signals() -> Iterator[None]:
     A signal that comes during an import waits for its end: a compiled module that is interrupted while it is set up
     says ImportError instead of KeyboardInterrupt, and a module in Python is left half made.
     """
-    caller = sys._getframe(2)  # who opens the block; what it is itself imported by does not count
+    # The frame of the `with` block. Its own file may be run by an import; that import is not waited for.
+    caller = sys._getframe(2)
     before = {}
     for name in _ENDS:
         number = getattr(signal, name, None)  # Windows knows no SIGHUP

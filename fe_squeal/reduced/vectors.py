@@ -68,8 +68,15 @@ def interior_nodes(low: float, high: float, count: int) -> np.ndarray:
 
 
 def unit_columns(right: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """Return the real and imaginary parts of right and left modes, both (n, k), each mode of unit length."""
-    return np.hstack([real_columns(x / np.linalg.norm(x, axis=0)) for x in (right, left)])
+    """Return the real and imaginary parts of right and left modes, both (n, k), each mode of unit length.
+
+    Left modes that are zero, as those of a defective λ = 0 are, are left out.
+    """
+    found = []
+    for x in (right, left):
+        length = np.linalg.norm(x, axis=0)
+        found.append(real_columns(x[:, length > 0] / length[length > 0]))
+    return np.hstack(found)
 
 
 def range_of(columns: np.ndarray, least: float, exact: np.ndarray) -> np.ndarray:

@@ -336,3 +336,13 @@ def test_columns_of_modes_are_as_long_as_their_parts():
     length = np.linalg.norm(columns, axis=0).reshape(2, 2, 3)
     np.testing.assert_allclose((length**2).sum(axis=1), 1.0)
     assert (length[:, 1] < 1e-6).all()
+
+
+@pytest.mark.parametrize("turn", [1.0, 1.0 + 0.5j])
+def test_left_modes_that_are_zero_give_no_columns(turn):
+    right = np.random.default_rng(12).standard_normal((30, 3)) * turn
+    left = right.copy()
+    left[:, 1] = 0.0
+    columns, parts = unit_columns(right, left), 1 + np.iscomplexobj(right)
+    assert columns.shape == (30, 5 * parts) and np.isfinite(columns).all()
+    np.testing.assert_allclose((columns**2).sum(), 5.0)
