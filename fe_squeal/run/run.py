@@ -21,7 +21,7 @@ from ..assembly.discretisation import discretisation_of
 from ..assembly.forces import balance_warnings, force_balance
 from ..assembly.swept import swept
 from ..eigen.linear.factor import LinearSolver
-from ..eigen.memory import peak_memory_mib, refuse_shortage
+from ..eigen.memory import peak_memory_mib, refuse_shortage, release_freed
 from ..errors import INTERRUPTED, InputError, NotConvergedError, SceneError
 from ..problem.problem import Problem
 from ..report.tables import print_onsets, print_unstable
@@ -247,6 +247,7 @@ def write_results(
     held.remove(is_shape)  # shapes of an interrupted run may be those of other values: of the fastest growth so far
     write_tables(result, out)
     which = scene.output.shapes
+    release_freed()  # what the sweep has freed, before the libraries for figures and shapes are loaded
     with ExitStack() as drawing:
         try:
             if which != "none":
