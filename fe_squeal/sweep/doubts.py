@@ -89,6 +89,18 @@ def lost_in_rounding(step: Step, change: Change) -> Doubt | None:
     return Doubt(low, high, float(np.sqrt(abs(change.v)) / (2 * np.pi)))
 
 
+def one_in_rounding(step: Step, low: float, high: float, omega: float) -> Doubt | None:
+    """Return the doubt about an interval in which modes near a frequency, rad/s, could not be followed, or None.
+
+    There is a doubt if two eigenvalues there are equal up to rounding, which then moves them at random from value to
+    value, and may show one of them as unstable.
+    """
+    middle = step.between((low + high) / 2)
+    if step.end(0).C is not None or not _are_one(middle, omega**2, growing_too=True):
+        return None
+    return Doubt(low, high, omega / (2 * np.pi))
+
+
 def split_doubtful(step: Step, onsets: Sequence[Onset], halved: bool, starts: bool) -> tuple[list[Onset], list[Doubt]]:
     """Return the onsets of a step that are sure, and doubts in place of the others.
 

@@ -14,7 +14,7 @@ from ..problem.problem import Problem
 from ..reduced import ReducedModel
 from .balance import unshown
 from .changes import FINEST, Change
-from .doubts import Doubt, lost_in_rounding, split_doubtful
+from .doubts import Doubt, lost_in_rounding, one_in_rounding, split_doubtful
 from .onset import Onset
 from .refined import Refiner
 from .scale import LINEAR, Scale
@@ -111,12 +111,17 @@ def find_step_onsets(
             step.between(values[0]), step.between(values[1]), step.between, limit, scale, mattering if halved else None
         )
     found = Found(width=seen.width)
-    unsettled = [
-        f"between {parameter} = {a:.8g} and {b:.8g} modes near {omega / (2 * np.pi):.5g} Hz change too much for"
-        " their stability to be followed"
-        for a, b, omega in seen.unsettled
-        if omega <= mattering
-    ]
+    unsettled = []
+    for a, b, omega in seen.unsettled:
+        if omega > mattering:
+            continue
+        if not halved and (doubt := one_in_rounding(step, a, b, omega)) is not None:
+            found.doubts.append(doubt)
+            continue
+        unsettled.append(
+            f"between {parameter} = {a:.8g} and {b:.8g} modes near {omega / (2 * np.pi):.5g} Hz change too much for"
+            " their stability to be followed"
+        )
     left_open = Found()
     for group in seen.open:
         _tell_open(left_open, group, parameter, below, halved)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from fe_squeal.sweep.balance import Census, unbalanced
-from fe_squeal.sweep.doubts import Doubt, pairs_in_rounding, without_narrow_windows
+from fe_squeal.sweep.doubts import Doubt, one_in_rounding, pairs_in_rounding, without_narrow_windows
 from fe_squeal.sweep.onset import Onset
 
 _HZ = 100.0
@@ -54,6 +56,18 @@ def test_a_pair_at_the_frequency_explains_one_mode_more_or_fewer():
 )
 def test_a_pair_explains_nothing_else(before, now):
     assert isinstance(unbalanced("mu", before, now, [], np.inf), str)
+
+
+@pytest.mark.parametrize(("apart", "damped", "told"), [(0.3, False, True), (0.5, False, False), (0.3, True, False)])
+def test_modes_that_rounding_moves_cannot_be_followed(apart, damped, told):
+    """Not where they are farther apart than their rounding, nor with dampers, whose eigenvalues are not θ."""
+    omega = 2 * np.pi * _HZ
+    v = omega**2 + np.array([0.0, apart, 50.0])
+    unstable = np.array([True, False, False])
+    node = SimpleNamespace(v=v, blur=np.full(3, 0.1), unstable=unstable, C=1.0 if damped else None)
+    step = SimpleNamespace(between=lambda p: node, end=lambda i: node)
+    found = one_in_rounding(step, 0.1, 0.2, omega)
+    assert found == (Doubt(0.1, 0.2, pytest.approx(_HZ)) if told else None)
 
 
 def test_windows_narrower_than_their_ends_are_doubts():
