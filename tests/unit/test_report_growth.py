@@ -50,6 +50,21 @@ def test_growth_begins_with_the_root_of_its_onset():
     assert np.abs(chord - exact).max() > 0.2 * exact.max()
 
 
+@pytest.mark.parametrize("wrong", [np.inf, -np.inf, np.nan, 1e300, 5e-324])
+def test_growth_that_is_no_number_of_a_brake(wrong):
+    """A table that was spoilt gives curves all the same, without a warning of NumPy: between finite rates of one sign
+    (Re λ)² is linear, whatever their size."""
+    modes, onsets = coupled_tables([(2413.0, 60.0, EXACT)], COARSE)
+    modes.loc[modes.index[(modes["branch"] == 1) & (modes["value"] > 0.55)][0], "re"] = wrong
+    onsets["crossing_speed"] = root_speed(2413.0, 60.0, EXACT)
+    branch = collect_branches(modes, onsets)[0]
+    i = int(np.flatnonzero((branch.re == wrong) | np.isnan(branch.re))[0]) - 1
+    curve = growth_curves(branch)[i]
+    assert len(curve) == (33 if 0 < wrong < np.inf else 2)
+    if 0 < wrong < np.inf:
+        assert curve[16, 1] == pytest.approx(max(wrong, branch.re[i]) / np.sqrt(2), rel=1e-6)
+
+
 def test_growth_begins_with_a_line_where_one_mode_crosses():
     """Re λ = 300 s (1 − s/0.4) from μ = 0.15 on, of a damped scene."""
     mu = np.array([0.0, 0.1, 0.2, 0.3])
