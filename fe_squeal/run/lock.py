@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..errors import OutputError
+from ..process.signals import signals_deferred
 from .open_folder import Entry, OpenFolder
 
 LOCK = ".lock"
@@ -36,20 +37,23 @@ def locked(folder: OpenFolder) -> Iterator[None]:
     OSError
         Nothing can be written there.
     """
-    path = folder.path / LOCK
+    path, handle = folder.path / LOCK, None
     with folder.entry(LOCK) as entry:
-        handle = _locked(entry, path)
-        if handle is None:
-            raise OutputError(
-                f"{folder.path}: is held by another run{_holder(path)}; expected a folder of its own for every run at a"
-                " time, given by -o"
-            )
         try:
+            with signals_deferred():  # until it is known which file has to be removed again
+                handle = _locked(entry, path)
+            if handle is None:
+                raise OutputError(
+                    f"{folder.path}: is held by another run{_holder(path)}; expected a folder of its own for every run"
+                    " at a time, given by -o"
+                )
             os.ftruncate(handle, 0)
             os.write(handle, f"process {os.getpid()} since {time.strftime('%Y-%m-%d %H:%M:%S')}\n".encode())
             yield
         finally:
-            _release(handle, entry)
+            if handle is not None:
+                with signals_deferred():
+                    _release(handle, entry)
 
 
 def is_lock(path: Path) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from selection import crossed
 
 import fe_squeal.report.export
 import fe_squeal.run.inputs
+import fe_squeal.run.lock
 import fe_squeal.run.run
 from fe_squeal.cli import main
 from fe_squeal.errors import NotConvergedError, OutputError
@@ -243,6 +245,27 @@ def test_folder_is_free_behind_the_block(tmp_path: Path) -> None:
     with hold_folder(tmp_path):
         pass
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a process sends signals to itself")
+@pytest.mark.parametrize("step", ["_lock", "_is_still", "_release"])
+def test_a_signal_while_the_lock_is_taken_or_given_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    """Nothing is left, at whatever step it comes; the folder that was made is gone, too."""
+    whole = getattr(fe_squeal.run.lock, step)
+
+    def with_signal(*given: object) -> object:
+        signal.raise_signal(signal.SIGINT)
+        return whole(*given)
+
+    monkeypatch.setattr(fe_squeal.run.lock, step, with_signal)
+    with pytest.raises(KeyboardInterrupt), hold_folder(tmp_path / "out"):
+        pass
+    assert not list(tmp_path.iterdir())
+    monkeypatch.undo()
+    with hold_folder(tmp_path / "out"):  # and it is free
+        pass
 
 
 def test_temporary_files_of_killed_runs_are_removed(tmp_path: Path) -> None:
