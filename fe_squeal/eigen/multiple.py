@@ -23,7 +23,9 @@ def unit_mass(pencil: Pencil, right: np.ndarray) -> np.ndarray:
     return np.asarray(right / np.sqrt(np.where(mass > 0, mass, 1.0)))
 
 
-def rounding_of_zero(pencil: Pencil, lam: np.ndarray, right: np.ndarray) -> np.ndarray:
+def rounding_of_zero(
+    pencil: Pencil, lam: np.ndarray, right: np.ndarray, second_order: bool = False
+) -> np.ndarray:  # fmt: skip
     """Return (k,) float, rad/s, how far rounding may move the λ = 0 of a rigid mode of a damped pencil.
 
     It is the root λ of λ²φᴴMφ + λ|φᴴCφ| = δ, where δ is the rounding of φᴴKφ. For a creeping motion, which damping
@@ -35,9 +37,13 @@ def rounding_of_zero(pencil: Pencil, lam: np.ndarray, right: np.ndarray) -> np.n
     lam : (k,) complex, rad/s
     right : (n, k) float or complex
         The modes.
+    second_order : bool
+        Whether residuals move eigenvalues by their square alone.
     """
     dissipation = np.abs(np.einsum("ij,ij->j", right.conj(), lift(pencil.C, right)))
-    stiffness = np.abs(pencil.apply(lam, right)) + ROUNDING * pencil.magnitude(np.zeros(len(lam)), right)
+    stiffness = ROUNDING * pencil.magnitude(np.zeros(len(lam)), right)
+    if not second_order:
+        stiffness += np.abs(pencil.apply(lam, right))
     delta = np.einsum("ij,ij->j", np.abs(right), stiffness)
     mass = np.abs(np.einsum("ij,ij->j", right.conj(), lift(pencil.M, right)))
     return np.asarray(

@@ -13,7 +13,9 @@ __all__ = ["ROUNDING", "backward_errors", "in_upper_half", "modes_from_lambda", 
 _ONE_FREQUENCY = 1e-9  # of a frequency: modes whose frequencies are closer than this are put in order by growth rate
 
 
-def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left: np.ndarray, method: str) -> Modes:
+def modes_from_theta(
+    pencil: Pencil, theta: np.ndarray, right: np.ndarray, left: np.ndarray, method: str, second_order: bool = False
+) -> Modes:  # fmt: skip
     """Return the modes of an undamped pencil from K φ = θ M φ, θ = −λ².
 
     A complex pair θ, θ* gives the two modes λ and −λ*; θ < 0 gives the two real λ = ±√−θ; a θ that is zero within its
@@ -25,6 +27,8 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     theta : (k,) real or complex, rad²/s²
     right, left : (n, k)
         Left vectors in the order of the right ones, any basis where eigenvalues are multiple; they are scaled here.
+    second_order : bool
+        Whether left vectors are so exact that a residual moves an eigenvalue only as far as they see it.
     """
     right = unit_mass(pencil, right)
     lefts = unit_mass(pencil, left)
@@ -34,7 +38,8 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     magnitude = pencil.magnitude(lam, right)
     backward = _relative(pencil, residual, magnitude)
     first_order, amplification = _perturbation(left, residual, magnitude, theta)
-    least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
+    seen = 0.0 if second_order else np.abs(residual)
+    least = np.einsum("ij,ij->j", np.abs(right), seen + ROUNDING * magnitude)
     u_theta = _near_coalescence(first_order, least, theta, _alike(pencil, right))
     u_theta = np.maximum(u_theta, defective_error(pencil, theta, right, lefts, magnitude))
 
@@ -58,7 +63,9 @@ def modes_from_theta(pencil: Pencil, theta: np.ndarray, right: np.ndarray, left:
     return Modes(lam, right[:, index], left[:, index], backward[index], u_re[index], condition[index], method)
 
 
-def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray, method: str) -> Modes:
+def modes_from_lambda(
+    pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray, method: str, second_order: bool = False
+) -> Modes:  # fmt: skip
     """Return the modes of a pencil with C from its eigenpairs that are `in_upper_half`.
 
     Parameters
@@ -66,6 +73,8 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     lam : (k,) complex, rad/s
     right, left : (n, k) complex
         Left vectors in the order of the right ones, any basis where eigenvalues are multiple.
+    second_order : bool
+        As of `modes_from_theta`.
     """
     lam, right, left = separated(pencil, lam, unit_mass(pencil, right), left)
     # ψ_iᴴ((λ_i + λ_j)M + C)φ_j vanishes for λ_i ≠ λ_j, and is ψᴴ(2λM + C)φ on the diagonal.
@@ -78,13 +87,14 @@ def modes_from_lambda(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: 
     backward = _relative(pencil, residual, magnitude)
     first_order, amplification = _perturbation(left, residual, magnitude, lam)
     dissipation = np.abs(np.einsum("ij,ij->j", right.conj(), lift(pencil.C, right)))
-    least = np.einsum("ij,ij->j", np.abs(right), np.abs(residual) + ROUNDING * magnitude)
+    seen = 0.0 if second_order else np.abs(residual)
+    least = np.einsum("ij,ij->j", np.abs(right), seen + ROUNDING * magnitude)
     with np.errstate(over="ignore"):  # for λ = 0 without damping the derivative of λ is infinite
         least = least / np.maximum(2 * np.abs(lam) + dissipation, np.finfo(float).tiny)
     u = _near_coalescence(first_order, least, lam, _alike(pencil, right))
     slope = np.where(lam == 0, np.inf, 2 * np.abs(lam))
     u = np.maximum(u, defective_error(pencil, lam, right, lefts, magnitude / slope))
-    rounding = rounding_of_zero(pencil, lam, right)
+    rounding = rounding_of_zero(pencil, lam, right, second_order)
     rigid = np.abs(lam) <= rounding
     lam, u = np.where(rigid, 0.0, lam), np.where(rigid, rounding, u)
     if pencil.is_complex:

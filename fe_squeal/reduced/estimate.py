@@ -17,7 +17,7 @@ SLIGHT = 0.1  # times the tolerance: errors below this need not be known better
 GUARDED = 1.2  # times the highest frequency of the basis: modes up to there are known
 _SAFETY = 0.5  # of the tolerance: what the estimated errors of eigenvalues are driven below
 _FALLS = 0.7  # times the largest error before: one that falls less is not that of the search
-_ILL = 10.0  # relative condition from which a mode is near a double eigenvalue
+ILL = 10.0  # relative condition from which a mode is near a double eigenvalue
 
 Estimate = tuple[Modes, np.ndarray, np.ndarray]  # modes asked for, how far each misses the tolerance, and |Δλ/λ|
 
@@ -51,7 +51,7 @@ def estimated(
     error = np.minimum(error, np.maximum(scale * error, SLIGHT * request.tolerance * np.abs(modes.lam)))
     # The tolerance is meant for well-conditioned modes: next to a double eigenvalue no solver finds λ so closely.
     relative = error / np.maximum(np.abs(modes.lam), 1e-3 * highest)
-    known = relative / np.maximum(condition / _ILL, 1.0) + np.finfo(float).eps
+    known = relative / np.maximum(condition / ILL, 1.0) + np.finfo(float).eps
     # What decays without swinging need not be found: its errors are told, and the basis does not grow for it.
     off = np.where(is_needed(modes), known / (_SAFETY * request.tolerance), 0.0)
     modes = replace(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import scipy.linalg as la
@@ -27,6 +28,10 @@ _MIDDLE = 0.6  # times the square of the highest frequency of the basis: ω² at
 _FINE = 0.01  # times √tolerance and the largest singular value: directions of modes with a smaller one are left out
 _SHORT = 1e-4  # times √tolerance and the length of a mode: shorter corrections are left out
 _FAST = 0.1  # of an error: what factors of P have to make of it, or those of Q(iω) take their place for good
+# The same where factors of Q(iω) take fewer operations than some projections on the corrections, of which they spare
+# about as many: _SPARSE n² for a solid of n unknowns (of real entries; measured with 5 000 and 21 000), _DENSE m³ for
+# all eigenvalues and vectors of a matrix of m rows.
+_FASTER, _SPARED, _SPARSE, _DENSE = 0.01, 2, 60.0, 25.0
 _FEW = 2  # corrections that cost no more than other factors
 _BORROWED = 0.03  # of an error: what factors of another value have to make of it, or those of the value itself are made
 _MOST = 2**26  # bytes of the residuals of modes that are solved for at once, of real ones on one side
@@ -97,14 +102,19 @@ class ModeCorrections:
         self._last = self.definite = None
 
     def _factor_for(
-        self, basis: ReducedBasis, value: Place, highest: float, worst: float, before: float, enough: float
+        self, basis: ReducedBasis, value: Place, highest: float, worst: float, before: float, enough: float, size: int
     ) -> Factor | DefiniteFactor:  # fmt: skip
         """Return factors of P as long as errors fall fast by these, or a few more corrections suffice; then of a value.
 
-        Where errors are small and fall fast by them, these may be those of the last value.
+        Where errors are small and fall fast by them, these may be those of the last value. `size` is the number of
+        vectors that modes are projected on.
         """
         ratio = worst / before
-        if self.definite is not None and ratio > _FAST and worst * ratio**_FEW > enough:
+        number = 4 if self._is_damped else 1  # operations with complex numbers; with damping Q(iω) has these
+        order = 2 * size if self._is_damped else size
+        spared = _SPARED * _DENSE * order**3
+        fast = _FASTER if number * _SPARSE * float(basis.problem.unknowns) ** 2 < spared else _FAST
+        if self.definite is not None and ratio > fast and worst * ratio**_FEW > enough:
             self.definite, self.definite_suffices = None, False  # before others take memory
         if self.definite is not None:
             self.definite_suffices = True
@@ -146,7 +156,8 @@ class ModeCorrections:
                 break
             inexact = _turned(modes.select(np.flatnonzero(off > _CORRECTED * enough)), W)
             # No name here holds the factors, so that they are free before others take memory.
-            new = self.correct(wide, value, inexact, self._factor_for(basis, value, highest, worst, before, enough))
+            factor_for = partial(self._factor_for, basis, value, highest, worst, before, enough, W.shape[1])
+            new = self.correct(wide, value, inexact, factor_for())
             W = la.qr(np.hstack([_padded(W, len(wide)), new]), mode="economic", check_finite=False)[0]
             every = _turned(wide.restricted(W, lifted).modes(value, GUARDED * highest), W)
             before = worst

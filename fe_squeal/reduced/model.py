@@ -33,6 +33,7 @@ from .estimate import GUARDED, Estimate, estimated, method_of, neighbours
 from .missing import SEARCH_SOLVES, holds_all, missing_modes, search_vectors
 from .mode_corrections import ROUNDS, ModeCorrections
 from .shapes import corrected_shapes
+from .two_sided import TwoSided
 from .undamped import factorize_undamped, weighted
 from .vectors import unit_columns
 
@@ -45,6 +46,7 @@ _CANDIDATES = 5  # number of values among which the one with the largest error i
 _KEPT = 0.1  # times √tolerance: parts of unit modes outside the basis that are shorter are left out
 _FURTHER = 0.3  # times what an error may be: each time that modes are added at a value once more
 _CROWD = 0.25  # of the modes that the basis begins with: more overdamped ones are a crowd
+_BETWEEN = 3  # values whose modes the basis has: from then on modes between them follow from these
 _SUPPLEMENTS = 6  # how often the basis is extended for values that were no candidates
 
 
@@ -68,6 +70,8 @@ class ReducedModel:
     # looked for: what the basis gets until then may be a mode that they lack.
     _keeps = False
     _outside: np.ndarray | None = None  # vectors (n, ·) to look for missing modes with
+    _between: TwoSided | None = None  # for modes at values between those whose modes are known
+    _is_made = False  # once it is, modes at further values are not kept for those between
 
     def __init__(
         self, problem: Problem, parameter: str, values: Sequence[float] | np.ndarray, request: Request,
@@ -96,6 +100,8 @@ class ReducedModel:
         """
         self._values = values = np.asarray(values, float)
         self._begin(problem, parameter, float(values[np.argmin(np.abs(values))]), request, linear_solver)
+        if problem.is_damped:
+            self._between = TwoSided(request.tolerance, problem.problem_class == "quadratic")
         if swinging:
             self._refuse_overdamped((float(values[0]), float(values[-1])))
         if modal:
@@ -117,7 +123,9 @@ class ReducedModel:
         factorizations = 0
         self._added: Counter[Place] = Counter()  # how often the modes at a place were added
         self._known: dict[Place, Estimate] = {}
-        self._met: dict[Place, int] = {}  # places whose modes met the tolerance on so many vectors: they stay
+        # Places whose modes met the tolerance on so many vectors, and the modes of so many values: they stay.
+        self._met: dict[Place, tuple[int, int]] = {}
+        self._found_with: dict[Place, tuple[int, int]] = {}  # the same of all places that were looked at
         self._last: dict[Place, Modes] = {}
         self._known_with: np.ndarray | None = None  # the basis that these belong to
         collected = collect_powers(problem, parameter).at(values_at(parameter, start))
@@ -164,7 +172,7 @@ class ReducedModel:
     def _release(self) -> None:
         """Forget the factors and the vectors of the search for missing modes; no vectors are added from now on."""
         self._corrections.release()
-        self._outside = None
+        self._outside, self._is_made = None, True
         self._forget()
         self.basis.shrink()
         self._known_with = self.basis.V  # which is the same
@@ -194,7 +202,11 @@ class ReducedModel:
         model.problem = problem = problem.solved_with(model.linear_solver)
         model.parameter, model.request = parameter, request
         model._known, model._last, model._known_with, model._start = {}, {}, None, numbers["start"]
-        model._met = {place: size for place, size in numbers["met"]}
+        model._found_with, model._is_made = {}, True
+        model._met = {place: (size, count) for place, (size, count) in numbers["met"]}
+        if numbers["between"] is not None:
+            is_real = problem.problem_class == "quadratic"
+            model._between = TwoSided.restored(request.tolerance, is_real, arrays, numbers["between"])
         model._values = np.asarray(values, float)
         model._sigma, model.highest, model._without = numbers["sigma"], numbers["highest"], arrays["without"]
         made = ModeCorrections(problem, model._sigma, request.tolerance, model._start, model.linear_solver)
@@ -209,9 +221,11 @@ class ReducedModel:
     def stored(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         """Return what `restored` needs besides the problem: arrays, and numbers that JSON can hold."""
         arrays, numbers = self.basis.stored()
-        return arrays | {"without": self._without}, {
-            "basis": numbers, "sigma": self._sigma, "highest": self.highest, "factorizations": self.factorizations,
-            "solves": self.solves, "start": self._start, "met": list(self._met.items()),
+        known, between = ({}, None) if self._between is None else self._between.stored()
+        return arrays | {"without": self._without} | known, {
+            "basis": numbers, "between": between, "sigma": self._sigma, "highest": self.highest,
+            "factorizations": self.factorizations, "solves": self.solves, "start": self._start,
+            "met": list(self._met.items()),
             "definite_suffices": self._corrections.definite_suffices,
         }  # fmt: skip
 
@@ -308,13 +322,24 @@ class ReducedModel:
         """Return the modes asked for, for each how far it is from meeting the tolerance (1: just met), and |Δλ/λ|."""
         self._forget()
         if value not in self._known:
-            if value in self._met and self._met[value] < len(self.basis):  # of a model that was stored
-                smaller = self.basis.leading(self._met[value])
-                every = smaller.modes(value, GUARDED * self.highest)
-                self._known[value] = self._padded(self._estimate(value, smaller, every))
-            else:
-                self._known[value] = self._estimate(value, self.basis, self._every(value))
+            size, count = self._met.get(value, self._size())
+            basis = self.basis if size == len(self.basis) else self.basis.leading(size)  # of a model that was stored
+            modes = None
+            if self._between is not None and count >= _BETWEEN and isinstance(value, float):
+                modes = self._between.modes(basis, value, self.request, self.highest, count)
+            self._found_with[value] = size, count
+            if modes is None and basis is self.basis:
+                modes = self._every(value)
+                if not self._is_made and count >= _BETWEEN:
+                    self._keep_beside(value, modes, modes)
+            elif modes is None:
+                modes = basis.modes(value, GUARDED * self.highest)
+            self._known[value] = self._padded(self._estimate(value, basis, modes))
         return self._known[value]
+
+    def _size(self) -> tuple[int, int]:
+        """Return how many vectors the basis has, and the modes of how many values are kept beside it."""
+        return len(self.basis), 0 if self._between is None else len(self._between)
 
     def _forget(self) -> None:
         """Drop what is known of modes if the basis has changed, but for those that met the tolerance for good."""
@@ -346,7 +371,7 @@ class ReducedModel:
         """
         off = float(self._estimated(value)[1].max(initial=0.0))
         if self._keeps and off <= 1:
-            self._met.setdefault(value, len(self.basis))
+            self._met.setdefault(value, self._found_with[value])
         return off
 
     def _worst(self, off: dict[Place, float]) -> Place:
@@ -375,6 +400,8 @@ class ReducedModel:
         self._search()  # as long as there are factors of P
         if self._off(self._start) > 1:
             self._add_modes(self._start)
+        else:
+            self._keep_beside(self._start, *2 * (self._every(self._start),))
         searched = None  # the basis in which no mode was missing
         found: dict[Place, float] = dict.fromkeys(candidates, np.inf)
         for _ in range(_NODES):
@@ -428,15 +455,29 @@ class ReducedModel:
         def estimate(basis: ReducedBasis, modes: Modes) -> Estimate:
             return self._estimate(value, basis, modes)
 
+        known, before = self._every(value), len(self.basis)
         wide, every = self._corrections.corrected(
-            self.basis, value, self._every(value), self.highest, self.enough * _FURTHER**again, estimate
+            self.basis, value, known, self.highest, self.enough * _FURTHER**again, estimate
         )
         columns, least = self._kept(wide, every, again)
-        if len(wide) == len(self.basis):  # no correction lies outside the basis
+        if len(wide) == before:  # no correction lies outside the basis
+            self._keep_beside(value, known, every)
             return
-        U, s, _ = la.svd(columns[len(self.basis) :], full_matrices=False, check_finite=False)
-        if (new := s > least).any():
-            self.basis = wide.narrowed(len(self.basis), U[:, new])
+        U, s, _ = la.svd(columns[before:], full_matrices=False, check_finite=False)
+        new = U[:, s > least]
+        if new.shape[1]:
+            self.basis = wide.narrowed(before, new)
+        assert every.left is not None
+        # In coordinates of the basis as it is now, without the parts that were left out.
+        right, left = (np.vstack([x[:before], new.T @ x[before:]]) for x in (every.right, every.left))
+        self._keep_beside(value, known, replace(every, right=right, left=left))
+
+    def _keep_beside(self, value: Place, every: Modes, exact: Modes) -> None:
+        """Keep the modes at a value beside the basis, for values between: all that there are, and exact ones."""
+        if self._between is not None and isinstance(value, float):
+            exact = exact.select(np.flatnonzero(is_needed(exact)))
+            near = float(np.abs(neighbours(exact, self.request).lam).max(initial=0.0))
+            self._between.add(value, every, exact, near)
 
     def _kept(self, wide: ReducedBasis, every: Modes, again: int) -> tuple[np.ndarray, float]:
         """Return what is kept of the modes at a value: columns of coordinates, and which parts of them are left out.

@@ -1,0 +1,310 @@
+"""Modes of a damped projection between values at which they are known, from a smaller projection with two sides.
+
+LAPACK finds all modes of a projection of r vectors, several times as many as are asked for, and with damping of
+matrices twice as large. Right modes between two values lie nearly in the span of those at a few values, left ones in
+that of left ones. Each of these spans has fewer directions than the basis, which has both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg as la
+
+from ..eigen.blocks import lift
+from ..eigen.pencil import FreeMotions, Modes, Pencil
+from ..eigen.quality import modes_from_lambda, modes_from_theta
+from ..eigen.request import Request
+from .estimate import GUARDED, ILL
+from .projection import Projection
+from .vectors import real_columns
+
+_CUT = 3.0  # times √tolerance: directions of the spans of unit modes that are shorter are left out
+_ABOVE = 0.01  # length of modes above the neighbours of those asked for, which need not be spanned as closely
+_PAYS = 0.7  # of the vectors of the basis: with more in a span LAPACK on all of the basis costs no more
+_MORE = 4  # modes above those asked for
+_LIMIT = 1.05  # times the highest frequency asked for: up to there modes are above those asked for
+_ROUNDS = 6  # of corrections; each takes a digit or so off the residuals
+_ENOUGH = 1e-3  # times the tolerance: errors against the basis that are smaller add nothing to those of the basis
+_TWINS, _ALIKE = 1e-6, 1e-3  # of |λ|, and of the likeness of shapes: nearer ones may be one mode, found twice
+_NEARLY = 100  # times that: modes above those asked for whose errors are larger are left out
+# θ = −λ² at which corrections are solved for, in squares of the highest frequency of the basis: within the band, and
+# off the axis on the side of growth, where no mode is so near that its share in a residual would be blown up. Each mode
+# takes the nearest one: what others do to it falls with its distance to that.
+_SHIFTS = np.array([0.05 - 0.05j, 0.2 - 0.15j, 0.6 - 0.4j])
+# If no mode is missing, the i-th one is faster by so much of |λ| than the nodes tell, or not all from some mode on are,
+# but a part of them.
+_RISES, _ALL_BUT = 5e-3, 2 / 3
+Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # λ (k,), right and left vectors (r, k)
+_NAMES = "node_right", "node_left", "node_sizes"  # of what is stored of each node
+
+
+@dataclass(frozen=True)
+class _Node:
+    """What is known at a value: columns (r, ·) that span right and left modes, and the rising |λ| of all modes."""
+
+    value: float
+    right: np.ndarray
+    left: np.ndarray
+    sizes: np.ndarray
+
+
+class TwoSided:
+    """Right and left modes of a growing basis at some values, and what follows for values between these.
+
+    With columns U that span the right modes and W the left ones, WᴴQ(λ)U has the modes between in which each eigenvalue
+    is off by the product of the errors of its vectors. These are then corrected with factors of the projected Q(s) at
+    one complex s: φ − Q(s)⁻¹Q(λ)φ, and the left ones likewise, until the product of the two residuals shows that λ is
+    that of the projection within a part of the tolerance. (Two-sided Galerkin projection: Benner, Gugercin, Willcox,
+    SIAM Rev. 57, 2015.)
+
+    Parameters
+    ----------
+    tolerance : float
+        Of eigenvalues, relative.
+    is_real : bool
+        Whether the matrices are real, so that the spans are.
+    """
+
+    def __init__(self, tolerance: float, is_real: bool) -> None:
+        self._tolerance, self._is_real = tolerance, is_real
+        self._nodes: list[_Node] = []
+        self._spans: tuple[int, np.ndarray, np.ndarray] | None = None  # of so many nodes
+        self._usable = True  # all modes swing
+
+    def __len__(self) -> int:
+        return len(self._nodes)
+
+    def add(self, value: float, every: Modes, exact: Modes, near: float) -> None:
+        """Take over the modes at a value, in coordinates of the basis as it is now.
+
+        Parameters
+        ----------
+        every : Modes
+            All up to the highest frequency that is looked at.
+        exact : Modes
+            The same as vectors that are exact, but for those that decay without swinging.
+        near : float, rad/s
+            Up to this |λ| they are asked for, or neighbours of such modes.
+        """
+        assert exact.left is not None
+        self._usable &= bool(_swing(every.lam).all())
+        weights = np.where(np.abs(exact.lam) <= near, 1.0, _ABOVE)
+        right, left = (self._columns(x, weights) for x in (exact.right, exact.left))
+        self._nodes.append(_Node(value, right, left, np.sort(np.abs(every.lam))))
+
+    def _columns(self, x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Return modes (r, k) of given lengths, real parts and imaginary ones apart if the matrices are real."""
+        length = np.linalg.norm(x, axis=0)
+        known = length > 0  # left modes of a defective eigenvalue may be zero
+        scaled = x[:, known] * (weights[known] / length[known])
+        return real_columns(scaled) if self._is_real else scaled
+
+    @classmethod
+    def restored(
+        cls, tolerance: float, is_real: bool, arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any]
+    ) -> TwoSided:
+        """Return what `stored` gave: arrays (r, ·) and (k,) of each node, and numbers."""
+        found = cls(tolerance, is_real)
+        found._usable = numbers["usable"]
+        for i, value in enumerate(numbers["values"]):
+            found._nodes.append(_Node(value, *(arrays[f"{name}_{i}"] for name in _NAMES)))
+        return found
+
+    def stored(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Return what `restored` needs: arrays, and numbers that JSON can hold."""
+        parts = ((n.right, n.left, n.sizes) for n in self._nodes)
+        arrays = {f"{name}_{i}": a for i, part in enumerate(parts) for name, a in zip(_NAMES, part, strict=True)}
+        return arrays, {"usable": self._usable, "values": [n.value for n in self._nodes]}
+
+    def modes(
+        self, basis: Projection, value: float, request: Request, highest: float, count: int | None = None
+    ) -> Modes | None:
+        """Return the modes asked for at a value and maybe a few above, in coordinates of a basis; None if not sure.
+
+        Parameters
+        ----------
+        basis : Projection
+            With damping, or complex; its first vectors are those that the nodes were found on.
+        highest : float, rad/s
+            Up to `GUARDED` times this the modes at the nodes are known.
+        count : int, optional
+            How many nodes count, the first ones; all of them.
+        """
+        nodes = self._nodes[:count]
+        around = _around(nodes, value)
+        if not self._usable or around is None or basis.has_slow or basis.free_motions(value).motions.shape[1]:
+            return None
+        sides = self._sides(nodes)
+        if sides[0].shape[1] > _PAYS * len(basis):
+            return None
+        M, C, K, symmetric = basis.matrices(value)
+        U, W = (np.pad(x, ((0, len(M) - len(x)), (0, 0))) for x in sides)
+        quadratic = _Quadratic(M, C, K, highest)
+        try:
+            lam, right, left = quadratic.projected(U, W)
+        except la.LinAlgError:
+            return None
+        asked = _asked(lam, request)
+        if asked is None or not _swing(lam).all() or _is_missing(lam, asked[0], around):
+            return None
+        kept = slice(asked[1])
+        pairs = quadratic.corrected(lam[kept], right[:, kept], left[:, kept], asked[0], _ENOUGH * self._tolerance)
+        if pairs is None:
+            return None
+        pencil = Pencil(M, K, C, symmetric, None, FreeMotions.none(len(M)))
+        modes_from = modes_from_theta if C is None else modes_from_lambda
+        values = -(pairs[0] ** 2) if C is None else pairs[0]
+        modes = modes_from(pencil, values, pairs[1], pairs[2], "two-sided projection", second_order=True)
+        return modes if _swing(modes.lam).all() and not _has_twins(*pairs[:2]) else None
+
+    def _sides(self, nodes: Sequence[_Node]) -> tuple[np.ndarray, np.ndarray]:
+        """Return orthonormal columns that span the right modes at the nodes, and as many that span the left ones."""
+        if self._spans is None or self._spans[0] != len(nodes):
+            rows = max(len(n.right) for n in nodes)
+            found = []
+            for side in ([n.right for n in nodes], [n.left for n in nodes]):
+                columns = np.hstack([np.pad(x, ((0, rows - len(x)), (0, 0))) for x in side])
+                U, s, _ = la.svd(columns, full_matrices=False, check_finite=False)
+                found.append((U, int(np.count_nonzero(s > _CUT * self._tolerance**0.5))))
+            (U, m), (W, n) = found
+            size = max(m, n)
+            self._spans = len(nodes), _filled(U[:, :m], W, size), _filled(W[:, :n], U, size)
+        return self._spans[1:]
+
+
+@dataclass(frozen=True)
+class _Quadratic:
+    """Q(λ) = λ²M + λC + K, all (r, r), C None where nothing depends on velocity; `highest` is in rad/s."""
+
+    M: np.ndarray
+    C: np.ndarray | None
+    K: np.ndarray
+    highest: float
+
+    def projected(self, U: np.ndarray, W: np.ndarray) -> Pairs:
+        """Return λ up to `GUARDED` times `highest`, by rising frequency, and the modes in the spans of U and W (r, m).
+
+        Raises
+        ------
+        LinAlgError
+            WᴴMU is singular.
+        """
+        h, adjoint = self.highest, W.conj().T
+        mass = h**2 * (adjoint @ (self.M @ U))  # eigenvalues in multiples of h
+        K = la.solve(mass, adjoint @ (self.K @ U))
+        if self.C is None:
+            theta, y, x = la.eig(K, left=True, right=True)
+            lam = 1j * np.sqrt(theta.astype(complex))
+        else:
+            C = la.solve(mass, h * (adjoint @ (self.C @ U)))
+            m = len(K)
+            A = np.block([[np.zeros((m, m)), np.eye(m)], [-K, -C]])
+            lam, y, x = la.eig(A, left=True, right=True)
+            x, y = x[:m], y[m:]
+        at = np.flatnonzero((np.abs(lam) <= GUARDED) & (lam.imag >= 0))
+        at = at[np.argsort(lam.imag[at], kind="stable")]
+        return h * lam[at], U @ x[:, at], W @ la.solve(mass.conj().T, y[:, at])
+
+    def corrected(
+        self, lam: np.ndarray, right: np.ndarray, left: np.ndarray, wanted: int, enough: float
+    ) -> Pairs | None:  # fmt: skip
+        """Return modes corrected until the relative error of the first λ of them is small enough; None if it stays.
+
+        Of the others those are returned that are as exact by then, or nearly.
+
+        Each λ is the root of ψᴴQ(λ)φ near it, and off by less than ‖Q(λ)ᴴψ‖‖Q(λ)φ‖/|ψᴴQ'(λ)φ| in the norm of
+        coordinates, see `ReducedBasis`. As there, modes near a double eigenvalue are known less well.
+        """
+        nearest = np.abs(-((lam[:, None] / self.highest) ** 2) - _SHIFTS).argmin(axis=1)
+        factors = [(np.flatnonzero(nearest == i), self._factor(i)) for i in np.unique(nearest)]
+        x, y, worst = right, left, np.inf
+        for _ in range(_ROUNDS):
+            x, y = x / np.linalg.norm(x, axis=0), y / np.linalg.norm(y, axis=0)
+            Mx, Kx = lift(self.M, x), lift(self.K, x)
+            Cx = np.zeros_like(Mx) if self.C is None else lift(self.C, x)
+            for _ in range(2):  # steps of Newton's method
+                slope = np.einsum("ij,ij->j", y.conj(), 2 * lam * Mx + Cx)
+                lam = lam - np.einsum("ij,ij->j", y.conj(), lam**2 * Mx + lam * Cx + Kx) / slope
+            rho, eta = lam**2 * Mx + lam * Cx + Kx, self._adjoint(lam, y)
+            scale = 1 / np.maximum(np.abs(slope * lam), np.finfo(float).tiny)
+            # Both residuals are to be small, not their product alone: they are added to what lies outside the basis.
+            size = np.maximum(np.linalg.norm(rho, axis=0), np.linalg.norm(eta, axis=0))
+            error = size**2 * scale / np.maximum(scale / ILL, 1.0)
+            before, worst = worst, float(error[:wanted].max(initial=0.0))
+            if worst <= enough:
+                known = np.flatnonzero((error <= _NEARLY * enough) | (np.arange(len(lam)) < wanted))
+                return lam[known], x[:, known], y[:, known]
+            if not worst < before:  # also where it is not a number
+                return None
+            for at, lu in factors:
+                x[:, at] -= la.lu_solve(lu, rho[:, at], check_finite=False)
+                y[:, at] -= la.lu_solve(lu, eta[:, at], trans=2, check_finite=False)
+        return None
+
+    def _factor(self, i: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the factors of Q at one of the shifts."""
+        s = self.highest * np.sqrt(-_SHIFTS[i])
+        Q = s**2 * self.M + self.K
+        return la.lu_factor(Q if self.C is None else Q + s * self.C, check_finite=False)
+
+    def _adjoint(self, lam: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return Q(λ)ᴴψ."""
+        conjugate = lam.conj()
+        eta = conjugate**2 * lift(self.M.T, y) + lift(self.K.conj().T, y)
+        return eta if self.C is None else eta + conjugate * lift(self.C.conj().T, y)
+
+
+def _swing(lam: np.ndarray) -> np.ndarray:
+    return np.asarray(np.abs(lam.real) < lam.imag)
+
+
+def _around(nodes: Sequence[_Node], value: float) -> tuple[_Node, _Node] | None:
+    """Return the nearest nodes on both sides of a value, which may be that of a node; None outside all of them."""
+    below, above = [n for n in nodes if n.value <= value], [n for n in nodes if n.value >= value]
+    if not below or not above:
+        return None
+    return max(below, key=lambda n: n.value), min(above, key=lambda n: n.value)
+
+
+def _asked(lam: np.ndarray, request: Request) -> tuple[int, int] | None:
+    """Return how many of the λ, by rising frequency, are asked for, and how many are kept; None if they are fewer."""
+    if request.max_frequency_hz is not None:
+        limit = 2 * np.pi * request.max_frequency_hz
+        return int(np.count_nonzero(lam.imag <= limit)), int(np.count_nonzero(lam.imag <= _LIMIT * limit))
+    assert request.count is not None
+    return (request.count, request.count + _MORE) if len(lam) >= request.count else None
+
+
+def _is_missing(lam: np.ndarray, wanted: int, around: tuple[_Node, _Node]) -> bool:
+    """Return whether a mode may be missing: then all those above it take the place of one below them.
+
+    Then the i-th smallest |λ| are larger than at the values on both sides by more than these differ, from one on and
+    but for those that are close together. Without, single ones may be, which rise and fall in between.
+    """
+    sizes = np.sort(np.abs(lam))[:wanted]
+    if any(len(n.sizes) < len(sizes) for n in around):
+        return True
+    a, b = (n.sizes[: len(sizes)] for n in around)
+    above = sizes > np.maximum(a, b) * (1 + _RISES) + np.abs(a - b)
+    first = int(np.argmax(above))
+    return bool(above[first:].mean() > 1 - _ALL_BUT) if above.any() else False
+
+
+def _has_twins(lam: np.ndarray, right: np.ndarray) -> bool:
+    """Return whether two of the modes (r, k), of unit length, may be one that was found twice."""
+    near = np.abs(lam[:, None] - lam[None, :]) <= _TWINS * np.abs(lam)
+    alike = np.abs(right.conj().T @ right) > 1 - _ALIKE
+    return bool(np.triu(near & alike, 1).any())
+
+
+def _filled(U: np.ndarray, others: np.ndarray, size: int) -> np.ndarray:
+    """Return orthonormal columns U (r, m) with as many directions of others (r, ·) as make them `size` columns."""
+    if U.shape[1] == size:
+        return U
+    outside = others[:, :size] - U @ (U.conj().T @ others[:, :size])
+    more = la.svd(outside, full_matrices=False, check_finite=False)[0]
+    return np.hstack([U, more[:, : size - U.shape[1]]])
