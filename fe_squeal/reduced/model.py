@@ -306,7 +306,7 @@ class ReducedModel:
         right, left : (r,) float or complex
             The right and left vector there, in the coordinates of the reduced model.
         """
-        return self.basis.root_error(value, 1j * np.sqrt(theta), right, left, self.highest)
+        return self.basis.root_error(value, 1j * np.sqrt(theta + 0j), right, left, self.highest)
 
     @cached_property
     def middle(self) -> Factor:

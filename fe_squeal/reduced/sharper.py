@@ -57,4 +57,4 @@ class SharperModel:
 
     def root_error(self, value: float, theta: float, right: np.ndarray, left: np.ndarray) -> tuple[float, float]:
         """Return how far a critical value may be off for vectors (r,), see `ReducedModel.root_error`."""
-        return self._basis.root_error(value, 1j * np.sqrt(theta), right, left, self._model.highest)
+        return self._basis.root_error(value, 1j * np.sqrt(theta + 0j), right, left, self._model.highest)

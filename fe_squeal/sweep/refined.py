@@ -156,6 +156,8 @@ class Refiner:
         """
         if change.kind == "meeting" and not self._theta:
             raise NotConvergedError("two λ that meet on the imaginary axis: left to bisection")
+        if change.kind in ("parting", "zero") and self.step.problem.problem_class == "complex":
+            raise NotConvergedError("a real λ of complex matrices: left to bisection")
         near = 0.5 * (change.low + change.high)
         newton = self._newton(change)
         step, slack = self.step, FINEST * self._width

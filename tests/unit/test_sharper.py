@@ -72,3 +72,15 @@ def test_a_model_that_was_stored_is_sharpened_alike():
         sharper.correct(0.45, float(modes.lam[0].imag ** 2), right, left, each.middle)
         errors.append(sharper.root_error(0.45, 1.0, sharper.padded(right), sharper.padded(left)))
     assert errors[0] == pytest.approx(errors[1], rel=1e-9)
+
+
+def test_the_error_of_a_root_at_rest():
+    """Divergence begins at λ = 0, which rounding puts on either side: both give the error of zero, and no NaN."""
+    model = ReducedModel(chain(*CLASSES["quadratic"]), "mu", VALUES, Request(count=MODES, tolerance=1e-3))
+    modes = model.modes(0.45)
+    right, left = modes.right[:, 0].real, modes.left[:, 0].real
+    for each in (model, SharperModel(model)):
+        at_rest, *beside = (each.root_error(0.45, theta, right, left) for theta in (0.0, 1e-20, -1e-20))
+        assert min(at_rest) > 0
+        for found in beside:
+            assert found == pytest.approx(at_rest, rel=1e-6)
