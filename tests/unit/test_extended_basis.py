@@ -32,7 +32,8 @@ def inside(basis, X):
 def terms_are_projected(basis):
     for term, A in zip(basis.problem.terms, basis._projected, strict=True):
         exact = basis.V.T @ (term.matrix @ basis.V)
-        np.testing.assert_allclose(A, exact, atol=1e-12 * max(np.abs(exact).max(), 1.0))
+        # Rounding of a few hundred terms in each sum; 1.3e-12 was seen with fused products.
+        np.testing.assert_allclose(A, exact, atol=1e-11 * max(np.abs(exact).max(), 1.0))
 
 
 def test_coordinates_span_what_was_added(model):
