@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import scipy.linalg as la
@@ -28,10 +27,11 @@ _MIDDLE = 0.6  # times the square of the highest frequency of the basis: ω² at
 _FINE = 0.01  # times √tolerance and the largest singular value: directions of modes with a smaller one are left out
 _SHORT = 1e-4  # times √tolerance and the length of a mode: shorter corrections are left out
 _FAST = 0.1  # of an error: what factors of P have to make of it, or those of Q(iω) take their place for good
-# The same where factors of Q(iω) take fewer operations than some projections on the corrections, of which they spare
-# about as many: _SPARSE n² for a solid of n unknowns (of real entries; measured with 5 000 and 21 000), _DENSE m³ for
-# all eigenvalues and vectors of a matrix of m rows.
-_FASTER, _SPARED, _SPARSE, _DENSE = 0.01, 2, 60.0, 25.0
+# The same where factors of Q(iω) take less time than two projections on the corrections, of which they spare about as
+# many. In operations of LAPACK: _DENSE m³ for all eigenvalues and vectors of m rows, and _SPARSE n^1.5 for factors,
+# measured with PARDISO on a brake of quadratic solids with 5 274 and with 29 970 unknowns (8 600 and 6 900, real ones
+# 6 000 and 4 500). Of more unknowns they take more, and are not taken sooner.
+_FASTER, _SPARED, _SPARSE, _DENSE = 0.01, 2, 8000.0, 25.0
 _FEW = 2  # corrections that cost no more than other factors
 _BORROWED = 0.03  # of an error: what factors of another value have to make of it, or those of the value itself are made
 _MOST = 2**26  # bytes of the residuals of modes that are solved for at once, of real ones on one side
@@ -110,10 +110,9 @@ class ModeCorrections:
         vectors that modes are projected on.
         """
         ratio = worst / before
-        number = 4 if self._is_damped else 1  # operations with complex numbers; with damping Q(iω) has these
-        order = 2 * size if self._is_damped else size
-        spared = _SPARED * _DENSE * order**3
-        fast = _FASTER if number * _SPARSE * float(basis.problem.unknowns) ** 2 < spared else _FAST
+        rows = 2 * size if self._is_damped else size
+        is_cheap = _SPARSE * basis.problem.unknowns**1.5 < _SPARED * _DENSE * rows**3
+        fast = _FASTER if is_cheap else _FAST
         if self.definite is not None and ratio > fast and worst * ratio**_FEW > enough:
             self.definite, self.definite_suffices = None, False  # before others take memory
         if self.definite is not None:
@@ -156,8 +155,9 @@ class ModeCorrections:
                 break
             inexact = _turned(modes.select(np.flatnonzero(off > _CORRECTED * enough)), W)
             # No name here holds the factors, so that they are free before others take memory.
-            factor_for = partial(self._factor_for, basis, value, highest, worst, before, enough, W.shape[1])
-            new = self.correct(wide, value, inexact, factor_for())
+            new = self.correct(
+                wide, value, inexact, self._factor_for(basis, value, highest, worst, before, enough, W.shape[1])
+            )
             W = la.qr(np.hstack([_padded(W, len(wide)), new]), mode="economic", check_finite=False)[0]
             every = _turned(wide.restricted(W, lifted).modes(value, GUARDED * highest), W)
             before = worst

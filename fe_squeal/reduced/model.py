@@ -401,7 +401,8 @@ class ReducedModel:
         if self._off(self._start) > 1:
             self._add_modes(self._start)
         else:
-            self._keep_beside(self._start, *2 * (self._every(self._start),))
+            every = self._every(self._start)
+            self._keep_beside(self._start, every, every)
         searched = None  # the basis in which no mode was missing
         found: dict[Place, float] = dict.fromkeys(candidates, np.inf)
         for _ in range(_NODES):

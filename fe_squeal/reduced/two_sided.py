@@ -35,9 +35,9 @@ _NEARLY = 100  # times that: modes above those asked for whose errors are larger
 # off the axis on the side of growth, where no mode is so near that its share in a residual would be blown up. Each mode
 # takes the nearest one: what others do to it falls with its distance to that.
 _SHIFTS = np.array([0.05 - 0.05j, 0.2 - 0.15j, 0.6 - 0.4j])
-# If no mode is missing, the i-th one is faster by so much of |λ| than the nodes tell, or not all from some mode on are,
-# but a part of them.
-_RISES, _ALL_BUT = 5e-3, 2 / 3
+# A mode may be missing if, from some mode on, more than a third of the |λ| are larger by this part than at the nodes on
+# both sides.
+_RISES, _MANY = 5e-3, 1 / 3
 Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # λ (k,), right and left vectors (r, k)
 _NAMES = "node_right", "node_left", "node_sizes"  # of what is stored of each node
 
@@ -280,10 +280,11 @@ def _asked(lam: np.ndarray, request: Request) -> tuple[int, int] | None:
 
 
 def _is_missing(lam: np.ndarray, wanted: int, around: tuple[_Node, _Node]) -> bool:
-    """Return whether a mode may be missing: then all those above it take the place of one below them.
+    """Return whether a mode may be missing.
 
-    Then the i-th smallest |λ| are larger than at the values on both sides by more than these differ, from one on and
-    but for those that are close together. Without, single ones may be, which rise and fall in between.
+    Every mode above it then has the number of the one below, so that the i-th smallest |λ| is larger than at the nodes
+    on both sides by more than these differ, unless two modes are close together. If none is missing, this happens to
+    single modes whose frequency rises and falls between the nodes.
     """
     sizes = np.sort(np.abs(lam))[:wanted]
     if any(len(n.sizes) < len(sizes) for n in around):
@@ -291,7 +292,7 @@ def _is_missing(lam: np.ndarray, wanted: int, around: tuple[_Node, _Node]) -> bo
     a, b = (n.sizes[: len(sizes)] for n in around)
     above = sizes > np.maximum(a, b) * (1 + _RISES) + np.abs(a - b)
     first = int(np.argmax(above))
-    return bool(above[first:].mean() > 1 - _ALL_BUT) if above.any() else False
+    return bool(above[first:].mean() > _MANY) if above.any() else False
 
 
 def _has_twins(lam: np.ndarray, right: np.ndarray) -> bool:
