@@ -13,7 +13,7 @@ from fe_squeal.eigen.pencil import FreeMotions
 from fe_squeal.eigen.request import Request, is_needed
 from fe_squeal.reduced import ReducedModel
 from fe_squeal.reduced.estimate import GUARDED, neighbours
-from fe_squeal.reduced.two_sided import TwoSided
+from fe_squeal.reduced.two_sided import TwoSided, _is_missing, _Node
 
 TOLERANCE, SIZE = 1e-8, 140
 REQUEST = Request(count=12, tolerance=TOLERANCE)
@@ -91,11 +91,25 @@ def test_a_mode_that_is_missing_is_noticed(kind, without):
     """Nothing is returned where the vectors that are known lack a mode, wherever it is."""
     whole = Whole(chain(*CLASSES[kind], n=SIZE))
     known, highest = known_at(whole, NODES, without)
+    assert known_at(whole, NODES)[0].modes(whole, BETWEEN[0], REQUEST, highest) is not None
     for value in BETWEEN:
         modes = known.modes(whole, value, REQUEST, highest)
         if modes is not None:  # it was found all the same, by the share that other modes have in it
             exact = whole.modes(value, GUARDED * highest).lam[: REQUEST.count]
             assert (np.abs(modes.lam[: REQUEST.count] - exact) <= 1e-2 * TOLERANCE * np.abs(exact)).all()
+
+
+def test_a_count_that_is_one_short_is_noticed():
+    """Of |λ| between two nodes: whichever is left out, but not where one mode alone rises and falls between them."""
+    sizes = np.cumsum(np.random.default_rng(8).uniform(0.02, 0.1, 40)) + 1.0
+    none = np.zeros((0, 0))
+    around = _Node(0.0, none, none, sizes), _Node(1.0, none, none, 1.002 * sizes)
+    middle = 1.001 * sizes
+    assert not _is_missing(1j * middle, 30, around)
+    bump = middle + 0.015 * middle * (np.arange(40) == 12)
+    assert not _is_missing(1j * bump, 30, around)
+    for left_out in range(30):
+        assert _is_missing(1j * np.delete(middle, left_out), 30, around)
 
 
 def test_nothing_is_told_beyond_what_is_known():
