@@ -20,8 +20,10 @@ from ..eigen.quality import modes_from_lambda, modes_from_theta
 from ..eigen.request import Request
 from .estimate import GUARDED, ILL
 from .projection import Projection
-from .vectors import real_columns
+from .vectors import of_length, real_columns
 
+# These numbers were chosen with three models of benchmarks/gallery in sight (Rayleigh, loss, rotating): they decide how
+# often LAPACK has to solve after all, not how exact the modes are.
 _CUT = 3.0  # times √tolerance: directions of the spans of unit modes that are shorter are left out
 _ABOVE = 0.01  # length of modes above the neighbours of those asked for, which need not be spanned as closely
 _PAYS = 0.7  # of the vectors of the basis: with more in a span LAPACK on all of the basis costs no more
@@ -92,16 +94,11 @@ class TwoSided:
         """
         assert exact.left is not None
         self._usable &= bool(_swing(every.lam).all())
-        weights = np.where(np.abs(exact.lam) <= near, 1.0, _ABOVE)
-        right, left = (self._columns(x, weights) for x in (exact.right, exact.left))
+        lengths = np.where(np.abs(exact.lam) <= near, 1.0, _ABOVE)
+        right, left = (of_length(x, lengths) for x in (exact.right, exact.left))
+        if self._is_real:
+            right, left = real_columns(right), real_columns(left)
         self._nodes.append(_Node(value, right, left, np.sort(np.abs(every.lam))))
-
-    def _columns(self, x: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Return modes (r, k) of given lengths, real parts and imaginary ones apart if the matrices are real."""
-        length = np.linalg.norm(x, axis=0)
-        known = length > 0  # left modes of a defective eigenvalue may be zero
-        scaled = x[:, known] * (weights[known] / length[known])
-        return real_columns(scaled) if self._is_real else scaled
 
     @classmethod
     def restored(

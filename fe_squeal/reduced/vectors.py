@@ -67,16 +67,18 @@ def interior_nodes(low: float, high: float, count: int) -> np.ndarray:
     return np.asarray((low + high - (high - low) * wave) / 2)
 
 
+def of_length(x: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Return modes (n, k) scaled to lengths (k,), without zero ones, as left modes of a defective λ = 0 are."""
+    length = np.linalg.norm(x, axis=0)
+    return np.asarray(x[:, length > 0] * (lengths[length > 0] / length[length > 0]))
+
+
 def unit_columns(right: np.ndarray, left: np.ndarray) -> np.ndarray:
     """Return the real and imaginary parts of right and left modes, both (n, k), each mode of unit length.
 
-    Left modes that are zero, as those of a defective λ = 0 are, are left out.
+    Left modes that are zero are left out.
     """
-    found = []
-    for x in (right, left):
-        length = np.linalg.norm(x, axis=0)
-        found.append(real_columns(x[:, length > 0] / length[length > 0]))
-    return np.hstack(found)
+    return np.hstack([real_columns(of_length(x, np.ones(x.shape[1]))) for x in (right, left)])
 
 
 def range_of(columns: np.ndarray, least: float, exact: np.ndarray) -> np.ndarray:
