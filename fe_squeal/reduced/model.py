@@ -29,11 +29,11 @@ from ..problem.forms import collect_powers
 from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from .basis import ReducedBasis
-from .estimate import GUARDED, Estimate, estimated, method_of, neighbours
+from .estimate import Estimate, neighbours
 from .missing import SEARCH_SOLVES, holds_all, missing_modes, search_vectors
 from .mode_corrections import ROUNDS, ModeCorrections
+from .places import ModesAtPlaces
 from .shapes import corrected_shapes
-from .two_sided import TwoSided
 from .undamped import factorize_undamped, weighted
 from .vectors import unit_columns
 
@@ -46,11 +46,10 @@ _CANDIDATES = 5  # number of values among which the one with the largest error i
 _KEPT = 0.1  # times √tolerance: parts of unit modes outside the basis that are shorter are left out
 _FURTHER = 0.3  # times what an error may be: each time that modes are added at a value once more
 _CROWD = 0.25  # of the modes that the basis begins with: more overdamped ones are a crowd
-_BETWEEN = 3  # values whose modes the basis has: from then on modes between them follow from these
 _SUPPLEMENTS = 6  # how often the basis is extended for values that were no candidates
 
 
-class ReducedModel:
+class ReducedModel(ModesAtPlaces):
     """The projection of a problem on right and left modes at a few values of a parameter.
 
     Attributes
@@ -66,12 +65,7 @@ class ReducedModel:
     """
 
     enough = 1.0
-    # Whether modes that meet the tolerance stay what they are when the basis grows. Not before missing modes were
-    # looked for: what the basis gets until then may be a mode that they lack.
-    _keeps = False
     _outside: np.ndarray | None = None  # vectors (n, ·) to look for missing modes with
-    _between: TwoSided | None = None  # for modes at values between those whose modes are known
-    _is_made = False  # once it is, modes at further values are not kept for those between
 
     def __init__(
         self, problem: Problem, parameter: str, values: Sequence[float] | np.ndarray, request: Request,
@@ -100,8 +94,6 @@ class ReducedModel:
         """
         self._values = values = np.asarray(values, float)
         self._begin(problem, parameter, float(values[np.argmin(np.abs(values))]), request, linear_solver)
-        if problem.is_damped:
-            self._between = TwoSided(request.tolerance, problem.problem_class == "quadratic")
         if swinging:
             self._refuse_overdamped((float(values[0]), float(values[-1])))
         if modal:
@@ -122,12 +114,7 @@ class ReducedModel:
         self.parameter, self.request, self._start = parameter, request, start
         factorizations = 0
         self._added: Counter[Place] = Counter()  # how often the modes at a place were added
-        self._known: dict[Place, Estimate] = {}
-        # Places whose modes met the tolerance on so many vectors, and the modes of so many values: they stay.
-        self._met: dict[Place, tuple[int, int]] = {}
-        self._found_with: dict[Place, tuple[int, int]] = {}  # the same of all places that were looked at
-        self._last: dict[Place, Modes] = {}
-        self._known_with: np.ndarray | None = None  # the basis that these belong to
+        self._know_nothing(problem, isinstance(parameter, str))
         collected = collect_powers(problem, parameter).at(values_at(parameter, start))
         self._put_terms_aside(collected)
         limit = request.max_frequency_hz
@@ -201,12 +188,12 @@ class ReducedModel:
         model.linear_solver = choose(linear_solver)
         model.problem = problem = problem.solved_with(model.linear_solver)
         model.parameter, model.request = parameter, request
-        model._known, model._last, model._known_with, model._start = {}, {}, None, numbers["start"]
-        model._found_with, model._is_made = {}, True
+        model._start, model._is_made = numbers["start"], True
+        model._know_nothing(problem, True)
         model._met = {place: (size, count) for place, (size, count) in numbers["met"]}
-        if numbers["between"] is not None:
-            is_real = problem.problem_class == "quadratic"
-            model._between = TwoSided.restored(request.tolerance, is_real, arrays, numbers["between"])
+        between = numbers["between"]
+        if model._between is not None:
+            model._between = model._between.restored(arrays, between)
         model._values = np.asarray(values, float)
         model._sigma, model.highest, model._without = numbers["sigma"], numbers["highest"], arrays["without"]
         made = ModeCorrections(problem, model._sigma, request.tolerance, model._start, model.linear_solver)
@@ -318,78 +305,6 @@ class ReducedModel:
             return self._corrections.factorize_undamped(self.basis, self.highest)
         return self.factorize(float(self._values[len(self._values) // 2]))
 
-    def _estimated(self, value: Place) -> Estimate:
-        """Return the modes asked for, for each how far it is from meeting the tolerance (1: just met), and |Δλ/λ|."""
-        self._forget()
-        if value not in self._known:
-            size, count = self._met.get(value, self._size())
-            basis = self.basis if size == len(self.basis) else self.basis.leading(size)  # of a model that was stored
-            modes = None
-            if self._between is not None and count >= _BETWEEN and isinstance(value, float):
-                modes = self._between.modes(basis, value, self.request, self.highest, count)
-            self._found_with[value] = size, count
-            if modes is None and basis is self.basis:
-                modes = self._every(value)
-                if not self._is_made and count >= _BETWEEN:
-                    self._keep_beside(value, modes, modes)
-            elif modes is None:
-                modes = basis.modes(value, GUARDED * self.highest)
-            self._known[value] = self._padded(self._estimate(value, basis, modes))
-        return self._known[value]
-
-    def _size(self) -> tuple[int, int]:
-        """Return how many vectors the basis has, and the modes of how many values are kept beside it."""
-        return len(self.basis), 0 if self._between is None else len(self._between)
-
-    def _forget(self) -> None:
-        """Drop what is known of modes if the basis has changed, but for those that met the tolerance for good."""
-        if self._known_with is not self.basis.V:
-            self._known = {p: self._padded(e) for p, e in self._known.items() if p in self._met}
-            self._last, self._known_with = {}, self.basis.V
-
-    def _padded(self, estimate: Estimate) -> Estimate:
-        """Return modes of the first vectors of the basis in the coordinates of all vectors."""
-        modes, off, relative = estimate
-        assert modes.left is not None
-        more = ((0, len(self.basis) - len(modes.right)), (0, 0))
-        right, left = np.pad(modes.right, more), np.pad(modes.left, more)
-        return replace(modes, right=right, left=left, method=method_of(self.basis)), off, relative
-
-    def _every(self, value: Place) -> Modes:
-        """Return the modes at a value up to above the highest frequency of the basis; the last few are kept."""
-        self._forget()
-        if value not in self._last:
-            for place in list(self._last)[: 1 - _CANDIDATES]:
-                del self._last[place]
-            self._last[value] = self.basis.modes(value, GUARDED * self.highest)
-        return self._last[value]
-
-    def _off(self, value: Place) -> float:
-        """Return how far the worst mode at a value is from meeting the tolerance: 1 where it just does.
-
-        Modes that meet it may stay what they are when the basis grows, which would change them by less than that.
-        """
-        off = float(self._estimated(value)[1].max(initial=0.0))
-        if self._keeps and off <= 1:
-            self._met.setdefault(value, self._found_with[value])
-        return off
-
-    def _worst(self, off: dict[Place, float]) -> Place:
-        """Return the place that misses the tolerance most.
-
-        Errors fall as the basis grows, so that an earlier error bounds one that was not estimated anew.
-        """
-        fresh: set[Place] = set()
-        while True:
-            worst = max(off, key=lambda p: off[p])
-            if worst in fresh:
-                return worst
-            off[worst] = self._off(worst)
-            fresh.add(worst)
-
-    def _estimate(self, value: Place, basis: ReducedBasis, every: Modes) -> Estimate:
-        return estimated(basis, value, every, self.request, self.highest)
-
     def _grow(self, values: np.ndarray) -> None:
         """Add the modes at a few values, each the worst of the candidates, until all meet the tolerance there.
 
@@ -416,7 +331,7 @@ class ReducedModel:
                 self._add_modes(worst)
             if searched is None or found[worst] <= 1:
                 if self._add_missing([candidates[0], candidates[-1]]):
-                    self._met.clear()
+                    self._know_less()
                     found = dict.fromkeys(found, np.inf)
                 searched, self._keeps = self.basis.V, True
         raise self._misses(worst, found[worst])
@@ -472,13 +387,6 @@ class ReducedModel:
         # In coordinates of the basis as it is now, without the parts that were left out.
         right, left = (np.vstack([x[:before], new.T @ x[before:]]) for x in (every.right, every.left))
         self._keep_beside(value, known, replace(every, right=right, left=left))
-
-    def _keep_beside(self, value: Place, every: Modes, exact: Modes) -> None:
-        """Keep the modes at a value beside the basis, for values between: all that there are, and exact ones."""
-        if self._between is not None and isinstance(value, float):
-            exact = exact.select(np.flatnonzero(is_needed(exact)))
-            near = float(np.abs(neighbours(exact, self.request).lam).max(initial=0.0))
-            self._between.add(value, every, exact, near)
 
     def _kept(self, wide: ReducedBasis, every: Modes, again: int) -> tuple[np.ndarray, float]:
         """Return what is kept of the modes at a value: columns of coordinates, and which parts of them are left out.

@@ -100,12 +100,13 @@ class TwoSided:
             right, left = real_columns(right), real_columns(left)
         self._nodes.append(_Node(value, right, left, np.sort(np.abs(every.lam))))
 
-    @classmethod
-    def restored(
-        cls, tolerance: float, is_real: bool, arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any]
-    ) -> TwoSided:
-        """Return what `stored` gave: arrays (r, ·) and (k,) of each node, and numbers."""
-        found = cls(tolerance, is_real)
+    def emptied(self) -> TwoSided:
+        """Return the same without any node."""
+        return TwoSided(self._tolerance, self._is_real)
+
+    def restored(self, arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any]) -> TwoSided:
+        """Return the same with the nodes that `stored` gave: arrays (r, ·) and (k,) of each, and numbers."""
+        found = self.emptied()
         found._usable = numbers["usable"]
         for i, value in enumerate(numbers["values"]):
             found._nodes.append(_Node(value, *(arrays[f"{name}_{i}"] for name in _NAMES)))

@@ -143,3 +143,23 @@ def test_a_stored_model_gives_the_same_modes(kind):
         one, other = model.modes(value), again.modes(value)
         np.testing.assert_allclose(other.lam, one.lam, rtol=1e-11)
         np.testing.assert_allclose(abs(other.right), abs(one.right), atol=1e-9 * np.abs(one.right).max())
+
+
+def test_what_lacks_a_mode_is_forgotten(monkeypatch):
+    """Once the basis gets a mode that it lacked, no modes between values follow from those that were known before."""
+    sizes, search, forget = [], ReducedModel._add_missing, ReducedModel._know_less
+
+    def something(self, values):
+        new = np.random.default_rng(4).standard_normal((SIZE, 3))
+        return search(self, values) or (not sizes and self.basis.append(new) > 0)
+
+    def counted(self):
+        sizes.append(len(self._between))
+        forget(self)
+        sizes.append(len(self._between))
+
+    monkeypatch.setattr(ReducedModel, "_add_missing", something)
+    monkeypatch.setattr(ReducedModel, "_know_less", counted)
+    model = ReducedModel(chain(*CLASSES["quadratic"], n=SIZE), "mu", np.linspace(0.0, 0.9, 13), REQUEST)
+    assert sizes == [2, 0]
+    assert all(vectors > 0 and nodes <= len(model._between) for vectors, nodes in model._met.values())
