@@ -31,8 +31,8 @@ _MORE = 4  # modes above those asked for
 _LIMIT = 1.05  # times the highest frequency asked for: up to there modes are above those asked for
 _ROUNDS = 6  # of corrections; each takes a digit or so off the residuals
 _ENOUGH = 1e-3  # times the tolerance: errors against the basis that are smaller add nothing to those of the basis
+_NEARLY = 100  # times `_ENOUGH`: modes above those asked for whose errors are larger are left out
 _TWINS, _ALIKE = 1e-6, 1e-3  # of |λ|, and of the likeness of shapes: nearer ones may be one mode, found twice
-_NEARLY = 100  # times that: modes above those asked for whose errors are larger are left out
 # θ = −λ² at which corrections are solved for, in squares of the highest frequency of the basis: within the band, and
 # off the axis on the side of growth, where no mode is so near that its share in a residual would be blown up. Each mode
 # takes the nearest one: what others do to it falls with its distance to that.
@@ -41,26 +41,30 @@ _SHIFTS = np.array([0.05 - 0.05j, 0.2 - 0.15j, 0.6 - 0.4j])
 # both sides.
 _RISES, _MANY = 5e-3, 1 / 3
 Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # λ (k,), right and left vectors (r, k)
-_NAMES = "node_right", "node_left", "node_sizes"  # of what is stored of each node
+_NAMES = "node_right", "node_left", "node_sizes", "node_swings"  # of what is stored of each node
 
 
 @dataclass(frozen=True)
 class _Node:
-    """What is known at a value: columns (r, ·) that span right and left modes, and the rising |λ| of all modes."""
+    """What is known at a value: columns (r, ·) that span right and left modes, and of all modes |λ|, by rising size.
+
+    With (k,) bool, whether each of these swings.
+    """
 
     value: float
     right: np.ndarray
     left: np.ndarray
     sizes: np.ndarray
+    swings: np.ndarray
 
 
 class TwoSided:
     """Right and left modes of a growing basis at some values, and what follows for values between these.
 
     With columns U that span the right modes and W the left ones, WᴴQ(λ)U has the modes between in which each eigenvalue
-    is off by the product of the errors of its vectors. These are then corrected with factors of the projected Q(s) at
-    one complex s: φ − Q(s)⁻¹Q(λ)φ, and the left ones likewise, until the product of the two residuals shows that λ is
-    that of the projection within a part of the tolerance. (Two-sided Galerkin projection: Benner, Gugercin, Willcox,
+    is off by the product of the errors of its vectors. These are then corrected with factors of the projected Q(s) at a
+    complex s nearby: φ − Q(s)⁻¹Q(λ)φ, and the left ones likewise, until both residuals show that λ is that of the
+    projection within a part of the tolerance. (Two-sided Galerkin projection: Benner, Gugercin, Willcox,
     SIAM Rev. 57, 2015.)
 
     Parameters
@@ -75,7 +79,6 @@ class TwoSided:
         self._tolerance, self._is_real = tolerance, is_real
         self._nodes: list[_Node] = []
         self._spans: tuple[int, np.ndarray, np.ndarray] | None = None  # of so many nodes
-        self._usable = True  # all modes swing
 
     def __len__(self) -> int:
         return len(self._nodes)
@@ -93,30 +96,29 @@ class TwoSided:
             Up to this |λ| they are asked for, or neighbours of such modes.
         """
         assert exact.left is not None
-        self._usable &= bool(_swing(every.lam).all())
         lengths = np.where(np.abs(exact.lam) <= near, 1.0, _ABOVE)
         right, left = (of_length(x, lengths) for x in (exact.right, exact.left))
         if self._is_real:
             right, left = real_columns(right), real_columns(left)
-        self._nodes.append(_Node(value, right, left, np.sort(np.abs(every.lam))))
+        lam = every.lam[np.argsort(np.abs(every.lam), kind="stable")]
+        self._nodes.append(_Node(value, right, left, np.abs(lam), _swing(lam)))
 
     def emptied(self) -> TwoSided:
         """Return the same without any node."""
         return TwoSided(self._tolerance, self._is_real)
 
     def restored(self, arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any]) -> TwoSided:
-        """Return the same with the nodes that `stored` gave: arrays (r, ·) and (k,) of each, and numbers."""
+        """Return the same with the nodes that `stored` gave: arrays (r, ·) and (k,) of each, and their values."""
         found = self.emptied()
-        found._usable = numbers["usable"]
         for i, value in enumerate(numbers["values"]):
             found._nodes.append(_Node(value, *(arrays[f"{name}_{i}"] for name in _NAMES)))
         return found
 
     def stored(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         """Return what `restored` needs: arrays, and numbers that JSON can hold."""
-        parts = ((n.right, n.left, n.sizes) for n in self._nodes)
+        parts = ((n.right, n.left, n.sizes, n.swings) for n in self._nodes)
         arrays = {f"{name}_{i}": a for i, part in enumerate(parts) for name, a in zip(_NAMES, part, strict=True)}
-        return arrays, {"usable": self._usable, "values": [n.value for n in self._nodes]}
+        return arrays, {"values": [n.value for n in self._nodes]}
 
     def modes(
         self, basis: Projection, value: float, request: Request, highest: float, count: int | None = None
@@ -134,7 +136,8 @@ class TwoSided:
         """
         nodes = self._nodes[:count]
         around = _around(nodes, value)
-        if not self._usable or around is None or basis.has_slow or basis.free_motions(value).motions.shape[1]:
+        swing = all(n.swings.all() for n in nodes)
+        if not swing or around is None or basis.has_slow or basis.free_motions(value).motions.shape[1]:
             return None
         sides = self._sides(nodes)
         if sides[0].shape[1] > _PAYS * len(basis):

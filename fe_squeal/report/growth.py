@@ -36,7 +36,7 @@ def growth_curves(branch: Branch) -> list[Floats]:
         elif branch.onset[i + 1] == -1 and branch.onset[i] == 0:
             s, r = _beginning(width, r0, branch.speed[i + 1], _is_rooted(branch, i + 1, width, r0))
             curves[i] = np.column_stack([p1 - s, r])[::-1]
-        elif branch.rooted.any() and np.sign(r0) * np.sign(r1) > 0 and np.isfinite(r0 + r1):
+        elif branch.rooted.any() and np.sign(r0) * np.sign(r1) > 0 and np.isfinite([r0, r1]).all():
             most = max(abs(r0), abs(r1))  # read from a table, its square may be no number any more
             square = (r0 / most) ** 2 * (1 - _DENSE) + (r1 / most) ** 2 * _DENSE
             curves[i] = np.column_stack([p0 + width * _DENSE, np.sign(r0) * most * np.sqrt(square)])

@@ -102,8 +102,8 @@ def test_a_mode_that_is_missing_is_noticed(kind, without):
 def test_a_count_that_is_one_short_is_noticed():
     """Of |λ| between two nodes: whichever is left out, but not where one mode alone rises and falls between them."""
     sizes = np.cumsum(np.random.default_rng(8).uniform(0.02, 0.1, 40)) + 1.0
-    none = np.zeros((0, 0))
-    around = _Node(0.0, none, none, sizes), _Node(1.0, none, none, 1.002 * sizes)
+    none, swings = np.zeros((0, 0)), np.ones(40, bool)
+    around = _Node(0.0, none, none, sizes, swings), _Node(1.0, none, none, 1.002 * sizes, swings)
     middle = 1.001 * sizes
     assert not _is_missing(1j * middle, 30, around)
     bump = middle + 0.015 * middle * (np.arange(40) == 12)
