@@ -9,6 +9,7 @@ from chains import CLASSES, MODES, N, chain, dense
 from selection import some
 
 import fe_squeal.reduced.model as reduced_model
+import fe_squeal.reduced.places as reduced_places
 from fe_squeal import assemble, parse_scene, sweep
 from fe_squeal.eigen import blocks
 from fe_squeal.eigen.block_lanczos import lowest_modes
@@ -306,7 +307,7 @@ def test_onsets_far_from_the_values_of_a_sweep_are_those_of_the_problem():
 
 def test_modes_that_miss_by_a_hair_are_corrected_further(monkeypatch):
     """Their errors in a basis of their own may be just below the tolerance where those in the whole basis are above."""
-    estimated, restricted, harsh = reduced_model.estimated, ReducedBasis.restricted, {}
+    estimated, restricted, harsh = reduced_places.estimated, ReducedBasis.restricted, {}
 
     def inside(basis, *args):
         found = restricted(basis, *args)
@@ -322,7 +323,7 @@ def test_modes_that_miss_by_a_hair_are_corrected_further(monkeypatch):
         return modes, off, relative
 
     monkeypatch.setattr(ReducedBasis, "restricted", inside)
-    monkeypatch.setattr(reduced_model, "estimated", harsher)
+    monkeypatch.setattr(reduced_places, "estimated", harsher)
     model = ReducedModel(chain(*CLASSES["quadratic"]), "mu", VALUES, Request(count=MODES))
     assert harsh["factor"] > 1.5 and model._estimated(float(VALUES[-1]))[1].max() <= 1
 
