@@ -11,8 +11,11 @@ from fe_squeal.problem.terms import Term
 N, MODES, PATCH = 260, 8, 8
 
 
-def chain(*effects, n=N):
-    """Return two chains coupled by friction in a patch, with masses 0.5 to 1.5 and stiffnesses over two decades."""
+def chain(*effects, n=N, pressed=None):
+    """Return two chains coupled by friction in a patch, with masses 0.5 to 1.5 and stiffnesses over two decades.
+
+    `pressed` (PATCH,) are the parts of the points of the patch that touch.
+    """
     rng = np.random.default_rng(5)
     half = n // 2
 
@@ -25,17 +28,38 @@ def chain(*effects, n=N):
     ones = np.ones(PATCH)
     gap = sp.csr_array((np.r_[ones, -0.9 * ones], (points, np.r_[patch, patch + half])), (PATCH, n))
     slip = sp.csr_array((np.r_[ones, ones], (points, np.r_[patch + 1, patch + half])), (PATCH, n))
+    touching = sp.diags_array(ones if pressed is None else pressed)
     terms = {
         "mass": Term("mass", "M", sp.diags_array(rng.uniform(0.5, 1.5, n)).tocsr(), True),
         "elastic": Term("elastic", "K", K, True),
-        "contact": Term("contact", "K", sp.csr_array(gap.T @ gap), True),
-        "friction": Term("friction", "K", sp.csr_array(1.7 * slip.T @ gap), False, {"mu": 1}),
+        "contact": Term("contact", "K", sp.csr_array(gap.T @ touching @ gap), True),
+        "friction": Term("friction", "K", sp.csr_array(1.7 * slip.T @ touching @ gap), False, {"mu": 1}),
         "damper": Term("damper", "C", sp.csr_array(0.002 * K + 0.01 * sp.eye_array(n)), True),
         "slip damping": Term("slip damping", "C", sp.csr_array(0.1 * slip.T @ slip), True, {"mu": 1}),
         "gyroscope": Term("gyroscope", "C", _skew(n), False, skew=True),
         "loss": Term("loss", "K", sp.csr_array(0.03 * K), True, imaginary=True),
     }
     return Problem(tuple(terms[t] for t in ("mass", "elastic", "contact", "friction", *effects)), {"mu": 0.3})
+
+
+class Opening:
+    """Chains whose patch opens point after point as mu rises, and which a stress stiffens by tanh mu."""
+
+    def __init__(self, *effects, n=N):
+        self._effects, self._n = effects, n
+
+    def problem(self, values):
+        mu = values.get("mu", 0.3)
+        made = chain(*self._effects, n=self._n, pressed=np.clip(1.3 - 0.3 * mu * np.arange(PATCH), 0.0, 1.0))
+        (elastic,) = (t.matrix for t in made.terms if t.name == "elastic")
+        terms = (*made.terms, Term("stress", "K", sp.csr_array(0.02 * np.tanh(2 * mu) * elastic), True))
+        return Problem(terms, {"mu": mu}, None, self, frozenset({"mu"}), dict(values))
+
+    def number(self, path):
+        return {"mu": 0.3}[path]
+
+    def solved_with(self, linear_solver):
+        return self
 
 
 def _skew(n):

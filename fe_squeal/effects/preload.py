@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from ..fem.gyroscopics import centrifugal_load
 from ..fem.spaces import DisplacementSpace, Surface
+from ..fem.static_contact import TangentSolver
 from ..problem.parameters import MU
 from ..problem.terms import Term
 from .cache import Same
@@ -79,13 +80,12 @@ class Preload(Effect):
             tuple((Same(c.operators), c.stiffness, c.friction_ratio) for c in contacts.values()), self.lift_off,
         )  # fmt: skip
         size = float(np.ptp(context.space.mesh.p, axis=1).max())
-        before = context.cache.latest("static state")
+        before, solver = context.cache.latest("static state"), context.linear_solver
+        tangents = context.cache.get("tangents", (Same(solver), len(load)), lambda: TangentSolver(solver))
 
         def solve() -> StaticState:
             K = sp.csr_array(sum(t.matrix * t.coefficient(numbers) for t in context.static))
-            return solve_preload(
-                K, load, resultant, contacts, mu, self.lift_off, size, before, context.linear_solver
-            )
+            return solve_preload(K, load, resultant, contacts, mu, self.lift_off, size, before, tangents)
 
         return context.cache.get("static state", key, solve)
 

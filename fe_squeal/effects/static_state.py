@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from ..eigen.linear.factor import LinearSolver
 from ..errors import NotConvergedError, SceneError
 from ..fem.contact import ContactOperators
 from ..fem.motion import SteadyMotion
-from ..fem.static_contact import Equilibrium, NotHeldError, SlidingContact, solve_static_contact
+from ..fem.static_contact import Equilibrium, NotHeldError, SlidingContact, TangentSolver, solve_static_contact
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ class PressedContact:
 
 def solve_preload(
     K: sp.csr_array, load: np.ndarray, resultant: np.ndarray, contacts: Mapping[str, PressedContact], mu: float,
-    lift_off: bool, size: float, start: StaticState | None = None, linear_solver: LinearSolver | str = "auto",
+    lift_off: bool, size: float, start: StaticState | None = None, tangents: TangentSolver | None = None,
 ) -> StaticState:  # fmt: skip
     """Return the static state.
 
@@ -112,7 +111,8 @@ def solve_preload(
         Size of the model: larger displacements mean that nothing holds it.
     start : StaticState, optional
         Static state of nearly the same problem, from which the iteration starts.
-    linear_solver : LinearSolver or str
+    tangents : TangentSolver, optional
+        What solved for the other state.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def solve_preload(
     force = f"({', '.join(f'{x:.4g}' for x in rounded)}) N"
     first = None if start is None else tuple(start.contacts[name].closed for name in contacts)
     try:
-        found = solve_static_contact(K, load, models, first, linear_solver)
+        found = solve_static_contact(K, load, models, first, tangents)
     except NotHeldError as error:
         if contacts and not any(np.any(c) for c in error.partial):  # type: ignore[attr-defined]
             raise SceneError(_opened(contacts, force)) from error

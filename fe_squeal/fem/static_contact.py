@@ -7,14 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
-from ..eigen.linear.choice import factorize
-from ..eigen.linear.factor import LinearSolver
+from ..eigen.linear.choice import factorize, is_large
+from ..eigen.linear.factor import Factor, LinearSolver
 from ..errors import NotConvergedError
 
 _ITERATIONS = 60
 _EQUILIBRIUM = 1e-8  # residual forces over those that cancel in them
 _HALVINGS = 12
+# Residual forces over those that cancel: as of a direct solve, and where no correction makes them smaller.
+_EXACT, _AS_EXACT = 1e-15, 1e-14
+_CORRECTIONS, _VECTORS, _DIGITS = 4, 30, 1e-6  # of a solution by other factors: how many, their steps, and their error
 _FLOATING = 1e11  # internal forces over the load beyond which they are rounding of huge rigid motions: nothing holds
 
 
@@ -67,13 +71,45 @@ class Equilibrium:
     residual: float
 
 
+class TangentSolver:
+    """Solves with the tangents of one static state after another by few factorisations.
+
+    From value to value of a sweep the tangent changes at contact points alone. Then GMRES with the factors of an
+    earlier tangent finds the solution in few steps, to rounding, as residuals show; if not, factors are made anew.
+    (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 1986.)
+
+    Parameters
+    ----------
+    linear_solver : LinearSolver or str
+    """
+
+    def __init__(self, linear_solver: LinearSolver | str = "auto") -> None:
+        self._linear_solver = linear_solver
+        self._factor: Factor | None = None
+        self._keeps = False
+
+    def solve(self, A: sp.csr_array, symmetric: bool, b: np.ndarray) -> np.ndarray:
+        """Return A⁻¹b (n,); raises NotConvergedError if A (n, n) is singular."""
+        if self._factor is not None and (u := _by_other_factors(A, b, self._factor)) is not None:
+            return u
+        self._factor = None  # before others take memory
+        self._factor = factorize(A, symmetric, self._linear_solver)
+        return self._factor.solve(b)
+
+    def settle(self, entries: int) -> None:
+        """Give factors of the first static state up, and those of large tangents: they would only take memory."""
+        if not self._keeps or is_large(entries, self._linear_solver):
+            self._factor = None
+        self._keeps = True
+
+
 class NotHeldError(NotConvergedError):
     """Nothing holds the bodies against the load; `partial` is the last set of closed points."""
 
 
 def solve_static_contact(
     K: sp.csr_array, load: np.ndarray, contacts: Sequence[SlidingContact],
-    start: Sequence[np.ndarray] | None = None, linear_solver: LinearSolver | str = "auto",
+    start: Sequence[np.ndarray] | None = None, tangents: TangentSolver | None = None,
 ) -> Equilibrium:  # fmt: skip
     """Solve K u + Σ (G_n + μG_t)ᵀ k_n A min(G_n u, 0) = f for the displacements.
 
@@ -89,7 +125,8 @@ def solve_static_contact(
     load : (n,) float, N
     start : sequence of (q,) bool, optional
         Closed points to begin with (default: all).
-    linear_solver : LinearSolver or str
+    tangents : TangentSolver, optional
+        What solved for other states of the same bodies before.
 
     Raises
     ------
@@ -100,16 +137,18 @@ def solve_static_contact(
     """
     closed = tuple(np.ones(len(c.stiffness), bool) for c in contacts) if start is None else tuple(start)
     symmetric = all(c.reaction is c.gap for c in contacts)
+    tangents = tangents or TangentSolver()
     seen: set[bytes] = set()
     u, state = None, None
     for iteration in range(1, _ITERATIONS + 1):
-        full = _solve_linear(K, load, contacts, closed, symmetric, linear_solver)
+        full = _solve_linear(K, load, contacts, closed, symmetric, tangents)
         alternates = _key(closed) in seen
         seen.add(_key(closed))
         u = full if u is None or not alternates else _shorter(K, load, contacts, u, full)
         before, closed = closed, _closed(contacts, u)
         state = Equilibrium(u, closed, iteration, _residual(K, load, contacts, u))
         if state.residual <= _EQUILIBRIUM and all((a == b).all() for a, b in zip(before, closed, strict=True)):
+            tangents.settle(K.nnz)
             return state
     assert state is not None
     raise NotConvergedError(
@@ -120,7 +159,7 @@ def solve_static_contact(
 
 def _solve_linear(
     K: sp.csr_array, load: np.ndarray, contacts: Sequence[SlidingContact], closed: Sequence[np.ndarray],
-    symmetric: bool, linear_solver: LinearSolver | str,
+    symmetric: bool, tangents: TangentSolver,
 ) -> np.ndarray:  # fmt: skip
     tangent = K
     for c, touching in zip(contacts, closed, strict=True):
@@ -129,13 +168,28 @@ def _solve_linear(
     if symmetric:
         tangent = sp.csr_array((tangent + tangent.T) / 2)
     try:
-        u = factorize(tangent, symmetric, linear_solver).solve(load)
+        u = tangents.solve(tangent, symmetric, load)
     except NotConvergedError as error:
         raise NotHeldError(str(error), partial=tuple(closed)) from error
     inner = (abs(tangent) @ np.abs(u)).max()
     if not np.isfinite(u).all() or inner > _FLOATING * np.abs(load).max():
         raise NotHeldError("the stiffness is singular", partial=tuple(closed))
     return u
+
+
+def _by_other_factors(A: sp.csr_array, b: np.ndarray, factor: Factor) -> np.ndarray | None:
+    """Return A⁻¹b by GMRES with factors of a matrix near A, as exact as by its own factors; None if it is not."""
+    inverse, u, before = spla.LinearOperator(A.shape, matvec=factor.solve, dtype=float), factor.solve(b), np.inf
+    for _ in range(_CORRECTIONS):
+        rest = b - A @ u
+        off = float(np.abs(rest).max() / ((abs(A) @ np.abs(u) + np.abs(b)).max() or 1.0))
+        if off <= _EXACT or (off <= _AS_EXACT and off > before / 2):
+            return u
+        if not off < before:
+            return None
+        before = off
+        u = u + spla.gmres(A, rest, rtol=_DIGITS, atol=0.0, restart=_VECTORS, maxiter=1, M=inverse)[0]
+    return None
 
 
 def _closed(contacts: Sequence[SlidingContact], u: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -270,7 +270,7 @@ did you mean "springs.piston.stiffness"?
         moving : collection of str
             Terms that depend on these parameters may act or not.
         """
-        acts = [0.0 if any(p in t.powers for p in moving) else t.coefficient(self.parameters) for t in self.terms]
+        acts = [0.0 if t.depends_on(moving) else t.coefficient(self.parameters) for t in self.terms]
         return self.free is None and holds_everything(self.terms, acts, self.motions, self._unheld)
 
     @property
@@ -288,7 +288,7 @@ did you mean "springs.piston.stiffness"?
         if not moving:
             return sum_terms(terms)
         fixed = tuple(sorted((p, v) for p, v in self.parameters.items() if p not in moving))
-        moves = [any(p in t.powers for p in moving) for t, _ in terms]
+        moves = [t.depends_on(moving) for t, _ in terms]
         if (slot, fixed) not in self._sums:
             self._sums[slot, fixed] = sum_terms(part for part, m in zip(terms, moves, strict=True) if not m)
         rest = sum_terms(part for part, m in zip(terms, moves, strict=True) if m)

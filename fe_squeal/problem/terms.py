@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import prod
@@ -39,6 +39,8 @@ class Term:
         Whether it is multiplied by i, as structural damping is.
     penalty : bool
         Whether it stands for a constraint, which it approaches with rising stiffness.
+    only : mapping of str to float, or None
+        Values of parameters at which it counts, and nowhere else.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Term:
     skew: bool = False
     imaginary: bool = False
     penalty: bool = False
+    only: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
         # SciPy's products of small matrices come with long indices, and sums with the large ones would take them over.
@@ -70,8 +73,14 @@ class Term:
         return self.symmetric and not self.imaginary
 
     def coefficient(self, parameters: Mapping[str, float]) -> float:
-        """Return Π parameter**power."""
+        """Return Π parameter**power, or 0 where the term does not count."""
+        if self.only is not None and any(parameters[p] != value for p, value in self.only.items()):
+            return 0.0
         return prod((parameters[p] ** e for p, e in self.powers.items()), start=1.0)
+
+    def depends_on(self, parameters: Collection[str]) -> bool:
+        """Return whether the coefficient depends on one of some parameters."""
+        return any(p in self.powers or p in (self.only or ()) for p in parameters)
 
     def unit(self, lam: Any = 1.0) -> Any:
         """Return λ², λ or 1 by the slot, times i where the term is imaginary; without λ its factor in M, C or K."""

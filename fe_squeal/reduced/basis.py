@@ -17,8 +17,9 @@ from ..eigen.blocks import combine, cross, lift, times
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes
 from ..eigen.quality import ROUNDING
-from ..problem.parameters import Place, paths_of
+from ..problem.parameters import Place, paths_of, values_at
 from ..problem.problem import Problem
+from ..problem.tabulated import Tabulated
 from ..problem.terms import POWER, Slot
 from .projection import Projection
 from .vectors import DEPENDENT, normalising
@@ -141,6 +142,14 @@ class ReducedBasis(Projection):
         }  # fmt: skip
         numbers = {"cancels": self._cancels, "sigma": self.sigma, "has_slow": self.has_slow}
         return arrays, {"metric": [float(c) for c in self.metric], **numbers}
+
+    def _take_over(self, table: Tabulated) -> None:
+        count = len(self._projected)
+        super()._take_over(table)
+        new = self._acting[count:]
+        self._right = [*self._right, *(self._product_with(part, self._Z) for part in new)]
+        turned = [(rows, A if transposed is None else transposed, None) for rows, A, transposed in new]
+        self._left = [*self._left, *(self._product_with(part, self._Z) for part in turned)]
 
     def append(self, X: np.ndarray, threshold: float = 0.0) -> int:
         """Add directions of X (n, k) as `extend` does, and return how many were added."""
@@ -313,7 +322,9 @@ class ReducedBasis(Projection):
         """Return the sampled rows of (|λ|²|M| + |λ||C| + |K|)|u|, see `Pencil.magnitude`."""
         at = self.at(value)
         if self._sizes is None or self._sizes[0] is not self._lines:
-            self._sizes = self._lines, [_size_of_entries(t.matrix, self._lines) for t in at.terms]
+            self._sizes = self._lines, []
+        lines, known = self._sizes  # a table may have got further terms since
+        self._sizes = lines, [*known, *(_size_of_entries(t.matrix, lines) for t in at.terms[len(known) :])]
         total = np.zeros((len(self._lines), len(lam)))
         for term, rows in zip(at.terms, self._sizes[1], strict=True):
             total += (rows @ np.abs(u)) * np.abs(term.factor(np.abs(lam), at.parameters))
@@ -374,14 +385,25 @@ class ReducedBasis(Projection):
         rho, eta = self._sampled(value, lams, phi, psi)
         both = float(self._product(rho, eta, np.array([abs(lam)]), highest)[0])
         along = parameter or (self.parameter if isinstance(self.parameter, str) else self.parameter[0])
-        here, change = self.at(value), 0j
-        for term, A in zip(here.terms, self._projected, strict=True):
-            if slope := sum(term.slope(p, here.parameters) for p in paths_of(along)):
-                change += slope * complex(term.unit(lam)) * complex(np.vdot(left, A @ right))
+        change = self._slope(value, lam, right, left, along)
         x, y = lift(self.V, phi), lift(self.V[self._lines], psi)
         share = len(self.V) / len(self._lines)
         rounding = ROUNDING * share * float(np.sum(np.abs(y) * self._magnitude(value, lams, x)))
         return (both / abs(change), rounding / abs(change)) if change else (np.inf, np.inf)
+
+    def _slope(self, value: Place, lam: complex, right: np.ndarray, left: np.ndarray, along: str) -> complex:
+        """Return ψᴴ(∂Q/∂p)φ for φ, ψ (r,); of a table by differences of the problem it was made from."""
+        here, total = self.at(value), 0j
+        if isinstance(self.problem, Tabulated):
+            x, y = (lift(self.V, u[:, None])[:, 0] for u in (right, left))
+            for slot, power in POWER.items():
+                A = self.problem.whole.derivative(along, slot, values_at(self.parameter, value))
+                total += 0j if A is None else lam**power * complex(np.vdot(y, A @ x))
+            return total
+        for term, A in zip(here.terms, self._projected, strict=True):
+            if slope := sum(term.slope(p, here.parameters) for p in paths_of(along)):
+                total += slope * complex(term.unit(lam)) * complex(np.vdot(left, A @ right))
+        return total
 
     def residual_product(
         self, value: Place, lam: complex, right: np.ndarray, left: np.ndarray, highest: float

@@ -28,6 +28,7 @@ from ..problem.aside import forget_pages, put_aside
 from ..problem.forms import collect_powers
 from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
+from ..problem.tabulated import Tabulated
 from .basis import ReducedBasis
 from .estimate import Estimate, neighbours
 from .missing import SEARCH_SOLVES, holds_all, missing_modes, search_vectors
@@ -76,7 +77,7 @@ class ReducedModel(ModesAtPlaces):
         Parameters
         ----------
         problem : Problem
-            Affine in the parameter.
+            Its matrices are made anew at each value where the parameter changes more than coefficients.
         values : (m,) float, increasing
         request : Request
         modal : bool
@@ -115,7 +116,7 @@ class ReducedModel(ModesAtPlaces):
         factorizations = 0
         self._added: Counter[Place] = Counter()  # how often the modes at a place were added
         self._know_nothing(problem, isinstance(parameter, str))
-        collected = collect_powers(problem, parameter).at(values_at(parameter, start))
+        collected = _collected(problem, parameter, start)
         self._put_terms_aside(collected)
         limit = request.max_frequency_hz
         band = None if limit is None else 2 * np.pi * limit
@@ -200,7 +201,10 @@ class ReducedModel(ModesAtPlaces):
         made.factorizations, made.solves = numbers["factorizations"], numbers["solves"]
         made.definite_suffices = numbers["definite_suffices"]
         model._corrections = made
-        collected = collect_powers(problem, parameter).at({parameter: numbers["start"]})
+        collected = _collected(problem, parameter, numbers["start"])
+        for value in numbers["table"]:
+            assert isinstance(collected, Tabulated)
+            collected = collected.with_value(value)
         model._put_terms_aside(collected)
         model.basis = ReducedBasis.restored(collected, parameter, arrays, numbers["basis"], model.linear_solver)
         return model
@@ -214,6 +218,7 @@ class ReducedModel(ModesAtPlaces):
             "factorizations": self.factorizations, "solves": self.solves, "start": self._start,
             "met": list(self._met.items()),
             "definite_suffices": self._corrections.definite_suffices,
+            "table": list(table.known)[1:] if isinstance(table := self.basis.problem, Tabulated) else [],
         }  # fmt: skip
 
     @property
@@ -432,6 +437,14 @@ class ReducedModel(ModesAtPlaces):
             return False
         self._outside = None
         return True
+
+
+def _collected(problem: Problem, parameter: str | tuple[str, ...], start: Place) -> Problem:
+    """Return a problem with few terms: the powers of a parameter, or a table of one that changes matrices."""
+    if isinstance(parameter, tuple) or problem.is_affine(parameter) or problem.source is None:
+        return collect_powers(problem, parameter).at(values_at(parameter, start))
+    assert isinstance(start, float)
+    return Tabulated.of(problem, parameter, start)
 
 
 def _spread(values: np.ndarray, count: int) -> list[float]:

@@ -16,9 +16,11 @@ from ..eigen.kernel import null_columns
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes, Pencil
 from ..problem.forms import project
-from ..problem.parameters import Place, values_at
+from ..problem.parameters import Place, paths_of, values_at
 from ..problem.problem import Problem
+from ..problem.tabulated import Tabulated
 from ..problem.terms import Slot, Term
+from .moving import MovingSource, ProjectedTerms
 from .undamped import weighted
 from .vectors import SlowMotions
 
@@ -35,7 +37,8 @@ class Projection:
     Parameters
     ----------
     problem : Problem
-        Affine in the parameter, its terms collected by powers: few of them.
+        Affine in the parameter, its terms collected by powers: few of them. Or a table, which gets every value that
+        matrices are asked for at.
     parameter : str or tuple of str
         If there are several parameters, a value is the tuple of their values.
     metric : (terms,) float
@@ -65,7 +68,9 @@ class Projection:
         return int(self.V.shape[1])
 
     def project(self, problem: Problem) -> Problem:
-        """Return another problem of the same unknowns, projected on the basis."""
+        """Return another problem of the same unknowns, projected on the basis; anew at each value of a table."""
+        if isinstance(self.problem, Tabulated):
+            return ProjectedTerms(problem, self.V, self._coordinates).problem()
 
         def free(values: Mapping[str, float]) -> FreeMotions:
             return self._coordinates(replace(problem, parameters=values).free_motions())
@@ -74,7 +79,22 @@ class Projection:
 
     def at(self, value: Place) -> Problem:
         """Return the problem at a value of the parameter."""
+        if isinstance(self.problem, Tabulated) and value not in self.problem.known:
+            assert isinstance(value, float)
+            self._take_over(self.problem.with_value(value))
         return self.problem.at(values_at(self.parameter, value))
+
+    def _take_over(self, table: Tabulated) -> None:
+        """Go on with a table that has further terms, behind those that are there."""
+        new = [_acting(t) for t in table.terms[len(self._projected) :]]
+        self._acting = [*self._acting, *new]
+        self.problem, self.metric = table, [*self.metric, *[0.0] * len(new)]
+        self._projected = [*self._projected, *(self._product_with(part, self.V) for part in new)]
+
+    def _product_with(self, part: _Acting, left: np.ndarray) -> np.ndarray:
+        """Return UᵀAV of a term A, for any U (n, k)."""
+        rows, A, _ = part
+        return cross(left if rows is None else left[rows], times(A, self.V))
 
     def pencil(self, value: Place) -> Pencil:
         """Return the projected matrices at a value of the parameter; those of the last one are kept."""
@@ -171,7 +191,11 @@ class Projection:
         return np.asarray(sigma + 1 / nu[nu > len(nu) * np.finfo(float).eps * nu[0]])
 
     def collected(self) -> Problem:
-        """Return the projected problem: the terms collected by powers of the parameter, on the basis."""
+        """Return the projected problem: the terms collected by powers of the parameter, or made anew at each value."""
+        if isinstance(self.problem, Tabulated):
+            table, path = self.problem, paths_of(self.problem.swept)[0]
+            moving = MovingSource(table.whole, lambda values: self._made_at(values[path]))
+            return moving.problem({**table.whole.changed, **table.parameters})
         terms = tuple(
             replace(t, matrix=sp.csr_array(A)) for t, A in zip(self.problem.terms, self._projected, strict=True)
         )
@@ -180,6 +204,21 @@ class Projection:
             return self._coordinates(replace(self.problem, parameters=values).free_motions())
 
         return Problem(terms, self.problem.parameters, free=free)
+
+    def _made_at(self, value: float) -> Problem:
+        """Return the projected problem at a value of a table; a value that it does not have is not taken over."""
+        table, projected = self.problem, self._projected
+        assert isinstance(table, Tabulated)
+        if value not in table.known:
+            table = table.with_value(value)
+            new = table.terms[len(projected) :]
+            projected = [*projected, *(self._product_with(_acting(t), self.V) for t in new)]
+        at, known = table.at({table.swept: value}).parameters, table.known[value]
+        terms = [
+            replace(t, matrix=sp.csr_array(A), only=None)
+            for t, A in zip(table.terms, projected, strict=True) if t.coefficient(at)
+        ]  # fmt: skip
+        return Problem(tuple(terms), at, free=lambda _: self._coordinates(known))
 
     @cached_property
     def _acting(self) -> list[_Acting]:

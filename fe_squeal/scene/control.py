@@ -123,7 +123,7 @@ class Solve(Section):
     method : "auto", "direct", "reduced" or "modal"
         How the modes are computed: "direct" solves at every value; "reduced" makes a reduced model that holds over the
         sweep within the tolerance; "modal" projects on the modes without friction and damping and tells the error that
-        this makes; "auto" takes "reduced" for a large problem, where the parameter allows it.
+        this makes; "auto" takes "reduced" for a large problem.
     tolerance : float
         Relative error of every eigenvalue, next to a double one times its condition; shapes that are written, and modes
         of direct solves, have this backward error as well.

@@ -16,9 +16,10 @@ from ..eigen.linear.superlu import superlu_memory
 from ..eigen.memory import available_memory, memory_text, release_freed
 from ..eigen.pencil import Pencil
 from ..eigen.shift import shift_below, symmetric_part
-from ..errors import NotConvergedError
+from ..errors import NotConvergedError, SquealError
 from ..problem.aside import movable_bytes
 from ..problem.problem import Problem
+from ..problem.tabulated import Tabulated
 
 VALUES, UNKNOWNS = 5, 2000  # values of the sweep and unknowns from which a reduced model is faster than direct solves
 
@@ -45,7 +46,10 @@ _SEARCHED, _CORRECTED, _BLOCKS, _MOST = 40, 2.0, 12.0, 12 * 2**26
 _STRONG = {"symmetric": 0.0, "nonsymmetric": 1.2, "quadratic": 3.0, "complex": 3.0}
 # What direct solves make of these: left ones too, complex ones, and with damping those of displacement and velocity.
 _SOLVED = {"symmetric": 1, "nonsymmetric": 2, "quadratic": 8, "complex": 4}
-_VERSIONS = 3  # sums of terms at other values that an assembly keeps where a parameter changes matrices
+# Where a parameter changes matrices: sums of terms at other values that an assembly keeps; values of which a table has
+# terms besides those of the sweep, at which steps are halved and onsets end; how far apart two values are, in parts of
+# one, whose terms tell the entries of these.
+_VERSIONS, _BESIDE, _APART = 3, 4, 0.1
 # Copies of the matrices of direct sweeps, in those of a real K: a matrix with the indices of a solver beside it; and
 # what is kept of the sizes of all entries.
 _HANDED, _SIZES = 1.25, 2 / 3
@@ -57,7 +61,7 @@ def is_reduced(problem: Problem, parameter: str, values: int, method: str) -> bo
     # needed and modes are counted, and both take less time with a reduced model, even at one value.
     plain = all(t.symmetric and t.slot != "C" and not t.imaginary for t in problem.terms)
     enough = values >= VALUES or not plain
-    pays = enough and problem.unknowns >= UNKNOWNS and problem.is_affine(parameter)
+    pays = enough and problem.unknowns >= UNKNOWNS and (problem.is_affine(parameter) or problem.source is not None)
     return method in ("reduced", "modal") or (method == "auto" and pays)
 
 
@@ -207,11 +211,21 @@ def count_memory(
     matrices = 2 * whole + (1 + _HANDED) * A.nnz * _per_entry(A)
     matrices += 0 if problem.is_affine(parameter) else _VERSIONS * real
     factors = _factors(A, pencil.symmetric and pencil.C is None, linear_solver)
+    static = _static_factors(problem, parameter, values, pencil.K, linear_solver)
     del pencil, A, stored
-    fixed = _loaded_parts() | {
+    fixed = _loaded_parts() | static | {
         "matrices": int(matrices), "factors": factors, "errors": int(_SIZES * real), "freed, but kept": _KEPT,
     }  # fmt: skip
     return MemoryCount(n, values, terms, kind, False, factors, fixed)
+
+
+def _static_factors(
+    problem: Problem, parameter: str, values: int, K: sp.csr_array, linear_solver: LinearSolver | str
+) -> dict[str, int]:  # fmt: skip
+    """Return the bytes of the factors that static states of a sweep have in common, see `TangentSolver`, by name."""
+    if not problem.state or values == 1 or problem.is_affine(parameter) or is_large(K.nnz, linear_solver):
+        return {}
+    return {"static states": _factors(sp.csr_array(K.real), False, linear_solver)}
 
 
 def _reduced(problem: Problem, parameter: str, values: int, linear_solver: LinearSolver | str) -> MemoryCount:
@@ -233,12 +247,24 @@ def _reduced(problem: Problem, parameter: str, values: int, linear_solver: Linea
     factors = _factors(A, symmetric, linear_solver, roughly=True, definite=large)
     # PARDISO's copy of A or of its upper triangle, in single precision. A itself is gone when vectors are corrected.
     handed = A.nnz * (A.dtype.itemsize // 2 + 4) * (0.5 if symmetric else 1.0)
+    static = _static_factors(problem, parameter, values, pencil.K, linear_solver)
     del pencil, A
-    handed += 0 if problem.is_affine(parameter) else _VERSIONS * real
-    fixed = _loaded_parts() | {"matrices": int(sums + handed), "factors": factors, "freed, but kept": _KEPT}
+    handed += 0 if problem.is_affine(parameter) else _VERSIONS * real + (values + _BESIDE) * _moved(problem, parameter)
+    fixed = _loaded_parts() | static | {"matrices": int(sums + handed), "factors": factors, "freed, but kept": _KEPT}
     fixed["program and model"] -= aside
     n, terms = problem.unknowns, len(problem.terms)
     return MemoryCount(n, values, terms, kind, True, factors, fixed, int(2 * sums + real), large)
+
+
+def _moved(problem: Problem, parameter: str) -> int:
+    """Return the bytes of the terms that a table has of one value; 0 where the problem cannot be made at another."""
+    value = problem.value(parameter)
+    try:
+        table = Tabulated.of(problem, parameter, value)
+        moved = table.with_value((1 - _APART) * value if value else _APART).terms[len(table.terms) :]
+    except SquealError:  # the sweep raises the same error, or has its own values
+        return 0
+    return sum(12 * t.matrix.nnz for t in moved)
 
 
 def _loaded_parts() -> dict[str, int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fe_squeal import sweep
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.errors import SceneError
@@ -266,3 +267,20 @@ def test_wobble_of_a_free_spinning_disc():
     # All rigid motions: nothing grows, but for rounding of modes that are at rest.
     slow = np.abs(lam) < 3 * speed
     assert slow.sum() >= 4 and lam.real[slow].max() < 1e-2 * speed
+
+
+@pytest.mark.parametrize("method", ["reduced", "direct"])
+def test_a_sweep_along_which_the_contact_opens(method):
+    """A block that friction tips on its stop: at each value modes are those of the problem assembled there alone."""
+    values = [0.0, 0.45, 0.6, 1.0]  # from e = μh = L/6, at 0.48, on it opens point after point
+    result = sweep(tipping(0.3, load=(0.0, 1.0), height=0.35, cells=12), values, modes=6, method=method)
+    closed = [point.pressed["belt"]["closed"] for point in result.points]
+    assert closed[0] == closed[1] == 1.0 > closed[2] > closed[3]
+    for point in result.points:
+        exact = modes_of(tipping(point.value, load=(0.0, 1.0), height=0.35, cells=12), count=6)
+        away = np.abs(point.modes.lam[:, None] - exact.lam[None, :])
+        nearest = away.argmin(axis=1)
+        assert (np.sort(nearest) == np.arange(6)).all()
+        # A direct solve has rounding of its own, which counts for modes that are slow beside stiff bodies.
+        assert (away.min(axis=1) <= 1e-8 * np.abs(point.modes.lam) + exact.re_uncertainty[nearest]).all()
+        assert (away.min(axis=1) <= point.modes.re_uncertainty + exact.re_uncertainty[nearest]).all()

@@ -14,6 +14,7 @@ from hard_cases import LINING, digits
 from selection import some
 
 import fe_squeal
+from fe_squeal.eigen.linear.choice import factorize
 from fe_squeal.errors import NotConvergedError, SceneError
 from fe_squeal.fem import static_contact
 from fe_squeal.fem.static_contact import SlidingContact, solve_static_contact
@@ -239,3 +240,44 @@ def test_alternating_contact_ends_with_an_answer_or_an_error(record, seed, mu):
     away = min(np.abs(found.u - u).max() / np.abs(u).max() for u in exact)
     assert away < 1e-9
     record(min(15, -np.log10(max(away, 1e-15))), "an equilibrium of all sets tried by hand, or exit 3")
+
+
+def pressed_row(mu, load=1.0, points=6):
+    """A row of springs pressed on points that friction and the load open one after the other; K and the contacts."""
+    K = sp.diags_array([np.full(points, 2.1), -np.ones(points - 1), -np.ones(points - 1)], offsets=[0, 1, -1])
+    gap = sp.csr_array(np.eye(points))
+    slip = sp.csr_array(np.eye(points, k=1) + 0.3 * np.eye(points, k=-1))
+    forces = load * np.linspace(1.0, -2.0, points)  # some points are pulled off
+    return sp.csr_array(K), forces, [SlidingContact(gap, slip, np.full(points, 5.0), mu, True)]
+
+
+def test_static_states_of_a_sweep_share_factors(monkeypatch):
+    """The states are those of factors of their own to rounding, and few factors are made."""
+    made = []
+    factorize = static_contact.factorize
+    monkeypatch.setattr(static_contact, "factorize", lambda *args: made.append(args) or factorize(*args))
+    tangents, values = static_contact.TangentSolver(), np.linspace(0.0, 0.8, 21)
+    for mu in values:
+        K, load, contacts = pressed_row(mu)
+        shared = solve_static_contact(K, load, contacts, tangents=tangents)
+        before = len(made)
+        alone = solve_static_contact(K, load, contacts)
+        del made[before:]
+        assert 0 < shared.closed[0].sum() < len(load)
+        assert (shared.closed[0] == alone.closed[0]).all()
+        np.testing.assert_allclose(shared.u, alone.u, rtol=0, atol=1e-12 * np.abs(alone.u).max())
+    assert len(made) <= 4
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e9])
+def test_factors_of_another_state_hide_no_loose_body(scale):
+    """Two masses that the contact alone held: without it no solution exists, and what comes out, if anything, has
+    forces as large as those of a singular stiffness; with another contact it is the exact one."""
+    K = scale * sp.csr_array(np.array([[1.0, -1.0], [-1.0, 1.0]]))
+    held = sp.csr_array(K + scale * sp.csr_array(np.diag([1.0, 0.0])))
+    factor = factorize(held, True)
+    loose = static_contact._by_other_factors(K, np.array([-0.5, -0.5]), factor)
+    assert loose is None or (abs(K) @ np.abs(loose)).max() > 0.5 * static_contact._FLOATING
+    other = sp.csr_array(K + scale * sp.csr_array(np.diag([7.0, 0.0])))
+    u = static_contact._by_other_factors(other, np.array([-0.5, -0.5]), factor)
+    np.testing.assert_allclose(u, np.array([-1 / 7, -1 / 7 - 0.5]) / scale, rtol=1e-13)

@@ -1,0 +1,161 @@
+"""Sweeps over a parameter that changes matrices, on a reduced model: against dense solves and direct sweeps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from chains import CLASSES, MODES, PATCH, N, Opening, dense
+from selection import some
+
+from fe_squeal import sweep
+from fe_squeal.eigen.request import Request
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.tabulated import Tabulated
+from fe_squeal.problem.terms import Term
+from fe_squeal.reduced import ReducedModel
+
+VALUES = np.linspace(0.0, 0.9, 7)
+REQUEST = Request(count=MODES)
+KINDS = some(CLASSES, lambda kind: kind in ("nonsymmetric", "quadratic", "complex"))
+
+
+def made(kind, mu=0.3):
+    return Opening(*CLASSES[kind]).problem({"mu": mu})
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+def test_a_table_has_the_matrices_of_its_values(kind):
+    """At each value the sum of the terms is that of the problem; at others there is none."""
+    problem = made(kind)
+    table = Tabulated.of(problem, "mu", 0.0)
+    for mu in (0.9, 0.45):
+        table = table.with_value(mu)
+    for mu in (0.0, 0.45, 0.9):
+        ours, exact = table.pencil({"mu": mu}), problem.pencil({"mu": mu})
+        for name in ("M", "C", "K"):
+            A, B = getattr(ours, name), getattr(exact, name)
+            if B is None or not abs(B).max():
+                assert A is None or not abs(A).max()
+            else:
+                assert abs(A - B).max() <= 4 * np.finfo(float).eps * abs(B).max()
+        assert ours.symmetric == exact.symmetric
+    with pytest.raises(KeyError, match=r"0\.3 is not in the table"):
+        table.pencil({"mu": 0.3})
+
+
+def test_terms_of_a_value_have_the_entries_that_change():
+    """Where contacts open and nothing else moves, few entries; where nothing changes, no term."""
+
+    class Still(Opening):
+        def problem(self, values):
+            made = super().problem(values)
+            terms = tuple(t for t in made.terms if t.name != "stress")
+            return Problem(terms, made.parameters, None, self, made.coupled, made.changed)
+
+    table = Tabulated.of(Still().problem({}), "mu", 0.2)
+    (friction,) = (t for t in Tabulated.with_value(table, 0.4).terms if t.only and not t.symmetric)
+    assert 0 < friction.matrix.nnz <= 4 * PATCH
+    assert all(not t.depends_on(["mu"]) for t in table.terms) and friction.depends_on(["mu"])
+    assert friction.coefficient({"mu": 0.4}) == 1.0 and friction.coefficient({"mu": 0.2}) == 0.0
+
+
+def test_a_matrix_that_is_only_there_at_some_values():
+    """A damper that begins at one value, and a spring that ends there, are terms of the table."""
+
+    class Switched:
+        def problem(self, values):
+            p = values["p"]
+            terms = [
+                Term("mass", "M", sp.csr_array(np.eye(2)), True), Term("ground", "K", sp.csr_array(np.eye(2)), True),
+            ]  # fmt: skip
+            if p > 0:
+                terms.append(Term("damper", "C", sp.csr_array(p * np.eye(2)), True))
+            else:
+                terms.append(Term("loss", "K", sp.csr_array(0.1 * np.eye(2)), True, imaginary=True))
+            return Problem(tuple(terms), {"p": p}, None, self, frozenset({"p"}), dict(values))
+
+    source = Switched()
+    table = Tabulated.of(source.problem({"p": -1.0}), "p", -1.0).with_value(2.0)
+    for p in (-1.0, 2.0):
+        ours, exact = table.pencil({"p": p}), source.problem({"p": p}).pencil()
+        np.testing.assert_array_equal(ours.K.toarray(), exact.K.toarray())
+        assert (ours.C is None) == (exact.C is None)
+        assert ours.C is None or (ours.C.toarray() == exact.C.toarray()).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_mode_at_every_value(kind):
+    """Within the tolerance and the uncertainty of LAPACK's on the whole problem; none missing."""
+    problem = made(kind)
+    result = sweep(problem, VALUES, modes=MODES, method="reduced")
+    assert result.method.startswith("reduced model of")
+    for point in result.points:
+        exact, lam = dense(problem, point.value), point.modes.lam
+        distance = np.abs(lam[:, None] - exact[None, :]).min(axis=1)
+        rounding = N * np.finfo(float).eps * np.abs(exact).max()
+        assert (distance <= 1e-8 * np.abs(lam)).all()
+        assert (distance <= point.modes.re_uncertainty + rounding).all()
+        below = exact.imag < 0.999 * lam.imag.max()
+        assert np.count_nonzero(below) == np.count_nonzero(lam.imag < 0.999 * lam.imag.max())
+
+
+@pytest.mark.parametrize("precise", [False, True])
+@pytest.mark.parametrize("kind", KINDS)
+def test_onsets_are_those_of_direct_solves(kind, precise):
+    problem = made(kind)
+    direct = sweep(problem, VALUES, modes=MODES, method="direct")
+    reduced = sweep(problem, VALUES, modes=MODES, method="reduced", precise=precise)
+    assert len(reduced.onsets) == len(direct.onsets)
+    assert direct.onsets or "damp" in kind
+    for a, b in zip(reduced.onsets, direct.onsets, strict=True):
+        assert a.value == pytest.approx(b.value, rel=1e-7, abs=1e-8)  # some are at the start itself, by rounding
+        assert abs(a.value - b.value) <= a.uncertainty + b.uncertainty
+        assert (a.kind, a.direction) == (b.kind, b.direction)
+    assert len(reduced.warnings) == len(direct.warnings)
+
+
+@pytest.mark.parametrize("kind", ["nonsymmetric", "quadratic"])
+def test_a_stored_model_gives_the_same_modes(kind):
+    """Its values come back in the order in which its terms were made."""
+    problem = made(kind)
+    model = ReducedModel(problem, "mu", VALUES, REQUEST)
+    between = 0.31
+    expected = [model.modes(float(v)).lam for v in (*VALUES, between)]
+    again = ReducedModel.restored(problem, "mu", VALUES, REQUEST, *model.stored())
+    for value, lam in zip((*VALUES, between), expected, strict=True):
+        np.testing.assert_allclose(again.modes(float(value)).lam, lam, rtol=1e-9)
+    np.testing.assert_array_equal(again.basis.V, model.basis.V)
+
+
+def test_projected_terms_and_their_derivative():
+    """The small problem is made anew at each value, as the whole one; so is its derivative by the parameter."""
+    problem = made("quadratic")
+    model = ReducedModel(problem, "mu", VALUES, REQUEST)
+    V = model.basis.V
+    for small in (model.projected, model.collected):
+        assert not small.is_affine("mu")
+        for mu in (0.3, 0.37, 0.9):
+            ours, exact = small.pencil({"mu": mu}), problem.pencil({"mu": mu})
+            for name in ("M", "C", "K"):
+                A = V.T @ getattr(exact, name) @ V
+                np.testing.assert_allclose(getattr(ours, name).toarray(), A, atol=1e-10 * np.abs(A).max())
+        slope, exact = small.derivative("mu", "K", {"mu": 0.37}), problem.derivative("mu", "K", {"mu": 0.37})
+        A = V.T @ exact @ V
+        np.testing.assert_allclose(slope.toarray(), A, atol=1e-6 * np.abs(A).max())
+    names = [t.name for t in model.projected.at({"mu": 0.5}).terms]
+    assert names == [t.name for t in problem.at({"mu": 0.5}).terms]  # for shares in a mode's energy
+
+
+def test_errors_of_critical_values_use_the_change_of_all_matrices():
+    """ψᴴ(∂Q/∂μ)φ of a table is that of the whole problem: here by differences of dense matrices."""
+    problem = made("nonsymmetric")
+    model = ReducedModel(problem, "mu", VALUES, REQUEST)
+    modes = model.modes(0.45)
+    right, left, lam = modes.right[:, 0], modes.left[:, 0], complex(modes.lam[0])
+    h = 1e-5
+    high, low = (problem.pencil({"mu": 0.45 + s * h}).K.toarray() for s in (1, -1))
+    x, y = model.lift(right), model.lift(left)
+    expected = np.vdot(y, (high - low) @ x) / (2 * h)
+    assert model.basis._slope(0.45, lam, right, left, "mu") == pytest.approx(expected, rel=1e-5)
+
