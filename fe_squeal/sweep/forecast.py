@@ -249,22 +249,30 @@ def _reduced(problem: Problem, parameter: str, values: int, linear_solver: Linea
     handed = A.nnz * (A.dtype.itemsize // 2 + 4) * (0.5 if symmetric else 1.0)
     static = _static_factors(problem, parameter, values, pencil.K, linear_solver)
     del pencil, A
-    handed += 0 if problem.is_affine(parameter) else _VERSIONS * real + (values + _BESIDE) * _moved(problem, parameter)
+    moved, more = _moved(problem, parameter, values)
+    handed += moved + (0 if problem.is_affine(parameter) else _VERSIONS * real)
     fixed = _loaded_parts() | static | {"matrices": int(sums + handed), "factors": factors, "freed, but kept": _KEPT}
     fixed["program and model"] -= aside
-    n, terms = problem.unknowns, len(problem.terms)
+    n, terms = problem.unknowns, len(problem.terms) + more
     return MemoryCount(n, values, terms, kind, True, factors, fixed, int(2 * sums + real), large)
 
 
-def _moved(problem: Problem, parameter: str) -> int:
-    """Return the bytes of the terms that a table has of one value; 0 where the problem cannot be made at another."""
+def _moved(problem: Problem, parameter: str, values: int) -> tuple[int, int]:
+    """Return the bytes and the number of the terms that a table has beside those of its first value.
+
+    None where the parameter moves coefficients alone, and none that are known where the problem cannot be made at
+    another value.
+    """
+    if values == 1 or problem.is_affine(parameter):
+        return 0, 0
     value = problem.value(parameter)
     try:
         table = Tabulated.of(problem, parameter, value)
         moved = table.with_value((1 - _APART) * value if value else _APART).terms[len(table.terms) :]
     except SquealError:  # the sweep raises the same error, or has its own values
-        return 0
-    return sum(12 * t.matrix.nnz for t in moved)
+        return 0, 0
+    count = values + _BESIDE
+    return count * sum(12 * t.matrix.nnz for t in moved), count * len(moved)
 
 
 def _loaded_parts() -> dict[str, int]:

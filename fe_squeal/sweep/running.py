@@ -18,7 +18,7 @@ from ..eigen.pencil import Modes
 from ..eigen.request import Completeness, Request, wanted_count
 from ..eigen.solve import prove_completeness, solve_modes
 from ..eigen.threads import one_openblas_thread
-from ..errors import NotConvergedError, TooLargeError
+from ..errors import NotConvergedError, SceneError, TooLargeError
 from ..problem.description import Describer, Description
 from ..problem.problem import Problem
 from ..problem.sensitivity import sensitivities
@@ -117,7 +117,7 @@ class RunningSweep:
                     model = ReducedModel(
                         self.problem, self.parameter, values, self._guarded, modal, self._linear_solver, swinging
                     )
-        except NotConvergedError as error:
+        except (NotConvergedError, SceneError) as error:  # a scene may have no static state at one of the values
             if method != "auto":
                 raise
             self.told.add(f"solved directly at every value: {error}")

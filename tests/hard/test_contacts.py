@@ -18,6 +18,7 @@ from fe_squeal.eigen.linear.choice import factorize
 from fe_squeal.errors import NotConvergedError, SceneError
 from fe_squeal.fem import static_contact
 from fe_squeal.fem.static_contact import SlidingContact, solve_static_contact
+from fe_squeal.sweep import forecast
 from meshes import BELT, STEEL, annulus, box, join, make_problem, modes_of, rigid_motions, term
 
 K_N = 1e11
@@ -191,8 +192,12 @@ def test_all_lifted_off_is_refused():
         )  # fmt: skip
 
 
-def test_contact_that_opens_within_the_sweep_keeps_what_was_found():
-    """A sweep whose pressure passes zero: what was solved before is kept, with exit 3 and the value."""
+@pytest.mark.parametrize("least", [10**9, 0])
+def test_contact_that_opens_within_the_sweep_keeps_what_was_found(least, monkeypatch):
+    """A sweep whose pressure passes zero: what was solved before is kept, with exit 3 and the value.
+
+    Also where a reduced model is tried first, which asks for the last value before the others (`least` unknowns)."""
+    monkeypatch.setattr(forecast, "UNKNOWNS", least)
     problem = make_problem(
         box("hex2", (2, 2, 1), (0.06, 0.06, 0.02)), materials={"lining": LINING},
         contacts=[{"surface": "bottom", "counterface": "rigid", "normal_stiffness": K_N, "sliding": BELT}],
@@ -204,6 +209,8 @@ def test_contact_that_opens_within_the_sweep_keeps_what_was_found():
     with pytest.raises(NotConvergedError, match="open every contact") as caught:
         fe_squeal.sweep(problem, [1.0, 0.5e6, 2e6], at, modes=4)
     assert [p.value for p in caught.value.partial.points] == [1.0, 0.5e6]
+    told = [w for w in caught.value.partial.warnings if "solved directly at every value" in w]
+    assert len(told) == (least == 0) and all("open every contact" in w for w in told)
 
 
 def alternating(mu):
