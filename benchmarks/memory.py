@@ -78,6 +78,7 @@ CASES = (
     Case("loss factors, reduced", lambda: lossy(0.0165), modes=15, points=5),
     Case("loss factors, direct", lambda: lossy(0.0165), "direct", 20, 2),
     Case("preload, direct", lambda: pressed(0.0165), "direct", 20, 2),
+    Case("preload, reduced", lambda: pressed(0.0165), points=5),
     Case("mixed linings, reduced", lambda: mixed(0.0165), points=5),
     Case("larger hexahedra, reduced", lambda: disc(0.0085), points=5),
     Case("larger tetrahedra, reduced", lambda: strong(0.0085), points=5),

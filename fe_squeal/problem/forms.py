@@ -94,10 +94,16 @@ def interpolate(problem: Problem, parameter: str, low: float, high: float) -> Pr
 
     Itself where the parameter changes coefficients alone. It knows no other parameter.
     """
-    if problem.is_affine(parameter):
-        return problem
+    return problem if problem.is_affine(parameter) else interpolate_beside(problem, parameter, low, high, 0.0)
+
+
+def interpolate_beside(problem: Problem, parameter: str, low: float, high: float, origin: float) -> Problem:
+    """Return the same, over the distance of the parameter from an origin instead of itself.
+
+    In an interval that is short beside the values themselves, powers of these would cancel each other.
+    """
     nodes = np.array([low, (low + high) / 2, high])
-    basis = np.linalg.inv(np.vander(nodes, 3, increasing=True))  # power, node
+    basis = np.linalg.inv(np.vander(nodes - origin, 3, increasing=True))  # power, node
     pencils = [problem.pencil({parameter: float(p)}) for p in nodes]
     symmetric = all(p.symmetric for p in pencils)
     terms = []
@@ -114,7 +120,7 @@ def interpolate(problem: Problem, parameter: str, low: float, high: float) -> Pr
             if np.iscomplexobj(A):
                 terms.append(replace(real, matrix=sp.csr_array(A.imag.copy()), imaginary=True))
     always = _common([p.free for p in pencils if p.free is not None])
-    return Problem(tuple(terms), dict.fromkeys(paths_of(parameter), low), free=lambda _: always)
+    return Problem(tuple(terms), dict.fromkeys(paths_of(parameter), low - origin), free=lambda _: always)
 
 
 def _common(found: list[FreeMotions]) -> FreeMotions:

@@ -23,6 +23,7 @@ from .terms import POWER, Slot, Term, sum_terms
 from .unheld import find_free_motions, holds_everything
 
 _DIFFERENCE = 1e-4  # of a parameter: step of the difference quotient by a parameter that changes matrices
+_LEAST = 0.01  # of the scene's own number: of smaller ones the step would be too small, down to rounding
 
 
 class Source(Protocol):
@@ -323,7 +324,8 @@ did you mean "springs.piston.stiffness"?
         if here.is_affine(parameter):
             return sum_terms((t, sum(t.slope(p, here.parameters) for p in paths)) for t in here.terms if t.slot == slot)
         p = here.value(parameter)
-        step = _DIFFERENCE * (abs(p) or abs(self.value(parameter)) or 1.0)
+        own = max(abs(self.value(parameter)), 0.0 if self.source is None else abs(self.source.number(paths[0])))
+        step = _DIFFERENCE * (max(abs(p), _LEAST * own) or 1.0)
         above, below = (here.at({parameter: p + sign * step}) for sign in (1, -1))
         parts = [(t, sign * t.coefficient(q.parameters)) for q, sign in ((above, 1), (below, -1)) for t in q.terms]
         change = sum_terms((t, c / (2 * step)) for t, c in parts if t.slot == slot)

@@ -17,7 +17,7 @@ from ..eigen.blocks import combine, cross, lift, times
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes
 from ..eigen.quality import ROUNDING
-from ..problem.parameters import Place, paths_of, values_at
+from ..problem.parameters import Place, paths_of
 from ..problem.problem import Problem
 from ..problem.tabulated import Tabulated
 from ..problem.terms import POWER, Slot
@@ -370,40 +370,42 @@ class ReducedBasis(Projection):
         return np.asarray(share / np.maximum(self._size * self._units[self._lines], np.finfo(float).tiny))
 
     def root_error(
-        self, value: Place, lam: complex, right: np.ndarray, left: np.ndarray, highest: float, parameter: str = ""
+        self, value: Place, lam: complex, right: np.ndarray, left: np.ndarray, highest: float, parameter: str = "",
+        here: Problem | None = None,
     ) -> tuple[float, float]:  # fmt: skip
         """Return how far a parameter at which Q(λ)φ = 0, ψᴴQ(λ) = 0 may be off, ‖η‖‖ρ‖/|ψᴴ(∂Q/∂p)φ|, and by rounding.
 
-        The second number is what rounding of the problem's own entries makes of that parameter.
+        The second number is what rounding of the problem's own entries makes of that parameter. The first one has what
+        the projected Q(λ) at the value itself leaves, ψᴴQ(λ)φ, if that is a root of interpolated matrices.
 
         Parameters
         ----------
         parameter : str, optional
             Which of several parameters p is.
+        here : Problem, optional
+            The projected problem at the value, affine in the parameter; needed if the basis has a table.
         """
         lams, phi, psi = np.array([lam]), right[:, None], left[:, None]
         rho, eta = self._sampled(value, lams, phi, psi)
         both = float(self._product(rho, eta, np.array([abs(lam)]), highest)[0])
         along = parameter or (self.parameter if isinstance(self.parameter, str) else self.parameter[0])
-        change = self._slope(value, lam, right, left, along)
+        matrices: Sequence[np.ndarray | sp.csr_array] = self._projected
+        if isinstance(self.problem, Tabulated):
+            assert here is not None
+            M, C, K, _ = self.matrices(value)
+            Q = lam**2 * M + K if C is None else lam**2 * M + lam * C + K
+            both += abs(complex(np.vdot(left, Q @ right)))
+            matrices = [t.matrix for t in here.terms]
+        else:
+            here = self.at(value)
+        change = 0j
+        for term, A in zip(here.terms, matrices, strict=True):
+            if slope := sum(term.slope(p, here.parameters) for p in paths_of(along)):
+                change += slope * complex(term.unit(lam)) * complex(np.vdot(left, A @ right))
         x, y = lift(self.V, phi), lift(self.V[self._lines], psi)
         share = len(self.V) / len(self._lines)
         rounding = ROUNDING * share * float(np.sum(np.abs(y) * self._magnitude(value, lams, x)))
         return (both / abs(change), rounding / abs(change)) if change else (np.inf, np.inf)
-
-    def _slope(self, value: Place, lam: complex, right: np.ndarray, left: np.ndarray, along: str) -> complex:
-        """Return ψᴴ(∂Q/∂p)φ for φ, ψ (r,); of a table by differences of the problem it was made from."""
-        here, total = self.at(value), 0j
-        if isinstance(self.problem, Tabulated):
-            x, y = (lift(self.V, u[:, None])[:, 0] for u in (right, left))
-            for slot, power in POWER.items():
-                A = self.problem.whole.derivative(along, slot, values_at(self.parameter, value))
-                total += 0j if A is None else lam**power * complex(np.vdot(y, A @ x))
-            return total
-        for term, A in zip(here.terms, self._projected, strict=True):
-            if slope := sum(term.slope(p, here.parameters) for p in paths_of(along)):
-                total += slope * complex(term.unit(lam)) * complex(np.vdot(left, A @ right))
-        return total
 
     def residual_product(
         self, value: Place, lam: complex, right: np.ndarray, left: np.ndarray, highest: float
@@ -447,3 +449,4 @@ def _size_of_entries(A: sp.csr_array, lines: np.ndarray) -> sp.csr_array:
     between = np.repeat(root[lines], np.diff(rows.indptr)) * root[rows.indices]
     rows.data = np.maximum(rows.data, between)
     return rows
+

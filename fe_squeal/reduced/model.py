@@ -286,7 +286,9 @@ class ReducedModel(ModesAtPlaces):
         """The projected problem with its terms collected by powers of the parameter, the others at their values."""
         return self.basis.collected()
 
-    def root_error(self, value: Place, theta: float, right: np.ndarray, left: np.ndarray) -> tuple[float, float]:
+    def root_error(
+        self, value: Place, theta: float, right: np.ndarray, left: np.ndarray, here: Problem | None = None
+    ) -> tuple[float, float]:  # fmt: skip
         """Return how far a critical value may be off because of the reduction, and because of rounding.
 
         Parameters
@@ -297,8 +299,10 @@ class ReducedModel(ModesAtPlaces):
             The eigenvalue −λ² there.
         right, left : (r,) float or complex
             The right and left vector there, in the coordinates of the reduced model.
+        here : Problem, optional
+            See `ReducedBasis.root_error`.
         """
-        return self.basis.root_error(value, 1j * np.sqrt(theta + 0j), right, left, self.highest)
+        return self.basis.root_error(value, 1j * np.sqrt(theta + 0j), right, left, self.highest, here=here)
 
     @cached_property
     def middle(self) -> Factor:

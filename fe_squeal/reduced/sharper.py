@@ -55,6 +55,9 @@ class SharperModel:
         self._model.correct(self._basis, value, mode, factor)
         self.__dict__.pop("problem", None)
 
-    def root_error(self, value: float, theta: float, right: np.ndarray, left: np.ndarray) -> tuple[float, float]:
+    def root_error(
+        self, value: float, theta: float, right: np.ndarray, left: np.ndarray, here: Problem | None = None
+    ) -> tuple[float, float]:  # fmt: skip
         """Return how far a critical value may be off for vectors (r,), see `ReducedModel.root_error`."""
-        return self._basis.root_error(value, 1j * np.sqrt(theta + 0j), right, left, self._model.highest)
+        lam = 1j * np.sqrt(theta + 0j)
+        return self._basis.root_error(value, lam, right, left, self._model.highest, here=here)

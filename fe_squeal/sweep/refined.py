@@ -19,6 +19,7 @@ from ..eigen.pencil import Modes
 from ..eigen.request import Request
 from ..eigen.solve import solve_modes
 from ..errors import NotConvergedError
+from ..problem.forms import interpolate_beside
 from ..problem.problem import Problem
 from ..reduced import SharperModel
 from .changes import FINEST, Change
@@ -29,6 +30,7 @@ from .tracking import modal_assurance
 
 _BISECTED = 1e-7  # of the step: width at which a bisection ends
 _CORRECTIONS = 4  # of the mode of a root of a reduced model, at most, before it is refined on the problem itself
+_NEARBY, _INTERPOLATED = 1e-3, 6  # of a value: how far from it matrices are interpolated around it; how often, at most
 _SURE = 1e-7  # of the value: an onset of a reduced model that is less uncertain is not refined on the problem itself
 _MOVED = 0.1  # of the step: a root of the problem may be so far from the root of the step model
 _ONE_SHAPE = 0.999  # MAC: two modes of equal frequency with a larger one are one defective mode, and no doublet
@@ -258,10 +260,11 @@ class Refiner:
         more than `_SURE` allows, or with `precise`, Newton's method on the problem itself follows.
         """
         step, reduced, first = self.step, self.step.reduced_model, x
-        root = newton(step.problem, root.value, x, y)
         if reduced is None:
+            root = newton(step.problem, root.value, x, y)
             return root, _is_one_shape(first, root.right, step.problem.mass)
-        error, rounding = reduced.root_error(root.value, root.theta, root.right, root.left)
+        root, here = self._on_reduced(newton, step.problem, root.value, x, y)
+        error, rounding = reduced.root_error(root.value, root.theta, root.right, root.left, here)
         if error <= max(rounding, _SURE * abs(root.value)) and not self.precise:
             same = _is_one_shape(first, root.right, step.problem.mass)
             return replace(root, uncertainty=root.uncertainty + error + rounding), same
@@ -270,6 +273,40 @@ class Refiner:
         first, x, y = (reduced.lift(v) for v in (first, root.right, root.left))
         root = newton(step.full, root.value, x, y)
         return root, _is_one_shape(first, root.right, step.full.mass)
+
+    def _on_reduced(
+        self, newton: _Newton, problem: Problem, value: float, x: np.ndarray, y: np.ndarray
+    ) -> tuple[Root, Problem]:  # fmt: skip
+        """Return the root of a reduced problem, and that problem at it, affine in the parameter.
+
+        If the parameter changes matrices, each of Newton's steps would need them at three values. So they are
+        interpolated beside the root, once more if it turns out to be farther away; what that leaves is in the error of
+        the root, see `ReducedBasis.root_error`.
+
+        Raises
+        ------
+        NotConvergedError
+            As `newton`, or roots of interpolated matrices stay away from where they were interpolated.
+        """
+        name = self.step.parameter
+        if problem.is_affine(name):
+            return newton(problem, value, x, y), problem
+        for _ in range(_INTERPOLATED):
+            around = self._around_value(problem, value)
+            root = newton(around, 0.0, x, y)
+            away, root = root.value, replace(root, value=value + root.value)
+            if abs(away) <= self._nearby(value):
+                return root, around.at({name: away})
+            value, x, y = float(np.clip(root.value, *self.step.ends)), root.right, root.left
+        raise NotConvergedError("the root of interpolated matrices does not settle")
+
+    def _around_value(self, problem: Problem, value: float) -> Problem:
+        """Return a problem interpolated beside a value, over the distance from it."""
+        (low, high), h = self.step.ends, self._nearby(value)
+        return interpolate_beside(problem, self.step.parameter, max(value - h, low), min(value + h, high), value)
+
+    def _nearby(self, value: float) -> float:
+        return _NEARBY * max(abs(value), self._width)
 
     @cached_property
     def _sharper(self) -> SharperModel:
@@ -289,10 +326,11 @@ class Refiner:
             x, y = sharper.padded(root.right), sharper.padded(root.left)
             try:
                 sharper.correct(root.value, root.theta, x, y, factor)
-                root = newton(sharper.problem, root.value, sharper.padded(x), sharper.padded(y))
+                x, y = sharper.padded(x), sharper.padded(y)
+                root, here = self._on_reduced(newton, sharper.problem, root.value, x, y)
             except (NotConvergedError, ValueError, np.linalg.LinAlgError):
                 return None
-            error, rounding = sharper.root_error(root.value, root.theta, root.right, root.left)
+            error, rounding = sharper.root_error(root.value, root.theta, root.right, root.left, here)
             if error <= max(rounding, _SURE * abs(root.value)):
                 return replace(root, uncertainty=root.uncertainty + error + rounding)
         return None
@@ -353,7 +391,9 @@ class Refiner:
         if step.reduced_model is not None and growing.left is not None:
             pair = growing.right[:, i], growing.left[:, i]
             right, left = (real_direction(u[:, None]) for u in pair) if change.kind == "meeting" else pair
-            error = step.reduced_model.root_error(value, lam.imag**2, right, left)[0]
+            affine = step.problem.is_affine(step.parameter)
+            here = None if affine else self._around_value(step.problem, value).at({step.parameter: 0.0})
+            error = step.reduced_model.root_error(value, lam.imag**2, right, left, here)[0]
             unseen += error if error < self._width else 0.0  # a larger error, as of a modal projection, is no bound
         return self._made(change, value, lam.imag, float(speed * np.sign(change.gains)), unseen)
 

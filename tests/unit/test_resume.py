@@ -12,6 +12,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from interrupted import assert_same_results, assert_valid, interrupt, refused, stop_at, sweep_text, write_sweep
 from matrix_scenes import sites, terms_of
@@ -90,7 +91,9 @@ def test_every_kind_of_problem_goes_on(
     assert f"resuming: {call - 1} of 6 values are finished" in capsys.readouterr().out
     assert_same_results(out, whole)
     if kind == "pressed":
-        assert (out / "preload.csv").read_text() == (whole / "preload.csv").read_text()
+        # Static states are found with the factors of those before, of which a resumed run has others.
+        ours, theirs = (pd.read_csv(folder / "preload.csv") for folder in (out, whole))
+        pd.testing.assert_frame_equal(ours, theirs, rtol=1e-11)
 
 
 def test_matrices_go_on_and_are_told_from_others(
