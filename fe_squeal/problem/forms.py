@@ -98,7 +98,7 @@ def interpolate(problem: Problem, parameter: str, low: float, high: float) -> Pr
 
 
 def interpolate_beside(problem: Problem, parameter: str, low: float, high: float, origin: float) -> Problem:
-    """Return the same, over the distance of the parameter from an origin instead of itself.
+    """Return a problem as `interpolate` does, over the distance of the parameter from an origin instead of itself.
 
     In an interval that is short beside the values themselves, powers of these would cancel each other.
     """

@@ -23,7 +23,7 @@ from .terms import POWER, Slot, Term, sum_terms
 from .unheld import find_free_motions, holds_everything
 
 _DIFFERENCE = 1e-4  # of a parameter: step of the difference quotient by a parameter that changes matrices
-_LEAST = 0.01  # of the scene's own number: of smaller ones the step would be too small, down to rounding
+_LEAST = 0.01  # of the scene's own number: values below do not make the step smaller, which would end in rounding
 
 
 class Source(Protocol):

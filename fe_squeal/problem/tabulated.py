@@ -29,15 +29,12 @@ class Tabulated(Problem):
         What it was made from.
     swept : str
         The parameter.
-    first : float
-        Value at which the first terms are those of the problem, and no others count.
     known : mapping of float to FreeMotions
         The values that are there, each with the motions that nothing holds at it.
     """
 
     whole: Problem = field(kw_only=True, repr=False)
     swept: str = field(kw_only=True)
-    first: float = field(kw_only=True)
     known: Mapping[float, FreeMotions] = field(kw_only=True, repr=False)
 
     @classmethod
@@ -53,7 +50,7 @@ class Tabulated(Problem):
         known = {value: here.free_motions()}
         return cls(
             here.terms, dict.fromkeys(paths_of(parameter), value), free=_free(known, parameter), whole=problem,
-            swept=parameter, first=value, known=known,
+            swept=parameter, known=known,
         )  # fmt: skip
 
     def at(self, values: Mapping[str, float] | None = None, /, *more: Never, **named: float) -> Problem:

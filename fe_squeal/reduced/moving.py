@@ -39,7 +39,8 @@ class MovingSource:
             for old in list(self._made)[: 1 - _KEPT]:
                 del self._made[old]
             made = self._make(values)
-            self._made[key] = replace(made, source=self, coupled=self._whole.coupled, changed=values)
+            coupled = self._whole.coupled | made.coupled
+            self._made[key] = replace(made, source=self, coupled=coupled, changed=values)
         return self._made[key]
 
     def number(self, path: str) -> float:

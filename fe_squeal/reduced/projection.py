@@ -218,7 +218,8 @@ class Projection:
             replace(t, matrix=sp.csr_array(A), only=None)
             for t, A in zip(table.terms, projected, strict=True) if t.coefficient(at)
         ]  # fmt: skip
-        return Problem(tuple(terms), at, free=lambda _: self._coordinates(known))
+        swept = frozenset(paths_of(table.swept))  # which changes more than coefficients
+        return Problem(tuple(terms), at, coupled=swept, free=lambda _: self._coordinates(known))
 
     @cached_property
     def _acting(self) -> list[_Acting]:

@@ -147,3 +147,25 @@ def test_projected_terms_and_their_derivative():
             np.testing.assert_allclose(slope.toarray(), A, atol=1e-6 * np.abs(A).max())
     names = [t.name for t in model.projected.at({"mu": 0.5}).terms]
     assert names == [t.name for t in problem.at({"mu": 0.5}).terms]  # for shares in a mode's energy
+
+
+def test_a_number_that_no_coefficient_has():
+    """As Poisson's ratio: it is in no term's powers and in no static state, and changes matrices all the same."""
+
+    class Unlisted(Opening):
+        def problem(self, values):
+            made = super().problem({"mu": values.get("ratio", 0.3)})
+            mu = made.parameters["mu"]
+            terms = tuple(Term(t.name, t.slot, t.matrix * t.coefficient({"mu": mu}), t.symmetric) for t in made.terms)
+            return Problem(terms, {}, None, self, frozenset(), dict(values))
+
+        def number(self, path):
+            return {"ratio": 0.3}[path]
+
+    problem = Unlisted().problem({})
+    direct, reduced = (sweep(problem, VALUES, "ratio", modes=MODES, method=m) for m in ("direct", "reduced"))
+    assert not reduced.reduced_model.collected.is_affine("ratio")
+    assert len(reduced.onsets) == len(direct.onsets) > 0
+    for a, b in zip(reduced.onsets, direct.onsets, strict=True):
+        assert abs(a.value - b.value) <= a.uncertainty + b.uncertainty
+        assert a.value == pytest.approx(b.value, rel=1e-7, abs=1e-8)
