@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,13 +16,15 @@ from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import available_memory, require_memory
 from ..eigen.request import Request
 from ..eigen.threads import one_openblas_thread
-from ..errors import SceneError
+from ..errors import NotConvergedError, SceneError
 from ..fem.spaces import DisplacementSpace
 from ..mesh.refining import refine
-from ..problem.forms import collect_powers, interpolate
+from ..problem.forms import collect_powers
+from ..problem.interpolation import interpolate
+from ..problem.parameters import paths_of
 from ..problem.problem import Problem
 from ..process.ahead import Ahead
-from ..reduced import ReducedModel
+from ..reduced import ReducedModel, TransferredModel
 from ..reduced.undamped import weighted
 from ..sweep.result import Sweep
 from .shares import Hierarchy
@@ -32,6 +35,7 @@ _CHILDREN = 8  # elements that replace one; the refined problem has about as man
 _COPIES = 4  # copies of M, C and K on the refined mesh that memory is counted for: the terms, and their sums
 _ROOM = 2  # times the memory of its matrices: so much has to be free for the refined mesh beside a sweep
 _VECTORS = 24  # vectors on the refined mesh that the corrections of one mode take
+_NEAR = 1e-6  # of |λ|: changes by refinement that would be misjudged by more are not worth an estimate
 _BASIS = 10  # vectors in the coarse basis for each mode, where the sweep has made no basis yet
 
 
@@ -47,8 +51,8 @@ class Refined:
         The unknowns on the refined mesh.
     problem : Problem
         The problem on the refined mesh, its terms collected by powers of the parameter.
-    model : ReducedModel
-        Reduced model of the problem on the mesh itself.
+    model : ReducedModel or TransferredModel
+        Of the problem on the mesh itself.
     parameter : str
         The parameter of the sweep. If the sweep has a single value, a parameter that nothing depends on stands in.
     values : (m,) float
@@ -68,7 +72,7 @@ class Refined:
     coarse: Assembly
     space: DisplacementSpace
     problem: Problem
-    model: ReducedModel
+    model: ReducedModel | TransferredModel
     parameter: str
     values: np.ndarray
     highest: float
@@ -158,13 +162,13 @@ def refine_problem(
     finer = finer or FinerMesh.of(assembly)
     values = np.array([p.value for p in result.points])
     fine, E = finer.assembly.solved_with(linear_solver), finer.prolongation
-    on_fine = fine.problem(problem.changed).prepared(parameter, values)
+    changed = problem.changed
+    if not problem.is_affine(parameter):  # then no other static state is found than those that are interpolated
+        changed = {**changed, **dict.fromkeys(paths_of(parameter), float(values[0]))}
+    on_fine = fine.problem(changed).prepared(parameter, values)
     affine = [_affine(p, parameter, values) for p in (problem, on_fine)]
     axis, at = (parameter, values) if len(values) > 1 else (_VALUE, np.zeros(1))
-    model = result.reduced_model
-    if model is None or len(values) == 1 or not problem.is_affine(parameter):
-        request = Request(count=max(len(p.modes) for p in result.points) + 2)
-        model = ReducedModel(affine[0], axis, at, request, linear_solver=linear_solver)
+    model = _model(result, affine[0], axis, at, linear_solver)
     basis = model.basis
     own = {t.name: c for t, c in zip(basis.problem.terms, basis.metric, strict=True)}
     collected = collect_powers(affine[1], axis).at({axis: basis.problem.value(axis)})
@@ -173,10 +177,27 @@ def refine_problem(
     gc.collect()  # an assembly and its problems refer to each other; the terms, summed now, are as large as their sums
     metric = [own.get(t.name, 0.0) for t in collected.terms]
     P = weighted(collected, metric)
-    coarse = factorize_definite_roughly(lambda: weighted(basis.problem, basis.metric), model.linear_solver)
+    coarse = model.definite if isinstance(model, TransferredModel) else None
+    coarse = coarse or factorize_definite_roughly(lambda: weighted(basis.problem, basis.metric), model.linear_solver)
     solver = TwoLevelSolver(P, E, coarse.solve)
     highest = max(float(p.modes.lam.imag.max(initial=0.0)) for p in result.points)
     return Refined(assembly, space, collected, model, axis, at, highest, E, metric, P, solver)
+
+
+def _model(
+    result: Sweep, affine: Problem, axis: str, at: np.ndarray, linear_solver: LinearSolver | str
+) -> ReducedModel | TransferredModel:
+    """Return a reduced model of the problem on the mesh itself in its affine form: that of the sweep if it serves."""
+    model, single = result.reduced_model, len(at) == 1
+    if model is not None and not single and result.problem.is_affine(result.parameter):
+        return model
+    if model is not None and not single:
+        with suppress(NotConvergedError):
+            transferred = TransferredModel(model, affine, float(at[np.argmin(np.abs(at))]))
+            if all(transferred.error(float(p)) <= _NEAR for p in at):
+                return transferred
+    request = Request(count=max(len(p.modes) for p in result.points) + 2)
+    return ReducedModel(affine, axis, at, request, linear_solver=linear_solver)
 
 
 def refined_memory(result: Sweep) -> int:

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from ..eigen.blocks import combine, lift, times
 from ..eigen.pencil import Modes
+from ..problem.terms import Term
 from ..reduced.vectors import unit_columns
 from .refined import Refined
 
@@ -40,7 +41,7 @@ class Residuals:
         X = times(refined.prolongation, combine(refined.model.basis.V, self._span))
         self._right = [_product(term.matrix, X) for term in self._problem.terms]
         self._left = [
-            AX if term.symmetric else _product(term.matrix.T.tocsr(), X)
+            _transposed(AX, term, X)
             for AX, term in zip(self._right, self._problem.terms, strict=True)
         ]
 
@@ -70,6 +71,15 @@ def _product(A: sp.csr_array, X: np.ndarray) -> _Product:
     if len(rows) >= _SPARSE * A.shape[0]:
         return slice(None), times(A, X)
     return rows, times(sp.csr_array(A[rows]), X)
+
+
+def _transposed(product: _Product, term: Term, X: np.ndarray) -> _Product:
+    """Return the product of a term's transposed matrix with X from that of the matrix itself, where they differ."""
+    if term.symmetric:
+        return product
+    if term.skew:
+        return product[0], -product[1]
+    return _product(term.matrix.T.tocsr(), X)
 
 
 def _both(modes: Modes) -> tuple[np.ndarray, np.ndarray]:

@@ -21,7 +21,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..fem.spaces import DisplacementSpace
-from .two_level import reference_coordinates
+from .two_level import nodes_of_children, places_in_first, reference_coordinates
 
 _COLUMNS = 16  # of a block that is split at once, to save memory
 _ROUNDED = 1e-9  # values of shape functions that differ by less are equal, up to rounding
@@ -54,11 +54,12 @@ class Lattice:
 def lattice_of(coarse: DisplacementSpace, fine: DisplacementSpace) -> Lattice:
     """Return the nodes of the refined mesh in each element of the mesh itself."""
     elements = coarse.mesh.nelements
-    children = np.asarray(fine.dofs.element_dofs).T.reshape(elements, -1)
+    children = nodes_of_children(coarse, fine)
     if _is_hexahedral(coarse):
         n = 2 * coarse.order + 1
         parent = np.repeat(np.arange(elements), children.shape[1])
-        X = reference_coordinates(coarse, parent, fine.coordinates[children.ravel()].T)
+        near = np.tile(places_in_first(coarse, fine), elements)
+        X = reference_coordinates(coarse, parent, fine.coordinates[children.ravel()].T, near)
         place = np.rint((n - 1) * X).astype(int)
         nodes = np.empty((elements, n**3), int)
         nodes[parent, (place[0] * n + place[1]) * n + place[2]] = children.ravel()

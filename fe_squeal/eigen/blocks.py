@@ -23,6 +23,21 @@ def faster(A: sp.csr_array) -> sp.csr_array | np.ndarray:
     return np.asarray(A.toarray()) if A.nnz > A.shape[0] * A.shape[1] / 2 else A
 
 
+def with_short_indices(A: sp.csr_array) -> sp.csr_array:
+    """Return a matrix whose indices are 32-bit numbers where they fit: MKL takes no others, and half as much is read.
+
+    SciPy keeps the type of the index arrays that a matrix was made of, in what is made of the matrix, too.
+
+    Examples
+    --------
+    >>> with_short_indices(sp.csr_array((np.ones(2), (np.arange(2), np.arange(2))))).indices.dtype
+    dtype('int32')
+    """
+    if A.indices.dtype == np.int32 or max(*A.shape, A.nnz) > np.iinfo(np.int32).max:
+        return A
+    return sp.csr_array((A.data, A.indices.astype(np.int32), A.indptr.astype(np.int32)), shape=A.shape)
+
+
 def times(A: sp.csr_array, X: np.ndarray) -> np.ndarray:
     """Return A X for a sparse A (m, n) and X (n, k)."""
     if A.shape[0] < _TALL:

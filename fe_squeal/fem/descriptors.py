@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from skfem.quadrature import get_quadrature
 
-from ..eigen.blocks import lift
+from ..eigen.blocks import cross, lift, times, with_short_indices
 from ..problem.description import Description, shares_by_name, undescribed
 from ..problem.terms import Term
 from .cells import cell_points
@@ -66,7 +66,8 @@ class ModeDescriber:
 
     def on(self, V: np.ndarray) -> ModeDescriber:
         """Return the describer of shapes V y that takes their coordinates y, for a basis V (n, r) float."""
-        along, nodal = ({name: V.T @ (A @ V) for name, A in forms.items()} for forms in (self.along, self.nodal))
+        forms = self.along, self.nodal
+        along, nodal = ({name: cross(V, times(A, V)) for name, A in of.items()} for of in forms)
         sampled = None if self.harmonics is None else self._spectra(V).reshape(-1, V.shape[1])
         return replace(self, along=along, nodal=nodal, sampled=sampled, fitted=True)
 
@@ -135,7 +136,7 @@ def make_describer(
     nodal = np.zeros(size)
     nodal[: len(space.free)] = 1.0
     N, P = sp.diags_array(nodal).tocsr(), _along(space, axis, size)
-    along = {f"mass.{b}": sp.csr_array(P.T @ masses[b] @ P) for b in measured}
+    along = {f"mass.{b}": with_short_indices(sp.csr_array(P.T @ masses[b] @ P)) for b in measured}
     plain = {f"mass.{b}": masses[b] if space.bubbles is None else sp.csr_array(N @ masses[b] @ N) for b in measured}
     harmonics, sampled = None, None
     if turning and centre is not None:
@@ -146,9 +147,8 @@ def make_describer(
             place = np.full(3 * space.nodes, -1)
             place[space.free] = np.arange(len(space.free))
             known = place[rows] >= 0
-            sampled = sp.csr_array(
-                (np.ones(known.sum()), (np.flatnonzero(known), place[rows][known])), shape=(len(rows), size)
-            )
+            where = np.flatnonzero(known), place[rows][known]
+            sampled = with_short_indices(sp.csr_array((np.ones(known.sum()), where), shape=(len(rows), size)))
     return ModeDescriber(tuple(bodies), along, plain, sampled, harmonics)
 
 

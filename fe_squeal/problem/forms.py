@@ -1,4 +1,4 @@
-"""The same problem in other forms: over the powers of one parameter, projected on a subspace, interpolated."""
+"""The same problem in other forms: over the powers of one parameter, or projected on a subspace."""
 
 from __future__ import annotations
 
@@ -9,13 +9,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..eigen.blocks import cross, times
-from ..eigen.kernel import null_columns
 from ..eigen.pencil import FreeMotions
 from ..errors import SceneError
 from .parameters import paths_of
 from .problem import Problem
 from .terms import Slot, Term, sum_terms
-from .unheld import ROUNDING_OF_FORCES
 
 _SPARSE = 0.1  # of all rows: a term that acts in fewer is multiplied in these rows alone
 _PIECE = 64  # vectors that are multiplied at once: products of all of them may not fit into memory
@@ -87,46 +85,3 @@ def project(problem: Problem, V: np.ndarray) -> Problem:
         pieces = [cross(here, times(A, V[:, i : i + _PIECE])) for i in range(0, V.shape[1], _PIECE)]
         terms.append(replace(t, matrix=sp.csr_array(np.hstack([np.zeros((V.shape[1], 0)), *pieces]))))
     return Problem(tuple(terms), problem.parameters, free=lambda _: none)
-
-
-def interpolate(problem: Problem, parameter: str, low: float, high: float) -> Problem:
-    """Return a problem whose matrices are quadratic in a parameter and agree at both ends and the middle.
-
-    Itself where the parameter changes coefficients alone. It knows no other parameter.
-    """
-    return problem if problem.is_affine(parameter) else interpolate_beside(problem, parameter, low, high, 0.0)
-
-
-def interpolate_beside(problem: Problem, parameter: str, low: float, high: float, origin: float) -> Problem:
-    """Return a problem as `interpolate` does, over the distance of the parameter from an origin instead of itself.
-
-    In an interval that is short beside the values themselves, powers of these would cancel each other.
-    """
-    nodes = np.array([low, (low + high) / 2, high])
-    basis = np.linalg.inv(np.vander(nodes - origin, 3, increasing=True))  # power, node
-    pencils = [problem.pencil({parameter: float(p)}) for p in nodes]
-    symmetric = all(p.symmetric for p in pencils)
-    terms = []
-    for slot in ("M", "C", "K"):
-        given = [getattr(p, slot) for p in pencils]
-        if all(A is None for A in given):
-            continue
-        parts = [sp.csr_array(pencils[0].M.shape) if A is None else A for A in given]
-        for power in range(3):
-            A = sp.csr_array(sum(w * part for w, part in zip(basis[power], parts, strict=True)))
-            powers = {paths_of(parameter)[0]: power}
-            real = Term(f"{slot}{power}", slot, sp.csr_array(A.real.copy()), slot == "M" or symmetric, powers)
-            terms.append(real)
-            if np.iscomplexobj(A):
-                terms.append(replace(real, matrix=sp.csr_array(A.imag.copy()), imaginary=True))
-    always = _common([p.free for p in pencils if p.free is not None])
-    return Problem(tuple(terms), dict.fromkeys(paths_of(parameter), low - origin), free=lambda _: always)
-
-
-def _common(found: list[FreeMotions]) -> FreeMotions:
-    """Return the motions that are free in all of several cases."""
-    Z = found[0].motions
-    for other in found[1:]:
-        Q = np.linalg.qr(other.motions)[0]
-        Z = Z @ null_columns(Z - Q @ (Q.T @ Z), ROUNDING_OF_FORCES * float(np.linalg.norm(Z)))
-    return FreeMotions(Z)

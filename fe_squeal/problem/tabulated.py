@@ -71,7 +71,7 @@ class Tabulated(Problem):
         """
         there = collect_powers(self.whole.at({self.swept: value}), ())
         path = paths_of(self.swept)[0]
-        before, now = ({_kind(t): t for t in p} for p in ([t for t in self.terms if t.only is None], there.terms))
+        before, now = ({kind_of(t): t for t in p} for p in ([t for t in self.terms if t.only is None], there.terms))
         more = []
         for kind in dict.fromkeys([*before, *now]):
             old, new = before.get(kind), now.get(kind)
@@ -79,13 +79,13 @@ class Tabulated(Problem):
             assert like is not None
             A = _difference(None if new is None else new.matrix, None if old is None else old.matrix)
             if A.nnz:
-                name = f"{like.name} at {value:g}"
-                more.append(Term(name, like.slot, A, like.symmetric, {}, like.skew, like.imaginary, only={path: value}))
+                name, skew = f"{like.name} at {value:g}", all(t.skew for t in (new, old) if t is not None)
+                more.append(Term(name, like.slot, A, like.symmetric, {}, skew, like.imaginary, only={path: value}))
         known = {**self.known, value: there.free_motions()}
         return replace(self, terms=(*self.terms, *more), free=_free(known, self.swept), known=known)
 
 
-def _kind(term: Term) -> tuple[str, bool, bool]:
+def kind_of(term: Term) -> tuple[str, bool, bool]:
     """Return what distinguishes the terms that `collect_powers` makes of a problem at one place."""
     return term.slot, term.symmetric, term.imaginary
 

@@ -11,8 +11,9 @@ from typing import Any, Literal
 import numpy as np
 import scipy.sparse as sp
 
+from ..eigen.blocks import with_short_indices
+
 Slot = Literal["M", "C", "K"]
-_SHORT = 2**31  # rows, columns or entries of a matrix whose indices take four bytes each, instead of eight
 POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}  # the power of λ that multiplies the matrix of a slot in Q(λ)
 
 
@@ -55,10 +56,8 @@ class Term:
 
     def __post_init__(self) -> None:
         # SciPy's products of small matrices come with long indices, and sums with the large ones would take them over.
-        A = self.matrix
-        if sp.issparse(A) and A.format == "csr" and A.indices.dtype == np.int64 and max(*A.shape, A.nnz) < _SHORT:
-            short = (A.data, A.indices.astype(np.int32), A.indptr.astype(np.int32))
-            object.__setattr__(self, "matrix", sp.csr_array(short, shape=A.shape))
+        if sp.issparse(self.matrix) and self.matrix.format == "csr":
+            object.__setattr__(self, "matrix", with_short_indices(self.matrix))
 
     @cached_property
     def full(self) -> np.ndarray:

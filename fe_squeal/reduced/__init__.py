@@ -4,6 +4,7 @@ from .box import BoxModel
 from .estimate import OnlineModel
 from .model import ReducedModel
 from .sharper import SharperModel
+from .transferred import TransferredModel
 from .vectors import SlowMotions
 
-__all__ = ["BoxModel", "OnlineModel", "ReducedModel", "SharperModel", "SlowMotions"]
+__all__ = ["BoxModel", "OnlineModel", "ReducedModel", "SharperModel", "SlowMotions", "TransferredModel"]

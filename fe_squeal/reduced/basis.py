@@ -148,8 +148,7 @@ class ReducedBasis(Projection):
         super()._take_over(table)
         new = self._acting[count:]
         self._right = [*self._right, *(self._product_with(part, self._Z) for part in new)]
-        turned = [(rows, A if transposed is None else transposed, None) for rows, A, transposed in new]
-        self._left = [*self._left, *(self._product_with(part, self._Z) for part in turned)]
+        self._left = [*self._left, *(part.sign * self._product_with(part.turned, self._Z) for part in new)]
 
     def append(self, X: np.ndarray, threshold: float = 0.0) -> int:
         """Add directions of X (n, k) as `extend` does, and return how many were added."""
@@ -207,12 +206,12 @@ class ReducedBasis(Projection):
 
     def _meet(self, i: int, X: np.ndarray) -> _Products:
         """Return the products of a term A with X, V and Z."""
-        rows, A, transposed = self._acting[i]
+        rows, A, transposed, sign = self._acting[i]
         V, Z, here = (self.V, self._Z, X) if rows is None else (self.V[rows], self._Z[rows], X[rows])
         AX = times(A, X)
         XAX, VAX, ZAX = cross(here, AX), cross(V, AX), cross(Z, AX)
         if transposed is None:
-            return _Products(VAX, VAX, XAX, ZAX, ZAX)
+            return _Products(VAX, VAX, XAX, ZAX, ZAX) if sign == 1 else _Products(VAX, -VAX, XAX, ZAX, -ZAX)
         ATX = times(transposed, X)
         return _Products(VAX, cross(V, ATX), XAX, ZAX, cross(Z, ATX))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as la
@@ -28,7 +29,23 @@ _SPARSE = 0.3  # of all rows: a term that acts in fewer is multiplied in these r
 _SLOW = 1e-3  # of the shift σ: a motion with less |θ| counts as hardly held
 _CONTAINED = 1e-12  # of the mass of a motion: a part outside the basis that is smaller is rounding
 _Matrices = tuple[np.ndarray, np.ndarray | None, np.ndarray, bool]
-_Acting = tuple[np.ndarray | None, sp.csr_array, sp.csr_array | None]
+
+
+class _Acting(NamedTuple):
+    """A term A in the rows (m,) that it or its transposed matrix acts in, None for all rows.
+
+    The transposed matrix is `sign` times A itself where there is none.
+    """
+
+    rows: np.ndarray | None
+    matrix: sp.csr_array
+    transposed: sp.csr_array | None
+    sign: float
+
+    @property
+    def turned(self) -> _Acting:
+        """The transposed matrix in place of A; both are the same up to `sign` where there is no transposed one."""
+        return self if self.transposed is None else self._replace(matrix=self.transposed, transposed=self.matrix)
 
 
 class Projection:
@@ -93,7 +110,7 @@ class Projection:
 
     def _product_with(self, part: _Acting, left: np.ndarray) -> np.ndarray:
         """Return UᵀAV of a term A, for any U (n, k)."""
-        rows, A, _ = part
+        rows, A = part.rows, part.matrix
         return cross(left if rows is None else left[rows], times(A, self.V))
 
     def pencil(self, value: Place) -> Pencil:
@@ -241,8 +258,10 @@ class Projection:
         for vectors, adjoint in ((modes.right, False), (modes.left, True)):
             u = combine(self.V, vectors.real if real else np.hstack([vectors.real, vectors.imag]))
             total = np.zeros_like(u)
-            for (rows, A, transposed), c in zip(self._acting, factors, strict=True):
+            for (rows, A, transposed, sign), c in zip(self._acting, factors, strict=True):
                 part = times(transposed if adjoint and transposed is not None else A, u)
+                if adjoint and sign != 1:
+                    part *= sign
                 re, im = np.diag(c.real), np.diag(-c.imag if adjoint else c.imag)
                 # Complex multiplication, on columns of real parts and columns of imaginary ones.
                 part = part * c.real if real else combine(part, np.block([[re, im], [-im, re]]))
@@ -252,12 +271,13 @@ class Projection:
 
 
 def _acting(term: Term) -> _Acting:
-    """Return the rows in which a term acts (None for all rows), its matrix and the transposed one in these rows."""
+    """Return a term in the rows in which it acts."""
     A = term.matrix
-    transposed = None if term.symmetric else sp.csr_array(A.T)
+    transposed = None if term.symmetric or term.skew else sp.csr_array(A.T)
+    sign = -1.0 if term.skew else 1.0
     acts = np.diff(A.indptr) > 0
     acts[A.indices] = True  # in the rows of the transposed matrix
     rows = np.flatnonzero(acts)
     if len(rows) >= _SPARSE * A.shape[0]:
-        return None, A, transposed
-    return rows, sp.csr_array(A[rows]), None if transposed is None else sp.csr_array(transposed[rows])
+        return _Acting(None, A, transposed, sign)
+    return _Acting(rows, sp.csr_array(A[rows]), None if transposed is None else sp.csr_array(transposed[rows]), sign)

@@ -34,6 +34,30 @@ def _stiffnesses(problem: Problem) -> list[list[float]]:
     return [without, kept] if friction < sum(size) / 2 else [kept]
 
 
+def _metric(problem: Problem, stiffness: Sequence[float], sigma: float) -> list[float]:
+    """Return the coefficients of all terms in P = K − σM from those in K without damping and friction."""
+    return [
+        -sigma * t.coefficient(problem.parameters) if t.slot == "M" else c
+        for c, t in zip(stiffness, problem.terms, strict=True)
+    ]
+
+
+def metric_as(problem: Problem, other: Problem, of_other: Sequence[float], sigma: float) -> list[float]:
+    """Return the coefficients of a problem's terms in P, chosen as for another problem of the same unknowns.
+
+    Parameters
+    ----------
+    problem : Problem
+        At the parameters at which P is formed.
+    other : Problem
+    of_other : (terms,) float
+        The coefficients of the terms of `other`, see `factorize_undamped`.
+    sigma : float, rad²/s²
+    """
+    friction = [t.slot == "K" and not t.symmetric and bool(c) for t, c in zip(other.terms, of_other, strict=True)]
+    return _metric(problem, _stiffnesses(problem)[-1 if any(friction) else 0], sigma)
+
+
 def weighted(problem: Problem, coefficients: Sequence[float]) -> sp.csr_array:
     """Return a weighted sum (n, n) of the terms' matrices; of a matrix that is not symmetric its symmetric part."""
     used = [(t, c) for t, c in zip(problem.terms, coefficients, strict=True) if c]
@@ -78,10 +102,7 @@ def factorize_undamped(
     for stiffness in _stiffnesses(problem):
         pencil = Pencil(M, weighted(problem, stiffness), symmetric=True)
         sigma = shift_below(pencil, band)
-        metric = [
-            -sigma * t.coefficient(problem.parameters) if t.slot == "M" else c
-            for c, t in zip(stiffness, problem.terms, strict=True)
-        ]
+        metric = _metric(problem, stiffness, sigma)
         try:
             factor = factorize_with_care(partial(weighted, problem, metric), linear_solver)
             return pencil, sigma, metric, factor

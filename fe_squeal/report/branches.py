@@ -66,6 +66,14 @@ class Branch:
         return self.joined & opens & (self.onset[1:] == -1) & self.leads[1:]
 
     @property
+    def swings(self) -> Bools:
+        """(k,) bool, where the mode does not decay faster than it swings: there its frequency says nothing.
+
+        Between such modes and others a branch may go on with the wrong one, too.
+        """
+        return np.asarray(-self.re <= 2 * np.pi * self.frequency_hz)
+
+    @property
     def grows(self) -> bool:
         """Whether the mode is unstable anywhere in the sweep, at its values or between them."""
         return bool(self.unstable.any() or self.windows.any())

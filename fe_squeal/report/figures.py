@@ -54,7 +54,7 @@ def plot_stability(
     Stable stretches are thin and grey, unstable ones thick and coloured, each branch with its own entry in the
     legend. Onsets carry a marker and, where there are at most twelve, their value and frequency. Below, each
     growing branch is solid, its decaying mirror thin; the band is the uncertainty of Re λ, where it is wide enough
-    to be seen.
+    to be seen. Modes that decay faster than they swing have no frequencies to be drawn.
 
     Parameters
     ----------
@@ -93,7 +93,8 @@ def stability_figure(
     figure.suptitle(figure_text(title))
 
     for branch in branches:
-        draw_stretches(top, branch, branch.frequency_hz / per_unit, styles.get(branch.number))
+        shown = np.where(branch.swings, branch.frequency_hz / per_unit, np.nan)
+        draw_stretches(top, branch, shown, styles.get(branch.number))
     draw_growth(bottom, branches, growing, styles, onsets)
     markers = _mark_onsets(top, onsets, numbers(onsets, "value"), numbers(onsets, "frequency_hz") / per_unit)
 

@@ -19,7 +19,7 @@ from ..eigen.pencil import Modes
 from ..eigen.request import Request
 from ..eigen.solve import solve_modes
 from ..errors import NotConvergedError
-from ..problem.forms import interpolate_beside
+from ..problem.interpolation import interpolate_beside
 from ..problem.problem import Problem
 from ..reduced import SharperModel
 from .changes import FINEST, Change

@@ -12,7 +12,8 @@ from ..eigen.blocks import faster
 from ..eigen.dense import solve_dense
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes
-from ..problem.forms import interpolate, project
+from ..problem.forms import project
+from ..problem.interpolation import interpolate
 from ..problem.problem import Problem
 from ..reduced import ReducedModel, SlowMotions
 from .nodes import Node, node_of, spread_of

@@ -100,7 +100,7 @@ def test_every_mode_at_every_value(kind):
         assert np.count_nonzero(below) == np.count_nonzero(lam.imag < 0.999 * lam.imag.max())
 
 
-@pytest.mark.parametrize("precise", [False, True])
+@pytest.mark.parametrize("precise", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_onsets_are_those_of_direct_solves(kind, precise):
     problem = made(kind)

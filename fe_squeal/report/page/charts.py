@@ -52,7 +52,7 @@ def _branches(results: Results) -> list[dict[str, Any]]:
         rows = rows[np.argsort(value[rows], kind="stable")]
         table = [modes.iloc[i].to_dict() for i in rows]
         peak = max(table, key=lambda row: float(row["re"]) if row["stability"] == "unstable" else -math.inf)
-        inside = b.unstable_segments()
+        inside, drawn = b.unstable_segments(), b.joined & b.swings[:-1] & b.swings[1:]
         curves = growth_curves(b)
         found.append({
             "number": b.number,
@@ -68,8 +68,8 @@ def _branches(results: Results) -> list[dict[str, Any]]:
             "way": [way_text(row) for row in table],
             "body": [body_text(row) for row in table],
             "plane": [plane_text(row) for row in table],
-            # Lines are interrupted where the branch is missing at a value, and thick where it is unstable.
-            "line": _polyline([b.value, b.frequency_hz], b.joined),
+            # Lines are interrupted where the branch is missing at a value or does not swing, and thick where unstable.
+            "line": _polyline([b.value, b.frequency_hz], drawn),
             "thick": _polyline([b.value, b.frequency_hz], inside),
             "growth": _joined(curves, b.joined),
             "thickGrowth": _joined(curves, inside),
