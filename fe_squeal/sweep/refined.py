@@ -1,45 +1,32 @@
-"""Refine a change of stability of the step model to a critical value of the problem itself.
-
-This file is longer than others, since Newton's method for each kind of change and bisection, where it fails, are one
-way.
-"""
+"""Refine a change of stability of the step model to a critical value of the problem itself."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
-from ..eigen.dense import solve_dense
-from ..eigen.pencil import Modes
-from ..eigen.request import Request
-from ..eigen.solve import solve_modes
 from ..errors import NotConvergedError
-from ..problem.interpolation import interpolate_beside
 from ..problem.problem import Problem
 from ..reduced import SharperModel
+from .bisection import Bisection, onset_of, share_within, speed_of
 from .changes import FINEST, Change
 from .newton import Root, find_coalescence, find_crossing, find_zero
 from .onset import Onset
 from .step import Step, real_direction
 from .tracking import modal_assurance
 
-_BISECTED = 1e-7  # of the step: width at which a bisection ends
 _CORRECTIONS = 4  # of the mode of a root of a reduced model, at most, before it is refined on the problem itself
-_NEARBY, _INTERPOLATED = 1e-3, 6  # of a value: how far from it matrices are interpolated around it; how often, at most
+_INTERPOLATED = 6  # times, at most, that matrices are interpolated around a value
 _SURE = 1e-7  # of the value: an onset of a reduced model that is less uncertain is not refined on the problem itself
 _MOVED = 0.1  # of the step: a root of the problem may be so far from the root of the step model
 _ONE_SHAPE = 0.999  # MAC: two modes of equal frequency with a larger one are one defective mode, and no doublet
 _SAME_SHAPE = 0.9  # MAC: roots of the step model and of the problem whose modes have a larger one are the same root
 _ALONE = 0.05  # of the distance to the next change of the group: a root that is nearer than this belongs to the change
-_WITHIN = 0.5  # of a mode's energy: a mode with more than this in the span of a group's shapes belongs to the group
-_FAST = 4.0  # times the highest frequency: growing modes are looked for up to this |λ|
-_ASIDE = 1e-3  # of the step: distance from a bisected onset at which its growth rate is measured
-_CLEAR = 4.0  # times its uncertainty: a growth rate above this is no rounding
 
 _Newton = Callable[[Problem, float, np.ndarray, np.ndarray], Root]
 
@@ -60,8 +47,6 @@ class Refiner:
     step: Step
     precise: bool
     starts: bool
-    # Growing modes of the reduced model at some values, and up to which |λ| they are known.
-    _solved: dict[float, tuple[float, Modes]] = field(default_factory=dict, repr=False)
 
     def onset(self, change: Change) -> Onset:
         """Return the onset that a change of stability of the step model stands for, without its branches.
@@ -71,10 +56,11 @@ class Refiner:
         NotConvergedError
             Neither Newton's method nor bisection finds a critical value between the limits of the change.
         """
-        if self.starts and change.at_start and change.kind == "meeting" and self._theta and self._is_doublet(change):
+        meets_at_start = self.starts and change.at_start and change.kind == "meeting" and self.step.in_theta
+        if meets_at_start and self._is_doublet(change):
             lam = np.sqrt(-change.v + 0j)
             start = self.step.ends[0]
-            return self._made(change, start, abs(lam.imag) or abs(lam), np.nan, self._doublet_width(change))
+            return onset_of(self.step, change, start, abs(lam.imag) or abs(lam), np.nan, self._doublet_width(change))
         around = self._around(change)
         root, sure = None, False
         # Newton's method fails if several equal pairs meet at once, or if damping is so small that Re λ is lost in
@@ -83,44 +69,22 @@ class Refiner:
             root, sure = self._root(change)
         if not sure:  # the root may belong to another change of the group
             with suppress(NotConvergedError, ValueError, np.linalg.LinAlgError):
-                return self._bisected(replace(change, limits=around))
+                return self._bisection.onset(replace(change, limits=around))
         if root is None:
-            return self._bisected(change)
+            return self._bisection.onset(change)
         omega = float(np.sqrt(max(root.theta, 0.0)))
-        slow = change.kind in ("zero", "parting") or omega <= 1e-6 * self._speed(change)
-        return self._made(change, root.value, 0.0 if slow else omega, root.coefficient, root.uncertainty)
-
-    @property
-    def _width(self) -> float:
-        return abs(self.step.ends[1] - self.step.ends[0])
+        slow = change.kind in ("zero", "parting") or omega <= 1e-6 * speed_of(self.step, change)
+        return onset_of(self.step, change, root.value, 0.0 if slow else omega, root.coefficient, root.uncertainty)
 
     def _around(self, change: Change) -> tuple[float, float]:
         """Return the interval in which a root surely belongs to a change: its samples, widened, within its limits."""
-        spread = abs(change.high - change.low) + FINEST * self._width
+        spread = abs(change.high - change.low) + FINEST * self.step.width
         low, high = sorted(change.limits)
         return max(low, change.low - spread), min(high, change.high + spread)
 
     def _is_around(self, change: Change, root: Root) -> bool:
         low, high = self._around(change)
         return low - root.uncertainty <= root.value <= high + root.uncertainty
-
-    def _speed(self, change: Change) -> float:
-        """Return |λ| of the eigenvalue that changes; where that is zero, the largest |λ| at the start of the step."""
-        size = abs(change.v) if self.step.model.is_damped and not self._theta else np.sqrt(abs(change.v))
-        return float(size) or float(np.abs(self.step.modes_at_ends[0].lam).max(initial=1.0))
-
-    @property
-    def _theta(self) -> bool:
-        return not any(t.slot == "C" for t in self.step.model.terms)
-
-    def _made(self, change: Change, value: float, omega: float, speed: float, uncertainty: float) -> Onset:
-        kind = "flutter" if omega else "divergence"
-        value = float(np.clip(value, min(self.step.ends), max(self.step.ends)))  # rounding may put it just beyond
-        direction = "into" if change.gains >= 0 else "out of"
-        return Onset(
-            self.step.parameter, value, float(omega / (2 * np.pi)), kind, direction, float(speed), 0, None,
-            float(uncertainty),
-        )  # fmt: skip
 
     def _is_doublet(self, change: Change) -> bool:
         """Return whether a change is that of a doublet: two modes of equal frequency and different shapes at the start.
@@ -146,7 +110,7 @@ class Refiner:
         start, width = self.step.end(0), abs(change.high - self.step.ends[0])
         near = np.argsort(np.abs(start.v - change.v))[:2]
         apart = abs(start.v[near[0]] - start.v[near[1]]) / 2 + start.blur[near].max()
-        return float(min(apart / abs(change.v.imag), 1.0) * width + FINEST * self._width)
+        return float(min(apart / abs(change.v.imag), 1.0) * width + FINEST * self.step.width)
 
     # Newton's method, on the step model first.
 
@@ -156,13 +120,13 @@ class Refiner:
         It does if the root of the step model is between the samples of the change or close to them, or `_is_alone`, and
         the root of the problem has the same mode or is there too.
         """
-        if change.kind == "meeting" and not self._theta:
+        if change.kind == "meeting" and not self.step.in_theta:
             raise NotConvergedError("two λ that meet on the imaginary axis: left to bisection")
         if change.kind in ("parting", "zero") and self.step.problem.problem_class == "complex":
             raise NotConvergedError("a real λ of complex matrices: left to bisection")
         near = 0.5 * (change.low + change.high)
         newton = self._newton(change)
-        step, slack = self.step, FINEST * self._width
+        step, slack = self.step, FINEST * self.step.width
         root = self._between(change, newton(step.model, near, change.right, change.left), slack)
         x, y = (step.V @ v for v in (root.right, root.left))
         if step.problem.unknowns == step.model.unknowns and step.reduced_model is None:
@@ -172,7 +136,7 @@ class Refiner:
         blurred = replace(root, uncertainty=max(root.uncertainty, better.uncertainty))
         sure = self._is_around(change, blurred) or self._is_alone(change, root)
         shift = abs(better.value - root.value)
-        if shift > _MOVED * self._width:
+        if shift > _MOVED * self.step.width:
             raise NotConvergedError("Newton's method left the step")
         return self._between(change, better, slack + 2 * shift), sure and (same or self._is_around(change, better))
 
@@ -185,14 +149,14 @@ class Refiner:
         middle = 0.5 * (change.low + change.high)
         room = min(abs(limit - middle) for limit in change.limits)
         right, M = root.right[:, None].astype(complex), self.step.model.mass
-        inside = _share_within(change.group, right, M)[0] > _SAME_SHAPE
+        inside = share_within(change.group, right, M)[0] > _SAME_SHAPE
         return bool(inside) and abs(root.value - middle) <= _ALONE * room
 
     def _newton(self, change: Change) -> _Newton:
         """Return Newton's method for the kind of a change: a function of problem, parameter, right and left mode."""
         name, solver = self.step.parameter, self.step.linear_solver
-        width = _MOVED * self._width + abs(change.high - change.low) / 2  # from the middle of the change
-        theta = float(change.v.real) if self._theta else abs(change.v) ** 2
+        width = _MOVED * self.step.width + abs(change.high - change.low) / 2  # from the middle of the change
+        theta = float(change.v.real) if self.step.in_theta else abs(change.v) ** 2
 
         def meeting(problem: Problem, p: float, x: np.ndarray, y: np.ndarray) -> Root:
             nonlocal theta
@@ -209,7 +173,7 @@ class Refiner:
 
         def crossing(problem: Problem, p: float, x: np.ndarray, y: np.ndarray) -> Root:
             nonlocal theta
-            lam = change.v if not self._theta else 1j * np.sqrt(change.v)
+            lam = change.v if not self.step.in_theta else 1j * np.sqrt(change.v)
             omega = abs(lam.imag) if p == 0.5 * (change.low + change.high) else float(np.sqrt(theta))
             root = find_crossing(problem, name, p, omega, x, y, width, solver, self._enough(problem))
             theta = root.theta
@@ -292,21 +256,17 @@ class Refiner:
         if problem.is_affine(name):
             return newton(problem, value, x, y), problem
         for _ in range(_INTERPOLATED):
-            around = self._around_value(problem, value)
+            around = self.step.beside(problem, value)
             root = newton(around, 0.0, x, y)
             away, root = root.value, replace(root, value=value + root.value)
-            if abs(away) <= self._nearby(value):
+            if abs(away) <= self.step.near(value):
                 return root, around.at({name: away})
             value, x, y = float(np.clip(root.value, *self.step.ends)), root.right, root.left
         raise NotConvergedError("the root of interpolated matrices does not settle")
 
-    def _around_value(self, problem: Problem, value: float) -> Problem:
-        """Return a problem interpolated beside a value, over the distance from it."""
-        (low, high), h = self.step.ends, self._nearby(value)
-        return interpolate_beside(problem, self.step.parameter, max(value - h, low), min(value + h, high), value)
-
-    def _nearby(self, value: float) -> float:
-        return _NEARBY * max(abs(value), self._width)
+    @cached_property
+    def _bisection(self) -> Bisection:
+        return Bisection(self.step)
 
     @cached_property
     def _sharper(self) -> SharperModel:
@@ -335,105 +295,6 @@ class Refiner:
                 return replace(root, uncertainty=root.uncertainty + error + rounding)
         return None
 
-    # Bisection, where Newton's method fails.
-
-    def _bisected(self, change: Change) -> Onset:
-        """Return the onset by bisection between the limits of the change, by the number of unstable modes of its group.
-
-        Raises
-        ------
-        NotConvergedError
-            The numbers at the two limits do not differ by what the change gains.
-        """
-        step, highest = self.step, 1.1 * self._highest(change)
-
-        def unstable(p: float) -> Modes:
-            growing = self._growing(p, highest)
-            u, _ = step.shapes(growing)
-            return growing.select(np.flatnonzero(_share_within(change.group, u, step.model.mass) > _WITHIN))
-
-        low, high = change.limits
-        before, behind = unstable(low), unstable(high)
-        far = behind if change.gains > 0 else before
-        if len(behind) - len(before) != change.gains:
-            raise NotConvergedError(
-                f"{len(before)} modes are unstable at {low:.8g} and {len(behind)} at {high:.8g} of those that take part"
-            )
-        # What changes at the start mostly does so as soon as the parameter leaves it: a conservative system that is no
-        # longer one. That is tried first.
-        at_start = change.at_start and abs(high - low) > _BISECTED * self._width
-        while abs(high - low) > _BISECTED * self._width:
-            middle = low + np.sign(high - low) * _BISECTED * self._width if at_start else (low + high) / 2
-            at_start = False
-            found = unstable(middle)
-            if (len(found) - len(before)) * np.sign(change.gains) > 0:
-                high, behind = middle, found
-            else:
-                low, before = middle, found
-        more = behind if change.gains > 0 else before
-        # The mode that became unstable last is the unstable one that grows least. Its growth rate is measured at a
-        # small distance from the onset, where it is larger than its rounding.
-        lam = complex(more.lam[np.argmin(more.lam.real)])
-        value, into = (low + high) / 2, np.sign(change.gains) * np.sign(high - low)
-        aside = min(_ASIDE * self._width, abs((change.limits[1] if change.gains > 0 else change.limits[0]) - value))
-        growing = unstable(value + into * aside)
-        if not len(growing):
-            growing, aside = more, abs(high - low)
-        i = int(np.argmin(np.abs(growing.lam - lam)))
-        power = 0.5 if change.kind == "meeting" else 1.0
-        speed = growing.lam[i].real / aside**power
-        # A mode counts as unstable only once Re λ exceeds its uncertainty, which is a little beyond the onset itself.
-        # Twice the distance that the growth rate gives is allowed for, since growth is not linear.
-        unseen = float(2 * growing.re_uncertainty[i] / speed) ** (1 / power) + abs(high - low)
-        # If no growth rate is clear, not even at the limit, the onset is anywhere between the limits, or nowhere.
-        if not any((m.lam.real > _CLEAR * m.re_uncertainty).any() for m in (growing, more, far)):
-            unseen = max(unseen, *(abs(limit - value) for limit in change.limits))
-        if step.reduced_model is not None and growing.left is not None:
-            pair = growing.right[:, i], growing.left[:, i]
-            right, left = (real_direction(u[:, None]) for u in pair) if change.kind == "meeting" else pair
-            affine = step.problem.is_affine(step.parameter)
-            here = None if affine else self._around_value(step.problem, value).at({step.parameter: 0.0})
-            error = step.reduced_model.root_error(value, lam.imag**2, right, left, here)[0]
-            unseen += error if error < self._width else 0.0  # a larger error, as of a modal projection, is no bound
-        return self._made(change, value, lam.imag, float(speed * np.sign(change.gains)), unseen)
-
-    def _growing(self, p: float, highest: float) -> Modes:
-        """Return the growing modes of the problem at a value with Im λ up to a frequency, rad/s.
-
-        Those of a reduced model are kept: changes of one step are bisected between the same values.
-        """
-        step = self.step
-        if step.reduced_model is not None and (known := self._solved.get(p)) and known[0] >= _FAST * highest:
-            modes = known[1]
-        else:
-            pencil = step.problem.pencil({step.parameter: p})
-            if step.reduced_model is None:
-                request = Request(max_frequency_hz=_FAST * highest / (2 * np.pi))
-                modes = solve_modes(pencil, request, linear_solver=step.linear_solver)
-            else:  # the matrices of a reduced model are small and dense
-                known_to = max(highest, *(float(np.abs(m.lam).max(initial=0.0)) for m in step.modes_at_ends))
-                reach = _FAST * known_to
-                modes = solve_dense(pencil, reach, step.linear_solver, growing=known_to)
-            modes = modes.select(np.flatnonzero(modes.stability == "unstable"))
-            if step.reduced_model is not None:
-                self._solved[p] = reach, modes
-        lam = modes.lam
-        return modes.select(np.flatnonzero((lam.imag <= highest) & (np.abs(lam) <= _FAST * highest)))
-
-    def _highest(self, change: Change) -> float:
-        lam = change.v if not self._theta else np.sqrt(-change.v + 0j)
-        return max(abs(lam.imag), abs(lam.real)) or self._speed(change)
-
 
 def _is_one_shape(first: np.ndarray, second: np.ndarray, M: sp.csr_array) -> bool:
     return bool(modal_assurance(first[:, None], second[:, None], M)[0, 0] > _SAME_SHAPE)
-
-
-def _share_within(group: np.ndarray, u: np.ndarray, M: np.ndarray) -> np.ndarray:
-    """Return the share (k,) of the kinetic energy of each column of u (r, k) within the span of a group (r, m)."""
-    if not u.shape[1]:
-        return np.zeros(0)
-    gram = group.conj().T @ (M @ group)
-    cross = group.conj().T @ (M @ u)
-    inside = np.einsum("ij,ij->j", cross.conj(), np.linalg.pinv(gram, hermitian=True) @ cross).real
-    return np.asarray(inside / np.einsum("ij,ij->j", u.conj(), M @ u).real)

@@ -13,7 +13,7 @@ from ..eigen.dense import solve_dense
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes
 from ..problem.forms import project
-from ..problem.interpolation import interpolate
+from ..problem.interpolation import interpolate, interpolate_beside
 from ..problem.problem import Problem
 from ..reduced import ReducedModel, SlowMotions
 from .nodes import Node, node_of, spread_of
@@ -23,6 +23,7 @@ _BALANCED = 1e-11  # of |K||z|: if the forces Kz of a motion are smaller, they a
 _KNOWN = 1e-6  # of a motion: one that differs by less from motions that nothing holds is one of these
 _SPANNED = 1e-4  # of a vector's length: if its part outside the rigid motions is shorter, that is rounding
 _ALIKE = 1e-6  # of θ, or of λ: the eigenvalues at the ends may differ so much from those of the step model
+_NEARBY = 1e-3  # of a value: how far from it matrices are interpolated around it
 _SMALL = 60  # unknowns up to which the step model is the problem itself
 
 
@@ -89,6 +90,25 @@ class Step:
         elif self.rigid is not None and reduced_model is not None and reduced_model.basis.slow is not None:
             slow = reduced_model.basis.slow.on(self.V)
         self._cancelled = None if slow is None else slow.cancelled
+
+    @property
+    def width(self) -> float:
+        """The distance between the ends."""
+        return abs(self.ends[1] - self.ends[0])
+
+    @property
+    def in_theta(self) -> bool:
+        """Whether eigenvalues are θ = −λ², and not λ: there is no C."""
+        return not any(t.slot == "C" for t in self.model.terms)
+
+    def near(self, value: float) -> float:
+        """Return up to which distance from a value matrices are interpolated around it."""
+        return _NEARBY * max(abs(value), self.width)
+
+    def beside(self, problem: Problem, value: float) -> Problem:
+        """Return a problem interpolated beside a value, over the distance from it."""
+        (low, high), h = self.ends, self.near(value)
+        return interpolate_beside(problem, self.parameter, max(value - h, low), min(value + h, high), value)
 
     def modes(self, p: float, highest: float = np.inf) -> Modes:
         """Return the modes of the step model at a value, up to |λ| = highest, rad/s."""

@@ -1,0 +1,150 @@
+"""The critical value of a change of stability by bisection, where Newton's method fails."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..eigen.dense import solve_dense
+from ..eigen.pencil import Modes
+from ..eigen.request import Request
+from ..eigen.solve import solve_modes
+from ..errors import NotConvergedError
+from .changes import Change
+from .onset import Onset
+from .step import Step, real_direction
+
+_BISECTED = 1e-7  # of the step: width at which a bisection ends
+_WITHIN = 0.5  # of a mode's energy: a mode with more than this in the span of a group's shapes belongs to the group
+_FAST = 4.0  # times the highest frequency: growing modes are looked for up to this |λ|
+_ASIDE = 1e-3  # of the step: distance from a bisected onset at which its growth rate is measured
+_CLEAR = 4.0  # times its uncertainty: a growth rate above this is no rounding
+
+
+@dataclass
+class Bisection:
+    """Bisects the changes of stability of one step.
+
+    Attributes
+    ----------
+    step : Step
+    """
+
+    step: Step
+    # Growing modes of the reduced model at some values, and up to which |λ| they are known.
+    _solved: dict[float, tuple[float, Modes]] = field(default_factory=dict, repr=False)
+
+    def onset(self, change: Change) -> Onset:
+        """Return the onset by bisection between the limits of the change, by the number of unstable modes of its group.
+
+        Raises
+        ------
+        NotConvergedError
+            The numbers at the two limits do not differ by what the change gains.
+        """
+        step, highest = self.step, 1.1 * self._highest(change)
+
+        def unstable(p: float) -> Modes:
+            growing = self._growing(p, highest)
+            u, _ = step.shapes(growing)
+            return growing.select(np.flatnonzero(share_within(change.group, u, step.model.mass) > _WITHIN))
+
+        low, high = change.limits
+        before, behind = unstable(low), unstable(high)
+        far = behind if change.gains > 0 else before
+        if len(behind) - len(before) != change.gains:
+            raise NotConvergedError(
+                f"{len(before)} modes are unstable at {low:.8g} and {len(behind)} at {high:.8g} of those that take part"
+            )
+        # What changes at the start mostly does so as soon as the parameter leaves it: a conservative system that is no
+        # longer one. That is tried first.
+        at_start = change.at_start and abs(high - low) > _BISECTED * self.step.width
+        while abs(high - low) > _BISECTED * self.step.width:
+            middle = low + np.sign(high - low) * _BISECTED * self.step.width if at_start else (low + high) / 2
+            at_start = False
+            found = unstable(middle)
+            if (len(found) - len(before)) * np.sign(change.gains) > 0:
+                high, behind = middle, found
+            else:
+                low, before = middle, found
+        more = behind if change.gains > 0 else before
+        # The mode that became unstable last is the unstable one that grows least. Its growth rate is measured at a
+        # small distance from the onset, where it is larger than its rounding.
+        lam = complex(more.lam[np.argmin(more.lam.real)])
+        value, into = (low + high) / 2, np.sign(change.gains) * np.sign(high - low)
+        aside = min(_ASIDE * self.step.width, abs((change.limits[1] if change.gains > 0 else change.limits[0]) - value))
+        growing = unstable(value + into * aside)
+        if not len(growing):
+            growing, aside = more, abs(high - low)
+        i = int(np.argmin(np.abs(growing.lam - lam)))
+        power = 0.5 if change.kind == "meeting" else 1.0
+        speed = growing.lam[i].real / aside**power
+        # A mode counts as unstable only once Re λ exceeds its uncertainty, which is a little beyond the onset itself.
+        # Twice the distance that the growth rate gives is allowed for, since growth is not linear.
+        unseen = float(2 * growing.re_uncertainty[i] / speed) ** (1 / power) + abs(high - low)
+        # If no growth rate is clear, not even at the limit, the onset is anywhere between the limits, or nowhere.
+        if not any((m.lam.real > _CLEAR * m.re_uncertainty).any() for m in (growing, more, far)):
+            unseen = max(unseen, *(abs(limit - value) for limit in change.limits))
+        if step.reduced_model is not None and growing.left is not None:
+            pair = growing.right[:, i], growing.left[:, i]
+            right, left = (real_direction(u[:, None]) for u in pair) if change.kind == "meeting" else pair
+            affine = step.problem.is_affine(step.parameter)
+            here = None if affine else step.beside(step.problem, value).at({step.parameter: 0.0})
+            error = step.reduced_model.root_error(value, lam.imag**2, right, left, here)[0]
+            unseen += error if error < self.step.width else 0.0  # a larger error, as of a modal projection, is no bound
+        return onset_of(step, change, value, lam.imag, float(speed * np.sign(change.gains)), unseen)
+
+    def _growing(self, p: float, highest: float) -> Modes:
+        """Return the growing modes of the problem at a value with Im λ up to a frequency, rad/s.
+
+        Those of a reduced model are kept: changes of one step are bisected between the same values.
+        """
+        step = self.step
+        if step.reduced_model is not None and (known := self._solved.get(p)) and known[0] >= _FAST * highest:
+            modes = known[1]
+        else:
+            pencil = step.problem.pencil({step.parameter: p})
+            if step.reduced_model is None:
+                request = Request(max_frequency_hz=_FAST * highest / (2 * np.pi))
+                modes = solve_modes(pencil, request, linear_solver=step.linear_solver)
+            else:  # the matrices of a reduced model are small and dense
+                known_to = max(highest, *(float(np.abs(m.lam).max(initial=0.0)) for m in step.modes_at_ends))
+                reach = _FAST * known_to
+                modes = solve_dense(pencil, reach, step.linear_solver, growing=known_to)
+            modes = modes.select(np.flatnonzero(modes.stability == "unstable"))
+            if step.reduced_model is not None:
+                self._solved[p] = reach, modes
+        lam = modes.lam
+        return modes.select(np.flatnonzero((lam.imag <= highest) & (np.abs(lam) <= _FAST * highest)))
+
+    def _highest(self, change: Change) -> float:
+        lam = change.v if not self.step.in_theta else np.sqrt(-change.v + 0j)
+        return max(abs(lam.imag), abs(lam.real)) or speed_of(self.step, change)
+
+
+def onset_of(step: Step, change: Change, value: float, omega: float, speed: float, uncertainty: float) -> Onset:
+    """Return the onset of a change at a value, with the frequency ω, rad/s; a divergence where that is zero."""
+    kind = "flutter" if omega else "divergence"
+    value = float(np.clip(value, min(step.ends), max(step.ends)))  # rounding may put it just beyond
+    direction = "into" if change.gains >= 0 else "out of"
+    return Onset(
+        step.parameter, value, float(omega / (2 * np.pi)), kind, direction, float(speed), 0, None,
+        float(uncertainty),
+    )  # fmt: skip
+
+
+def speed_of(step: Step, change: Change) -> float:
+    """Return |λ| of the eigenvalue that changes; where that is zero, the largest |λ| at the start of the step."""
+    size = abs(change.v) if step.model.is_damped and not step.in_theta else np.sqrt(abs(change.v))
+    return float(size) or float(np.abs(step.modes_at_ends[0].lam).max(initial=1.0))
+
+
+def share_within(group: np.ndarray, u: np.ndarray, M: np.ndarray) -> np.ndarray:
+    """Return the share (k,) of the kinetic energy of each column of u (r, k) within the span of a group (r, m)."""
+    if not u.shape[1]:
+        return np.zeros(0)
+    gram = group.conj().T @ (M @ group)
+    cross = group.conj().T @ (M @ u)
+    inside = np.einsum("ij,ij->j", cross.conj(), np.linalg.pinv(gram, hermitian=True) @ cross).real
+    return np.asarray(inside / np.einsum("ij,ij->j", u.conj(), M @ u).real)
