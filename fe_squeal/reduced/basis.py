@@ -1,7 +1,4 @@
-"""The basis of a reduced model, to which vectors are added, and the errors of the modes of the projection on it.
-
-In one file, since the errors need all that is kept of the products when vectors are added.
-"""
+"""The basis of a reduced model, to which vectors are added, with what is kept for the errors of its modes."""
 
 from __future__ import annotations
 
@@ -13,21 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ..eigen.blocks import combine, cross, lift, times
+from ..eigen.blocks import combine, cross, times
 from ..eigen.linear.factor import LinearSolver
-from ..eigen.pencil import FreeMotions, Modes
-from ..eigen.quality import ROUNDING
-from ..problem.parameters import Place, paths_of
+from ..eigen.pencil import FreeMotions
 from ..problem.problem import Problem
 from ..problem.tabulated import Tabulated
-from ..problem.terms import POWER, Slot
 from .projection import Projection
+from .sampled_errors import SAMPLES, SampledErrors
 from .vectors import DEPENDENT, normalising
 
-_SAMPLES = 24  # random vectors per norm: residual norms come out within some 15 %
-_SPREAD = 1 + 3 / np.sqrt(_SAMPLES)  # three standard deviations of the product of two such norms, 1/√(2·24) each
 _SEED = 20250411
-_SAMPLED_MODES = 8  # modes in which the size of the sums that cancel is compared with its estimate
 _LINES = 1000  # rows of V that stand for all rows in norms
 _ROOM = 8  # an array is allocated for so many times the present vectors; pages not yet written take no memory
 # Parts of a vector outside the basis, as parts of the square of its length: what is smaller than _RANK is rounding;
@@ -57,7 +49,7 @@ class _Held:
         return FreeMotions.none(self.n)
 
 
-class ReducedBasis(Projection):
+class ReducedBasis(SampledErrors):
     """Vectors V (n, r) with VᵀPV = 1, the terms VᵀAV, and random samples of the residuals of their modes.
 
     A mode λ, φ = Vy, ψ = Vw of the projected problem has residuals ρ = Q(λ)φ and η = Q(λ)ᴴψ, both orthogonal to V, and
@@ -76,9 +68,6 @@ class ReducedBasis(Projection):
         Returns L⁻ᵀS; without it there are no samples, and no errors.
     """
 
-    # The sampled rows of the sizes of entries of each term, with the numbers of these rows.
-    _sizes: tuple[np.ndarray, list[sp.csr_array]] | None
-
     def __init__(
         self, problem: Problem, parameter: str | tuple[str, ...], metric: Sequence[float], sigma: float,
         half_solve: Callable[[np.ndarray], np.ndarray] | None, linear_solver: LinearSolver | str = "auto",
@@ -90,9 +79,9 @@ class ReducedBasis(Projection):
         self._units = problem.pencil().units[0]
         self._Z = np.zeros((n, 0))
         if half_solve is not None:
-            energy = half_solve(rng.standard_normal((n, _SAMPLES)))
-            plain = self._units[:, None] * rng.standard_normal((n, _SAMPLES))
-            self._Z = np.hstack([energy, plain]) / np.sqrt(_SAMPLES)
+            energy = half_solve(rng.standard_normal((n, SAMPLES)))
+            plain = self._units[:, None] * rng.standard_normal((n, SAMPLES))
+            self._Z = np.hstack([energy, plain]) / np.sqrt(SAMPLES)
         # Backward errors are relative to the size of the sums that cancel in Q(λ)φ, estimated from some rows.
         self._lines = np.sort(rng.choice(n, min(n, _LINES), replace=False))
         diagonal = sum(c * t.matrix.diagonal() for c, t in zip(metric, problem.terms, strict=True))
@@ -304,148 +293,3 @@ class ReducedBasis(Projection):
         smaller = self._turned(lambda A: A[:count, :count], lambda B: B[:, :count])
         smaller.V, smaller._store = self.V[:, :count], self._store[:count]
         return smaller
-
-    def calibrate(self, value: Place, modes: Modes) -> None:
-        """Set the factor between the size of the sums that cancel in Q(λ)φ and its estimate in `errors`.
-
-        The estimate takes only the diagonals of the matrices; the factor is the smallest one among some of the modes.
-        """
-        modes = modes.select(np.unique(np.linspace(0, len(modes) - 1, _SAMPLED_MODES).astype(int)))
-        u = lift(self.V, modes.right)
-        scale = self._units[self._lines, None] * np.sqrt(len(u) / len(self._lines))
-        exact = scale * self._magnitude(value, modes.lam, u)
-        known = np.linalg.norm(self._size[:, None] * u[self._lines], axis=0)
-        self._cancels = float((np.linalg.norm(exact, axis=0) / known).min())
-
-    def _magnitude(self, value: Place, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Return the sampled rows of (|λ|²|M| + |λ||C| + |K|)|u|, see `Pencil.magnitude`."""
-        at = self.at(value)
-        if self._sizes is None or self._sizes[0] is not self._lines:
-            self._sizes = self._lines, []
-        lines, known = self._sizes  # a table may have got further terms since
-        self._sizes = lines, [*known, *(_size_of_entries(t.matrix, lines) for t in at.terms[len(known) :])]
-        total = np.zeros((len(self._lines), len(lam)))
-        for term, rows in zip(at.terms, self._sizes[1], strict=True):
-            total += (rows @ np.abs(u)) * np.abs(term.factor(np.abs(lam), at.parameters))
-        return total
-
-    def errors(
-        self, value: Place, modes: Modes, highest: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-        """Return how far λ may be off by the reduction, backward errors, condition, and how far λ is off by rounding.
-
-        Errors of λ are in rad/s; the condition is relative, in the P-norm, ½ at best. Rounding is that of the problem's
-        own entries, as in `fe_squeal.eigen.quality`: the projection has it, too.
-
-        Parameters
-        ----------
-        modes : Modes
-            Modes of the projected problem.
-        highest : float, rad/s
-            Frequency up to which the basis holds the modes of the problem without damping and friction.
-        """
-        assert modes.left is not None
-        rho, eta = self._sampled(value, modes.lam, modes.right, modes.left)
-        both = self._product(rho, eta, np.abs(modes.lam), highest)
-        M, C, _, _ = self.matrices(value)
-        size, inertia = np.abs(modes.lam), M @ modes.right
-        derivative = 2 * modes.lam * inertia if C is None else 2 * modes.lam * inertia + C @ modes.right
-        mass, slope = (np.abs(np.einsum("ij,ij->j", modes.left.conj(), x)) for x in (inertia, derivative))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            error = np.fmin(both / slope, np.sqrt(both / mass))
-        lengths = np.linalg.norm(modes.right, axis=0) * np.linalg.norm(modes.left, axis=0)  # in the P-norm
-        with np.errstate(divide="ignore", invalid="ignore"):
-            condition = np.nan_to_num(lengths / (slope * size), nan=np.inf)
-        size_at, other = (np.abs(lift(self._sampled_rows, u)) for u in (modes.right, modes.left))
-        sums = self._cancels * np.einsum("l,lj,lj->j", self._weights(), size_at, other)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            rounding = ROUNDING * np.fmin(sums / slope, np.sqrt(sums / (ROUNDING * mass)))
-        backward = np.linalg.norm(rho[_SAMPLES:], axis=0) / (self._cancels * np.linalg.norm(size_at, axis=0))
-        return error, backward, condition, rounding
-
-    def _weights(self) -> np.ndarray:
-        """Return what turns products of sampled rows of two vectors into parts of |ψ|ᵀ(|λ|²|M| + |λ||C| + |K|)|φ|."""
-        share = np.sqrt(self.problem.unknowns / len(self._lines))
-        return np.asarray(share / np.maximum(self._size * self._units[self._lines], np.finfo(float).tiny))
-
-    def root_error(
-        self, value: Place, lam: complex, right: np.ndarray, left: np.ndarray, highest: float, parameter: str = "",
-        here: Problem | None = None,
-    ) -> tuple[float, float]:  # fmt: skip
-        """Return how far a parameter at which Q(λ)φ = 0, ψᴴQ(λ) = 0 may be off, ‖η‖‖ρ‖/|ψᴴ(∂Q/∂p)φ|, and by rounding.
-
-        The second number is what rounding of the problem's own entries makes of that parameter. The first one has what
-        the projected Q(λ) at the value itself leaves, ψᴴQ(λ)φ, if that is a root of interpolated matrices.
-
-        Parameters
-        ----------
-        parameter : str, optional
-            Which of several parameters p is.
-        here : Problem, optional
-            The projected problem at the value, affine in the parameter; needed if the basis has a table.
-        """
-        lams, phi, psi = np.array([lam]), right[:, None], left[:, None]
-        rho, eta = self._sampled(value, lams, phi, psi)
-        both = float(self._product(rho, eta, np.array([abs(lam)]), highest)[0])
-        along = parameter or (self.parameter if isinstance(self.parameter, str) else self.parameter[0])
-        matrices: Sequence[np.ndarray | sp.csr_array] = self._projected
-        if isinstance(self.problem, Tabulated):
-            assert here is not None
-            M, C, K, _ = self.matrices(value)
-            Q = lam**2 * M + K if C is None else lam**2 * M + lam * C + K
-            both += abs(complex(np.vdot(left, Q @ right)))
-            matrices = [t.matrix for t in here.terms]
-        else:
-            here = self.at(value)
-        change = 0j
-        for term, A in zip(here.terms, matrices, strict=True):
-            if slope := sum(term.slope(p, here.parameters) for p in paths_of(along)):
-                change += slope * complex(term.unit(lam)) * complex(np.vdot(left, A @ right))
-        x, y = lift(self.V, phi), lift(self.V[self._lines], psi)
-        share = len(self.V) / len(self._lines)
-        rounding = ROUNDING * share * float(np.sum(np.abs(y) * self._magnitude(value, lams, x)))
-        return (both / abs(change), rounding / abs(change)) if change else (np.inf, np.inf)
-
-    def residual_product(
-        self, value: Place, lam: complex, right: np.ndarray, left: np.ndarray, highest: float
-    ) -> float:  # fmt: skip
-        """Return ‖η‖‖ρ‖, how far ψᴴQ(λ)φ may be off by the reduction, for φ, ψ (r,) of the projected Q(λ)."""
-        lams, phi, psi = np.array([lam]), right[:, None], left[:, None]
-        return float(self._product(*self._sampled(value, lams, phi, psi), np.abs(lams), highest)[0])
-
-    def _sampled(
-        self, value: Place, lam: np.ndarray, phi: np.ndarray, psi: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the samples of Q(λ)φ and of Q(λ)ᴴψ."""
-        at = self.at(value)
-        rho = np.zeros((2 * _SAMPLES, len(lam)), complex)
-        eta = np.zeros_like(rho)
-        for slot, power in POWER.items():
-            right, left = self._summed(self._right, slot, at), self._summed(self._left, slot, at)
-            if right is not None and left is not None:
-                rho += lift(right, phi) * lam**power
-                eta += lift(left.conj(), psi) * (lam**power).conj()
-        return rho, eta
-
-    def _summed(self, of_terms: list[np.ndarray], slot: Slot, at: Problem) -> np.ndarray | None:
-        """Return the sum over the terms of one slot at some values of the parameters."""
-        total = None
-        for term, A in zip(at.terms, of_terms, strict=True):
-            if term.slot == slot and (c := term.factor(1.0, at.parameters)):
-                total = c * A if total is None else total + c * A
-        return total
-
-    def _product(self, rho: np.ndarray, eta: np.ndarray, size: np.ndarray, highest: float) -> np.ndarray:
-        """Return ‖η‖‖ρ‖ in the norm of P⁻¹, enlarged for |λ| near `highest`, where Q(λ) is smaller than P."""
-        both = np.linalg.norm(rho[:_SAMPLES], axis=0) * np.linalg.norm(eta[:_SAMPLES], axis=0)
-        return np.asarray(_SPREAD * both / np.clip(1 - (size / highest) ** 2, 0.05, 1.0))
-
-
-def _size_of_entries(A: sp.csr_array, lines: np.ndarray) -> sp.csr_array:
-    """Return some rows of max(|A_ij|, √|A_ii A_jj|) for the entries of A."""
-    root = np.sqrt(np.abs(A.diagonal()))
-    rows = sp.csr_array(abs(A[lines]))
-    between = np.repeat(root[lines], np.diff(rows.indptr)) * root[rows.indices]
-    rows.data = np.maximum(rows.data, between)
-    return rows
-

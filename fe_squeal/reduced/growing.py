@@ -1,0 +1,175 @@
+"""How the basis of a reduced model grows: by the modes at the values where it is worst, and by modes that it lacks."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy.linalg as la
+
+from ..eigen.linear.choice import factorize_definite_roughly
+from ..eigen.linear.factor import LinearSolver
+from ..eigen.pencil import Modes
+from ..eigen.request import is_needed
+from ..errors import NotConvergedError
+from ..problem.parameters import Place
+from .basis import ReducedBasis
+from .estimate import Estimate, neighbours
+from .missing import SEARCH_SOLVES, missing_modes, search_vectors
+from .mode_corrections import ROUNDS, ModeCorrections
+from .places import ModesAtPlaces
+from .undamped import weighted
+from .vectors import unit_columns
+
+_NODES = 24  # largest number of values whose modes span the basis
+_CANDIDATES = 5  # number of values among which the one with the largest error is next
+_KEPT = 0.1  # times √tolerance: parts of unit modes outside the basis that are shorter are left out
+_FURTHER = 0.3  # times what an error may be: each time that modes are added at a value once more
+_SUPPLEMENTS = 6  # how often the basis is extended for values that were no candidates
+
+
+class GrowingModel(ModesAtPlaces):
+    """A basis to which modes at places are added until those at all places meet the tolerance.
+
+    Attributes
+    ----------
+    parameter : str or tuple of str
+    linear_solver : LinearSolver
+    enough : float
+        Of what an error may be: below that modes that are put into the basis are not corrected any more.
+    """
+
+    parameter: str | tuple[str, ...]
+    linear_solver: LinearSolver
+    enough = 1.0
+    _start: Place  # where the basis has all modes of the problem without damping and friction
+    _corrections: ModeCorrections
+    _added: Counter[Place]  # how often the modes at a place were added
+    _outside: np.ndarray | None = None  # vectors (n, ·) to look for missing modes with
+
+    def _grow(self, values: np.ndarray) -> None:
+        """Add the modes at a few values, each the worst of the candidates, until all meet the tolerance there.
+
+        Then the values half way between candidates are candidates, too: modes are least exact far from all values whose
+        modes the basis has.
+        """
+        candidates = _spread(values, _CANDIDATES)
+        self._search()  # as long as there are factors of P
+        if self._off(self._start) > 1:
+            self._add_modes(self._start)
+        else:
+            every = self._every(self._start)
+            self._keep_beside(self._start, every, every)
+        searched = None  # the basis in which no mode was missing
+        found: dict[Place, float] = dict.fromkeys(candidates, np.inf)
+        for _ in range(_NODES):
+            worst = self._worst(found)
+            if found[worst] <= 1 and (between := set(_spread(values, 2 * _CANDIDATES - 1)) - found.keys()):
+                found |= dict.fromkeys(sorted(between), np.inf)
+                worst = self._worst(found)
+            if found[worst] <= 1 and searched is self.basis.V:
+                return
+            if found[worst] > 1:
+                self._add_modes(worst)
+            if searched is None or found[worst] <= 1:
+                if self._add_missing([candidates[0], candidates[-1]]):
+                    self._know_less()
+                    found = dict.fromkeys(found, np.inf)
+                searched, self._keeps = self.basis.V, True
+        raise self._misses(worst, found[worst])
+
+    def _supplement(self, values: np.ndarray) -> None:
+        """Add the modes at further values, the worst first, until all values meet the tolerance on one basis.
+
+        The basis misses no mode any more, so that none is looked for.
+        """
+        for _ in range(_SUPPLEMENTS):
+            basis = self.basis.V
+            missed = {p: off for p in values.tolist() if (off := self._off(p)) > 1}
+            while missed and missed[worst := self._worst(missed)] > 1:
+                if self._added[worst] >= ROUNDS:
+                    raise self._misses(worst, missed[worst])
+                self._add_modes(worst)
+            if self.basis.V is basis:
+                return
+        raise self._misses(worst, missed[worst])
+
+    def _misses(self, value: Place, off: float) -> NotConvergedError:
+        return NotConvergedError(
+            f"the reduced model misses the tolerance {off:.2g} times at {self.parameter} = {value:g} with"
+            f" {len(self.basis)} vectors"
+        )
+
+    def _add_modes(self, value: Place) -> None:
+        """Add the right and left modes at a value, corrected until they meet the tolerance.
+
+        The corrections tried on the way do not stay in the basis. At a value between those whose modes the basis has,
+        the error of an eigenvalue is the product of the errors of its right and left modes, so that few values suffice.
+        Where that was done before and was not enough, they are corrected further, however little they miss.
+        """
+        again = self._added[value]
+        self._added[value] += 1
+
+        def estimate(basis: ReducedBasis, modes: Modes) -> Estimate:
+            return self._estimate(value, basis, modes)
+
+        known, before = self._every(value), len(self.basis)
+        wide, every = self._corrections.corrected(
+            self.basis, value, known, self.highest, self.enough * _FURTHER**again, estimate
+        )
+        columns, least = self._kept(wide, every, again)
+        if len(wide) == before:  # no correction lies outside the basis
+            self._keep_beside(value, known, every)
+            return
+        U, s, _ = la.svd(columns[before:], full_matrices=False, check_finite=False)
+        new = U[:, s > least]
+        if new.shape[1]:
+            self.basis = wide.narrowed(before, new)
+        assert every.left is not None
+        # In coordinates of the basis as it is now, without the parts that were left out.
+        right, left = (np.vstack([x[:before], new.T @ x[before:]]) for x in (every.right, every.left))
+        self._keep_beside(value, known, replace(every, right=right, left=left))
+
+    def _kept(self, wide: ReducedBasis, every: Modes, again: int) -> tuple[np.ndarray, float]:
+        """Return what is kept of the modes at a value: columns of coordinates, and which parts of them are left out.
+
+        These are directions whose angle with the basis has a smaller sine. The error of an eigenvalue is the product of
+        the errors of its right and left modes, so that each of these may be the root of the tolerance. If modes were
+        added at this value before and that was not enough, a tenth of it.
+        """
+        # Modes above those asked for stay too: what the basis lacks is then far from the modes asked for, as the
+        # estimated errors suppose.
+        every = neighbours(every.select(np.flatnonzero(is_needed(every))), self.request)
+        assert every.left is not None
+        return unit_columns(every.right, every.left), _KEPT * self.request.tolerance**0.5 * 0.1**again
+
+    def _search(self) -> None:
+        """Find vectors of modes that the basis may lack, by factors of P."""
+        definite = self._corrections.definite
+        if definite is None:
+            self._corrections.release()
+            self._corrections.factorizations += 1
+            base, metric = self.basis.problem, self.basis.metric
+            definite = factorize_definite_roughly(lambda: weighted(base, metric), self.linear_solver)
+        self._outside = search_vectors(self.basis, definite)
+        self._corrections.solves += SEARCH_SOLVES
+
+    def _add_missing(self, values: Sequence[Place]) -> bool:
+        """Add modes that the basis does not hold, if there are any, and return whether there were."""
+        if self._outside is None:  # modes were found by the last search: there may be more than it could find
+            self._search()
+        assert self._outside is not None
+        known = [self._every(p) for p in values]
+        found = missing_modes(self.basis, values, known, self.request, self.highest, self._outside)
+        if not found or not self.basis.append(np.hstack(found)):
+            return False
+        self._outside = None
+        return True
+
+
+def _spread(values: np.ndarray, count: int) -> list[float]:
+    """Return so many of some values (m,), or all, from the first to the last one in equal steps of their positions."""
+    positions = np.unique(np.round(np.linspace(0, len(values) - 1, count)).astype(int))
+    return [float(p) for p in values[positions]]
