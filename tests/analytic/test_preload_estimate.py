@@ -1,0 +1,60 @@
+"""The error of the mesh of a block that friction tips on its stop: μ moves matrices of both meshes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_preload import tipping
+
+from fe_squeal import sweep
+from fe_squeal.accuracy import refined
+from fe_squeal.accuracy.estimate import changes_by
+from fe_squeal.assembly.assembly import Assembly
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
+from fe_squeal.mesh.refining import refine
+from fe_squeal.reduced import ReducedModel, TransferredModel
+
+VALUES = [0.0, 0.25, 0.5, 0.8, 1.0]  # it opens from 0.48 on
+
+
+@pytest.fixture(scope="module")
+def swept():
+    return sweep(tipping(0.3, load=(0.0, 1.0), height=0.35, cells=12), VALUES, modes=6, method="reduced")
+
+
+@pytest.fixture(scope="module")
+def own(swept):
+    return refined.refine_problem(swept)
+
+
+def elastic(lam, change):
+    """Which modes deform the block. Others move it on the belt as it is, and their changes are rounding."""
+    return np.isfinite(change) & (np.abs(change) > 1e-8 * np.abs(lam).max())
+
+
+def test_changes_are_those_of_the_refined_mesh(swept, own):
+    """Where matrices are interpolated exactly: λ of the mesh and its change add up to λ assembled there alone."""
+    assert isinstance(own.model, TransferredModel)
+    changes = changes_by(swept, own)
+    source = swept.problem.source
+    fine = Assembly(source.scene, refine(source.loaded)).problem({})
+    for value in (0.0, 0.5, 1.0):
+        at = VALUES.index(value)
+        exact = solve_modes(fine.pencil({"mu": value}), Request(count=8)).lam
+        lam, change = swept.points[at].modes.lam, changes.modes[at]
+        known = elastic(lam, change)
+        assert known.sum() >= 3
+        off = np.abs((lam + change)[known, None] - exact).min(axis=1)
+        assert (off <= 0.05 * np.abs(change[known]) + 1e-6 * np.abs(lam[known])).all()
+
+
+def test_a_model_of_its_own_gives_the_same(swept, own, monkeypatch):
+    """Where the sweep's basis does not serve, a reduced model of the interpolated matrices is made."""
+    monkeypatch.setattr(refined, "_NEAR", 0.0)
+    other = refined.refine_problem(swept)
+    assert isinstance(other.model, ReducedModel)
+    for a, b, point in zip(*(changes_by(swept, r).modes for r in (own, other)), swept.points, strict=True):
+        np.testing.assert_array_equal(np.isnan(a), np.isnan(b))
+        known = elastic(point.modes.lam, a)
+        assert known.sum() >= 3 and (np.abs(a - b)[known] <= 1e-3 * np.abs(b[known])).all()
