@@ -33,7 +33,8 @@ class Branch:
     re : (k,) float, 1/s
         Growth rate; zero at an onset.
     re_uncertainty : (k,) float, 1/s
-        Uncertainty of `re` by the solver and, if it was estimated, by the mesh; zero where it is unknown.
+        Uncertainty of `re` by the solver and, if it was estimated, by the mesh; zero where it is unknown. At an onset
+        it lies between those at the values around it, or is what the error of the onset makes of it.
     unstable : (k,) bool
     onset : (k,) int
         1 for an onset into instability, −1 for one out of it, 0 for a value of the sweep.
@@ -189,13 +190,19 @@ def collect_branches(modes: pd.DataFrame, onsets: pd.DataFrame) -> list[Branch]:
     crossings = np.column_stack([numbers(onsets, "value"), numbers(onsets, "frequency_hz")])
     sign = np.where(_text(onsets, "direction") == "out of", -1, 1)
     partners = np.column_stack([numbers(onsets, "branch_a"), numbers(onsets, "branch_b")])
+    width = np.hypot(numbers(onsets, "uncertainty"), numbers(onsets, "discretisation"))
     speed, paired = np.abs(numbers(onsets, "crossing_speed")), np.isfinite(partners[:, 1])
 
     result = []
     for number in np.unique(branch[np.isfinite(branch)]):
         rows, mine = branch == number, (partners == number).any(axis=1) & np.isfinite(crossings).all(axis=1)
+        # At an onset Re λ is zero as exactly as at the values around it. Where one mode crosses alone, that is also how
+        # exactly the onset is known, times the slope.
+        known = np.argsort(columns[rows, 0], kind="stable")
+        around = np.interp(crossings[mine, 0], columns[rows, 0][known], columns[rows, 3][known])
+        bars = np.fmin(around, np.where(paired[mine], np.nan, speed[mine] * width[mine]))
         value, frequency, re, uncertainty = np.concatenate([
-            columns[rows], np.column_stack([crossings[mine], np.zeros((mine.sum(), 2))])
+            columns[rows], np.column_stack([crossings[mine], np.zeros(mine.sum()), bars])
         ]).T
         kind = np.concatenate([np.zeros(rows.sum(), dtype=np.int64), sign[mine]])
         grows = np.concatenate([unstable[rows], np.zeros(mine.sum(), dtype=bool)])

@@ -78,6 +78,21 @@ def test_branch_starts_to_be_unstable_at_the_onset():
     assert branches[0].re[branches[0].peak] == modes.re.max()
 
 
+@pytest.mark.parametrize(("partner", "bar"), [(np.nan, 2.0), (2, 3.0)])
+def test_the_bar_at_an_onset_is_that_of_the_onset_or_lies_between_its_neighbours(partner, bar):
+    """A mode that crosses alone at 20 1/s per unit, known to 0.1, has 2 1/s; where two meet the slope says nothing."""
+    modes = pd.DataFrame({
+        "parameter": "mu", "value": [0.0, 1.0], "branch": 1, "re": [-10.0, 10.0], "frequency_hz": 100.0,
+        "stability": ["stable", "unstable"], "re_uncertainty": [4.0, 2.0],
+    })  # fmt: skip
+    onsets = pd.DataFrame({
+        "value": [0.5], "frequency_hz": [100.0], "direction": ["into"], "crossing_speed": [20.0], "uncertainty": [0.0],
+        "discretisation": [0.1], "branch_a": [1], "branch_b": [partner],
+    })  # fmt: skip
+    [branch] = collect_branches(modes, onsets)
+    np.testing.assert_allclose(branch.re_uncertainty, [4.0, bar, 2.0])
+
+
 def test_branch_with_a_hole_is_not_joined_across_it():
     modes, _ = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP)
     holed = modes[~((modes.branch == 1) & modes.value.between(0.4, 0.5))]
