@@ -9,6 +9,7 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 from families import Family, judge, make, rigid
+from selection import crossed
 
 import fe_squeal
 from fe_squeal.eigen.request import Request
@@ -63,8 +64,7 @@ def test_a_mode_changes_its_partner_inside_a_step(seed):
     assert len(changed) == 1
 
 
-@pytest.mark.parametrize("damping", [0.0, 1e-3])
-@pytest.mark.parametrize("unknowns", [12, 480])
+@pytest.mark.parametrize(("unknowns", "damping"), crossed([12, 480], [0.0, 1e-3], fast=lambda n, c: n == 12 or not c))
 def test_window_narrower_than_a_fifth_of_a_step(unknowns, damping):
     """Two branches θ = 100 ± s(p − a) cross with couplings ±κp: D = s²(p − a)² − κ²p², and with damping c of all modes
     alike Re λ > 0 where −D > 100 c². Sampled at the steps, or where the branches cross by their slopes at the

@@ -181,8 +181,10 @@ def test_mechanism(record):
     record(digits(modes.lam[11], exact), "eleven zeros, counted", *judged(plain_eigs(problem.pencil(), 16), exact))
 
 
-@pytest.mark.parametrize("kind", ["undamped", "friction", "dashpots"])
-@pytest.mark.parametrize("away", [0.0, 1e-15, 1e-10])
+@pytest.mark.parametrize(
+    ("away", "kind"),
+    crossed([0.0, 1e-15, 1e-10], ["undamped", "friction", "dashpots"], fast=lambda a, k: a == 0.0 or k != "dashpots"),
+)
 def test_shift_on_an_eigenvalue(record, kind, away):
     """The shift inside the band is an eigenvalue, so that the shifted matrix is singular: here a divergence at exactly
     the place where the program itself puts its shift, and nearly there."""

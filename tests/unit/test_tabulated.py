@@ -100,8 +100,10 @@ def test_every_mode_at_every_value(kind):
         assert np.count_nonzero(below) == np.count_nonzero(lam.imag < 0.999 * lam.imag.max())
 
 
-@pytest.mark.parametrize("precise", [False, pytest.param(True, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("kind", "precise"), [
+    *some(((kind, False) for kind in CLASSES), lambda kind, _: kind in ("nonsymmetric", "quadratic")),
+    *some([("nonsymmetric", True), ("complex", True)], lambda *_: False),
+])  # fmt: skip
 def test_onsets_are_those_of_direct_solves(kind, precise):
     problem = made(kind)
     direct = sweep(problem, VALUES, modes=MODES, method="direct")

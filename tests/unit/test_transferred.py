@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from chains import CLASSES, MODES, Opening, dense
+from selection import some
 
 from fe_squeal import NotConvergedError
 from fe_squeal.eigen.request import Request, is_needed
@@ -18,7 +19,7 @@ from fe_squeal.reduced import ReducedModel, TransferredModel
 VALUES = np.linspace(0.0, 0.9, 7)
 
 
-@pytest.fixture(scope="module", params=CLASSES)
+@pytest.fixture(scope="module", params=some(CLASSES, lambda kind: kind in ("nonsymmetric", "quadratic", "complex")))
 def both(request):
     """The problem interpolated over all values, and its modes on the basis of the problem itself."""
     problem = Opening(*CLASSES[request.param]).problem({"mu": 0.3})
