@@ -5,6 +5,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from dense import all_eigenvalues
 
+from fe_squeal.eigen.pencil import FreeMotions
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 
@@ -53,7 +54,8 @@ class Opening:
         made = chain(*self._effects, n=self._n, pressed=np.clip(1.3 - 0.3 * mu * np.arange(PATCH), 0.0, 1.0))
         (elastic,) = (t.matrix for t in made.terms if t.name == "elastic")
         terms = (*made.terms, Term("stress", "K", sp.csr_array(0.02 * np.tanh(2 * mu) * elastic), True))
-        return Problem(terms, {"mu": mu}, None, self, frozenset({"mu"}), dict(values))
+        held = FreeMotions.none(self._n)  # as of a scene: the springs at their ends hold the chains
+        return Problem(terms, {"mu": mu}, None, self, frozenset({"mu"}), dict(values), free=lambda _: held)
 
     def number(self, path):
         return {"mu": 0.3}[path]

@@ -263,9 +263,8 @@ def test_a_solver_handed_in_finds_static_states_on_the_refined_mesh(tmp_path, no
         np.testing.assert_allclose(a.discretisation, b.discretisation, rtol=1e-4, atol=1e-7 * np.abs(b.modes.lam).max())
 
 
-@pytest.mark.parametrize(
-    "text", [pytest.param(SMALL, id="direct"), pytest.param(FINE, id="reduced", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("text", [pytest.param(SMALL, id="direct"), pytest.param(FINE, id="reduced")])
 def test_superlu_by_the_scene_gives_the_same_modes(tmp_path, text, needs_pardiso, monkeypatch):
     tables, names = [], []
     for word in ("pardiso", "superlu"):

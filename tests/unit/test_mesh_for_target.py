@@ -251,6 +251,7 @@ def test_nothing_is_begun_without_memory_for_both(tmp_path, monkeypatch):
     assert refined.finer_mesh_ahead(problem) is None
 
 
+@pytest.mark.slow
 def test_a_search_that_ended_in_writing_does_not_begin_anew(tmp_path, monkeypatch):
     scene, out = write(tmp_path), tmp_path / "out"
     run = ["run", str(scene), "-o", str(out), "--accuracy", "0.012"]

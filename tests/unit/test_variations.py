@@ -33,11 +33,13 @@ def _package(**variables: str) -> tuple[dict[str, int], dict[str, list[bool]], b
     return seeds, changed, pardiso
 
 
+@pytest.mark.slow
 def test_nothing_is_changed_without_a_variable() -> None:
     seeds, changed, _ = _package()
     assert len(seeds) > 3 and not any(any(found) for found in changed.values())
 
 
+@pytest.mark.slow
 def test_everything_is_changed_in_every_module() -> None:
     plain, _, _ = _package()
     seeds, changed, pardiso = _package(**{SEED: "7", SHUFFLE: "3", SOLVER: "superlu"})
