@@ -35,7 +35,7 @@ _CHILDREN = 8  # elements that replace one; the refined problem has about as man
 _COPIES = 4  # copies of M, C and K on the refined mesh that memory is counted for: the terms, and their sums
 _ROOM = 2  # times the memory of its matrices: so much has to be free for the refined mesh beside a sweep
 _VECTORS = 24  # vectors on the refined mesh that the corrections of one mode take
-_NEAR = 1e-6  # of |λ|: changes by refinement that would be misjudged by more are not worth an estimate
+_NEAR = 1e-6  # of |λ|: the error up to which modes on the mesh itself come from the sweep's basis; a choice, not a fit
 _BASIS = 10  # vectors in the coarse basis for each mode, where the sweep has made no basis yet
 
 

@@ -20,6 +20,7 @@ _NEWTON = 30  # Newton steps, at most, to find a point in its element
 # _NEAR.
 _FOUND, _NEAR = 1e-12, 1e-6
 _ROUNDED = 32.0
+_ASTRAY = 1e-3  # of an element: a point that is farther from where it is likely to be is looked for from the middle
 _POINTS = 4096  # that are found at once: what their elements' maps take then stays in the processor's cache
 _ITERATIONS, _FEWEST = 60, 3  # steps of conjugate gradients, at most and at least
 _SETTLED = 0.03  # of the energy ½ xᵀPx so far: the conjugate gradients end with a step that adds less
@@ -88,32 +89,35 @@ def reference_coordinates(
     x : (3, k) float, m
         The points.
     near : (3, k) float, optional
-        Where the iteration starts: by default, in the middle of the element.
+        Where the points are likely to be. From there, where that is right, and else from the middle of the element,
+        the iteration starts.
 
     Raises
     ------
     NotConvergedError
         The iteration does not settle: an element is too distorted.
     """
-    if near is None:
-        near = np.repeat(np.asarray(space.mesh.elem().doflocs).mean(axis=0)[:, None], len(elements), axis=1)
     found, size = np.empty_like(x), np.abs(x).max(initial=0.0)
     for start in range(0, len(elements), _POINTS):
         own = slice(start, start + _POINTS)
-        found[:, own] = _located(space, elements[own], x[:, own], near[:, own], size)
+        found[:, own] = _located(space, elements[own], x[:, own], None if near is None else near[:, own], size)
     return found
 
 
 def _located(
-    space: DisplacementSpace, elements: np.ndarray, x: np.ndarray, near: np.ndarray, size: float
+    space: DisplacementSpace, elements: np.ndarray, x: np.ndarray, near: np.ndarray | None, size: float
 ) -> np.ndarray:
     """Return what `reference_coordinates` does; `size` is the largest coordinate of any point."""
-    X = near
-    for _ in range(_NEWTON):
+    middle = np.asarray(space.mesh.elem().doflocs).mean(axis=0)[:, None]
+    X = np.repeat(middle, len(elements), axis=1) if near is None else near
+    for i in range(_NEWTON):
         at, J = geometry_map(space.mesh, elements, X)
         inverse = np.linalg.inv(J.transpose(2, 0, 1))
         step = (inverse @ (x - at).T[:, :, None])[:, :, 0].T
         X = X + step
+        if i == 0 and near is not None and (astray := np.abs(step).max(axis=0) > _ASTRAY).any():
+            X[:, astray] = middle
+            continue
         # x is known to ε|x| only, so the reference coordinates are known to ε|x||J⁻¹| only: less well in thin elements.
         rounding = _ROUNDED * np.finfo(float).eps * size * np.abs(inverse).max(axis=(1, 2))
         if (np.abs(step) <= np.clip(rounding, _FOUND, _NEAR)).all():

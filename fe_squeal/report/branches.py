@@ -68,11 +68,11 @@ class Branch:
 
     @property
     def swings(self) -> Bools:
-        """(k,) bool, where the mode does not decay faster than it swings: there its frequency says nothing.
+        """(k,) bool, where the mode does not surely decay faster than it swings; else its frequency says nothing.
 
-        Between such modes and others a branch may go on with the wrong one, too.
+        Where it does, it may also be another mode than the one before it.
         """
-        return np.asarray(-self.re <= 2 * np.pi * self.frequency_hz)
+        return np.asarray(-self.re - self.re_uncertainty <= 2 * np.pi * self.frequency_hz)
 
     @property
     def grows(self) -> bool:

@@ -139,19 +139,23 @@ def test_stability_of_one_unstable_branch(tmp_path, drawn):
 
 def test_modes_that_decay_faster_than_they_swing_have_no_line(tmp_path, drawn):
     """They have no frequency to speak of; others, those that grow without swinging too, are drawn as before."""
-    modes, _ = coupled_tables([], SWEEP, uncoupled=(900.0, 1500.0, 0.0))
+    modes, _ = coupled_tables([], SWEEP, uncoupled=(900.0, 1500.0, 0.0, 0.0))
+    modes.loc[modes.branch == 4, "re"] = -1e-7  # a motion at rest, within its uncertainty
     crowd = (modes.branch == 2) & (modes.value > 0.3)
     modes.loc[crowd, "re"] = -1.1 * modes.im[crowd]
     modes.loc[modes.branch == 3, "re"] = 40.0
     plot_stability(modes, no_onsets(), tmp_path / "stability.png")
     lines = [path.vertices for c in drawn[0].axes[0].collections for path in c.get_paths()]
     ends: dict[float, float] = {}
+    at_rest = sum(bool(len(v)) and np.isfinite(v).all() and not v[:, 1].any() for v in lines)
     for v in lines:
         if len(v) and np.isfinite(v).all():
             height = round(float(v[-1, 1]), 6)
             ends[height] = max(ends.get(height, 0.0), float(v[:, 0].max()))
     last = float(SWEEP[SWEEP <= 0.3][-1])
     assert ends == pytest.approx({900.0: 0.7, 1500.0: last, 0.0: 0.7}, abs=1e-9)
+    # Both modes without a frequency have a line in every step: the one that grows, and the one at rest.
+    assert at_rest >= 2 * (len(SWEEP) - 1)
 
 
 def test_labels_do_not_overlap_and_stay_inside(tmp_path, drawn):
