@@ -15,7 +15,7 @@ from .commands.solve import accuracy, onset, run, study
 from .errors import INTERRUPTED, InputError, NotConvergedError, SquealError, one_line
 from .process.isolation import import_matplotlib
 from .process.ranks import is_helper, process_count
-from .process.signals import stopped_by_signals
+from .process.signals import stopped_by_signals, uncovered
 from .process.streams import lasting_streams
 
 app = typer.Typer(
@@ -75,8 +75,8 @@ def main(arguments: list[str] | None = None) -> int:
 def _run(arguments: list[str] | None) -> int:
     with lasting_streams() as (out, err):
         try:
-            with stopped_by_signals():
-                code = _main(arguments)
+            with stopped_by_signals() as came:
+                code = _main(arguments, came)
         except KeyboardInterrupt:
             code = INTERRUPTED
         if code == INTERRUPTED and not err.used:  # Typer, too, takes up what no command does, and says nothing
@@ -89,10 +89,11 @@ def _run(arguments: list[str] | None) -> int:
     return code
 
 
-def _main(arguments: list[str] | None) -> int:
+def _main(arguments: list[str] | None, came: list[int]) -> int:
     try:
-        import_matplotlib()
-        code = app(arguments, standalone_mode=False, prog_name="fe-squeal")
+        with uncovered(came):
+            import_matplotlib()
+            code = app(arguments, standalone_mode=False, prog_name="fe-squeal")
     except SquealError as error:
         text = f"error: {error}" if not isinstance(error, NotConvergedError) else f"not converged: {error}"
         print(one_line(text), file=sys.stderr)

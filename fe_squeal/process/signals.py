@@ -15,29 +15,47 @@ _WAIT = 0.01  # seconds until a signal that came during an import is sent again
 
 
 @contextmanager
-def stopped_by_signals() -> Iterator[None]:
+def stopped_by_signals() -> Iterator[list[int]]:
     """Let every signal that asks for the end do what Ctrl-C does: what is finished is kept, children are ended.
 
     A signal that comes during an import waits for its end: a compiled module that is interrupted while it is set up
     says ImportError instead of KeyboardInterrupt, and a module in Python is left half made.
+
+    The list that the block gets has the numbers of the signals that interrupted it so far, see `uncovered`.
     """
     # The frame of the `with` block. Its own file may be run by an import; that import is not waited for.
     caller = sys._getframe(2)
+    came: list[int] = []
     before = {}
     for name in _ENDS:
         number = getattr(signal, name, None)  # Windows knows no SIGHUP
         if number is None or signal.getsignal(number) in (signal.SIG_IGN, None):
             continue
         with suppress(ValueError):  # not in the main thread
-            before[number] = signal.signal(number, lambda number, frame: _interrupt(number, frame, caller))
+            before[number] = signal.signal(number, lambda number, frame: _interrupt(number, frame, caller, came))
     try:
-        yield
+        yield came
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
-def _interrupt(number: int, frame: FrameType | None, caller: FrameType) -> None:
+@contextmanager
+def uncovered(came: list[int]) -> Iterator[None]:
+    """Raise KeyboardInterrupt in place of any other exception if there were signals.
+
+    Where compiled code calls Python, or takes its objects apart, it may answer an interruption by an exception of its
+    own, such as a TypeError about what it was given. A reader of files takes that for a damaged file.
+    """
+    try:
+        yield
+    except Exception as error:
+        if came:
+            raise KeyboardInterrupt from error
+        raise
+
+
+def _interrupt(number: int, frame: FrameType | None, caller: FrameType, came: list[int]) -> None:
     """Raise KeyboardInterrupt, or have the signal sent again a little later if `caller` is importing something."""
     while frame is not None and frame is not caller:
         if frame.f_code.co_filename == _IMPORTING:
@@ -46,6 +64,7 @@ def _interrupt(number: int, frame: FrameType | None, caller: FrameType) -> None:
             again.start()
             return
         frame = frame.f_back
+    came.append(number)
     raise KeyboardInterrupt
 
 

@@ -21,6 +21,7 @@ from test_safety import matrix_scene
 
 import fe_squeal.run.run
 from fe_squeal.cli import main
+from fe_squeal.errors import InputError
 from fe_squeal.process.signals import signals_deferred, stopped_by_signals
 from fe_squeal.process.streams import lasting_streams
 from fe_squeal.report.files import save_figure
@@ -109,6 +110,38 @@ def test_a_signal_waits_for_a_figure(tmp_path: Path) -> None:
         with stopped_by_signals(), pytest.raises(KeyboardInterrupt):
             save_figure(figure, path, dpi=dpi)
         assert path.read_bytes().startswith(b"\x89PNG")
+
+
+@POSIX
+@pytest.mark.parametrize("error", [TypeError("incompatible function arguments"), InputError("mesh.msh: is damaged")])
+def test_an_interruption_that_comes_out_as_another_exception(
+    error: Exception, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As of compiled code that a signal interrupts; without a signal the same exception is what it is."""
+
+    def told(*arguments: object, **options: object) -> None:
+        try:
+            if number is not None:
+                os.kill(os.getpid(), number)
+                time.sleep(1)
+        except KeyboardInterrupt:
+            pass
+        raise error
+
+    monkeypatch.setattr("fe_squeal.cli.app", told)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        before = signal.signal(number, signal.default_int_handler)  # a shell lets its background jobs ignore SIGINT
+        try:
+            assert main(["info"]) == 130
+        finally:
+            signal.signal(number, before)
+        assert capsys.readouterr().err == "interrupted\n"
+    number = None
+    if isinstance(error, InputError):
+        assert main(["info"]) == 2 and capsys.readouterr().err == "error: mesh.msh: is damaged\n"
+    else:
+        with pytest.raises(TypeError):
+            main(["info"])
 
 
 @POSIX
