@@ -354,9 +354,39 @@ def overdamped(rng: np.random.Generator) -> Family:
     return Family("overdamped", parts, np.linspace(0, 1, int(rng.integers(2, 8))))
 
 
+def dipping(rng: np.random.Generator) -> Family:
+    """Return springs whose stiffness falls and rises again, some below zero for a while, with friction or without.
+
+    Some brakes are damped, and the sweep has few values, so that θ passes zero twice within a step.
+    """
+    n = int(rng.integers(3, 9))
+    low = int(rng.integers(1, 3))
+    theta, first, second = rng.uniform(4, 30, n), np.zeros(n), np.zeros(n)
+    at, bent = rng.uniform(0.1, 0.9, low), rng.uniform(4, 40, low)
+    depth = bent * 10 ** rng.uniform(-4, -1.5, low) * rng.choice([-1, 1, 1, 1], low)
+    theta[:low], first[:low], second[:low] = bent * at**2 - depth, -2 * bent * at, bent
+    F = rng.standard_normal((n, n)) * rng.choice([0.0, 0.02, 1.0])
+    M, K, K1, K2, F = _turned(rng, n, np.diag(theta), np.diag(first), np.diag(second), F)
+    parts = [("M", M, 0, False), ("K", K, 0, False), ("K", K1, 1, False), ("K", K2, 2, False)]
+    parts += [("K", F, 1, False)] * bool(F.any())
+    parts += [("C", M * rng.uniform(1e-3, 1e-1), 0, False)] * int(rng.integers(0, 2))
+    return Family("dipping", tuple(parts), np.linspace(0, 1, int(rng.integers(2, 8))))
+
+
+def coarse(rng: np.random.Generator) -> Family:
+    """Return a strongly coupled brake whose sweep has few values, so that much happens within a step."""
+    n = int(rng.integers(2, 8))
+    theta, slope = rng.uniform(1, 14, n), rng.uniform(-12, 0, n)
+    F = rng.standard_normal((n, n))
+    F = (F - F.T if rng.random() < 0.5 else F) * rng.uniform(0.5, 5)
+    M, K, F = _turned(rng, n, np.diag(theta), F + np.diag(slope))
+    parts = (("M", M, 0, False), ("K", K, 0, False), ("K", F, 1, False))
+    return Family("coarse", parts, np.linspace(0, 1, int(rng.integers(2, 5))))
+
+
 FAMILIES = (
     undamped, damped, gyroscopic, complex_stiffness, rigid, doublets, window, damped_window, triple, decades, large,
-    damping_swept, overdamped,
+    damping_swept, overdamped, dipping, coarse,
 )  # fmt: skip
 
 

@@ -57,6 +57,8 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
             result.points, changes.modes, changes.parts or unknown, changes.spectra, strict=True
         )
     ]
+    if changes.interpolated is not None:
+        found = [f.wider(x) for f, x in zip(found, changes.interpolated.modes, strict=True)]
     branches, parted = [point.branches for point in result.points], [f.parted for f in found]
     wide = enveloped([f.bars for f in found], branches, parted)
     narrow = enveloped([f.bars_beyond for f in found], branches, parted)
@@ -93,6 +95,10 @@ class _Bars:
     extrapolated: np.ndarray
     bars_beyond: np.ndarray
     parted: np.ndarray
+
+    def wider(self, more: np.ndarray) -> _Bars:
+        """Return the same with all bars wider by `more` (k,)."""
+        return replace(self, bars=self.bars + more, bars_beyond=self.bars_beyond + more)
 
 
 def _bars(
@@ -131,6 +137,8 @@ def _onsets(onsets: Sequence[Onset], changes: Changes, order: int) -> list[Onset
     change = np.array(changes.onsets)
     parts = changes.onset_parts or Parts.unknown(len(change))
     bars, (shift, width) = bar_of_parts(change, parts, order), beyond(change, parts, order)
+    if changes.interpolated is not None:
+        bars, width = bars + changes.interpolated.onsets, width + changes.interpolated.onsets
     return [
         replace(
             onset, discretisation=np.inf if np.isnan(bar) else bar, extrapolated=onset.value + s,

@@ -32,6 +32,28 @@ _LOST = 2.0
 
 
 @dataclass(frozen=True)
+class Interpolated:
+    """How far λ and onsets of interpolated matrices are from those of the sweep, on its own mesh.
+
+    A change is found between interpolated matrices of both meshes. How much of it they make is not known: bars are
+    wider by as much as they move λ and onsets of the one mesh of which that is known.
+
+    Attributes
+    ----------
+    modes : tuple of (k,) complex, rad/s
+        For every value of the sweep, of Re λ and of Im λ, both positive.
+    onsets : (m,) float
+        Of every onset of the sweep; NaN where the interpolated matrices have none.
+    found : tuple of Onset or None
+        Their own onset of each one.
+    """
+
+    modes: tuple[np.ndarray, ...]
+    onsets: np.ndarray
+    found: tuple[Onset | None, ...]
+
+
+@dataclass(frozen=True)
 class Changes:
     """What refining the mesh once changes.
 
@@ -50,6 +72,8 @@ class Changes:
         Those of every onset; None where they are not known of any.
     appeared : tuple of Onset
         Onsets in the interval that only the refined mesh has. Their branch is 0: no branch of the sweep has them.
+    interpolated : Interpolated or None
+        None where matrices are not interpolated.
     """
 
     modes: tuple[np.ndarray, ...]
@@ -58,6 +82,7 @@ class Changes:
     appeared: tuple[Onset, ...] = ()
     parts: tuple[Parts, ...] = ()
     onset_parts: Parts | None = None
+    interpolated: Interpolated | None = None
 
 
 def refined_changes(result: Sweep, linear_solver: LinearSolver | str = "auto") -> Changes:
@@ -94,15 +119,18 @@ def changes_by(
         growing.append(growth_asked(refined, point, value, before, pairs[-1][1][2]))
     onsets: list[float] = []
     appeared: list[Onset] = []
+    interpolated = None
     if len(values) > 1:
         modes = len(model.modes(float(values[0])))
         found = sweep(
             corrected.projected, values, refined.parameter, modes=modes, method="direct", linear_solver=linear_solver
         ).onsets
         paired = pair_onsets(result.onsets, found, first or {}, float(np.ptp(values)))
+        interpolated = _interpolated(result, refined, [b for _, b in pairs], linear_solver)
+        own = result.onsets if interpolated is None else interpolated.found
         onsets = [
-            found[j].value - onset.value if j is not None else np.nan
-            for onset, j in zip(result.onsets, paired, strict=True)
+            found[j].value - onset.value if j is not None and onset is not None else np.nan
+            for onset, j in zip(own, paired, strict=True)
         ]
         # Modes near the highest frequency may be in the range of one mesh alone, and so may their onsets: not reported.
         top = min(float(p.modes.frequency_hz.max(initial=0.0)) for p in result.points)
@@ -112,8 +140,30 @@ def changes_by(
         ]  # fmt: skip
     by_point, by_onset = parts_of(result, refined, corrected, growing)
     return Changes(
-        tuple(c for c, _ in pairs), tuple(onsets), tuple(b for _, b in pairs), tuple(appeared), by_point, by_onset
-    )
+        tuple(c for c, _ in pairs), tuple(onsets), tuple(b for _, b in pairs), tuple(appeared), by_point, by_onset,
+        interpolated,
+    )  # fmt: skip
+
+
+def _interpolated(
+    result: Sweep, refined: Refined, spectra: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]],
+    linear_solver: LinearSolver | str,
+) -> Interpolated | None:  # fmt: skip
+    """Return how far interpolated matrices are off on the mesh itself; None where they are not interpolated."""
+    if result.problem.is_affine(result.parameter):
+        return None
+    values, model = refined.values, refined.model
+    off = [point.modes.lam - lam[near] for point, (lam, _, near) in zip(result.points, spectra, strict=True)]
+    modes, problem = len(model.modes(float(values[0]))), model.basis.collected()
+    found = sweep(problem, values, refined.parameter, modes=modes, method="direct", linear_solver=linear_solver).onsets
+    one = {i: i for i in range(modes)}
+    paired = pair_onsets(result.onsets, found, one, float(np.ptp(values)))
+    own = tuple(None if j is None else found[j] for j in paired)
+    away = [
+        np.nan if there is None else abs(there.value - onset.value)
+        for onset, there in zip(result.onsets, own, strict=True)
+    ]
+    return Interpolated(tuple(np.abs(x.real) + 1j * np.abs(x.imag) for x in off), np.array(away), own)
 
 
 def _same(corrected: CorrectedModel, before: Modes, now: Modes) -> dict[int, int]:

@@ -70,6 +70,15 @@ def collect_powers(problem: Problem, parameter: str | tuple[str, ...]) -> Proble
     return Problem(tuple(terms), at, free=free)
 
 
+def is_linear(problem: Problem, parameter: str) -> bool:
+    """Return whether K is linear in a parameter."""
+    swept = paths_of(parameter)
+    return problem.is_affine(parameter) and all(
+        t.only is None and sum(t.powers.get(path, 0) for path in swept) in (0, 1)
+        for t in problem.terms if t.slot == "K"
+    )  # fmt: skip
+
+
 def project(problem: Problem, V: np.ndarray) -> Problem:
     """Return the Galerkin projection of every term on the columns of a real V (n, r): terms VᵀAV of size r.
 

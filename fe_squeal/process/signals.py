@@ -21,6 +21,8 @@ def stopped_by_signals() -> Iterator[list[int]]:
     A signal that comes during an import waits for its end: a compiled module that is interrupted while it is set up
     says ImportError instead of KeyboardInterrupt, and a module in Python is left half made.
 
+    An interruption that Python ignores, as in a finalizer that ran just then, is sent again, too.
+
     The list that the block gets has the numbers of the signals that interrupted it so far, see `uncovered`.
     """
     # The frame of the `with` block. Its own file may be run by an import; that import is not waited for.
@@ -33,9 +35,12 @@ def stopped_by_signals() -> Iterator[list[int]]:
             continue
         with suppress(ValueError):  # not in the main thread
             before[number] = signal.signal(number, lambda number, frame: _interrupt(number, frame, caller, came))
+    hook = sys.unraisablehook
+    sys.unraisablehook = lambda ignored: _again(came[-1]) if _is_of(ignored, came) else hook(ignored)
     try:
         yield came
     finally:
+        sys.unraisablehook = hook
         for number, handler in before.items():
             signal.signal(number, handler)
 
@@ -59,13 +64,22 @@ def _interrupt(number: int, frame: FrameType | None, caller: FrameType, came: li
     """Raise KeyboardInterrupt, or have the signal sent again a little later if `caller` is importing something."""
     while frame is not None and frame is not caller:
         if frame.f_code.co_filename == _IMPORTING:
-            again = threading.Timer(_WAIT, _send, (number,))
-            again.daemon = True  # a program that ends meanwhile does not wait for it
-            again.start()
+            _again(number)
             return
         frame = frame.f_back
     came.append(number)
     raise KeyboardInterrupt
+
+
+def _is_of(ignored: sys.UnraisableHookArgs, came: list[int]) -> bool:
+    return ignored.exc_type is KeyboardInterrupt and bool(came)
+
+
+def _again(number: int) -> None:
+    """Send a signal a little later."""
+    again = threading.Timer(_WAIT, _send, (number,))
+    again.daemon = True  # a program that ends meanwhile does not wait for it
+    again.start()
 
 
 def _send(number: int) -> None:

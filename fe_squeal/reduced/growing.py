@@ -14,10 +14,11 @@ from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..eigen.request import is_needed
 from ..errors import NotConvergedError
+from ..problem.forms import is_linear
 from ..problem.parameters import Place
 from .basis import ReducedBasis
 from .estimate import Estimate, neighbours
-from .missing import SEARCH_SOLVES, missing_modes, search_vectors
+from .missing import SEARCH_SOLVES, missing_modes, search_vectors, vectors_beside
 from .mode_corrections import ROUNDS, ModeCorrections
 from .places import ModesAtPlaces
 from .undamped import weighted
@@ -95,6 +96,27 @@ class GrowingModel(ModesAtPlaces):
             if self.basis.V is basis:
                 return
         raise self._misses(worst, missed[worst])
+
+    def _add_soft(self, values: np.ndarray) -> bool:
+        """Add modes that are soft at a value far from the start and in no mode of the basis; return whether there are.
+
+        They are looked for at the ends of the sweep, and if K is not linear in the parameter also in the middle.
+        """
+        assert isinstance(self.parameter, str)
+        places = {float(values[0]), float(values[-1])}
+        if not is_linear(self.basis.problem, self.parameter):
+            places.add(float(values[len(values) // 2]))
+        found: list[np.ndarray] = []
+        for value in sorted(places - {self._start}):
+            highest = float(np.abs(self._estimated(value)[0].lam).max(initial=0.0))
+            self._corrections.factorizations += 1
+            outside = vectors_beside(self.basis, value, highest, self.linear_solver)
+            if outside is not None:
+                self._corrections.factorizations += 1
+                self._corrections.solves += SEARCH_SOLVES
+                known = [self._every(value)]
+                found += missing_modes(self.basis, [value], known, self.request, self.highest, outside)
+        return bool(found) and self.basis.append(np.hstack(found)) > 0
 
     def _misses(self, value: Place, off: float) -> NotConvergedError:
         return NotConvergedError(

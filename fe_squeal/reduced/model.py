@@ -89,6 +89,11 @@ class ReducedModel(GrowingModel):
             self._grow(values)
             self._without = self.basis.undamped_values(self._sigma)
             self._supplement(values)
+            self._corrections.release()  # before others take memory
+            if self._add_soft(values):
+                self._know_less()
+                self._grow(values)
+                self._supplement(values)
         self._release()
 
     def _begin(

@@ -13,6 +13,7 @@ from .changes import FINEST
 from .doubts import Doubt, pairs_in_rounding
 from .nodes import Node
 from .onset import Onset
+from .point import SweepPoint
 from .step import Step
 
 _APART = 0.02  # of a frequency: a mode farther from the limit than this is not expected to pass it within a step
@@ -110,6 +111,22 @@ def unbalanced(
     )
 
 
+def entered(parameter: str, points: Sequence[SweepPoint], onsets: Sequence[Onset]) -> list[str]:
+    """Return a sentence if the last point has more unstable modes than the first one and the onsets make, or none.
+
+    A mode that comes into the range of frequencies after its onset is in the balance of no step.
+    """
+    first, last = (int(np.count_nonzero(p.modes.stability == "unstable")) for p in (points[0], points[-1]))
+    gained = sum(1 if o.direction == "into" else -1 for o in onsets if o.value <= points[-1].value)
+    more = last - first - gained
+    if more <= 0:
+        return []
+    return [
+        f"{more} of {last} unstable modes at {parameter} = {points[-1].value:.6g} came into the range of frequencies as"
+        " unstable ones: their onsets are above it"
+    ]
+
+
 def unshown(step: Step, onsets: Sequence[Onset], limit: float) -> str | Doubt:
     """Return a sentence, or a doubt, if the unstable modes on both sides of an onset do not differ by it, or "".
 
@@ -127,7 +144,7 @@ def unshown(step: Step, onsets: Sequence[Onset], limit: float) -> str | Doubt:
     """
     ordered = sorted(onsets, key=lambda o: o.value)
     told: str | Doubt = ""
-    # What would be told is first checked with the modes at each value itself.
+    # What would be told is first checked with the modes at each value itself, of matrices that are made there.
     for near in (_NEAR, 0.0) if ordered else ():
         known: list[Node] = []
         for multiple in _BESIDE:
@@ -141,13 +158,14 @@ def unshown(step: Step, onsets: Sequence[Onset], limit: float) -> str | Doubt:
 def _node(step: Step, p: float, known: list[Node], near: float) -> Node:
     """Return the node of a value, from one of those known if that is within a part `near` of the step; else add it.
 
-    Both sides of an onset, at several distances, are as near to each other as that.
+    With `near` = 0 its matrices are not interpolated. Both sides of an onset, at several distances, are as near to each
+    other as that.
     """
     reach = near * abs(step.ends[1] - step.ends[0])
     for node in known:
         if abs(p - node.value) <= reach and (moved := node.moved(p)) is not None:
             return moved
-    known.append(step.between(p))
+    known.append(step.between(p) if near else step.exact(p))
     return known[-1]
 
 

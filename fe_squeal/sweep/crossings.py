@@ -5,10 +5,9 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from .changes import Asked, Change
-from .samples import Samples, diagonals
+from .samples import Samples, between, diagonals
 
 _SAFE = 4.0  # times the difference of the cubic H from a parabola: taken for its error
 _REAL = 1e-6  # of |λ|: a real eigenvalue has less of an imaginary part
@@ -186,21 +185,13 @@ def _follow(samples: Samples) -> None:
     """
     for _ in range(12):
         for k in range(1, len(samples.t)):
-            h = samples.t[k] - samples.t[k - 1]
-            ahead = samples.v[k - 1] + h * samples.slope[k - 1] / 2
-            back = samples.v[k] - h * samples.slope[k] / 2
-            _, order = linear_sum_assignment(np.abs(ahead[:, None] - back[None, :]))
+            order = samples.order(k)
             samples.v[k], samples.slope[k] = samples.v[k][order], samples.slope[k][order]
             samples.W[k], samples.condition[k] = samples.W[k][:, order], samples.condition[k][order]
         more = _turning_points(samples)
         if not len(more):
             return
-        v, slope, _, W, departure, condition = samples.at(more)
-        order = np.argsort(np.concatenate([samples.t, more]), kind="stable")
-        samples.t = np.concatenate([samples.t, more])[order]
-        added = {"v": v, "slope": slope, "W": W, "departure": departure, "condition": condition}
-        for name, more_of_it in added.items():
-            setattr(samples, name, np.concatenate([getattr(samples, name), more_of_it])[order])
+        samples.insert(more)
 
 
 def _turning_points(samples: Samples) -> np.ndarray:
@@ -212,12 +203,11 @@ def _turning_points(samples: Samples) -> np.ndarray:
     rate = samples.slope.real if not samples.theta else -samples.slope.imag / (2 * np.sqrt(np.abs(samples.v)))
     h = np.diff(samples.t)[:, None]
     g0, g1, d0, d1 = growth[:-1], growth[1:], rate[:-1] * h, rate[1:] * h
-    s = np.linspace(0, 1, 17)[1:-1, None, None]
-    between = g0 * (1 + 2 * s) * (1 - s) ** 2 + d0 * s * (1 - s) ** 2 + g1 * s**2 * (3 - 2 * s) + d1 * s**2 * (s - 1)
-    high, low = between.max(axis=0), between.min(axis=0)
+    cubic = between((g0, g1), (d0, d1))
+    high, low = cubic.max(axis=0), cubic.min(axis=0)
     missed = ((g0 < 0) & (g1 < 0) & (high > 0)) | ((g0 > 0) & (g1 > 0) & (low < 0))
     missed &= h > samples.finest
-    at = np.where((g0 < 0), between.argmax(axis=0), between.argmin(axis=0))
+    at = np.where((g0 < 0), cubic.argmax(axis=0), cubic.argmin(axis=0))
     k, b = np.nonzero(missed)
     return np.unique(samples.t[k] + np.diff(samples.t)[k] * (at[k, b] + 1) / 16)
 

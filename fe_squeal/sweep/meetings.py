@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from .changes import Asked, Change
-from .samples import Samples
+from .samples import Samples, between
+
+_ROUNDS = 12  # in which samples are added where a real θ turns, at most
+# Of how far θ falls or rises between two samples: it is sampled where it turns if it turns so near to zero, since what
+# is known of it between them is a cubic.
+_NEAR_ZERO = 0.1
 
 
 def find_meetings(samples: Samples) -> tuple[list[Change], float]:
@@ -18,6 +23,7 @@ def find_meetings(samples: Samples) -> tuple[list[Change], float]:
     Asked
         The error of the group matrix is so large that a change cannot be told from none.
     """
+    _resolve_turns(samples)
     v, t = samples.v, samples.t
     low = samples.rounding  # a double real eigenvalue may have imaginary parts up to this by rounding
     hidden = _require_settled_pairs(samples, samples.cluster.error(t))
@@ -38,6 +44,53 @@ def find_meetings(samples: Samples) -> tuple[list[Change], float]:
         limits = (t[jumps[n - 1] + 1] if n else 0.0, t[jumps[n + 1]] if n + 1 < len(jumps) else 1.0)
         found += _change(samples, int(k), int(pairs[k + 1] - pairs[k]), int(negative[k + 1] - negative[k]), limits)
     return found, hidden
+
+
+def _resolve_turns(samples: Samples) -> None:
+    """Add samples where a real θ may pass zero and return between two of them.
+
+    Raises
+    ------
+    Asked
+        The error of the group matrix is larger than a θ that turns beside zero.
+    """
+    if samples.turned:  # λ = 0 is no edge of stability of these groups
+        return
+    turns = np.zeros(0)
+    for _ in range(_ROUNDS):
+        more = _turns(samples)
+        if not len(more):
+            break
+        samples.insert(more)
+        turns = np.append(turns, more)
+    if len(turns):
+        at = np.searchsorted(samples.t, turns)
+        unsure = samples.cluster.error(turns)
+        nearest = np.abs(samples.v[at]).min(axis=1)
+        hides = (nearest <= unsure) & (nearest > samples.blur)
+        if hides.any():
+            raise Asked(float(turns[np.argmax(hides)]))
+
+
+def _turns(samples: Samples) -> np.ndarray:
+    """Return t between two samples where a real θ, which has one sign at both, turns near zero or beyond it."""
+    v, slope, h = samples.v, samples.slope, np.diff(samples.t)
+    reach = h * np.maximum(np.abs(slope[:-1]).max(axis=1), np.abs(slope[1:]).max(axis=1))
+    least = np.minimum(np.abs(v[:-1]).min(axis=1), np.abs(v[1:]).min(axis=1))
+    low, found = samples.rounding, []
+    for k in np.flatnonzero((least <= 2 * reach) & (h > samples.finest)).tolist():
+        order = samples.order(k + 1)
+        g0, g1 = v[k].real, v[k + 1].real[order]
+        real = (np.abs(v[k].imag) <= low[k]) & (np.abs(v[k + 1].imag[order]) <= low[k + 1])
+        sign = np.where((g0 > samples.blur) & (g1 > samples.blur), 1, 0)
+        sign -= (g0 < -samples.blur) & (g1 < -samples.blur)
+        rates = slope[k].real * h[k], slope[k + 1].real[order] * h[k]
+        cubic = sign * between((g0, g1), rates)
+        lowest, ends = cubic.min(axis=0), (sign * g0, sign * g1)
+        falls = np.maximum(*ends) - lowest
+        turning = real & (sign != 0) & (lowest < np.minimum(*ends)) & (lowest < _NEAR_ZERO * falls)
+        found += [float(samples.t[k] + h[k] * (i + 1) / 16) for i in cubic.argmin(axis=0)[turning]]
+    return np.unique(found)
 
 
 def _change(samples: Samples, k: int, pairs: int, negative: int, limits: tuple[float, float]) -> list[Change]:

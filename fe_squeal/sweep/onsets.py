@@ -9,18 +9,19 @@ import numpy as np
 
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
-from ..errors import NotConvergedError
 from ..problem.problem import Problem
 from ..reduced import ReducedModel
 from .balance import unshown
 from .changes import FINEST, Change
 from .doubts import Doubt, lost_in_rounding, one_in_rounding, split_doubtful
+from .nodes import Node
 from .onset import Onset
-from .refined import Refiner
+from .refined import FAILURES, Refiner
 from .scale import LINEAR, Scale
 from .scan import Open, scan
 from .step import Step
 from .tracking import mirror_partners, modal_assurance
+from .unevenness import is_uneven
 
 _BEYOND = 1.05  # times the highest frequency that matters: changes of stability up to here are looked for
 _MATTERS = 1.02  # times that frequency: up to here it is told where stability is not decided
@@ -69,7 +70,7 @@ def find_step_onsets(
     problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
     branches: tuple[np.ndarray, np.ndarray], below: float, reduced_model: ReducedModel | None = None,
     precise: bool = False, linear_solver: LinearSolver | str = "auto", scale: Scale = LINEAR, starts: bool = True,
-    halved: bool = False,
+    halved: bool = False, known: float = 0.0,
 ) -> Found:  # fmt: skip
     """Return the onsets between two neighbouring values of a sweep, and what could not be decided.
 
@@ -98,20 +99,32 @@ def find_step_onsets(
     halved : bool
         Whether the step is halved and searched again if anything is not decided: the search then ends at the first
         thing that is not, with what it has found so far.
+    known : float, rad/s
+        Frequency up to which all modes are known at both values, if it is higher than those of the modes there.
     """
     if not len(modes[0]) or not len(modes[1]):
         return Found()
-    step = Step(problem, parameter, values, modes, reduced_model, linear_solver)
+    step = Step(problem, parameter, values, modes, reduced_model, linear_solver, known)
     limit, mattering = _BEYOND * below, _MATTERS * below
-    seen = scan(step.end(0), step.end(1), step.between, limit, scale, mattering if halved else None)
-    if seen.open and problem.is_damped:
-        # A pair that becomes two real eigenvalues may leave a strongly decaying one that the solver does not list. The
-        # step model has all of them, so its own modes are taken at the ends too.
-        seen = scan(
-            step.between(values[0]), step.between(values[1]), step.between, limit, scale, mattering if halved else None
-        )
+    deciding = mattering if halved else None
+    seen = scan(step.end(0), step.end(1), step.between, limit, scale, deciding, step.is_linear, known)
+    if seen.open:
+        # A mode may come into the range of frequencies between the ends. And a pair that becomes two real eigenvalues
+        # may leave a strongly decaying one that the solver does not list. The step model has all of them, so its own
+        # modes are taken at the ends too, however high they are.
+        step.reach = np.inf
+        ends = step.between(values[0]), step.between(values[1])
+        rim = _RIM * max(known, min(float(np.abs(m.lam).max(initial=0.0)) for m in modes))
+        if problem.is_damped or not any(_lacks(step.end(i), ends[i], rim) for i in (0, 1)):
+            seen = scan(*ends, step.between, limit, scale, deciding, step.is_linear, known)
     found = Found(width=seen.width)
     unsettled = []
+    if is_uneven(step, seen.changes, mattering):
+        found = Found(width=step.width)
+        unsettled.append(
+            f"between {parameter} = {values[0]:.8g} and {values[1]:.8g} matrices change unevenly, as where contacts"
+            " open: an onset may be missing"
+        )
     for a, b, omega in seen.unsettled:
         if omega > mattering:
             continue
@@ -124,7 +137,7 @@ def find_step_onsets(
         )
     left_open = Found()
     for group in seen.open:
-        _tell_open(left_open, group, parameter, below, halved)
+        _tell_open(left_open, group, parameter, below, halved, known)
     if halved and (unsettled or left_open.warnings or left_open.missing):
         return replace(left_open, warnings=unsettled + left_open.warnings)
     refiner = Refiner(step, precise, starts)
@@ -134,7 +147,7 @@ def find_step_onsets(
         for change in changes:
             try:
                 onset = refiner.onset(change)
-            except (NotConvergedError, ValueError, np.linalg.LinAlgError) as error:
+            except FAILURES as error:
                 if (doubt := lost_in_rounding(step, change)) is not None:
                     found.doubts.append(doubt)
                     continue
@@ -153,10 +166,16 @@ def find_step_onsets(
     found.warnings.extend(unsettled)
     found.onsets[:], unclear = split_doubtful(step, found.onsets, halved, starts)
     found.doubts.extend(unclear)
-    rim = _RIM * min(float(np.abs(m.lam).max(initial=0.0)) for m in modes)
+    rim = _RIM * max(known, min(float(np.abs(m.lam).max(initial=0.0)) for m in modes))
     if not found.warnings and (told := unshown(step, found.onsets, min(rim, below))):
         found.tell(told, parameter, halved)
     return replace(found, warnings=found.warnings + left_open.warnings, missing=left_open.missing)
+
+
+def _lacks(listed: Node, whole: Node, rim: float) -> bool:
+    """Return whether a solver lost a mode: there are fewer below a frequency than the step model has."""
+    counts = [int(np.count_nonzero((n.lam.imag > 0) & (np.abs(n.lam) < rim))) for n in (listed, whole)]
+    return counts[0] < counts[1]
 
 
 def _told_apart(step: Step, changes: list[Change]) -> list[list[Change]]:
@@ -235,7 +254,7 @@ def _named(branches: list[int]) -> tuple[int, int | None]:
     return first, rest[0] if rest else None
 
 
-def _tell_open(found: Found, group: Open, parameter: str, below: float, halved: bool) -> None:
+def _tell_open(found: Found, group: Open, parameter: str, below: float, halved: bool, known: float) -> None:
     """Add a sentence to `found.missing` if modes of a group have no counterpart at the other value, inside the range.
 
     Modes that decay without swinging need not be known: free motions that friction alone damps, for instance, are not
@@ -244,7 +263,7 @@ def _tell_open(found: Found, group: Open, parameter: str, below: float, halved: 
     """
     (a, b), (s0, s1) = group.nodes, group.members
     more, lam, other = (a, a.lam[s0], b.lam[s1]) if len(s0) > len(s1) else (b, b.lam[s1], a.lam[s0])
-    rim = _RIM * min(float(np.abs(n.lam).max(initial=0.0)) for n in group.nodes)
+    rim = _RIM * max(known, min(float(np.abs(n.lam).max(initial=0.0)) for n in group.nodes))
     inside = (lam.imag > 0) & (-lam.real < lam.imag) & (np.abs(lam) < rim) & (lam.imag <= below)
     still, also = (int(np.count_nonzero(-x.real >= np.maximum(np.abs(x.imag), x.real))) for x in (lam, other))
     lacking = len(lam) - len(other)

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import NotConvergedError
+from ..errors import NotConvergedError, SceneError
 from ..problem.problem import Problem
 from ..reduced import SharperModel
 from .bisection import Bisection, onset_of, share_within, speed_of
@@ -29,6 +29,9 @@ _SAME_SHAPE = 0.9  # MAC: roots of the step model and of the problem whose modes
 _ALONE = 0.05  # of the distance to the next change of the group: a root that is nearer than this belongs to the change
 
 _Newton = Callable[[Problem, float, np.ndarray, np.ndarray], Root]
+# What the search for a root may end with. A trial of Newton's method may ask for a value where a scene has no static
+# state, outside the sweep too.
+FAILURES = NotConvergedError, SceneError, ValueError, np.linalg.LinAlgError
 
 
 @dataclass
@@ -65,10 +68,10 @@ class Refiner:
         root, sure = None, False
         # Newton's method fails if several equal pairs meet at once, or if damping is so small that Re λ is lost in
         # rounding on the stable side. Bisection still works then: it only needs to know whether modes are unstable.
-        with suppress(NotConvergedError, ValueError, np.linalg.LinAlgError):
+        with suppress(*FAILURES):
             root, sure = self._root(change)
         if not sure:  # the root may belong to another change of the group
-            with suppress(NotConvergedError, ValueError, np.linalg.LinAlgError):
+            with suppress(*FAILURES):
                 return self._bisection.onset(replace(change, limits=around))
         if root is None:
             return self._bisection.onset(change)
@@ -129,7 +132,8 @@ class Refiner:
         step, slack = self.step, FINEST * self.step.width
         root = self._between(change, newton(step.model, near, change.right, change.left), slack)
         x, y = (step.V @ v for v in (root.right, root.left))
-        if step.problem.unknowns == step.model.unknowns and step.reduced_model is None:
+        exact = step.problem.unknowns == step.model.unknowns and step.problem.is_affine(step.parameter)
+        if exact and step.reduced_model is None:
             return root, self._is_around(change, root) or self._is_alone(change, root)
         better, same = self._on_problem(newton, root, x, y)
         # The step model has the rounding of the problem's matrices, which its own, smaller ones do not show.
@@ -288,7 +292,7 @@ class Refiner:
                 sharper.correct(root.value, root.theta, x, y, factor)
                 x, y = sharper.padded(x), sharper.padded(y)
                 root, here = self._on_reduced(newton, sharper.problem, root.value, x, y)
-            except (NotConvergedError, ValueError, np.linalg.LinAlgError):
+            except FAILURES:
                 return None
             error, rounding = sharper.root_error(root.value, root.theta, root.right, root.left, here)
             if error <= max(rounding, _SURE * abs(root.value)):

@@ -23,7 +23,7 @@ from ..problem.description import Describer, Description
 from ..problem.problem import Problem
 from ..problem.sensitivity import sensitivities
 from ..reduced import ReducedModel
-from .balance import Census, unbalanced
+from .balance import Census, entered, unbalanced
 from .counting import count_apart
 from .doubts import without_narrow_windows
 from .forecast import is_reduced
@@ -169,6 +169,8 @@ class RunningSweep:
         for middle, pair in windows(self.onsets, last, value):
             self.points.append(self._window(middle, pair))
         self.points.append(self._point(value, modes, branches, keep_all))
+        if self.request.max_frequency_hz and not self.told.warnings:
+            self.told.add(*entered(self.parameter, self.points, self.onsets))
 
     def _point(self, value: float, modes: Modes, branches: np.ndarray, keep_all: bool) -> SweepPoint:
         wanted = wanted_count(modes, self.request)
@@ -399,11 +401,14 @@ class RunningSweep:
         found = find_step_onsets(
             self.problem, name, (self._value, value), (self._previous, modes), (self._branches, branches), below,
             self._reduced_model, self._precise, self._linear_solver, self._scale,
-            self._value == self._start, halved,
+            self._value == self._start, halved, _limit(self._guarded),
         )  # fmt: skip
         # The branches of an onset are found by shape and may be wrong. Well inside the range it is reported in any
         # case.
-        inside = _INSIDE * min(m.lam[:k].imag.max(initial=0.0) for m, k in ((self._previous, known), (modes, wanted)))
+        inside = _INSIDE * (
+            _limit(self.request)
+            or min(m.lam[:k].imag.max(initial=0.0) for m, k in ((self._previous, known), (modes, wanted)))
+        )
         onsets = []
         for onset in found.onsets:
             if not reported & {onset.branch_a, onset.branch_b} and 2 * np.pi * onset.frequency_hz > inside:
@@ -444,6 +449,11 @@ def _reach(modes: Modes, wanted: int) -> float:
     """Return the highest frequency Im λ of the first `wanted` modes, rad/s; of a growing mode |λ| counts instead."""
     lam, growing = modes.lam[:wanted], modes.stability[:wanted] == "unstable"
     return float(np.where(growing, np.abs(lam), lam.imag).max(initial=0.0))
+
+
+def _limit(request: Request) -> float:
+    """Return the frequency up to which modes are asked for, rad/s; 0 where a number of them is."""
+    return 2 * np.pi * (request.max_frequency_hz or 0.0)
 
 
 def _with_guard(request: Request) -> Request:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from .changes import FINEST, SETTLED, Change
 from .clusters import Cluster
@@ -115,6 +116,22 @@ class Samples:
         energy = (np.abs(centred) ** 2).sum(axis=(1, 2)) - (np.abs(v - v.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
         return v, slope, reach, W, np.sqrt(np.maximum(energy, 0.0)), condition
 
+    def insert(self, more: np.ndarray) -> None:
+        """Add samples at further t (k,), ascending."""
+        v, slope, _, W, departure, condition = self.at(more)
+        order = np.argsort(np.concatenate([self.t, more]), kind="stable")
+        self.t = np.concatenate([self.t, more])[order]
+        added = {"v": v, "slope": slope, "W": W, "departure": departure, "condition": condition}
+        for name, more_of_it in added.items():
+            setattr(self, name, np.concatenate([getattr(self, name), more_of_it])[order])
+
+    def order(self, k: int) -> np.ndarray:
+        """Return (m,) int, which eigenvalue of sample k continues each one of the sample before."""
+        h = self.t[k] - self.t[k - 1]
+        ahead = self.v[k - 1] + h * self.slope[k - 1] / 2
+        back = self.v[k] - h * self.slope[k] / 2
+        return np.asarray(linear_sum_assignment(np.abs(ahead[:, None] - back[None, :]))[1])
+
     def made(self, kind: str, gains: int, k: int, there: int, i: int, limits: tuple[float, float]) -> Change:
         """Return a change of eigenvalue i between samples k and k + 1.
 
@@ -167,6 +184,19 @@ class Samples:
     def _parted(self, v: np.ndarray, departure: np.ndarray) -> np.ndarray:
         size = np.abs(v).max(axis=1)
         return np.asarray(np.sqrt(self.blur**2 + _ROUNDING * size * (departure + self.blur)))
+
+
+def between(g: tuple[np.ndarray, np.ndarray], rate: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return a cubic at 1/16, 2/16 … 15/16 of an interval (15, ...) from its values and slopes at both ends.
+
+    Examples
+    --------
+    >>> between((np.array(0.0), np.array(16.0)), (np.array(0.0), np.array(32.0)))[[3, 7]].tolist()
+    [1.0, 4.0]
+    """
+    s = np.linspace(0, 1, 17)[1:-1].reshape(-1, *np.ones(np.ndim(g[0]), int))
+    values = g[0] * (1 + 2 * s) * (1 - s) ** 2 + g[1] * s**2 * (3 - 2 * s)
+    return np.asarray(values + rate[0] * s * (1 - s) ** 2 + rate[1] * s**2 * (s - 1))
 
 
 def diagonals(left: np.ndarray, A: np.ndarray, right: np.ndarray) -> np.ndarray:

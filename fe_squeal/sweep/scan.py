@@ -59,7 +59,7 @@ class Scan:
 
 def scan(
     first: Node, second: Node, modes: Callable[[float], Node], below: float = np.inf, scale: Scale = LINEAR,
-    halved: float | None = None,
+    halved: float | None = None, linear: bool = False, known: float = 0.0,
 ) -> Scan:  # fmt: skip
     """Find the changes of stability between two values.
 
@@ -76,6 +76,10 @@ def scan(
     halved : float, rad/s, optional
         If stability up to this frequency is not decided with a few values, the step is halved and searched again: the
         search then ends, with what is not decided so far. None if the step is not halved.
+    linear : bool
+        Whether K is linear in the parameter.
+    known : float, rad/s
+        Frequency up to which all modes are known at every value, if it is higher than those of the modes there.
     """
     step = scale.x(second.value) - scale.x(first.value)
     width, count = FINEST * step * scale.slope(second.value), 0
@@ -89,8 +93,8 @@ def scan(
         begin, end = scale.x(a.value), scale.x(b.value)
         share = (end - begin) / step
         unsettled = []
-        for members in (_without_rim(a, b, *g) for g in groups(a, b)):
-            if _is_idle(a, b, members) or _lowest(a, b, members) > below:
+        for members in (_without_rim(a, b, *g, known) for g in groups(a, b)):
+            if (linear and _is_idle(a, b, members)) or _lowest(a, b, members) > below:
                 continue
             if len(members[0]) != len(members[1]):
                 opened.append(Open((a, b), members))
@@ -131,18 +135,19 @@ def _lowest(a: Node, b: Node, members: tuple[np.ndarray, np.ndarray]) -> float:
 
 
 def _is_idle(a: Node, b: Node, members: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Return whether the stability of a group cannot change: matrices are symmetric, and θ > 0 at both ends.
+    """Return whether the stability of a group cannot change if K is linear: it is symmetric, and θ > 0 at both ends.
 
-    The lowest θ of symmetric matrices that are linear in the parameter is a concave function: between two values it is
-    above the straight line, and so it is positive there too.
+    A symmetric K that is positive definite at both ends is so between them, as a sum of both with positive weights.
     """
     v = np.concatenate([a.v[members[0]], b.v[members[1]]])
     return not len(v) or (a.symmetric and b.symmetric and bool((v.real > 0).all()))
 
 
-def _without_rim(a: Node, b: Node, s0: np.ndarray, s1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _without_rim(
+    a: Node, b: Node, s0: np.ndarray, s1: np.ndarray, known: float
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Return a group without those modes that the other value lacks because they are above the highest known there."""
-    reach = _RIM * min(float(np.abs(n.lam).max(initial=0.0)) for n in (a, b))
+    reach = _RIM * max(known, min(float(np.abs(n.lam).max(initial=0.0)) for n in (a, b)))
     while len(s0) != len(s1):
         more, node = (s0, a) if len(s0) > len(s1) else (s1, b)
         size = np.abs(node.lam[more])

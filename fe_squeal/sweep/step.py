@@ -12,8 +12,9 @@ from ..eigen.blocks import faster
 from ..eigen.dense import solve_dense
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes
-from ..problem.forms import project
+from ..problem.forms import is_linear, project
 from ..problem.interpolation import interpolate, interpolate_beside
+from ..problem.parameters import paths_of
 from ..problem.problem import Problem
 from ..reduced import ReducedModel, SlowMotions
 from .nodes import Node, node_of, spread_of
@@ -24,6 +25,7 @@ _KNOWN = 1e-6  # of a motion: one that differs by less from motions that nothing
 _SPANNED = 1e-4  # of a vector's length: if its part outside the rigid motions is shorter, that is rounding
 _ALIKE = 1e-6  # of θ, or of λ: the eigenvalues at the ends may differ so much from those of the step model
 _NEARBY = 1e-3  # of a value: how far from it matrices are interpolated around it
+_ABOVE = 1.2  # times the frequency up to which modes are known at the ends: those of the step model are taken to there
 _SMALL = 60  # unknowns up to which the step model is the problem itself
 
 
@@ -56,12 +58,15 @@ class Step:
     rigid : (n, k) float or None
         The modes with λ = 0 at either end, M-orthonormal.
     modes_at_ends : (Modes, Modes)
+    reach : float, rad/s
+        Up to this |λ| modes of the step model are taken; it may be changed.
     """
 
     def __init__(
         self, problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
-        reduced_model: ReducedModel | None, linear_solver: LinearSolver | str,
+        reduced_model: ReducedModel | None, linear_solver: LinearSolver | str, known: float = 0.0,
     ) -> None:  # fmt: skip
+        self.reach = _ABOVE * max(known, *(float(np.abs(m.lam).max(initial=0.0)) for m in modes))
         self.full, self.parameter, self.reduced_model, self.ends = problem, parameter, reduced_model, values
         self.linear_solver, self.modes_at_ends = linear_solver, modes
         self.problem = problem = problem if reduced_model is None else reduced_model.collected
@@ -101,6 +106,11 @@ class Step:
         """Whether eigenvalues are θ = −λ², and not λ: there is no C."""
         return not any(t.slot == "C" for t in self.model.terms)
 
+    @property
+    def is_linear(self) -> bool:
+        """Whether K is linear in the parameter."""
+        return self.problem.is_affine(self.parameter) and is_linear(self.model, self.parameter)
+
     def near(self, value: float) -> float:
         """Return up to which distance from a value matrices are interpolated around it."""
         return _NEARBY * max(abs(value), self.width)
@@ -112,11 +122,13 @@ class Step:
 
     def modes(self, p: float, highest: float = np.inf) -> Modes:
         """Return the modes of the step model at a value, up to |λ| = highest, rad/s."""
-        known = self._inside.at({self.parameter: p}).free_motions()
+        return self._modes(self.model, self._inside.at({self.parameter: p}).free_motions(), p, highest)
+
+    def _modes(self, model: Problem, known: FreeMotions, p: float, highest: float) -> Modes:
         if len(self.V) > self.V.shape[1]:
             damping = None if known.damping is None else self.V.T @ known.damping
             known = FreeMotions(self.MV.T @ known.motions, damping)
-        pencil = replace(self.model.pencil({self.parameter: p}), cancelled=self._cancelled, free=known)
+        pencil = replace(model.pencil({self.parameter: p}), cancelled=self._cancelled, free=known)
         return solve_dense(pencil, highest, self.linear_solver)
 
     def shapes(self, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
@@ -145,15 +157,31 @@ class Step:
         return first, second
 
     def between(self, p: float) -> Node:
-        """Return the node of a value between the ends: modes of the step model, up to the highest |λ| known at these.
+        """Return the node of a value between the ends: modes of the step model, to above the |λ| known at these.
 
         The step model contains the rounding of the problem's own matrices. So each eigenvalue is taken to be at least
         as uncertain as the nearest one at the ends.
         """
-        reach = 1.2 * max(float(np.abs(m.lam).max(initial=0.0)) for m in self.modes_at_ends)
-        modes = self.modes(p, reach)
+        return self._node(self.model, p, self.modes(p, self.reach))
+
+    def exact(self, p: float) -> Node:
+        """Return the same of matrices that are made at the value, and not interpolated.
+
+        Raises
+        ------
+        SceneError, NotConvergedError
+            There is no static state at the value.
+        """
+        if self.problem.is_affine(self.parameter):
+            return self.between(p)
+        here = self.problem.at({self.parameter: p})
+        model = project(here, self.V)
+        model = replace(model, parameters={**model.parameters, **dict.fromkeys(paths_of(self.parameter), p)})
+        return self._node(model, p, self._modes(model, here.free_motions(), p, self.reach))
+
+    def _node(self, model: Problem, p: float, modes: Modes) -> Node:
         left = modes.right if modes.left is None else modes.left
-        node = node_of(self.model, self.parameter, p, modes, (modes.right, left))
+        node = node_of(model, self.parameter, p, modes, (modes.right, left))
         at, blur = (np.concatenate([getattr(n, name) for n in self._known]) for name in ("v", "blur"))
         if not len(at):
             return node

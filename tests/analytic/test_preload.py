@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -283,3 +285,16 @@ def test_a_sweep_along_which_the_contact_opens():
         # A direct solve has rounding of its own, which counts for modes that are slow beside stiff bodies.
         assert (away.min(axis=1) <= 1e-8 * np.abs(point.modes.lam) + exact.re_uncertainty[nearest]).all()
         assert (away.min(axis=1) <= point.modes.re_uncertainty + exact.re_uncertainty[nearest]).all()
+
+
+@pytest.mark.slow
+def test_newton_asks_for_values_without_a_static_state():
+    """A block that tips from some friction on: no trial of Newton's method beyond the sweep may end it."""
+    found = []
+    for method in ("direct", "reduced"):
+        problem = tipping(0.3, load=(0.0, 1.0), height=0.35, cells=12)
+        result = sweep(problem, np.linspace(0, 0.8, 5), modes=6, method=method)
+        found.append([(o.direction, o.value) for o in result.onsets])
+    assert len(found[0]) >= 2
+    for (one, a), (other, b) in itertools.zip_longest(*found):
+        assert one == other and a == pytest.approx(b, abs=1e-5)

@@ -277,6 +277,31 @@ def _wait(number: signal.Signals, done: list[str]) -> None:
             done.append("too late")
 
 
+class Finalised:
+    """Sends a signal while it is thrown away, where Python ignores every exception."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+    def __del__(self) -> None:
+        os.kill(os.getpid(), self.number)
+        time.sleep(0.01)
+
+
+@POSIX
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_a_finalizer_is_not_lost(number: signal.Signals, capsys: pytest.CaptureFixture[str]) -> None:
+    before, hook = signal.signal(number, signal.default_int_handler), sys.unraisablehook
+    try:
+        with stopped_by_signals(), pytest.raises(KeyboardInterrupt):
+            thrown = Finalised(number)
+            del thrown
+            time.sleep(1)
+    finally:
+        signal.signal(number, before)
+    assert sys.unraisablehook is hook and capsys.readouterr().err == ""
+
+
 @POSIX
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_waits_for_an_import(

@@ -117,9 +117,9 @@ def test_factors_serve_more_than_one_value(kind, monkeypatch):
 
 @pytest.mark.parametrize("kind", some(list(CLASSES), lambda kind: kind == "complex with C"))
 def test_factors_of_p_serve_at_all_values_where_they_are_fast(kind):
-    """Weak friction and damping change little: no other matrix is factorised."""
+    """Weak friction and damping change little: no other matrix is factorised, but one whose inertia counts modes."""
     model = ReducedModel(chain(*CLASSES[kind]), "mu", np.linspace(0.0, 0.05, 7), Request(count=MODES))
-    assert model.factorizations == 1 and model.worst <= 1e-8
+    assert model.factorizations == 2 and model.worst <= 1e-8
 
 
 def test_indices_of_terms_are_short():

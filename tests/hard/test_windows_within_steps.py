@@ -1,0 +1,161 @@
+"""Windows of instability within one step of a sweep, where a coarse look at the step shows nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.optimize as so
+import scipy.sparse as sp
+
+import fe_squeal
+from fe_squeal.eigen.pencil import FreeMotions
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
+
+
+class Made:
+    """The source of a problem whose stiffness, a function of mu, is made anew at each value, as under preload."""
+
+    def __init__(self, stiffness, friction):
+        self.stiffness, self.friction = stiffness, friction
+
+    def problem(self, values):
+        mu = values.get("mu", 0.0)
+        K, F = self.stiffness(mu), self.friction(mu)
+        terms = (
+            Term("mass", "M", sp.eye_array(len(K), format="csr"), True), Term("elastic", "K", sp.csr_array(K), True),
+            Term("friction", "K", sp.csr_array(F), False, {"mu": 1}),
+        )  # fmt: skip
+        held = FreeMotions.none(len(K))
+        return Problem(terms, {"mu": mu}, None, self, frozenset({"mu"}), dict(values), free=lambda _: held)
+
+    def number(self, path):
+        return {"mu": 0.0}[path]
+
+    def solved_with(self, linear_solver):
+        return self
+
+
+def matrix_problem(*stiffness, friction=None, damping=None):
+    """A problem of unit masses with stiffness[0] + mu stiffness[1] + mu² stiffness[2] and a skew friction term."""
+    n = len(stiffness[0])
+    terms = [Term("m", "M", sp.eye_array(n, format="csr"), True)]
+    terms += [Term(f"k{i}", "K", sp.csr_array(np.asarray(K, float)), True, {"mu": i} if i else {})
+              for i, K in enumerate(stiffness)]  # fmt: skip
+    if friction is not None:
+        terms.append(Term("f", "K", sp.csr_array(np.asarray(friction, float)), False, {"mu": 1}))
+    if damping is not None:
+        terms.append(Term("c", "C", damping * sp.eye_array(n, format="csr"), True))
+    return Problem(tuple(terms), {"mu": 0.0})
+
+
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+def test_contacts_that_open_one_after_the_other(method):
+    """Both lower a θ by the same amount, so that ends and middle of the step 0.2 … 0.3 show the same distance of the
+    two; between them they cross, and flutter twice."""
+    n = 100
+    base, F = np.diag(np.r_[1.5, 1.3, np.linspace(6, 60, n - 2)]), np.zeros((n, n))
+    F[0, 1], F[1, 0] = 0.3, -0.3
+
+    def closed(mu, first, last):
+        return np.clip((last - mu) / (last - first), 0, 1)
+
+    def stiffness(mu):
+        K = base.copy()
+        K[0, 0] += 0.7 * closed(mu, 0.21, 0.218)
+        K[1, 1] += 0.7 * closed(mu, 0.235, 0.243)
+        return K
+
+    def distance(mu):  # of (Δθ/2)² from the square of the coupling
+        K = stiffness(mu)
+        return ((K[0, 0] - K[1, 1]) / 2) ** 2 - (0.3 * mu) ** 2
+
+    fine = np.linspace(0, 0.4, 4001)
+    signs = np.sign([distance(mu) for mu in fine])
+    true = [so.brentq(distance, fine[k], fine[k + 1], xtol=1e-15) for k in np.flatnonzero(np.diff(signs))]
+    problem = Made(stiffness, lambda mu: F).problem({"mu": 0.0})
+    result = fe_squeal.sweep(problem, [0.0, 0.1, 0.2, 0.3, 0.4], modes=8, method=method)
+    assert len(true) == 5 and not result.warnings
+    assert [o.value for o in result.onsets] == pytest.approx(true, abs=1e-8)
+    assert [o.direction for o in result.onsets] == ["into", "out of", "into", "out of", "into"]
+
+
+@pytest.mark.parametrize("values", [[0.0, 0.8], [0.0, 0.4, 0.8], np.linspace(0, 0.8, 9)])
+def test_the_onset_is_that_of_the_matrices_and_not_of_interpolated_ones(values):
+    """Also where the modes at the ends of a step span all unknowns."""
+    F = np.array([[0.0, 1.0], [-1.0, 0.0]])
+
+    def stiffness(mu):
+        return np.diag([1.0 + 0.3 * np.tanh(4 * mu), 2.0])
+
+    true = so.brentq(lambda mu: ((1 - 0.3 * np.tanh(4 * mu)) / 2) ** 2 - mu**2, 0.1, 1.0, xtol=1e-15)
+    result = fe_squeal.sweep(Made(stiffness, lambda mu: F).problem({"mu": 0.0}), values, modes=2, method="direct")
+    (onset,) = result.onsets
+    assert abs(onset.value - true) <= 4 * onset.uncertainty <= 1e-12
+
+
+@pytest.mark.parametrize("damping", [None, 1e-2])
+@pytest.mark.parametrize("friction", [None, 1e-3])
+@pytest.mark.parametrize("depth", [0.5, 0.1, 0.02])
+def test_a_spring_that_is_negative_between_two_values(depth, friction, damping):
+    """θ = 10(mu − 0.37)² − depth, alone in its group, of symmetric matrices and of others."""
+    F = None if friction is None else friction * np.array([[0, 1], [-1, 0]])
+    stiffness = np.diag([10 * 0.37**2 - depth, 50]), np.diag([-7.4, 0]), np.diag([10, 0])
+    result = fe_squeal.sweep(matrix_problem(*stiffness, friction=F, damping=damping), [0.0, 1.0], modes=2)
+    half = np.sqrt(depth / 10)
+    assert [o.value for o in result.onsets] == pytest.approx([0.37 - half, 0.37 + half], abs=1e-7)
+    assert [(o.kind, o.direction) for o in result.onsets] == [("divergence", "into"), ("divergence", "out of")]
+
+
+def test_friction_bends_a_mode_below_zero_and_back():
+    """Matrices linear in mu: the lower of two θ has its lowest value inside the step, a little below zero."""
+    rng, tried = np.random.default_rng(1), 0
+    mu = np.linspace(0, 1, 801)
+    while tried < 6:
+        K0, K1 = np.diag(rng.uniform([1, 6], [6, 14])), np.diag(rng.uniform([-8, -16], 0))
+        F = rng.uniform(0, 5) * np.array([[0, 1], [-1, 0]])
+        v = np.array([np.linalg.eigvals(K0 + p * (K1 + F)) for p in mu])
+        low = v.real.min(axis=1)
+        i = int(np.argmin(low))
+        if np.abs(v.imag).max() > 1e-9 or not 40 < i < 760:
+            continue
+        shift = low[i] + 0.004 * min(low[0] - low[i], low[-1] - low[i])
+        if min(low[0], low[-1]) - shift <= 0.05:
+            continue
+        tried += 1
+        result = fe_squeal.sweep(matrix_problem(K0 - shift * np.eye(2), K1, friction=F), [0.0, 1.0], modes=2)
+        edges = np.flatnonzero(np.diff(low < shift))
+        assert [o.direction for o in result.onsets] == ["into", "out of"]
+        for onset, k in zip(result.onsets, edges, strict=True):
+            assert mu[k] <= onset.value <= mu[k + 1]
+
+
+@pytest.mark.parametrize("damping", [None, 1e-2])
+@pytest.mark.parametrize("values", [3, 5])
+@pytest.mark.parametrize(("others", "top", "drop"), [((1, 2, 5), 12.0, 80.0), ((1, 2, 5, 9), 11.1, 60.0)])
+def test_a_pair_comes_into_the_range_within_a_step(others, top, drop, values, damping):
+    """Modes up to a frequency are asked for: the onset of a pair that is above it at one value is found, too."""
+    theta = [*np.square(others), top**2 - 1.5, top**2 + 1.5]
+    falls = np.zeros(len(theta))
+    falls[-2:] = -drop
+    F = np.zeros((len(theta), len(theta)))
+    F[-2, -1], F[-1, -2] = 1.7, -1.7
+    problem = matrix_problem(np.diag(theta), np.diag(falls), friction=F, damping=damping)
+    result = fe_squeal.sweep(problem, np.linspace(0, 1, values), max_frequency=10 / (2 * np.pi), method="direct")
+    (onset,) = result.onsets
+    assert onset.direction == "into" and onset.value == pytest.approx(1.5 / 1.7, abs=2e-3 if damping else 1e-9)
+    assert 2 * np.pi * onset.frequency_hz == pytest.approx(np.sqrt(top**2 - drop * onset.value), rel=1e-4)
+
+
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+@pytest.mark.parametrize(("others", "top", "drop"), [((1, 2, 5), 12.0, 80.0), ((1, 2, 5, 9), 11.2, 30.0)])
+def test_a_mode_that_comes_into_the_range_unstable_is_told(others, top, drop, method):
+    """Its onset is above the frequencies that were asked for, so that no step of the sweep shows it."""
+    theta = [*np.square(others), top**2 - 1.5, top**2 + 1.5]
+    falls, F = np.zeros(len(theta)), np.zeros((len(theta), len(theta)))
+    falls[-2:], F[-2, -1], F[-1, -2] = -drop, 20.0, -20.0
+    problem = matrix_problem(np.diag(theta), np.diag(falls), friction=F)
+    result = fe_squeal.sweep(problem, [0.0, 0.5, 1.0], max_frequency=10 / (2 * np.pi), method=method)
+    assert np.count_nonzero(result.points[-1].modes.stability == "unstable") == 1 and not result.onsets
+    (said,) = result.warnings
+    assert said.startswith("1 of 1 unstable modes at mu = 1 came into the range")

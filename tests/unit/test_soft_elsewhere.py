@@ -1,0 +1,75 @@
+"""A part that is stiff where the basis of a reduced model begins, soft at another value, and hardly coupled."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+from chains import MODES, N, chain
+
+from fe_squeal import sweep
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
+
+
+def with_pair(coupling: float, stiffness: float, power: int, *effects: str) -> Problem:
+    """Return chains with a pair of masses of that stiffness at mu = 0, and a soft one at mu = 1, or ½ for power 2.
+
+    Friction makes the pair unstable there.
+    """
+    n, soft, near = N + 2, 0.02, 0.01
+
+    def wide(A: sp.csr_array) -> sp.csr_array:
+        return sp.csr_array(sp.block_diag([A, sp.csr_array((2, 2))], format="csr"))
+
+    def pair(B: object, link: float = 0.0) -> sp.csr_array:
+        A = sp.lil_array((n, n))
+        A[N:, N:] = np.array(B, float)
+        for i, j, c in ((N, N, link), (10, 10, link), (N, 10, -link), (10, N, -link)):
+            A[i, j] += c
+        return sp.csr_array(A)
+
+    falls = [-(stiffness - soft)] if power == 1 else [-4 * (stiffness - soft), 4 * (stiffness - soft)]
+    terms = [replace(t, matrix=wide(t.matrix)) for t in chain(*effects).terms]
+    terms += [
+        Term("masses", "M", pair(np.eye(2)), True),
+        Term("springs", "K", pair(np.diag([stiffness, stiffness + near / 2]), coupling), True),
+        *(Term(f"softening {i}", "K", pair(c * np.eye(2)), True, {"mu": i}) for i, c in enumerate(falls, 1)),
+        Term("friction of the pair", "K", pair([[0, 2 * near], [-2 * near, 0]]), False, {"mu": 1}),
+    ]
+    return Problem(tuple(terms), {"mu": 0.0})
+
+
+@pytest.mark.parametrize(
+    ("coupling", "stiffness", "power", "solver"),
+    [
+        (0.0, 0.3, 1, "auto"), (1e-6, 3e4, 1, "superlu"),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in [
+            (0.0, 0.3, 1, "superlu"), (0.0, 30.0, 1, "auto"), (1e-6, 3e4, 1, "auto"), (1e-4, 300.0, 2, "auto"),
+            (1e-4, 300.0, 2, "superlu"),
+        ]),
+    ],
+)  # fmt: skip
+def test_a_reduced_model_has_it(coupling: float, stiffness: float, power: int, solver: str) -> None:
+    """The modes are those of LAPACK at the value where the part is soft, which no mode of the start contains."""
+    problem, soft = with_pair(coupling, stiffness, power), 1.0 / power
+    result = sweep(problem, np.linspace(0, 1, 5), modes=MODES, method="reduced", linear_solver=solver)
+    (point,) = (p for p in result.points if p.value == soft)
+    pencil = problem.pencil(mu=soft)
+    theta = la.eigvals(pencil.K.toarray(), pencil.M.toarray()).astype(complex)
+    lam = 1j * np.sqrt(theta)
+    exact = lam[np.argsort(lam.imag, kind="stable")][: len(point.modes)]
+    np.testing.assert_allclose(np.sort(point.modes.lam.imag), np.sort(exact.imag), rtol=1e-6)
+    assert np.count_nonzero(point.modes.stability == "unstable") == np.count_nonzero(exact.real > 1e-6) > 0
+
+
+@pytest.mark.slow
+def test_a_damped_reduced_model_has_it() -> None:
+    problem = with_pair(1e-6, 300.0, 1, "damper")
+    found = [
+        sweep(problem, np.linspace(0, 1, 5), modes=MODES, method=m).points[-1].modes.lam for m in ("direct", "reduced")
+    ]
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-6)
