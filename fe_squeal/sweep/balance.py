@@ -79,8 +79,8 @@ def unbalanced(
 
     The balance is: unstable before + onsets into − onsets out of instability = unstable now. Modes and onsets above
     `limit` are not counted, since modes may enter and leave the range there. The limit is lowered until no unstable
-    mode and no onset is near it; if that leaves none, the balance is not checked. If pairs of modes that are equal up
-    to rounding can explain the difference, the doubt about such a pair is returned instead of a sentence.
+    mode and no onset is near it. If pairs of modes that are equal up to rounding can explain the difference, the doubt
+    about such a pair is returned instead of a sentence.
 
     Parameters
     ----------
@@ -94,10 +94,7 @@ def unbalanced(
         Frequency up to which modes are counted.
     """
     known = np.concatenate([before.lam.imag, now.lam.imag, [2 * np.pi * o.frequency_hz for o in onsets]])
-    while np.any(near := np.abs(known - limit) < _APART * limit):
-        limit = float(known[near].min()) * (1 - 2 * _APART)
-        if limit <= 0:
-            return ""
+    limit = _clear_of(known, limit)
     counts = [int(np.count_nonzero(part.lam.imag < limit)) for part in (before, now)]
     gained = sum(1 if o.direction == "into" else -1 for o in onsets if 2 * np.pi * o.frequency_hz < limit)
     if counts[0] + gained == counts[1]:
@@ -109,6 +106,23 @@ def unbalanced(
         f"between {parameter} = {before.value:.10g} and {now.value:.10g} {counts[0]} modes become {counts[1]} unstable"
         f" ones, of which the onsets found explain {gained:+d}"
     )
+
+
+def _clear_of(known: np.ndarray, limit: float) -> float:
+    """Return the highest frequency up to a limit that is far (`_APART`) from all that are known (k,), rad/s.
+
+    Examples
+    --------
+    >>> [_clear_of(np.array([90.0, 95.0, 100.0]), limit) for limit in (110.0, 99.0, 93.0)]
+    [110.0, 97.5, 93.0]
+    """
+    edges = np.append(np.sort(known[known < (1 + _APART) * limit])[::-1], 0.0)
+    if len(edges) == 1 or limit - edges[0] >= _APART * limit:
+        return limit
+    clear = np.flatnonzero(edges[:-1] - edges[1:] >= 2 * _APART * edges[:-1])
+    between = (edges[clear] + edges[clear + 1]) / 2
+    between = between[between <= limit]
+    return float(between.max(initial=0.0))
 
 
 def entered(parameter: str, points: Sequence[SweepPoint], onsets: Sequence[Onset]) -> list[str]:

@@ -95,3 +95,12 @@ def test_doubts_are_joined_in_either_order():
         assert both is not None and (both.low, both.high) == (0.3, 0.35)
     assert first.joined(Doubt(0.4, 0.41, _HZ)) is None
     assert first.joined(Doubt(0.33, 0.35, 1.1 * _HZ)) is None
+
+
+def test_a_crowd_of_unstable_modes_is_counted():
+    """Eight of them 5.5 % apart, with no gap wide enough for a limit below each but between them, become five."""
+    omega, none = 100 * 1.055 ** np.arange(8), np.zeros(0)
+    before, now = (Census(p, 1j * w + 1, none, np.zeros(0, bool)) for p, w in ((0.0, omega), (1.0, omega[3:])))
+    told = unbalanced("mu", before, now, [], 1.01 * omega[-1])
+    assert isinstance(told, str) and "7 modes become 4" in told
+    assert unbalanced("mu", before, before, [], 1.01 * omega[-1]) == ""
