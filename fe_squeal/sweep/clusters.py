@@ -24,7 +24,7 @@ from .scale import LINEAR, Scale
 _REACH = 2.0  # times the distance that two eigenvalues move, by their slopes: if they are closer, they may meet
 _ALIKE = 0.1  # likeness (1: the same): two modes at different values with a larger one belong to the same group
 _SAME = 0.5  # likeness: if a group has one mode at either value and theirs is larger, they are the same mode
-_DEFECTIVE = 10.0  # condition of an eigenvalue: from here on its slope says little about where it moves
+_DEFECTIVE = 10.0  # condition of an eigenvalue: more of it in a slope says little about where the eigenvalue moves
 _TURNED = 0.5  # the space of a group may turn by so much over an interval, measured as |L₀ᴴBR₁·L₁ᴴBR₀ − 1|
 
 
@@ -131,17 +131,13 @@ def _may_meet(node: Node, width: float) -> np.ndarray:
     if not len(node):
         return np.zeros((0, 0), bool)
     rate = np.ones(len(node)) if node.C is None else 2 * np.maximum(np.abs(node.v), np.finfo(float).tiny)
-    (right, left), (pushes, own) = node.lengths, node.own
+    (right, left), pushes = node.lengths, node.own[0]
     slope = node.rates
     plain = np.abs(pushes) / np.outer(left, right) / rate
-    size = np.abs(own)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        condition = left * right * rate / size
-    sure = condition < _DEFECTIVE
-    moves = plain.diagonal()
+    moves = plain.diagonal()  # the slope of an eigenvalue is this times its condition
     with np.errstate(invalid="ignore"):
         apart = np.abs(slope[:, None] - slope[None, :])
-    approach = np.where(np.outer(sure, sure), apart, moves[:, None] + moves[None, :])
+    approach = np.fmin(apart, _DEFECTIVE * (moves[:, None] + moves[None, :]))
     reach = _REACH * width * (approach + 2 * np.sqrt(plain * plain.T))
     blur = node.blur[:, None] + node.blur[None, :]
     near = np.abs(node.v[:, None] - node.v[None, :]) <= reach + blur

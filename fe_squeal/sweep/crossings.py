@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from .changes import Asked, Change
-from .samples import Samples, between, diagonals
+from .samples import NEAR_ZERO, Samples, between, diagonals
 
 _SAFE = 4.0  # times the difference of the cubic H from a parabola: taken for its error
 _REAL = 1e-6  # of |λ|: a real eigenvalue has less of an imaginary part
@@ -195,9 +195,10 @@ def _follow(samples: Samples) -> None:
 
 
 def _turning_points(samples: Samples) -> np.ndarray:
-    """Return values of t between two samples where Re λ has another sign than at both of them.
+    """Return values of t between two samples where Re λ may have another sign than at both of them.
 
-    Between two samples Re λ is taken to be the cubic with the values and slopes at both.
+    Between two samples Re λ is taken to be the cubic with the values and slopes at both. Since it is not quite that, a
+    sample is added too where the cubic turns near zero.
     """
     growth = _growth(samples, samples.v)
     rate = samples.slope.real if not samples.theta else -samples.slope.imag / (2 * np.sqrt(np.abs(samples.v)))
@@ -205,7 +206,9 @@ def _turning_points(samples: Samples) -> np.ndarray:
     g0, g1, d0, d1 = growth[:-1], growth[1:], rate[:-1] * h, rate[1:] * h
     cubic = between((g0, g1), (d0, d1))
     high, low = cubic.max(axis=0), cubic.min(axis=0)
-    missed = ((g0 < 0) & (g1 < 0) & (high > 0)) | ((g0 > 0) & (g1 > 0) & (low < 0))
+    least, most = np.minimum(g0, g1), np.maximum(g0, g1)
+    missed = (most < 0) & (high > most) & (high > -NEAR_ZERO * (high - least))
+    missed |= (least > 0) & (low < least) & (low < NEAR_ZERO * (most - low))
     missed &= h > samples.finest
     at = np.where((g0 < 0), cubic.argmax(axis=0), cubic.argmin(axis=0))
     k, b = np.nonzero(missed)

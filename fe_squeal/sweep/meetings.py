@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from .changes import Asked, Change
-from .samples import Samples, between
+from .samples import NEAR_ZERO, Samples, between
 
 _ROUNDS = 12  # in which samples are added where a real θ turns, at most
-# Of how far θ falls or rises between two samples: it is sampled where it turns if it turns so near to zero, since what
-# is known of it between them is a cubic.
-_NEAR_ZERO = 0.1
 
 
 def find_meetings(samples: Samples) -> tuple[list[Change], float]:
@@ -88,7 +85,7 @@ def _turns(samples: Samples) -> np.ndarray:
         cubic = sign * between((g0, g1), rates)
         lowest, ends = cubic.min(axis=0), (sign * g0, sign * g1)
         falls = np.maximum(*ends) - lowest
-        turning = real & (sign != 0) & (lowest < np.minimum(*ends)) & (lowest < _NEAR_ZERO * falls)
+        turning = real & (sign != 0) & (lowest < np.minimum(*ends)) & (lowest < NEAR_ZERO * falls)
         found += [float(samples.t[k] + h[k] * (i + 1) / 16) for i in cubic.argmin(axis=0)[turning]]
     return np.unique(found)
 

@@ -11,6 +11,9 @@ from .clusters import Cluster
 _FIRST = 9  # samples at the start
 _NEAR = 0.5  # of the estimated distance to the next meeting: samples are at most so far apart
 _MOST = 4000  # samples of a group, at most
+# Of how far a number falls or rises between two samples: it is sampled where it turns if it turns so near to zero,
+# since what is known of it between them is a cubic.
+NEAR_ZERO = 0.1
 _ROUNDING = 1e-14  # of the size of a group's matrix: the rounding of its entries
 
 

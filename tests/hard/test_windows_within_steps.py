@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import scipy.optimize as so
 import scipy.sparse as sp
+import structures
+from families import judge
 
 import fe_squeal
 from fe_squeal.eigen.pencil import FreeMotions
@@ -159,3 +161,12 @@ def test_a_mode_that_comes_into_the_range_unstable_is_told(others, top, drop, me
     assert np.count_nonzero(result.points[-1].modes.stability == "unstable") == 1 and not result.onsets
     (said,) = result.warnings
     assert said.startswith("1 of 1 unstable modes at mu = 1 came into the range")
+
+
+def test_two_ill_conditioned_modes_exchange_their_places_within_a_step():
+    """With loss factors that grow along the sweep: one of the two grows for a while as they pass each other. Their
+    condition of 11 had hidden how fast they move, and with it that they may meet."""
+    family = structures.make(structures.loss, 10070)
+    result = fe_squeal.sweep(family.problem(), family.values, "p", modes=7)
+    assert not judge(family, [(o.value, o.direction, o.uncertainty) for o in result.onsets])
+    assert len(result.onsets) == 5
