@@ -82,6 +82,25 @@ def test_contacts_that_open_one_after_the_other(method):
     assert [o.direction for o in result.onsets] == ["into", "out of", "into", "out of", "into"]
 
 
+def test_a_contact_that_opens_in_the_middle_of_a_step():
+    """Ends and middle lie on a straight line then, and matrices do not: θ crosses another one in the middle alone, and
+    the two flutter for a shorter while than on the line."""
+    F = np.array([[0.0, 0.02], [-0.02, 0.0]])
+
+    def stiffness(mu):
+        return np.diag([2.0 - 0.7 * np.clip((mu - 0.24) / 0.02, 0, 1), 1.65])
+
+    def distance(mu):
+        K = stiffness(mu)
+        return ((K[0, 0] - K[1, 1]) / 2) ** 2 - (0.02 * mu) ** 2
+
+    true = [so.brentq(distance, 0.24, 0.25, xtol=1e-15), so.brentq(distance, 0.25, 0.26, xtol=1e-15)]
+    problem = Made(stiffness, lambda mu: F).problem({"mu": 0.0})
+    result = fe_squeal.sweep(problem, [0.0, 0.1, 0.2, 0.3], modes=2, method="direct")
+    assert [o.value for o in result.onsets] == pytest.approx(true, abs=1e-8)
+    assert [o.direction for o in result.onsets] == ["into", "out of"] and not result.warnings
+
+
 @pytest.mark.parametrize("values", [[0.0, 0.8], [0.0, 0.4, 0.8], np.linspace(0, 0.8, 9)])
 def test_the_onset_is_that_of_the_matrices_and_not_of_interpolated_ones(values):
     """Also where the modes at the ends of a step span all unknowns."""
