@@ -83,22 +83,24 @@ def test_contacts_that_open_one_after_the_other(method):
 
 
 def test_a_contact_that_opens_in_the_middle_of_a_step():
-    """Ends and middle lie on a straight line then, and matrices do not: θ crosses another one in the middle alone, and
-    the two flutter for a shorter while than on the line."""
-    F = np.array([[0.0, 0.02], [-0.02, 0.0]])
+    """Ends and middle of the step lie on a straight line then, along which two θ stay 0.1 apart. The matrices do not:
+    one θ falls at once in the middle, the other evenly, so that they cross twice."""
+    F = np.array([[0.0, 0.1], [-0.1, 0.0]])
 
     def stiffness(mu):
-        return np.diag([2.0 - 0.7 * np.clip((mu - 0.24) / 0.02, 0, 1), 1.65])
+        return np.diag([2.0 - 0.7 * np.clip((mu - 0.24) / 0.02, 0, 1), 1.9 - 0.7 * np.clip((mu - 0.2) / 0.1, 0, 1)])
 
     def distance(mu):
         K = stiffness(mu)
-        return ((K[0, 0] - K[1, 1]) / 2) ** 2 - (0.02 * mu) ** 2
+        return ((K[0, 0] - K[1, 1]) / 2) ** 2 - (0.1 * mu) ** 2
 
-    true = [so.brentq(distance, 0.24, 0.25, xtol=1e-15), so.brentq(distance, 0.25, 0.26, xtol=1e-15)]
+    fine = np.linspace(0.2, 0.3, 2001)
+    signs = np.sign([distance(mu) for mu in fine])
+    true = [so.brentq(distance, fine[k], fine[k + 1], xtol=1e-15) for k in np.flatnonzero(np.diff(signs))]
     problem = Made(stiffness, lambda mu: F).problem({"mu": 0.0})
     result = fe_squeal.sweep(problem, [0.0, 0.1, 0.2, 0.3], modes=2, method="direct")
-    assert [o.value for o in result.onsets] == pytest.approx(true, abs=1e-8)
-    assert [o.direction for o in result.onsets] == ["into", "out of"] and not result.warnings
+    assert len(true) == 4 and [o.value for o in result.onsets] == pytest.approx(true, abs=1e-8)
+    assert [o.direction for o in result.onsets] == ["into", "out of", "into", "out of"] and not result.warnings
 
 
 @pytest.mark.parametrize("values", [[0.0, 0.8], [0.0, 0.4, 0.8], np.linspace(0, 0.8, 9)])
