@@ -100,7 +100,8 @@ class GrowingModel(ModesAtPlaces):
     def _add_soft(self, values: np.ndarray) -> bool:
         """Add modes that are soft at a value far from the start and in no mode of the basis; return whether there are.
 
-        They are looked for at the ends of the sweep, and if K is not linear in the parameter also in the middle.
+        They are looked for at the ends of the sweep, and if K is not linear in the parameter also in the middle, where
+        one may still be missed that is soft elsewhere alone.
         """
         assert isinstance(self.parameter, str)
         places = {float(values[0]), float(values[-1])}

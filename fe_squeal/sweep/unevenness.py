@@ -67,11 +67,9 @@ def _bends(step: Step, node: Node, known: np.ndarray, below: float) -> bool:
         bent = middle - (first + last) / 2
         power = {"M": 2, "C": 1, "K": 0}[slot]
         rest = rest + np.einsum("ij,ij->j", node.left.conj(), bent @ node.right) * node.lam**power
-    slope = np.einsum("ij,ij->j", node.left.conj(), values[0].M @ node.right)
-    if not step.in_theta:
-        slope = 2 * node.lam * slope
-        if values[0].C is not None:
-            slope = slope + np.einsum("ij,ij->j", node.left.conj(), values[0].C @ node.right)
+    slope = np.einsum("ij,ij->j", node.left.conj(), node.M @ node.right)
+    if node.C is not None:
+        slope = 2 * node.lam * slope + np.einsum("ij,ij->j", node.left.conj(), node.C @ node.right)
     with np.errstate(divide="ignore", invalid="ignore"):
         moved = np.nan_to_num(np.abs(rest / slope), nan=np.inf)
     return _matters(node, moved, known, below, _BENT)
