@@ -1,6 +1,7 @@
 """Settings of all tests. Because of this file pytest puts the folder `tests` on sys.path: tests can `import meshes`."""
 
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -26,6 +27,9 @@ def pytest_configure(config: pytest.Config) -> None:
     import variations  # the folder `tests` is on sys.path only now
 
     variations.vary(os.environ)
+    # A shell lets its background jobs, and what they start, ignore SIGINT. Tests interrupt themselves and others.
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
