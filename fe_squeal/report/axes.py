@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,14 @@ from fe_squeal.report.branches import PARAMETER_LABELS, Floats, figure_text, num
 from fe_squeal.report.curves import padded
 
 _DASHES = ("-", "--", ":")
+_FEW, _MUCH = 0.1, 0.5  # this part of the eigenvalues may be left out, if the others take less than this of the width
 
 
 def growth_limits(modes: pd.DataFrame) -> tuple[tuple[float, float], list[str]]:
-    """Return the range of Re λ (1/s) of the root locus, and sentences about eigenvalues outside of it."""
+    """Return the range of Re λ (1/s) of the root locus, and sentences about eigenvalues outside of it.
+
+    Of those that swing a tenth may lie further left, where they would squeeze the others into half of the picture.
+    """
     re, frequency = numbers(modes, "re"), numbers(modes, "frequency_hz")
     uncertainty = np.nan_to_num(numbers(modes, "re_uncertainty"))
     magnitude = np.hypot(re, 2 * np.pi * frequency)
@@ -30,11 +35,24 @@ def growth_limits(modes: pd.DataFrame) -> tuple[tuple[float, float], list[str]]:
     shown = finite & (frequency > 0)
     if not shown.any():
         shown = finite
-    low, high = padded(np.append(re[shown], 0.0))
+    rising = np.sort(re[shown])
+    widths, first = max(float(rising[-1]), 0.0) - rising, 0
+    for k in range(1, 1 + int(_FEW * len(rising))):
+        first = k if widths[k] < _MUCH * widths[first] else first
+    low, high = padded(np.append(rising[first:], 0.0))
     high = max(high, -0.15 * low)  # a part of the unstable half plane is always shown
     low = min(low, -0.15 * high)
-    outside = int(np.count_nonzero((re[finite] < low) | (re[finite] > high)))
-    return (low, high), [f"{outside} real eigenvalues lie outside of the picture"] if outside else []
+    left, right = re[finite & (re < low)], re[finite & (re > high)]
+    told = [_outside(left, "left, down", min), _outside(right, "right, up", max)]
+    return (low, high), [text for text in told if text]
+
+
+def _outside(re: Floats, where: str, end: Callable[[Floats], float]) -> str:
+    """Return a sentence about eigenvalues outside of the picture, empty where there are none."""
+    if not len(re):
+        return ""
+    last = f"{float(f'{end(re):.3g}'):g}".replace("-", "−")
+    return f"{len(re)} eigenvalue{'s lie' if len(re) > 1 else ' lies'} further {where} to Re λ = {last} 1/s"
 
 
 def branch_styles(count: int) -> list[dict[str, Any]]:

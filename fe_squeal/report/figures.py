@@ -124,8 +124,8 @@ def plot_root_locus(
 ) -> Path:  # fmt: skip
     """Draw the eigenvalues in the λ plane, Re λ in 1/s against Im λ/2π, coloured by the sweep parameter.
 
-    The unstable half plane is shaded, onsets are marked. Real eigenvalues far outside of the range of the others are
-    not shown but counted in a note, since the others would be squeezed into a line.
+    The unstable half plane is shaded, onsets are marked. Real eigenvalues far outside of the range of the others, and a
+    few that decay much faster than these, are not shown but counted in a note: they would squeeze the others together.
 
     Parameters
     ----------

@@ -246,10 +246,19 @@ def test_root_locus_without_damping_or_instability_is_symmetric_and_says_so(tmp_
     assert "Re λ = 0 within its uncertainty" in axes.get_title(loc="left")
 
 
-def test_root_locus_counts_real_eigenvalues_outside(tmp_path, drawn):
+@pytest.mark.parametrize("frequency", [0.0, 1500.0])
+def test_root_locus_counts_eigenvalues_outside(tmp_path, drawn, frequency):
     modes, onsets = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP, damping=30.0)
-    far = modes.iloc[:2].assign(re=-1e6, im=0.0, frequency_hz=0.0)
+    far = modes.iloc[:2].assign(re=-1e6, im=2 * np.pi * frequency, frequency_hz=frequency)
     plot_root_locus(pd.concat([modes, far]), onsets, tmp_path / "root_locus.png")
     axes = drawn[0].axes[0]
-    assert axes.get_xlim()[0] > -1e4
-    assert axes.get_title(loc="left") == "2 real eigenvalues lie outside of the picture"
+    low, high = axes.get_xlim()
+    assert -1e4 < low < modes.re.min() and high > modes.re.max()
+    assert axes.get_title(loc="left") == "2 eigenvalues lie further left, down to Re λ = −1e+06 1/s"
+
+
+def test_root_locus_shows_all_that_are_not_far_from_the_others(tmp_path, drawn):
+    modes, onsets = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP, damping=30.0)
+    far = modes.iloc[:2].assign(re=1.5 * modes.re.min())
+    plot_root_locus(pd.concat([modes, far]), onsets, tmp_path / "root_locus.png")
+    assert drawn[0].axes[0].get_xlim()[0] < far.re.min() and not drawn[0].axes[0].get_title(loc="left")
