@@ -397,21 +397,21 @@ class RunningSweep:
         # A branch with a reported onset is reported until it is stable again, even if it leaves the range.
         reported_before = {name for o in self.onsets for name in (o.branch_a, o.branch_b)} - {None}
         reported = {*self._branches[:known], *branches[:wanted], *reported_before}
-        below = max(_reach(self._previous, known), _reach(modes, wanted))
+        limit = _limit(self.request)
+        below = max(limit, _reach(self._previous, known), _reach(modes, wanted))
         found = find_step_onsets(
             self.problem, name, (self._value, value), (self._previous, modes), (self._branches, branches), below,
             self._reduced_model, self._precise, self._linear_solver, self._scale,
             self._value == self._start, halved, _limit(self._guarded),
         )  # fmt: skip
-        # The branches of an onset are found by shape and may be wrong. Well inside the range it is reported in any
-        # case.
+        # The branches of an onset are found by shape and may be wrong. Inside the range it is reported in any case; the
+        # end of the range moves where a number of modes is asked for.
         inside = _INSIDE * (
-            _limit(self.request)
-            or min(m.lam[:k].imag.max(initial=0.0) for m, k in ((self._previous, known), (modes, wanted)))
+            limit or min(m.lam[:k].imag.max(initial=0.0) for m, k in ((self._previous, known), (modes, wanted)))
         )
         onsets = []
         for onset in found.onsets:
-            if not reported & {onset.branch_a, onset.branch_b} and 2 * np.pi * onset.frequency_hz > inside:
+            if not reported & {onset.branch_a, onset.branch_b} and 2 * np.pi * onset.frequency_hz > (limit or inside):
                 continue
             at = [np.flatnonzero(self._first_branches == b) for b in (onset.branch_a, onset.branch_b)]
             if all(len(i) for i in at) and not self.problem.is_damped:

@@ -191,3 +191,20 @@ def test_two_ill_conditioned_modes_exchange_their_places_within_a_step():
     result = fe_squeal.sweep(family.problem(), family.values, "p", modes=7)
     assert not judge(family, [(o.value, o.direction, o.uncertainty) for o in result.onsets])
     assert len(result.onsets) == 5
+
+
+def test_a_window_below_the_highest_frequency_of_modes_that_lie_above_it_at_both_values():
+    """Two modes dip below the frequency asked for within a step, flutter there alone, and leave the range again."""
+    level, apart = [10.4, -3.0, 3.0], [0.3, -1.2, 1.2]  # of 1, mu and mu²
+    stiffness = [np.diag([1.0 if i == 0 else 0.0, 4.0 if i == 0 else 0.0, a, a + d, 30.0 if i == 0 else 0.0])
+                 for i, (a, d) in enumerate(zip(level, apart, strict=True))]  # fmt: skip
+    F = np.zeros((5, 5))
+    F[2, 3], F[3, 2] = 0.05, -0.05
+    limit = np.sqrt(10.0)
+    roots = np.roots([apart[2], apart[1] - 0.1, apart[0]]).real, np.roots([apart[2], apart[1] + 0.1, apart[0]])
+    true = sorted(r for r in np.concatenate(roots) if np.isreal(r) and 0 < r < 1)
+    result = fe_squeal.sweep(matrix_problem(*stiffness, friction=F), [0.0, 1.0], max_frequency=limit / (2 * np.pi))
+    found = [o.value for o in result.onsets]
+    assert len(true) == 2 and all(p.modes.lam.imag.max() < limit for p in result.points)
+    np.testing.assert_allclose(found, true, rtol=1e-9)
+    assert all(0.95 * limit < 2 * np.pi * o.frequency_hz < limit for o in result.onsets)
