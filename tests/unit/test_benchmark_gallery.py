@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 sys.path[:0] = [str(BENCHMARKS), str(BENCHMARKS / "gallery")]
 import compare  # noqa: E402
 import gallery_table  # noqa: E402
+import profiles  # noqa: E402
 from gallery_models import MODELS  # noqa: E402
 
 
@@ -41,3 +43,14 @@ def test_modes_that_a_way_misses_do_not_count():
     lines = gallery_table.table(compare.judged([failed, peer], exact)).splitlines()
     assert "over 1 s" in lines[2] and "1 of 2" in lines[3]
     assert len({line.count("|") for line in lines}) == 1
+
+
+def test_a_profile_holds_all_seconds(needs_pardiso):
+    model = replace(next(m for m in MODELS if m.name == "weak"), modes=4, stop=0.2)
+    row = profiles.profile(model, 0.04, 2)
+    seconds = row["seconds"]
+    assert set(seconds) == set(profiles.PARTS) and min(seconds.values()) >= 0 and seconds["LAPACK"] > 0
+    shares = [float(cell.strip(" %")) for cell in profiles.line(row).split("|")[5:-1]]
+    assert sum(shares) == pytest.approx(100, abs=3)
+    calls = profiles.part_of(("a/linear/pardiso.py", 1, "_call"), Counter({"__init__": 1.0, "_solved": 3.0}))
+    assert calls == {"factorisations": 0.25, "solves": 0.75}
