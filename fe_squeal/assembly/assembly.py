@@ -21,7 +21,6 @@ from ..effects.ties import tie_terms
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import refuse_shortage, require_memory
 from ..errors import MeshError, SceneError
-from ..fem.contact import ContactOperators
 from ..fem.materials import material_axes
 from ..fem.motion import SteadyMotion
 from ..fem.rigid_motions import rigid_motions
@@ -53,7 +52,7 @@ from .names import check_names
 from .places import find_patch, held_places, holding
 from .ties import mean_motion, with_ties
 from .units import require_si
-from .warnings import warnings_of_coverage, warnings_of_scene
+from .warnings import warnings_of_contacts, warnings_of_scene
 
 # Of the entries of all element matrices, what is left when those of elements that share nodes are added, or less, since
 # memory is predicted from below.
@@ -210,7 +209,7 @@ class Assembly:
         parameters = {p: number_at(scene, p) for p in sorted(paths)}
         operators = {name: part.operators for name, part in context.contacts.items()}
         doubtful = warnings_of(context, scene.effects.known, on, owned, parameters)
-        warnings, state = (*self._warnings(operators), *doubtful), context.static_state
+        warnings, state = (*self._warnings(context.contacts), *doubtful), context.static_state
         return Problem(
             terms, parameters, Discretisation(self.space, self.bodies, operators, self.notes, warnings, state), self,
             state_parameters(context, on), dict(values), self._motions, state=pressed_numbers(operators, state),
@@ -238,8 +237,9 @@ class Assembly:
         return Context(
             self.space, self.loaded, {name: self._body(scene, name) for name in self.bodies},
             {name: self._contact(scene, name, i) for i, name in enumerate(scene.contact_names)},
-            scene.materials, tuple(holding(scene)), scene.effects.on, partial(number_at, scene), self._cache,
-            linear_solver=self._linear_solver,
+            scene.materials, tuple(holding(scene)),
+            tuple((key, tie, table) for (key, table), tie in zip(scene.ties, self.space.ties, strict=False)),
+            scene.effects.on, partial(number_at, scene), self._cache, linear_solver=self._linear_solver,
         )  # fmt: skip
 
     def _describer(self, context: Context) -> Describer | None:
@@ -297,20 +297,21 @@ class Assembly:
         contact = scene.contacts[i]
         motion = contact.sliding.motion() if contact.sliding is not None else None
         key = (None if motion is None else motion.way, contact.gap_tolerance)
-        operators, carriers = self._cache.get(
+        operators, carriers, pads = self._cache.get(
             f"contact.{name}", key,
             lambda: make_contact(self.space, self.bodies, self.loaded, contact, motion, f"contacts[{i}]"),
         )  # fmt: skip
         return ContactPart(
-            name, contact.kind, operators, contact.normal_stiffness, contact.friction_ratio, motion, frozenset(carriers)
-        )
+            name, contact.kind, operators, contact.normal_stiffness, contact.friction_ratio, motion,
+            frozenset(carriers), frozenset(pads),
+        )  # fmt: skip
 
-    def _warnings(self, contacts: Mapping[str, ContactOperators]) -> tuple[str, ...]:
+    def _warnings(self, contacts: Mapping[str, ContactPart]) -> tuple[str, ...]:
         """Return what looks doubtful in the scene as it stands, but for its effects."""
         return self._cache.get(
             "warnings", None,
             lambda: (
-                *self.loaded.warnings, *warnings_of_coverage(contacts),
+                *self.loaded.warnings, *warnings_of_contacts(contacts),
                 *warnings_of_scene(self.scene, self.loaded, self.space, self.bodies),
             ),
         )  # fmt: skip

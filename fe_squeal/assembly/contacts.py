@@ -22,8 +22,8 @@ from .bodies import contact_sides
 def make_contact(
     space: DisplacementSpace, bodies: Mapping[str, np.ndarray], loaded: LoadedMesh, contact: Contact,
     motion: SteadyMotion | None, key: str,
-) -> tuple[ContactOperators, set[str]]:  # fmt: skip
-    """Return the operators of a contact, and the bodies that carry its counterface.
+) -> tuple[ContactOperators, set[str], set[str]]:  # fmt: skip
+    """Return the operators of a contact, the bodies that carry its counterface, and those that carry its surface.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def make_contact(
     if not contact.is_rigid:
         counter = find_facets(loaded, contact.counterface, f"{key}.counterface", "rigid")
     sides = contact_sides(space.mesh, bodies, pad, counter, key, contact.surface, contact.counterface)
-    return contact_operators(space, pad, counter, motion, contact.gap_tolerance, key), sides[1]
+    return contact_operators(space, pad, counter, motion, contact.gap_tolerance, key), sides[1], sides[0]
 
 
 def stiffness_terms(contact: Contact, part: ContactPart, cache: Cache) -> list[Term]:

@@ -6,13 +6,14 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from ..fem.contact import ContactOperators
+from ..effects.context import ContactPart
 from ..fem.distortion import shape_condition
 from ..fem.spaces import DisplacementSpace
 from ..mesh import LoadedMesh
 from ..scene import Scene
 from ..schema.place import Kind
 from .places import nodes_there
+from .touching import warnings_of_touching
 from .units import suspect_units
 
 _DENSITY = (100.0, 30000.0)  # kg/m^3: from foams to osmium
@@ -21,6 +22,7 @@ _MODULUS = (1e6, 1e13)  # Pa: from rubber to beyond diamond
 # usual tolerance of 1e-8 that leaves four digits.
 _DISTORTED = 100.0
 _NAMED = 5  # elements in one sentence
+_LIFTING = 0.1  # of the sliding velocity: straight edges of a coarse mesh on a drum leave less along the normal
 _LARGE_GAP = 0.05  # part of the model's size: a larger gap_tolerance was probably meant in another unit
 _LOCKING = 0.48  # Poisson's ratio above which standard elements lose digits; see docs/near_incompressible.md
 
@@ -42,6 +44,7 @@ def warnings_of_scene(
     return [
         *suspect_units(scene, space.mesh, bodies), *_materials(scene), *_locking(scene),
         *_held(scene, loaded, space), *_gaps(scene, space), *_shapes(loaded, space, bodies),
+        *warnings_of_touching(scene, loaded, bodies),
     ]  # fmt: skip
 
 
@@ -119,10 +122,19 @@ def _shapes(loaded: LoadedMesh, space: DisplacementSpace, bodies: Mapping[str, n
             )
 
 
-def warnings_of_coverage(contacts: Mapping[str, ContactOperators]) -> list[str]:
-    """Return a sentence for each contact of which most does not touch its counterface."""
-    return [
-        f"contact {name}: only {100 * c.coverage:.3g} % of the surface lies on its counterface within the tolerance"
-        for name, c in contacts.items()
-        if c.coverage < 0.5
-    ]
+def warnings_of_contacts(contacts: Mapping[str, ContactPart]) -> list[str]:
+    """Return a sentence for each contact that hardly touches its counterface, or does not slide along it."""
+    found = []
+    for name, part in contacts.items():
+        c = part.operators
+        if c.coverage < 0.5:
+            found.append(
+                f"contact {name}: only {100 * c.coverage:.3g} % of the surface lies on its counterface within the"
+                " tolerance"
+            )
+        if part.motion is not None and (across := part.motion.across(c.points, c.normals, c.weights)) > _LIFTING:
+            found.append(
+                f"contact {name}: {100 * across:.0f} % of the counterface's velocity is normal to the surface; a steady"
+                " motion runs along it: check the axis, the centre or the direction of sliding"
+            )
+    return found

@@ -14,6 +14,7 @@ from ..fem.contact import ContactOperators
 from ..fem.materials import Elasticity, Material, elasticity, stiffness_tensor
 from ..fem.motion import SteadyMotion
 from ..fem.spaces import DisplacementSpace, Surface
+from ..fem.ties import Tie
 from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
 from ..mesh.node_sets import find_nodes
@@ -22,6 +23,7 @@ from ..schema.place import Kind
 from ..schema.section import Section
 from .cache import Cache, Same
 from .static_state import ContactState, StaticState
+from .ties import Rigid
 
 _Table = TypeVar("_Table", bound=Section)
 
@@ -79,8 +81,8 @@ class ContactPart:
     friction_ratio : float
     motion : SteadyMotion or None
         Motion of the counterface.
-    carriers : frozenset of str
-        Bodies that carry the counterface.
+    carriers, pads : frozenset of str
+        Bodies that carry the counterface, and the surface that touches it.
     state : ContactState or None
         What presses in it.
     """
@@ -92,6 +94,7 @@ class ContactPart:
     friction_ratio: float
     motion: SteadyMotion | None
     carriers: frozenset[str]
+    pads: frozenset[str]
     state: ContactState | None = None
 
     @property
@@ -148,7 +151,9 @@ class Context:
     materials : mapping of name to Material
         All of the scene, also those that no body is of.
     holding : tuple of (path, kind, group)
-        Surfaces and node sets on which supports and springs act.
+        Surfaces and node sets on which supports, springs and ties act.
+    references : tuple of (path, Tie, Rigid)
+        Rigid bodies and averaged reference points, on the mesh and in the scene.
     tables : mapping of effect to table
         Tables of the effects that are on.
     number : function of a path
@@ -171,6 +176,7 @@ class Context:
     contacts: Mapping[str, ContactPart]
     materials: Mapping[str, Material]
     holding: tuple[tuple[str, Kind, str], ...]
+    references: tuple[tuple[str, Tie, Rigid], ...]
     tables: Mapping[str, Section]
     number: Callable[[str], float]
     cache: Cache

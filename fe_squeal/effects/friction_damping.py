@@ -14,6 +14,7 @@ from ..problem.terms import Term
 from ..schema.section import Positive
 from .context import ContactPart, Context
 from .effect import Effect
+from .friction import Friction
 from .pressure import check_pressure
 
 
@@ -37,8 +38,17 @@ class FrictionDamping(Effect):
     contact_pressure: Positive | None = None
 
     def check_effects(self, others: Mapping[str, Effect]) -> None:
-        """Raise ValueError where the pressure is not known, or known twice."""
+        """Raise ValueError where the pressure is not known, or known twice, and for a negative mu.
+
+        Friction that is reversed with its sign would feed what it damps: it depends on |mu|, and terms on powers alone.
+        """
         check_pressure(self.name, self.contact_pressure, others)
+        friction = others.get(Friction.name)
+        if isinstance(friction, Friction) and friction.mu < 0:
+            raise ValueError(
+                f"given friction_damping and friction.mu = {friction.mu:g}; expected mu >= 0, and a counterface that"
+                " moves the other way"
+            )
 
     def contact_terms(self, context: Context, contact: ContactPart) -> list[Term]:
         """Return the damping of a contact in which friction acts."""

@@ -8,6 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 import scipy.sparse as sp
 
+from ..errors import SceneError
 from ..fem.gyroscopics import centrifugal_load
 from ..fem.spaces import DisplacementSpace, Surface
 from ..fem.static_contact import TangentSolver
@@ -48,10 +49,14 @@ class Preload(Effect):
     summary: ClassVar[str] = "Static state under pressures, with contacts that open."
 
     def check_effects(self, others: Mapping[str, Effect]) -> None:
-        """Raise ValueError where nothing loads the bodies."""
+        """Raise ValueError where nothing loads the bodies, and for friction of the static state alone."""
         if not self.pressures and "rotation" not in others:
             raise ValueError(
                 "given preload without a load; expected preload.pressures = { SURFACE = ... }, or [effects.rotation]"
+            )
+        if self.mu != "swept" and self.mu and Friction.name not in others:
+            raise ValueError(
+                f"given preload.mu = {self.mu:g} without friction; expected [effects.friction] with mu beside it"
             )
 
     def surfaces(self) -> dict[str, str]:
@@ -131,7 +136,12 @@ class Preload(Effect):
         space = context.space
         load, resultant = np.zeros(space.unknowns), np.zeros(3)
         for group, pressure in self.pressures.items():
-            surface = context.surface(group, f"effects.preload.pressures.{group}")
+            path = f"effects.preload.pressures.{group}"
+            if (space.mesh.f2t[1, context.facets(group, path)] >= 0).any():
+                raise SceneError(
+                    f'{path}: "{group}" lies inside the mesh, where a pressure has no side; expected a free surface'
+                )
+            surface = context.surface(group, path)
             forces, total = pressure_load(space, surface, pressure)
             load, resultant = load + forces, resultant + total
         for name, motion in context.motions.items():

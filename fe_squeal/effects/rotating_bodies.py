@@ -100,6 +100,36 @@ def check_shape(context: Context, body: BodyPart, motion: SteadyMotion) -> bool:
     return True
 
 
+def nodes_of_body(context: Context, name: str) -> np.ndarray:
+    """Return the nodes of a body, int, ascending."""
+    space, body = context.space, context.bodies[name]
+    return context.cache.get(f"nodes.{name}", None, lambda: np.unique(space.dofs.element_dofs[:, body.elements]))
+
+
+def joined_to_others(context: Context) -> list[str]:
+    """Return a sentence for each rotating body that is joined to one that does not rotate with it.
+
+    Where they meet the particles of one move on and those of the other stay, so that they cannot be the same.
+    """
+    found = []
+    for name in context.motions:
+        others = [other for other in context.bodies if other not in context.motions]
+        shared = [o for o in others if np.isin(nodes_of_body(context, o), nodes_of_body(context, name)).any()]
+        by_nodes = [f"shares nodes with body {o}" for o in shared]
+        by_contact = [
+            f"is tied to body {other} by contact {c.name}"
+            for c in context.contacts.values() if c.kind == "tied"
+            for one, two in ((c.pads, c.carriers), (c.carriers, c.pads)) if name in one
+            for other in sorted(two) if other in others
+        ]  # fmt: skip
+        found += [
+            f"effects.rotation: body {name} rotates and {how}, which does not: no particle can do both; name both in"
+            " effects.rotation.bodies, or let a contact slide between them"
+            for how in by_nodes + by_contact
+        ]
+    return found
+
+
 def check_material(body: BodyPart, motion: SteadyMotion) -> None:
     """Raise where the material of a rotating body is not the same all around the axis.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,17 +18,28 @@ from .cache import Same
 from .context import BodyPart, Context
 from .effect import Effect, Outline
 from .rayleigh import Rayleigh
-from .rotating_bodies import check_material, check_shape, free_motions, motion_of_body
+from .rotating_bodies import (
+    check_material,
+    check_shape,
+    free_motions,
+    joined_to_others,
+    motion_of_body,
+    nodes_of_body,
+)
+from .rotating_references import reference_terms
 from .stress_stiffening import StressStiffening
+from .structural_damping import FROZEN_AT, StructuralDamping
 
 
 class Rotation(Effect):
     """Steady rotation of bodies of revolution, described in the frame that does not rotate.
 
     With w = Ω × (x − c): gyroscopic C_G = 2 ∫ ρ δu·(w·∇)u̇ (skew) and K_Ω = −∫ ρ (w·∇)δu·(w·∇)u; the body's Rayleigh
-    damping acts on the rate that the body sees and adds a circulatory stiffness. The centrifugal stress comes with
-    `[effects.preload]` and acts through `[effects.stress_stiffening]`. The equations stand in
-    `fe_squeal.fem.gyroscopics`.
+    damping, and structural damping frozen at a frequency, act on the rate that the body sees and add a circulatory
+    stiffness. (Structural damping at each mode's own frequency does not: it is right for waves that run faster than the
+    body turns.) The centrifugal stress comes with `[effects.preload]` and acts through `[effects.stress_stiffening]`.
+    The equations stand in `fe_squeal.fem.gyroscopics`. Inertia at a reference point that the body is tied to turns with
+    it, see `fe_squeal.effects.rotating_references`.
 
     Attributes
     ----------
@@ -93,26 +104,43 @@ class Rotation(Effect):
             f"rotation.{body.name}", motion.way, lambda: gyroscopic_matrices(context.space, body.elements, 1.0, unit)
         )
         terms = rotation_terms(body.name, body.material_path, motion, inertia)
-        law = context.table_of_body(Rayleigh, body)
-        if law is not None and (law[0].alpha or law[0].beta):
+        damped = _damping(context, body)
+        if damped:
             elastic = body.elastic
             circulatory = context.cache.get(
                 f"rotating_damping.{body.name}", (motion.way, Same(elastic.matrix)),
                 lambda: circulatory_matrices(context.space, body.elements, elastic.matrix, 1.0, unit),
             )  # fmt: skip
-            terms += rotating_damping_terms(body.name, body.material_path, motion, elastic, law, circulatory)
+            terms += rotating_damping_terms(body.name, body.material_path, motion, elastic, damped, circulatory)
         return terms
 
+    def terms(self, context: Context) -> list[Term]:
+        """Return the gyroscopic terms of inertia at reference points that rotating bodies are tied to.
+
+        Raises
+        ------
+        SceneError
+            Such a point or its inertia is not the same all around the axis.
+        """
+        found = []
+        for path, tie, table in context.references:
+            for name, motion in context.motions.items():
+                if np.isin(tie.nodes, nodes_of_body(context, name)).any():
+                    found += reference_terms(context.space, tie, table, path, name, motion)
+        return found
+
     def warnings(self, context: Context, others: Sequence[Term], parameters: Mapping[str, float]) -> list[str]:
-        """Return a sentence for each rotating body that can turn or tilt against no more than its own inertia.
+        """Return a sentence for each rotating body that is joined to one that does not rotate, or held by nothing.
+
+        Held by nothing is what can turn or tilt against no more than its own inertia.
 
         A rigid rotation u = e × x has (w·∇)u = Ω × u, so that K_Ω takes at most Ω²M away, and about the axis just that:
         M ü = Ω²M u grows with Re λ = Ω. The centrifugal stress σ balances ρΩ²r; the virtual work of that equation makes
         its stiffness ∫σ_ij ∂_iu·∂_ju = +Ω²M for the same u, and nothing grows.
         """
+        found = joined_to_others(context)
         if context.table(StressStiffening) is not None:
-            return []
-        found = []
+            return found
         for name, motion in context.motions.items():
             free = free_motions(context.space, context.bodies[name].elements, motion, others, parameters)
             speed = np.linalg.norm(motion.velocity)
@@ -159,30 +187,45 @@ def rotation_terms(
     ]
 
 
+Damping = Sequence[tuple[Literal["K", "M"], float, Mapping[str, int]]]  # matrix, factor, powers of parameters
+
+
+def _damping(context: Context, body: BodyPart) -> Damping:
+    """Return the parts of a body's viscous damping that are not zero, multiples of its elastic stiffness or mass."""
+    parts: list[tuple[Literal["K", "M"], float, Mapping[str, int]]] = []
+    law = context.table_of_body(Rayleigh, body)
+    if law is not None:
+        damping, where = law
+        parts += [("K", 1.0, {f"{where}.beta": 1})] if damping.beta else []
+        parts += [("M", 1.0, {f"{where}.alpha": 1})] if damping.alpha else []
+    frozen = context.table(StructuralDamping)
+    if frozen is not None and frozen.reference_frequency_hz is not None and body.material.loss_factor:
+        parts.append(("K", 1 / (2 * np.pi), {FROZEN_AT: -1, f"{body.material_path}.loss_factor": 1}))
+    return parts
+
+
 def rotating_damping_terms(
-    body: str, path: str, motion: SteadyMotion, elastic: Term, rayleigh: tuple[Rayleigh, str],
+    body: str, path: str, motion: SteadyMotion, elastic: Term, damping: Damping,
     circulatory: tuple[sp.csr_array, sp.csr_array],
 ) -> list[Term]:  # fmt: skip
-    """Return the circulatory terms of a rotating body with damping, only those that are not zero.
+    """Return the circulatory terms of a rotating body with damping.
 
     Parameters
     ----------
     path, motion : as of `rotation_terms`
     elastic : Term
         Elastic stiffness of the body.
-    rayleigh : (Rayleigh, path)
-        The damping of the body.
+    damping : sequence of (matrix, factor, powers)
+        Viscous damping as multiples of the body's elastic stiffness "K" or its mass "M".
     circulatory : pair of (n, n) sparse
         `circulatory_matrices` at unit density and `unit_rotation`.
     """
-    (damping, where), (B_K, B_M) = rayleigh, circulatory
     speed = float(np.linalg.norm(motion.velocity))
-    parts = (("beta", damping.beta, B_K, elastic.powers), ("alpha", damping.alpha, B_M, {f"{path}.density": 1}))
+    of = {"K": (circulatory[0], elastic.powers), "M": (circulatory[1], {f"{path}.density": 1})}
     return [
         Term(
-            f"rotating_damping.{body}", "K", B * speed, symmetric=False, skew=True,
-            powers={f"{where}.{key}": 1, **powers},
+            f"rotating_damping.{body}", "K", of[matrix][0] * (factor * speed), symmetric=False, skew=True,
+            powers={**powers, **of[matrix][1]},
         )
-        for key, size, B, powers in parts
-        if size
+        for matrix, factor, powers in damping
     ]  # fmt: skip

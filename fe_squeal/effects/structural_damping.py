@@ -12,7 +12,7 @@ from ..schema.section import Positive
 from .context import BodyPart, Context
 from .effect import Effect
 
-_PATH = "effects.structural_damping.reference_frequency_hz"
+FROZEN_AT = "effects.structural_damping.reference_frequency_hz"
 
 
 class StructuralDamping(Effect):
@@ -71,4 +71,4 @@ def structural_terms(
     name, powers = f"structural_damping.{body}", {path: 1, **elastic.powers}
     if damping.reference_frequency_hz is None:
         return [Term(name, "K", elastic.matrix, symmetric=True, powers=powers, imaginary=True)]
-    return [Term(name, "C", elastic.matrix / (2 * np.pi), symmetric=True, powers={_PATH: -1, **powers})]
+    return [Term(name, "C", elastic.matrix / (2 * np.pi), symmetric=True, powers={FROZEN_AT: -1, **powers})]

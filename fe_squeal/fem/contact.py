@@ -17,6 +17,7 @@ from .spaces import ROUNDED, DisplacementSpace
 _NEWTON_STEPS = 25
 _INSIDE = 1e-6  # slack of reference coordinates: a point on an edge belongs to the facets on both sides
 _MOST_PARTS = 8  # largest number of parts that a pad facet's edge is cut into for quadrature if meshes do not match
+_CLOSED = 1e-9  # of the facet size: surfaces that are no farther apart lie on each other but for rounding
 _BATCH = 200_000  # candidate (point, facet) pairs treated at once
 
 
@@ -65,8 +66,9 @@ def contact_operators(
     """Return the operators that couple a pad's surface to a counterface; the meshes need not match.
 
     From each quadrature point of the pad's surface a line along the normal meets the counterface; the displacement
-    there comes from the counterface's own shape functions. Points that meet nothing within the tolerance are not in
-    contact.
+    there comes from the counterface's own shape functions. Where the meshes leave a gap or overlap s it is continued by
+    s ∂u/∂n to the pad's point: both sides then meet in one point, so that a rigid motion of the whole neither opens nor
+    shears the contact, and its forces have no moment. Points that meet nothing within the tolerance are not in contact.
 
     Parameters
     ----------
@@ -90,7 +92,7 @@ def contact_operators(
     keep = np.ones(len(n), bool)
     if counter_facets is not None:
         tolerance = 0.02 * np.sqrt(pad.area / len(pad_facets)) if gap_tolerance is None else gap_tolerance
-        hit = locate_along(space.mesh, counter_facets, pad.points, n)
+        hit = locate_along(space.mesh, counter_facets, pad.points, n, tolerance)
         separation = hit.distance
         keep = np.abs(separation) <= tolerance
         if not keep.any():
@@ -98,13 +100,14 @@ def contact_operators(
             if len(nearest):
                 gap = f"the gap along the normal is {nearest.min():.3g} m"
             else:
-                apart = cKDTree(space.surface(counter_facets).points).query(pad.points)[0].min()
-                gap = f"their points are {apart:.3g} m apart, and none lies opposite the other within reach"
+                away = cKDTree(space.surface(counter_facets).points).query(pad.points)[0].min()
+                gap = f"their points are {away:.3g} m apart, and none lies opposite the other within reach"
             raise SceneError(
                 f"{name}: the surface and its counterface do not touch: {gap}; expected at most gap_tolerance ="
                 f" {tolerance:.3g} m; check the groups, or set gap_tolerance"
             )
-        counter = interpolation(space, hit.elements[keep], hit.reference[:, keep])
+        apart = np.where(np.abs(separation) > _CLOSED * np.sqrt(pad.area / len(pad_facets)), separation, 0.0)[keep]
+        counter = interpolation(space, hit.elements[keep], hit.reference[:, keep], apart[:, None] * n[keep])
         values = values[keep] - counter
     points, n = pad.points[keep], n[keep]
     t = _tangents(n) if sliding is None else sliding.directions(points, n)
@@ -135,7 +138,9 @@ class Hits:
     reference: np.ndarray
 
 
-def locate_along(mesh: skfem.Mesh, facets: np.ndarray, points: np.ndarray, normals: np.ndarray) -> Hits:
+def locate_along(
+    mesh: skfem.Mesh, facets: np.ndarray, points: np.ndarray, normals: np.ndarray, farthest: float = 0.0
+) -> Hits:  # fmt: skip
     """Meet lines x = p − s n with facets whose outward normal is along n; the nearest meeting counts.
 
     Solves F(Y(ξ)) + s n = p for (ξ, s) by Newton's method on the facet's own, possibly curved, geometry; s > 0 is
@@ -145,6 +150,8 @@ def locate_along(mesh: skfem.Mesh, facets: np.ndarray, points: np.ndarray, norma
     ----------
     facets : (f,) int
     points, normals : (q, 3) float
+    farthest : float, m
+        Meetings with |s| up to this are found; those farther than a facet is wide only up to about this.
 
     Returns
     -------
@@ -156,7 +163,7 @@ def locate_along(mesh: skfem.Mesh, facets: np.ndarray, points: np.ndarray, norma
     corners, ref = mesh.p[:, mesh.facets[:, facets]], np.asarray(mesh.refdom.p)
     centres = corners.mean(axis=1).T
     # Twice the corner radius encloses any facet that is curved within reason.
-    radii = 2 * np.linalg.norm(corners - centres.T[:, None], axis=0).max(axis=0)
+    radii = 2 * np.linalg.norm(corners - centres.T[:, None], axis=0).max(axis=0) + farthest
     reach = np.linalg.norm(np.ptp(points, axis=0)) * 1e-9 + radii.max()
     lists = cKDTree(centres).query_ball_point(points, reach, return_sorted=True)
     counts = np.array([len(c) for c in lists])
@@ -229,10 +236,21 @@ def _parts(mesh: skfem.Mesh, pad: np.ndarray, counter: np.ndarray) -> int:
     return int(np.clip(np.ceil(2 * sizes[0] / sizes[1]), 2, _MOST_PARTS))
 
 
-def interpolation(space: DisplacementSpace, elements: np.ndarray, X: np.ndarray) -> sp.csr_array:
-    """Return the (q, nodes) operator that evaluates a nodal field at reference points X (3, q) of elements (q,)."""
+def interpolation(
+    space: DisplacementSpace, elements: np.ndarray, X: np.ndarray, beside: np.ndarray | None = None
+) -> sp.csr_array:  # fmt: skip
+    """Return the (q, nodes) operator that evaluates a nodal field at reference points X (3, q) of elements (q,).
+
+    With `beside` (q, 3), m, it is continued linearly from there by these vectors: u + (beside·∇)u.
+    """
     nodes = space.dofs.element_dofs[:, elements]
-    data = np.stack([np.broadcast_to(space.element.lbasis(X, i)[0], elements.shape) for i in range(len(nodes))])
+    basis = [space.element.lbasis(X, i) for i in range(len(nodes))]
+    data = np.stack([np.broadcast_to(value, elements.shape) for value, _ in basis])
+    if beside is not None and beside.any():
+        J = geometry_map(space.mesh, elements, X)[1]
+        moved = np.linalg.solve(np.moveaxis(J, 2, 0), beside[:, :, None])[:, :, 0].T
+        slopes = (np.broadcast_to(slope, moved.shape) for _, slope in basis)
+        data = data + np.stack([np.einsum("ak,ak->k", moved, slope) for slope in slopes])
     data[np.abs(data) < ROUNDED] = 0.0
     rows = np.broadcast_to(np.arange(len(elements)), nodes.shape)
     some = data != 0.0

@@ -34,6 +34,18 @@ class SteadyMotion:
             return np.broadcast_to(self.velocity, points.shape)
         return np.cross(self.velocity, points - self.centre)
 
+    def across(self, points: np.ndarray, normals: np.ndarray, weights: np.ndarray) -> float:
+        """Return which part of the velocity is normal to a surface, from 0 to 1, in the mean of squares.
+
+        Parameters
+        ----------
+        points, normals : (q, 3) float
+        weights : (q,) float, m^2
+        """
+        v = self.velocities(points)
+        whole = float(weights @ np.sum(v**2, axis=1))
+        return float(np.sqrt(weights @ np.sum(v * normals, axis=1) ** 2 / whole)) if whole else 0.0
+
     def speeds(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Return the sliding speeds |v| in the plane across the normals, (q,) m/s."""
         v = self.velocities(points)

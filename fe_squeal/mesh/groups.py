@@ -134,6 +134,8 @@ def _look_up(
     loaded: LoadedMesh, name: str, groups: Mapping[str, Ints], kind: str, others: Mapping[str, Ints], other: str
 ) -> Ints:
     if name in groups:
+        if not len(groups[name]):
+            raise MeshError(f'{kind} group "{name}" in {loaded.source} is empty')
         return np.asarray(groups[name])
     alike = [key for key in groups if key.casefold() == name.casefold()]
     if loaded.ignore_case and len(alike) == 1:

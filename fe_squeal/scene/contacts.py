@@ -72,7 +72,7 @@ class Contact(Section):
     friction_ratio : float
         This contact's friction coefficient as a multiple of effects.friction.mu.
     normal_damping : float, N s/m per m^2
-        Contact damping.
+        Contact damping. Friction follows the force of the contact stiffness alone.
     gap_tolerance : float, m
         Gaps and overlaps of the two meshes up to it are taken as closed (default: 2 % of the mean facet size of the
         pad); in metres whatever `length_unit` is.

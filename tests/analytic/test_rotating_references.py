@@ -1,0 +1,104 @@
+"""Inertia at a reference point that a rotating body is tied to, and damping of bodies that rotate."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fe_squeal.errors import SceneError
+from fe_squeal.fem.element_matrices import element_shapes
+from meshes import STEEL, annulus, join, make_problem, modes_of
+
+SPEED, TILT = 300.0, 4e4  # rad/s; N m/rad of the two springs that hold the rotor
+
+
+def about_z(*bodies, speed):
+    return {"bodies": list(bodies), "axis": [0, 0, 1], "centre": [0, 0, 0], "speed": speed}
+
+
+def rotor(part, speed=SPEED, mass=0.0, inertia=None, at=(0.0, 0.0, 0.01), ties="rigid"):
+    """A stiff ring of `part` of the density of steel, tied to a reference that tilts against two springs."""
+    springs = [{"axis": list(e), "stiffness": TILT} for e in np.eye(3)[:2]]
+    tie = {"name": "wheel", "surface": "hub", "reference": list(at), "springs": springs, "fixed": "xyz rz"}
+    tie["mass"] = mass
+    if inertia is not None:
+        tie["inertia"] = list(inertia)
+    steel = {**STEEL, "youngs_modulus": 2e12, "density": part * STEEL["density"]}
+    effects = {"rotation": about_z("disc", speed=speed)} if speed else {}
+    mesh = annulus("hex2", (1, 12, 1), 0.06, 0.10, 0.02)
+    return make_problem(mesh, materials={"steel": steel}, effects=effects, **{ties: [tie]})
+
+
+def moments(problem):
+    """Mass, polar moment, and moment across the axis about (0, 0, 0.01), of the ring at full density."""
+    numbers = np.zeros(3)
+    for shapes in element_shapes(problem.discretisation.space, problem.discretisation.bodies["disc"]):
+        x, y, z = (shapes.points[:, i] for i in range(3))
+        w = STEEL["density"] * shapes.dx
+        numbers += [w.sum(), ((x**2 + y**2) * w).sum(), ((y**2 + (z - 0.01) ** 2) * w).sum()]
+    return numbers
+
+
+@pytest.mark.parametrize("ties", ["rigid", "averaged"])
+def test_a_rotor_whose_inertia_is_at_its_reference_precesses_like_one_of_elements(ties):
+    """I_d ω² ∓ I_p Ω ω − k = 0 of a rigid rotor on two springs."""
+    mass, polar, across = moments(rotor(1.0, 0.0))
+    exact = np.array([(s * polar * SPEED + np.sqrt((polar * SPEED) ** 2 + 4 * across * TILT)) / (2 * across)
+                      for s in (-1, 1)])  # fmt: skip
+    six = [0.9 * across, 0.9 * across, 0.9 * polar, 0.0, 0.0, 0.0]
+    of_elements = modes_of(rotor(1.0, ties=ties), 2).lam.imag
+    with_reference = modes_of(rotor(0.1, mass=0.9 * mass, inertia=six, ties=ties), 2).lam.imag
+    assert exact[1] / exact[0] > 1.3  # the gyroscopic moment is not small
+    np.testing.assert_allclose(of_elements, exact, rtol=0.02)  # convected inertia without the centrifugal stress
+    np.testing.assert_allclose(with_reference, exact, rtol=0.002)
+
+
+def test_the_gyroscopic_moment_turns_with_its_axis():
+    six = [1e-3, 1e-3, 2e-3, 0.0, 0.0, 0.0]
+    one, other = (rotor(1.0, SPEED * s, inertia=six) for s in (1, -1))
+    (A,), (B,) = ([t for t in p.terms if t.name == "gyroscopic.wheel"] for p in (one, other))
+    assert A.skew and abs(A.matrix + B.matrix).max() < 1e-15 and abs(A.matrix + A.matrix.T).max() == 0
+    assert abs(A.matrix).max() > 0
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [({"inertia": [1.0, 2.0, 2.5, 0, 0, 0]}, "its inertia is not the same all around the axis"),
+     ({"mass": 1.0, "at": (0.01, 0.0, 0.0)}, "lies 0.01 m beside the axis")],
+)  # fmt: skip
+def test_what_changes_as_the_body_turns_is_refused(more, said):
+    with pytest.raises(SceneError, match=said):
+        rotor(1.0, **more)
+
+
+def disc(**tables):
+    mesh = annulus("hex2", (1, 16, 1), 0.06, 0.10, 0.01)
+    return make_problem(mesh, supports=[{"surface": "hub", "fixed": "xyz"}], **tables)
+
+
+def test_frozen_structural_damping_of_a_rotating_body_is_its_rayleigh_damping():
+    """Both are C = βK in the body, so that both bring the same circulatory stiffness."""
+    beta, hz = 2e-7, 1500.0
+    rotation = about_z("disc", speed=900.0)
+    lossy = {**STEEL, "loss_factor": beta * 2 * np.pi * hz}
+    structural = {"reference_frequency_hz": hz}
+    frozen = disc(materials={"steel": lossy}, effects={"rotation": rotation, "structural_damping": structural})
+    rayleigh = disc(effects={"rotation": rotation, "rayleigh": {"beta": beta}})
+    one, other = (modes_of(p, 6).lam for p in (frozen, rayleigh))
+    np.testing.assert_allclose(one, other, rtol=1e-9)
+    assert np.ptp(other.real / other.imag**2) > 0.05 * np.abs(other.real / other.imag**2).max()  # not βω²/2 alone
+
+
+def test_a_body_that_is_glued_to_one_that_rotates_is_told():
+    sizes = {"a": (0.06, 0.08), "b": (0.08, 0.10)}
+    rings = join(*(annulus("hex2", (1, 12, 1), *radii, 0.01, name=name) for name, radii in sizes.items()))
+    tied = {"name": "c", "surface": "rim_a", "counterface": "hub_b", "normal_stiffness": 1e14, "kind": "tied"}
+
+    def told(bodies):
+        supports, effects = [{"surface": "hub_a", "fixed": "xyz"}], {"rotation": about_z(*bodies, speed=10.0)}
+        problem = make_problem(rings, supports=supports, contacts=[tied], effects=effects)
+        return [w for w in problem.discretisation.warnings if "which does not" in w]
+
+    assert told(["a", "b"]) == []
+    (sentence,) = told(["a"])
+    assert "body a rotates and is tied to body b by contact c" in sentence

@@ -1,0 +1,89 @@
+"""Scenes that are told or refused because they cannot be meant so: faces that nothing joins, impossible motions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import skfem
+
+from fe_squeal.errors import MeshError, SceneError
+from meshes import BELT, box, join, make_problem
+
+PAD = {"surface": "bottom_a", "counterface": "top_b", "normal_stiffness": 1e12, "sliding": BELT}
+
+
+def blocks(lift=0.0):
+    return join(*(box("hex1", (2, 2, 1), name=name, corner=(0, 0, z)) for name, z in (("a", lift), ("b", -1.0))))
+
+
+def told(mesh, **tables):
+    return list(make_problem(mesh, 1, **tables).discretisation.warnings)
+
+
+def test_faces_that_lie_on_each_other_and_are_not_joined_are_told():
+    (sentence,) = told(blocks())
+    assert sentence.startswith("4 faces of body a lie on faces of body b, and nothing joins them")
+    assert told(blocks(), contacts=[PAD]) == [] and told(blocks(lift=0.1)) == []
+    spring = {"name": "s", "surface": "bottom_a", "to": "top_b", "direction": [0, 0, 1], "stiffness": 1.0}
+    assert told(blocks(), springs=[spring]) == []
+
+
+def test_a_contact_given_twice_is_told():
+    turned = {**PAD, "surface": "top_b", "counterface": "bottom_a"}
+    (sentence,) = told(blocks(), contacts=[{**PAD, "name": "one"}, {**turned, "name": "two"}])
+    assert sentence.startswith('contacts one and two are between the same surfaces "bottom_a" and "top_b"')
+
+
+def test_surfaces_of_a_contact_that_share_nodes_are_told():
+    mesh = blocks()
+    p, t = mesh.p.copy(), mesh.t.copy()
+    # The row at x = 0 of both surfaces becomes one row, as when a preprocessor merges nodes that lie on each other.
+    rows = [np.flatnonzero((np.abs(p[2]) < 1e-9) & (np.abs(p[0]) < 1e-9) & np.isin(np.arange(p.shape[1]), t[:, e]))
+            for e in mesh.subdomains.values()]  # fmt: skip
+    for node in rows[1]:
+        t[t == node] = rows[0][np.argmin(np.linalg.norm(p[:, rows[0]] - p[:, [node]], axis=0))]
+    used, where = np.unique(t, return_inverse=True)
+    merged = skfem.MeshHex(p[:, used], where.reshape(t.shape)).with_subdomains(mesh.subdomains)
+    free = merged.boundary_facets()
+    flat = free[np.abs(merged.p[2][merged.facets[:, free]]).max(axis=0) < 1e-9]
+    of_a = np.isin(merged.f2t[0, flat], mesh.subdomains["a"])
+    merged = merged.with_boundaries({"bottom_a": flat[of_a], "top_b": flat[~of_a]})
+    assert "its two surfaces share 3 nodes, and are glued there" in told(merged, contacts=[{**PAD, "name": "c"}])[0]
+
+
+@pytest.mark.parametrize(("direction", "count"), [([1.0, 0.0, 0.0], 0), ([1.0, 0.0, 0.05], 0), ([1.0, 0.0, 0.3], 1)])
+def test_a_motion_into_the_surface_is_told(direction, count):
+    sliding = {"direction": direction, "speed": 1.0}
+    found = told(blocks(), contacts=[{**PAD, "sliding": sliding}])
+    assert len([w for w in found if "velocity is normal to the surface" in w]) == count
+
+
+def test_a_pressure_inside_the_mesh_is_refused():
+    middle = {"middle": lambda x: np.abs(x[2] - 0.5) < 1e-9}
+    mesh = box("hex1", (2, 2, 2)).with_boundaries(middle, boundaries_only=False)
+    with pytest.raises(SceneError, match=r'effects\.preload\.pressures\.middle: "middle" lies inside the mesh'):
+        make_problem(mesh, 1, effects={"preload": {"pressures": {"middle": 1e6}}})
+
+
+def test_an_empty_group_is_refused():
+    mesh = box("hex1", (2, 2, 2)).with_boundaries({"nothing": lambda x: x[0] > 2})
+    with pytest.raises(MeshError, match=r'supports.*surface group "nothing" in .* is empty'):
+        make_problem(mesh, 1, supports=[{"surface": "nothing", "fixed": "xyz"}])
+
+
+@pytest.mark.parametrize(
+    ("effects", "said"),
+    [({"friction": {"mu": -0.1}, "friction_damping": {"contact_pressure": 1e6}}, r"friction\.mu = -0\.1; expected"),
+     ({"preload": {"pressures": {"top_a": 1e6}, "mu": 0.4}}, r"given preload\.mu = 0\.4 without friction")],
+)  # fmt: skip
+def test_effects_that_contradict_each_other_are_refused(effects, said):
+    with pytest.raises(SceneError, match=said):
+        make_problem(blocks(), 1, contacts=[PAD], effects=effects)
+
+
+def test_reversed_sliding_is_a_negative_mu_where_nothing_damps_slip():
+    forth = make_problem(blocks(), 1, contacts=[PAD], effects={"friction": {"mu": 0.3}})
+    back = {**PAD, "sliding": {"direction": [-1.0, 0.0, 0.0], "speed": 1.0}}
+    reversed_ = make_problem(blocks(), 1, contacts=[back], effects={"friction": {"mu": 0.3}})
+    K = [p.pencil({"mu": mu}).K for p, mu in ((forth, -0.3), (reversed_, 0.3))]
+    assert abs(K[0] - K[1]).max() <= 1e-12 * abs(K[0]).max()
