@@ -161,6 +161,10 @@ class Assembly:
             raise SceneError(f'given "{path}"; expected a number of the physics, or another scene to be assembled')
         return number_at(self.scene, path)
 
+    def check(self, values: Mapping[str, float]) -> None:
+        """Raise SceneError for numbers, by their paths, that the scene does not allow."""
+        with_numbers(self.scene, values)
+
     def motions(self, values: Mapping[str, float]) -> Mapping[str, SteadyMotion]:
         """Return the motions of the bodies that rotate, with other numbers."""
         scene = with_numbers(self.scene, values) if values else self.scene

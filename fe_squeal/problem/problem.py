@@ -32,6 +32,9 @@ class Source(Protocol):
     def problem(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with other numbers, by their paths."""
 
+    def check(self, values: Mapping[str, float]) -> None:
+        """Raise SceneError for numbers, by their paths, that the scene does not allow."""
+
     def number(self, path: str) -> float:
         """Return a number as it stands in the scene."""
 

@@ -43,6 +43,11 @@ class MovingSource:
             self._made[key] = replace(made, source=self, coupled=coupled, changed=values)
         return self._made[key]
 
+    def check(self, values: Mapping[str, float]) -> None:
+        """Raise SceneError for numbers, by their paths, that the scene of the large problem does not allow."""
+        if self._whole.source is not None:
+            self._whole.source.check(values)
+
     def number(self, path: str) -> float:
         """Return a number as it stands in the scene; errors raised are those of `Problem.value`."""
         return self._whole.value(path)

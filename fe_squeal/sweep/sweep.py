@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import NotConvergedError, SceneError, TooLargeError
+from ..problem.parameters import paths_of
 
 if TYPE_CHECKING:
     from ..eigen.linear.factor import LinearSolver
@@ -83,9 +84,9 @@ def sweep(
     Raises
     ------
     SceneError
-        The values are empty, not finite or not ascending; the problem does not have the parameter; there is no static
-        state at the first value; the linear solver is not installed; or modes, frequency, tolerance or method are not
-        what is described above.
+        The values are empty, not finite, not ascending, or not allowed by the scene; the problem does not have the
+        parameter; there is no static state at the first value; the linear solver is not installed; or modes, frequency,
+        tolerance or method are not what is described above.
     NotConvergedError
         Modes were not found at some value; `partial` is the sweep so far (None if no value was finished).
     TooLargeError
@@ -209,4 +210,7 @@ def _checked(problem: Problem, parameter: str, values: Sequence[float] | np.ndar
         raise SceneError(f"sweep: given the values {values}; expected finite numbers that increase, at least one")
     if len(grid) > 1:
         problem.value(parameter)  # raises SceneError if the problem does not have it
+    if problem.source is not None and problem.is_affine(parameter):  # else the scene is asked at every value anyway
+        for end in (float(grid[0]), float(grid[-1])):
+            problem.source.check(dict.fromkeys(paths_of(parameter), end))
     return grid

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import skfem
 
+import fe_squeal
 from fe_squeal.errors import MeshError, SceneError
 from meshes import BELT, box, join, make_problem
 
@@ -79,6 +80,15 @@ def test_an_empty_group_is_refused():
 def test_effects_that_contradict_each_other_are_refused(effects, said):
     with pytest.raises(SceneError, match=said):
         make_problem(blocks(), 1, contacts=[PAD], effects=effects)
+
+
+def test_a_sweep_over_values_that_the_scene_does_not_allow_is_refused():
+    effects = {"friction": {"mu": 0.1}, "friction_damping": {"contact_pressure": 1e6}}
+    problem = make_problem(blocks(), 1, contacts=[PAD], effects=effects)
+    with pytest.raises(SceneError, match=r"mu = -0\.2: .* expected mu >= 0"):
+        fe_squeal.sweep(problem, [-0.2, 0.2], modes=4)
+    with pytest.raises(SceneError, match=r"given -1\.0; expected a number > 0"):
+        fe_squeal.sweep(problem, [-1.0, 1e12], "contacts.contact_1.normal_stiffness", modes=4)
 
 
 def test_reversed_sliding_is_a_negative_mu_where_nothing_damps_slip():
