@@ -21,6 +21,7 @@ from calculix import Outcome, asks_for_frequencies, compare, decks_folder, unpac
 
 from fe_squeal.decks.abaqus import keywords  # noqa: E402
 from fe_squeal.decks.ansys import read as ansys  # noqa: E402
+from fe_squeal.decks.nastran import parameters  # noqa: E402
 from fe_squeal.decks.nastran import read as nastran  # noqa: E402
 
 PAGE = ROOT / "docs/decks.md"
@@ -37,8 +38,9 @@ def keyword_tables() -> str:
 
 def card_tables() -> str:
     """Return what the program does with each card of Nastran."""
-    silent = ", ".join(f"`{name}`" for name in sorted(nastran.SILENT))
-    return _tables("card", nastran.BECOMES, nastran.LEFT_OUT, silent)
+    names = [*sorted(nastran.SILENT), *(f"PARAM {name}" for name in sorted(parameters.SILENT))]
+    left_out = nastran.LEFT_OUT | {f"PARAM {name}": why for name, why in parameters.LEFT_OUT.items()}
+    return _tables("card", nastran.BECOMES, left_out, ", ".join(f"`{name}`" for name in names))
 
 
 def command_tables() -> str:

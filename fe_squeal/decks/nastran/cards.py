@@ -29,6 +29,8 @@ class Deck:
         Which of them solid elements have.
     selected : dict
         Set numbers that the case control names, by command.
+    mass_factor, loss_factor : float
+        What PARAM WTMASS multiplies densities and masses by, and what PARAM G adds to the loss factor of each material.
     """
 
     source: str
@@ -39,6 +41,8 @@ class Deck:
     draft: Draft
     selected: dict[str, set[int]] = field(default_factory=dict)
     units: Units = SI
+    mass_factor: float = 1.0
+    loss_factor: float = 0.0
 
     def of(self, *names: str) -> Iterator[Card]:
         """Yield the cards of these names."""

@@ -231,9 +231,10 @@ def _masses(deck: Deck, ties: dict[int, tuple[Card, bool, list[int]]]) -> dict[i
         if any(deck.number(card, i) for i in (4, 5, 6)) or deck.whole(card, 2) or grid in found:
             deck.find(card, "off its grid point, in a system of its own, or one of several, is not read", "missing")
             continue
-        found[grid] = {"mass": clean(deck.number(card, 3) * units.mass)}
+        mass = units.mass * deck.mass_factor
+        found[grid] = {"mass": clean(deck.number(card, 3) * mass)}
         xx, yx, yy, zx, zy, zz = (deck.number(card, i) for i in range(8, 14))
-        six = np.array([xx, yy, zz, -yx, -zx, -zy]) * units.mass * units.length**2  # I21 is ∫ρ x y dV there
+        six = np.array([xx, yy, zz, -yx, -zx, -zy]) * mass * units.length**2  # I21 is ∫ρ x y dV there
         if six.any():
             found[grid]["inertia"] = [clean(float(v)) + 0.0 for v in six]
     return found

@@ -39,9 +39,10 @@ def read_materials(deck: Deck) -> dict[int, tuple[Card, Numbers]]:
 def _rest(deck: Deck, card: Card, density: int, loss: int) -> Numbers:
     found: Numbers = {}
     if card.text(density):
-        found["density"] = [deck.number(card, density)]
-    if card.text(loss) and deck.number(card, loss):
-        found["loss_factor"] = [deck.number(card, loss)]
+        found["density"] = [deck.number(card, density) * deck.mass_factor]
+    eta = deck.number(card, loss) + deck.loss_factor  # PARAM G and GE add up: K(1 + iG) + i ΣGE K_e
+    if eta:
+        found["loss_factor"] = [eta]
     return found
 
 

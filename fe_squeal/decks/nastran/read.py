@@ -16,6 +16,7 @@ from .cards import Deck, selections
 from .contacts import write_contacts
 from .holding import find_held, find_ties, write_springs, write_supports, write_ties
 from .materials import clean, find_units, read_materials, write_bodies
+from .parameters import in_case_control, read_parameters, write_damping
 
 # What is left out, and what that means.
 LEFT_OUT: dict[str, tuple[str, Weight]] = {
@@ -35,7 +36,7 @@ LEFT_OUT: dict[str, tuple[str, Weight]] = {
 }  # fmt: skip
 # What leaves the answer as it is, or belongs to the mesh.
 SILENT = {
-    "PARAM", "GRID", "GRDSET", "CORD2R", "CORD2C", "CORD2S", "CTETRA", "CHEXA", "CPENTA", "CPYRAM", "CPYRA", "CTRIA3",
+    "GRID", "GRDSET", "CORD2R", "CORD2C", "CORD2S", "CTETRA", "CHEXA", "CPENTA", "CPYRAM", "CPYRA", "CTRIA3",
     "CTRIA6", "CTRIAR", "CQUAD4", "CQUAD8", "CQUADR", "CQUAD", "PSHELL", "PLOTEL", "INCLUDE", "ENDDATA", "SET", "ASET",
     "ASET1", "EIGB", "MDLPRM", "DOPTPRM", "BCTPARM", "BCTADD", "NLPARM", "NLPCI", "TSTEP", "DTI", "SPOINT",
 }  # fmt: skip
@@ -54,6 +55,8 @@ BECOMES: dict[str, str] = {
     "BCBODY, BCBODY1, BCONPRG, BCONPRP, BCBDPRP": "which BSURF a body is, IGLUE and FRIC; bodies of BCPROP, rigid"
     " bodies, and friction that is a table or stands at the bodies alone are asked for",
     "EIGRL, EIGR, EIGC": "`[solve] modes` or `max_frequency`",
+    "PARAM": "in bulk data and case control; WTMASS multiplies densities and masses, G is added to each `loss_factor`,"
+    " ALPHA1 and ALPHA2 are `alpha` and `beta` of `[effects.rayleigh]`; all others are listed, but for those below",
 }  # fmt: skip
 
 
@@ -70,11 +73,14 @@ def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
     cards: dict[str, list[Card]] = {}
     for card in read_cards(lines):
         cards.setdefault(card.name, []).append(card)
+    if parameters := in_case_control(lines):
+        cards["PARAM"] = cards.get("PARAM", []) + parameters
     loaded = build_mesh(raw, source)
     draft = Draft(sources.path.stem)
     draft.head.append(f"Made by fe-squeal new from the Nastran deck {source}.")
     deck = Deck(source, cards, raw.node_labels, raw.points, _on_solids(raw.blocks, len(raw.points)), draft,
                 selections(lines))  # fmt: skip
+    read_parameters(deck)
     materials = read_materials(deck)
     find_units(deck, materials, float(np.ptp(loaded.mesh.p, axis=1).max()))
     mesh = draft.add("mesh", values={"file": mesh_file, "length_unit": deck.units.length_unit, "order": 2})
@@ -89,7 +95,8 @@ def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
     write_springs(deck, held, references)
     write_ties(deck, ties, held, references)
     mu = write_contacts(deck, loaded, materials)
-    _write_effects(deck, materials, mu)
+    _write_effects(deck, mu)
+    write_damping(deck, materials)
     _write_solution(deck)
     for name, (text, weight) in LEFT_OUT.items():
         for card in cards.get(name, [])[:1]:
@@ -107,7 +114,7 @@ def _on_solids(blocks: tuple[CellBlock, ...], count: int) -> np.ndarray:
     return used
 
 
-def _write_effects(deck: Deck, materials: dict[int, tuple[Card, dict[str, list[float]]]], mu: float | None) -> None:
+def _write_effects(deck: Deck, mu: float | None) -> None:
     if mu:
         deck.draft.add("effects", "friction", values={"mu": mu}).comments.append("the contacts' largest coefficient")
     named = deck.selected.get("LOAD", set())
@@ -128,8 +135,6 @@ def _write_effects(deck: Deck, materials: dict[int, tuple[Card, dict[str, list[f
     if pressures:
         table = deck.draft.add("effects", "preload", values={"pressures": pressures})
         table.comments.append("PLOAD4: Pa, against the outward normal" + ("" if named else "; all sets of the deck"))
-    if any("loss_factor" in numbers for _, numbers in materials.values()):
-        deck.draft.add("effects", "structural_damping").comments.append("GE of the materials: loss_factor above")
 
 
 def _write_solution(deck: Deck) -> None:
