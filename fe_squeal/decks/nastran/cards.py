@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import MeshError
 from ...mesh.raw import rows_of
+from ...mesh.readers.nastran.coordinates import System
 from ...mesh.readers.nastran.text import Card, real
 from ..draft import Draft
 from ..units import SI, Units
@@ -29,6 +30,10 @@ class Deck:
         Which of them solid elements have.
     selected : dict
         Set numbers that the case control names, by command.
+    systems : dict
+        The coordinate systems that the deck defines, by number.
+    turned : dict
+        The cards of grid points whose displacements are counted in a system of their own (CD).
     mass_factor, loss_factor : float
         What PARAM WTMASS multiplies densities and masses by, and what PARAM G adds to the loss factor of each material.
     """
@@ -40,6 +45,8 @@ class Deck:
     on_solids: np.ndarray
     draft: Draft
     selected: dict[str, set[int]] = field(default_factory=dict)
+    systems: dict[int, System] = field(default_factory=dict)
+    turned: dict[int, Card] = field(default_factory=dict)
     units: Units = SI
     mass_factor: float = 1.0
     loss_factor: float = 0.0

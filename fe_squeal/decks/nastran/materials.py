@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ...mesh import LoadedMesh
-from ...mesh.readers.nastran.coordinates import System
 from ...mesh.readers.nastran.text import Card
 from ..draft import Value, plain_name
 from ..units import SI, recognise
@@ -91,9 +90,7 @@ def find_units(deck: Deck, materials: dict[int, tuple[Card, Numbers]], size: flo
     )  # fmt: skip
 
 
-def write_bodies(
-    deck: Deck, loaded: LoadedMesh, materials: dict[int, tuple[Card, Numbers]], systems: dict[int, System]
-) -> None:
+def write_bodies(deck: Deck, loaded: LoadedMesh, materials: dict[int, tuple[Card, Numbers]]) -> None:
     """Write the materials that properties use, and a body for each property."""
     properties = {deck.whole(card, 0): card for card in deck.of("PSOLID")}
     groups = loaded.mesh.subdomains or {}
@@ -131,16 +128,16 @@ def write_bodies(
         table = deck.draft.add("bodies", name, values={"material": f"mat_{mid}", "groups": [group]})
         table.comments.append(f"PSOLID {group}, {deck.where(owner)}")
         if "shear_modulus" in materials[mid][1]:
-            axes = _axes(deck, owner, systems)
+            axes = _axes(deck, owner)
             if axes is not None:
                 table.values["axes"] = axes
 
 
-def _axes(deck: Deck, card: Card, systems: dict[int, System]) -> Value | None:
+def _axes(deck: Deck, card: Card) -> Value | None:
     number = deck.whole(card, 2)
     if number == 0:
         return None
-    system = systems.get(number)
+    system = deck.systems.get(number)
     if system is None or system.kind != "R" or system.reference != 0:
         text = f"has its material axes in system {number}: only one that is the same throughout, CORD2R, is simulated"
         deck.find(card, text, "missing")

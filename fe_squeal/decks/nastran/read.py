@@ -14,9 +14,11 @@ from ...mesh.readers.sources import Sources
 from ..draft import Draft, Value, Weight
 from .cards import Deck, selections
 from .contacts import write_contacts
-from .holding import find_held, find_ties, write_springs, write_supports, write_ties
+from .holding import find_held, write_supports
 from .materials import clean, find_units, read_materials, write_bodies
 from .parameters import in_case_control, read_parameters, write_damping
+from .springs import write_springs
+from .ties import find_ties, write_ties
 
 # What is left out, and what that means.
 LEFT_OUT: dict[str, tuple[str, Weight]] = {
@@ -36,16 +38,20 @@ LEFT_OUT: dict[str, tuple[str, Weight]] = {
 }  # fmt: skip
 # What leaves the answer as it is, or belongs to the mesh.
 SILENT = {
-    "GRID", "GRDSET", "CORD2R", "CORD2C", "CORD2S", "CTETRA", "CHEXA", "CPENTA", "CPYRAM", "CPYRA", "CTRIA3",
+    "CORD2R", "CORD2C", "CORD2S", "CTETRA", "CHEXA", "CPENTA", "CPYRAM", "CPYRA", "CTRIA3",
     "CTRIA6", "CTRIAR", "CQUAD4", "CQUAD8", "CQUADR", "CQUAD", "PSHELL", "PLOTEL", "INCLUDE", "ENDDATA", "SET", "ASET",
     "ASET1", "EIGB", "MDLPRM", "DOPTPRM", "BCTPARM", "BCTADD", "NLPARM", "NLPCI", "TSTEP", "DTI", "SPOINT",
 }  # fmt: skip
 BECOMES: dict[str, str] = {
     "MAT1, MAT9, MAT11": "`[materials.mat_N]`, where a property uses it; GE is `loss_factor`; MAT9 only orthotropic",
     "PSOLID": "`[bodies.NAME]`, by the name that the preprocessor's comments give; CORDM of CORD2R: `axes`",
-    "SPC, SPC1, SPCADD, GRID": "`[[supports]]` of the set that the case control selects",
-    "CELAS1, CELAS2, PELAS": "`[[springs]]`", "CDAMP1, CDAMP2, PDAMP": "`[[springs]]` with `damping`",
-    "CBUSH, PBUSH": "`[[springs]]` along x, y and z of the basic system",
+    "SPC, SPC1, SPCADD": "`[[supports]]` of the set that the case control selects",
+    "GRID, GRDSET": "PS: `[[supports]]`; CD turns what SPC, PS, CELAS and CDAMP do there: springs along any direction,"
+    " supports where what they hold is along x, y and z; else they are asked for",
+    "CELAS1, CELAS2, PELAS": "`[[springs]]`; GE is left out, and told",
+    "CDAMP1, CDAMP2, PDAMP": "`[[springs]]` with `damping`",
+    "CBUSH, PBUSH": "`[[springs]]` along the axes of CID; without CID alike in all directions, else asked for; GE and M"
+    " are left out, and told",
     "RBE2": "`[[rigid]]`, with what acts on its grid point", "RBE3": "`[[averaged]]`, all with the same weight",
     "CONM2": "`mass` and `inertia` at the reference of RBE2 and RBE3",
     "PLOAD4": "`[effects.preload] pressures` on the surface group PLOAD4_N",
@@ -75,11 +81,14 @@ def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
         cards.setdefault(card.name, []).append(card)
     if parameters := in_case_control(lines):
         cards["PARAM"] = cards.get("PARAM", []) + parameters
+    cards["GRID"] = _with_defaults(cards["GRID"], cards.get("GRDSET", []))
     loaded = build_mesh(raw, source)
     draft = Draft(sources.path.stem)
     draft.head.append(f"Made by fe-squeal new from the Nastran deck {source}.")
     deck = Deck(source, cards, raw.node_labels, raw.points, _on_solids(raw.blocks, len(raw.points)), draft,
                 selections(lines))  # fmt: skip
+    deck.systems = dict(read_system(card) for card in deck.of(*SYSTEMS))
+    deck.turned = {deck.whole(card, 0): card for card in deck.of("GRID") if deck.whole(card, 5) > 0}
     read_parameters(deck)
     materials = read_materials(deck)
     find_units(deck, materials, float(np.ptp(loaded.mesh.p, axis=1).max()))
@@ -87,8 +96,7 @@ def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
     linear = sum(len(block) for block in raw.blocks if block.kind == SHAPE[block.kind])
     if linear:
         mesh.notes["order"] = f"{linear} of the deck's elements are linear; order = 1 would keep them so, but locks"
-    systems = dict(read_system(card) for name in SYSTEMS for card in deck.of(name))
-    write_bodies(deck, loaded, materials, systems)
+    write_bodies(deck, loaded, materials)
     held, ties = find_held(deck), find_ties(deck)
     references: dict[int, list[dict[str, Value]]] = {grid: [] for grid in ties}
     write_supports(deck, held)
@@ -105,6 +113,19 @@ def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
     for name in sorted(set(cards) - taken - set(LEFT_OUT) - SILENT):
         draft.find(name, deck.where(cards[name][0]), "is not known here and is left out")
     return draft
+
+
+def _with_defaults(grids: list[Card], defaults: list[Card]) -> list[Card]:
+    """Return the cards GRID with CP, CD, PS and SEID of GRDSET where these are blank; 0 is not."""
+    if not defaults:
+        return grids
+    filled = []
+    for card in grids:
+        fields = [*card.fields, *[""] * (8 - len(card.fields))]
+        for i in (1, 5, 6, 7):
+            fields[i] = fields[i] or defaults[-1].text(i)
+        filled.append(Card(card.name, fields, card.where))
+    return filled
 
 
 def _on_solids(blocks: tuple[CellBlock, ...], count: int) -> np.ndarray:

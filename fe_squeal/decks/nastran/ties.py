@@ -1,0 +1,91 @@
+"""RBE2, RBE3 and CONM2: rigid bodies and averaged references, with what acts on them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...mesh.readers.nastran.text import Card
+from ..draft import Value
+from .cards import Deck
+from .holding import Held, held_along
+from .materials import clean
+
+Ties = dict[int, tuple[Card, bool, list[int]]]  # by reference: the card, whether it is rigid, and what it ties
+
+
+def find_ties(deck: Deck) -> Ties:
+    """Return by reference grid point: the card, whether it is rigid, and the grid points tied."""
+    found: Ties = {}
+    for card in deck.of("RBE2"):
+        if not set("123") <= set(card.text(2)):
+            deck.find(card, f"ties the freedoms {card.text(2)} alone; a rigid body has 1, 2 and 3", "missing")
+            continue
+        _add_tie(deck, found, card, True, deck.whole(card, 1), deck.grids(card, 3))
+    for card in deck.of("RBE3"):
+        grids: list[int] = []
+        weights: set[str] = set()
+        i = 4
+        while i < len(card.fields) and not card.text(i).isalpha():
+            weights.add(card.text(i))
+            if not set("123") <= set(card.text(i + 1)):
+                deck.find(card, f"weights the freedoms {card.text(i + 1)} alone; expected 123", "missing")
+            i += 2
+            while i < len(card.fields) and (not card.text(i) or card.text(i).isdigit()):
+                if card.text(i):
+                    grids.append(deck.whole(card, i))
+                i += 1
+        if len(weights) > 1:
+            deck.find(card, "weights of its own for each grid point are not simulated; all count alike")
+        _add_tie(deck, found, card, False, deck.whole(card, 2), grids)
+    return found
+
+
+def _add_tie(deck: Deck, found: Ties, card: Card, rigid: bool, reference: int, grids: list[int]) -> None:
+    row = deck.row(card, reference)
+    for grid in grids:
+        deck.row(card, grid)
+    if deck.on_solids[row] or reference in found or not grids:
+        text = f"its reference GRID {reference} belongs to a solid or to another one, or ties nothing"
+        deck.find(card, text, "missing")
+        return
+    found[reference] = card, rigid, grids
+
+
+def write_ties(deck: Deck, ties: Ties, held: Held, references: dict[int, list[dict[str, Value]]]) -> None:
+    """Write [[rigid]] and [[averaged]] with mass, inertia, held freedoms and springs of their references."""
+    masses = _masses(deck, ties)
+    units = deck.units
+    for reference, (card, rigid, grids) in ties.items():
+        point = [clean(float(v) * units.length) for v in deck.points[deck.row(card, reference)]]
+        values: dict[str, Value] = {
+            "name": f"{card.name}_{card.text(0)}", "nodes": ", ".join(map(str, grids)), "reference": point,
+            **masses.get(reference, {}),
+        }  # fmt: skip
+        turns = [f"r{letter}" for letter in held_along(deck, held, reference, turning=True)]
+        fixed = " ".join([*held_along(deck, held, reference, turning=False), *turns])
+        if fixed:
+            values["fixed"] = fixed
+        if references[reference]:
+            values["springs"] = list(references[reference])
+        table = deck.draft.add("rigid" if rigid else "averaged", is_entry=True, values=values)
+        table.comments.append(f"{card.name}, {deck.where(card)}, reference GRID {reference}")
+
+
+def _masses(deck: Deck, ties: Ties) -> dict[int, dict[str, Value]]:
+    found: dict[int, dict[str, Value]] = {}
+    units = deck.units
+    for card in deck.of("CONM2"):
+        grid = deck.whole(card, 1)
+        if grid not in ties:
+            deck.find(card, "at a grid point that is no reference of a tie is left out: frequencies come out too high")
+            continue
+        if any(deck.number(card, i) for i in (4, 5, 6)) or deck.whole(card, 2) or grid in found:
+            deck.find(card, "off its grid point, in a system of its own, or one of several, is not read", "missing")
+            continue
+        mass = units.mass * deck.mass_factor
+        found[grid] = {"mass": clean(deck.number(card, 3) * mass)}
+        xx, yx, yy, zx, zy, zz = (deck.number(card, i) for i in range(8, 14))
+        six = np.array([xx, yy, zz, -yx, -zx, -zy]) * mass * units.length**2  # I21 is ∫ρ x y dV there
+        if six.any():
+            found[grid]["inertia"] = [clean(float(v)) + 0.0 for v in six]
+    return found
