@@ -1,4 +1,4 @@
-"""The cards of a Nastran deck by name, what the case control selects, and their numbers."""
+"""The cards of a Nastran deck by name, and their numbers."""
 
 from __future__ import annotations
 
@@ -15,8 +15,6 @@ from ...mesh.readers.nastran.text import Card, real
 from ..draft import Draft
 from ..units import SI, Units
 
-_SELECTS = re.compile(r"^\s*(SPC|METHOD|CMETHOD|LOAD|BCONTACT)\s*(?:\([^)]*\))?\s*=\s*(\d+)", re.IGNORECASE)
-
 
 @dataclass
 class Deck:
@@ -29,7 +27,7 @@ class Deck:
     on_solids : (n,) bool
         Which of them solid elements have.
     selected : dict
-        Set numbers that the case control names, by command.
+        Set numbers that count in the case control, by command.
     systems : dict
         The coordinate systems that the deck defines, by number.
     turned : dict
@@ -129,15 +127,3 @@ class Deck:
                 found.append(int(text))
             i += 1
         return found
-
-
-def selections(lines: list[tuple[str, str]]) -> dict[str, set[int]]:
-    """Return the set numbers that the case control selects, by command."""
-    found: dict[str, set[int]] = {}
-    for line, _ in lines:
-        if " ".join(line.upper().split()).startswith("BEGIN BULK"):
-            return found
-        match = _SELECTS.match(line)
-        if match:
-            found.setdefault(match[1].upper(), set()).add(int(match[2]))
-    return {}  # without BEGIN BULK these were bulk data

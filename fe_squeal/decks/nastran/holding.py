@@ -49,8 +49,8 @@ def _selected_supports(deck: Deck) -> set[int]:
     named = deck.selected.get("SPC", set())
     sets = {deck.whole(card, 0) for card in deck.of("SPC", "SPC1")}
     if not named:
-        if len(sets) > 1:
-            text = f"sets {sorted(sets)}: the case control selects none; all of them are taken"
+        if sets:
+            text = f"the case control selects none of {', '.join(map(str, sorted(sets)))}: all are taken"
             deck.draft.find("SPC", "", text)
         return sets
     for card in deck.of("SPCADD"):

@@ -9,10 +9,12 @@ from ...mesh.elements import SHAPE
 from ...mesh.raw import CellBlock
 from ...mesh.readers.nastran.coordinates import SYSTEMS, read_system
 from ...mesh.readers.nastran.deck import read_nastran
+from ...mesh.readers.nastran.faces import is_directed
 from ...mesh.readers.nastran.text import Card, read_cards, read_lines
 from ...mesh.readers.sources import Sources
 from ..draft import Draft, Value, Weight
-from .cards import Deck, selections
+from .cards import Deck
+from .case import read_subcases, select
 from .contacts import write_contacts
 from .holding import find_held, write_supports
 from .materials import clean, find_units, read_materials, write_bodies
@@ -54,7 +56,8 @@ BECOMES: dict[str, str] = {
     " are left out, and told",
     "RBE2": "`[[rigid]]`, with what acts on its grid point", "RBE3": "`[[averaged]]`, all with the same weight",
     "CONM2": "`mass` and `inertia` at the reference of RBE2 and RBE3",
-    "PLOAD4": "`[effects.preload] pressures` on the surface group PLOAD4_N",
+    "PLOAD4": "`[effects.preload] pressures` on the surface group PLOAD4_N; those along a direction of their own (N1 to"
+    " N3) and on shells are left out, and told",
     "BSURF, BSURFS": "surface groups BSURF_N (shells, or all free faces of solids) and BSURFS_N",
     "BCTSET": "`[[contacts]]` with `mu`; stiffness, with 10 E/h as a suggestion, and motion are asked for",
     "BCTABLE, BCTABL1, BCONECT": "`[[contacts]]` likewise, of the table that BCONTACT selects; IGLUE: `tied`",
@@ -86,7 +89,7 @@ def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
     draft = Draft(sources.path.stem)
     draft.head.append(f"Made by fe-squeal new from the Nastran deck {source}.")
     deck = Deck(source, cards, raw.node_labels, raw.points, _on_solids(raw.blocks, len(raw.points)), draft,
-                selections(lines))  # fmt: skip
+                select(read_subcases(lines), draft))  # fmt: skip
     deck.systems = dict(read_system(card) for card in deck.of(*SYSTEMS))
     deck.turned = {deck.whole(card, 0): card for card in deck.of("GRID") if deck.whole(card, 5) > 0}
     read_parameters(deck)
@@ -103,7 +106,7 @@ def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
     write_springs(deck, held, references)
     write_ties(deck, ties, held, references)
     mu = write_contacts(deck, loaded, materials)
-    _write_effects(deck, mu)
+    _write_effects(deck, {label for block in raw.blocks for label in block.labels.tolist()}, mu)
     write_damping(deck, materials)
     _write_solution(deck)
     for name, (text, weight) in LEFT_OUT.items():
@@ -135,7 +138,7 @@ def _on_solids(blocks: tuple[CellBlock, ...], count: int) -> np.ndarray:
     return used
 
 
-def _write_effects(deck: Deck, mu: float | None) -> None:
+def _write_effects(deck: Deck, solids: set[int], mu: float | None) -> None:
     if mu:
         deck.draft.add("effects", "friction", values={"mu": mu}).comments.append("the contacts' largest coefficient")
     named = deck.selected.get("LOAD", set())
@@ -143,6 +146,12 @@ def _write_effects(deck: Deck, mu: float | None) -> None:
     for card in deck.of("PLOAD4"):
         sid = deck.whole(card, 0)
         if not named or sid in named:
+            if deck.whole(card, 1) not in solids:
+                deck.find(card, "acts on a shell and is left out: [effects.preload] takes pressures on solids")
+                continue
+            if is_directed(card):
+                deck.find(card, "acts along a direction of its own and is left out: pressures act along normals here")
+                continue
             value = deck.number(card, 2)
             if any(card.text(i) and deck.number(card, i) != value for i in (3, 4, 5)):
                 deck.find(card, "differs from corner to corner; the first corner's pressure is taken")

@@ -18,7 +18,7 @@ def named_faces(cards: Sequence[Card], blocks: Sequence[CellBlock], labels: Ints
     """Return the corners (f, 3 or 4) of the faces of PLOAD4 and BSURFS, by the name of their group.
 
     The group of load set 3 is PLOAD4_3, or PLOAD4_3_1, PLOAD4_3_2, ... if the set has several pressures; that of
-    BSURFS 4 is BSURFS_4.
+    BSURFS 4 is BSURFS_4. Faces on which PLOAD4 acts along a direction of its own are the group PLOAD4_3_directed.
 
     Raises
     ------
@@ -40,7 +40,9 @@ def named_faces(cards: Sequence[Card], blocks: Sequence[CellBlock], labels: Ints
                     continue  # a pressure on a shell
                 given = [int(card.text(i)) for i in (6, 7) if card.text(i)]
                 face = _face(*place[element], rows_of(np.array(given), labels), opposite=len(given) == 2)
-                found.setdefault(f"PLOAD4_{int(card.text(0))}", {}).setdefault(real(card.text(2)), []).append(face)
+                name = f"PLOAD4_{int(card.text(0))}{'_directed' if is_directed(card) else ''}"
+                pressure = 0.0 if is_directed(card) else real(card.text(2))
+                found.setdefault(name, {}).setdefault(pressure, []).append(face)
                 continue
             for i in range(4, len(card.fields), 4):
                 if card.text(i):
@@ -59,6 +61,17 @@ def named_faces(cards: Sequence[Card], blocks: Sequence[CellBlock], labels: Ints
             own = name if len(by_pressure) == 1 else f"{name}_{i}"
             groups[own] = [np.array([f for f in faces if len(f) == n], dtype=np.int64).reshape(-1, n) for n in (3, 4)]
     return groups
+
+
+def is_directed(card: Card) -> bool:
+    """Return whether a PLOAD4 acts along N1, N2, N3, or along what LDIR names, and not along the normal.
+
+    Raises
+    ------
+    ValueError
+        A component cannot be read.
+    """
+    return any(real(card.text(i)) for i in (9, 10, 11)) or card.text(13).upper() in ("X", "Y", "Z", "TANG")
 
 
 def _face(shape: str, corners: Ints, given: Ints, opposite: bool) -> Ints:
