@@ -81,3 +81,11 @@ def test_directed_loads_are_a_surface_group_of_their_own(tmp_path):
     path = written(tmp_path, with_cards(deck()[0], cards))
     boundaries = load_mesh(path).mesh.boundaries
     assert len(boundaries["PLOAD4_5_directed"]) == 1 and len(boundaries["PLOAD4_5"]) == 6
+
+
+@pytest.mark.parametrize(("material", "sentences"), [("", []), ("2,1.5", ["PSHELL names a material: shells are"])])
+def test_shells_with_a_material_are_told(tmp_path, material, sentences):
+    """Others are surfaces there, too."""
+    shell = f"CQUAD4,70,71,{','.join(map(str, FACE))}\nPSHELL,71,{material}\n"
+    found = [re.sub(r" at line \d+:", "", line) for line in told(drafted(tmp_path, CASE, shell))]
+    assert [line[: len(s)] for line, s in zip(found, sentences, strict=True)] == sentences

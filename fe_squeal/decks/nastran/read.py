@@ -31,6 +31,7 @@ LEFT_OUT: dict[str, tuple[str, Weight]] = {
                     ("ties grid points and is not read: without it the structure is another one", "missing")),
     **dict.fromkeys(("CBAR", "CBEAM", "CROD", "CONROD", "CBUSH1D", "CDAMP3", "CDAMP4", "CELAS3", "CELAS4"),
                     ("is no solid and is left out, with its stiffness and mass", "changes")),
+    "PSHELL": ("names a material: shells are surfaces here, and their stiffness and mass are left out", "changes"),
     **dict.fromkeys(("CONM1", "CMASS1", "CMASS2", "CMASS3", "CMASS4"),
                     ("adds inertia that is left out: frequencies come out too high", "changes")),
     **dict.fromkeys(("MAT2", "MAT3", "MAT8", "MAT10", "MATHE", "MATS1"), ("this law is not simulated", "changes")),
@@ -41,7 +42,7 @@ LEFT_OUT: dict[str, tuple[str, Weight]] = {
 # What leaves the answer as it is, or belongs to the mesh.
 SILENT = {
     "CORD2R", "CORD2C", "CORD2S", "CTETRA", "CHEXA", "CPENTA", "CPYRAM", "CPYRA", "CTRIA3",
-    "CTRIA6", "CTRIAR", "CQUAD4", "CQUAD8", "CQUADR", "CQUAD", "PSHELL", "PLOTEL", "INCLUDE", "ENDDATA", "SET", "ASET",
+    "CTRIA6", "CTRIAR", "CQUAD4", "CQUAD8", "CQUADR", "CQUAD", "PLOTEL", "INCLUDE", "ENDDATA", "SET", "ASET",
     "ASET1", "EIGB", "MDLPRM", "DOPTPRM", "BCTPARM", "BCTADD", "NLPARM", "NLPCI", "TSTEP", "DTI", "SPOINT",
 }  # fmt: skip
 BECOMES: dict[str, str] = {
@@ -110,7 +111,7 @@ def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
     write_damping(deck, materials)
     _write_solution(deck)
     for name, (text, weight) in LEFT_OUT.items():
-        for card in cards.get(name, [])[:1]:
+        for card in [c for c in cards.get(name, []) if name != "PSHELL" or c.text(1)][:1]:
             draft.find(name, deck.where(card), text, weight)
     taken = {name.strip() for names in BECOMES for name in names.split(",")}
     for name in sorted(set(cards) - taken - set(LEFT_OUT) - SILENT):
