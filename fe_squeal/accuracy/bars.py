@@ -33,6 +33,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..sweep.scale import Scale
+
 # Times the change, by the order of the elements: the largest s. For order 2 it is derived above. For order 1 it is the
 # smallest of 2, 3 and 4 for which the bars contain the true error of at least 97 % of the modes, and of the growing
 # modes too, on the scenes `FITTED` of benchmarks/mesh_bars.py.
@@ -49,7 +51,7 @@ EXTRAPOLATED = 1.4
 # Times BARS |Δλ|: the least that either part of a bar is. Chosen: the scenes `FITTED` would do without it, and a scene
 # with a single layer of linear tetrahedra needed 0.18.
 SHARE = 0.25
-SMALLEST = 0.1  # of the interval of the sweep: errors of onsets at smaller values are relative to this
+_SMALLEST = 0.1  # of the interval of the sweep: errors of onsets at smaller values are relative to this
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,27 @@ class Parts:
     def where(self, own: np.ndarray, other: Parts) -> Parts:
         """Return those of the quantities of `own`, (k,) bool, and of `other` for the rest."""
         return Parts(np.where(own, self.sums, other.sums), np.where(own, self.sizes, other.sizes))
+
+
+def onset_scale(value: float, values: np.ndarray) -> float:
+    """Return what the error of an onset is relative to: its value, or a tenth of the interval if that is larger.
+
+    Over decades, where small values matter as much as large ones, the value alone.
+
+    Parameters
+    ----------
+    value : float
+        Of the onset.
+    values : (m,) float
+        Of the sweep.
+
+    Examples
+    --------
+    >>> [onset_scale(0.02, np.array(v)) for v in ([0.0, 0.5], [0.01, 1.0])]
+    [0.05, 0.02]
+    """
+    least = 0.0 if Scale.of(values).logarithmic else _SMALLEST * float(np.ptp(values))
+    return max(abs(value), least)
 
 
 def bar_of_parts(change: np.ndarray, parts: Parts, order: int) -> np.ndarray:

@@ -14,6 +14,7 @@ from ..eigen.blocks import combine, cross, times
 from ..eigen.pencil import Modes
 from ..reduced.basis import ReducedBasis
 from ..reduced.vectors import interior_nodes, range_of, real_columns, unit_columns
+from ..sweep.scale import Scale
 from .corrections import Correction, solved
 from .refined import Refined
 from .two_level import TwoLevelSolver
@@ -61,7 +62,7 @@ class CorrectedModel:
         unheld = collected.free_motions().motions
         if unheld.shape[1]:
             basis.append(unheld)
-        nodes = interior_nodes(float(values[0]), float(values[-1]), _NODES if len(values) > 1 else 1).tolist()
+        nodes = _nodes(values)
         own = _span(model.basis, refined, [*nodes, float(values[0]), float(values[-1])])
         EV = times(refined.prolongation, combine(model.basis.V, own))
         basis.append(EV)
@@ -87,8 +88,9 @@ class CorrectedModel:
         long = np.any([own > _LONG * np.linalg.norm(side, axis=0) ** 2 for own, side in sides], axis=0)
         if long.any():
             now = _asked(basis, value, refined)
-            same = linear_sum_assignment(np.abs(modes.lam[:, None] - now.lam))[1]
-            self._correct(basis, refined.solver, value, now.select(same[long]), [own[long] for own in energies])
+            rows, same = linear_sum_assignment(np.abs(modes.lam[:, None] - now.lam))
+            again = long[rows]
+            self._correct(basis, refined.solver, value, now.select(same[again]), [e[rows[again]] for e in energies])
 
     def _correct(
         self, basis: ReducedBasis, solver: TwoLevelSolver, value: float, modes: Modes, energies: Sequence[np.ndarray]
@@ -114,14 +116,25 @@ class CorrectedModel:
 
 
 def _asked(basis: ReducedBasis, value: float, refined: Refined) -> Modes:
-    """Return the modes up to the highest frequency of the coarse mesh's model.
+    """Return the modes up to the highest frequency of the coarse mesh, of all values of the sweep.
 
     Without damping λ and −λ* have the same shape, and only the one with Re λ ≥ 0 is returned.
     """
-    modes = basis.modes(value, refined.model.highest)
+    modes = basis.modes(value, refined.reach)
     if not basis.problem.is_damped:
         modes = modes.select(np.flatnonzero(modes.lam.real >= 0))
     return modes
+
+
+def _nodes(values: np.ndarray) -> list[float]:
+    """Return values of the parameter whose modes span the final basis: Chebyshev's nodes in the sweep's coordinate.
+
+    Over decades modes may change fast towards an end, and both ends are among them.
+    """
+    scale, ends = Scale.of(values), [float(values[0]), float(values[-1])]
+    low, high = map(scale.x, ends)
+    nodes = [scale.p(float(x)) for x in interior_nodes(low, high, _NODES if len(values) > 1 else 1)]
+    return [ends[0], *nodes, ends[1]] if scale.logarithmic else nodes
 
 
 def _span(basis: ReducedBasis, refined: Refined, values: Sequence[float]) -> np.ndarray:

@@ -11,11 +11,9 @@ from ..eigen.pencil import Modes
 from ..eigen.threads import one_openblas_thread
 from ..sweep.result import Sweep
 from .rates import onset_factor
-from .refined import Refined
+from .refined import ABOVE, Refined
 from .residuals import Residuals
 from .two_level import TwoLevelSolver
-
-_ABOVE = 1.02  # times the highest frequency asked for: modes up to this frequency are corrected
 
 
 @dataclass(frozen=True)
@@ -98,11 +96,11 @@ def _chosen(result: Sweep, refined: Refined) -> Mapping[float, Modes]:
 
 
 def _in_range(modes: Modes, refined: Refined) -> Modes:
-    """Return the modes up to `_ABOVE` times the highest frequency asked for.
+    """Return the modes up to `ABOVE` times the highest frequency asked for.
 
     Without damping λ and −λ* have the same shape and equal errors, and only the one with Re λ ≥ 0 is returned.
     """
-    keep = modes.lam.imag <= _ABOVE * refined.highest
+    keep = modes.lam.imag <= ABOVE * refined.highest
     return modes.select(np.flatnonzero(keep & (refined.problem.is_damped | (modes.lam.real >= 0))))
 
 

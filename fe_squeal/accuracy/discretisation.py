@@ -13,11 +13,13 @@ from ..sweep.onset import Onset
 from ..sweep.point import SweepPoint
 from ..sweep.result import Sweep
 from ..sweep.tracking import mirror_partners
-from .bars import SHARE, SMALLEST, Parts, bar_of, bar_of_parts, beyond, enveloped, factors_of, mirrored
+from .bars import SHARE, Parts, bar_of, bar_of_parts, beyond, enveloped, factors_of, mirrored, onset_scale
+from .edges import acting_on_points
 from .estimate import COMPARED, Changes, refined_changes
 from .pairs import bent_change, extrapolated, growth_beyond
 from .quantities import KINDS, SLOW
 
+_ROUNDING = 1e-6  # of |λ|: growth below this is what rounding makes of two equal eigenvalues
 _ONE_MODE = 1e-2  # of a frequency: onsets of one branch whose frequencies differ by less belong to one window
 
 
@@ -79,6 +81,13 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
         if np.isinf(onset.discretisation):
             warnings.append(f"the onset at {_told(onset, name)}, vanishes on the refined mesh")
     warnings += [f"an onset at {_told(onset, name)}, appears on the refined mesh alone" for onset in changes.appeared]
+    warnings += _hidden(points, onsets, name)
+    if isinstance(result.problem.source, Assembly):
+        warnings += [
+            f"{path} acts on nodes that cover no face: what it displaces there has no limit as elements become smaller,"
+            " and the error of the mesh none either"
+            for path in acting_on_points(result.problem.source)
+        ]
     listed = sorted([*onsets, *changes.appeared], key=lambda o: o.value)
     return replace(result, points=tuple(points), onsets=tuple(listed), warnings=tuple(warnings))
 
@@ -111,16 +120,18 @@ def _bars(
     parts = parts.where(parts.known | (partner < 0), opposite)
     uncertain = point.modes.re_uncertainty
     still = (np.abs(point.modes.lam.real) <= uncertain) & (not is_damped)
-    balanced = still & (np.abs(np.nan_to_num(change).real) <= uncertain)
     here, paired = lam[modes].real, parts.known & (not is_damped)
     growth, likely, width = growth_beyond(here, here + change.real, parts, order, paired)
     factors = factors_of(change.real, parts, order)
     least, middle, most = factors_of(np.zeros(len(lam)), Parts.unknown(len(lam)), order)
     least[modes], middle[modes], most[modes] = factors
-    bars = bar_of(change, bent_change(lam, refined, order, most)[modes], balanced, order, growth)
-
     further = extrapolated(lam, refined, middle)
     moved = (further - lam)[modes]
+    # Two modes that approach each other have Re λ = 0 on both meshes, and not where their extrapolated values meet.
+    meets = np.abs(np.nan_to_num(moved).real) > np.maximum(uncertain, _ROUNDING * np.abs(point.modes.lam))
+    balanced = still & (np.abs(np.nan_to_num(change).real) <= uncertain) & ~meets
+    bars = bar_of(change, bent_change(lam, refined, order, most)[modes], balanced, order, growth)
+
     moved = np.where(parts.known, likely - here, moved.real) + 1j * moved.imag
     bent = bent_change(lam, refined, order, most, least, further)[modes]
     half = np.maximum(factors[2] - factors[1], factors[1] - factors[0])
@@ -146,6 +157,24 @@ def _onsets(onsets: Sequence[Onset], changes: Changes, order: int) -> list[Onset
         )
         for onset, bar, s, w in zip(onsets, bars.tolist(), shift.tolist(), width.tolist(), strict=True)
     ]  # fmt: skip
+
+
+def _hidden(points: Sequence[SweepPoint], onsets: Sequence[Onset], name: str) -> list[str]:
+    """Return a sentence for each branch that grows by extrapolated values alone, where no onset's bar says so."""
+    fastest: dict[int, tuple[float, float, float]] = {}  # growth, value of the parameter and frequency, by branch
+    for point in points:
+        growth = _hidden_growth(point)
+        near = [o for o in onsets if abs(o.value - point.value) <= o.discretisation]
+        told = {b for o in near for b in (o.branch_a, o.branch_b)}
+        for i in np.flatnonzero(growth).tolist():
+            branch, own = int(point.branches[i]), (float(growth[i]), point.value, float(point.modes.frequency_hz[i]))
+            if branch not in told:
+                fastest[branch] = max(fastest.get(branch, own), own)
+    return [
+        f"at {name} = {value:.6g} a mode of {hz:.5g} Hz does not grow on this mesh, and grows by {growth:.3g} 1/s by"
+        " its extrapolated value: there may be an onset on finer meshes"
+        for growth, value, hz in sorted(fastest.values(), reverse=True)
+    ]
 
 
 def _told(onset: Onset, name: str) -> str:
@@ -185,7 +214,8 @@ def estimated_error(result: Sweep, kinds: Sequence[str] = KINDS) -> float:
 
     - "frequencies": the bar over the frequency, for all modes at all values.
     - "growth": for each branch at the value where it grows fastest, the bar over the largest growth rate of all
-      branches. At other values growth may be small, and its error there is the error of the onset.
+      branches. At other values growth may be small, and its error there is the error of the onset. A mode that does not
+      grow on the mesh, but does by its extrapolated value, grows as fast as that says.
     - "onsets": the bar of a critical value over this value, or over a tenth of the sweep's interval if that is larger.
 
     Modes and onsets above 0.8 of the highest frequency whose bar is not known are left out: on the refined mesh they
@@ -214,21 +244,33 @@ def estimated_error(result: Sweep, kinds: Sequence[str] = KINDS) -> float:
         lam, bar = point.modes.lam, point.discretisation
         swinging = lam.imag > 0
         add("frequencies", (bar.imag / np.where(swinging, lam.imag, 1.0))[swinging], lam.imag[swinging])
-        for i in np.flatnonzero(swinging & (point.modes.stability == "unstable")).tolist():
-            branch, own = int(point.branches[i]), (float(lam[i].real), float(bar[i].real), float(lam[i].imag))
+        growth = np.where(point.modes.stability == "unstable", lam.real, _hidden_growth(point))
+        for i in np.flatnonzero(swinging & (growth > 0)).tolist():
+            branch, own = int(point.branches[i]), (float(growth[i]), float(bar[i].real), float(lam[i].imag))
             peaks[branch] = max(peaks.get(branch, own), own)
     if peaks:
         growth, bars, frequencies = np.array(list(peaks.values())).T
         asked = np.isfinite(bars) | (growth >= SLOW * growth.max())
         add("growth", (bars / growth.max())[asked], frequencies[asked])
-    width = float(np.ptp([p.value for p in result.points]))
+    values = np.array([p.value for p in result.points])
     slow = _slow_windows(result, SLOW * max((own[0] for own in peaks.values()), default=0.0))
     for o in result.onsets:
         if o in slow:
             continue
-        relative = np.array([o.discretisation / max(abs(o.value), SMALLEST * width)])
+        relative = np.array([o.discretisation / onset_scale(o.value, values)])
         add("onsets", relative, np.array([2 * np.pi * o.frequency_hz]))
+        if np.isinf(o.discretisation):  # there is growth beside it on one of the meshes alone
+            add("growth", relative, np.array([2 * np.pi * o.frequency_hz]))
     return float(np.max(found)) if found else 0.0
+
+
+def _hidden_growth(point: SweepPoint) -> np.ndarray:
+    """Return Re λ (k,), 1/s, of modes that grow by their extrapolated values and not on the mesh; 0 of all others."""
+    lam, further = point.modes.lam, point.extrapolated
+    if further is None:
+        return np.zeros(len(lam))
+    grows = np.nan_to_num(further).real > np.maximum(point.modes.re_uncertainty, _ROUNDING * np.abs(lam))
+    return np.where(grows & (point.modes.stability != "unstable"), np.nan_to_num(further).real, 0.0)
 
 
 def _slow_windows(result: Sweep, limit: float) -> list[Onset]:

@@ -87,6 +87,27 @@ def singular_elements(assembly: Assembly) -> np.ndarray:
     return found | np.asarray(marked[space.dofs.element_dofs].any(axis=0))
 
 
+def acting_on_points(assembly: Assembly) -> list[str]:
+    """Return the paths of supports and springs on sets of nodes that cover no face.
+
+    What a force on a point or a line displaces there grows without a limit as elements become smaller.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    """
+    mesh, space = assembly.loaded.mesh, assembly.space
+    faces = mesh.facets[:, mesh.boundary_facets()]  # corners have the same numbers among the nodes of displacements
+    found: list[str] = []
+    for path, kind, group in holding(assembly.scene):
+        if kind == "surface" or not path.startswith(("supports", "springs")):
+            continue
+        nodes = nodes_there(space, assembly.loaded, kind, group, path)
+        if not np.isin(faces, nodes).all(axis=0).any() and path not in found:
+            found.append(path)
+    return found
+
+
 def surface_edges(loaded: LoadedMesh) -> Edges:
     """Return the edges of a mesh that lie on its surface, each with the facets that meet there.
 

@@ -20,15 +20,11 @@ from ..sweep.tracking import match_modes
 from .bars import Parts
 from .corrected import CorrectedModel
 from .corrections import Correction, right_corrections
+from .onset_pairs import Likeness, branches_of, pair_onsets
 from .refined import Refined, refine_problem
 from .spread import growth_asked, parts_of
 
 COMPARED = 0.8  # of the highest frequency: modes above may leave the range on another mesh, and are not compared
-# An onset on one mesh and one on the other are paired where the sum of these costs is least: the move of the value over
-# _FAR times the interval, the move of the frequency over _FAR times the frequency, and 1 if the branches are others.
-# From a cost of _LOST on they are taken for different onsets.
-_FAR = 0.2
-_LOST = 2.0
 
 
 @dataclass(frozen=True)
@@ -112,7 +108,7 @@ def changes_by(
     pairs, growing = [], []
     for point, value in zip(result.points, values.tolist(), strict=True):
         before, refined_pencil = model.modes(value), corrected.projected.pencil({refined.parameter: value})
-        now = solve_dense(refined_pencil, 1.5 * model.highest, linear_solver)
+        now = solve_dense(refined_pencil, 1.5 * refined.reach, linear_solver)
         same = _same(corrected, before, now)
         first = same if first is None else first
         pairs.append(_changes(point, before, now, same))
@@ -125,18 +121,24 @@ def changes_by(
         found = sweep(
             corrected.projected, values, refined.parameter, modes=modes, method="direct", linear_solver=linear_solver
         ).onsets
-        paired = pair_onsets(result.onsets, found, first or {}, float(np.ptp(values)))
+        paired = pair_onsets(
+            result.onsets, found, first or {}, values, Likeness(refined, corrected, result.onsets, found).alike
+        )
         interpolated = _interpolated(result, refined, [b for _, b in pairs], linear_solver)
         own = result.onsets if interpolated is None else interpolated.found
         onsets = [
             found[j].value - onset.value if j is not None and onset is not None else np.nan
             for onset, j in zip(own, paired, strict=True)
         ]
-        # Modes near the highest frequency may be in the range of one mesh alone, and so may their onsets: not reported.
+        # Modes near the highest frequency may be in the range of one mesh alone, and so may their onsets: these are not
+        # reported unless they are those of modes that the sweep has.
         top = min(float(p.modes.frequency_hz.max(initial=0.0)) for p in result.points)
+        known = {same_first + 1 for i, same_first in (first or {}).items() if i in pairs[0][1][2]}
         appeared = [
             replace(o, parameter=parameter, branch_a=0, branch_b=None, two_mode_value=np.nan, discretisation=np.inf)
-            for j, o in enumerate(found) if j not in paired and o.frequency_hz < COMPARED * top
+            for j, o in enumerate(found)
+            if j not in paired
+            and (o.frequency_hz < COMPARED * top or (o.frequency_hz < top and branches_of(o) <= known))
         ]  # fmt: skip
     by_point, by_onset = parts_of(result, refined, corrected, growing)
     return Changes(
@@ -157,7 +159,7 @@ def _interpolated(
     modes, problem = len(model.modes(float(values[0]))), model.basis.collected()
     found = sweep(problem, values, refined.parameter, modes=modes, method="direct", linear_solver=linear_solver).onsets
     one = {i: i for i in range(modes)}
-    paired = pair_onsets(result.onsets, found, one, float(np.ptp(values)))
+    paired = pair_onsets(result.onsets, found, one, values)
     own = tuple(None if j is None else found[j] for j in paired)
     away = [
         np.nan if there is None else abs(there.value - onset.value)
@@ -187,39 +189,3 @@ def _changes(
     changes, near = np.full(len(point.modes), np.nan * (1 + 1j)), np.zeros(len(point.modes), dtype=int)
     changes[rows], near[rows] = (refined - before.lam)[columns], columns
     return changes, (before.lam, refined, near)
-
-
-def pair_onsets(
-    onsets: Sequence[Onset], found: Sequence[Onset], same: Mapping[int, int], width: float
-) -> list[int | None]:
-    """Return for each onset the position in `found` of the same onset, or None: by kind, branches, value and frequency.
-
-    Parameters
-    ----------
-    onsets, found : sequence of Onset
-        Onsets on two meshes.
-    same : mapping of int to int
-        The position of each mode at the first value of the sweep among those on the other mesh. Branches are numbered
-        by the modes at the first value, from 1 on.
-    width : float
-        Width of the interval of the parameter.
-    """
-
-    def branches(onset: Onset) -> set[int]:
-        return {b for b in (onset.branch_a, onset.branch_b) if b is not None}
-
-    def unlike(a: Onset, b: Onset) -> float:
-        if (a.kind, a.direction) != (b.kind, b.direction):
-            return np.inf
-        paired = {same[x - 1] + 1 for x in branches(a) if x - 1 in same}
-        moved = abs(a.value - b.value) / width + abs(a.frequency_hz - b.frequency_hz) / max(a.frequency_hz, 1e-300)
-        return moved / _FAR + (0.0 if paired == branches(b) else 1.0)
-
-    result: list[int | None] = [None] * len(onsets)
-    every = sorted((unlike(a, b), i, j) for i, a in enumerate(onsets) for j, b in enumerate(found))
-    taken: set[int] = set()
-    for cost, i, j in every:
-        if cost < _LOST and result[i] is None and j not in taken:
-            result[i] = j
-            taken.add(j)
-    return result

@@ -10,7 +10,7 @@ import numpy as np
 from ..eigen.pencil import Modes
 from ..sweep.onset import Onset
 from ..sweep.result import Sweep
-from .bars import SMALLEST
+from .bars import onset_scale
 from .corrections import Correction, right_corrections
 from .rates import by_eigenvalue, onset_factor
 from .refined import Refined
@@ -133,5 +133,5 @@ def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: 
             continue
         k, factor = found
         told = f"onset{name}, {onset.frequency_hz:.5g} Hz"
-        asked.append(_Asked(told, "onsets", max(abs(onset.value), SMALLEST * width), k, factor))
+        asked.append(_Asked(told, "onsets", onset_scale(onset.value, refined.values), k, factor))
     return asked

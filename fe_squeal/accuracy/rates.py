@@ -6,10 +6,11 @@ import numpy as np
 
 from ..eigen.pencil import Modes
 from ..sweep.onset import Onset
+from ..sweep.scale import Scale
 from .refined import Refined
 
 _NEAR = 0.01  # of an onset's frequency: a mode that is farther away is not that of the onset
-_STEP = 1e-4  # of the sweep: how far apart the values are that ∂Q/∂p is formed from
+_STEP = 1e-4  # of the sweep, in its coordinate: how far apart the values are that ∂Q/∂p is formed from
 
 
 def by_eigenvalue(refined: Refined, value: float, modes: Modes) -> np.ndarray:
@@ -21,7 +22,8 @@ def by_eigenvalue(refined: Refined, value: float, modes: Modes) -> np.ndarray:
 
 def by_parameter(refined: Refined, value: float, modes: Modes) -> np.ndarray:
     """Return ψᴴ ∂Q/∂p φ (k,) of the same."""
-    h = _STEP * float(np.ptp(refined.values))
+    scale = Scale.of(refined.values)
+    h = _STEP * (scale.x(float(refined.values[-1])) - scale.x(float(refined.values[0]))) * scale.slope(value)
     high, low = (refined.model.basis.pencil(value + s * h).apply(modes.lam, modes.right) for s in (0.5, -0.5))
     assert modes.left is not None
     return np.asarray(np.einsum("ij,ij->j", modes.left.conj(), high - low) / h)

@@ -8,9 +8,10 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from ..sweep.onset import Onset
-from .bars import EXTRAPOLATED, SMALLEST
-from .estimate import COMPARED, pair_onsets
+from .bars import EXTRAPOLATED, onset_scale
+from .estimate import COMPARED
 from .measure import Measurement
+from .onset_pairs import pair_onsets
 
 # The cost of taking two modes for the same is (1 − MAC) + x/(1 + x), x = |λ₁ − λ₂| / (_FREQUENCY |λ₁|). Both summands
 # are between 0 and 1; from a cost of _NO_MATCH on they are different modes.
@@ -161,13 +162,12 @@ def _growth_error(m: Measurement, k: int, reference: Reference, limit: float) ->
 
 def _onset_error(m: Measurement, reference: Reference, same: dict[int, int], limit: float) -> float:
     true, found = (_onsets(o) for o in (reference.onsets, m.onsets))
-    paired = pair_onsets(true, found, same, reference.width)
+    paired = pair_onsets(true, found, same, m.values)
     errors = []
     for onset, j in zip(true, paired, strict=True):
         if 2 * np.pi * onset.frequency_hz > limit:
             continue
-        scale = max(abs(onset.value), SMALLEST * reference.width)
-        errors.append(abs(found[j].value - onset.value) / scale if j is not None else 1.0)
+        errors.append(abs(found[j].value - onset.value) / onset_scale(onset.value, m.values) if j is not None else 1.0)
     return max(errors, default=np.nan)
 
 

@@ -39,6 +39,9 @@ _NEAR = 1e-6  # of |λ|: the error up to which modes on the mesh itself come fro
 _BASIS = 10  # vectors in the coarse basis for each mode, where the sweep has made no basis yet
 
 
+ABOVE = 1.02  # times the highest frequency asked for: modes up to this frequency are corrected
+
+
 @dataclass(frozen=True)
 class Refined:
     """The problem of a sweep on the refined mesh, beside that on the mesh itself.
@@ -80,6 +83,11 @@ class Refined:
     metric: list[float]
     P: sp.csr_array
     solver: TwoLevelSolver
+
+    @property
+    def reach(self) -> float:
+        """Up to which |λ|, rad/s, modes of projections are taken: those of the whole sweep, and of its model."""
+        return max(self.model.highest, ABOVE * self.highest)
 
     @cached_property
     def hierarchy(self) -> Hierarchy:

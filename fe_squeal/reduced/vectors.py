@@ -88,7 +88,7 @@ def range_of(columns: np.ndarray, least: float, exact: np.ndarray) -> np.ndarray
     """
     Q = la.qr(exact, mode="economic")[0]
     U, s, _ = la.svd(columns - Q @ (Q.T @ columns), full_matrices=False)
-    return np.hstack([Q, U[:, s > least * s[0]]])
+    return np.hstack([Q, U[:, s > least * s.max(initial=0.0)]])
 
 
 def normalising(gram: np.ndarray, columns: np.ndarray, dependent: float) -> np.ndarray:

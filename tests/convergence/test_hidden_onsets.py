@@ -1,0 +1,110 @@
+"""Growth and onsets that a coarse mesh does not have, and sweeps over numbers that change the modes by orders."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import linear_sum_assignment
+
+import fe_squeal
+from fe_squeal.accuracy.discretisation import estimated_error, with_discretisation
+from fe_squeal.accuracy.estimate import refined_changes
+from fe_squeal.accuracy.onset_pairs import pair_onsets
+from fe_squeal.assembly.assembly import Assembly
+from fe_squeal.mesh import from_skfem
+from fe_squeal.mesh.groups import NodeSet
+from fe_squeal.mesh.refining import refine
+from fe_squeal.sweep.onset import Onset
+from meshes import BELT, box
+
+LINING = {"youngs_modulus": 2e9, "poisson_ratio": 0.25, "density": 2600.0}
+
+
+def problems(kind, size, springs, stiffness, mu=0.6, piston=0.3, damping=0.0):
+    """A lining on a belt, on two by one by one elements and on the same refined once."""
+    along = {"abutment": ("right", [1.0, 0.0, 0.0]), "guide": ("front", [0.0, 1.0, 0.0])}
+    scene = {
+        "mesh": {"file": "none.msh", "order": 2}, "materials": {"lining": LINING},
+        "bodies": {"block": {"material": "lining"}},
+        "springs": [{"name": "piston", "surface": "top", "direction": [piston, 0.0, 1.0], "stiffness": 2e7}]
+        + [{"name": n, "surface": s, "direction": d, "stiffness": k}
+           for (n, (s, d)), k in zip(along.items(), springs, strict=True)],
+        "contacts": [{"name": "face", "surface": "bottom", "counterface": "rigid", "normal_stiffness": stiffness,
+                      "normal_damping": damping, "sliding": BELT}],
+        "effects": {"friction": {"mu": mu}},
+    }  # fmt: skip
+    mesh = from_skfem(box(kind, (2, 1, 1), size))
+    return [Assembly(fe_squeal.parse_scene(scene), m).problem({}) for m in (mesh, refine(mesh))]
+
+
+SIZE, C4 = (0.085, 0.05, 0.02), (0.08442234, 0.04166764, 0.01443174)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "values"),
+    [("materials.lining.youngs_modulus", np.array([1e9, 2e9, 4e9])),
+     pytest.param("contacts.face.normal_stiffness", np.geomspace(1e8, 1e14, 4), marks=pytest.mark.slow)],
+)  # fmt: skip
+def test_changes_are_those_of_the_refined_mesh_where_modes_change_by_orders(parameter, values):
+    coarse, fine = problems("hex2", SIZE, (4e7, 3e7), 1e11)
+    result = fe_squeal.sweep(coarse, values, parameter, modes=12)
+    changes = refined_changes(result).modes
+    true = fe_squeal.sweep(fine, values, parameter, modes=16)
+    exact = {point.value: point.modes.lam for point in true.points}
+    for point, change in zip(result.points, changes, strict=True):
+        if point.between:
+            continue
+        known = np.flatnonzero(np.isfinite(change) & (point.modes.lam.imag < 0.8 * point.modes.lam.imag.max()))
+        refined = (point.modes.lam + change)[known]
+        apart = np.abs(refined[:, None] - exact[point.value][None, :])
+        rows, columns = linear_sum_assignment(apart)
+        assert len(known) >= 4
+        assert (apart[rows, columns] <= 0.05 * np.abs(change[known][rows]) + 1e-5 * np.abs(refined[rows])).all()
+
+
+def test_growth_that_the_extrapolated_value_alone_has_counts():
+    """The mesh has Re λ = 0 at mu = 0.25, finer ones have a mode of 6.13 kHz that grows by some 480 1/s."""
+    coarse, _ = problems("tet2", C4, (16933745.9, 68270290.6), 59649208996.2, 0.25, 0.26267716)
+    result = with_discretisation(fe_squeal.sweep(coarse, [0.25], modes=10))
+    modes = result.points[0].modes
+    hidden = np.flatnonzero((modes.stability != "unstable") & (result.points[0].extrapolated.real > 100))
+    assert len(hidden) and not (modes.stability == "unstable").any()
+    assert estimated_error(result, ["growth"]) > 0.5
+    assert any("does not grow on this mesh, and grows by" in w for w in result.warnings)
+    assert (result.points[0].discretisation.real[hidden] > 100).all()
+
+
+def test_a_mesh_held_at_single_nodes_has_no_limit_and_is_told():
+    def told(nodes):
+        mesh = box("hex2", (2, 1, 1), SIZE)
+        held = np.flatnonzero(nodes(mesh.doflocs))
+        loaded = replace(from_skfem(mesh), node_groups={"held": NodeSet(held, held)})
+        scene = {"mesh": {"file": "none.msh"}, "materials": {"lining": LINING},
+                 "bodies": {"block": {"material": "lining"}},
+                 "supports": [{"nodes": "held", "fixed": "xyz"}]}  # fmt: skip
+        problem = fe_squeal.assemble(fe_squeal.parse_scene(scene), loaded)
+        return [w for w in with_discretisation(fe_squeal.sweep(problem, [0.0], modes=2)).warnings if "no limit" in w]
+
+    assert told(lambda x: x[2] < 1e-9) == []
+    (sentence,) = told(lambda x: (x[2] < 1e-9) & (x[0] < 1e-9))
+    assert sentence.startswith("supports[0] acts on nodes that cover no face")
+
+
+def onset(value, hz=1000.0, a=1, b=2):
+    return Onset("p", value, hz, "flutter", "into", 1.0, a, b, 0.0, np.nan)
+
+
+def test_onsets_of_other_branches_are_the_same_only_if_their_shapes_are_alike():
+    values, same = np.array([0.0, 1.0]), {0: 0, 1: 1, 2: 2, 3: 3}
+    own, other = [onset(0.5)], [onset(0.52, 1010.0, 3, 4)]
+    assert pair_onsets(own, other, same, values) == [0]
+    assert pair_onsets(own, other, same, values, lambda i, j: False) == [None]
+    assert pair_onsets(own, [onset(0.52)], same, values, lambda i, j: False) == [0]
+
+
+def test_moves_of_onsets_over_decades_are_those_of_the_logarithm():
+    values = np.geomspace(1e6, 1e12, 7)
+    assert pair_onsets([onset(2e6)], [onset(3e9)], {0: 0, 1: 1}, values) == [None]
+    assert pair_onsets([onset(2e6)], [onset(3e6)], {0: 0, 1: 1}, values) == [0]
