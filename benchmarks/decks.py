@@ -45,7 +45,7 @@ def card_tables() -> str:
 
 def command_tables() -> str:
     """Return what the program does with an Ansys archive."""
-    return _tables("command", ansys.BECOMES, ansys.LEFT_OUT, "all others")
+    return _tables("command", ansys.BECOMES, ansys.LEFT_OUT, "all other commands")
 
 
 def _tables(what: str, becomes: dict[str, str], left_out: dict[str, tuple[str, Any]], silent: str) -> str:

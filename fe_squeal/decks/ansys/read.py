@@ -12,6 +12,7 @@ from ..draft import Draft, Value, Weight
 from ..units import SI, recognise
 from .contacts import write_contacts
 from .content import Content, clean, commands, is_zero, read_materials
+from .elements import list_left_over
 from .ties import write_supports, write_ties
 
 LEFT_OUT: dict[str, tuple[str, Weight]] = {
@@ -20,6 +21,8 @@ LEFT_OUT: dict[str, tuple[str, Weight]] = {
                     ("is a load that is not read; [effects.preload] takes pressures on surfaces", "changes")),
     "OMEGA": ("turns the whole model: give [effects.rotation] for the body that turns", "changes"),
     "DMPRAT": ("a constant damping ratio has no equivalent; give Rayleigh or structural damping", "changes"),
+    "TB": ("other laws than FRIC are not read: materials are linear and isotropic, with the damping of ALPD and BETD",
+           "changes"),
     "DMPSTR": ("give loss_factor of the materials and [effects.structural_damping]", "changes"),
 }  # fmt: skip
 _ZERO_IS_NOTHING = ("ACEL", "OMEGA", "DMPRAT", "DMPSTR")  # CDWRITE writes them in any case
@@ -27,13 +30,15 @@ BECOMES: dict[str, str] = {
     "NBLOCK, EBLOCK": "nodes and SOLID185, 186, 187 and 285",
     "CMBLOCK": "volume groups and node sets", "MP, MPDATA": "`[materials.material_N]`: EX, NUXY or PRXY, DENS;"
     " isotropic ones; ALPD and BETD are `rayleigh` of the bodies; MU is `mu`, and so is `TB,FRIC`",
-    "D": "`[[supports]]` of the nodes that are held alike",
+    "D": "`[[supports]]` of the nodes that are held alike; in the axes that NBLOCK turns, where they are along x, y and"
+    " z, else it is asked for",
     "CONTA173, CONTA174, TARGE170": "surfaces contact_N and target_N by real constant, and `[[contacts]]`; KEYOPT(12)"
     " rough or bonded, and MPC: tied",
     "RLBLOCK": "FKN of contacts: negative ones are `normal_stiffness`, factors are asked for with a suggestion",
     "CMROTATE, CMOMEGA": "`sliding` of the contacts on the component, which is their counterface",
     "SFE": "`[effects.preload] pressures` on surfaces pressure_N, on solids and SURF154; the mean of the corners",
-    "CERIG": "`[[rigid]]` where all translations are tied, node by node, with D and MASS21 at the reference",
+    "CERIG": "`[[rigid]]` where all translations are tied, node by node, with D and MASS21 at the reference; masses"
+    " elsewhere are left out, and told",
     "ALPHAD, BETAD": "`[effects.rayleigh]`", "MODOPT": "`[solve] modes`",
 }  # fmt: skip
 
@@ -63,10 +68,13 @@ def draft_ansys(sources: Sources, mesh_file: str) -> Draft:
         if fields[0] == "MODOPT" and len(fields) > 2 and fields[2].isdigit() and int(fields[2]):
             draft.add("solve", values={"modes": int(fields[2])})
             break
+    list_left_over(content)
     for fields, where in lines:
         said, weight = LEFT_OUT.get(fields[0], ("", "harmless"))
-        if said and not (fields[0] in _ZERO_IS_NOTHING and all(is_zero(f) for f in fields[1:])):
-            draft.find(fields[0], where, said, weight)
+        nothing = fields[0] in _ZERO_IS_NOTHING and all(is_zero(f) for f in fields[1:])
+        if said and not nothing and fields[:2] != ["TB", "FRIC"]:
+            what = ",".join(fields[:2]) if fields[0] == "TB" else fields[0]
+            draft.find(what, where, said, weight)
     return draft
 
 

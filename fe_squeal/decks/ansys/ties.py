@@ -7,6 +7,7 @@ import numpy as np
 from ...errors import MeshError
 from ...mesh.raw import rows_of
 from ...mesh.readers.ansys_faces import FIRST
+from ..directions import along_axes
 from ..draft import Value
 from .content import Content, clean, is_zero
 
@@ -47,7 +48,7 @@ def write_ties(content: Content) -> None:
         point = content.raw.points[content.masters[number]] * content.units.length
         values["reference"] = [clean(float(x)) for x in point]
         values |= masses.get(number, {})
-        if number in held:
+        if held.get(number):
             values["fixed"] = " ".join(f for f in _HELD["ALL"].split() if f in held[number])
         table = content.draft.add("rigid", is_entry=True, values=values)
         table.comments.append(f"CERIG, {places[number]}, reference node {number}")
@@ -79,7 +80,44 @@ def _held(content: Content, told: bool = False) -> dict[int, set[str]]:
             text = "a displacement that is prescribed is held; its static state is not simulated"
             content.draft.find("D", where, text)
         found.setdefault(int(fields[1]), set()).update(_HELD[fields[2]].split())
+    _turn(content, found)
     return found
+
+
+def _turn(content: Content, held: dict[int, set[str]]) -> None:
+    """Turn what is held in axes of nodes into what is held along x, y and z; ask for what is along none of these."""
+    lost = []
+    for number, angles in zip(content.archive.nnum.tolist(), content.archive.angles, strict=True):
+        if number not in held or not angles.any():
+            continue
+        axes, found = axes_of(*angles), set[str]()
+        for turn in ("", "r"):  # translations, then rotations
+            directions = along_axes(axes[[f"{turn}{c}" in held[number] for c in "xyz"]])
+            if directions is None:
+                lost.append(number)
+            found |= {f"{turn}{c}" for c in directions or ""}
+        held[number] = found
+    if lost:
+        text = (
+            f"holds {len(lost)} nodes ({lost[0]}, ...) in axes that NBLOCK turns and that are not along x, y and z:"
+            " give [[supports]]"
+        )
+        content.draft.find("D", "", text, "missing")
+
+
+def axes_of(thxy: float, thyz: float, thzx: float) -> np.ndarray:
+    """Return the axes (3, 3), a row each, that three angles in degrees turn: about z, then the new x, then the new y.
+
+    Examples
+    --------
+    >>> axes_of(90.0, 0.0, 0.0).round(12).tolist()[0]
+    [0.0, 1.0, 0.0]
+    """
+    z, x, y = np.deg2rad([thxy, thyz, thzx])
+    about_z = np.array([[np.cos(z), -np.sin(z), 0.0], [np.sin(z), np.cos(z), 0.0], [0.0, 0.0, 1.0]])
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(x), -np.sin(x)], [0.0, np.sin(x), np.cos(x)]])
+    about_y = np.array([[np.cos(y), 0.0, np.sin(y)], [0.0, 1.0, 0.0], [-np.sin(y), 0.0, np.cos(y)]])
+    return (about_z @ about_x @ about_y).T
 
 
 def _masses(content: Content) -> dict[int, dict[str, Value]]:
@@ -90,7 +128,7 @@ def _masses(content: Content) -> dict[int, dict[str, Value]]:
     """
     kinds = {int(row[0]) for row in content.archive.ekey if int(row[1]) == _MASS}
     options = {f[1]: f[3] for f, _ in content.lines if f[0].startswith("KEYOP") and len(f) > 3 and f[2] == "3"}
-    found: dict[int, dict[str, Value]] = {}
+    found: dict[int, np.ndarray] = {}
     for row in content.archive.elem:
         if int(row[1]) not in kinds:
             continue
@@ -99,11 +137,17 @@ def _masses(content: Content) -> dict[int, dict[str, Value]]:
             text = "at a node that is no reference of CERIG is left out: frequencies come out too high"
             content.draft.find("MASS21", "", text)
             continue
-        values = found.setdefault(node, {})
-        values["mass"] = clean(float(constants[0]) * content.units.mass)
-        turns = constants[3:6]
-        if options.get(str(int(row[1])), "0") == "0" and np.any(turns):
-            six = np.zeros(6)
-            six[: len(turns)] = turns * content.units.mass * content.units.length**2
-            values["inertia"] = [clean(float(v)) for v in six]
-    return found
+        constants = np.pad(constants[:6], (0, max(0, 6 - len(constants))))
+        has_turns = options.get(str(int(row[1])), "0") == "0"
+        along, turns = constants[:3], constants[3:] if has_turns else np.zeros(3)
+        if has_turns and np.ptp(along) > 0:
+            text = f"at node {node} has masses of its own along x, y and z; give mass in [[rigid]]"
+            content.draft.find("MASS21", "", text, "missing")
+            continue
+        total = found.setdefault(node, np.zeros(7))  # several masses at one node add up
+        total[0] += along[0] * content.units.mass
+        total[1:4] += turns * content.units.mass * content.units.length**2
+    return {
+        node: {"mass": clean(float(t[0]))} | ({"inertia": [clean(float(v)) for v in t[1:]]} if t[1:].any() else {})
+        for node, t in found.items()
+    }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,6 +17,9 @@ from .ansys_faces import FIRST, LABEL, contact_surfaces, pressure_surfaces
 from .sources import Sources
 
 _NODES = {185: 8, 186: 20, 187: 10, 285: 4}  # number of nodes of each kind of solid that is read
+# Elements that are no part of the mesh and lose nothing by it: masses, which `decks` reads, elements of surfaces, which
+# become groups, and MESH200, which has no stiffness.
+_WITHOUT_VOLUME = (21, 154, 170, 173, 174, 200)
 
 
 def read_archive(sources: Sources) -> Archive:
@@ -53,6 +57,16 @@ def read_ansys(sources: Sources) -> RawMesh:
 def text_of(sources: Sources) -> list[str]:
     """Return the lines of an archive."""
     return sources.lines(sources.path, 0, "an Ansys archive")
+
+
+def left_over(archive: Archive) -> dict[int, int]:
+    """Return the number of elements by their kind (14 for COMBIN14), of all kinds that the mesh has nothing of.
+
+    An element whose type the archive does not define counts under 0.
+    """
+    types = {int(row[0]): int(row[1]) for row in archive.ekey}
+    kinds = Counter(types.get(int(number), 0) for number in archive.elem[:, 1])
+    return {kind: kinds[kind] for kind in sorted(kinds) if kind not in _NODES and kind not in _WITHOUT_VOLUME}
 
 
 def mesh_of(archive: Archive, lines: Sequence[str], source: str) -> RawMesh:
@@ -96,7 +110,11 @@ def mesh_of(archive: Archive, lines: Sequence[str], source: str) -> RawMesh:
         found = rows_of(np.asarray(members), numbers)
         sets[str(name).strip()] = found[found >= 0]
     surfaces = contact_surfaces(archive, numbers) | pressure_surfaces(archive, numbers, lines, source)
-    return RawMesh(points, numbers, tuple(blocks), volumes, surfaces, sets, ignore_case=True)
+    notes = tuple(
+        f"{count} elements of kind {kind or '(none)'} are not read and no part of the mesh"
+        for kind, count in left_over(archive).items()
+    )
+    return RawMesh(points, numbers, tuple(blocks), volumes, surfaces, sets, notes=notes, ignore_case=True)
 
 
 def _undegenerate(solid: int, n: list[int]) -> tuple[str, list[int]]:

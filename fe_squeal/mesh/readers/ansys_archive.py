@@ -33,6 +33,8 @@ class Archive:
         Numbers of the nodes.
     nodes : (n, 3) float
         Coordinates of the nodes, in the file's unit of length.
+    angles : (n, 3) float
+        Angles in degrees that turn the axes of the nodes: THXY about z, then THYZ about x, then THZX about y.
     ekey : (t, 2) int
         Number and kind (185, ...) of each element type.
     elem : (e, w) int
@@ -45,6 +47,7 @@ class Archive:
 
     nnum: Ints
     nodes: Floats
+    angles: Floats
     ekey: Ints
     elem: Ints
     node_components: dict[str, Ints]
@@ -82,7 +85,8 @@ def read_apart(path: Path) -> Archive:
                 if dot:
                     parts[kind][name] = data[key]
             return Archive(
-                data["nnum"], data["nodes"], data["ekey"], data["elem"], parts["node"], parts["element"],
+                data["nnum"], data["nodes"], data["angles"], data["ekey"], data["elem"], parts["node"],
+                parts["element"],
                 {int(name): values for name, values in parts["real"].items()},
             )  # fmt: skip
 
@@ -100,6 +104,7 @@ def main() -> int:
         elem[i, : len(row)] = row
     arrays = {
         "nnum": np.asarray(archive.nnum, dtype=np.int64), "nodes": np.asarray(archive.nodes, dtype=float)[:, :3],
+        "angles": np.asarray(archive.node_angles, dtype=float).reshape(-1, 3),
         "ekey": np.asarray(archive.ekey, dtype=np.int64).reshape(-1, 2), "elem": elem,
     }  # fmt: skip
     for kind, components in (("node", archive.node_components), ("element", archive.element_components)):

@@ -1,0 +1,50 @@
+"""Elements of an archive that become nothing in the scene: listed by their type, with what that means."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...mesh.readers.ansys import left_over
+from ..draft import Weight
+from .content import Content
+
+_ANOTHER = "without which the structure is another one"
+_SPRINGS = f"springs, dampers or links, {_ANOTHER}; give [[springs]]"
+_MATRICES = f"matrices of the user, {_ANOTHER}"
+_TIES = f"ties between parts, {_ANOTHER}; give [[rigid]], [[averaged]] or [[contacts]]"
+_SOLIDS = "write them as SOLID185, SOLID186, SOLID187 or SOLID285"
+_NO_SOLIDS = "no solids, which are left out with their stiffness and mass"
+_UNKNOWN = "a type that is not known here; without it the structure may be another one"
+# Families of elements with their numbers (Ansys element reference), and what leaving them out means.
+_FAMILIES: tuple[tuple[str, tuple[int, ...], str, Weight], ...] = (
+    ("COMBIN", (7, 14, 37, 39, 40), _SPRINGS, "missing"), ("COMBI", (165, 214), _SPRINGS, "missing"),
+    ("LINK", (1, 8, 10, 11, 160, 167, 180), _SPRINGS, "missing"), ("CABLE", (280,), _SPRINGS, "missing"),
+    ("MATRIX", (27, 50), _MATRICES, "missing"), ("USER", (300,), _MATRICES, "missing"),
+    ("MPC", (184,), _TIES, "missing"), ("PRETS", (179,), _TIES, "missing"), ("TARGE", (169,), _TIES, "missing"),
+    ("CONTA", (171, 172, 175, 176, 177, 178), _TIES, "missing"), ("CONTAC", (12, 26, 48, 49, 52), _TIES, "missing"),
+    ("INTER", (192, 193, 194, 195, 202, 203, 204, 205), _TIES, "missing"),
+    ("SOLID", (5, 45, 46, 62, 64, 65, 72, 73, 92, 95, 98, 147, 148, 164, 168, 191, 226, 227, 272, 273), _SOLIDS,
+     "missing"),
+    ("SOLSH", (190,), _SOLIDS, "missing"),
+    ("SHELL", (28, 41, 43, 51, 61, 63, 91, 93, 99, 143, 150, 163, 181, 208, 209, 281), _NO_SOLIDS, "changes"),
+    ("BEAM", (3, 4, 23, 24, 44, 54, 161, 188, 189), _NO_SOLIDS, "changes"),
+    ("PIPE", (16, 17, 18, 20, 59, 60, 288, 289), _NO_SOLIDS, "changes"), ("ELBOW", (290,), _NO_SOLIDS, "changes"),
+    ("REINF", (263, 264, 265), _NO_SOLIDS, "changes"), ("SURF", (153, 155, 156), _NO_SOLIDS, "changes"),
+)  # fmt: skip
+_SURFACE_LOAD = 154
+_FOUNDATION, _AREA_MASS = 3, 5  # places among the real constants of SURF154
+
+
+def list_left_over(content: Content) -> None:
+    """List the elements that become nothing in the scene, once for each type, with their number."""
+    for kind, number in left_over(content.archive).items():
+        found = next((family for family in _FAMILIES if kind in family[1]), None)
+        name, text = (f"{found[0]}{kind}", found[2]) if found else (f"element type {kind}", _UNKNOWN)
+        many = f"{number} elements are" if number > 1 else "1 element is"
+        content.draft.find(name, "", f"{many} not read: {text}", found[3] if found else "missing")
+    loads = {int(row[0]) for row in content.archive.ekey if int(row[1]) == _SURFACE_LOAD}
+    for real in sorted({int(row[2]) for row in content.archive.elem if int(row[1]) in loads}):
+        constants = content.archive.reals.get(real, np.zeros(0))
+        if np.any(constants[_FOUNDATION : _FOUNDATION + 1]) or np.any(constants[_AREA_MASS : _AREA_MASS + 1]):
+            text = f"the foundation stiffness and the mass per area of its real constants {real} are left out"
+            content.draft.find("SURF154", "", text)

@@ -1,0 +1,108 @@
+"""What an Ansys archive has besides solids, and axes that it turns: taken over or listed, never passed over."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fe_squeal.decks.ansys.ties import axes_of
+from fe_squeal.decks.directions import along_axes
+from fe_squeal.decks.scene import draft_of
+from fe_squeal.mesh import load_mesh
+
+mapdl_archive = pytest.importorskip("mapdl_archive")
+HEX = Path(mapdl_archive.__file__).parent / "examples" / "HexBeam.cdb"
+
+
+def beam(tmp_path, elements=(), commands=(), angles=(), constants=()):
+    """Write the beam with further elements (kind, real constant, nodes), commands, and angles of its first node."""
+    lines = HEX.read_text().split("\n")
+    first = next(i for i, line in enumerate(lines) if line.startswith("EBLOCK"))
+    last = next(i for i in range(first, len(lines)) if lines[i].strip() == "-1")
+    rows = [
+        "".join(f"{n:10d}" for n in (1, 100 + i, real, 1, 0, 0, 0, 0, len(nodes), 0, 901 + i, *nodes))
+        for i, (_, real, nodes) in enumerate(elements)
+    ]
+    lines[last:last] = rows
+    lines[first] = f"EBLOCK,19,SOLID,{901 + len(rows):10d},{last - first - 2 + len(rows):10d}"
+    block = next(i for i, line in enumerate(lines) if line.startswith("NBLOCK"))
+    if angles:
+        lines[block + 2] = "".join(f"{n:9d}" for n in (1, 0, 0)) + "".join(f"{v:21.13E}" for v in (0, 0, 0, *angles))
+    types = next(i for i, line in enumerate(lines) if line.startswith("ET,"))
+    lines[types + 1 : types + 1] = [f"ET,{100 + i},{kind}" for i, (kind, _, _) in enumerate(elements)]
+    materials = next(i for i, line in enumerate(lines) if line.startswith("MPDATA"))
+    lines[materials:materials] = [*constants, *commands]
+    (tmp_path / "beam.cdb").write_text("\n".join(lines))
+    return tmp_path / "beam.cdb"
+
+
+OTHERS = {14: ("COMBIN14", 2, "missing"), 27: ("MATRIX27", 2, "missing"), 184: ("MPC184", 2, "missing"),
+          180: ("LINK180", 2, "missing"), 45: ("SOLID45", 8, "missing"), 175: ("CONTA175", 1, "missing"),
+          999: ("element type 999", 2, "missing"), 181: ("SHELL181", 4, "changes"),
+          188: ("BEAM188", 2, "changes")}  # fmt: skip
+
+
+def test_other_elements_are_listed(tmp_path):
+    """Each type once with the number of its elements; reading the mesh alone notes them too."""
+    path = beam(tmp_path, [(kind, 5, range(1, nodes + 1)) for kind, (_, nodes, _) in OTHERS.items() for _ in "12"])
+    found = draft_of(path).findings
+    assert {f.what: f.weight for f in found} == {what: weight for what, _, weight in OTHERS.values()}
+    assert all(f.text.startswith("2 elements are not read: ") for f in found)
+    assert len(load_mesh(path).notes) == len(OTHERS)
+
+
+def test_elements_that_lose_nothing_are_not_listed(tmp_path):
+    draft = draft_of(beam(tmp_path, [(200, 5, range(1, 5)), (170, 5, [1])]))
+    assert not draft.findings
+
+
+@pytest.mark.parametrize(("angles", "held", "fixed"), [
+    ((90.0, 0.0, 0.0), ["UX"], "y"), ((30.0, 0.0, 0.0), ["UX", "UY"], "xy"),
+    *(pytest.param(*case, marks=pytest.mark.slow) for case in (
+        ((0.0, 90.0, 0.0), ["UY"], "z"), ((0.0, 0.0, 90.0), ["UX"], "z"), ((90.0, 90.0, 0.0), ["UZ"], "x"),
+        ((30.0, 20.0, 10.0), ["ALL"], "xyz"))),
+])  # fmt: skip
+def test_nodes_are_held_in_their_own_axes(tmp_path, angles, held, fixed):
+    draft = draft_of(beam(tmp_path, commands=[f"D,1,{freedom},0.,0." for freedom in held], angles=angles))
+    (support,) = [table for table in draft.tables if table.path == ("supports",)]
+    assert support.values == {"nodes": "1", "fixed": fixed} and not draft.findings
+
+
+def test_oblique_axes_are_asked_for(tmp_path):
+    draft = draft_of(beam(tmp_path, commands=["D,1,UX,0.,0."], angles=(30.0, 0.0, 0.0)))
+    assert "D: holds 1 nodes (1, ...) in axes that NBLOCK turns" in draft.missing[0]
+
+
+def test_three_angles_turn_about_z_then_x_then_y():
+    """The third turn is about the axis y that the first two have turned."""
+    axes = axes_of(20.0, 30.0, 40.0)
+    before = axes_of(20.0, 30.0, 0.0)
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(axes[1], before[1], atol=1e-15)
+    np.testing.assert_allclose(axes[2], np.cos(np.deg2rad(40)) * before[2] + np.sin(np.deg2rad(40)) * before[0])
+    assert along_axes(axes) == "xyz" and along_axes(axes[:2]) is None
+
+
+def test_laws_are_listed(tmp_path):
+    laws = [f"TB,{law},1,1,1\nTBDATA,1,0.02" for law in ("SDAMP", "FRIC", "BISO")]
+    draft = draft_of(beam(tmp_path, commands=laws))
+    assert [(f.what, f.weight) for f in draft.findings] == [("TB,SDAMP", "changes"), ("TB,BISO", "changes")]
+
+
+def constants(*rows):
+    lines = ["RLBLOCK,       2,       9,       6,       7", "(2i8,6g16.9)", "(7g16.9)"]
+    return lines + [f"{i:8d}{6:8d}" + "".join(f"{v:16.8E}" for v in row) for i, row in rows]
+
+
+def test_masses_of_one_node_add_up(tmp_path):
+    """Two MASS21 at the reference of CERIG; one with other masses along y and z is asked for."""
+    ties = ["CERIG,1,30,ALL"]
+    masses = [(21, 8, [1]), (21, 9, [1])]
+    rows = (8, (1.0, 1.0, 1.0, 0.1, 0.2, 0.3)), (9, (2.0, 2.0, 2.0, 0.1, 0.0, 0.0))
+    draft = draft_of(beam(tmp_path, masses, ties, constants=constants(*rows)))
+    (rigid,) = [table for table in draft.tables if table.path == ("rigid",)]
+    assert rigid.values["mass"] == 3.0 and rigid.values["inertia"] == pytest.approx([0.2, 0.2, 0.3, 0, 0, 0])
+    draft = draft_of(beam(tmp_path, masses, ties, constants=constants(rows[0], (9, (2.0, 0.0, 2.0, 0, 0, 0)))))
+    assert "MASS21: at node 1 has masses of its own" in draft.missing[0]
