@@ -14,7 +14,12 @@ from .holding import _number
 from .materials import clean
 
 _STIFF = {"contact": 10.0, "tie": 100.0}  # times E/h of the softer side: stiff beside an element of size h
-_MU_TO = 1.0  # how far a sweep that the deck does not ask for goes, times the deck's mu
+# What stands under *Surface Interaction; any other keyword ends it, so that *Friction of a connector is not its own.
+INTERACTION_SUBOPTIONS = {
+    "FRICTION", "SURFACE BEHAVIOR", "CONTACT DAMPING", "COHESIVE BEHAVIOR", "DAMAGE INITIATION", "DAMAGE EVOLUTION",
+    "DAMAGE STABILIZATION", "FRACTURE CRITERION", "GAP CONDUCTANCE", "GAP RADIATION", "GAP HEAT GENERATION",
+    "GAP ELECTRICAL CONDUCTANCE", "GAP FLOW",
+}  # fmt: skip
 
 
 def read_interaction(content: Content, statement: Statement) -> None:
@@ -43,6 +48,9 @@ def read_friction(content: Content, statement: Statement) -> None:
         content.draft.find("*Friction", where, text)
     row = content.first(block)
     interaction.mu = float(row[0] or 0.0) if row else 0.0
+    if "ANISOTROPIC" in block.parameters and len(row) > 1 and row[1] != row[0]:
+        text = f"mu = {interaction.mu:g} along the first of two directions is taken for both; the other has {row[1]:g}"
+        content.draft.find("*Friction, ANISOTROPIC", where, text)
     if len(block.lines) > 1:
         text = (
             f"depends on slip rate, pressure or temperature; mu = {interaction.mu:g} of the first row is taken, and"
@@ -60,6 +68,7 @@ def read_behaviour(content: Content, statement: Statement) -> None:
     kind = block.value("PRESSURE-OVERCLOSURE").upper() or "HARD"
     rows = [content.floats(block, line) for line in block.lines]
     interaction.behaviour_where = content.where(statement)
+    interaction.no_separation = "NO SEPARATION" in block.parameters
     if kind == "LINEAR" and rows and rows[0]:
         interaction.stiffness = float(rows[0][0] or 0.0)
     elif kind == "TIED" and rows and rows[0]:
@@ -76,17 +85,19 @@ def read_behaviour(content: Content, statement: Statement) -> None:
 
 
 def read_pair(content: Content, statement: Statement) -> None:
-    """Take *Contact Pair or *Tie: one on each data line."""
-    block = statement.block
-    pairs = content.ties if block.keyword == "TIE" else content.pairs
+    """Take *Contact Pair, which ties if it is TIED, or *Tie: one on each data line."""
+    block, keyword = statement.block, f"*{spoken(statement.block.keyword)}"
+    if "TIED" in block.parameters:
+        keyword += ", TIED"
+    pairs = content.pairs if keyword == "*Contact Pair" else content.ties
     for line in block.lines:
         names = [part for part in fields(line) if part]
         if len(names) < 2:
             text = "self contact is not simulated" if names else "names no surfaces"
-            content.draft.find(f"*{spoken(block.keyword)}", content.where(statement), text, "missing")
+            content.draft.find(keyword, content.where(statement), text, "missing")
             continue
         where = content.where(statement)
-        pairs.append(Pair(names[0], names[1], block.value("INTERACTION"), block.value("NAME"), where))
+        pairs.append(Pair(names[0], names[1], block.value("INTERACTION"), block.value("NAME"), where, keyword))
 
 
 def read_motion(content: Content, statement: Statement) -> None:
@@ -110,11 +121,9 @@ def write_contacts(content: Content) -> float | None:
         table = _named(content, pair, names, taken)
         stiffness = clean(_suggested(content, names, "tie") * _area_unit(content))
         table.values |= {"kind": "tied", "normal_stiffness": stiffness}
-        table.comments.append(
-            f"*Tie, {pair.where}: stiff springs of {_STIFF['tie']:g} E/h of the softer side; compare with ten times"
-            " as much"
-        )
-        content.draft.find("*Tie", pair.where, "is exact there, and here a tied contact of finite stiffness")
+        how = f"stiff springs of {_STIFF['tie']:g} E/h of the softer side; compare with ten times as much"
+        table.comments.append(f"{pair.keyword}, {pair.where}: {how}")
+        content.draft.find(pair.keyword, pair.where, "is exact there, and here a tied contact of finite stiffness")
     return mu
 
 

@@ -47,18 +47,20 @@ class Interaction:
     stiffness: float | None = None
     behaviour: str = "hard contact"
     behaviour_where: str = ""
+    no_separation: bool = False
     hint: float | None = None  # a stiffness of the same dimension that the deck speaks of
 
 
 @dataclass(frozen=True)
 class Pair:
-    """One contact pair or tie: its surfaces as the deck writes them."""
+    """One contact pair or tie, by its keyword: its surfaces as the deck writes them."""
 
     first: str
     second: str
     interaction: str
     name: str
     where: str
+    keyword: str = "*Contact Pair"
 
 
 @dataclass

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from ...mesh.readers.abaqus.model import Statement
 from ..draft import Weight
 from .contacts import (
+    INTERACTION_SUBOPTIONS,
     read_behaviour,
     read_change_friction,
     read_friction,
@@ -64,15 +65,16 @@ BECOMES: dict[str, str] = {
     "*Transform": "axes of `*Boundary`, where what it holds is along x, y and z; else it is asked for",
     "*Spring, *Dashpot": "`[[springs]]` of SPRING1, SPRING2, SPRINGA and DASHPOT1, 2, A; between a solid and a node"
     " that is held: to ground",
-    "*Contact Pair": "`[[contacts]]`; the side that `*Motion` moves is the counterface, whichever is slave",
+    "*Contact Pair": "`[[contacts]]`; the side that `*Motion` moves is the counterface, whichever is slave;"
+    " `TIED`: as `*Tie`",
     "*Contact Inclusions, *Contact Property Assignment": "`[[contacts]]` of the pairs that are named; of all others"
     " that touch they are asked for",
     "*Surface Interaction": "for its pairs",
     "*Friction": "`mu` of the first row; the largest is `[effects.friction] mu`, others are `friction_ratio`;"
-    " `ROUGH`: tied",
+    " `ROUGH`: tied; `ANISOTROPIC`: the first of the two, and told",
     "*Change Friction": "the last `*Friction` counts",
     "*Surface Behavior": "`PRESSURE-OVERCLOSURE=LINEAR`: `normal_stiffness`; of other kinds it is asked for, with a"
-    " suggestion",
+    " suggestion; `NO SEPARATION` of all contacts: `lift_off = false` of a preload",
     "*Tie": "a contact of `kind = \"tied\"` with 100 E/h of the softer side",
     "*Coupling, *Kinematic, *Kinematic Coupling": "`[[rigid]]`, with what acts on the reference node: `*Boundary`,"
     " springs, `*Mass`, `*Rotary Inertia`",
@@ -137,6 +139,8 @@ def read_statement(content: Content, statement: Statement) -> None:
     word = statement.block.keyword
     if word not in SUBOPTIONS:
         content.substance = None
+    if word not in INTERACTION_SUBOPTIONS:
+        content.interaction = None
     if word in HANDLERS:
         HANDLERS[word](content, statement)
         return

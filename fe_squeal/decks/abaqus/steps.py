@@ -8,7 +8,7 @@ from ...mesh.measures import area_of
 from ...mesh.readers.abaqus.loads import loaded_faces
 from ...mesh.readers.abaqus.model import Statement
 from ...mesh.readers.abaqus.text import is_label
-from ..draft import Value
+from ..draft import Table, Value
 from .content import Content, Procedure, fields, spoken
 from .holding import _check, _number
 from .materials import clean
@@ -133,6 +133,7 @@ def write_effects(content: Content, mu: float | None) -> None:
         table.comments.append("*Dsload: Pa, against the outward normal, in the steps before the frequencies")
         if content.large_displacements:
             table.comments.append("NLGEOM: for the stiffness of the static stress add [effects.stress_stiffening]")
+        _keep_closed(content, table)
     if procedure.damping and mu:
         table = draft.add("effects", "friction_damping")
         table.comments.append(f"*Complex Frequency, FRICTION DAMPING=YES, {procedure.where}")
@@ -144,6 +145,20 @@ def write_effects(content: Content, mu: float | None) -> None:
             values["reference_frequency_hz"] = clean(procedure.evaluated_at / units.time)
         table = draft.add("effects", "structural_damping", values=values)
         table.comments.append("*Damping, STRUCTURAL: loss_factor above")
+
+
+def _keep_closed(content: Content, preload: Table) -> None:
+    """Let no contact of a preload open where all have *Surface Behavior, NO SEPARATION; say so where only some have."""
+    interactions = [i for p in content.pairs if (i := content.interactions.get(p.interaction.upper()))]
+    closed = [i for i in interactions if i.no_separation]
+    if not closed:
+        return
+    if len(closed) == len(interactions):
+        preload.values["lift_off"] = False
+        preload.notes["lift_off"] = f"NO SEPARATION, {closed[0].behaviour_where}"
+    else:
+        text = "its contacts stay closed there, others may open; here lift_off is of all contacts, so that all may open"
+        content.draft.find("*Surface Behavior, NO SEPARATION", closed[0].behaviour_where, text)
 
 
 def _pressures(content: Content) -> dict[str, Value]:
