@@ -10,7 +10,7 @@ from ...mesh.readers.abaqus.model import Statement
 from ..draft import Table, Value, plain_name
 from .content import Content, Interaction, Pair, fields, spoken
 from .general import add_general_pairs
-from .holding import _number
+from .holding import number_of
 from .materials import clean
 
 _STIFF = {"contact": 10.0, "tie": 100.0}  # times E/h of the softer side: stiff beside an element of size h
@@ -239,7 +239,7 @@ def _moving(content: Content) -> list[tuple[set[str], dict[str, Value]]]:
         lines: dict[str, list[list[float]]] = {}
         for line in block.lines:
             parts = fields(line)
-            numbers = [_number(content, statement, p) if p else 0.0 for p in parts[1:]]
+            numbers = [number_of(content, statement, p) if p else 0.0 for p in parts[1:]]
             lines.setdefault(parts[0], []).append(numbers)
         for text, rows in lines.items():
             nodes = content.rows((text, statement.scope))

@@ -13,6 +13,7 @@ import numpy as np
 from ...errors import MeshError
 from ...mesh import LoadedMesh
 from ...mesh.raw import RawMesh
+from ...mesh.readers.abaqus.assembly import moved
 from ...mesh.readers.abaqus.model import DeckModel, Statement
 from ...mesh.readers.abaqus.sets import ModelSets
 from ...mesh.readers.abaqus.text import KeywordBlock, unquoted
@@ -92,6 +93,8 @@ class TieData:
         Those of the freedoms 1 to 3 that follow the members (*Equation); None if all of them do.
     place : (3,) array, optional
         Where the reference counts, if not at its node.
+    radius : float, optional
+        Nodes farther from the reference are not tied.
     """
 
     name: str
@@ -102,6 +105,7 @@ class TieData:
     springs: list[dict[str, Value]] = field(default_factory=list)
     freedoms: set[int] | None = None
     place: np.ndarray | None = None
+    radius: float | None = None
 
 
 @dataclass
@@ -117,7 +121,7 @@ class Content:
     units: Units = SI
     substances: dict[str, Substance] = field(default_factory=dict)
     sections: list[Statement] = field(default_factory=list)
-    orientations: dict[str, Statement] = field(default_factory=dict)
+    orientations: dict[Reference, Statement] = field(default_factory=dict)
     held: dict[Reference, dict[int, str]] = field(default_factory=dict)  # freedoms 1 to 6, where each is held
     springs: list[Statement] = field(default_factory=list)
     transforms: list[Statement] = field(default_factory=list)
@@ -163,12 +167,20 @@ class Content:
         """Return the numbers of the first data line, none where there is no data."""
         return self.floats(block, block.lines[0]) if block.lines else []
 
+    def placements(self, scope: str) -> list[str]:
+        """Return the keys of the instances that a scope means: itself, or all of a part; "" for the assembly."""
+        return [key for key, p in self.assembly.instances.items() if scope in (key, p.part)] if scope else [""]
+
     def homes(self, scope: str) -> list[str]:
         """Return what may stand in front of a name that is used in a scope: nothing, or each of its instances."""
-        if not scope:
-            return [""]
-        placed = self.assembly.instances
-        return [f"{p.name}." for key, p in placed.items() if scope in (key, p.part)] or [""]
+        return [f"{self.assembly.instances[key].name}." if key else "" for key in self.placements(scope)] or [""]
+
+    def turned(self, directions: np.ndarray, key: str) -> np.ndarray:
+        """Return directions (n, 3) turned with the instance of a key; those of the assembly ("") as they are."""
+        instance = self.model.instances.get(key)
+        if instance is None:
+            return directions
+        return moved(directions, instance.place) - moved(np.zeros((1, 3)), instance.place)
 
     def rows(self, reference: Reference) -> np.ndarray:
         """Return the nodes that a reference means, rows of the raw mesh.

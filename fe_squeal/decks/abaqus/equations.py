@@ -6,7 +6,7 @@ import numpy as np
 
 from ...mesh.readers.abaqus.model import Statement
 from .content import Content, Reference, TieData, fields
-from .holding import _number
+from .holding import number_of
 
 _APART = "ties freedoms in a way that is not read: without it the structure is another one"
 _EVEN = 1e-3  # decks round their weights to a few digits
@@ -50,11 +50,11 @@ def _equations(content: Content, statement: Statement) -> list[list[Term]]:
     for line in statement.block.lines:
         parts = [part for part in fields(line) if part]
         if not left:
-            left = int(_number(content, statement, parts[0])) if parts else 0
+            left = int(number_of(content, statement, parts[0])) if parts else 0
             found += [[]] if left > 0 else []
             continue
         for i in range(0, len(parts) - 2, 3):
-            freedom, coefficient = (_number(content, statement, text) for text in parts[i + 1 : i + 3])
+            freedom, coefficient = (number_of(content, statement, text) for text in parts[i + 1 : i + 3])
             found[-1].append((parts[i], int(freedom), coefficient))
             left -= 1
     return [terms for terms in found if terms]

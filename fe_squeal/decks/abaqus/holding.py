@@ -10,15 +10,20 @@ import numpy as np
 from ...errors import MeshError
 from ...mesh.readers.abaqus.model import Links, Statement
 from ...mesh.readers.abaqus.text import is_label
+from ..directions import along_axes, held_projector
 from ..draft import Value, plain_name
 from .content import Content, Reference, fields, real, short, spoken
-from .materials import clean, local_axes
-from .transforms import held_directions
+from .links import links_of, links_under
+from .materials import clean
+from .orientations import local_axes
+from .transforms import axes_at, held_directions
 
 _NAMED = {
     "ENCASTRE": (1, 2, 3, 4, 5, 6), "PINNED": (1, 2, 3), "XSYMM": (1, 5, 6), "YSYMM": (2, 4, 6), "ZSYMM": (3, 4, 5),
     "XASYMM": (2, 3, 4), "YASYMM": (1, 3, 5), "ZASYMM": (1, 2, 6), "NOWARP": (), "NOOVAL": (), "NODEFORM": (),
 }  # fmt: skip
+_KINDS = ("SPRING", "DASHPOT")
+_HELD = 1e-9  # length of what a unit vector has besides the directions that are held
 _COINCIDENT = 1e-9  # part of the model's size: two nodes nearer to each other than this have no direction between them
 
 
@@ -38,7 +43,7 @@ def read_boundary(content: Content, statement: Statement) -> None:
         if not freedoms:
             continue
         _check(content, statement, reference)
-        value = _number(content, statement, parts[3]) if len(parts) > 3 and parts[3] else 0.0
+        value = number_of(content, statement, parts[3]) if len(parts) > 3 and parts[3] else 0.0
         if value:
             text = "a displacement that is prescribed is held; what it does to the static state is not simulated"
             content.draft.find("*Boundary", where, text)
@@ -60,8 +65,8 @@ def _freedoms(content: Content, statement: Statement, parts: list[str]) -> tuple
             f'{content.source}: {statement.block.where}: *Boundary: "{statement.block.shown(parts[1])}" is no degree of'
             f" freedom; expected a number, or one of {', '.join(_NAMED)}"
         )
-    first = int(_number(content, statement, parts[1]))
-    last = int(_number(content, statement, parts[2])) if len(parts) > 2 and parts[2] else first
+    first = int(number_of(content, statement, parts[1]))
+    last = int(number_of(content, statement, parts[2])) if len(parts) > 2 and parts[2] else first
     if first > 6 or first == last == 0:
         return ()  # temperatures, mass flows and the like
     if not 1 <= first <= last:
@@ -72,7 +77,14 @@ def _freedoms(content: Content, statement: Statement, parts: list[str]) -> tuple
     return tuple(range(first, min(last, 6) + 1))
 
 
-def _number(content: Content, statement: Statement, text: str) -> float:
+def number_of(content: Content, statement: Statement, text: str) -> float:
+    """Return the number of a field or parameter of a statement.
+
+    Raises
+    ------
+    MeshError
+        It is none.
+    """
     try:
         return real(text)
     except ValueError:
@@ -138,17 +150,18 @@ def write_springs(content: Content, points: Mapping[int, list[dict[str, Value]]]
     MeshError
         A *Spring or *Dashpot of the deck is wrong.
     """
-    links = [(scope, link) for scope, link in links_of(content) if link.kind.startswith(("SPRING", "DASHPOT"))]
-    given = {s.block.value("ELSET").upper() for s in content.springs}
-    for _, link in links:
-        if link.elset.upper() not in given:
+    given = {(key, id(link)) for statement in content.springs for key, link in links_under(content, statement)}
+    for key, link in links_of(content):
+        if link.kind.startswith(_KINDS) and (key, id(link)) not in given:
             text = f"elements of type {link.kind} without a *Spring or *Dashpot for their set have no stiffness"
             content.draft.find(f"*Element, TYPE={link.kind}", short(link.where, content.source), text)
     taken: list[str] = []
     for statement in content.springs:
         block, elset = statement.block, statement.block.value("ELSET")
         keyword, where = spoken(block.keyword), content.where(statement)
-        mine = [(scope, link) for scope, link in links if link.elset.upper() == elset.upper()]
+        mine = [(key, link) for key, link in links_under(content, statement) if link.kind.startswith(_KINDS)]
+        if not mine and not content.placements(statement.scope):
+            continue  # of a part that stands nowhere
         if not mine:
             text = f'its element set "{elset}" has no elements of type SPRING1, SPRING2, SPRINGA or DASHPOT...'
             content.draft.find(f"*{keyword}", where, text, "missing")
@@ -170,20 +183,14 @@ def write_springs(content: Content, points: Mapping[int, list[dict[str, Value]]]
             content.draft.find(f"*{keyword}", where, "depends on temperature or frequency; the first row is taken")
         size = float(rows[needed - 1][0] or 0.0)
         freedoms = [int(v or 0) for v in rows[0]] if needed == 2 else []
-        orientation = block.value("ORIENTATION").upper()
-        axes: np.ndarray | None = np.eye(3)
-        if orientation:
-            if orientation not in content.orientations:
-                raise MeshError(f'{content.source}: {block.where}: no *Orientation "{orientation}" in the deck')
-            axes = local_axes(content, content.orientations[orientation])
-        if axes is None:
-            continue
-        for scope, link in mine:
-            _write_links(content, statement, scope, link, freedoms, size, axes, taken, points)
+        for key, link in mine:
+            axes = local_axes(content, statement, key)
+            if axes is not None:
+                _write_links(content, statement, key, link, freedoms, size, axes, taken, points)
 
 
 def _write_links(
-    content: Content, statement: Statement, scope: str, link: Links, freedoms: list[int], size: float,
+    content: Content, statement: Statement, instance: str, link: Links, freedoms: list[int], size: float,
     axes: np.ndarray, taken: list[str], points: Mapping[int, list[dict[str, Value]]],
 ) -> None:  # fmt: skip
     """Write the springs of one block of elements: those alike that act on single nodes together."""
@@ -201,7 +208,7 @@ def _write_links(
     ground: dict[tuple[float, ...], list[str]] = {}
     between: list[tuple[str, str, list[float]]] = []
     for label, nodes in zip(link.labels, link.nodes, strict=True):
-        ends = [content.rows((node, scope)) for node in nodes]
+        ends = [content.rows((node, instance)) for node in nodes]
         if len(ends) != (1 if link.kind[-1] == "1" else 2) or any(len(end) != 1 for end in ends):
             raise MeshError(f"{content.source}: {link.where}: element {label} of type {link.kind} has wrong nodes")
         rows = [int(end[0]) for end in ends]
@@ -268,18 +275,27 @@ def _by_count(names: list[str]) -> list[tuple[list[str], int]]:
 
 
 def _is_ground(content: Content, row: int, direction: np.ndarray) -> bool:
-    """Whether supports hold a node that no solid has, along a direction."""
-    held = held_at(content, row)
-    return all(i + 1 in held for i in np.flatnonzero(np.abs(direction) > 1e-12))
+    """Whether supports hold a node that no solid has, along a direction (3,)."""
+    along, _ = _held(content, row)
+    return bool(np.linalg.norm(direction - along @ direction) <= _HELD)
 
 
 def held_at(content: Content, row: int) -> set[int]:
-    """Return the freedoms, 1 to 6, that *Boundary holds at a node."""
-    return {f for reference, freedoms in content.held.items() if row in content.rows(reference) for f in freedoms}
+    """Return the freedoms, 1 to 6 along and about x, y and z, that *Boundary holds at a node; others are asked for."""
+    found = set[int]()
+    for first, projector in zip((1, 4), _held(content, row), strict=True):
+        directions = along_axes(projector)
+        if directions is None:
+            name = content.raw.node_name(row)
+            text = f"holds node {name} in axes of *Transform that are not along x, y and z: give fixed in [[rigid]]"
+            content.draft.find("*Boundary", "", text, "missing")
+        found |= {first + "xyz".index(c) for c in directions or ""}
+    return found
 
 
-def links_of(content: Content) -> list[tuple[str, Links]]:
-    """Return the springs, dampers and masses of a deck, each with the key of its part or instance ("" for neither)."""
-    model = content.model
-    scopes = [("", model.assembly), *model.parts.items(), *((k, item.scope) for k, item in model.instances.items())]
-    return [(key, link) for key, scope in scopes for link in scope.links]
+def _held(content: Content, row: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the projectors (3, 3) onto the directions along which *Boundary holds a node, and about which it does."""
+    freedoms = {f for reference, held in content.held.items() if row in content.rows(reference) for f in held}
+    (axes,) = axes_at(content, np.array([row]))
+    along, about = ([f in freedoms for f in wanted] for wanted in ((1, 2, 3), (4, 5, 6)))
+    return held_projector(axes, along), held_projector(axes, about)

@@ -19,9 +19,11 @@ from .content import Content
 from .equations import read_equation
 from .general import read_assignment, read_inclusions
 from .holding import read_boundary, read_spring
+from .masses import read_mass
 from .materials import SUBOPTIONS, read_material, read_suboption
+from .orientations import read_orientation
 from .steps import end_step, read_face_load, read_force, read_frequency, read_step, read_surface_load
-from .ties import read_coupling, read_kind, read_mass, read_mpc, read_old_coupling, read_rigid_body
+from .ties import read_coupling, read_kind, read_mpc, read_old_coupling, read_rigid_body
 from .transforms import read_transform
 
 
@@ -32,13 +34,9 @@ def _keep(name: str) -> Callable[[Content, Statement], None]:
     return read
 
 
-def _orientation(content: Content, statement: Statement) -> None:
-    content.orientations[statement.block.value("NAME").upper()] = statement
-
-
 HANDLERS: dict[str, Callable[[Content, Statement], None]] = {
     "MATERIAL": read_material, **dict.fromkeys(SUBOPTIONS, read_suboption),
-    "SOLID SECTION": _keep("sections"), "ORIENTATION": _orientation,
+    "SOLID SECTION": _keep("sections"), "ORIENTATION": read_orientation,
     "BOUNDARY": read_boundary, "TRANSFORM": read_transform, "SPRING": read_spring, "DASHPOT": read_spring,
     "SURFACE INTERACTION": read_interaction, "CHANGE FRICTION": read_change_friction, "FRICTION": read_friction,
     "SURFACE BEHAVIOR": read_behaviour, "CONTACT PAIR": read_pair, "TIE": read_pair, "MOTION": read_motion,
@@ -57,12 +55,13 @@ BECOMES: dict[str, str] = {
     " `shear_modulus`; of rows by temperature the first",
     "*Density": "`density`", "*Damping": "`ALPHA`, `BETA`: `rayleigh` of the bodies; `STRUCTURAL`: `loss_factor` and"
     " `[effects.structural_damping]`",
-    "*Solid Section": "`[bodies.NAME]`, one for each instance",
-    "*Orientation": "rectangular, by coordinates: `axes` of bodies of orthotropic materials, turned with their"
-    " instance, and directions of springs",
+    "*Solid Section": "`[bodies.NAME]`, one for each instance; of trusses and the like left out, and told",
+    "*Orientation": "rectangular, by coordinates: `axes` of bodies of orthotropic materials, directions of springs"
+    " and `*Rotary Inertia`; those of a part belong to it alone and turn with each of its instances",
     "*Boundary": "`[[supports]]`: ranges of freedoms, `ENCASTRE`, `PINNED`, symmetries; node sets and single nodes, in"
     " assembly, instance and part; `OP=NEW` lets go",
-    "*Transform": "axes of `*Boundary`, where what it holds is along x, y and z; else it is asked for",
+    "*Transform": "axes of `*Boundary` at solids and reference nodes, turned with their instance, where what it holds"
+    " is along x, y and z; else it is asked for",
     "*Spring, *Dashpot": "`[[springs]]` of SPRING1, SPRING2, SPRINGA and DASHPOT1, 2, A; between a solid and a node"
     " that is held: to ground",
     "*Contact Pair": "`[[contacts]]`; the side that `*Motion` moves is the counterface, whichever is slave;"
@@ -77,17 +76,21 @@ BECOMES: dict[str, str] = {
     " suggestion; `NO SEPARATION` of all contacts: `lift_off = false` of a preload",
     "*Tie": "a contact of `kind = \"tied\"` with 100 E/h of the softer side",
     "*Coupling, *Kinematic, *Kinematic Coupling": "`[[rigid]]`, with what acts on the reference node: `*Boundary`,"
-    " springs, `*Mass`, `*Rotary Inertia`",
+    " springs, `*Mass`, `*Rotary Inertia`; `INFLUENCE RADIUS` is asked for where it leaves out nodes",
     "*Distributing, *Distributing Coupling": "`[[averaged]]`, all of the surface or all nodes with the same weight",
     "*Equation": "`[[averaged]]` where a node of its own follows the mean of three or more nodes, all with the same"
     " weight, in a direction; others are asked for",
-    "*Rigid Body": "`[[rigid]]` of a node set", "*MPC": "of type BEAM: `[[rigid]]`",
-    "*Mass, *Rotary Inertia": "`mass` and `inertia` at reference nodes; elsewhere left out, and told",
+    "*Rigid Body": "`[[rigid]]` of node sets; `POSITION=CENTER OF MASS` is asked for",
+    "*MPC": "of type BEAM: `[[rigid]]`",
+    "*Mass, *Rotary Inertia": "`mass` and `inertia` at reference nodes, summed; elsewhere left out, and told, as is"
+    " damping of a mass; `TYPE=ANISOTROPIC` is asked for",
     "*Motion": "`sliding`: `ROTATION` about an axis, or a velocity",
-    "*Dsload": "`[effects.preload] pressures`, as they are at the end of the steps before the frequencies",
+    "*Dsload": "`[effects.preload] pressures`, as they are at the end of the steps before the frequencies;"
+    " `OP=NEW` removes those of `*Dsload` alone",
     "*Dload": "of P1 to P6: pressures on surfaces DLOAD_SET_P3, of single elements DLOAD_2_1; others are left out",
     "*Cload": "a pressure of the same sum, where it acts on all nodes of a face and along its normal; else left out",
-    "*Frequency, *Complex Frequency": "`[solve] modes` or `max_frequency`; `FRICTION DAMPING=YES`:"
+    "*Frequency, *Complex Frequency": "`[solve] modes` or `max_frequency`, from the lowest: a lowest"
+    " frequency or a shift point is told; `FRICTION DAMPING=YES`:"
     " `[effects.friction_damping]`; `PROPERTY EVALUATION`: `reference_frequency_hz`",
     "*Step": "`PERTURBATION`: its loads are no preload; `NLGEOM` with a preload: a note",
     "*Parameter": "numbers and arithmetic, put in where `<name>` stands", "*Include": "within the deck's folder",

@@ -1,15 +1,15 @@
-"""*Material with *Elastic, *Density and *Damping; *Solid Section and *Orientation: materials and bodies."""
+"""*Material with *Elastic, *Density and *Damping; *Solid Section: materials and bodies."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ...errors import MeshError
-from ...mesh.readers.abaqus.assembly import moved
 from ...mesh.readers.abaqus.model import Statement
 from ..draft import Value, plain_name
 from ..units import SI, recognise
 from .content import Content, Substance, real, spoken
+from .orientations import local_axes, orientation_of
 
 # What else stands under a material, and what it would mean.
 _OTHERS = {
@@ -196,8 +196,7 @@ def write_bodies(content: Content) -> None:
         key = block.value("MATERIAL").upper()
         names = content.group(groups, (block.value("ELSET"), section.scope))
         if not names:
-            text = f'its element set "{block.value("ELSET")}" has no solid elements'
-            content.draft.find("*Solid Section", content.where(section), text, "harmless")
+            _tell_without_solids(content, section)
             continue
         if key not in content.substances:
             raise MeshError(
@@ -242,56 +241,33 @@ def write_bodies(content: Content) -> None:
         content.draft.find("*Solid Section", "", text, "missing")
 
 
+def _tell_without_solids(content: Content, section: Statement) -> None:
+    """Tell of a section without solids: of trusses and the like it changes the answer, of no elements at all not."""
+    name = section.block.value("ELSET")
+    assembly = content.assembly
+    placed = [assembly.instances[key] if key else assembly.own for key in content.placements(section.scope)]
+    text = f'its element set "{name}" has no solid elements'
+    if "." in name or any(p.sets("ELSET", name) for p in placed):
+        text += "; others, such as trusses, are left out with their stiffness and mass"
+        content.draft.find("*Solid Section", content.where(section), text)
+    else:
+        content.draft.find("*Solid Section", content.where(section), text, "harmless")
+
+
 def _instances(content: Content) -> set[str]:
     return {p.name for p in content.assembly.instances.values()}
 
 
 def _axes(content: Content, section: Statement, group: str, substance: Substance) -> Value | None:
     """Return the material axes 1 and 2 of a section, None where the material has none or they are the global ones."""
-    name = section.block.value("ORIENTATION").upper()
     if "shear_modulus" not in substance.elastic:
         return None
-    axes = np.eye(3)
-    if name:
-        if name not in content.orientations:
-            raise MeshError(f'{content.source}: {section.block.where}: no *Orientation "{name}" in the deck')
-        found = local_axes(content, content.orientations[name])
-        if found is None:
-            return None
-        axes = found
-    for instance in content.model.instances.values():
-        if group == instance.name or group.startswith(f"{instance.name}."):
-            axes = moved(axes, instance.place) - moved(np.zeros((1, 3)), instance.place)
+    key = next((k for k, i in content.model.instances.items() if f"{group}.".startswith(f"{i.name}.")), "")
+    axes = local_axes(content, section, key)
+    if axes is None:
+        return None
+    if orientation_of(content, section) is None:  # the axes of the part itself
+        axes = content.turned(axes, key)
     if np.allclose(axes, np.eye(3), atol=1e-14):
         return None
     return [[clean(round(float(x), 15)) + 0.0 for x in axis] for axis in axes[:2]]
-
-
-def local_axes(content: Content, statement: Statement) -> np.ndarray | None:
-    """Return the axes (3, 3), a row each, of an *Orientation; None, and a finding, of one that is not read."""
-    block = statement.block
-    system = block.value("SYSTEM").upper() or "RECTANGULAR"
-    how = block.value("DEFINITION").upper() or "COORDINATES"
-    values = [v or 0.0 for v in content.first(block)] + [0.0] * 9
-    a, b, c = np.array(values[:3]), np.array(values[3:6]), np.array(values[6:9])
-    x, y = a - c, b - c
-    z = np.cross(x, y)
-    flat = np.linalg.norm(z) <= 1e-12 * np.linalg.norm(x) * np.linalg.norm(y)
-    if system not in ("RECTANGULAR", "R") or how != "COORDINATES" or flat:
-        text = (
-            f"SYSTEM={system}, DEFINITION={how}: only rectangular axes that are the same throughout a body are"
-            " simulated; give axes = [[...], [...]] for each body that it is meant for"
-        )
-        content.draft.find("*Orientation", content.where(statement), text, "missing")
-        return None
-    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
-    axes = np.stack([x, np.cross(z, x), z])
-    if len(block.lines) > 1:
-        turn = content.floats(block, block.lines[1])
-        axis, angle = int(turn[0] or 1) if turn else 1, np.deg2rad(turn[1] or 0.0) if len(turn) > 1 else 0.0
-        j, k = axis % 3, (axis + 1) % 3
-        turned = axes.copy()
-        turned[j] = np.cos(angle) * axes[j] + np.sin(angle) * axes[k]
-        turned[k] = -np.sin(angle) * axes[j] + np.cos(angle) * axes[k]
-        axes = turned
-    return axes

@@ -10,8 +10,9 @@ from ...mesh.readers.abaqus.model import Statement
 from ...mesh.readers.abaqus.text import is_label
 from ..draft import Table, Value
 from .content import Content, Procedure, fields, spoken
-from .holding import _check, _number
+from .holding import _check, number_of
 from .materials import clean
+from .transforms import is_turned
 
 _ALONG = 0.99  # cosine of the angle to the mean normal above which a force may come from a pressure on its surface
 
@@ -42,7 +43,7 @@ def read_surface_load(content: Content, statement: Statement) -> None:
     if _excites(content, "*Dsload", where):
         return
     if block.value("OP").upper() == "NEW":
-        content.pressures.clear()
+        _remove(content, by_faces=False)
     for line in block.lines:
         parts = fields(line)
         kind = parts[1].upper() if len(parts) > 1 else ""
@@ -50,10 +51,16 @@ def read_surface_load(content: Content, statement: Statement) -> None:
             text = f'a load of type "{kind}" is not simulated; [effects.preload] takes pressures on surfaces'
             content.draft.find("*Dsload", where, text)
             continue
-        value = _number(content, statement, parts[2]) if len(parts) > 2 and parts[2] else 0.0
+        value = number_of(content, statement, parts[2]) if len(parts) > 2 and parts[2] else 0.0
         content.pressures[parts[0], statement.scope] = value, where
     if block.value("AMPLITUDE"):
         content.draft.find("*Amplitude", where, "the full load counts: the static state is that of its end", "harmless")
+
+
+def _remove(content: Content, by_faces: bool) -> None:
+    """Remove the pressures of *Dload, by faces, or those of *Dsload: OP=NEW is for loads of the same keyword alone."""
+    for reference in [r for r in content.pressures if r[0].startswith("DLOAD_") == by_faces]:
+        del content.pressures[reference]
 
 
 def read_face_load(content: Content, statement: Statement) -> None:
@@ -63,8 +70,7 @@ def read_face_load(content: Content, statement: Statement) -> None:
         return
     if block.value("OP").upper() == "NEW":
         content.loaded_elements.clear()
-        for reference in [r for r in content.pressures if r[0].startswith("DLOAD_")]:
-            del content.pressures[reference]
+        _remove(content, by_faces=True)
     taken = 0
     for faces in loaded_faces(content.model):
         if faces.statement is not statement:
@@ -74,7 +80,7 @@ def read_face_load(content: Content, statement: Statement) -> None:
             text = "single elements are loaded again in a later step; give the pressure there in [effects.preload]"
             content.draft.find("*Dload", where, text, "missing")
         content.loaded_elements |= set(single)
-        content.pressures[faces.name, statement.scope] = _number(content, statement, faces.pressure), where
+        content.pressures[faces.name, statement.scope] = number_of(content, statement, faces.pressure), where
         taken += len(faces.lines)
     if taken < sum(bool(fields(line)[0]) for line in block.lines):
         text = "is a load that is not simulated: the static state has only what [effects.preload] says"
@@ -84,7 +90,7 @@ def read_face_load(content: Content, statement: Statement) -> None:
 def read_force(content: Content, statement: Statement) -> None:
     """Take *Cload: forces on node sets, which may stand for a pressure on a face."""
     block = statement.block
-    if content.perturbation:
+    if _excites(content, "*Cload", content.where(statement)):
         return
     if block.value("OP").upper() == "NEW":
         content.forces.clear()
@@ -94,8 +100,8 @@ def read_force(content: Content, statement: Statement) -> None:
             continue
         reference = (parts[0], statement.scope)
         _check(content, statement, reference)
-        component = int(_number(content, statement, parts[1]))
-        content.forces[reference, component] = _number(content, statement, parts[2]), content.where(statement)
+        component = int(number_of(content, statement, parts[1]))
+        content.forces[reference, component] = number_of(content, statement, parts[2]), content.where(statement)
 
 
 def read_frequency(content: Content, statement: Statement) -> None:
@@ -115,9 +121,15 @@ def read_frequency(content: Content, statement: Statement) -> None:
         found.highest = float(row[2])
     elif before.where and found.modes is None:
         found.highest = before.highest
+    if len(row) > 1 and row[1]:
+        text = f"asks for modes above {row[1]:g} cycles per time; here they begin with the lowest: raise modes"
+        content.draft.find(f"*{spoken(block.keyword)}", found.where, text)
+    if len(row) > 3 and row[3]:
+        text = "asks for the modes nearest to a shift point; here they begin with the lowest: raise modes"
+        content.draft.find(f"*{spoken(block.keyword)}", found.where, text)
     found.damping = block.value("FRICTION DAMPING").upper() == "YES"
     if block.value("PROPERTY EVALUATION"):
-        found.evaluated_at = _number(content, statement, block.value("PROPERTY EVALUATION"))
+        found.evaluated_at = number_of(content, statement, block.value("PROPERTY EVALUATION"))
     content.procedure = found
 
 
@@ -180,6 +192,10 @@ def _pressures(content: Content) -> dict[str, Value]:
         if not force.any():
             continue
         names = content.group(known, reference)
+        if is_turned(content, content.rows(reference)):
+            text = f'forces on "{reference[0]}" in axes of *Transform are left out: give pressures on surfaces'
+            content.draft.find("*Cload", where, text)
+            continue
         if len(names) == 1:
             area, _, normal = area_of(content.loaded.mesh, np.asarray(known[names[0]]))
             if force @ normal < -_ALONG * np.linalg.norm(force) * np.linalg.norm(normal):

@@ -1,4 +1,4 @@
-"""*Coupling, *Rigid Body, *MPC of type BEAM, *Mass and *Rotary Inertia: rigid bodies and averaged reference points."""
+"""*Coupling, *Rigid Body and *MPC of type BEAM: rigid bodies and averaged reference points."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from ...errors import MeshError
 from ...mesh.readers.abaqus.model import Statement
 from ..draft import Value, plain_name
 from .content import Content, TieData, fields, spoken
-from .holding import held_at, links_of
+from .holding import held_at, number_of
+from .links import links_under
+from .masses import masses_at
 from .materials import clean
+from .transforms import is_turned
 
 _FREEDOMS = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -22,6 +25,8 @@ def read_coupling(content: Content, statement: Statement) -> None:
         (block.value("REF NODE") or block.value("REFNODE"), statement.scope),
         [(block.value("SURFACE"), statement.scope)],
     )  # fmt: skip
+    if block.value("INFLUENCE RADIUS"):
+        tie.radius = number_of(content, statement, block.value("INFLUENCE RADIUS"))
     content.ties_to_points.append(tie)
 
 
@@ -54,8 +59,7 @@ def read_old_coupling(content: Content, statement: Statement) -> None:
     """Take *Kinematic Coupling or *Distributing Coupling of old decks: node sets on the data lines."""
     block, where = statement.block, content.where(statement)
     if block.keyword == "DISTRIBUTING COUPLING":
-        elset = block.value("ELSET").upper()
-        nodes = [n for _, link in links_of(content) if link.elset.upper() == elset for n in link.nodes]
+        nodes = list({tuple(n) for _, link in links_under(content, statement) for n in link.nodes})
         if len(nodes) != 1 or not nodes[0]:
             content.draft.find("*Distributing Coupling", where, "has no one element of type DCOUP3D", "missing")
             return
@@ -79,14 +83,18 @@ def _maybe(text: str) -> float | None:
 def read_rigid_body(content: Content, statement: Statement) -> None:
     """Take *Rigid Body of a node set."""
     block, where = statement.block, content.where(statement)
-    name = block.value("NSET") or block.value("TIE NSET") or block.value("PIN NSET")
-    if not name:
+    names = [name for word in ("NSET", "TIE NSET", "PIN NSET") if (name := block.value(word))]
+    if block.value("ELSET") or not names:
         text = f'of element set "{block.value("ELSET")}" is not read; give [[rigid]] with its surface or node set'
         content.draft.find("*Rigid Body", where, text, "missing")
+    if not names:
         return
     reference = (block.value("REF NODE") or block.value("REFNODE"))
-    tie = TieData(f"rigid_{name}", where, True, (reference, statement.scope), [(name, statement.scope)])
-    content.ties_to_points.append(tie)
+    members = [(name, statement.scope) for name in names]
+    content.ties_to_points.append(TieData(f"rigid_{names[0]}", where, True, (reference, statement.scope), members))
+    if block.value("POSITION").upper() == "CENTER OF MASS":
+        text = "its reference is moved to the centre of mass of the body: give reference there in [[rigid]]"
+        content.draft.find("*Rigid Body, POSITION", where, text, "missing")
     if block.value("ROT NODE") or block.value("ROTNODE"):
         text = "rotations of a ROT NODE that are held or sprung are not taken over; give fixed = ... in [[rigid]]"
         content.draft.find("*Rigid Body, ROT NODE", where, text)
@@ -107,11 +115,6 @@ def read_mpc(content: Content, statement: Statement) -> None:
         else:
             text = f"of type {parts[0] if parts else '(none)'} is not read: without it the structure is another one"
             content.draft.find("*Mpc", where, text, "missing")
-
-
-def read_mass(content: Content, statement: Statement) -> None:
-    """Keep *Mass and *Rotary Inertia until all elements are known."""
-    content.masses.append(statement)
 
 
 def find_ties(content: Content) -> dict[int, TieData]:
@@ -144,12 +147,13 @@ def find_ties(content: Content) -> dict[int, TieData]:
 
 def write_ties(content: Content, ties: dict[int, TieData]) -> None:
     """Write [[rigid]] and [[averaged]] with mass, inertia, held freedoms and springs of their references."""
-    masses = _masses(content, ties)
+    masses = masses_at(content, ties)
     taken: list[str] = []
     for row, tie in ties.items():
         place = _place(content, tie)
         if place is None:
             continue
+        _check_radius(content, tie, row, place)
         name = plain_name(tie.name, taken)
         taken.append(name)
         values: dict[str, Value] = {"name": name, **place}
@@ -171,9 +175,25 @@ def write_ties(content: Content, ties: dict[int, TieData]) -> None:
         table.comments.append(f"{'Rigid' if tie.rigid else 'Averaged'}: {tie.where}{at}")
 
 
+def _check_radius(content: Content, tie: TieData, row: int, place: dict[str, Value]) -> None:
+    """Ask for the nodes of a surface where *Coupling, INFLUENCE RADIUS leaves some of them out."""
+    if tie.radius is None or "surface" not in place:
+        return
+    mesh = content.loaded.mesh
+    corners = np.unique(mesh.facets[:, np.asarray((mesh.boundaries or {})[str(place["surface"])])])
+    away = np.linalg.norm(mesh.p[:, corners].T - content.raw.points[row], axis=1)
+    if (away > tie.radius).any():
+        table = "rigid" if tie.rigid else "averaged"
+        text = f"couples only what is within {tie.radius:g} of its reference: give nodes, not surface, in [[{table}]]"
+        content.draft.find("*Coupling, INFLUENCE RADIUS", tie.where, text, "missing")
+
+
 def _check_freedoms(content: Content, tie: TieData, has_mass: bool) -> None:
     """Ask for what an equation in some directions alone cannot be: a mass, or a spring along the others."""
     freedoms = tie.freedoms or set()
+    if is_turned(content, np.concatenate([content.rows(node) for node in (tie.reference, *tie.members)])):
+        text = f"ties node {tie.reference[0]} in axes of *Transform, which is not read; give [[averaged]]"
+        content.draft.find("*Equation", tie.where, text, "missing")
     ways = [list(s.get("direction", [0.0] * 3)) for s in tie.springs]  # type: ignore[arg-type]
     apart = any(abs(float(way[f - 1])) > 1e-12 for way in ways for f in {1, 2, 3} - freedoms)  # type: ignore[arg-type]
     if apart or (has_mass and freedoms < {1, 2, 3}):
@@ -197,29 +217,3 @@ def _place(content: Content, tie: TieData) -> dict[str, Value] | None:
         content.draft.find("*Coupling", tie.where, text, "missing")
         return None
     return {"nodes": ", ".join(names)}
-
-
-def _masses(content: Content, ties: dict[int, TieData]) -> dict[int, dict[str, Value]]:
-    """Return mass and inertia of the reference nodes in SI; those of other nodes are told."""
-    found: dict[int, dict[str, Value]] = {}
-    units = content.units
-    for statement in content.masses:
-        block, where = statement.block, content.where(statement)
-        numbers = [v or 0.0 for line in block.lines for v in content.floats(block, line)]
-        mine = [(s, link) for s, link in links_of(content) if link.elset.upper() == block.value("ELSET").upper()]
-        if not numbers:
-            raise MeshError(f"{content.source}: {block.where}: *{spoken(block.keyword)} has no number")
-        for scope, link in mine:
-            for label, nodes in zip(link.labels, link.nodes, strict=True):
-                if not nodes:
-                    raise MeshError(f"{content.source}: {link.where}: element {label} of type {link.kind} has no node")
-                row = int(content.rows((nodes[0], scope))[0])
-                if row not in ties:
-                    text = "at a node that is no reference of a coupling is left out: frequencies come out too high"
-                    content.draft.find(f"*{spoken(block.keyword)}", where, text)
-                elif block.keyword == "MASS":
-                    found.setdefault(row, {})["mass"] = clean(numbers[0] * units.mass)
-                else:
-                    six = np.array((numbers + [0.0] * 6)[:6]) * units.mass * units.length**2
-                    found.setdefault(row, {})["inertia"] = [clean(float(v)) + 0.0 for v in six]
-    return found

@@ -7,7 +7,7 @@ import numpy as np
 from ...errors import MeshError
 from ...mesh.raw import rows_of
 from ...mesh.readers.ansys_faces import FIRST
-from ..directions import along_axes
+from ..directions import along_axes, held_projector
 from ..draft import Value
 from .content import Content, clean, is_zero
 
@@ -92,7 +92,7 @@ def _turn(content: Content, held: dict[int, set[str]]) -> None:
             continue
         axes, found = axes_of(*angles), set[str]()
         for turn in ("", "r"):  # translations, then rotations
-            directions = along_axes(axes[[f"{turn}{c}" in held[number] for c in "xyz"]])
+            directions = along_axes(held_projector(axes, [f"{turn}{c}" in held[number] for c in "xyz"]))
             if directions is None:
                 lost.append(number)
             found |= {f"{turn}{c}" for c in directions or ""}
