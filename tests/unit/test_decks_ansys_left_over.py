@@ -104,3 +104,11 @@ def test_masses_of_one_node_add_up(tmp_path):
     assert rigid.values["mass"] == 3.0 and rigid.values["inertia"] == pytest.approx([0.2, 0.2, 0.3, 0, 0, 0])
     draft = draft_of(beam(tmp_path, masses, ties, constants=constants(rows[0], (9, (2.0, 0.0, 2.0, 0, 0, 0)))))
     assert "MASS21: at node 1 has masses of its own" in draft.missing[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("row", "listed"), [((0, 0, 0, 1e6, 0, 0), True), ((0, 0, 0, 0, 1.0, 0), False)])
+def test_stiffness_of_surfaces_is_listed(tmp_path, row, listed):
+    """The fourth real constant of SURF154 is the stiffness of a foundation; the fifth is a tension."""
+    draft = draft_of(beam(tmp_path, [(154, 8, range(1, 5))], constants=constants((8, row))))
+    assert [(f.what, f.weight) for f in draft.findings] == ([("SURF154", "changes")] if listed else [])

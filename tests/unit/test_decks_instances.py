@@ -133,6 +133,13 @@ def test_transforms_turn_with_their_instance(tmp_path, kind, points, freedom, fi
     assert [s["fixed"] for s in supports] == [fixed] and not draft.missing
 
 
+def test_inertia_turns_with_its_part(tmp_path):
+    """Without an *Orientation it is about the axes of the part, two of which are turned into each other here."""
+    own = mass(1e-3) + "*Element, type=ROTARYI, elset=RI\n1002, 900\n*Rotary Inertia, elset=RI\n1., 2., 3., .5\n"
+    rigid, _ = tables(tmp_path, assembly({"A": own}, {"A": TURNED}), "rigid")
+    np.testing.assert_allclose(rigid[0]["inertia"], np.array([2.0, 1.0, 3.0, -0.5, 0.0, 0.0]) * 1e-3, atol=1e-18)
+
+
 def test_inertia_turns_with_its_orientation(tmp_path):
     """1, 2, 3 about y, z, x; in a part that is turned about z by 90 degrees, about -x, z, y."""
     inertia = "*Element, type=ROTARYI, elset=RI\n1002, 900\n*Rotary Inertia, elset=RI, orientation=Ori-1\n"

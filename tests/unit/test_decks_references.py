@@ -87,8 +87,9 @@ def test_masses_that_are_not_simulated(tmp_path):
     assert "mass" not in values and "*Mass, TYPE=ANISOTROPIC" in draft.missing[0]
     values, draft = rigid(tmp_path, masses(("MASS", "*Mass, {}, type=ANISOTROPIC\n1., 1., 1.\n")))
     assert values["mass"] == 1000.0 and not draft.missing
-    values, draft = rigid(tmp_path, masses(("MASS", "*Mass, {}, alpha=100.\n1.\n")))
-    assert values["mass"] == 1000.0 and any("damping of a single mass" in line for line in draft.told)
+    for alpha, told in ((100.0, True), (0.0, False)):
+        values, draft = rigid(tmp_path, masses(("MASS", f"*Mass, {{}}, alpha={alpha}\n1.\n")))
+        assert values["mass"] == 1000.0 and any("damping of a single mass" in line for line in draft.told) == told
 
 
 def test_rigid_bodies(tmp_path):

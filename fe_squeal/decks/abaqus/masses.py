@@ -10,9 +10,10 @@ from ...errors import MeshError
 from ...mesh.readers.abaqus.model import Statement
 from ..draft import Value
 from .content import Content, spoken
+from .holding import number_of
 from .links import links_under
 from .materials import clean
-from .orientations import local_axes
+from .orientations import local_axes, orientation_of
 
 
 def read_mass(content: Content, statement: Statement) -> None:
@@ -38,7 +39,8 @@ def masses_at(content: Content, references: Container[int]) -> dict[int, dict[st
         numbers = [v or 0.0 for line in block.lines for v in content.floats(block, line)]
         if not numbers:
             raise MeshError(f"{content.source}: {block.where}: {what} has no number")
-        if any(block.value(word) for word in ("ALPHA", "COMPOSITE")):
+        damping = [block.value(word) for word in ("ALPHA", "COMPOSITE")]
+        if any(text and number_of(content, statement, text) for text in damping):
             text = "the damping of a single mass is left out; give a damper in springs of its [[rigid]] or [[averaged]]"
             content.draft.find(what, where, text)
         if block.value("TYPE").upper() == "ANISOTROPIC" and len(set((numbers + [0.0] * 3)[:3])) > 1:
@@ -68,8 +70,13 @@ def masses_at(content: Content, references: Container[int]) -> dict[int, dict[st
 
 
 def _tensor(content: Content, statement: Statement, key: str, numbers: list[float]) -> np.ndarray:
-    """Return the inertia (3, 3) of *Rotary Inertia about x, y and z, from that about its ORIENTATION."""
+    """Return the inertia (3, 3) of *Rotary Inertia about x, y and z.
+
+    It is given about the axes of its ORIENTATION, or those of its part (Abaqus Analysis User's Guide, Rotary inertia).
+    """
     xx, yy, zz, xy, xz, yz = (numbers + [0.0] * 6)[:6]
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     axes = local_axes(content, statement, key)
+    if orientation_of(content, statement) is None:
+        axes = content.turned(np.eye(3), key)
     return tensor if axes is None or np.array_equal(axes, np.eye(3)) else axes.T @ tensor @ axes

@@ -32,11 +32,14 @@ _FAMILIES: tuple[tuple[str, tuple[int, ...], str, Weight], ...] = (
     ("REINF", (263, 264, 265), _NO_SOLIDS, "changes"), ("SURF", (153, 155, 156), _NO_SOLIDS, "changes"),
 )  # fmt: skip
 _SURFACE_LOAD = 154
-_FOUNDATION, _AREA_MASS = 3, 5  # places among the real constants of SURF154
+_OWN = [3, 5, 6]  # places of the foundation's stiffness, the mass per area and the thickness among its real constants
 
 
 def list_left_over(content: Content) -> None:
-    """List the elements that become nothing in the scene, once for each type, with their number."""
+    """List the elements that become nothing in the scene, once for each type, with their number.
+
+    SURF154 only carries pressures here; what else it has is listed too.
+    """
     for kind, number in left_over(content.archive).items():
         found = next((family for family in _FAMILIES if kind in family[1]), None)
         name, text = (f"{found[0]}{kind}", found[2]) if found else (f"element type {kind}", _UNKNOWN)
@@ -45,6 +48,6 @@ def list_left_over(content: Content) -> None:
     loads = {int(row[0]) for row in content.archive.ekey if int(row[1]) == _SURFACE_LOAD}
     for real in sorted({int(row[2]) for row in content.archive.elem if int(row[1]) in loads}):
         constants = content.archive.reals.get(real, np.zeros(0))
-        if np.any(constants[_FOUNDATION : _FOUNDATION + 1]) or np.any(constants[_AREA_MASS : _AREA_MASS + 1]):
-            text = f"the foundation stiffness and the mass per area of its real constants {real} are left out"
+        if any(constants[i] for i in _OWN if i < len(constants)):
+            text = f"foundation, mass per area and thickness of real constants {real} are left out"
             content.draft.find("SURF154", "", text)
