@@ -50,7 +50,8 @@ def make_contact(
     if not contact.is_rigid:
         counter = find_facets(loaded, contact.counterface, f"{key}.counterface", "rigid")
     sides = contact_sides(space.mesh, bodies, pad, counter, key, contact.surface, contact.counterface)
-    return contact_operators(space, pad, counter, motion, contact.gap_tolerance, key), sides[1], sides[0]
+    tied = contact.kind == "tied"
+    return contact_operators(space, pad, counter, motion, contact.gap_tolerance, key, tied), sides[1], sides[0]
 
 
 def stiffness_terms(contact: Contact, part: ContactPart, cache: Cache) -> list[Term]:

@@ -62,13 +62,17 @@ def contact_operators(
     sliding: SteadyMotion | None,
     gap_tolerance: float | None = None,
     name: str = "contact",
+    is_tied: bool = False,
 ) -> ContactOperators:
     """Return the operators that couple a pad's surface to a counterface; the meshes need not match.
 
     From each quadrature point of the pad's surface a line along the normal meets the counterface; the displacement
-    there comes from the counterface's own shape functions. Where the meshes leave a gap or overlap s it is continued by
-    s ∂u/∂n to the pad's point: both sides then meet in one point, so that a rigid motion of the whole neither opens nor
-    shears the contact, and its forces have no moment. Points that meet nothing within the tolerance are not in contact.
+    there comes from the counterface's own shape functions. Points that meet nothing within the tolerance are not in
+    contact; all others count as touching, and what the operators say of them does not depend on the gap.
+
+    That is otherwise in a tied contact, whose springs along the surface would feel a rotation of the whole across a gap
+    or overlap s: the counterface's displacement is continued by s ∂u/∂n to the pad's point. Both sides then meet in one
+    point, so that rigid motions cost no energy.
 
     Parameters
     ----------
@@ -78,6 +82,8 @@ def contact_operators(
         None for a contact that does not slide; slip and cross then lie along two arbitrary tangents.
     gap_tolerance : float, m, optional
         Default 2 % of the mean facet size of the pad.
+    is_tied : bool
+        Whether the contact couples all three directions.
 
     Raises
     ------
@@ -106,8 +112,9 @@ def contact_operators(
                 f"{name}: the surface and its counterface do not touch: {gap}; expected at most gap_tolerance ="
                 f" {tolerance:.3g} m; check the groups, or set gap_tolerance"
             )
-        apart = np.where(np.abs(separation) > _CLOSED * np.sqrt(pad.area / len(pad_facets)), separation, 0.0)[keep]
-        counter = interpolation(space, hit.elements[keep], hit.reference[:, keep], apart[:, None] * n[keep])
+        far = is_tied & (np.abs(separation) > _CLOSED * np.sqrt(pad.area / len(pad_facets)))
+        beside = np.where(far, separation, 0.0)[keep, None] * n[keep]
+        counter = interpolation(space, hit.elements[keep], hit.reference[:, keep], beside)
         values = values[keep] - counter
     points, n = pad.points[keep], n[keep]
     t = _tangents(n) if sliding is None else sliding.directions(points, n)
