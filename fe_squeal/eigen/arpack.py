@@ -14,19 +14,26 @@ from .shift_invert import ShiftInverted
 
 def symmetric_modes(
     pencil: Pencil, operator: ShiftInverted, count: int, below: int = 0, free: FreeModes | None = None
-) -> tuple[Modes, bool]:
-    """Return the `count` modes of K φ = θ M φ nearest the shift, K symmetric, and whether these are all.
+) -> tuple[Modes, float]:
+    """Return the `count` modes of K φ = θ M φ nearest the shift, K symmetric, and the distance within which all are.
 
     The eigenpairs of motions that nothing holds are added to these, here and in the functions below; the operator is
-    expected to have them projected out.
+    expected to have them projected out. They may lie far from the shift, beyond eigenvalues that were not found, so
+    they do not count for the distance.
 
     Parameters
     ----------
     below : int
         Number of θ below the shift: all these are returned, however far below they lie.
+
+    Returns
+    -------
+    modes : Modes
+    reach : float
+        That distance from the shift: of θ, rad²/s²; with C of λ, rad/s. Infinite if these are all modes.
     """
     theta, x, sigma = *operator.largest_symmetric(count, "LM"), operator.sigma
-    every = len(theta) < count or count == operator.size
+    reach = np.inf if len(theta) < count or count == operator.size else _farthest(theta[theta > sigma], sigma)
     if below:
         # 1/(θ − σ) is negative for these alone: they form one end of the operator's spectrum, where Lanczos finds them
         # however far below the shift they lie.
@@ -35,13 +42,13 @@ def symmetric_modes(
         theta, x = np.append(far, theta[theta > sigma]), np.hstack([x_far, x[:, theta > sigma]])
     if free is not None:
         theta, x, _ = free.beside(theta, x, x)
-    return modes_from_theta(pencil, theta, x, x, method_of(operator)), every
+    return modes_from_theta(pencil, theta, x, x, method_of(operator)), reach
 
 
 def nonsymmetric_modes(
     pencil: Pencil, operator: ShiftInverted, count: int, free: FreeModes | None = None
-) -> tuple[Modes, bool]:
-    """Return the `count` modes of K φ = θ M φ nearest the shift, right and left, and whether these are all.
+) -> tuple[Modes, float]:
+    """Return the `count` modes of K φ = θ M φ nearest the shift, right and left, and the distance within which all are.
 
     The left modes of a complex K = Kᵀ are φ*.
     """
@@ -55,15 +62,16 @@ def nonsymmetric_modes(
     theta, right = theta[inner], right[:, inner]
     _, partner = linear_sum_assignment(np.abs(theta[:, None] - theta_left[None, inner_left].conj()))
     left = left[:, inner_left[partner]]
+    reach = np.inf if every else _farthest(theta, operator.sigma)
     if free is not None:
         theta, right, left = free.beside(theta, right, left)
-    return modes_from_theta(pencil, theta, right, left, method_of(operator)), every
+    return modes_from_theta(pencil, theta, right, left, method_of(operator)), reach
 
 
 def quadratic_modes(
     pencil: Pencil, operator: ShiftInverted, count: int, free: FreeModes | None = None
-) -> tuple[Modes, bool]:
-    """Return the modes of (λ²M + λC + K) φ = 0 among the 2·count eigenvalues nearest the shift, and whether all are."""
+) -> tuple[Modes, float]:
+    """Return the modes of (λ²M + λC + K) φ = 0 among the 2·count eigenvalues nearest the shift, and the distance."""
     count = min(2 * count, operator.most)
     lam, right = operator.largest(count)
     every = len(lam) < count or count == operator.size
@@ -75,9 +83,15 @@ def quadratic_modes(
     left = left[:, inner_left[partner]]
     upper = in_upper_half(pencil, lam)
     lam, right, left = lam[upper], right[:, upper], left[:, upper]
+    reach = np.inf if every else _farthest(lam, operator.sigma)
     if free is not None:
         lam, right, left = free.beside(lam, right, left)
-    return modes_from_lambda(pencil, lam, right, left, method_of(operator)), every
+    return modes_from_lambda(pencil, lam, right, left, method_of(operator)), reach
+
+
+def _farthest(values: np.ndarray, sigma: complex) -> float:
+    """Return the distance from the shift of the farthest of eigenvalues (k,); 0 without any."""
+    return float(np.abs(values - sigma).max(initial=0.0))
 
 
 def _common(theta: np.ndarray, theta_left: np.ndarray, sigma: complex, every: bool) -> tuple[np.ndarray, np.ndarray]:

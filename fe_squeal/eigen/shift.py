@@ -40,7 +40,7 @@ def distance_to_nearest(pencil: Pencil, modes: Modes, sigma: float) -> float:
     return float(np.abs(values - sigma).min(initial=np.inf))
 
 
-def known_radius(pencil: Pencil, modes: Modes, sigma: float) -> float:
+def known_radius(pencil: Pencil, modes: Modes, sigma: float, reach: float) -> float:
     """Return the frequency, rad/s, up to which all modes are among those that were found nearest the shift.
 
     Without damping it bounds |λ|. With damping it bounds Im λ, and holds for the modes above the ray
@@ -55,18 +55,17 @@ def known_radius(pencil: Pencil, modes: Modes, sigma: float) -> float:
         Those found nearest the shift.
     sigma : float
         The shift, of λ with C (rad/s), of θ without it (rad²/s²).
+    reach : float
+        The distance from the shift, in its unit, within which all eigenvalues were found; infinite if they are all.
     """
-    if not len(modes):
-        return 0.0
+    if not len(modes) or np.isinf(reach):
+        return reach
     swinging = modes.lam[~is_beside(modes)]
     tilt = loss_tilt(pencil, swinging) if pencil.is_complex else light_tilt(modes.lam) if pencil.C is not None else 0.0
     if pencil.C is not None:
         # On the ray |λ − σ|² = (1 + tilt²) (Im λ)² + 2 tilt σ Im λ + σ², which is the radius squared of the circle.
-        a, b, c = 1 + tilt**2, tilt * sigma, np.abs(modes.lam - sigma).max() ** 2 - sigma**2
+        a, b, c = 1 + tilt**2, tilt * sigma, reach**2 - sigma**2
         return float((np.sqrt(b**2 + a * max(c, 0.0)) - b) / a)
-    # All divergent modes of a symmetric pencil are known, however far they are.
-    near = modes.lam[modes.lam.real == 0] if pencil.problem_class == "symmetric" else modes.lam
-    reach = np.abs(near**2 + sigma).max(initial=0.0)
     return float(np.sqrt(max(reach - abs(sigma), 0.0) / (1 + tilt**2)))
 
 

@@ -123,11 +123,11 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None, linear_s
         sought = min(sought, operator.most)
         try:
             if pencil.C is not None:
-                modes, every = quadratic_modes(pencil, operator, sought, free)
+                modes, reach = quadratic_modes(pencil, operator, sought, free)
             elif pencil.problem_class == "symmetric":
-                modes, every = symmetric_modes(pencil, operator, sought, divergent, free)
+                modes, reach = symmetric_modes(pencil, operator, sought, divergent, free)
             else:
-                modes, every = nonsymmetric_modes(pencil, operator, sought, free)
+                modes, reach = nonsymmetric_modes(pencil, operator, sought, free)
         except SingularError:
             if moves == _MOVES:
                 raise
@@ -138,7 +138,7 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None, linear_s
             moves += 1
             operator, divergent = _shifted(pencil, sigma * _MOVE, free, linear_solver)
             continue
-        radius = np.inf if every else known_radius(pencil, modes, sigma)
+        radius = known_radius(pencil, modes, sigma, reach)
         wanted = select_wanted(modes, request, radius)
         if wanted is not None:
             return wanted
