@@ -56,7 +56,9 @@ def band_modes(
         before = len(known.lam)
         known.cover(top, band, missing + 4)
         barren = barren + 1 if len(known.lam) == before else 0
-    known.add_rest(float(wanted.lam.imag.max(initial=0.0)) or top)
+    end = float(wanted.lam.imag.max(initial=0.0)) or top
+    known.add_copies(end * (1 + _BEYOND))
+    known.add_rest(end)
     modes = known.modes()
     wanted = select_wanted(modes, request, np.inf if barren == _BARREN else top)
     if wanted is None:
@@ -81,7 +83,10 @@ def count_beside(
         The frequency; no mode is near it.
     """
     known = KnownBand(pencil, free, linear_solver, modes.lam, modes.right, modes.left)
-    if not known.add_beside(top):
+    try:
+        if not known.add_beside(top):
+            return None
+    except NotConvergedError:
         return None
     assert known.right is not None
     lam, right = known.lam[len(modes) :], known.right[:, len(modes) :]

@@ -8,6 +8,8 @@ several right-hand sides at once read the factors from memory once for all of th
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.linalg as la
 
@@ -15,7 +17,7 @@ from .blocks import combine, cross
 from .linear.factor import Solve
 from .memory import require_vectors
 
-_BLOCK = 4  # vectors that are multiplied at once
+BLOCK = 4  # vectors that are multiplied at once
 _TOLERANCE = 1e-13  # of |ν|: residual of an eigenpair, which is at the level of rounding then
 _NEGLIGIBLE = 0.01  # of the largest |ν|: smaller eigenvalues have residuals relative to this
 _LOOK, _RARELY = 24, 0.2  # new vectors, or part of those before, after which eigenvalues are computed again
@@ -24,16 +26,18 @@ _MORE = 60
 _KEPT = 1.5  # times the eigenvalues outside the circle: vectors kept of a full space, in addition to those of _BESIDE
 _BESIDE = 20
 _NOTHING = 1e-14  # of the largest product: what is left of a product after orthogonalisation is rounding
+_PATIENT, _SHOWN = 12, 1e-2  # restarts for eigenvalues that are needed; of |ν|: the residual of one that shows
 _SEED = 20261125
 
 
 def largest_within(
-    apply: Solve, size: int, radius: float, most: int, restarts: int = 12
-) -> tuple[np.ndarray, np.ndarray, float]:
+    apply: Solve, size: int, radius: float, most: int, restarts: int = 12, draw: int = 0,
+    needed: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> tuple[np.ndarray, np.ndarray, float]:  # fmt: skip
     """Return eigenvalues ν (k,) with |ν| > 1/radius, their vectors (size, k), and a radius for which these are all.
 
     The radius returned is smaller than the one given where there are more than `most` such eigenvalues, or where not
-    all of them converge.
+    all of them converge. Those that did converge beyond it are returned too, up to `most` of them all.
 
     Parameters
     ----------
@@ -47,6 +51,11 @@ def largest_within(
         Largest number of eigenvalues to look for.
     restarts : int
         How often a full space is cut back, at most.
+    draw : int
+        Which random vectors to start from. These decide which copies of a multiple eigenvalue are found: as many as a
+        block has vectors. Others start where those are taken out, for the same ones would have nothing left of it.
+    needed : callable, optional
+        Which of ν (k,) are worth up to `_PATIENT` restarts more, where they begin to show in a full space.
 
     References
     ----------
@@ -60,9 +69,9 @@ def largest_within(
     >>> np.round(np.sort(1 / nu.real), 9), known
     (array([1., 2., 2.]), 3.0)
     """
-    block, room = _BLOCK, room_for(most)
+    block, room = BLOCK, room_for(most)
     require_vectors(size, room + block, 16)
-    start = la.qr(np.random.default_rng(_SEED).standard_normal((size, block)), mode="economic")[0]
+    start = la.qr(np.random.default_rng(_SEED + draw).standard_normal((size, block)), mode="economic")[0]
     dtype = np.result_type(apply(start[:, :1]))
     V = np.zeros((size, room + block), dtype, order="F")
     S = np.zeros((room + block, room), dtype)  # A V_m = V_(m + b) S
@@ -80,8 +89,12 @@ def largest_within(
         nu, y = nu[order], y[:, order]
         residual = np.linalg.norm(S[m : m + block, :m] @ y, axis=0)
         count, known = _sure(np.abs(nu), residual, radius, most)
-        if known >= radius or count >= most or (full and cut == restarts):
-            return nu[:count], combine(V[:, :m], y[:, :count]), known
+        open_ = nu[(np.abs(nu) * radius > 1) & (residual <= _SHOWN * np.abs(nu)) & ~_converged(np.abs(nu), residual)]
+        patient = needed is not None and cut < _PATIENT and needed(open_).any()
+        if known >= radius or count >= most or (full and cut >= restarts and not patient):
+            converged = np.flatnonzero(_converged(np.abs(nu), residual) & (np.abs(nu) * radius > 1))
+            chosen = np.union1d(np.arange(count), converged[: max(most, count)])[: max(most, count)]
+            return nu[chosen], combine(V[:, :m], y[:, chosen]), known
         if full:
             wanted = int(np.count_nonzero(np.abs(nu) * radius > 1))
             m = looked = _cut_back(V, S, m, min(int(_KEPT * min(wanted, most)) + _BESIDE, m - 4 * block), block)
@@ -90,7 +103,7 @@ def largest_within(
 
 def room_for(most: int) -> int:
     """Return how many vectors a search for `most` eigenvalues holds."""
-    return (_ROOM * most + _MORE) // _BLOCK * _BLOCK
+    return (_ROOM * most + _MORE) // BLOCK * BLOCK
 
 
 def _extend(apply: Solve, V: np.ndarray, S: np.ndarray, m: int, block: int) -> None:
@@ -133,13 +146,18 @@ def _sure(size: np.ndarray, residual: np.ndarray, radius: float, most: int) -> t
     size, residual : (m,) float
         |ν| of the projection, falling, and the residuals.
     """
-    open_ = np.flatnonzero(residual > _TOLERANCE * np.maximum(size, _NEGLIGIBLE * size[0]))
+    open_ = np.flatnonzero(~_converged(size, residual))
     first = int(open_[0]) if len(open_) else len(size)
     known = min(radius, 1 / (size[first] + residual[first])) if len(open_) else radius
     count = int(np.count_nonzero(size[:first] * known > 1))
     if count > most:
         count, known = most, min(known, 2 / (size[most - 1] + size[most]))
     return count, known
+
+
+def _converged(size: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """Return (m,) bool, which eigenvalues of the projection are exact to rounding; the arguments are those above."""
+    return np.asarray(residual <= _TOLERANCE * np.maximum(size, _NEGLIGIBLE * size[0]))
 
 
 def _cut_back(V: np.ndarray, S: np.ndarray, m: int, keep: int, block: int) -> int:

@@ -15,12 +15,13 @@ from scipy.optimize import linear_sum_assignment
 
 from ..errors import NotConvergedError
 from .both_sides import pairs_within
+from .disc import BLOCK
 from .free_modes import FreeModes, States
 from .linear.factor import LinearSolver, SingularError
 from .multiple import rounding_of_zero
 from .pencil import Modes, Pencil
 from .quality import in_upper_half, modes_from_lambda
-from .shift import light_tilt
+from .shift import LIGHT, light_tilt
 from .shift_invert import ShiftInverted
 
 _FULL = 40  # eigenvalues expected in a disc; a band with more of them is covered by several discs
@@ -37,6 +38,7 @@ _SAME = 1e-7  # of |λ|: eigenvalues of two discs that are closer are one
 _GROWING, _NARROW = 0.53, 0.9  # of a real λ: the shift around which growth up to it is looked for; of that: the radius
 _SLOWEST = 1e-5  # of the highest frequency: slower growth is not looked for in a crowd
 _FEW = 40  # modes beside the known ones that are looked for in the whole band
+_NEAR = 0.01  # of a multiple eigenvalue: how far from it the shift lies that shows further copies
 _BEHIND = 0.5  # of the highest frequency of the band: the shift of that search
 
 
@@ -151,10 +153,48 @@ class KnownBand:
             self.near = low
         self.low = self.near
 
+    def add_copies(self, top: float) -> None:
+        """Add further copies of those multiple eigenvalues up to a frequency, rad/s, that fill a block of vectors.
+
+        They are looked for from so near that hardly anything else is in sight, with the known copies taken out.
+
+        Raises
+        ------
+        NotConvergedError
+            If there is no end of them; `partial` has the modes found.
+        """
+        values = self.lam[_is_light(self.lam) & (self.lam.imag <= top)]
+        while len(values):
+            value = values[0]
+            same = np.abs(values - value) <= _SAME * np.abs(value)
+            values, found = values[~same], np.count_nonzero(same)
+            for _ in range(_DISCS):
+                if found < BLOCK:
+                    break
+                before = len(self.lam)
+                self._disc(value * (1 + _NEAR), 2 * _NEAR * abs(value), None)
+                found = BLOCK * np.count_nonzero(np.abs(self.lam[before:] - value) <= _SAME * np.abs(value))
+            else:
+                raise NotConvergedError(f"there are more than {len(self.lam)} modes, many of them equal", self.modes())
+
     def add_beside(self, top: float) -> bool:
-        """Add what is beside the known modes in a disc that reaches up to i·top, and return whether that is all."""
-        sigma, known = self._disc(_BEHIND * top, float(np.hypot(_BEHIND, 1.0)) * top, None)
-        return bool(known >= (1 - _CLEAR) * np.hypot(abs(sigma), top))
+        """Add what is beside the known modes in a disc that reaches up to i·top, and return whether that is all.
+
+        A Krylov space of blocks holds as many copies of a multiple eigenvalue as a block has vectors, and does not show
+        that there are more. With those found taken out it shows the next ones. So the search goes on until it finds no
+        mode that has to be found, and only what it cannot part then is a crowd of overdamped modes.
+
+        Raises
+        ------
+        NotConvergedError
+            If there is no end of them; `partial` has the modes found.
+        """
+        for _ in range(_DISCS):
+            before = len(self.lam)
+            sigma, known = self._disc(_BEHIND * top, float(np.hypot(_BEHIND, 1.0)) * top, None)
+            if not _is_light(self.lam[before:]).any():
+                return bool(known >= (1 - _CLEAR) * np.hypot(abs(sigma), top))
+        raise NotConvergedError(f"{len(self.lam)} modes found, and there are still others beside them", self.modes())
 
     def _disc(
         self, sigma: complex, radius: float, expected: float | None, growing: bool = False
@@ -168,16 +208,16 @@ class KnownBand:
         growing : bool
             Whether only real λ > 0 count.
         """
-        most, out, restarts = _FEW, None, 0
+        most, out, restarts, draw, needed = _FEW, None, 0, 0, None
         if expected is None:
-            out = self._states()
+            out, draw, needed = self._states(), len(self.lam), _is_light
         else:
             most, restarts = int(_MOST * expected) + _FULL, _RESTARTS
         for _ in range(_MOVES):
             self.discs += 1
             try:
                 operator = ShiftInverted(self.pencil, sigma, self.free, self.linear_solver, out)
-                lam, right, left, known = pairs_within(operator, radius, most, restarts)
+                lam, right, left, known = pairs_within(operator, radius, most, restarts, draw, needed)
             except SingularError:
                 sigma *= _MOVE
                 continue
@@ -188,7 +228,7 @@ class KnownBand:
             if growing:
                 here = (lam.real > rounding_of_zero(self.pencil, lam, right)) & (np.abs(lam.imag) <= 1e-6 * np.abs(lam))
                 lam, right, left = lam[here], right[:, here], left[:, here]
-            self._add(lam, right, left)
+            self._add(lam, right, left, out is None)
             return sigma, known
         return sigma, 0.0
 
@@ -208,8 +248,14 @@ class KnownBand:
         lam = self.lam[upper]
         return spanned(self.right[:, upper], lam), spanned(self.left[:, upper], lam.conj())
 
-    def _add(self, lam: np.ndarray, right: np.ndarray, left: np.ndarray) -> None:
-        """Add eigenpairs that are not known yet."""
+    def _add(self, lam: np.ndarray, right: np.ndarray, left: np.ndarray, mixed: bool) -> None:
+        """Add eigenpairs that are not known yet.
+
+        Parameters
+        ----------
+        mixed : bool
+            Whether known ones may be among them. Where these were taken out, an equal eigenvalue is another copy of it.
+        """
         if len(lam):
             self._modes = None
         lam = np.where(np.abs(lam.imag) <= _ROUNDING * np.abs(lam), lam.real, lam)
@@ -217,7 +263,7 @@ class KnownBand:
             self.lam, self.right, self.left = lam, right, left
             return
         new = np.ones(len(lam), bool)
-        if len(self.lam) and len(lam):
+        if mixed and len(self.lam) and len(lam):
             # Every known eigenvalue accounts for one of the new ones, so that a multiple one keeps its number.
             apart = np.abs(self.lam[:, None] - lam[None, :])
             near = apart <= _SAME * np.abs(lam)[None, :]
@@ -247,6 +293,11 @@ class KnownBand:
         if self.thin:
             method += ", near the imaginary axis"
         return modes_from_lambda(self.pencil, lam, right, left, method)
+
+
+def _is_light(lam: np.ndarray) -> np.ndarray:
+    """Return (k,) bool, which of the upper half plane's eigenvalues lam (k,) grow or swing with light damping."""
+    return np.asarray((lam.imag >= 0) & (lam.real > -LIGHT * lam.imag))
 
 
 def _on_ray(omega: float, radius: float, tilt: float) -> tuple[float, float]:

@@ -129,8 +129,9 @@ class ShiftInverted:
         return finish(*_run(lambda: eigs(operator, count, which="LM", tol=_TOLERANCE, v0=v0, ncv=basis), count))
 
     def within(
-        self, radius: float, most: int, adjoint: bool = False, restarts: int = 12
-    ) -> tuple[np.ndarray, np.ndarray, float]:
+        self, radius: float, most: int, adjoint: bool = False, restarts: int = 12, draw: int = 0,
+        needed: Callable[[np.ndarray], np.ndarray] | None = None,
+    ) -> tuple[np.ndarray, np.ndarray, float]:  # fmt: skip
         """Return the θ or λ in a disc around the shift, the vectors u, and a radius inside which these are all.
 
         Parameters
@@ -141,16 +142,23 @@ class ShiftInverted:
             Largest number of eigenvalues to look for; if there are more, the radius returned is smaller.
         adjoint : bool
             As for `largest`.
-        restarts : int
+        restarts, draw : int
             As for `largest_within`.
+        needed : callable, optional
+            As for `largest_within`, of θ or λ (k,).
         """
         apply, finish, dtype = self._operator(adjoint)
         if self.size <= room_for(most) + most:
             nu, z = la.eig(apply(np.eye(self.size, dtype=dtype)))
             inside = np.abs(nu) * radius > self._unit
             return *finish(nu[inside], z[:, inside]), radius
+
+        def patient(nu: np.ndarray) -> np.ndarray:
+            values = self.sigma + self._unit / (nu.conj() if adjoint else nu)
+            return np.zeros(len(nu), bool) if needed is None else needed(values)
+
         with one_openblas_thread():
-            nu, z, known = largest_within(apply, self.size, radius / self._unit, most, restarts)
+            nu, z, known = largest_within(apply, self.size, radius / self._unit, most, restarts, draw, patient)
         return *finish(nu, z), known * self._unit
 
     def _operator(self, adjoint: bool) -> tuple[Solve, Callable[[np.ndarray, np.ndarray], Pairs], DTypeLike]:

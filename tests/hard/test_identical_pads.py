@@ -1,0 +1,68 @@
+"""Many identical pads with dampers: every copy of their multiple eigenvalues, although a block shows but a few.
+
+A Krylov space of blocks of b vectors has b copies of a multiple eigenvalue, and rounding alone brings others. The pads
+flutter, so that what is missed is unstable.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from fe_squeal.eigen.band import count_beside
+from fe_squeal.eigen.pencil import Pencil
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
+
+DAMPING = 0.01
+
+
+def chain(n):
+    return 3 * np.eye(n) - 1.4 * (np.eye(n, k=1) + np.eye(n, k=-1))
+
+
+def pad(n, rng):
+    """Return K (n, n) of a pad of unit masses: θ = 2 ± i/2, and 4, 5, …, of which no two modes are orthogonal."""
+    V = np.eye(n) + 0.2 * rng.standard_normal((n, n))
+    return V @ la.block_diag([[2.0, 0.5], [-0.5, 2.0]], np.diag(4.0 + np.arange(n - 2))) @ np.linalg.inv(V)
+
+
+def swinging(theta, damping=DAMPING):
+    """Return λ of the upper half plane with λ² + cλ + θ = 0."""
+    root = np.sqrt(damping**2 / 4 - np.asarray(theta, complex))
+    lam = np.concatenate([-damping / 2 + root, -damping / 2 - root])
+    return lam[lam.imag > 1e-9]
+
+
+@pytest.mark.parametrize(
+    ("pads", "size", "others", "limit", "crowd"),
+    [(16, 20, 150, 1.5, 0), (40, 8, 100, 1.6, 0), (16, 20, 100, 1.5, 60)],
+)
+def test_no_copy_of_an_unstable_mode_is_missed(pads, size, others, limit, crowd):
+    """The third has overdamped modes beside them."""
+    one, rest = pad(size, np.random.default_rng(pads)), chain(others)
+    slow = np.linspace(0.5, 2.0, crowd)
+    K = la.block_diag(np.kron(np.eye(pads), one), rest, np.diag(slow))
+    C = np.diag(np.r_[np.full(len(K) - crowd, DAMPING), np.full(crowd, 30.0)])
+    pencil = Pencil(*(sp.csr_array(A) for A in (np.eye(len(K)), K, C)))
+    modes = solve_modes(pencil, Request(max_frequency_hz=limit / (2 * np.pi)))
+    expected = np.concatenate([np.repeat(swinging(la.eigvals(one)), pads), swinging(la.eigvalsh(rest))])
+    expected = expected[expected.imag <= limit]
+    found = modes.lam[modes.lam.imag > 0]
+    assert len(found) == len(expected)
+    np.testing.assert_allclose(np.sort(found.imag), np.sort(expected.imag), rtol=1e-9)
+    assert np.count_nonzero(modes.stability == "unstable") == pads
+
+
+@pytest.mark.parametrize("lost", [(0,), (0, 1)])
+def test_copies_of_known_modes_are_counted(lost):
+    flutter = np.array([[1.0, 0.3], [-0.3, 1.0]])
+    K = la.block_diag(chain(446), flutter, flutter)
+    pencil = Pencil(*(sp.csr_array(A) for A in (np.eye(450), K, DAMPING * np.eye(450))))
+    modes = solve_modes(pencil, Request(max_frequency_hz=1.2 / (2 * np.pi)))
+    unstable = np.flatnonzero(modes.stability == "unstable")
+    assert len(unstable) == 2
+    less = modes.select(np.delete(np.arange(len(modes)), unstable[list(lost)]))
+    assert count_beside(pencil, less, 1.2, None, "auto") == len(lost)
