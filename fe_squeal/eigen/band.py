@@ -15,7 +15,10 @@ from .request import Request, is_beside, is_needed, select_wanted
 from .shift import LIGHT, symmetric_part
 
 _BEYOND = 1e-4  # of a highest frequency: so far beyond it modes are looked for, and those below are all known then
-_BARREN = 6  # doublings of the band, one after the other, in which no mode is found: there are no more
+# Doublings of the band, one after the other, in which no mode is found, and how many times farther up no mode may be
+# without damping and friction either: there are no more then.
+_BARREN, _FAR = 6, 1e3
+_ONE_DISC = 36  # modes expected at most where a step before found none: one disc covers the next step then
 
 
 def band_modes(
@@ -43,8 +46,8 @@ def band_modes(
     barren = 0
     while True:
         modes, top = known.modes(), max(known.top, band)
-        if barren == _BARREN:  # all others are overdamped: there are fewer modes than were asked for
-            top = np.inf
+        if barren >= _BARREN and _is_highest(pencil, top, linear_solver):
+            top = np.inf  # all others are overdamped: there are fewer modes than were asked for
         wanted = select_wanted(modes, request, top)
         if wanted is not None:
             break
@@ -52,19 +55,30 @@ def band_modes(
         missing = max((count or 0) - len(inside), 1)
         upper = inside[inside > 0.5 * top]
         density = max(len(upper), 1) / (0.5 * top)
-        band = top + float(np.clip(1.3 * (missing + 2) / density, 0.05 * top, top))
+        step = float(np.clip(1.3 * (missing + 2) / density, 0.05 * top, top))
+        # How dense modes are says nothing any more where a step has found none.
+        band, expected = (2 * top, min(missing, _ONE_DISC)) if barren else (top + step, missing)
         before = len(known.lam)
-        known.cover(top, band, missing + 4)
+        known.cover(top, band, expected + 4)
         barren = barren + 1 if len(known.lam) == before else 0
     end = float(wanted.lam.imag.max(initial=0.0)) or top
     known.add_copies(end * (1 + _BEYOND))
     known.add_rest(end)
     modes = known.modes()
-    wanted = select_wanted(modes, request, np.inf if barren == _BARREN else top)
+    wanted = select_wanted(modes, request, top)
     if wanted is None:
         raise NotConvergedError("beside real eigenvalues that grow the others are too uncertain to be told", modes)
     # Which ones of a crowd were found is chance, and another value would have others.
     return wanted.select(np.flatnonzero(is_needed(wanted))) if known.crowded else wanted
+
+
+def _is_highest(pencil: Pencil, top: float, linear_solver: LinearSolver | str) -> bool:
+    """Return whether no mode without damping and friction is between a frequency, rad/s, and one far above it.
+
+    True where these cannot be counted.
+    """
+    below, far = (count_below(symmetric_part(pencil), omega, linear_solver) for omega in (top, _FAR * top))
+    return below is None or far is None or far <= below
 
 
 def count_beside(
