@@ -91,6 +91,33 @@ def separated(
     return lam, right, left
 
 
+def separated_divergences(
+    pencil: Pencil, theta: np.ndarray, right: np.ndarray, left: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the eigenpairs of a real undamped pencil with equal θ < 0 told apart.
+
+    Rounding makes pairs −a ± iδ of two equal θ = −a. The square roots of such a pair would be two modes ±√a, but there
+    are two of each. As in `separated`, a defective pair stays as it is.
+
+    Parameters
+    ----------
+    theta : (k,) float or complex, rad²/s²
+    right, left : (n, k)
+    """
+    split = (theta.real < 0) & (theta.imag > 0) & (theta.imag <= _NEARLY_REAL * np.abs(theta))
+    if pencil.is_complex or not split.any():
+        return theta, right, left
+    theta, right, left = theta.copy(), right.copy(), left.copy()
+    for i in np.flatnonzero(split):
+        pair = np.array([i, np.abs(theta - theta[i].conj()).argmin()])
+        Z, W = _real_span(pencil, right[:, [i]]), _real_span(pencil, left[:, [i]])
+        same = theta[pair[1]].imag < 0 and np.abs(theta[pair[1]].conj() - theta[i]) <= _EQUAL * np.abs(theta[i])
+        lam = np.sqrt(np.full(2, -theta[i].real))
+        if same and Z.shape[1] == W.shape[1] == 2 and _are_modes(pencil, lam, Z, W):
+            theta[pair], right[:, pair], left[:, pair] = theta[i].real, Z, W
+    return theta, right, left
+
+
 def _are_modes(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray) -> bool:
     adjoint = pencil.transposed()
     return all(

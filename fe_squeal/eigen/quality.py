@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from .blocks import lift
-from .multiple import ROUNDING, biorthogonal, defective_error, rounding_of_zero, separated, unit_mass
+from .multiple import (
+    ROUNDING,
+    biorthogonal,
+    defective_error,
+    rounding_of_zero,
+    separated,
+    separated_divergences,
+    unit_mass,
+)
 from .pencil import Modes, Pencil
 
 __all__ = ["ROUNDING", "backward_errors", "in_upper_half", "modes_from_lambda", "modes_from_theta"]
@@ -30,7 +38,7 @@ def modes_from_theta(
     second_order : bool
         Whether left vectors are so exact that a residual moves an eigenvalue only as far as they see it.
     """
-    right = unit_mass(pencil, right)
+    theta, right, left = separated_divergences(pencil, theta, unit_mass(pencil, right), left)
     lefts = unit_mass(pencil, left)
     left = biorthogonal(left, left.conj().T @ lift(pencil.M, right), theta)
     lam = 1j * np.sqrt(theta.astype(complex))
