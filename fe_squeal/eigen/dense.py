@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 import scipy.linalg as la
 
 from ..errors import NotConvergedError
 from .free_modes import FreeModes, split_off
-from .lapack import Pairs, damped_methods, symmetric_methods, undamped_methods
+from .lapack import APART, SOLVES, Pairs, damped_methods, finite_number, symmetric_methods, undamped_methods
 from .linear.factor import LinearSolver
 from .pencil import Modes, Pencil
 from .polish import inaccurate, pair_errors, polish_pairs
@@ -22,9 +23,11 @@ DENSE_LIMIT = 400  # unknowns up to which all modes come from LAPACK: seconds, t
 # Up to so many inaccurate pairs are polished one by one, instead of trying another method: as parts of all eigenvalues
 # of the matrices, and of those that are asked for.
 _FEW, _FEW_OF_ASKED = 0.1, 0.3
-# Eigenvalues larger than _HUGE, in units of ω0, with a backward error above _WRONG are what rounding makes of infinite
+# Eigenvalues larger than _HUGE, in units of ω0, with a backward error above SOLVES are what rounding makes of infinite
 # ones, or of several equal penalties; they are dropped.
-_HUGE, _WRONG = 1e4, 1e-8
+_HUGE = 1e4
+
+_Pairs: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # as `Pairs`, with their errors (k,)
 
 
 @one_openblas_thread()
@@ -32,6 +35,8 @@ def solve_dense(
     pencil: Pencil, highest: float = np.inf, linear_solver: LinearSolver | str = "auto", growing: float | None = None
 ) -> Modes:  # fmt: skip
     """Return all finite modes of a small pencil, or those up to |λ| = highest, rad/s.
+
+    They are exhaustive unless fewer were found than there are, so far apart are the fastest and the others.
 
     Parameters
     ----------
@@ -52,35 +57,38 @@ def solve_dense(
     pencil = pencil.dense()
     M, K = omega0**2 * d[:, None] * pencil.M * d, d[:, None] * pencil.K * d
     if pencil.C is None:
-        v, right, left = _undamped_pairs(pencil, M, K, (highest / omega0) ** 2, free)
+        (v, right, left), every = _undamped_pairs(pencil, M, K, (highest / omega0) ** 2, free)
         if not pencil.is_complex and not v.imag.any():
             v, right, left = v.real, right.real, left.real
     else:
         C = omega0 * d[:, None] * pencil.C * d
         limit = None if growing is None else growing / omega0
-        v, right, left = _damped_pairs(pencil, M, C, K, highest / omega0, free, limit)
+        (v, right, left), every = _damped_pairs(pencil, M, C, K, highest / omega0, free, limit)
     v, right, left = (omega0 if pencil.C is not None else omega0**2) * v, d[:, None] * right, d[:, None] * left
     if free is not None:
         v, right, left = free.beside(v, right, left)
     modes_from = modes_from_theta if pencil.C is None else modes_from_lambda
-    return replace(modes_from(pencil, v, right, left, "dense (LAPACK)"), exhaustive=True)
+    return replace(modes_from(pencil, v, right, left, "dense (LAPACK)"), exhaustive=every)
 
 
-def _undamped_pairs(pencil: Pencil, M: np.ndarray, K: np.ndarray, highest: float, free: FreeModes | None) -> Pairs:
-    """Return the eigenpairs K x = θ M x of scaled matrices, without those of free motions."""
+def _undamped_pairs(
+    pencil: Pencil, M: np.ndarray, K: np.ndarray, highest: float, free: FreeModes | None
+) -> tuple[Pairs, bool]:
+    """Return the eigenpairs K x = θ M x of scaled matrices, without those of free motions, and whether none is lost."""
     d, A, X = pencil.units[0][:, None], [K, -M], None
     if free is not None:
         X = complement(M @ (free.right / d))
         A = [X.T @ part @ X for part in A]
     if not len(A[0]):
-        return np.zeros(0), np.zeros((len(K), 0)), np.zeros((len(K), 0))
+        return (np.zeros(0), np.zeros((len(K), 0)), np.zeros((len(K), 0))), True
     real_symmetric = pencil.symmetric and not pencil.is_complex
     methods = symmetric_methods(-A[1], A[0]) if real_symmetric else undamped_methods(-A[1], A[0], highest)
     theta, right, left = _finite(A, polish_pairs(A, *_best(A, methods, highest)), _HUGE**2)
+    every = np.isfinite(highest) or len(theta) >= finite_number(A)
     if X is None or free is None:
-        return theta, right, left
+        return (theta, right, left), every
     right, left, Z, MW = X @ right, X @ left, free.right / d, M @ (free.left / d)
-    return theta, right - Z @ (np.linalg.pinv(MW.conj().T @ Z) @ (MW.conj().T @ right)), left
+    return (theta, right - Z @ (np.linalg.pinv(MW.conj().T @ Z) @ (MW.conj().T @ right)), left), every
 
 
 def complement(MZ: np.ndarray) -> np.ndarray:
@@ -97,8 +105,11 @@ def complement(MZ: np.ndarray) -> np.ndarray:
 def _damped_pairs(
     pencil: Pencil, M: np.ndarray, C: np.ndarray, K: np.ndarray, highest: float, free: FreeModes | None,
     growing: float | None,
-) -> Pairs:  # fmt: skip
-    """Return the eigenpairs of scaled matrices in the upper half plane, without those of free motions."""
+) -> tuple[Pairs, bool]:  # fmt: skip
+    """Return the eigenpairs of scaled matrices in the upper half plane without those of free motions, and whether all.
+
+    Up to |λ| = highest none is known to be lost.
+    """
     d, omega0 = pencil.units
     A, X, Z = [K, C, M], None, None
     if free is not None and free.closed.shape[1]:
@@ -106,35 +117,48 @@ def _damped_pairs(
         X = complement(M @ Z)
         A = [X.T @ part @ X for part in A]
     if not len(A[0]):
-        return np.zeros(0, complex), np.zeros((len(K), 0)), np.zeros((len(K), 0))
+        return (np.zeros(0, complex), np.zeros((len(K), 0)), np.zeros((len(K), 0))), True
     # Eigenvalues of real matrices come in conjugate pairs. Those of free motions may be pairs by rounding alone.
     upper = free is None and not pencil.is_complex
-    lam, right, left, error = _best(A, damped_methods(A[2], A[1], A[0], highest, upper), highest)
+    lam, right, left, error = _best(A, damped_methods(A[2], A[1], A[0], highest, upper), highest, upper)
+    every = np.isfinite(highest) or _number(lam, upper) >= finite_number(A)
     keep = in_upper_half(pencil, omega0 * lam)
     if free is not None:  # how many eigenvalues are zero is known: they are the nearest to zero, and are added exactly
         keep[np.argsort(np.abs(lam), kind="stable")[: free.zeros]] = False
     if growing is not None:
         keep &= (lam.real > 0) & (lam.imag <= growing)
     lam, right, left = _finite(A, polish_pairs(A, lam[keep], right[:, keep], left[:, keep], error[keep]), _HUGE)
+    every = every and (np.isfinite(highest) or len(lam) == np.count_nonzero(keep))
     if X is None or Z is None:
-        return lam, right, left
+        return (lam, right, left), every
     # With C Z = M Z D and XᵀMZ = 0 the motions Z exert no force on the others, which were solved for by themselves.
     # These do move Z: by the c that makes the rows of Z in Q(λ)(Xa + Zc) = 0 hold.
     right, left = X @ right, X @ left
     inertia = lam[:, None, None] ** 2 * (Z.T @ M @ Z) + lam[:, None, None] * (Z.T @ C @ Z)
     forces = (Z.T @ C @ right) * lam + Z.T @ K @ right
     moved = np.linalg.pinv(inertia) @ forces.T[:, :, None]
-    return lam, right - Z @ moved[:, :, 0].T, left
+    return (lam, right - Z @ moved[:, :, 0].T, left), every
+
+
+def _number(v: np.ndarray, upper: bool) -> int:
+    """Return how many eigenvalues (k,) stand for; with `upper` those of Im < 0, conjugates of others, do not count."""
+    return len(v) if not upper else int(np.count_nonzero(v.imag == 0) + 2 * np.count_nonzero(v.imag > 0))
 
 
 def _best(
-    A: Sequence[np.ndarray], methods: Sequence[Callable[[], Pairs]], highest: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    A: Sequence[np.ndarray], methods: Sequence[Callable[[], Pairs]], highest: float, upper: bool = False
+) -> _Pairs:
     """Return the pairs up to |v| = highest by the first method that gets nearly all right, and their errors.
 
-    Where no method does, those of the best one.
+    Where no method does, those of the best one. A pair that a method has lost is as wrong as one that is inaccurate.
+
+    Parameters
+    ----------
+    upper : bool
+        Whether of conjugate pairs the methods may give only those of Im v ≥ 0.
     """
-    tried: list[tuple[float, tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]] = []
+    number = 0 if np.isfinite(highest) else finite_number(A)
+    tried: list[tuple[float, _Pairs, np.ndarray]] = []
     for method in methods:
         try:
             v, x, y = method()
@@ -144,17 +168,45 @@ def _best(
         pairs = v[keep], x[:, keep], y[:, keep]
         errors = pair_errors(A, *pairs)
         wrong = inaccurate(A, *pairs, errors)
-        tried.append((float(wrong.mean()) if len(wrong) else 0.0, (*pairs, errors)))
-        if tried[-1][0] <= _FEW_OF_ASKED and np.count_nonzero(wrong) <= _FEW * len(A[0]) * (len(A) - 1):
+        lost = max(number - _number(pairs[0], upper), 0)
+        faults = np.count_nonzero(wrong) + lost
+        tried.append((faults / max(len(wrong) + lost, 1), (*pairs, errors), wrong))
+        if tried[-1][0] <= _FEW_OF_ASKED and lost == 0 and faults <= _FEW * len(A[0]) * (len(A) - 1):
             break
     if not tried:
         raise NotConvergedError("LAPACK finds no eigenvalues of these matrices")
-    return min(tried, key=lambda t: t[0])[1]
+    _, best, wrong = min(tried, key=lambda t: t[0])
+    lost = number - _number(best[0][~wrong], upper)
+    if number <= _number(best[0], upper):
+        return best
+    rest = [found for _, pairs, _ in tried if (found := _fastest(pairs, lost, best[0][~wrong], upper)) is not None]
+    if not rest:
+        return best
+    fast = min(rest, key=lambda pairs: float(pairs[3].max()))
+    v, x, y, errors = (np.concatenate([p[..., ~wrong], q], axis=-1) for p, q in zip(best, fast, strict=True))
+    return v, x, y, errors
+
+
+def _fastest(pairs: _Pairs, number: int, others: np.ndarray, upper: bool) -> _Pairs | None:
+    """Return those of the pairs that are so many eigenvalues larger than others (k,); None where these are not as many.
+
+    The accurate list of the slow ones may have lost the fastest, which a list that blurs the slow ones still has.
+    """
+    order = np.argsort(-np.abs(pairs[0]), kind="stable")
+    standing = np.cumsum([_number(pairs[0][[i]], upper) for i in order])
+    count = int(np.searchsorted(standing, number)) + 1
+    if count > len(order) or standing[count - 1] != number:
+        return None
+    chosen = order[:count]
+    if np.abs(pairs[0][chosen]).min() <= APART * np.abs(others).max(initial=0.0):
+        return None
+    v, x, y, errors = (part[..., chosen] for part in pairs)
+    return v, x, y, errors
 
 
 def _finite(A: Sequence[np.ndarray], pairs: Pairs, huge: float) -> Pairs:
     v, right, left = pairs
     keep = np.abs(v) <= huge
     if not keep.all():
-        keep |= pair_errors(A, *pairs) <= _WRONG
+        keep |= pair_errors(A, *pairs) <= SOLVES
     return v[keep], right[:, keep], left[:, keep]

@@ -11,8 +11,9 @@ import scipy.linalg as la
 from .polish import inaccurate, pair_errors
 
 Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # eigenvalues (k,), right and left vectors (n, k)
-_APART = 1.001  # at least this ratio of two eigenvalues is between those that are taken from one list and another
+APART = 1.001  # at least this ratio of two eigenvalues is between those that are taken from one list and another
 _BLURRED = 1e-11  # of the largest eigenvalue asked for: a method with such a rounding is not tried
+SOLVES = 1e-8  # backward error above which an eigenvalue that may be infinite is what rounding makes of one
 _SHIFT = 0.1  # times the largest eigenvalue asked for: the shift, about as far from that as from much smaller ones
 
 
@@ -107,7 +108,7 @@ def _together(A: Sequence[np.ndarray], low: Pairs, high: Pairs) -> Pairs:
     # Parted before the s-th eigenvalue of both lists, where all others are smaller: not within a pair.
     gap = np.minimum.reduce([s[1:m] for s in sizes]) / np.maximum.reduce([s[: m - 1] for s in sizes])
     faults = np.cumsum(wrong[0])[: m - 1] + np.cumsum(wrong[1][::-1])[::-1][1:m]
-    s = 1 + int(np.argmin(np.where(gap > _APART, faults, np.iinfo(int).max)))
+    s = 1 + int(np.argmin(np.where(gap > APART, faults, np.iinfo(int).max)))
     v, x, y = (np.concatenate([a[..., :s], b[..., s:]], axis=-1) for a, b in zip(*parts, strict=True))
     return v, x, y
 
@@ -181,8 +182,33 @@ def damped_methods(
 
 def _qz(A: np.ndarray, B: np.ndarray) -> Pairs:
     (alpha, beta), left, right = la.eig(A, B, left=True, right=True, homogeneous_eigvals=True)
-    finite = np.abs(beta) > len(A) * np.finfo(float).eps * la.norm(B, 1)
-    return alpha[finite] / beta[finite], right[:, finite], left[:, finite]
+    finite = beta != 0
+    v, right, left = alpha[finite] / beta[finite], right[:, finite], left[:, finite]
+    # What rounding makes of infinite eigenvalues solves nothing; a fast one may have as small a β, and solves it.
+    keep = np.abs(beta[finite]) > len(A) * np.finfo(float).eps * la.norm(B, 1)
+    small = ~keep & np.isfinite(v)
+    keep[small] = pair_errors([A, -B], v[small], right[:, small], left[:, small]) <= SOLVES
+    return v[keep], right[:, keep], left[:, keep]
+
+
+def finite_number(A: Sequence[np.ndarray]) -> int:
+    """Return how many finite eigenvalues v of (A0 + v A1 + v² A2) x = 0 there are, A2 left out without damping.
+
+    Unknowns whose rows of mass are empty have fewer: one without inertia has no θ, and of two λ it keeps one if it is
+    damped. Those among them that nothing else holds are Lagrange multipliers, which take that of another unknown, too.
+
+    Parameters
+    ----------
+    A : sequence of (n, n) float or complex
+        The last one is that of mass, or of its negative.
+    """
+    order = len(A) - 1
+    light = np.asarray(~A[-1].any(axis=1))
+    damped = np.asarray(light & A[1].any(axis=1)) if order == 2 else np.zeros(len(light), bool)
+    rest = np.flatnonzero(light & ~damped)
+    w = np.linalg.svd(A[0][np.ix_(rest, rest)], compute_uv=False)
+    multipliers = np.count_nonzero(w <= len(w) * np.finfo(float).eps * max(w.max(initial=0.0), 1.0))
+    return order * int(len(light) - light.sum() - multipliers) + int(damped.sum())
 
 
 def _lu(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
