@@ -20,7 +20,7 @@ from .free_modes import FreeModes, States
 from .linear.factor import LinearSolver, SingularError
 from .multiple import rounding_of_zero
 from .pencil import Modes, Pencil
-from .quality import in_upper_half, modes_from_lambda
+from .quality import eigenvalue_errors, in_upper_half, modes_from_lambda
 from .shift import LIGHT, light_tilt
 from .shift_invert import ShiftInverted
 
@@ -34,7 +34,9 @@ _TOUCHING = 0.97  # of a shift: a disc with this radius holds no real eigenvalue
 _OVERLAP = 1.02  # times the ends of a range: discs overlap by so much
 _SLIVER = 1e-3  # of the band: creeping motions may crowd so near zero that no disc reaches farther down than this
 _ROUNDING = 1e-12  # what rounding may leave of zero, relative to |λ|
-_SAME = 1e-7  # of |λ|: eigenvalues of two discs that are closer are one
+# Of |λ|, and times their uncertainty, by which rounding parts those of a defective eigenvalue: eigenvalues of two discs
+# that are closer are one.
+_SAME, _BLUR = 1e-7, 4
 _GROWING, _NARROW = 0.53, 0.9  # of a real λ: the shift around which growth up to it is looked for; of that: the radius
 _SLOWEST = 1e-5  # of the highest frequency: slower growth is not looked for in a crowd
 _FEW = 40  # modes beside the known ones that are looked for in the whole band
@@ -72,6 +74,11 @@ class KnownBand:
     crowded: bool = False
     method: str = ""
     _modes: Modes | None = None
+    _errors: np.ndarray = field(init=False)  # of lam, rad/s, as far as rounding moves them; 0 of those that were given
+
+    def __post_init__(self) -> None:
+        """Take those that were given as exact."""
+        self._errors = np.zeros(len(self.lam))
 
     def cover(self, start: float, end: float, expected: int) -> None:
         """Find the eigenvalues with Im λ between two frequencies, rad/s, of which about so many are expected.
@@ -259,17 +266,20 @@ class KnownBand:
         if len(lam):
             self._modes = None
         lam = np.where(np.abs(lam.imag) <= _ROUNDING * np.abs(lam), lam.real, lam)
+        errors = eigenvalue_errors(self.pencil, lam, right, left)
         if self.right is None or self.left is None:
-            self.lam, self.right, self.left = lam, right, left
+            self.lam, self.right, self.left, self._errors = lam, right, left, errors
             return
         new = np.ones(len(lam), bool)
         if mixed and len(self.lam) and len(lam):
             # Every known eigenvalue accounts for one of the new ones, so that a multiple one keeps its number.
             apart = np.abs(self.lam[:, None] - lam[None, :])
-            near = apart <= _SAME * np.abs(lam)[None, :]
+            blurred = _BLUR * np.minimum(self._errors[:, None], errors)  # two images of one are blurred alike
+            near = apart <= np.maximum(_SAME * np.abs(lam), blurred)
             i, j = linear_sum_assignment(np.where(near, apart, 1e3 * np.abs(lam).max()))
             new[j[near[i, j]]] = False
         self.lam = np.concatenate([self.lam, lam[new]])
+        self._errors = np.concatenate([self._errors, errors[new]])
         self.right = np.hstack([self.right, right[:, new]])
         self.left = np.hstack([self.left, left[:, new]])
 
