@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..errors import NotConvergedError
 from .free_modes import FreeModes
+from .growth import with_damping
 from .inertia import count_below
 from .known_band import KnownBand
 from .linear.factor import LinearSolver
 from .multiple import rounding_of_zero
 from .pencil import Modes, Pencil
+from .quality import modes_from_lambda, modes_from_theta, together
 from .request import Request, is_beside, is_needed, select_wanted
 from .shift import LIGHT, symmetric_part
 
@@ -79,6 +83,41 @@ def _is_highest(pencil: Pencil, top: float, linear_solver: LinearSolver | str) -
     """
     below, far = (count_below(symmetric_part(pencil), omega, linear_solver) for omega in (top, _FAR * top))
     return below is None or far is None or far <= below
+
+
+def with_far_growth(
+    pencil: Pencil, modes: Modes, limit: float, free: FreeModes | None, linear_solver: LinearSolver | str
+) -> Modes:
+    """Return modes with those beside them that swing below a frequency, rad/s, and grow faster than that.
+
+    The modes nearest a shift reach as far in growth as in frequency alone, and divergence of a brake whose friction is
+    not symmetric may be faster.
+
+    Parameters
+    ----------
+    modes : Modes
+        Those of a pencil without C, or with a complex K, that are nearest a shift; with right and left modes.
+    """
+    if not limit:
+        return modes
+    known = KnownBand(
+        with_damping(pencil), free, linear_solver, modes.lam, modes.right, modes.left, method=modes.method
+    )
+    known.add_far(limit)
+    assert known.right is not None and known.left is not None
+    far = np.flatnonzero((np.arange(len(known.lam)) >= len(modes)) & (known.lam.imag <= limit))
+    far = far[(known.lam[far].imag >= 0) & (known.lam[far].real > 0)]
+    if not len(far):
+        return replace(modes, method=known.method)
+    lam, right, left = known.lam[far], known.right[:, far], known.left[:, far]
+    if pencil.C is not None:
+        return together(modes, modes_from_lambda(pencil, lam, right, left, known.method))
+    theta = -(lam**2)
+    if not pencil.is_complex:  # θ* belongs to −λ*
+        pairs = np.flatnonzero(lam.imag > 0)
+        theta = np.append(theta, theta[pairs].conj())
+        right, left = (np.hstack([x, x[:, pairs].conj()]) for x in (right, left))
+    return together(modes, modes_from_theta(pencil, theta, right, left, known.method))
 
 
 def count_beside(

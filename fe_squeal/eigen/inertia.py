@@ -18,8 +18,13 @@ def count_below(pencil: Pencil, omega: float, linear_solver: LinearSolver | str 
 
     None where the factorisation gives no inertia. Negative θ (divergence) count as well, each once.
     """
+    return count_beneath(pencil, omega**2, linear_solver)
+
+
+def count_beneath(pencil: Pencil, theta: float, linear_solver: LinearSolver | str = "auto") -> int | None:
+    """Return how many θ of a symmetric pencil lie below one, rad²/s², which may be negative; see `count_below`."""
     try:
-        shifted = sp.csr_array(pencil.K - omega**2 * pencil.M)
+        shifted = sp.csr_array(pencil.K - theta * pencil.M)
         pivots = negative_eigenvalues(shifted, linear_solver)
     except NotConvergedError:
         return None

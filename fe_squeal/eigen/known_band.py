@@ -17,6 +17,7 @@ from ..errors import NotConvergedError
 from .both_sides import pairs_within
 from .disc import BLOCK
 from .free_modes import FreeModes, States
+from .growth import is_gyroscopic, may_grow
 from .linear.factor import LinearSolver, SingularError
 from .multiple import rounding_of_zero
 from .pencil import Modes, Pencil
@@ -39,6 +40,8 @@ _ROUNDING = 1e-12  # what rounding may leave of zero, relative to |λ|
 _SAME, _BLUR = 1e-7, 4
 _GROWING, _NARROW = 0.53, 0.9  # of a real λ: the shift around which growth up to it is looked for; of that: the radius
 _SLOWEST = 1e-5  # of the highest frequency: slower growth is not looked for in a crowd
+_FAR = 15.0  # of a rate: growth up to here is looked for around one shift
+_FARTHER = 4  # such searches, each beyond the last one
 _FEW = 40  # modes beside the known ones that are looked for in the whole band
 _NEAR = 0.01  # of a multiple eigenvalue: how far from it the shift lies that shows further copies
 _BEHIND = 0.5  # of the highest frequency of the band: the shift of that search
@@ -133,19 +136,50 @@ class KnownBand:
 
         A disc around a positive real shift holds the band on both sides of the real axis, and what grows or decays
         there. The modes that are known already are taken out, so that it is empty unless modes are overdamped.
-        Where these are many, smaller discs look near zero and for real growth alone.
+        Where these are many, smaller discs look near zero and for what grows.
         """
         if self.add_beside(top):
+            self.add_far(top)
             return
         self.crowded = True
         self.add_slow(top)
-        high = top
-        while high > _SLOWEST * top:
+        if self.add_growing(_FAR * top, _SLOWEST * top):
+            self.add_far(_FAR * top, searched=True)
+
+    def add_growing(self, high: float, low: float) -> bool:
+        """Add what grows between two rates, rad/s, and swings far more slowly; return whether that is all."""
+        while high > low:
             sigma, known = self._disc(_GROWING * high, _NARROW * _GROWING * high, 0, growing=True)
             if known < _NARROW * abs(sigma) * (1 - _CLEAR):
                 self.method += ", without a full search for real eigenvalues that grow"
-                break
+                return False
             high *= _OVERLAP * _GROWING * (1 - _NARROW)
+        return True
+
+    def add_far(self, rate: float, searched: bool = False) -> None:
+        """Add what grows faster than a rate, rad/s, however fast, and swings more slowly.
+
+        That the symmetric parts of the matrices allow no such growth is what is usual, and costs two real symmetric
+        factorisations; without C one. Gyroscopic terms may let flutter grow in spite of that: with these a disc is
+        searched in any case.
+
+        Parameters
+        ----------
+        searched : bool
+            Whether what gyroscopic terms may do was looked for already.
+        """
+        always = is_gyroscopic(self.pencil) and not searched
+        for _ in range(_FARTHER):
+            grows = may_grow(self.pencil, rate, self.linear_solver)
+            if grows is not False or always:
+                if not self.add_growing(_FAR * rate, rate):
+                    return
+                rate, always = _FAR * rate, False
+            if grows is None:
+                break
+            if not grows:
+                return
+        self.method += f", without a search for real eigenvalues that grow faster than {rate:.3g} 1/s"
 
     def add_slow(self, top: float) -> None:
         """Add modes below the discs on the imaginary axis, down to zero unless overdamped modes crowd there."""
@@ -213,7 +247,7 @@ class KnownBand:
         expected : float or None
             How many there are, about; None where few are beside the known ones, which are taken out.
         growing : bool
-            Whether only real λ > 0 count.
+            Whether only what grows counts.
         """
         most, out, restarts, draw, needed = _FEW, None, 0, 0, None
         if expected is None:
@@ -233,7 +267,7 @@ class KnownBand:
                 continue
             self.method = self.method or f"block Krylov-Schur in discs, {operator.linear_solver.name}"
             if growing:
-                here = (lam.real > rounding_of_zero(self.pencil, lam, right)) & (np.abs(lam.imag) <= 1e-6 * np.abs(lam))
+                here = lam.real > rounding_of_zero(self.pencil, lam, right)
                 lam, right, left = lam[here], right[:, here], left[:, here]
             self._add(lam, right, left, out is None)
             return sigma, known

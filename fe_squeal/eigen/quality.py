@@ -115,6 +115,18 @@ def modes_from_lambda(
     return Modes(lam, right, left, backward, u, condition, method).select(order)
 
 
+def together(modes: Modes, others: Modes) -> Modes:
+    """Return modes of one pencil and others of it as one set, by the method of the others."""
+    assert modes.left is not None and others.left is not None
+    u = np.append(modes.re_uncertainty, others.re_uncertainty)
+    every = Modes(
+        np.append(modes.lam, others.lam), np.hstack([modes.right, others.right]), np.hstack([modes.left, others.left]),
+        np.append(modes.backward_error, others.backward_error), u, np.append(modes.condition, others.condition),
+        others.method,
+    )  # fmt: skip
+    return every.select(_by_frequency(every.lam, u))
+
+
 def _by_frequency(lam: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Return the order (k,) of λ (k,) by rising frequency, and by falling growth rate where frequencies are equal.
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import NotConvergedError
 from .arpack import nonsymmetric_modes, quadratic_modes, symmetric_modes
-from .band import band_modes
+from .band import band_modes, with_far_growth
 from .dense import DENSE_LIMIT, solve_dense
 from .free_modes import FreeModes, split_off
 from .inertia import count_below, finite_below
@@ -141,6 +141,13 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None, linear_s
         radius = known_radius(pencil, modes, sigma, reach)
         wanted = select_wanted(modes, request, radius)
         if wanted is not None:
+            if np.isinf(reach) or pencil.problem_class == "symmetric":  # of which all divergent modes are known
+                return wanted
+            limit = float(wanted.lam.imag.max(initial=0.0))
+            if request.max_frequency_hz is not None:
+                limit = 2 * np.pi * request.max_frequency_hz
+            wanted = select_wanted(with_far_growth(pencil, modes, limit, free, linear_solver), request, np.inf)
+            assert wanted is not None
             return wanted
         if sought == operator.most:
             raise NotConvergedError(f"{len(modes)} modes found, the wanted range is still not covered", partial=modes)

@@ -1,0 +1,54 @@
+"""Whether modes can grow faster than some rate: the symmetric parts of the matrices bound it, by their inertia."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from .inertia import count_beneath
+from .linear.factor import LinearSolver
+from .pencil import Pencil
+from .shift import symmetric_part
+
+# Times a rate: how far below zero θ may be, as a frequency, and how much damping may be negative, so that no real λ is
+# larger than 1.6 times the rate: λ² − λ − ¼ > 0 there.
+_STIFFNESS, _DAMPING = 0.5, 1.0
+
+
+def may_grow(pencil: Pencil, rate: float, linear_solver: LinearSolver | str = "auto") -> bool | None:
+    """Return whether a real λ may be larger than about a rate, rad/s; None where the solver gives no inertia.
+
+    The mode u of a real λ > 0 is real, so that λ²uᵀMu + λuᵀCu + uᵀKu = 0 has the symmetric parts of C and K alone.
+    Where those of K + ¼r²M and C + rM have no negative eigenvalue, the sum is positive for every λ > 1.6 r. A symmetric
+    C ≥ 0, or none, then also bounds how fast flutter grows: (Re λ)² < (Im λ)² + ¼r².
+
+    It costs one real symmetric factorisation, with C a second one.
+
+    Parameters
+    ----------
+    pencil : Pencil
+        Of a complex K the real part counts.
+    rate : float, rad/s
+    linear_solver : LinearSolver or str
+    """
+    below = count_beneath(symmetric_part(pencil), -((_STIFFNESS * rate) ** 2), linear_solver)
+    if below or pencil.C is None:
+        return None if below is None else below > 0
+    # Unknowns with neither mass nor damping would make C + rM singular.
+    rows = np.flatnonzero((abs(pencil.M).sum(axis=1) > 0) | (abs(pencil.C).sum(axis=1) > 0))
+    M, C = (sp.csr_array(A[rows][:, rows]) for A in (pencil.M, pencil.C))
+    damping = Pencil(M, sp.csr_array((C + C.T) / 2), symmetric=True)
+    negative = count_beneath(damping, -_DAMPING * rate, linear_solver)
+    return None if negative is None or below is None else negative > 0
+
+
+def is_gyroscopic(pencil: Pencil) -> bool:
+    """Return whether C has a part that is not symmetric: `may_grow` does not bound how fast flutter grows then."""
+    return pencil.C is not None and abs(pencil.C - pencil.C.T).max() > 1e-12 * abs(pencil.C).max()
+
+
+def with_damping(pencil: Pencil) -> Pencil:
+    """Return the pencil with C = 0 where it has none: of λ instead of θ."""
+    return pencil if pencil.C is not None else replace(pencil, C=sp.csr_array(pencil.M.shape))

@@ -1,0 +1,93 @@
+"""Modes that grow faster than anything in the band swings: |λ| lies beyond it, and Im λ within."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from fe_squeal.eigen.dense import DENSE_LIMIT
+from fe_squeal.eigen.growth import may_grow
+from fe_squeal.eigen.pencil import Modes, Pencil
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
+
+N, BAND = DENSE_LIMIT + 50, 0.3
+REQUESTS = [Request(count=20), Request(max_frequency_hz=BAND / (2 * np.pi))]
+
+
+def chain(stiffness: np.ndarray, damping: np.ndarray | None = None, loss: float = 0.0, unit: float = 1.0) -> Pencil:
+    """Return a chain between walls with friction at one place, and other masses beside it.
+
+    Parameters
+    ----------
+    stiffness, damping : (k, k) float
+        Those of the masses beside it; without damping nothing is damped.
+    loss : float
+        Loss factor of the chain.
+    unit : float
+        The unit of time, in seconds.
+    """
+    n = N - len(stiffness)
+    k = np.random.default_rng(0).uniform(1, 3, n + 1)
+    K = sp.lil_array(sp.diags_array([k[:-1] + k[1:], -k[1:-1], -k[1:-1]], offsets=[0, 1, -1]))
+    K[50, 51] += 0.3
+    C = None if damping is None else sp.csr_array(sp.block_diag([0.002 * np.eye(n), damping])) * unit
+    whole = sp.csr_array(sp.block_diag([K * (1 + 1j * loss) if loss else K, stiffness])) * unit**2
+    return Pencil(sp.eye_array(N, format="csr"), whole, C)
+
+
+def growing(modes: Modes) -> np.ndarray:
+    return modes.lam[modes.stability == "unstable"]
+
+
+@pytest.mark.parametrize("request_", REQUESTS)
+@pytest.mark.parametrize("loss", [0.0, 0.01])
+@pytest.mark.parametrize("damping", [None, 0.002])
+@pytest.mark.parametrize("flutter", [0.0, 0.02])
+def test_growth_faster_than_the_band(flutter, damping, loss, request_):
+    theta = -((0.9 + 1j * flutter) ** 2)
+    block = np.array([[theta.real, theta.imag], [-theta.imag, theta.real if flutter else 9.0]])
+    modes = solve_modes(chain(block, None if damping is None else damping * np.eye(2), loss), request_)
+    c = damping or 0.0
+    found = modes.lam[modes.lam.real > 0.1]
+    np.testing.assert_allclose(found, [-c / 2 + np.sqrt(c**2 / 4 - theta)], rtol=1e-9)
+    assert modes.backward_error.max() < 1e-11
+    if not loss:  # whose law is one of what swings
+        np.testing.assert_array_equal(growing(modes), found)
+    if not damping and not loss:  # λ and −λ* come together
+        assert np.abs(modes.lam + found.conj()).min() < 1e-9
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-4])
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "grows"),
+    [
+        ([[-(200.0**2), 0], [0, 9.0]], [[0, 0], [0, 0]], 200.0),  # far beyond the first disc
+        ([[1.0, 0], [0, 9.0]], [[-8.0, 0], [0, 0]], 4 + 15**0.5),  # by negative damping alone
+        ([[-1.0, 0], [0, -1.0]], [[0, 0.1], [-0.1, 0]], np.sqrt(1 - 0.05**2)),  # with gyroscopic forces
+    ],
+)
+def test_what_makes_it_grow(stiffness, damping, grows, unit):
+    request = Request(max_frequency_hz=BAND * unit / (2 * np.pi))
+    modes = solve_modes(chain(np.array(stiffness), np.array(damping), unit=unit), request)
+    assert np.abs(growing(modes).real / unit - grows).min() < 1e-8 * grows
+    assert "without" not in modes.method
+
+
+def test_what_may_grow():
+    """K has θ = −4 and C = −6 somewhere; λ² − 6λ + 25 = 0 has no real λ, and that is not sought further."""
+    one, K = np.eye(3), np.diag([1.0, -4.0, 25.0])
+    undamped = Pencil(*(sp.csr_array(A) for A in (one, K)), symmetric=True)
+    assert [may_grow(undamped, rate) for rate in (1.0, 3.9, 4.1)] == [True, True, False]
+    damped = Pencil(undamped.M, undamped.K, sp.csr_array(np.diag([0.0, 0.0, -6.0])), symmetric=True)
+    assert [may_grow(damped, rate) for rate in (1.0, 5.9, 6.1)] == [True, True, False]
+
+
+def test_nothing_grows_without_mass():
+    """A multiplier makes K indefinite, which lets nothing grow."""
+    K = sp.block_diag([np.diag([1.0, 2.0, 3.0]), [[0.0]]]).tolil()
+    K[0, 3] = K[3, 0] = 1.0
+    M = sp.csr_array(np.diag([1.0, 1.0, 1.0, 0.0]))
+    assert may_grow(Pencil(M, sp.csr_array(K)), 0.1) is False
+    assert may_grow(Pencil(M, sp.csr_array(K), sp.csr_array(0.01 * M)), 0.1) is False
