@@ -40,6 +40,10 @@ _ROUNDING = 1e-12  # what rounding may leave of zero, relative to |λ|
 _SAME, _BLUR = 1e-7, 4
 _GROWING, _NARROW = 0.53, 0.9  # of a real λ: the shift around which growth up to it is looked for; of that: the radius
 _SLOWEST = 1e-5  # of the highest frequency: slower growth is not looked for in a crowd
+# Of a frequency: the real part, and the imaginary one, of a shift around which flutter up to it is looked for that
+# grows faster than the discs on the imaginary axis reach; the radius; and where the next such disc begins. These discs
+# reach the left half plane only where those on the axis cover it.
+_ASLANT, _ASLANT_RADIUS, _ASLANT_NEXT = 0.535, 0.608, 0.2
 _FAR = 15.0  # of a rate: growth up to here is looked for around one shift
 _FARTHER = 4  # such searches, each beyond the last one
 _FEW = 40  # modes beside the known ones that are looked for in the whole band
@@ -143,8 +147,23 @@ class KnownBand:
             return
         self.crowded = True
         self.add_slow(top)
+        self.add_aslant(top)
         if self.add_growing(_FAR * top, _SLOWEST * top):
             self.add_far(_FAR * top, searched=True)
+
+    def add_aslant(self, top: float) -> None:
+        """Add flutter that grows too fast for the discs on the imaginary axis.
+
+        The crowd of overdamped modes lies on the other side of that axis, so that discs in the right half plane leave
+        it out. They go down as far as those on the axis do; what grows faster than it swings is left to `add_growing`.
+        """
+        high = top
+        while high > max(self.near, _SLIVER * top):
+            _, known = self._disc(_ASLANT * high * (1 + 1j), _ASLANT_RADIUS * high, None)
+            if known < _ASLANT_RADIUS * high * (1 - _CLEAR):
+                self.method += ", without a full search for flutter that grows fast"
+                return
+            high *= _OVERLAP * _ASLANT_NEXT
 
     def add_growing(self, high: float, low: float) -> bool:
         """Add what grows between two rates, rad/s, and swings far more slowly; return whether that is all."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.linalg as la
 import scipy.sparse as sp
 
 from fe_squeal.eigen.dense import DENSE_LIMIT
@@ -91,3 +92,18 @@ def test_nothing_grows_without_mass():
     M = sp.csr_array(np.diag([1.0, 1.0, 1.0, 0.0]))
     assert may_grow(Pencil(M, sp.csr_array(K)), 0.1) is False
     assert may_grow(Pencil(M, sp.csr_array(K), sp.csr_array(0.01 * M)), 0.1) is False
+
+
+@pytest.mark.parametrize(("ratio", "swings"), [(0.2, 1.3), (0.6, 0.9), (0.95, 1.55), (3.0, 0.8)])
+def test_fast_growth_beside_a_crowd_of_overdamped_modes(ratio, swings):
+    lam = swings * (ratio + 1j)
+    light, over = np.linspace(0.05, 2, 150) ** 2, np.linspace(0.5, 3, 120)
+    theta = -(lam**2)
+    others = np.full(N - 272, 25.0)
+    coupled = [[theta.real, theta.imag], [-theta.imag, theta.real]]
+    K = la.block_diag(np.diag(np.concatenate([light, over, others])), coupled)
+    c = [np.full(150, 0.005), np.linspace(3, 40, 120), np.full(len(others), 0.01), np.zeros(2)]
+    pencil = Pencil(sp.eye_array(N, format="csr"), sp.csr_array(K), sp.diags_array(np.concatenate(c)).tocsr())
+    modes = solve_modes(pencil, Request(max_frequency_hz=1.6 / (2 * np.pi)))
+    np.testing.assert_allclose(growing(modes), [lam], rtol=1e-9)
+    assert "without" not in modes.method
