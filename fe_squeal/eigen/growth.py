@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 
 from .inertia import count_beneath
@@ -15,6 +16,7 @@ from .shift import symmetric_part
 # Times a rate: how far below zero θ may be, as a frequency, and how much damping may be negative, so that no real λ is
 # larger than 1.6 times the rate: λ² − λ − ¼ > 0 there.
 _STIFFNESS, _DAMPING = 0.5, 1.0
+_MIRROR = 1e-6  # of |λ|: so near to −λ* another is its mirror
 
 
 def may_grow(pencil: Pencil, rate: float, linear_solver: LinearSolver | str = "auto") -> bool | None:
@@ -42,6 +44,33 @@ def may_grow(pencil: Pencil, rate: float, linear_solver: LinearSolver | str = "a
     damping = Pencil(M, sp.csr_array((C + C.T) / 2), symmetric=True)
     negative = count_beneath(damping, -_DAMPING * rate, linear_solver)
     return None if negative is None or below is None else negative > 0
+
+
+def may_grow_dense(M: np.ndarray, C: np.ndarray | None, K: np.ndarray, rate: float) -> bool:
+    """Return whether a real λ may be larger than a rate, rad/s, for full matrices, (r, r) each, C None without damping.
+
+    λ²M + λC + K has a positive symmetric part for all λ above the rate if it has one there, and so has 2λM + C. That
+    costs two Cholesky factorisations, without damping one.
+    """
+    value = rate**2 * M + (K + K.T).real / 2
+    if C is None:
+        return not _is_positive(value)
+    damping = (C + C.T) / 2
+    return not (_is_positive(value + rate * damping) and _is_positive(2 * rate * M + damping))
+
+
+def _is_positive(A: np.ndarray) -> bool:
+    return bool(la.lapack.dpotrf(A, clean=False)[1] == 0)
+
+
+def sizes(lam: np.ndarray) -> np.ndarray:
+    """Return the sizes (k,) of λ (k,), rad/s, by which a band is cut off: |λ|, or Im λ of what grows.
+
+    A mode that grows fast, and its mirror −λ*, may lie far beyond the band that it belongs to by its frequency.
+    """
+    size, grows = np.abs(lam), lam.real > 0
+    mirror = (np.abs(lam[:, None] + lam[grows].conj()) <= _MIRROR * size[:, None]).any(axis=1)
+    return np.asarray(np.where(grows | mirror, lam.imag, size))
 
 
 def is_gyroscopic(pencil: Pencil) -> bool:

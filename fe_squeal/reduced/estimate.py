@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..eigen.growth import sizes
 from ..eigen.pencil import Modes
 from ..eigen.request import Request, is_needed, select_wanted
 from ..problem.parameters import Place
@@ -71,8 +72,8 @@ def neighbours(every: Modes, request: Request) -> Modes:
     """Return the modes asked for with those next above them."""
     wanted = select_wanted(every, request, np.inf)
     assert wanted is not None
-    limit = _BESIDE * float(np.abs(wanted.lam).max(initial=0.0))
-    return every.select(np.flatnonzero(np.abs(every.lam) <= limit))
+    limit = _BESIDE * float(sizes(wanted.lam).max(initial=0.0))
+    return every.select(np.flatnonzero(sizes(every.lam) <= limit))
 
 
 @dataclass(frozen=True)

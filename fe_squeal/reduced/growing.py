@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 import scipy.linalg as la
 
+from ..eigen.growth import sizes
 from ..eigen.linear.choice import factorize_definite_roughly
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
@@ -18,7 +19,7 @@ from ..problem.forms import is_linear
 from ..problem.parameters import Place
 from .basis import ReducedBasis
 from .estimate import Estimate, neighbours
-from .missing import SEARCH_SOLVES, missing_modes, search_vectors, vectors_beside
+from .missing import SEARCH_SOLVES, leaves_friction_out, missing_modes, search_vectors, vectors_beside
 from .mode_corrections import ROUNDS, ModeCorrections
 from .places import ModesAtPlaces
 from .undamped import weighted
@@ -108,16 +109,25 @@ class GrowingModel(ModesAtPlaces):
         if not is_linear(self.basis.problem, self.parameter):
             places.add(float(values[len(values) // 2]))
         found: list[np.ndarray] = []
-        for value in sorted(places - {self._start}):
-            highest = float(np.abs(self._estimated(value)[0].lam).max(initial=0.0))
-            self._corrections.factorizations += 1
-            outside = vectors_beside(self.basis, value, highest, self.linear_solver)
-            if outside is not None:
-                self._corrections.factorizations += 1
-                self._corrections.solves += SEARCH_SOLVES
-                known = [self._every(value)]
+        for value in sorted(places):
+            known = [self._every(value)]
+            for outside in self._brought_down(value):
                 found += missing_modes(self.basis, [value], known, self.request, self.highest, outside)
         return bool(found) and self.basis.append(np.hstack(found)) > 0
+
+    def _brought_down(self, value: float) -> Iterator[np.ndarray]:
+        """Yield vectors (n, ·) that may hold modes which the terms left out of P bring into the range at a value.
+
+        The symmetric part of K is counted, but at the start, where P has all of it unless friction is left out.
+        """
+        highest = float(sizes(self._estimated(value)[0].lam).max(initial=0.0)) or self.highest
+        if value != self._start or leaves_friction_out(self.basis, value):
+            self._corrections.factorizations += 1
+            beside = vectors_beside(self.basis, value, highest, self.linear_solver)
+            if beside is not None:
+                self._corrections.factorizations += 1
+                self._corrections.solves += SEARCH_SOLVES
+                yield beside
 
     def _misses(self, value: Place, off: float) -> NotConvergedError:
         return NotConvergedError(

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..eigen.blocks import lift, times
+from ..eigen.growth import sizes
 from ..eigen.inertia import count_below
 from ..eigen.linear.choice import factorize_roughly
 from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
@@ -47,6 +48,13 @@ def search_vectors(basis: ReducedBasis, factor: DefiniteFactor | Factor) -> np.n
             break
         block = trial.V[:, size:]
     return trial.V[:, len(basis) :].copy()
+
+
+def leaves_friction_out(basis: ReducedBasis, value: Place) -> bool:
+    """Return whether K has terms at a value that are not symmetric and not in P, which may make a mode soft there."""
+    here = basis.at(value)
+    left_out = [t for t, c in zip(here.terms, basis.metric, strict=True) if not c]
+    return any(t.slot == "K" and not t.symmetric and t.coefficient(here.parameters) for t in left_out)
 
 
 def vectors_beside(
@@ -121,7 +129,7 @@ def missing_modes(
         every = trial.modes(p, highest)
         wanted = select_wanted(every, request, np.inf)
         assert wanted is not None
-        limit = _FOUND * np.abs(wanted.lam).max(initial=0.0)
+        limit = _FOUND * sizes(wanted.lam).max(initial=0.0)
         now, then = _inside(every, limit), _inside(known, limit)
         if len(now) > len(then):
             # The new modes are those farthest from any that was known.
@@ -174,4 +182,4 @@ def holds_all(
 def _inside(modes: Modes, limit: float) -> np.ndarray:
     """Return the positions of modes below a limit, without overdamped ones, of which there may be any number."""
     lam = modes.lam
-    return np.flatnonzero((np.abs(lam) < limit) & (lam.real >= -lam.imag))
+    return np.flatnonzero((sizes(lam) < limit) & (lam.real >= -lam.imag))

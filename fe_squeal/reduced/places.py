@@ -50,8 +50,13 @@ class ModesAtPlaces:
         self._between = TwoSided(self.request.tolerance, is_real) if along and problem.is_damped else None
 
     def _know_less(self) -> None:
-        """Forget what was to stay: the basis got modes that all that was known lacks."""
+        """Forget what was to stay: the basis got modes that all that was known lacks.
+
+        They may be rough as yet, and out of the range at values where they belong to it: nothing stays until modes have
+        been looked for once more.
+        """
         self._met.clear()
+        self._keeps = False
         if self._between is not None:
             self._between = self._between.emptied()
 

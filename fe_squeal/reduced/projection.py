@@ -13,6 +13,7 @@ import scipy.sparse as sp
 
 from ..eigen.blocks import combine, cross, lift, times
 from ..eigen.dense import solve_dense
+from ..eigen.growth import may_grow_dense, sizes
 from ..eigen.kernel import null_columns
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions, Modes, Pencil
@@ -191,8 +192,14 @@ class Projection:
         return self._slow[1]
 
     def modes(self, value: Place, highest: float) -> Modes:
-        """Return the modes of the projected problem up to |λ| = highest, rad/s, with vectors of length r."""
-        return solve_dense(self.pencil(value), highest, self._linear_solver)
+        """Return the modes of the projected problem up to |λ| = highest, rad/s, with vectors of length r.
+
+        With them come those that swing below that and grow faster, if there are any: seldom, which is told at once.
+        """
+        if not may_grow_dense(*self.matrices(value)[:3], highest):
+            return solve_dense(self.pencil(value), highest, self._linear_solver)
+        every = solve_dense(self.pencil(value), linear_solver=self._linear_solver)
+        return every.select(np.flatnonzero(sizes(every.lam) <= highest))
 
     def base(self, sigma: float) -> Pencil:
         """Return the pencil of K = P + σM."""

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.linalg as la
 
 from ..eigen.blocks import lift
+from ..eigen.growth import may_grow_dense
 from ..eigen.pencil import FreeMotions, Modes, Pencil
 from ..eigen.quality import modes_from_lambda, modes_from_theta
 from ..eigen.request import Request
@@ -143,6 +144,8 @@ class TwoSided:
         if sides[0].shape[1] > _PAYS * len(basis):
             return None
         M, C, K, symmetric = basis.matrices(value)
+        if may_grow_dense(M, C, K, GUARDED * highest):  # beyond what is looked for here
+            return None
         U, W = (np.pad(x, ((0, len(M) - len(x)), (0, 0))) for x in sides)
         quadratic = _Quadratic(M, C, K, highest)
         try:

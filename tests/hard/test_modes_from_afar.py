@@ -1,0 +1,68 @@
+"""Modes that friction or gyroscopic forces bring into the range from far beyond it, in reduced models."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from fe_squeal import sweep
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
+
+N = 240
+TURN = la.expm(sp.diags_array([np.full(N - 1, 0.01), np.full(N - 1, -0.01)], offsets=[1, -1]).toarray())
+
+
+def problem(stiffness: np.ndarray, friction: np.ndarray, gyroscopic: np.ndarray | None, alpha: float) -> Problem:
+    """Return oscillators in coordinates of many neighbours, with friction and gyroscopic forces between the last two.
+
+    Parameters
+    ----------
+    stiffness : (N,) float
+    friction, gyroscopic : (2, 2) float
+        Both grow with p.
+    alpha : float
+        Damping of all oscillators; 0 for none.
+    """
+    F, G = np.zeros((N, N)), np.zeros((N, N))
+    F[0, 1], F[-2:, -2:] = 0.1, friction
+    slots = [("M", np.eye(N), 0), ("K", np.diag(stiffness), 0), ("K", F, 1)]
+    if gyroscopic is not None:
+        G[-2:, -2:] = gyroscopic
+        slots.append(("C", G, 1))
+    if alpha:
+        slots.append(("C", alpha * np.eye(N), 0))
+    terms = []
+    for i, (slot, A, power) in enumerate(slots):
+        B = sp.csr_array(TURN.T @ A @ TURN) if power or slot == "K" else sp.csr_array(A)
+        symmetric = bool(np.abs(A - A.T).max() == 0)
+        terms.append(Term(f"{slot}{i}", slot, B, symmetric, {"p": 1} if power else {}, A is G))
+    return Problem(tuple(terms), {"p": 1.0})
+
+
+def eigenvalues(stiffness: np.ndarray, friction: np.ndarray, gyroscopic: np.ndarray | None, alpha: float) -> np.ndarray:
+    """Return the λ of the last two oscillators at p = 1."""
+    C = alpha * np.eye(2) + (0 if gyroscopic is None else gyroscopic)
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-(np.diag(stiffness[-2:]) + friction), -C]])
+    return la.eigvals(A)
+
+
+GROWTH = {
+    "divergence": [[0.0, 130.0], [130.001, 1.0]],
+    "flutter that grows faster than it swings": [[-130.0, 20.0], [-20.0, -130.0]],
+    "flutter of soft modes": [[-96.0, 3.0], [-3.0, -96.0]],
+}
+
+
+@pytest.mark.parametrize(("alpha", "values"), [(0.0, (1.0,)), (0.01, (1.0,)), (0.0, (0.0, 1.0))])
+@pytest.mark.parametrize("kind", GROWTH)
+def test_friction_that_softens_modes_far_beyond_the_range(kind, alpha, values):
+    stiffness, friction = np.append(np.linspace(1, 10, N - 2), [10.0, 10.0]) ** 2, np.array(GROWTH[kind])
+    lam = eigenvalues(stiffness, friction, None, alpha)
+    case = problem(stiffness, friction, None, alpha)
+    result = sweep(case, values, "p", max_frequency=2.2 / (2 * np.pi), method="reduced")
+    modes = result.points[-1].modes
+    expected = lam[(lam.real > 1e-6) & (lam.imag >= 0)]
+    np.testing.assert_allclose(modes.lam[modes.stability == "unstable"], expected, rtol=1e-6)
