@@ -19,7 +19,16 @@ from ..problem.forms import is_linear
 from ..problem.parameters import Place
 from .basis import ReducedBasis
 from .estimate import Estimate, neighbours
-from .missing import SEARCH_SOLVES, leaves_friction_out, missing_modes, search_vectors, vectors_beside
+from .missing import (
+    COMPLEX_SOLVES,
+    SEARCH_SOLVES,
+    has_gyroscopic,
+    leaves_friction_out,
+    missing_modes,
+    search_vectors,
+    search_vectors_complex,
+    vectors_beside,
+)
 from .mode_corrections import ROUNDS, ModeCorrections
 from .places import ModesAtPlaces
 from .undamped import weighted
@@ -119,8 +128,14 @@ class GrowingModel(ModesAtPlaces):
         """Yield vectors (n, ·) that may hold modes which the terms left out of P bring into the range at a value.
 
         The symmetric part of K is counted, but at the start, where P has all of it unless friction is left out.
+        Gyroscopic terms may bring a mode down from anywhere, and no count tells: where there are any, it is looked for
+        by complex factors of Q in the band, with some tens of solves.
         """
         highest = float(sizes(self._estimated(value)[0].lam).max(initial=0.0)) or self.highest
+        if has_gyroscopic(self.basis.at(value)):
+            self._corrections.solves += COMPLEX_SOLVES
+            # No name here holds the factors, so that they are free before others take memory.
+            yield search_vectors_complex(self.basis, self._corrections.factorize(self.basis, value, highest))
         if value != self._start or leaves_friction_out(self.basis, value):
             self._corrections.factorizations += 1
             beside = vectors_beside(self.basis, value, highest, self.linear_solver)

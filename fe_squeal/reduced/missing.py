@@ -25,6 +25,8 @@ _FOUND = 0.99  # times the highest |λ| asked for: a mode below this that only t
 _CLEAR = 1e-5  # of the next θ: a gap between two θ that is wider than this is a clear one
 _TRIED = np.linspace(0.8, 0.98, 7)  # parts of the square of the highest frequency: where soft directions are counted
 SEARCH_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
+_BLOCK_COMPLEX = 4  # whose solutions have a real part and an imaginary one each
+COMPLEX_SOLVES = _STEPS * _BLOCK_COMPLEX
 
 
 def search_vectors(basis: ReducedBasis, factor: DefiniteFactor | Factor) -> np.ndarray:
@@ -48,6 +50,29 @@ def search_vectors(basis: ReducedBasis, factor: DefiniteFactor | Factor) -> np.n
             break
         block = trial.V[:, size:]
     return trial.V[:, len(basis) :].copy()
+
+
+def search_vectors_complex(basis: ReducedBasis, factor: Factor) -> np.ndarray:
+    """Return real vectors (n, ·) that span modes near iω outside a basis, roughly, by complex factors of Q(iω).
+
+    Each step keeps what its solutions have outside the basis, real and imaginary parts, and goes on from as many random
+    mixtures of these as it began with.
+    """
+    trial, rng = basis.copy(), np.random.default_rng(_SEED)
+    block = rng.standard_normal((basis.problem.unknowns, _BLOCK_COMPLEX))
+    for _ in range(_STEPS):
+        found = factor.solve(times(basis.problem.mass, block).astype(complex))
+        size = len(trial)
+        if not trial.append(real_columns(found)):
+            break
+        new = trial.V[:, size:]
+        block = new @ rng.standard_normal((new.shape[1], min(_BLOCK_COMPLEX, new.shape[1])))
+    return trial.V[:, len(basis) :].copy()
+
+
+def has_gyroscopic(problem: Problem) -> bool:
+    """Return whether forces that depend on velocity have a part that is not symmetric, at the problem's parameters."""
+    return any(t.slot == "C" and not t.symmetric and t.coefficient(problem.parameters) for t in problem.terms)
 
 
 def leaves_friction_out(basis: ReducedBasis, value: Place) -> bool:

@@ -66,3 +66,18 @@ def test_friction_that_softens_modes_far_beyond_the_range(kind, alpha, values):
     modes = result.points[-1].modes
     expected = lam[(lam.real > 1e-6) & (lam.imag >= 0)]
     np.testing.assert_allclose(modes.lam[modes.stability == "unstable"], expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("values", [(1.0,), (0.0, 1.0)])
+@pytest.mark.parametrize(("omega", "gyro"), [(8.0, 20.0), (20.0, 130.0)])
+def test_gyroscopic_forces_that_slow_a_whirl_down_into_the_range(omega, gyro, values):
+    stiffness = np.append(np.linspace(1, 20, N - 2), [omega, omega]) ** 2
+    turning, driving = np.array([[0, gyro], [-gyro, 0]]), np.array([[0, -0.1 * gyro], [0.1 * gyro, 0]])
+    lam = eigenvalues(stiffness, driving, turning, 0.01)
+    case = problem(stiffness, driving, turning, 0.01)
+    result = sweep(case, values, "p", max_frequency=3.5 / (2 * np.pi), method="reduced")
+    modes = result.points[-1].modes
+    expected = lam[(lam.real > 1e-6) & (lam.imag > 0) & (lam.imag < 3.5)]
+    np.testing.assert_allclose(modes.lam[modes.stability == "unstable"], expected, rtol=1e-6)
+    swinging = np.sqrt(stiffness[:-2] - 0.005**2)
+    assert len(modes) == np.count_nonzero(swinging < 3.5) + 1
