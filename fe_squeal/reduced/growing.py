@@ -22,7 +22,7 @@ from .estimate import Estimate, neighbours
 from .missing import (
     COMPLEX_SOLVES,
     SEARCH_SOLVES,
-    has_gyroscopic,
+    gyroscopic_size,
     leaves_friction_out,
     missing_modes,
     search_vectors,
@@ -117,22 +117,24 @@ class GrowingModel(ModesAtPlaces):
         places = {float(values[0]), float(values[-1])}
         if not is_linear(self.basis.problem, self.parameter):
             places.add(float(values[len(values) // 2]))
+        sizes_at = {p: gyroscopic_size(self.basis.at(p)) for p in sorted(places)}
+        whirls = max(sizes_at, key=lambda p: (sizes_at[p], p)) if any(sizes_at.values()) else None
         found: list[np.ndarray] = []
         for value in sorted(places):
-            known = [self._every(value)]
-            for outside in self._brought_down(value):
+            for outside in self._brought_down(value, value == whirls):
+                known = [self._every(value)]
                 found += missing_modes(self.basis, [value], known, self.request, self.highest, outside)
         return bool(found) and self.basis.append(np.hstack(found)) > 0
 
-    def _brought_down(self, value: float) -> Iterator[np.ndarray]:
+    def _brought_down(self, value: float, whirls: bool) -> Iterator[np.ndarray]:
         """Yield vectors (n, ·) that may hold modes which the terms left out of P bring into the range at a value.
 
         The symmetric part of K is counted, but at the start, where P has all of it unless friction is left out.
-        Gyroscopic terms may bring a mode down from anywhere, and no count tells: where there are any, it is looked for
-        by complex factors of Q in the band, with some tens of solves.
+        Gyroscopic terms may bring a mode down from anywhere, and no count tells: where these are largest, which
+        `whirls` says, it is looked for by complex factors of Q in the band, with some tens of solves.
         """
         highest = float(sizes(self._estimated(value)[0].lam).max(initial=0.0)) or self.highest
-        if has_gyroscopic(self.basis.at(value)):
+        if whirls:
             self._corrections.solves += COMPLEX_SOLVES
             # No name here holds the factors, so that they are free before others take memory.
             yield search_vectors_complex(self.basis, self._corrections.factorize(self.basis, value, highest))

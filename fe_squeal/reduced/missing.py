@@ -70,9 +70,10 @@ def search_vectors_complex(basis: ReducedBasis, factor: Factor) -> np.ndarray:
     return trial.V[:, len(basis) :].copy()
 
 
-def has_gyroscopic(problem: Problem) -> bool:
-    """Return whether forces that depend on velocity have a part that is not symmetric, at the problem's parameters."""
-    return any(t.slot == "C" and not t.symmetric and t.coefficient(problem.parameters) for t in problem.terms)
+def gyroscopic_size(problem: Problem) -> float:
+    """Return a size, N s/m, of the terms in C that are not symmetric, at the problem's parameters; 0 without any."""
+    at, terms = problem.parameters, [t for t in problem.terms if t.slot == "C" and not t.symmetric]
+    return float(sum(abs(t.coefficient(at)) * abs(t.matrix).max() for t in terms if t.coefficient(at)))
 
 
 def leaves_friction_out(basis: ReducedBasis, value: Place) -> bool:
