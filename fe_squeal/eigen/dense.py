@@ -84,7 +84,7 @@ def _undamped_pairs(
     real_symmetric = pencil.symmetric and not pencil.is_complex
     methods = symmetric_methods(-A[1], A[0]) if real_symmetric else undamped_methods(-A[1], A[0], highest)
     theta, right, left = _finite(A, polish_pairs(A, *_best(A, methods, highest)), _HUGE**2)
-    every = np.isfinite(highest) or len(theta) >= finite_number(A)
+    every = bool(np.isfinite(highest) or len(theta) >= finite_number(A))
     if X is None or free is None:
         return (theta, right, left), every
     right, left, Z, MW = X @ right, X @ left, free.right / d, M @ (free.left / d)
@@ -121,14 +121,14 @@ def _damped_pairs(
     # Eigenvalues of real matrices come in conjugate pairs. Those of free motions may be pairs by rounding alone.
     upper = free is None and not pencil.is_complex
     lam, right, left, error = _best(A, damped_methods(A[2], A[1], A[0], highest, upper), highest, upper)
-    every = np.isfinite(highest) or _number(lam, upper) >= finite_number(A)
+    every = bool(np.isfinite(highest) or _number(lam, upper) >= finite_number(A))
     keep = in_upper_half(pencil, omega0 * lam)
     if free is not None:  # how many eigenvalues are zero is known: they are the nearest to zero, and are added exactly
         keep[np.argsort(np.abs(lam), kind="stable")[: free.zeros]] = False
     if growing is not None:
         keep &= (lam.real > 0) & (lam.imag <= growing)
     lam, right, left = _finite(A, polish_pairs(A, lam[keep], right[:, keep], left[:, keep], error[keep]), _HUGE)
-    every = every and (np.isfinite(highest) or len(lam) == np.count_nonzero(keep))
+    every = every and bool(np.isfinite(highest) or len(lam) == np.count_nonzero(keep))
     if X is None or Z is None:
         return (lam, right, left), every
     # With C Z = M Z D and XᵀMZ = 0 the motions Z exert no force on the others, which were solved for by themselves.
