@@ -22,6 +22,7 @@ from .estimate import Estimate, neighbours
 from .missing import (
     COMPLEX_SOLVES,
     SEARCH_SOLVES,
+    gyroscopic_rate,
     gyroscopic_size,
     leaves_friction_out,
     missing_modes,
@@ -130,11 +131,11 @@ class GrowingModel(ModesAtPlaces):
         """Yield vectors (n, ·) that may hold modes which the terms left out of P bring into the range at a value.
 
         The symmetric part of K is counted, but at the start, where P has all of it unless friction is left out.
-        Gyroscopic terms may bring a mode down from anywhere, and no count tells: where these are largest, which
-        `whirls` says, it is looked for by complex factors of Q in the band, with some tens of solves.
+        Gyroscopic terms may bring a mode down, and no count tells: where these are largest, which `whirls` says, it is
+        looked for by complex factors of Q in the band, with some tens of solves, unless they are too small for that.
         """
         highest = float(sizes(self._estimated(value)[0].lam).max(initial=0.0)) or self.highest
-        if whirls:
+        if whirls and highest**2 + highest * gyroscopic_rate(self.basis.at(value)) > self.highest**2:
             self._corrections.solves += COMPLEX_SOLVES
             # No name here holds the factors, so that they are free before others take memory.
             yield search_vectors_complex(self.basis, self._corrections.factorize(self.basis, value, highest))

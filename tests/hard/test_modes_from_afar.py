@@ -10,6 +10,8 @@ import scipy.sparse as sp
 from fe_squeal import sweep
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
+from fe_squeal.reduced.missing import gyroscopic_rate
+from meshes import annulus, make_problem
 
 N = 240
 TURN = la.expm(sp.diags_array([np.full(N - 1, 0.01), np.full(N - 1, -0.01)], offsets=[1, -1]).toarray())
@@ -81,3 +83,29 @@ def test_gyroscopic_forces_that_slow_a_whirl_down_into_the_range(omega, gyro, va
     np.testing.assert_allclose(modes.lam[modes.stability == "unstable"], expected, rtol=1e-6)
     swinging = np.sqrt(stiffness[:-2] - 0.005**2)
     assert len(modes) == np.count_nonzero(swinging < 3.5) + 1
+
+
+def test_the_rate_of_gyroscopic_terms_is_a_bound():
+    """Of a rotating ring, against the eigenvalues of M⁻¹G; and it bounds how far modes come down."""
+    rotation = {"bodies": ["disc"], "axis": [0, 0, 1], "centre": [0, 0, 0], "speed": 900.0}
+    mesh = annulus("hex2", (1, 12, 1), 0.06, 0.10, 0.01)
+    problem = make_problem(mesh, supports=[{"surface": "hub", "fixed": "xyz"}], effects={"rotation": rotation})
+    G = sum(t.matrix * t.coefficient(problem.parameters) for t in problem.terms if t.slot == "C").toarray()
+    M, K = problem.mass.toarray(), problem.pencil().K.toarray()
+    true = la.eigvalsh(1j * G, M).max()
+    rate = gyroscopic_rate(problem)
+    assert true <= rate <= 100 * true
+    theta = la.eigvalsh(K, M)
+    A = np.block([[np.zeros_like(M), np.eye(len(M))], [-la.solve(M, K), -la.solve(M, G)]])
+    swinging = np.sort(la.eigvals(A).imag)
+    for omega in swinging[swinging > 0][:40] * (1 + 1e-6):
+        own = np.count_nonzero((swinging > 0) & (swinging <= omega))
+        assert own <= np.count_nonzero(theta <= omega**2 + true * omega)
+
+
+@pytest.mark.parametrize("C", [np.eye(60, k=1), np.eye(60, k=1) - np.eye(60, k=-1)])
+def test_the_rate_is_not_known_of_other_terms_or_without_mass(C):
+    massless = np.arange(60) == 0 if abs(C + C.T).max() == 0 else np.zeros(60, bool)
+    parts = ("m", "M", np.diag(1.0 - massless)), ("k", "K", np.eye(60)), ("g", "C", C)
+    terms = tuple(Term(n, slot, sp.csr_array(A), slot != "C", skew=n == "g" and massless.any()) for n, slot, A in parts)
+    assert gyroscopic_rate(Problem(terms, {})) == np.inf
