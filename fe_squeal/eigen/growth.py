@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from .inertia import count_beneath
 from .linear.factor import LinearSolver
@@ -16,6 +17,10 @@ from .shift import symmetric_part
 # Times a rate: how far below zero θ may be, as a frequency, and how much damping may be negative, so that no real λ is
 # larger than 1.6 times the rate: λ² − λ − ¼ > 0 there.
 _STIFFNESS, _DAMPING = 0.5, 1.0
+_SLOW = 0.25  # of a rate: gyroscopic terms up to this leave what it bounds nearly as it is
+_EQUAL = 1e-12  # of the largest entry of C: what differs by less is symmetric
+_ROUGHLY, _SURE = 1e-2, 1.2  # tolerance of Lanczos iteration for a bound, and the factor by which it is made safe
+_SMALLEST, _SEED = 50, 20261126  # unknowns from which Lanczos iteration serves; of its random start
 _MIRROR = 1e-6  # of |λ|: so near to −λ* another is its mirror
 
 
@@ -73,9 +78,43 @@ def sizes(lam: np.ndarray) -> np.ndarray:
     return np.asarray(np.where(grows | mirror, lam.imag, size))
 
 
-def is_gyroscopic(pencil: Pencil) -> bool:
-    """Return whether C has a part that is not symmetric: `may_grow` does not bound how fast flutter grows then."""
-    return pencil.C is not None and abs(pencil.C - pencil.C.T).max() > 1e-12 * abs(pencil.C).max()
+def whirls(pencil: Pencil, rate: float) -> bool:
+    """Return whether the skew part of C may let flutter grow faster than a rate, rad/s, where `may_grow` excludes it.
+
+    With the bound g of `gyroscopic_rate` (Re λ)² < (Im λ)² + g Im λ + ¼r²: up to `_SLOW` r it adds little.
+    """
+    if pencil.C is None:
+        return False
+    skew = sp.csr_array((pencil.C - pencil.C.T) / 2)
+    if abs(skew).max() <= _EQUAL * abs(pencil.C).max():
+        return False
+    return gyroscopic_rate(pencil.M, skew) > _SLOW * rate
+
+
+def gyroscopic_rate(M: sp.csr_array, G: sp.csr_array) -> float:
+    """Return a bound g, rad/s, of |uᴴGu| / uᴴMu for a skew G; infinite where it is not known.
+
+    It bounds how far modes come down, too: the Hermitian matrix K − ω²M + iωG is at least K − (ω² + gω)M, so that no
+    more modes swing below ω than there are θ < ω² + gω without G. (Derived here, no source.)
+
+    Parameters
+    ----------
+    M, G : (n, n) sparse, kg and N s/m
+        With unknowns that have no mass it is infinite.
+    """
+    d = M.diagonal()
+    if d.min() <= 0 or len(d) < _SMALLEST:
+        return np.inf
+    D = sp.diags_array(1 / np.sqrt(d))
+    start = np.random.default_rng(_SEED).standard_normal(len(d))
+    scaled, mass = sp.csr_array(D @ G @ D), sp.csr_array(D @ M @ D)
+    square = LinearOperator(G.shape, matvec=lambda x: scaled.T @ (scaled @ x), dtype=float)
+    try:
+        largest = eigsh(square, 1, tol=_ROUGHLY, v0=start, return_eigenvectors=False)[0]
+        least = eigsh(mass, 1, which="SA", tol=_ROUGHLY, v0=start, return_eigenvectors=False)[0]
+    except ArpackError:
+        return np.inf
+    return float(np.sqrt(_SURE * largest) / (least / _SURE)) if least > 0 else np.inf
 
 
 def with_damping(pencil: Pencil) -> Pencil:

@@ -17,7 +17,7 @@ from ..errors import NotConvergedError
 from .both_sides import pairs_within
 from .disc import BLOCK
 from .free_modes import FreeModes, States
-from .growth import is_gyroscopic, may_grow
+from .growth import may_grow, whirls
 from .linear.factor import LinearSolver, SingularError
 from .multiple import rounding_of_zero
 from .pencil import Modes, Pencil
@@ -179,15 +179,15 @@ class KnownBand:
         """Add what grows faster than a rate, rad/s, however fast, and swings more slowly.
 
         That the symmetric parts of the matrices allow no such growth is what is usual, and costs two real symmetric
-        factorisations; without C one. Gyroscopic terms may let flutter grow in spite of that: with these a disc is
-        searched in any case.
+        factorisations; without C one. Large gyroscopic terms may let flutter grow in spite of that: with these a disc
+        is searched in any case.
 
         Parameters
         ----------
         searched : bool
             Whether what gyroscopic terms may do was looked for already.
         """
-        always = is_gyroscopic(self.pencil) and not searched
+        always = not searched and whirls(self.pencil, rate)
         for _ in range(_FARTHER):
             grows = may_grow(self.pencil, rate, self.linear_solver)
             if grows is not False or always:

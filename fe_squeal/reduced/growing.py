@@ -22,13 +22,13 @@ from .estimate import Estimate, neighbours
 from .missing import (
     COMPLEX_SOLVES,
     SEARCH_SOLVES,
-    gyroscopic_rate,
     gyroscopic_size,
     leaves_friction_out,
     missing_modes,
     search_vectors,
     search_vectors_complex,
     vectors_beside,
+    whirl_rate,
 )
 from .mode_corrections import ROUNDS, ModeCorrections
 from .places import ModesAtPlaces
@@ -135,7 +135,7 @@ class GrowingModel(ModesAtPlaces):
         looked for by complex factors of Q in the band, with some tens of solves, unless they are too small for that.
         """
         highest = float(sizes(self._estimated(value)[0].lam).max(initial=0.0)) or self.highest
-        if whirls and highest**2 + highest * gyroscopic_rate(self.basis.at(value)) > self.highest**2:
+        if whirls and highest**2 + highest * whirl_rate(self.basis.at(value)) > self.highest**2:
             self._corrections.solves += COMPLEX_SOLVES
             # No name here holds the factors, so that they are free before others take memory.
             yield search_vectors_complex(self.basis, self._corrections.factorize(self.basis, value, highest))

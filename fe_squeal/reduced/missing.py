@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from ..eigen.blocks import lift, times
-from ..eigen.growth import sizes
+from ..eigen.growth import gyroscopic_rate, sizes
 from ..eigen.inertia import count_below
 from ..eigen.linear.choice import factorize_roughly
 from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
@@ -27,8 +26,6 @@ _CLEAR = 1e-5  # of the next θ: a gap between two θ that is wider than this is
 _TRIED = np.linspace(0.8, 0.98, 7)  # parts of the square of the highest frequency: where soft directions are counted
 SEARCH_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
 _BLOCK_COMPLEX = 4  # whose solutions have a real part and an imaginary one each
-_ROUGHLY, _SURE = 1e-2, 1.2  # tolerance of Lanczos iteration for a bound, and the factor by which it is made safe
-_SMALLEST = 50  # unknowns from which Lanczos iteration serves
 COMPLEX_SOLVES = _STEPS * _BLOCK_COMPLEX
 
 
@@ -79,30 +76,17 @@ def gyroscopic_size(problem: Problem) -> float:
     return float(sum(abs(t.coefficient(at)) * abs(t.matrix).max() for t in terms if t.coefficient(at)))
 
 
-def gyroscopic_rate(problem: Problem) -> float:
-    """Return a bound g, rad/s, of |uᴴGu| / uᴴMu with the gyroscopic matrix G; infinite where that is not known.
+def whirl_rate(problem: Problem) -> float:
+    """Return the bound of `gyroscopic_rate`, rad/s, at the problem's parameters; infinite with other terms in C.
 
-    Between the undamped modes up to H and the others G moves nothing that is farther away than this: the Hermitian
-    matrix K − ω²M + iωG is at least K − (ω² + gω)M, so that no more modes swing below ω than there are θ < ω² + gω
-    without G. A mode from beyond H is not brought below ω where ω² + gω ≤ H².
+    Terms that are neither symmetric nor skew are meant.
     """
     at = problem.parameters
     terms = [t for t in problem.terms if t.slot == "C" and not t.symmetric and t.coefficient(at)]
-    d, M = problem.mass.diagonal(), problem.mass
-    if not terms:
-        return 0.0
-    if not all(t.skew for t in terms) or d.min() <= 0 or len(d) < _SMALLEST:
+    if not all(t.skew for t in terms):
         return np.inf
-    D = sp.diags_array(1 / np.sqrt(d))
-    start = np.random.default_rng(_SEED).standard_normal(len(d))
-    G = sp.csr_array(D @ sum_matrices((t.matrix, t.coefficient(at)) for t in terms) @ D)
-    square = LinearOperator(G.shape, matvec=lambda x: G.T @ (G @ x), dtype=float)
-    try:
-        largest = eigsh(square, 1, tol=_ROUGHLY, v0=start, return_eigenvectors=False)[0]
-        least = eigsh(sp.csr_array(D @ M @ D), 1, which="SA", tol=_ROUGHLY, v0=start, return_eigenvectors=False)[0]
-    except ArpackError:
-        return np.inf
-    return float(np.sqrt(_SURE * largest) / (least / _SURE)) if least > 0 else np.inf
+    G = sum_matrices((t.matrix, t.coefficient(at)) for t in terms)
+    return 0.0 if G is None else gyroscopic_rate(problem.mass, G)
 
 
 def leaves_friction_out(basis: ReducedBasis, value: Place) -> bool:

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from fe_squeal import sweep
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
-from fe_squeal.reduced.missing import gyroscopic_rate
+from fe_squeal.reduced.missing import whirl_rate
 from meshes import annulus, make_problem
 
 N = 240
@@ -93,7 +93,7 @@ def test_the_rate_of_gyroscopic_terms_is_a_bound():
     G = sum(t.matrix * t.coefficient(problem.parameters) for t in problem.terms if t.slot == "C").toarray()
     M, K = problem.mass.toarray(), problem.pencil().K.toarray()
     true = la.eigvalsh(1j * G, M).max()
-    rate = gyroscopic_rate(problem)
+    rate = whirl_rate(problem)
     assert true <= rate <= 100 * true
     theta = la.eigvalsh(K, M)
     A = np.block([[np.zeros_like(M), np.eye(len(M))], [-la.solve(M, K), -la.solve(M, G)]])
@@ -108,4 +108,4 @@ def test_the_rate_is_not_known_of_other_terms_or_without_mass(C):
     massless = np.arange(60) == 0 if abs(C + C.T).max() == 0 else np.zeros(60, bool)
     parts = ("m", "M", np.diag(1.0 - massless)), ("k", "K", np.eye(60)), ("g", "C", C)
     terms = tuple(Term(n, slot, sp.csr_array(A), slot != "C", skew=n == "g" and massless.any()) for n, slot, A in parts)
-    assert gyroscopic_rate(Problem(terms, {})) == np.inf
+    assert whirl_rate(Problem(terms, {})) == np.inf
