@@ -100,10 +100,10 @@ def gyroscopic_rate(M: sp.csr_array, G: sp.csr_array) -> float:
     Parameters
     ----------
     M, G : (n, n) sparse, kg and N s/m
-        With unknowns that have no mass it is infinite.
+        With unknowns that have no mass, or a complex G, it is infinite.
     """
     d = M.diagonal()
-    if d.min() <= 0 or len(d) < _SMALLEST:
+    if np.iscomplexobj(G) or d.min() <= 0 or len(d) < _SMALLEST:
         return np.inf
     D = sp.diags_array(1 / np.sqrt(d))
     start = np.random.default_rng(_SEED).standard_normal(len(d))

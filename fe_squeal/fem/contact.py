@@ -158,7 +158,7 @@ def locate_along(
     facets : (f,) int
     points, normals : (q, 3) float
     farthest : float, m
-        Meetings with |s| up to this are found; those farther than a facet is wide only up to about this.
+        Meetings with |s| up to this are found, and others as far away as a facet is wide.
 
     Returns
     -------
@@ -170,25 +170,44 @@ def locate_along(
     corners, ref = mesh.p[:, mesh.facets[:, facets]], np.asarray(mesh.refdom.p)
     centres = corners.mean(axis=1).T
     # Twice the corner radius encloses any facet that is curved within reason.
-    radii = 2 * np.linalg.norm(corners - centres.T[:, None], axis=0).max(axis=0) + farthest
-    reach = np.linalg.norm(np.ptp(points, axis=0)) * 1e-9 + radii.max()
-    lists = cKDTree(centres).query_ball_point(points, reach, return_sorted=True)
-    counts = np.array([len(c) for c in lists])
-    point_of = np.repeat(np.arange(len(points)), counts)
-    facet_of = np.concatenate([np.asarray(c, int) for c in lists]) if counts.any() else np.zeros(0, int)
-    near = np.linalg.norm(points[point_of] - centres[facet_of], axis=1) <= radii[facet_of]
-    point_of, facet_of = point_of[near], facet_of[near]
-
+    radii = 2 * np.linalg.norm(corners - centres.T[:, None], axis=0).max(axis=0)
     best = Hits(np.full(len(points), np.inf), np.zeros(len(points), int), np.zeros((3, len(points))))
-    for start in range(0, len(point_of), _BATCH):
-        i, f = point_of[start : start + _BATCH], facet_of[start : start + _BATCH]
-        s, Y = _meet(mesh, elements[f], local[f], ref, points[i], normals[i])
-        # Later entries of equal index win, so write from the farthest to the nearest.
-        order = np.argsort(-np.abs(s), kind="stable")
-        order = order[np.abs(s[order]) < np.abs(best.distance[i[order]])]
-        best.distance[i[order]], best.elements[i[order]] = s[order], elements[f[order]]
-        best.reference[:, i[order]] = Y[:, order]
+    # Most points meet a facet next to them. Only the others are followed as far as is asked, which takes more pairs.
+    for away in (0.0, farthest) if farthest else (0.0,):
+        rows = np.flatnonzero(np.isinf(best.distance))
+        point_of, facet_of = _candidates(centres, radii, points[rows], normals[rows], away)
+        for start in range(0, len(point_of), _BATCH):
+            i, f = rows[point_of[start : start + _BATCH]], facet_of[start : start + _BATCH]
+            s, Y = _meet(mesh, elements[f], local[f], ref, points[i], normals[i])
+            # Later entries of equal index win, so write from the farthest to the nearest.
+            order = np.argsort(-np.abs(s), kind="stable")
+            order = order[np.abs(s[order]) < np.abs(best.distance[i[order]])]
+            best.distance[i[order]], best.elements[i[order]] = s[order], elements[f[order]]
+            best.reference[:, i[order]] = Y[:, order]
     return best
+
+
+def _candidates(
+    centres: np.ndarray, radii: np.ndarray, points: np.ndarray, normals: np.ndarray, farthest: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs of points and facets (k,) whose lines may meet: the line passes by the middle within the radius."""
+    if not len(points):
+        return np.zeros(0, int), np.zeros(0, int)
+    tree, reach = cKDTree(centres), np.linalg.norm(np.ptp(points, axis=0)) * 1e-9 + radii.max() + farthest
+    counts = np.cumsum(tree.query_ball_point(points, reach, return_length=True))
+    parts = np.unique(np.searchsorted(counts, np.arange(_BATCH, counts[-1], _BATCH)))  # a batch of pairs at once
+    point_of, facet_of = [], []
+    for rows in np.split(np.arange(len(points)), parts):
+        lists = tree.query_ball_point(points[rows], reach, return_sorted=True)
+        i = np.repeat(rows, [len(c) for c in lists])
+        f = np.concatenate([np.zeros(0, int), *(np.asarray(c, int) for c in lists)])
+        way = centres[f] - points[i]
+        along = np.einsum("ki,ki->k", way, normals[i])
+        beside = np.linalg.norm(way - along[:, None] * normals[i], axis=1)
+        near = (beside <= radii[f]) & (np.abs(along) <= radii[f] + farthest)
+        point_of.append(i[near])
+        facet_of.append(f[near])
+    return np.concatenate(point_of), np.concatenate(facet_of)
 
 
 def _meet(

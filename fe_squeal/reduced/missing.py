@@ -83,7 +83,7 @@ def whirl_rate(problem: Problem) -> float:
     """
     at = problem.parameters
     terms = [t for t in problem.terms if t.slot == "C" and not t.symmetric and t.coefficient(at)]
-    if not all(t.skew for t in terms):
+    if not all(t.skew and not t.imaginary for t in terms):
         return np.inf
     G = sum_matrices((t.matrix, t.coefficient(at)) for t in terms)
     return 0.0 if G is None else gyroscopic_rate(problem.mass, G)

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import numpy as np
-
 from ...mesh.raw import Floats
 from ...mesh.readers.nastran.coordinates import axes_at
 from ...mesh.readers.nastran.text import Card
+from ..directions import held_projector
 from .cards import Deck
-
-SAME = 1e-9  # of unit vectors that count as one
 
 
 def axes_of(deck: Deck, card: Card, number: int, grid: int) -> Floats | None:
@@ -30,22 +27,5 @@ def displacement_axes(deck: Deck, card: Card, grid: int) -> Floats | None:
 
 
 def projector(axes: Floats, freedoms: Iterable[int]) -> Floats:
-    """Return the matrix (3, 3) that takes from a motion what some of the freedoms 1 to 3 hold of it."""
-    held = axes[[f - 1 for f in sorted(freedoms)]]
-    return held.T @ held
-
-
-def held_directions(axes: Floats, freedoms: set[int]) -> str | None:
-    """Return which of x, y and z freedoms 1 to 3 in turned axes hold, None where they hold other directions.
-
-    Examples
-    --------
-    >>> polar = np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
-    >>> held_directions(polar, {3}), held_directions(polar, {1, 2}), held_directions(polar, {1})
-    ('z', 'xy', None)
-    """
-    P = projector(axes, freedoms)
-    along = np.diag(P).round()
-    if np.abs(P - np.diag(along)).max() > SAME:
-        return None
-    return "".join(letter for letter, value in zip("xyz", along, strict=True) if value)
+    """Return the projector (3, 3) onto the directions of some of the freedoms 1 to 3."""
+    return held_projector(axes, [f in set(freedoms) for f in (1, 2, 3)])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from ...mesh.readers.nastran.text import Card
-from .axes import displacement_axes, held_directions
+from ..directions import along_axes
+from .axes import displacement_axes, projector
 from .cards import Deck
 
 Held = dict[int, set[int]]  # freedoms, 1 to 6, that are held at each grid point, in its own displacement system
@@ -69,7 +70,7 @@ def held_along(deck: Deck, held: Held, grid: int, turning: bool) -> str:
     if own is None or not freedoms or freedoms == {1, 2, 3}:
         return "".join("xyz"[f - 1] for f in sorted(freedoms))
     axes = displacement_axes(deck, own, grid)
-    found = None if axes is None else held_directions(axes, freedoms)
+    found = None if axes is None else along_axes(projector(axes, freedoms))
     if axes is not None and found is None:
         text = "is held in part in a displacement system of its own, along other directions than x, y and z"
         deck.find(own, text, "missing")

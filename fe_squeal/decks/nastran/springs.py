@@ -10,11 +10,12 @@ import numpy as np
 from ...mesh.raw import Floats
 from ...mesh.readers.nastran.text import Card
 from ..draft import Value, plain_name
-from .axes import SAME, axes_of, displacement_axes, projector
+from .axes import axes_of, displacement_axes, projector
 from .cards import Deck
 from .holding import Held
 from .materials import clean
 
+_SAME = 1e-9  # of unit vectors that count as one
 _LOSS = "GE of springs is not simulated: [effects.structural_damping] damps the bodies alone; damping is viscous"
 
 
@@ -157,7 +158,7 @@ def write_springs(deck: Deck, held: Held, references: dict[int, list[dict[str, V
             references[grid].append({"axis" if spring.turns else "direction": direction, key: total})
         elif spring.turns or not all(deck.on_solids[rows]):
             deck.find(card, "ends at a grid point, or a freedom, that neither solids nor [[rigid]] have", "missing")
-        elif np.abs(ends[-1][1] - way).max() > SAME:
+        elif np.abs(ends[-1][1] - way).max() > _SAME:
             deck.find(card, "moves its ends along different directions, which is not simulated", "missing")
         else:
             name = plain_name(f"{card.name}_{card.text(0)}", taken)
@@ -173,7 +174,7 @@ def _is_held(deck: Deck, held: Held, card: Card, end: tuple[int, Floats], turns:
     """Return whether an end cannot move; one that is held along another direction moves as far as it is free."""
     freedoms = {f - 3 * turns for f in held.get(end[0], set()) if (f > 3) == turns}
     axes = displacement_axes(deck, card, end[0]) if freedoms else None
-    return axes is not None and bool(np.linalg.norm(projector(axes, freedoms) @ end[1]) > 1 - SAME)
+    return axes is not None and bool(np.linalg.norm(projector(axes, freedoms) @ end[1]) > 1 - _SAME)
 
 
 def _is_offset(deck: Deck, spring: Spring) -> bool:
