@@ -160,7 +160,8 @@ def mesh_shares_figure(grid: ShapeGrid, share: np.ndarray, quantity: str, title:
         low, high = points.min(axis=0), points.max(axis=0)
         for set_limits, a, b in zip((axes.set_xlim, axes.set_ylim, axes.set_zlim), low, high, strict=True):
             set_limits(a, b)
-        axes.set_box_aspect(np.maximum(high - low, 0.02 * (high - low).max()), zoom=1.1)
+        # An oblong body then fills the panel, and is not cut off.
+        axes.set_box_aspect(np.maximum(high - low, 0.02 * (high - low).max()), zoom=0.94)
         axes.view_init(elev=40, azim=-60)
         axes.set_axis_off()
         axes.set_title(f"{figure_text(grid.body_names[body])}: {100 * held[body] / max(held.sum(), 1e-300):.0f} %",
