@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,9 +12,10 @@ from scipy.optimize import linear_sum_assignment
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..eigen.request import Request
-from ..problem.parameters import Place, paths_of
+from ..problem.parameters import Place
 from ..problem.problem import Problem
 from .basis import ReducedBasis
+from .corners import corners, softest_corner
 from .estimate import SLIGHT, CertifiedBasis, Estimate, OnlineModel, neighbours
 from .lowest import Blocks, KnownModes
 from .model import ReducedModel
@@ -88,9 +89,17 @@ class BoxModel(ReducedModel):
         self._blocks = KnownModes(np.maximum(np.subtract(high, low), np.finfo(float).tiny))
         self.condensed: CertifiedBasis | None = None
         self._begin(problem, names, softest_corner(problem, names, low, high), request, linear_solver)
-        self._first = len(self.basis)
+        first = len(self.basis)
         self.places: list[Place] = []
         self._made_for(draw(0), (softest_corner(problem, names, high, low),), progress)
+        self._corrections.release()  # before others take memory
+        before = len(self.basis)
+        far = corners(problem, names, low, high)
+        soft = self._add_soft(far)
+        self._exact = np.r_[:first, before : len(self.basis)]
+        if soft:
+            progress(f"{len(self.basis)} vectors, with modes that friction or gyroscopic forces bring into the range")
+            self._made_for((*draw(0), *sorted(far)), (), progress)
         for i in range(1, _CHECKS + 1):
             places = draw(i)
             missed = self._missed_at(places)
@@ -152,13 +161,14 @@ class BoxModel(ReducedModel):
         """Return that of some bases inside this one with which modes cost least; None where that is the whole one.
 
         Each has the modes of the softest corner, on which the errors rest, and the main directions of the modes asked
-        for at all places that the basis was made for (proper orthogonal decomposition).
+        for at all places that the basis was made for (proper orthogonal decomposition). Modes that only some corners
+        have in the range stay, too: no error tells where they are missing.
         """
         gram = np.zeros((len(self.basis), len(self.basis)))
         for x in self._seen.values():  # of a smaller basis: the first vectors of this one
             gram[: len(x), : len(x)] += x @ x.T
-        exact = np.eye(len(self.basis), self._first)
-        gram[: self._first] = gram[:, : self._first] = 0.0
+        exact = np.eye(len(self.basis))[:, self._exact]
+        gram[self._exact] = gram[:, self._exact] = 0.0
         w, U = (a[..., ::-1] for a in la.eigh(gram))
         s = np.sqrt(np.maximum(w, 0.0))
         known, trials = self._blocks.first(_TRIALS), list(self._seen)[:_TRIALS]
@@ -255,30 +265,3 @@ def _ratio(found: Estimate, exact: Modes, slight: float) -> float:
     _, at = linear_sum_assignment(np.abs(modes.lam[:, None] - exact.lam[None, :]))
     off = np.abs(modes.lam - exact.lam[at]) / np.maximum(np.abs(modes.lam), np.finfo(float).tiny)
     return float((off / np.maximum(relative, slight)).max())
-
-
-def softest_corner(
-    problem: Problem, parameters: Sequence[str], low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarray
-) -> tuple[float, ...]:
-    """Return the corner of a box with the least stiffness and the most mass; the middle for other parameters.
-
-    Examples
-    --------
-    >>> import scipy.sparse as sp
-    >>> from fe_squeal.problem.terms import Term
-    >>> one, skew = sp.csr_array(np.eye(2)), sp.csr_array(np.array([[0.0, 1.0], [0.0, 0.0]]))
-    >>> terms = (Term("m", "M", one, True, {"density": 1}), Term("k", "K", one, True, {"modulus": 1}))
-    >>> terms += (Term("friction", "K", skew, False, {"mu": 1}),)
-    >>> problem = Problem(terms, {"density": 1.0, "modulus": 1.0, "mu": 0.3})
-    >>> softest_corner(problem, ("density", "modulus", "mu"), (0.9, 0.8, 0.0), (1.1, 1.2, 0.6))
-    (1.1, 0.8, 0.3)
-    """
-    corner, plain = [], [t for t in problem.terms if t.symmetric and not t.imaginary]
-    for p, least, most in zip(parameters, low, high, strict=True):
-        moved: Mapping[str, set[int]] = {
-            slot: {int(np.sign(t.powers.get(q, 0))) for t in plain if t.slot == slot for q in paths_of(p)} - {0}
-            for slot in "MK"
-        }
-        wanted = moved["K"] | {-sign for sign in moved["M"]}
-        corner.append(float(least if wanted == {1} else most if wanted == {-1} else (least + most) / 2))
-    return tuple(corner)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -108,26 +108,31 @@ class GrowingModel(ModesAtPlaces):
                 return
         raise self._misses(worst, missed[worst])
 
-    def _add_soft(self, values: np.ndarray) -> bool:
-        """Add modes that are soft at a value far from the start and in no mode of the basis; return whether there are.
+    def _far_from_the_start(self, values: np.ndarray) -> set[Place]:
+        """Return where modes are looked for that are soft there and in no mode of the basis.
 
-        They are looked for at the ends of the sweep, and if K is not linear in the parameter also in the middle, where
-        one may still be missed that is soft elsewhere alone.
+        These are the ends of the sweep, and if K is not linear in the parameter also the middle: one that is soft
+        elsewhere alone may still be missed.
         """
         assert isinstance(self.parameter, str)
-        places = {float(values[0]), float(values[-1])}
+        places: set[Place] = {float(values[0]), float(values[-1])}
         if not is_linear(self.basis.problem, self.parameter):
             places.add(float(values[len(values) // 2]))
-        sizes_at = {p: gyroscopic_size(self.basis.at(p)) for p in sorted(places)}
+        return places
+
+    def _add_soft(self, places: Iterable[Place]) -> bool:
+        """Add modes that are soft at some places and in no mode of the basis, and return whether there are any."""
+        places = sorted(places)
+        sizes_at = {p: gyroscopic_size(self.basis.at(p)) for p in places}
         whirls = max(sizes_at, key=lambda p: (sizes_at[p], p)) if any(sizes_at.values()) else None
         found: list[np.ndarray] = []
-        for value in sorted(places):
+        for value in places:
             for outside in self._brought_down(value, value == whirls):
                 known = [self._every(value)]
                 found += missing_modes(self.basis, [value], known, self.request, self.highest, outside)
         return bool(found) and self.basis.append(np.hstack(found)) > 0
 
-    def _brought_down(self, value: float, whirls: bool) -> Iterator[np.ndarray]:
+    def _brought_down(self, value: Place, whirls: bool) -> Iterator[np.ndarray]:
         """Yield vectors (n, ·) that may hold modes which the terms left out of P bring into the range at a value.
 
         The symmetric part of K is counted, but at the start, where P has all of it unless friction is left out.

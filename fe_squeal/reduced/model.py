@@ -90,7 +90,7 @@ class ReducedModel(GrowingModel):
             self._without = self.basis.undamped_values(self._sigma)
             self._supplement(values)
             self._corrections.release()  # before others take memory
-            if self._add_soft(values):
+            if self._add_soft(self._far_from_the_start(values)):
                 self._know_less()
                 self._grow(values)
                 self._supplement(values)

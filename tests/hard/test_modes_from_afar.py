@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
+from selection import crossed
 
 from fe_squeal import sweep
+from fe_squeal.eigen.request import Request
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
+from fe_squeal.reduced import BoxModel
 from fe_squeal.reduced.missing import whirl_rate
+from fe_squeal.study.points import sobol_points
 from meshes import annulus, make_problem
 
 N = 240
@@ -83,6 +89,29 @@ def test_gyroscopic_forces_that_slow_a_whirl_down_into_the_range(omega, gyro, va
     np.testing.assert_allclose(modes.lam[modes.stability == "unstable"], expected, rtol=1e-6)
     swinging = np.sqrt(stiffness[:-2] - 0.005**2)
     assert len(modes) == np.count_nonzero(swinging < 3.5) + 1
+
+
+@pytest.mark.parametrize(("kind", "alpha"), crossed([*GROWTH, "whirl"], [0.0, 0.01], fast=lambda kind, a: a == 0))
+def test_a_box_of_parameters_has_modes_that_come_from_afar(kind, alpha):
+    """Swept are the forces and the stiffness of one of the other oscillators; far from p = 1 the modes are away."""
+    stiffness = np.append(np.linspace(1, 10, N - 2), [10.0, 10.0]) ** 2
+    turning = np.array([[0, 20.0], [-20.0, 0]]) if kind == "whirl" else None
+    friction = np.array([[0, -2.0], [2.0, 0]]) if kind == "whirl" else np.array(GROWTH[kind])
+    lam, case = eigenvalues(stiffness, friction, turning, alpha), problem(stiffness, friction, turning, alpha)
+    own = sp.csr_array(np.outer(TURN[3], TURN[3]))
+    case = replace(case, terms=(*case.terms, Term("own", "K", own, True, {"s": 1})), parameters={"p": 1.0, "s": 0.1})
+    limit = 4.4 if kind == "whirl" else 2.2
+    request, names, low, high = Request(None, limit / (2 * np.pi), 1e-7), ("p", "s"), np.zeros(2), np.array([1.0, 0.5])
+
+    def draw(i: int) -> list[tuple[float, ...]]:
+        return [tuple(map(float, high * u)) for u in sobol_points(12, 2, i)]
+
+    model = BoxModel(case, names, low, high, draw, request).online()
+    modes = model.modes((1.0, 0.2))[0]
+    grows = modes.lam[(modes.stability == "unstable") & (modes.lam.imag < limit)]
+    expected = lam[(lam.real > 1e-6) & (lam.imag >= 0) & (lam.imag < limit)]
+    assert len(expected)
+    np.testing.assert_allclose(grows, expected, rtol=1e-5)
 
 
 def test_the_rate_of_gyroscopic_terms_is_a_bound():

@@ -1,0 +1,81 @@
+"""Corners of a box of parameters where modes are softest, or forces that bring them down are largest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+
+import numpy as np
+
+from ..problem.parameters import paths_of
+from ..problem.problem import Problem
+
+_CORNERS = 8  # places that are returned, at most, beside the softest corner
+
+
+def softest_corner(
+    problem: Problem, parameters: Sequence[str], low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarray
+) -> tuple[float, ...]:
+    """Return the corner of a box with the least stiffness and the most mass; the middle for other parameters.
+
+    Examples
+    --------
+    >>> import scipy.sparse as sp
+    >>> from fe_squeal.problem.terms import Term
+    >>> one, skew = sp.csr_array(np.eye(2)), sp.csr_array(np.array([[0.0, 1.0], [0.0, 0.0]]))
+    >>> terms = (Term("m", "M", one, True, {"density": 1}), Term("k", "K", one, True, {"modulus": 1}))
+    >>> terms += (Term("friction", "K", skew, False, {"mu": 1}),)
+    >>> problem = Problem(terms, {"density": 1.0, "modulus": 1.0, "mu": 0.3})
+    >>> softest_corner(problem, ("density", "modulus", "mu"), (0.9, 0.8, 0.0), (1.1, 1.2, 0.6))
+    (1.1, 0.8, 0.3)
+    """
+    corner, plain = [], [t for t in problem.terms if t.symmetric and not t.imaginary]
+    for p, least, most in zip(parameters, low, high, strict=True):
+        moved: Mapping[str, set[int]] = {
+            slot: {int(np.sign(t.powers.get(q, 0))) for t in plain if t.slot == slot for q in paths_of(p)} - {0}
+            for slot in "MK"
+        }
+        wanted = moved["K"] | {-sign for sign in moved["M"]}
+        corner.append(float(least if wanted == {1} else most if wanted == {-1} else (least + most) / 2))
+    return tuple(corner)
+
+
+def corners(
+    problem: Problem, parameters: Sequence[str], low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarray
+) -> set[tuple[float, ...]]:  # fmt: skip
+    """Return places of a box where modes may be softest, or brought down most by friction or gyroscopic forces.
+
+    These are its softest corner and those at both ends of all parameters on which such forces depend, or that are not
+    at an end in the softest corner: all of them, or of more than `_CORNERS` those where all are low, or all high.
+
+    Parameters
+    ----------
+    problem : Problem
+        Affine in every parameter.
+    parameters : sequence of str
+    low, high : (d,) float
+
+    Examples
+    --------
+    >>> import scipy.sparse as sp
+    >>> from fe_squeal.problem.terms import Term
+    >>> one, skew = sp.csr_array(np.eye(2)), sp.csr_array(np.array([[0.0, 1.0], [0.0, 0.0]]))
+    >>> terms = (Term("k", "K", one, True, {"modulus": 1}), Term("friction", "K", skew, False, {"mu": 1}))
+    >>> sorted(corners(Problem(terms, {"modulus": 1.0, "mu": 0.3}), ("modulus", "mu"), (0.8, 0.0), (1.2, 0.6)))
+    [(0.8, 0.0), (0.8, 0.3), (0.8, 0.6)]
+    """
+    start = softest_corner(problem, parameters, low, high)
+    pushing = {q for t in problem.terms if not t.symmetric for q in t.powers}
+    both = [
+        k for k, p in enumerate(parameters)
+        if low[k] != high[k] and (start[k] not in (low[k], high[k]) or pushing.intersection(paths_of(p)))
+    ]  # fmt: skip
+    ends = [[float(low[k]) for k in both], [float(high[k]) for k in both]]
+    chosen = product(*zip(*ends, strict=True)) if 2 ** len(both) <= _CORNERS else ends
+    places = {start}
+    for end in chosen:
+        corner = list(start)
+        for k, value in zip(both, end, strict=True):
+            corner[k] = value
+        places.add(tuple(corner))
+    return places
