@@ -45,6 +45,8 @@ LIMITS = {
     1: ((4 / 3, 1.4, BARS[1]), (4 / 3, 1.4, BARS[1])),
     2: ((16 / 15, 1.2, 4 / 3), (16 / 15, 23 / 15, BARS[2])),
 }
+# Where what holds a surface ends in a notch, see `edges`, q may be as small as 0.5 instead of 1: times all bars.
+NOTCHED = (1 - 2**-1.0) / (1 - 2**-0.5)
 # Times the change of a mode whose parts are not known: what its value is extrapolated with, between the s of regular
 # and of singular parts.
 EXTRAPOLATED = 1.4

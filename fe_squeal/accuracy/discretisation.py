@@ -13,8 +13,8 @@ from ..sweep.onset import Onset
 from ..sweep.point import SweepPoint
 from ..sweep.result import Sweep
 from ..sweep.tracking import mirror_partners
-from .bars import SHARE, Parts, bar_of, bar_of_parts, beyond, enveloped, factors_of, mirrored, onset_scale
-from .edges import acting_on_points
+from .bars import NOTCHED, SHARE, Parts, bar_of, bar_of_parts, beyond, enveloped, factors_of, mirrored, onset_scale
+from .edges import acting_on_points, has_end_in_a_notch
 from .estimate import COMPARED, Changes, refined_changes
 from .pairs import bent_change, extrapolated, growth_beyond
 from .quantities import KINDS, SLOW
@@ -61,10 +61,14 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
     ]
     if changes.interpolated is not None:
         found = [f.wider(x) for f, x in zip(found, changes.interpolated.modes, strict=True)]
+    source = result.problem.source
+    is_notched = order > 1 and isinstance(source, Assembly) and has_end_in_a_notch(source)
+    if is_notched:
+        found = [f.longer(NOTCHED) for f in found]
     branches, parted = [point.branches for point in result.points], [f.parted for f in found]
     wide = enveloped([f.bars for f in found], branches, parted)
     narrow = enveloped([f.bars_beyond for f in found], branches, parted)
-    onsets = _onsets(result.onsets, changes, order)
+    onsets = _onsets(result.onsets, changes, order, NOTCHED if is_notched else 1.0)
     likely = [replace(o, value=o.extrapolated, discretisation=o.extrapolated_discretisation) for o in onsets]
     points = [
         replace(
@@ -109,6 +113,10 @@ class _Bars:
         """Return the same with all bars wider by `more` (k,)."""
         return replace(self, bars=self.bars + more, bars_beyond=self.bars_beyond + more)
 
+    def longer(self, factor: float) -> _Bars:
+        """Return the same with bars that many times as long; those of the likely values reach as far."""
+        return replace(self, bars=factor * self.bars, bars_beyond=self.bars_beyond + (factor - 1) * self.bars)
+
 
 def _bars(
     point: SweepPoint, change: np.ndarray, parts: Parts, spectrum: tuple[np.ndarray, np.ndarray, np.ndarray],
@@ -143,11 +151,15 @@ def _bars(
     return _Bars(mirrored(bars, partner), values, mirrored(beyond_bars, partner), parts.known)
 
 
-def _onsets(onsets: Sequence[Onset], changes: Changes, order: int) -> list[Onset]:
-    """Return onsets with their bars, their likely values, and the bars of these; infinite where they are not known."""
+def _onsets(onsets: Sequence[Onset], changes: Changes, order: int, longer: float) -> list[Onset]:
+    """Return onsets with their bars, their likely values, and the bars of these; infinite where they are not known.
+
+    Bars are `longer` times as long as the rules of `bars` have them.
+    """
     change = np.array(changes.onsets)
     parts = changes.onset_parts or Parts.unknown(len(change))
     bars, (shift, width) = bar_of_parts(change, parts, order), beyond(change, parts, order)
+    bars, width = longer * bars, width + (longer - 1) * bars
     if changes.interpolated is not None:
         bars, width = bars + changes.interpolated.onsets, width + changes.interpolated.onsets
     return [

@@ -5,7 +5,8 @@ errors of eigenvalues in the elements at the edge fall like h^(2α) (Grisvard, S
 1992; Leguillon, Sanchez-Palencia, 1987). α is below 1, where
 
 - a free surface turns inwards (α falls from 1 at an angle of 180° inside the material to 0.5 at a crack);
-- what holds the surface ends (0.7 at a right angle on steel, 0.5 on a flat surface);
+- what holds the surface ends (0.7 at a right angle on steel, 0.5 on a flat surface, 0.3 where the surface turns inwards
+  there by a right angle, 0.25 at a crack);
 - two materials that are joined come to the surface together.
 
 A motion that is held along the normal alone, or along the surface alone, is the half of one that is symmetric or
@@ -85,6 +86,18 @@ def singular_elements(assembly: Assembly) -> np.ndarray:
         if kind != "surface":
             marked[nodes_there(space, assembly.loaded, kind, group, path)] = True
     return found | np.asarray(marked[space.dofs.element_dofs].any(axis=0))
+
+
+def has_end_in_a_notch(assembly: Assembly) -> bool:
+    """Return whether what holds a surface ends where the surface turns inwards: the slowest rate of all edges.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    """
+    edges = surface_edges(assembly.loaded)
+    held = _held_components(assembly)[edges.facets]
+    return bool(((held[:, 0] != held[:, 1]) & (edges.angle > 180.0 + _INWARDS)).any())
 
 
 def acting_on_points(assembly: Assembly) -> list[str]:

@@ -15,8 +15,9 @@ from .corrected import CorrectedModel
 from .refined import Refined
 
 # An onset on one mesh and one on the other are paired where the sum of these costs is least: the move of the value over
-# _FAR times the interval, the move of the frequency over _FAR times the frequency, and 1 if the branches are others.
-# From a cost of _LOST on they are taken for different onsets.
+# _FAR times the interval, the move of the frequency over _FAR times the frequency, 1 if the branches are others, and
+# the difference of the crossing speeds over their sum. From a cost of _LOST without the last on they are taken for
+# different onsets.
 _FAR = 0.2
 _LOST = 2.0
 _ALIKE = 0.5  # MAC: onsets of other branches with shapes less like each other than this are different ones
@@ -61,15 +62,33 @@ def pair_onsets(
         return {same[x - 1] + 1 for x in branches_of(a) if x - 1 in same} == branches_of(b)
 
     result: list[int | None] = [None] * len(onsets)
-    every = sorted((unlike(a, b), i, j) for i, a in enumerate(onsets) for j, b in enumerate(found))
+    pairs = [(unlike(a, b), i, j) for i, a in enumerate(onsets) for j, b in enumerate(found)]
+    near = [(cost + unlike_speeds(onsets[i], found[j]), i, j) for cost, i, j in pairs if cost < _LOST]
     taken: set[int] = set()
-    for cost, i, j in every:
-        if cost >= _LOST or result[i] is not None or j in taken:
+    for _, i, j in sorted(near):
+        if result[i] is not None or j in taken:
             continue
         if have_same_branches(onsets[i], found[j]) or alike(i, j):
             result[i] = j
             taken.add(j)
     return result
+
+
+def unlike_speeds(a: Onset, b: Onset) -> float:
+    """Return how unlike the crossing speeds of two onsets are: 0 if they are equal or not known, 1 if one is zero.
+
+    Two modes that meet grow at a rate of their own behind that: it tells onsets apart that lie close together.
+
+    Examples
+    --------
+    >>> speeds = [Onset("mu", 0.3, 2e3, "flutter", "into", c, 1, 2, 0.0) for c in (300.0, 900.0, np.nan)]
+    >>> [unlike_speeds(speeds[0], b) for b in speeds]
+    [0.0, 0.5, 0.0]
+    """
+    one, other = abs(a.crossing_speed), abs(b.crossing_speed)
+    if not (np.isfinite(one) and np.isfinite(other) and one + other):
+        return 0.0
+    return abs(one - other) / (one + other)
 
 
 class Likeness:

@@ -108,3 +108,18 @@ def test_moves_of_onsets_over_decades_are_those_of_the_logarithm():
     values = np.geomspace(1e6, 1e12, 7)
     assert pair_onsets([onset(2e6)], [onset(3e9)], {0: 0, 1: 1}, values) == [None]
     assert pair_onsets([onset(2e6)], [onset(3e6)], {0: 0, 1: 1}, values) == [0]
+
+
+def test_onsets_that_lie_close_together_are_told_apart_by_their_speeds():
+    """Two that grow slowly and one that grows fast, which passes one of the others on the refined mesh."""
+    speeds = {"slow": 390.0, "fast": 4600.0}
+
+    def onset(value, frequency, speed, direction="into"):
+        return Onset("mu", value, frequency, "flutter", direction, speeds[speed], 1, 2, 0.0)
+
+    own = [onset(0.9038, 7143, "slow"), onset(0.9089, 7145, "slow", "out of"), onset(0.99, 7361, "fast")]
+    refined = [onset(0.8428, 7117, "slow"), onset(0.8473, 7119, "slow", "out of"), onset(0.913, 7313, "fast")]
+    same, values = {0: 0, 1: 1}, np.linspace(0.0, 1.0, 11)
+    assert pair_onsets(own, refined, same, values) == [0, 1, 2]
+    unknown = [replace(o, crossing_speed=np.nan) for o in refined]
+    assert pair_onsets(own, unknown, same, values) == [2, 1, 0]

@@ -9,7 +9,7 @@ import pytest
 import skfem
 
 import fe_squeal
-from fe_squeal.accuracy.edges import singular_elements, surface_edges
+from fe_squeal.accuracy.edges import has_end_in_a_notch, singular_elements, surface_edges
 from fe_squeal.mesh import from_skfem
 from fe_squeal.mesh.groups import NodeSet
 from meshes import STEEL, annulus, box, make_problem
@@ -87,6 +87,17 @@ def test_a_surface_that_turns_inwards(kind):
     touches = (np.abs(angular.p[:2, angular.t] - 1.0).max(axis=0) < 1e-9).any(axis=0)
     np.testing.assert_array_equal(found, touches)
     assert found.any() and not found[(x < 0.4) & (y < 0.4)].any()
+
+
+@pytest.mark.parametrize(("x", "notched"), [(1.0, True), (0.0, False)])
+def test_a_clamp_that_ends_in_a_notch(x, notched):
+    whole = box("hex1", (4, 4, 2), (2.0, 2.0, 1.0))
+    centre = whole.p[:, whole.t].mean(axis=1)
+    angular = type(whole)(*_kept(whole, ~((centre[0] > 1) & (centre[1] > 1))))
+    named = angular.with_subdomains({"block": np.arange(angular.nelements)})
+    held = named.with_boundaries({"held": lambda p: np.abs(p[0] - x) < 1e-9})
+    problem = make_problem(held, order=2, supports=[{"surface": "held", "fixed": "xyz"}])
+    assert has_end_in_a_notch(problem.source) == notched
 
 
 def _kept(mesh, keep):
