@@ -79,7 +79,7 @@ class ModeCorrections:
     def factorize(self, basis: ReducedBasis, value: Place, highest: float) -> Factor:
         """Factorise Q(iω) at a value, with ω in the middle of the band up to `highest`, rad/s."""
         values, square = values_at(basis.parameter, value), _MIDDLE * highest**2
-        problem = basis.problem.at(values)
+        problem = basis.at(value)  # which puts the value into a table, if it is one
         acting = [t for t in problem.terms if t.coefficient(problem.parameters)]
         symmetric = all(t.symmetric and t.slot != "C" for t in acting)
 

@@ -38,7 +38,10 @@ from .tracking import match_modes, mirror_partners
 from .warnings import rounding_warnings, tie_warnings
 
 _INSIDE = 0.95  # of the highest frequency reported: an onset below this is reported whatever its branches are
-_CHECKED = 4  # equal parts of the sweep: a reduced model meets the tolerance at least at the ends of these
+# Equal parts of the sweep: a reduced model meets the tolerance at least at the ends of these, and modes are followed from
+# one to the next, however few values were asked for. Fewer parts save little: where many modes meet in a step, it is
+# halved again and again, and what was found on the longer steps was in vain.
+_CHECKED = 8
 _BESIDE = 1 / 8  # of a step: a critical value of the sweep itself is passed from so far before it to so far behind it
 _EDGES = 1e-4, 1e-2, _BESIDE  # of a step: so near to the ends of a sweep that are critical modes are followed, if known
 _REFINEMENTS = 4  # halvings of a step, at most, while it is not clear which mode continues which
@@ -163,6 +166,7 @@ class RunningSweep:
         elif _at_rest(modes) > _at_rest(self._previous):
             branches = self._pass(value, modes)
         else:
+            self._follow_within(value, modes)
             self._follow(value, modes, _REFINEMENTS)
             branches = self._branches
         last = self.points[-1].value if self.points else value
@@ -335,6 +339,17 @@ class RunningSweep:
         """Return a value beside one, at a share of the way to another."""
         x = self._scale.x(value)
         return self._scale.p(x + share * (self._scale.x(other) - x))
+
+    def _follow_within(self, value: float, modes: Modes) -> None:
+        """Follow the modes of a reduced model over the values on the way to the next one at which it was checked."""
+        assert self._previous is not None
+        if self._reduced_model is None:
+            return
+        for between in self._scale.filled(self._values, _CHECKED).tolist():
+            if self._value < between < value:
+                found = self._solve(between)
+                if _at_rest(found) <= max(_at_rest(self._previous), _at_rest(modes)):
+                    self._follow(between, found, _REFINEMENTS)
 
     def _follow(self, value: float, modes: Modes, refinements: int) -> None:
         """Name the branches at the next value and find the onsets on the way to it.
