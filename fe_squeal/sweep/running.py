@@ -38,9 +38,9 @@ from .tracking import match_modes, mirror_partners
 from .warnings import rounding_warnings, tie_warnings
 
 _INSIDE = 0.95  # of the highest frequency reported: an onset below this is reported whatever its branches are
-# Equal parts of the sweep: a reduced model meets the tolerance at least at the ends of these, and modes are followed from
-# one to the next, however few values were asked for. Fewer parts save little: where many modes meet in a step, it is
-# halved again and again, and what was found on the longer steps was in vain.
+# Equal parts of the sweep: a reduced model meets the tolerance at least at the ends of these, and modes are followed
+# from one to the next, however few values were asked for. Fewer parts save little: where many modes meet in a step, it
+# is halved again and again, and what was found on the longer steps was in vain.
 _CHECKED = 8
 _BESIDE = 1 / 8  # of a step: a critical value of the sweep itself is passed from so far before it to so far behind it
 _EDGES = 1e-4, 1e-2, _BESIDE  # of a step: so near to the ends of a sweep that are critical modes are followed, if known
