@@ -132,16 +132,19 @@ def without_narrow_windows(onsets: Sequence[Onset], finest: float) -> tuple[list
     There is a doubt in place of each such window, unless it is narrower than `finest`, in the unit of the parameter:
     steps are not searched for narrower ones.
     """
-    kept = list(onsets)
+    taken: set[int] = set()  # positions of ends of such windows
     doubts = []
-    for into, out in itertools.combinations(sorted(kept, key=lambda o: o.value), 2):
+    order = sorted(range(len(onsets)), key=lambda k: onsets[k].value)
+    for i, j in itertools.combinations(order, 2):
+        into, out = onsets[i], onsets[j]
+        if out.value - into.value > into.uncertainty + out.uncertainty or {i, j} & taken:
+            continue
         pair = {into.branch_a, into.branch_b} & {out.branch_a, out.branch_b} - {None}
-        narrow = out.value - into.value <= into.uncertainty + out.uncertainty
-        if into in kept and out in kept and pair and narrow and {into.direction, out.direction} == {"into", "out of"}:
-            kept = [o for o in kept if o is not into and o is not out]
+        if pair and into.direction != out.direction:
+            taken |= {i, j}
             if out.value - into.value > finest:
                 doubts.append(Doubt(into.value, out.value, into.frequency_hz))
-    return kept, doubts
+    return [o for k, o in enumerate(onsets) if k not in taken], doubts
 
 
 def pairs_in_rounding(v: np.ndarray, blur: np.ndarray) -> np.ndarray:
