@@ -130,6 +130,11 @@ def _joined(one: skfem.Mesh, other: skfem.Mesh) -> skfem.Mesh:
 
 def scene_of(case: Case, order: int) -> fe_squeal.Scene:
     """Return the scene at an order."""
+    return fe_squeal.parse_scene(tables_of(case, order))
+
+
+def tables_of(case: Case, order: int) -> dict[str, Any]:
+    """Return the tables of the scene at an order."""
     x, y, _ = case.size
     springs = [
         {"name": "piston", "surface": "top", "direction": [case.lean, 0, 1], "stiffness": 3e7 * x * y / 0.004},
@@ -141,11 +146,11 @@ def scene_of(case: Case, order: int) -> fe_squeal.Scene:
         "normal_stiffness": 1e11, "sliding": BELT, "gap_tolerance": 1e-6,
     }  # fmt: skip
     bodies = {"pad": {"material": "lining"}} | ({"plate": {"material": "steel"}} if case.plate else {})
-    return fe_squeal.parse_scene({
+    return {
         "mesh": {"file": "made", "order": order}, "materials": {"lining": LINING, "steel": STEEL}, "bodies": bodies,
         "supports": [{"surface": "bottom_plate", "fixed": "xyz"}] if case.plate else [],
         "springs": springs, "contacts": [contact], "effects": {"friction": {"mu": case.mu}, **json.loads(case.effects)},
-    })  # fmt: skip
+    }  # fmt: skip
 
 
 def shapes_at(problem: Problem, case: Case, points: np.ndarray, modes: int) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 
 from ..eigen.blocks import combine, lift, times
 from ..eigen.pencil import Modes
 from ..problem.terms import Term
-from ..reduced.vectors import unit_columns
+from ..reduced.vectors import thin_svd, unit_columns
 from .refined import Refined
 
 _SPARSE = 0.3  # of all rows: a term that acts in fewer is multiplied in these rows alone
@@ -36,7 +35,7 @@ class Residuals:
 
     def __init__(self, refined: Refined, modes: Sequence[Modes]) -> None:
         self._problem, self._parameter = refined.problem, refined.parameter
-        U, size, _ = la.svd(np.hstack([unit_columns(*_both(m)) for m in modes]), full_matrices=False)
+        U, size, _ = thin_svd(np.hstack([unit_columns(*_both(m)) for m in modes]))
         self._span = U[:, size > _SAME * size.max(initial=0.0)]
         X = times(refined.prolongation, combine(refined.model.basis.V, self._span))
         self._right = [_product(term.matrix, X) for term in self._problem.terms]

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy.linalg as la
 
 from ..eigen.growth import sizes
 from ..eigen.linear.choice import factorize_definite_roughly
@@ -33,7 +32,7 @@ from .missing import (
 from .mode_corrections import ROUNDS, ModeCorrections
 from .places import ModesAtPlaces
 from .undamped import weighted
-from .vectors import unit_columns
+from .vectors import thin_svd, unit_columns
 
 _NODES = 24  # largest number of values whose modes span the basis
 _CANDIDATES = 5  # number of values among which the one with the largest error is next
@@ -179,7 +178,7 @@ class GrowingModel(ModesAtPlaces):
         if len(wide) == before:  # no correction lies outside the basis
             self._keep_beside(value, known, every)
             return
-        U, s, _ = la.svd(columns[before:], full_matrices=False, check_finite=False)
+        U, s, _ = thin_svd(columns[before:])
         new = U[:, s > least]
         if new.shape[1]:
             self.basis = wide.narrowed(before, new)

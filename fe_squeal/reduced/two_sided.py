@@ -21,7 +21,7 @@ from ..eigen.quality import modes_from_lambda, modes_from_theta
 from ..eigen.request import Request
 from .estimate import GUARDED, ILL
 from .projection import Projection
-from .vectors import of_length, real_columns
+from .vectors import of_length, real_columns, thin_svd
 
 # These numbers were chosen with three models of benchmarks/gallery in sight (Rayleigh, loss, rotating): they decide how
 # often LAPACK has to solve after all, not how exact the modes are.
@@ -172,7 +172,7 @@ class TwoSided:
             found = []
             for side in ([n.right for n in nodes], [n.left for n in nodes]):
                 columns = np.hstack([np.pad(x, ((0, rows - len(x)), (0, 0))) for x in side])
-                U, s, _ = la.svd(columns, full_matrices=False, check_finite=False)
+                U, s, _ = thin_svd(columns)
                 found.append((U, int(np.count_nonzero(s > _CUT * self._tolerance**0.5))))
             (U, m), (W, n) = found
             size = max(m, n)
@@ -311,5 +311,5 @@ def _filled(U: np.ndarray, others: np.ndarray, size: int) -> np.ndarray:
     if U.shape[1] == size:
         return U
     outside = others[:, :size] - U @ (U.conj().T @ others[:, :size])
-    more = la.svd(outside, full_matrices=False, check_finite=False)[0]
+    more = thin_svd(outside)[0]
     return np.hstack([U, more[:, : size - U.shape[1]]])

@@ -81,13 +81,26 @@ def unit_columns(right: np.ndarray, left: np.ndarray) -> np.ndarray:
     return np.hstack([real_columns(of_length(x, np.ones(x.shape[1]))) for x in (right, left)])
 
 
+def thin_svd(X: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return U (n, k), s (k,) and Vᴴ (k, m) of X (n, m) = U diag(s) Vᴴ, k the smaller number.
+
+    LAPACK's divide and conquer is fast, and now and then does not converge on columns that are rounding; QR iteration
+    takes its place there.
+    """
+    try:
+        U, s, V = la.svd(X, full_matrices=False, check_finite=False)
+    except la.LinAlgError:
+        U, s, V = la.svd(X, full_matrices=False, check_finite=False, lapack_driver="gesvd")
+    return U, s, V
+
+
 def range_of(columns: np.ndarray, least: float, exact: np.ndarray) -> np.ndarray:
     """Return orthonormal columns that span `exact` (n, l) and the main directions of `columns` (n, k).
 
     These are the left singular vectors whose singular values are larger than `least` times the largest one.
     """
     Q = la.qr(exact, mode="economic")[0]
-    U, s, _ = la.svd(columns - Q @ (Q.T @ columns), full_matrices=False)
+    U, s, _ = thin_svd(columns - Q @ (Q.T @ columns))
     return np.hstack([Q, U[:, s > least * s.max(initial=0.0)]])
 
 

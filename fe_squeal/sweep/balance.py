@@ -126,19 +126,39 @@ def _clear_of(known: np.ndarray, limit: float) -> float:
 
 
 def entered(parameter: str, points: Sequence[SweepPoint], onsets: Sequence[Onset]) -> list[str]:
-    """Return a sentence if the last point has more unstable modes than the first one and the onsets make, or none.
+    """Return a sentence for each mode that is unstable at the last point, and came into the range as it is.
 
-    A mode that comes into the range of frequencies after its onset is in the balance of no step.
+    Its onset lies above the range, or where it was not followed yet, and it is in the balance of no step. A mode that
+    is known is one that is unstable at the first point, or takes part in an onset into instability before, and is still
+    in the range. Where more modes are unstable than are known, those of other branches came in. Modes that the point
+    before had already are left out.
     """
-    first, last = (int(np.count_nonzero(p.modes.stability == "unstable")) for p in (points[0], points[-1]))
-    gained = sum(1 if o.direction == "into" else -1 for o in onsets if o.value <= points[-1].value)
-    more = last - first - gained
-    if more <= 0:
-        return []
+    new = _unexplained(points[-1], points[0], onsets)
+    before = _unexplained(points[-2], points[0], onsets) if len(points) > 1 else []
     return [
-        f"{more} of {last} unstable modes at {parameter} = {points[-1].value:.6g} came into the range of frequencies as"
-        " unstable ones: their onsets are above it"
+        f"at {parameter} = {points[-1].value:.6g} the unstable mode of {hz:.5g} Hz came into the range that was asked"
+        " for as an unstable one: its onset is not listed; ask for more modes, or for a higher solve.max_frequency"
+        for branch, hz in new if branch not in {b for b, _ in before}
     ]
+
+
+def _unexplained(point: SweepPoint, first: SweepPoint, onsets: Sequence[Onset]) -> list[tuple[int, float]]:
+    """Return branch and frequency, Hz, of the unstable modes at a point that no onset before explains."""
+    unstable = point.modes.stability == "unstable"
+    known = [{int(b)} for b in first.branches[first.modes.stability == "unstable"]]
+    for onset in sorted(onsets, key=lambda o: o.value):
+        own = {b for b in (onset.branch_a, onset.branch_b) if b is not None}
+        if onset.value > point.value:
+            break
+        if onset.direction == "into":
+            known.append(own)
+        elif (same := next((k for k in known if k & own), None)) is not None:
+            known.remove(same)
+    here = [k for k in known if k & set(point.branches.tolist())]
+    others = np.flatnonzero(unstable & ~np.isin(point.branches, list(set().union(*here))))
+    more = int(np.count_nonzero(unstable)) - len(here)
+    highest = others[np.argsort(-point.modes.frequency_hz[others], kind="stable")][: max(more, 0)]
+    return [(int(point.branches[i]), float(point.modes.frequency_hz[i])) for i in highest]
 
 
 def unshown(step: Step, onsets: Sequence[Onset], limit: float) -> str | Doubt:

@@ -224,7 +224,8 @@ def _is_plain(step: Step) -> bool:
 def _names(step: Step, change: Change, branches: tuple[np.ndarray, np.ndarray]) -> tuple[int, int | None]:
     """Return the one or two branches whose shapes are most like those of a change.
 
-    The shapes at that end of the step are compared first where the modes are unstable.
+    The shapes at that end of the step are compared first where the modes are unstable. An unstable mode there whose
+    branch is not unstable at the other end comes before all others: just before two modes meet both have that shape.
     """
     pair, plain = change.kind == "meeting", _is_plain(step)
     plane = np.column_stack([change.right.real, change.right.imag]) if pair else change.right[:, None]
@@ -240,6 +241,12 @@ def _names(step: Step, change: Change, branches: tuple[np.ndarray, np.ndarray]) 
             i = int(np.argmax(np.where(growing, likeness, -1.0)))
             if partner[i] >= 0 and likeness[i] > 0.5:
                 return _named([int(branches[end][i]), int(branches[end][partner[i]])])
+        if not pair and end == (1 if change.gains > 0 else 0):
+            others = step.modes_at_ends[1 - end]
+            also = branches[1 - end][others.stability == "unstable"]
+            i = int(np.argmax(np.where(growing & ~np.isin(branches[end], also), likeness, -1.0)))
+            if growing[i] and likeness[i] > 0.5 and branches[end][i] not in also:
+                return _named([int(branches[end][i])])
         # The two real modes of an overdamped one have one shape: the nearer eigenvalue decides, not rounding.
         away = np.abs(modes.lam**2 + change.v if plain else modes.lam - change.v)
         order = np.lexsort((away, -likeness.round(_DIGITS)))[: 2 if pair else 1]

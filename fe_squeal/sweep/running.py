@@ -173,8 +173,7 @@ class RunningSweep:
         for middle, pair in windows(self.onsets, last, value):
             self.points.append(self._window(middle, pair))
         self.points.append(self._point(value, modes, branches, keep_all))
-        if self.request.max_frequency_hz and not self.told.warnings:
-            self.told.add(*entered(self.parameter, self.points, self.onsets))
+        self.told.of_onsets(*entered(self.parameter, self.points, self.onsets))
 
     def _point(self, value: float, modes: Modes, branches: np.ndarray, keep_all: bool) -> SweepPoint:
         wanted = wanted_count(modes, self.request)
@@ -223,9 +222,11 @@ class RunningSweep:
             i = int(growing[np.argmin(np.abs(modes.lam[growing].imag - omega))])
             positions = i, int(mirror_partners(modes)[i])
             for position, name in zip(positions, (pair[0].branch_a, pair[0].branch_b), strict=True):
-                there = np.flatnonzero(branches == name)
-                if position >= 0 and len(there):
-                    branches[[position, there[0]]] = branches[[there[0], position]]
+                if position < 0 or name is None:
+                    continue
+                there = np.flatnonzero(branches == name)  # the mode that likeness takes for this branch, if any
+                branches[there] = branches[position]
+                branches[position] = name
         return replace(self._point(middle, modes, branches, keep_all=False), between=True)
 
     def _known(self, modes: Modes) -> np.ndarray:

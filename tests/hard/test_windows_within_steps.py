@@ -7,7 +7,7 @@ import pytest
 import scipy.optimize as so
 import scipy.sparse as sp
 import structures
-from families import judge
+from families import damped, damped_window, judge, make, window
 
 import fe_squeal
 from fe_squeal.eigen.pencil import FreeMotions
@@ -181,7 +181,50 @@ def test_a_mode_that_comes_into_the_range_unstable_is_told(others, top, drop, me
     result = fe_squeal.sweep(problem, [0.0, 0.5, 1.0], max_frequency=10 / (2 * np.pi), method=method)
     assert np.count_nonzero(result.points[-1].modes.stability == "unstable") == 1 and not result.onsets
     (said,) = result.warnings
-    assert said.startswith("1 of 1 unstable modes at mu = 1 came into the range")
+    assert said.startswith("at mu = 1 the unstable mode of") and "came into the range" in said
+    assert not result.onsets_complete["sure"]
+
+
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+@pytest.mark.parametrize("asked", [{"max_frequency": 5 / (2 * np.pi)}, {"modes": 2}])
+def test_a_mode_that_comes_in_as_another_one_leaves_is_told(asked, method):
+    """One is unstable throughout and leaves the range upwards, another one grows from p = 0.1 far above it on."""
+    one, two, three = (np.diag(np.eye(3)[k]) for k in range(3))
+    stiffness, damping = 100 * one + 4 * two + 9 * three, 0.1 * one - 0.05 * two + 0.01 * three
+    parts = [("m", "M", np.eye(3), {}), ("k", "K", stiffness, {}), ("moved", "K", -95 * one + 60 * two, {"p": 1}),
+             ("c", "C", damping, {}), ("driven", "C", -one, {"p": 1})]  # fmt: skip
+    terms = tuple(Term(n, slot, sp.csr_array(A), True, powers) for n, slot, A, powers in parts)
+    result = fe_squeal.sweep(Problem(terms, {"p": 1.0}), np.linspace(0, 1, 9), "p", method=method, **asked)
+    assert not result.onsets and not result.onsets_complete["sure"]
+    assert any("came into the range" in w for w in result.warnings)
+    assert result.points[-1].modes.stability.tolist().count("unstable") == 1
+
+
+def test_a_mode_that_leaves_the_range_stable_is_not_told():
+    """Unstable at first, above the range; it becomes stable at p = 0.4, and comes into the range at 0.75."""
+    one, two = np.diag([1.0, 0.0]), np.diag([0.0, 1.0])
+    parts = [("m", "M", np.eye(2), {}), ("k", "K", 40 * one + 4 * two, {}), ("moved", "K", -20 * one, {"p": 1}),
+             ("c", "C", -0.04 * one + 0.01 * two, {}), ("damped", "C", 0.1 * one, {"p": 1})]  # fmt: skip
+    terms = tuple(Term(n, slot, sp.csr_array(A), True, powers) for n, slot, A, powers in parts)
+    result = fe_squeal.sweep(Problem(terms, {"p": 1.0}), np.linspace(0, 1, 9), "p", max_frequency=5 / (2 * np.pi))
+    assert not result.warnings and all(o.direction == "out of" for o in result.onsets)
+
+
+@pytest.mark.parametrize(("kind", "seed"), [(structures.loss, 10070), (window, 3), (damped_window, 4), (damped, 8)])
+def test_onsets_and_modes_beside_them_have_the_same_branch(kind, seed):
+    """Also in the middle of a window, and where two modes of one shape lie close together."""
+    family = (structures.make if kind is structures.loss else make)(kind, seed)
+    count = len(family.parts[0][1])
+    result = fe_squeal.sweep(family.problem(), np.linspace(family.values[0], family.values[-1], 15), "p", modes=count)
+    told = 0
+    for onset in result.onsets:
+        behind = [p for p in result.points if (p.value > onset.value) == (onset.direction == "into")]
+        near = min(behind, key=lambda p: abs(p.value - onset.value), default=None)
+        if near is None or any((o.value - onset.value) * (near.value - o.value) > 0 for o in result.onsets):
+            continue
+        told += 1
+        assert {onset.branch_a, onset.branch_b} & set(near.branches[near.modes.stability == "unstable"].tolist())
+    assert told
 
 
 def test_two_ill_conditioned_modes_exchange_their_places_within_a_step():
