@@ -21,6 +21,7 @@ _ONE = 1e-2  # of a frequency: a mode whose frequency is closer than this to tha
 # Times the uncertainty of an onset: the distance at which modes are counted beside it. The next larger one is tried
 # while the counts do not agree.
 _BESIDE = 4.0, 100.0, 2000.0
+_COPY = 1e-6  # of |λ|: two unstable modes that are closer are copies of one another
 _NEAR = 1e-4  # of the step: within it what one node tells of another is right to the square of this
 
 
@@ -156,7 +157,13 @@ def _unexplained(point: SweepPoint, first: SweepPoint, onsets: Sequence[Onset]) 
             known.remove(same)
     here = [k for k in known if k & set(point.branches.tolist())]
     others = np.flatnonzero(unstable & ~np.isin(point.branches, list(set().union(*here))))
-    more = int(np.count_nonzero(unstable)) - len(here)
+    # A mode with λ = 0 at the first value, and not here, may diverge from there on, which is told.
+    left = max(int(np.count_nonzero(first.modes.lam == 0)) - int(np.count_nonzero(point.modes.lam == 0)), 0)
+    more = int(np.count_nonzero(unstable)) - len(here) - left
+    # Copies of a mode that is explained, as of equal pads, have onsets, whose branches likeness may have exchanged.
+    lam, named = point.modes.lam, np.flatnonzero(unstable & np.isin(point.branches, list(set().union(*here))))
+    apart = np.abs(lam[others][:, None] - lam[named][None, :]).min(axis=1, initial=np.inf)
+    others = others[apart > _COPY * np.abs(lam[others])]
     highest = others[np.argsort(-point.modes.frequency_hz[others], kind="stable")][: max(more, 0)]
     return [(int(point.branches[i]), float(point.modes.frequency_hz[i])) for i in highest]
 

@@ -133,6 +133,7 @@ def _require_settled_pairs(samples: Samples, error: np.ndarray) -> float:
     # Two eigenvalues may meet if both are real or they are conjugate to each other: then D is real.
     meant = np.abs(D.imag) <= 1e-6 * np.abs(D) + samples.blur**2
     doubtful = meant & (np.abs(D.real) <= blurred) & (blurred > samples.rounding[:, None] ** 2)
+    doubtful &= ~samples.twins(v, samples.condition)[:, i, j]  # copies do not meet, they are equal all along
     for pair in np.flatnonzero(doubtful.any(axis=0)):
         d, unsure = D[:, pair].real, doubtful[:, pair]
         # If D is sure before and behind a run of unsure samples and has different signs there, it passes zero once.

@@ -44,6 +44,7 @@ _INSIDE = 0.95  # of the highest frequency reported: an onset below this is repo
 _CHECKED = 8
 _BESIDE = 1 / 8  # of a step: a critical value of the sweep itself is passed from so far before it to so far behind it
 _EDGES = 1e-4, 1e-2, _BESIDE  # of a step: so near to the ends of a sweep that are critical modes are followed, if known
+_EQUAL = 1e-9  # of |λ|: two eigenvalues that are closer may be those of equal parts of a brake
 _REFINEMENTS = 4  # halvings of a step, at most, while it is not clear which mode continues which
 
 
@@ -257,7 +258,7 @@ class RunningSweep:
                     raise
                 raise TooLargeError(f'{error}, or solve.method = "reduced"') from error
         self._spend("eigenvalues", clock)
-        return modes
+        return _without_cut(modes, wanted_count(modes, self.request))
 
     def _begin(self, value: float, modes: Modes) -> None:
         clock = time.perf_counter()
@@ -470,6 +471,20 @@ def _reach(modes: Modes, wanted: int) -> float:
 def _limit(request: Request) -> float:
     """Return the frequency up to which modes are asked for, rad/s; 0 where a number of them is."""
     return 2 * np.pi * (request.max_frequency_hz or 0.0)
+
+
+def _without_cut(modes: Modes, wanted: int) -> Modes:
+    """Return modes without the last one, and those equal to it, beyond the `wanted` ones, if there are equal ones.
+
+    Where modes are multiple, as of equal pads, the last may be some of a set alone. A step model with these would not
+    treat all pads alike, and tell their modes apart.
+    """
+    size, lam = np.abs(modes.lam), modes.lam
+    equal = np.abs(np.diff(lam)) <= _EQUAL * size[1:]
+    if not equal.any():
+        return modes
+    last = np.minimum(np.abs(lam - lam[-1]), np.abs(lam + lam[-1].conj())) <= _EQUAL * size[-1]
+    return modes.select(np.flatnonzero(~last | (np.arange(len(lam)) < wanted)))
 
 
 def _with_guard(request: Request) -> Request:

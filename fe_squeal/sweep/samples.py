@@ -14,6 +14,8 @@ _MOST = 4000  # samples of a group, at most
 # Of how far a number falls or rises between two samples: it is sampled where it turns if it turns so near to zero,
 # since what is known of it between them is a cubic.
 NEAR_ZERO = 0.1
+_TWINS = 4.0  # times what two eigenvalues may be off by rounding: nearer ones are equal
+_WORST = 1e6  # condition: with a larger one two eigenvalues are not told from a double one
 _ROUNDING = 1e-14  # of the size of a group's matrix: the rounding of its entries
 
 
@@ -22,6 +24,15 @@ class Samples:
 
     D = ((v_i − v_j)/2)² of two eigenvalues is smooth where they meet (D = 0), and so |D/D'| estimates the distance to
     the next meeting. Samples are closer together than that, down to `FINEST` of a step of the sweep.
+
+    Parameters
+    ----------
+    cluster, at_start
+        See `cluster` and `starts`.
+    scale : float
+        Length of the interval, as a part of the step.
+    apart : float
+        How far eigenvalues of copies may be apart, relatively, by more than rounding.
 
     Attributes
     ----------
@@ -47,9 +58,11 @@ class Samples:
         Departure of H from normality: √(‖H‖² − Σ|v|²), both after subtracting the mean eigenvalue.
     condition : (s, m) float
         Condition number of each eigenvalue of H; infinite at a double one.
+    copied : bool
+        Whether the group is made of copies that nothing couples, see `twins`.
     """
 
-    def __init__(self, cluster: Cluster, scale: float, at_start: bool) -> None:
+    def __init__(self, cluster: Cluster, scale: float, at_start: bool, apart: float = 0.0) -> None:
         self.cluster, self.finest, self.settled = cluster, FINEST / scale, SETTLED / scale
         self.starts = at_start
         self.theta = cluster.ends[0].C is None
@@ -60,6 +73,8 @@ class Samples:
         # The smallest blur of the group is taken. Close to a double eigenvalue the blur of a mode is the square root of
         # the rounding, but H does not have such an error.
         self.blur = max(float(min(b.min() for b in blur)), _ROUNDING * size)
+        self._equal = max(_TWINS * max(float(max(b.max() for b in blur)), _ROUNDING * size), apart * size)
+        self.copied: bool | None = None  # not known before the first samples
         self._evaluate()
 
     def _evaluate(self) -> None:
@@ -111,13 +126,36 @@ class Samples:
                 inverse = np.linalg.pinv(W)
             slope = diagonals(inverse, dH, W)
             condition = np.nan_to_num(np.linalg.norm(W, axis=1) * np.linalg.norm(inverse, axis=2), nan=np.inf)
+            twins = self.twins(v, condition)
+            if self.copied:
+                v, slope = (_averaged(x, twins) for x in (v, slope))
             i, j = np.triu_indices(m, 1)
             apart, drift = np.abs(v[:, i] - v[:, j]), np.abs(slope[:, i] - slope[:, j])
-            reach = np.where(drift > 0, apart / (2 * drift), np.inf)
+            reach = np.where((drift > 0) & ~twins[:, i, j], apart / (2 * drift), np.inf)
         reach = np.nan_to_num(reach.min(axis=1), nan=0.0, posinf=np.inf)
         centred = H - np.trace(H, axis1=1, axis2=2)[:, None, None] / m * np.eye(m)
         energy = (np.abs(centred) ** 2).sum(axis=(1, 2)) - (np.abs(v - v.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
         return v, slope, reach, W, np.sqrt(np.maximum(energy, 0.0)), condition
+
+    def twins(self, v: np.ndarray, condition: np.ndarray) -> np.ndarray:
+        """Return which pairs (s, m, m) of eigenvalues are those of copies, such as of equal pads on a belt.
+
+        Of copies that nothing couples every eigenvalue has as many equals as all others, at all values: what their
+        difference does is rounding, times the condition of the eigenvalue. Groups of which that does not hold at half
+        of the first samples, and single samples where numbers differ, have none.
+
+        Parameters
+        ----------
+        v, condition : (s, m)
+            Eigenvalues and their condition numbers.
+        """
+        known = np.clip(np.fmin(condition[:, :, None], condition[:, None, :]), 1.0, _WORST)
+        equal = np.abs(v[:, :, None] - v[:, None, :]) <= self._equal * known
+        count = equal.sum(axis=2)
+        copied = (count[:, 0] > 1) & (count == count[:, :1]).all(axis=1)
+        if self.copied is None:
+            self.copied = bool(copied.mean() >= 0.5)
+        return np.asarray(equal & copied[:, None, None] & self.copied)
 
     def insert(self, more: np.ndarray) -> None:
         """Add samples at further t (k,), ascending."""
@@ -200,6 +238,12 @@ def between(g: tuple[np.ndarray, np.ndarray], rate: tuple[np.ndarray, np.ndarray
     s = np.linspace(0, 1, 17)[1:-1].reshape(-1, *np.ones(np.ndim(g[0]), int))
     values = g[0] * (1 + 2 * s) * (1 - s) ** 2 + g[1] * s**2 * (3 - 2 * s)
     return np.asarray(values + rate[0] * s * (1 - s) ** 2 + rate[1] * s**2 * (s - 1))
+
+
+def _averaged(x: np.ndarray, equal: np.ndarray) -> np.ndarray:
+    """Return what belongs to eigenvalues (s, m) as the mean over those that are `equal` (s, m, m) to each of them."""
+    count = np.maximum(equal.sum(axis=2), 1)
+    return np.where(equal.any(axis=2), np.einsum("sij,sj->si", equal, x) / count, x)
 
 
 def diagonals(left: np.ndarray, A: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -59,7 +59,7 @@ class Scan:
 
 def scan(
     first: Node, second: Node, modes: Callable[[float], Node], below: float = np.inf, scale: Scale = LINEAR,
-    halved: float | None = None, linear: bool = False, known: float = 0.0,
+    halved: float | None = None, linear: bool = False, known: float = 0.0, apart: float = 0.0,
 ) -> Scan:  # fmt: skip
     """Find the changes of stability between two values.
 
@@ -80,6 +80,8 @@ def scan(
         Whether K is linear in the parameter.
     known : float, rad/s
         Frequency up to which all modes are known at every value, if it is higher than those of the modes there.
+    apart : float
+        See `Samples`.
     """
     step = scale.x(second.value) - scale.x(first.value)
     width, count = FINEST * step * scale.slope(second.value), 0
@@ -105,7 +107,7 @@ def scan(
                 unsettled.append(members)
                 continue
             try:
-                samples = Samples(cluster, share, a is first)
+                samples = Samples(cluster, share, a is first, apart)
                 pairs = a.paired or a.conservative
                 changes, hidden = find_meetings(samples) if pairs else find_crossings(samples)
                 found += changes

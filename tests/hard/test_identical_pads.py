@@ -11,10 +11,13 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
+import fe_squeal
 from fe_squeal.eigen.band import count_beside
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import solve_modes
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
 
 DAMPING = 0.01
 
@@ -67,3 +70,31 @@ def test_copies_of_known_modes_are_counted(lost):
     assert len(unstable) == 2
     less = modes.select(np.delete(np.arange(len(modes)), unstable[list(lost)]))
     assert count_beside(pencil, less, 1.2, None, "auto") == len(lost)
+
+
+@pytest.mark.parametrize(("copies", "damping", "method"), [
+    (2, 0.0, "direct"), (3, 0.0, "direct"), (5, 0.0, "direct"), (2, 0.0, "reduced"), (3, 0.1, "direct"),
+])  # fmt: skip
+def test_onsets_of_copies_are_those_of_one_alone(copies, damping, method):
+    """Every eigenvalue is as often there as there are copies, all along the sweep: what parts them is rounding."""
+    rng, n = np.random.default_rng(3), 30
+    root, friction = rng.standard_normal((n, n)), 30 * rng.standard_normal((n, n))
+    stiffness = root @ root.T + np.diag(np.linspace(1, 60, n) ** 2)
+
+    def swept(count):
+        parts = [("m", "M", np.eye(n), True, {}), ("k", "K", stiffness, True, {})]
+        parts.append(("f", "K", friction, False, {"p": 1}))
+        if damping:
+            parts.append(("c", "C", damping * np.eye(n) + 1e-4 * stiffness, True, {}))
+        terms = tuple(
+            Term(name, slot, sp.csr_array(la.block_diag(*[A] * count)), symmetric, powers)
+            for name, slot, A, symmetric, powers in parts
+        )
+        return fe_squeal.sweep(Problem(terms, {"p": 1.0}), np.linspace(0, 1, 7), "p", modes=6 * count, method=method)
+
+    one, all_of_them = swept(1), swept(copies)
+    assert len(one.onsets) == 3 and not all_of_them.warnings
+    values = np.repeat([o.value for o in one.onsets], copies)
+    np.testing.assert_allclose([o.value for o in all_of_them.onsets], values, atol=1e-6)
+    grow = [[np.count_nonzero(p.modes.stability == "unstable") for p in r.points] for r in (one, all_of_them)]
+    assert grow[1] == [copies * g for g in grow[0]]

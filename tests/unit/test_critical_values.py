@@ -155,4 +155,5 @@ def test_a_value_that_is_critical_up_to_rounding(kind, seed, method):
     result = sweep(problem, np.array([0, critical / 2, critical, 1.5 * critical]), "p", modes=6, method=method)
     (found,) = [o for o in result.onsets if o.kind == "divergence"]
     assert abs(found.value - critical) <= found.uncertainty + 1e-12 * critical
-    assert found.direction == "into" and not result.warnings
+    assert found.direction == "into"
+    assert all("came into the range" in w for w in result.warnings)  # the seventh mode, which grows from p = 0 on
