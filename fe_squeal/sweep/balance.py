@@ -21,6 +21,7 @@ _ONE = 1e-2  # of a frequency: a mode whose frequency is closer than this to tha
 # Times the uncertainty of an onset: the distance at which modes are counted beside it. The next larger one is tried
 # while the counts do not agree.
 _BESIDE = 4.0, 100.0, 2000.0
+_LEAVES = 0.7  # of the highest frequency listed: a mode above this may be beyond the range at the next value
 _COPY = 1e-6  # of |λ|: two unstable modes that are closer are copies of one another
 _NEAR = 1e-4  # of the step: within it what one node tells of another is right to the square of this
 
@@ -130,12 +131,12 @@ def entered(parameter: str, points: Sequence[SweepPoint], onsets: Sequence[Onset
     """Return a sentence for each mode that is unstable at the last point, and came into the range as it is.
 
     Its onset lies above the range, or where it was not followed yet, and it is in the balance of no step. A mode that
-    is known is one that is unstable at the first point, or takes part in an onset into instability before, and is still
-    in the range. Where more modes are unstable than are known, those of other branches came in. Modes that the point
-    before had already are left out.
+    is known is one that is unstable at the first point, or takes part in an onset into instability before, and has not
+    left the range upwards. Where more modes are unstable than are known, those of other branches came in. Modes that
+    the point before had already are left out.
     """
-    new = _unexplained(points[-1], points[0], onsets)
-    before = _unexplained(points[-2], points[0], onsets) if len(points) > 1 else []
+    new = _unexplained(points, onsets)
+    before = _unexplained(points[:-1], onsets) if len(points) > 1 else []
     return [
         f"at {parameter} = {points[-1].value:.6g} the unstable mode of {hz:.5g} Hz came into the range that was asked"
         " for as an unstable one: its onset is not listed; ask for more modes, or for a higher solve.max_frequency"
@@ -143,29 +144,43 @@ def entered(parameter: str, points: Sequence[SweepPoint], onsets: Sequence[Onset
     ]
 
 
-def _unexplained(point: SweepPoint, first: SweepPoint, onsets: Sequence[Onset]) -> list[tuple[int, float]]:
-    """Return branch and frequency, Hz, of the unstable modes at a point that no onset before explains."""
-    unstable = point.modes.stability == "unstable"
-    known = [{int(b)} for b in first.branches[first.modes.stability == "unstable"]]
+def _unexplained(points: Sequence[SweepPoint], onsets: Sequence[Onset]) -> list[tuple[int, float]]:
+    """Return branch and frequency, Hz, of the unstable modes at the last point that no onset before explains."""
+    first, point = points[0], points[-1]
+    unstable, lam = point.modes.stability == "unstable", point.modes.lam
+    known = [({int(b)}, 0.0) for b in first.branches[first.modes.stability == "unstable"]]
     for onset in sorted(onsets, key=lambda o: o.value):
         own = {b for b in (onset.branch_a, onset.branch_b) if b is not None}
         if onset.value > point.value:
             break
         if onset.direction == "into":
-            known.append(own)
-        elif (same := next((k for k in known if k & own), None)) is not None:
+            known.append((own, onset.frequency_hz))
+        elif (same := next((k for k in known if k[0] & own), None)) is not None:
             known.remove(same)
-    here = [k for k in known if k & set(point.branches.tolist())]
-    others = np.flatnonzero(unstable & ~np.isin(point.branches, list(set().union(*here))))
+    here = [own for own, hz in known if not _has_left(points, own, hz)]
     # A mode with λ = 0 at the first value, and not here, may diverge from there on, which is told.
-    left = max(int(np.count_nonzero(first.modes.lam == 0)) - int(np.count_nonzero(point.modes.lam == 0)), 0)
-    more = int(np.count_nonzero(unstable)) - len(here) - left
+    started = max(int(np.count_nonzero(first.modes.lam == 0)) - int(np.count_nonzero(lam == 0)), 0)
+    more = int(np.count_nonzero(unstable)) - len(here) - started
+    named = np.isin(point.branches, list(set().union(*here)))
+    others, explained = np.flatnonzero(unstable & ~named), np.flatnonzero(unstable & named)
     # Copies of a mode that is explained, as of equal pads, have onsets, whose branches likeness may have exchanged.
-    lam, named = point.modes.lam, np.flatnonzero(unstable & np.isin(point.branches, list(set().union(*here))))
-    apart = np.abs(lam[others][:, None] - lam[named][None, :]).min(axis=1, initial=np.inf)
+    apart = np.abs(lam[others][:, None] - lam[explained][None, :]).min(axis=1, initial=np.inf)
     others = others[apart > _COPY * np.abs(lam[others])]
     highest = others[np.argsort(-point.modes.frequency_hz[others], kind="stable")][: max(more, 0)]
     return [(int(point.branches[i]), float(point.modes.frequency_hz[i])) for i in highest]
+
+
+def _has_left(points: Sequence[SweepPoint], own: set[int], hz: float) -> bool:
+    """Return whether a mode of some branches is not in the range of the last point, and was near its end before.
+
+    One that was far below it is still there, by another number. `hz` is its frequency where no point has it.
+    """
+    for back, point in enumerate(reversed(points)):
+        there = np.isin(point.branches, list(own))
+        if there.any():
+            hz = float(point.modes.frequency_hz[there].max())
+            return back > 0 and hz >= _LEAVES * float(point.modes.frequency_hz.max())
+    return hz >= _LEAVES * float(points[-1].modes.frequency_hz.max(initial=0.0))
 
 
 def unshown(step: Step, onsets: Sequence[Onset], limit: float) -> str | Doubt:
