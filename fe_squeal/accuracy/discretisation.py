@@ -185,7 +185,7 @@ def _hidden(points: Sequence[SweepPoint], onsets: Sequence[Onset], name: str) ->
     return [
         f"at {name} = {value:.6g} a mode of {hz:.5g} Hz does not grow on this mesh, and grows by {growth:.3g} 1/s by"
         " its extrapolated value: there may be an onset on finer meshes"
-        for growth, value, hz in sorted(fastest.values(), reverse=True)
+        for growth, value, hz in sorted(fastest.values())  # the fastest at the end, where similar ones are told once
     ]
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
 from ..eigen.dense import DENSE_LIMIT, solve_dense
-from ..eigen.pencil import Modes
+from ..eigen.pencil import FreeMotions, Modes
 from ..eigen.request import select_wanted
 from ..errors import SceneError
 from ..problem.problem import Problem
@@ -170,6 +170,19 @@ def _small_problem(problem: Problem, names: tuple[str, ...], solver: Solver) -> 
     return problem if affine and problem.unknowns <= DENSE_LIMIT else None
 
 
+_CONSERVATIVE = (
+    "boundaries of flutter are not followed: with gyroscopic forces, and neither friction nor damping, Re λ is zero"
+    " wherever it does not grow"
+)
+
+
+def _is_conservative(problem: Problem) -> bool:
+    """Return whether there are gyroscopic terms, and neither friction nor damping: Re λ = 0 wherever it is stable."""
+    damping = [t for t in problem.terms if t.slot == "C"]
+    others = [t for t in problem.terms if t.slot != "C"]
+    return bool(damping) and all(t.skew for t in damping) and all(t.symmetric and not t.imaginary for t in others)
+
+
 def _boundaries(
     problem: Problem, axes: tuple[Scaled, Scaled], grids: tuple[np.ndarray, np.ndarray], solving: Solving,
     told: list[str],
@@ -178,23 +191,33 @@ def _boundaries(
     curves: list[Curve] = []
     request = solving.request
 
-    def modes_at(x: float, y: float) -> Modes:
-        every = solve_dense(problem.pencil({axes[0].name: x, axes[1].name: y}))
-        wanted = select_wanted(every, request, np.inf)
-        assert wanted is not None
-        return wanted
+    def modes_of(own: Problem) -> Callable[[float, float], Modes]:
+        def modes_at(x: float, y: float) -> Modes:
+            every = solve_dense(own.pencil({axes[0].name: x, axes[1].name: y}))
+            wanted = select_wanted(every, request, np.inf)
+            assert wanted is not None
+            return wanted
 
+        return modes_at
+
+    conservative, undamped = _is_conservative(problem), None
+    if problem.is_damped:
+        plain = tuple(t for t in problem.terms if t.slot != "C" and not t.imaginary)
+        undamped = modes_of(Problem(plain, problem.parameters, free=lambda values: FreeMotions.none(problem.unknowns)))
     columns = grids[0][np.unique(np.round(np.linspace(0, len(grids[0]) - 1, _COLUMNS_AT)).astype(int))]
     count, limit = request.count, request.max_frequency_hz
     total = len(grids[1]) + len(columns)
     stages = [
         *(seeds_on_lines(problem, axes, grids, 0, np.array([y]), count, limit, told.append) for y in grids[1]),
         *(seeds_on_lines(problem, axes, grids, 1, np.array([x]), count, limit, told.append) for x in columns),
-        islands(problem, axes, grids, modes_at, told.append),
+        islands(problem, axes, grids, modes_of(problem), told.append, undamped_at=undamped),
     ]
     solving.tell("boundaries", 0, total)
     for i, stage in enumerate(stages):
         for boundary, point, held in stage:
+            if conservative and boundary.kind == "hopf":
+                told.append(_CONSERVATIVE)
+                continue
             alike = [c for c in curves if c.boundary.kind == boundary.kind]
             if any(c.passes(_rescaled(point.u, boundary, c), held) for c in alike):
                 continue

@@ -133,11 +133,12 @@ class ScatterResult:
     def _by_band(self) -> list[tuple[float, float, np.ndarray]]:
         """Return the edges of each band, Hz, and (m,) bool which samples have an unstable mode in it.
 
-        The last entry is the whole range of frequencies.
+        The last entry is the whole range of frequencies: that of the bands, and of unstable modes beside them.
         """
         count = len(self.rows)
         found = [(float(a), float(b), _in_band(self.modes, count, a, b)) for a, b in pairwise(self.edges)]
-        return [*found, (float(self.edges[0]), float(self.edges[-1]), self.rows[:, 0] > 0)]
+        hz = np.append(self.modes[:, 1], self.edges)
+        return [*found, (float(hz.min()), float(hz.max()), self.rows[:, 0] > 0)]
 
 
 def _in_band(modes: np.ndarray, count: int, low: float, high: float) -> np.ndarray:

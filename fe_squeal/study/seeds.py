@@ -118,8 +118,8 @@ class Gap:
     are a growing pair. With damping it is −Re λ of the mode that grows most.
     """
 
-    def __init__(self, problem: Problem, axes: Axes, modes_at: Callable[[float, float], Modes]) -> None:
-        self._damped, self._axes, self._modes_at = problem.is_damped, axes, modes_at
+    def __init__(self, damped: bool, axes: Axes, modes_at: Callable[[float, float], Modes]) -> None:
+        self._damped, self._axes, self._modes_at = damped, axes, modes_at
 
     def values(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the numbers (k,) of all pairs of modes, or of all modes, and their frequencies (k,), rad/s, at s."""
@@ -143,12 +143,14 @@ class Gap:
 def islands(
     problem: Problem, axes: Axes, grids: tuple[np.ndarray, np.ndarray], modes_at: Callable[[float, float], Modes],
     tell: Callable[[str], None] = lambda text: None, most: int = 40,
+    undamped_at: Callable[[float, float], Modes] | None = None,
 ) -> Iterator[Seed]:  # fmt: skip
     """Yield points of boundaries around islands that no line of the grid crosses.
 
     Where the gap at a place of the grid is smaller than at all its neighbours, a parabola through the neighbours shows
     whether it may become negative between them. If so, its minimum is looked for. At most `most` minima are; where
-    there are more, a sentence says so.
+    there are more, a sentence says so. With light damping −Re λ is flat beside an island and falls steeply at its edge:
+    the minima of the gap without damping are looked at, too.
 
     Parameters
     ----------
@@ -156,14 +158,28 @@ def islands(
         As for `seeds_on_lines`.
     modes_at : callable of (float, float)
         Returns the modes at values of both parameters.
+    undamped_at : callable of (float, float), optional
+        The same without damping, where the problem has damping.
     tell : callable of str
         Gets that sentence.
     most : int
     """
-    gap = Gap(problem, axes, modes_at)
+    gap, tried = Gap(problem.is_damped, axes, modes_at), 0
+    for search in (gap, *([] if undamped_at is None else [Gap(False, axes, undamped_at)])):
+        for start, omega, spacing in _minima(search, axes, grids):
+            tried += 1
+            if tried <= most:
+                yield from _island(problem, axes, gap, search, start, omega, spacing)
+    if tried > most:
+        tell(f"small islands of instability were looked for at {most} of {tried} places of the grid: take a finer grid")
+
+
+def _minima(
+    gap: Gap, axes: Axes, grids: tuple[np.ndarray, np.ndarray]
+) -> Iterator[tuple[np.ndarray, float, tuple[float, float]]]:  # fmt: skip
+    """Yield places (2,) where a gap may become negative beside the grid, the frequency, rad/s, and the grid's steps."""
     sx, sy = ([a.at(float(v)) for v in grid] for a, grid in zip(axes, grids, strict=True))
     table = [[gap.values(np.array([x, y])) for y in sy] for x in sx]
-    tried = 0
     for i in range(len(sx)):
         for j in range(len(sy)):
             for g, omega in zip(*table[i][j], strict=True):
@@ -176,14 +192,8 @@ def islands(
                             gaps, where = table[i + di][j + dj]
                             near = np.abs(where - omega) <= 0.03 * omega
                             around[di, dj] = float(gaps[near].min(initial=np.inf))
-                if min(around.values()) < g or not _promising(g, around):
-                    continue
-                tried += 1
-                if tried > most:
-                    continue
-                yield from _island(problem, axes, gap, np.array([sx[i], sy[j]]), float(omega), _spacing(sx, sy))
-    if tried > most:
-        tell(f"small islands of instability were looked for at {most} of {tried} places of the grid: take a finer grid")
+                if min(around.values()) >= g and _promising(g, around):
+                    yield np.array([sx[i], sy[j]]), float(omega), _spacing(sx, sy)
 
 
 def _promising(g: float, around: dict[tuple[int, int], float]) -> bool:
@@ -203,18 +213,25 @@ def _spacing(sx: list[float], sy: list[float]) -> tuple[float, float]:
     return float(np.diff(sx).mean()), float(np.diff(sy).mean())
 
 
-def _island(
-    problem: Problem, axes: Axes, gap: Gap, start: np.ndarray, omega: float, spacing: tuple[float, float]
-) -> Iterator[Seed]:  # fmt: skip
+def _lowest(gap: Gap, start: np.ndarray, omega: float, spacing: tuple[float, float]) -> tuple[np.ndarray, float]:
+    """Return the place (2,) of the minimum of a gap near a place, and the gap there."""
     simplex = start + np.array([[0.0, 0.0], [0.4 * spacing[0], 0.0], [0.0, 0.4 * spacing[1]]])
     simplex = np.where(simplex > 1, 2 * start - simplex, simplex)
     found = minimize(
         lambda s: gap.about(s, omega, 0.05), start, method="Nelder-Mead",
         options={"initial_simplex": simplex, "maxfev": _CALLS, "xatol": _FINE, "fatol": 0.0},
     )  # fmt: skip
-    if not found.fun < 0:
+    return np.asarray(found.x), float(found.fun)
+
+
+def _island(
+    problem: Problem, axes: Axes, gap: Gap, search: Gap, start: np.ndarray, omega: float, spacing: tuple[float, float]
+) -> Iterator[Seed]:  # fmt: skip
+    inside, least = _lowest(search, start, omega, spacing)
+    if search is not gap and least < 0 and not gap.about(inside, omega, 0.05) < 0:  # damping has moved it
+        inside, least = _lowest(gap, inside, omega, (spacing[0] / 10, spacing[1] / 10))
+    if not least < 0:
         return
-    inside = np.asarray(found.x)
     for axis in (0, 1):
         outside = inside.copy()
         for sign in (1, -1):

@@ -159,3 +159,35 @@ def test_divergence_is_followed():
 def test_bad_input_is_told(x, message):
     with pytest.raises(SceneError, match=message):
         stability_map(two_modes(), x, axis("delta", 0.0, 0.3), modes=2)
+
+
+@pytest.mark.parametrize(("damping", "uneven"), [(1e-4, 0.3), (1e-3, 0.0)])
+def test_an_island_with_light_damping_that_no_line_meets_is_found(damping, uneven):
+    """Re λ is flat beside it and rises as a root at its edge, so that only the gap without damping has a minimum."""
+    Z, X, J = np.diag([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), np.array([[0.0, 1.0], [-1.0, 0.0]])
+    radius = 0.035
+    parts = [("m", "M", np.eye(2), True, {}), ("k", "K", 4 * np.eye(2) - (Z + X) / 2, True, {}),
+             ("f", "K", radius * J, False, {}), ("u", "K", Z, True, {"x": 1}), ("v", "K", X, True, {"y": 1}),
+             ("c", "C", damping * np.diag([1.0, 1.0 + uneven]), True, {})]  # fmt: skip
+    terms = tuple(Term(n, slot, sp.csr_array(A), sym, powers) for n, slot, A, sym, powers in parts)
+    axes = ({"parameter": p, "from": 0.0, "to": stop, "points": 11} for p, stop in (("x", 1.03), ("y", 1.07)))
+    found = stability_map(Problem(terms, {"x": 1.0, "y": 1.0}), *axes, modes=2)
+    assert not (found.rows[:, 0] > 0).any()
+    edge = found.boundaries
+    assert len(found.curves) == 1
+    away = np.hypot(edge["x"] - 0.5, edge["y"] - 0.5)
+    assert len(edge) > 20 and (np.abs(away - radius) < 0.02 * radius).all()
+
+
+def test_flutter_of_a_conservative_system_is_not_followed_and_told():
+    """Re λ is zero wherever nothing grows, so that it says nothing about the place of a boundary."""
+    J = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    soft = sp.csr_array(-np.diag([1.0, 1.3]))
+    terms = (
+        Term("m", "M", sp.csr_array(np.eye(2)), True), Term("k", "K", soft, True, {"a": 1}),
+        Term("g", "C", sp.csr_array(J), False, {"w": 1}, True),
+    )  # fmt: skip
+    axes = ({"parameter": p, "from": 0.1, "to": stop, "points": 9} for p, stop in (("w", 4.0), ("a", 2.0)))
+    found = stability_map(Problem(terms, {"a": 1.0, "w": 1.0}), *axes, modes=2)
+    assert all(c.boundary.kind == "divergence" for c in found.curves)
+    assert sum("boundaries of flutter are not followed" in text for text in found.told) == 1
