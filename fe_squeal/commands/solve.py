@@ -51,7 +51,8 @@ def onset(scene: SceneOrDeck) -> int:
         raise SceneError(f"{scene}: sweep: is missing; expected a table, written [sweep]: the interval to look in")
     console = make_console()
     result = sweep_scene(loaded, assemble(loaded), console, precise=True)
-    print_onsets(result.onsets_dataframe(), console, covered_text(frequency_range(loaded, result)))
+    covered = covered_text(frequency_range(loaded, result))
+    print_onsets(result.onsets_dataframe(), console, covered, bool(result.unsettled))
     for o in result.onsets:
         console.print(f"{o.parameter} = {o.value!r} ± {o.uncertainty:.1g}, {o.frequency_hz!r} Hz", markup=False)
     for warning in told_once(result.warnings):

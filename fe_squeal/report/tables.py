@@ -80,7 +80,7 @@ def print_unstable(modes: pd.DataFrame, console: Console, onsets: pd.DataFrame |
         console.print(Text(f"... {len(rows) - MAX_ROWS} more in modes.csv"))
 
 
-def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "") -> None:
+def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "", is_open: bool = False) -> None:
     """Print where modes turn unstable or stable again, in the order of the parameter.
 
     The column beside the value is what the two modes of the pair at the first value of the sweep predict without all
@@ -92,10 +92,15 @@ def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "") -> N
     onsets : DataFrame
         As in `onsets.csv`.
     console : rich.console.Console
+    covered : str
+        The range of frequencies in words.
+    is_open : bool
+        Whether there are intervals in which an onset may be missing.
     """
     if not len(onsets):
         where = f"{covered} in this sweep" if covered else "in this sweep"
-        console.print(Text(f"No onset of instability {where}."))
+        but = ", but where there may be one is not settled everywhere: see the warnings" if is_open else ""
+        console.print(Text(f"No onset of instability {where}{but}."))
         return
     symbol = parameter_symbol(parameter_name(onsets))
     ordered = onsets.sort_values("value", kind="stable")

@@ -60,8 +60,9 @@ def show_finished(out: Path, console: Console) -> int:
     """
     try:
         onsets, modes = (pd.read_csv(out / name) for name in (ONSETS_TABLE, MODES_TABLE))
-        covered = (read_json(out / RECORD) or {}).get("frequency_range_hz")
-        print_onsets(onsets, console, covered_text(tuple(covered)) if covered else "")
+        record = read_json(out / RECORD) or {}
+        covered, is_open = record.get("frequency_range_hz"), bool((record.get("onsets_complete") or {}).get("open"))
+        print_onsets(onsets, console, covered_text(tuple(covered)) if covered else "", is_open)
         print_unstable(modes, console, onsets)
     except (ArithmeticError, AttributeError, LookupError, OSError, TypeError, ValueError) as error:  # it was changed
         raise OutputError(

@@ -21,6 +21,7 @@ _ONE = 1e-2  # of a frequency: a mode whose frequency is closer than this to tha
 # Times the uncertainty of an onset: the distance at which modes are counted beside it. The next larger one is tried
 # while the counts do not agree.
 _BESIDE = 4.0, 100.0, 2000.0
+_CAME = "came into the range that was asked for"
 _LEAVES = 0.7  # of the highest frequency listed: a mode above this may be beyond the range at the next value
 _COPY = 1e-6  # of |λ|: two unstable modes that are closer are copies of one another
 _NEAR = 1e-4  # of the step: within it what one node tells of another is right to the square of this
@@ -127,6 +128,11 @@ def _clear_of(known: np.ndarray, limit: float) -> float:
     return float(between.max(initial=0.0))
 
 
+def is_newcomer(sentence: str) -> bool:
+    """Return whether a sentence is one of those of `entered`."""
+    return _CAME in sentence
+
+
 def entered(parameter: str, points: Sequence[SweepPoint], onsets: Sequence[Onset]) -> list[str]:
     """Return a sentence for each mode that is unstable at the last point, and came into the range as it is.
 
@@ -138,8 +144,8 @@ def entered(parameter: str, points: Sequence[SweepPoint], onsets: Sequence[Onset
     new = _unexplained(points, onsets)
     before = _unexplained(points[:-1], onsets) if len(points) > 1 else []
     return [
-        f"at {parameter} = {points[-1].value:.6g} the unstable mode of {hz:.5g} Hz came into the range that was asked"
-        " for as an unstable one: its onset is not listed; ask for more modes, or for a higher solve.max_frequency"
+        f"at {parameter} = {points[-1].value:.6g} the unstable mode of {hz:.5g} Hz {_CAME} as an unstable one: its"
+        " onset is not listed; ask for more modes, or for a higher solve.max_frequency"
         for branch, hz in new if branch not in {b for b, _ in before}
     ]
 

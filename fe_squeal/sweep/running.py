@@ -23,7 +23,7 @@ from ..problem.description import Describer, Description
 from ..problem.problem import Problem
 from ..problem.sensitivity import sensitivities
 from ..reduced import ReducedModel
-from .balance import Census, entered, unbalanced
+from .balance import Census, entered, is_newcomer, unbalanced
 from .counting import count_apart
 from .doubts import without_narrow_windows
 from .forecast import is_reduced
@@ -174,7 +174,8 @@ class RunningSweep:
         for middle, pair in windows(self.onsets, last, value):
             self.points.append(self._window(middle, pair))
         self.points.append(self._point(value, modes, branches, keep_all))
-        self.told.of_onsets(*entered(self.parameter, self.points, self.onsets))
+        if all(is_newcomer(t) for t in self.told.unsettled):  # else an onset that was not refined may be its own
+            self.told.of_onsets(*entered(self.parameter, self.points, self.onsets))
 
     def _point(self, value: float, modes: Modes, branches: np.ndarray, keep_all: bool) -> SweepPoint:
         wanted = wanted_count(modes, self.request)

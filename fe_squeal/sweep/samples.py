@@ -15,6 +15,7 @@ _MOST = 4000  # samples of a group, at most
 # since what is known of it between them is a cubic.
 NEAR_ZERO = 0.1
 _TWINS = 4.0  # times what two eigenvalues may be off by rounding: nearer ones are equal
+_FARTHEST = 1e-8  # of the size of a group's eigenvalues: those farther apart are not taken for equal, however unsure
 _WORST = 1e6  # condition: with a larger one two eigenvalues are not told from a double one
 _ROUNDING = 1e-14  # of the size of a group's matrix: the rounding of its entries
 
@@ -73,7 +74,8 @@ class Samples:
         # The smallest blur of the group is taken. Close to a double eigenvalue the blur of a mode is the square root of
         # the rounding, but H does not have such an error.
         self.blur = max(float(min(b.min() for b in blur)), _ROUNDING * size)
-        self._equal = max(_TWINS * max(float(max(b.max() for b in blur)), _ROUNDING * size), apart * size)
+        known = _TWINS * max(float(max(b.max() for b in blur)), _ROUNDING * size)
+        self._equal = min(max(known, apart * size), _FARTHEST * size)
         self.copied: bool | None = None  # not known before the first samples
         self._evaluate()
 
