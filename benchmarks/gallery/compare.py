@@ -1,12 +1,13 @@
 """The gallery by every way: python benchmarks/gallery/compare.py [--models NAME ...] [--largest N] [--values 2 21]
-[--direct-values 2] [--ways ...] [--limit SECONDS] [--at-once 2] [--log FILE] [--write]
+[--direct-values 2] [--ways ...] [--limit SECONDS] [--at-once 2] [--log FILE] [--known] [--write]
 
 Every model of `gallery_models.py` whose size is at most N unknowns is swept by `method = "auto"`, "direct" and
 "reduced", each in a process of its own, with right and left modes, tracking, onsets and the count. SciPy, and SLEPc
 with MUMPS where the system's Python has it, solve one value for right modes alone, which is scaled to all.
 `--direct-values` says at which numbers of values `direct` takes part, where not at all; what it finds at the last value
 is the reference at every number. A line per measurement is appended to the file of `--log`, and what is there already
-is not measured again. `--write` puts the table into docs/performance.md.
+is not measured again; with `--known` nothing is measured, and the table has what is there. `--write` puts the table
+into docs/performance.md.
 """
 
 from __future__ import annotations
@@ -108,10 +109,13 @@ class Log:
     path : Path or None
     limit : float
         Seconds after which a measurement is given up.
+    only_known : bool
+        Whether nothing is measured.
     """
 
     path: Path | None
     limit: float
+    only_known: bool = False
     _known: dict[str, dict] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -122,9 +126,11 @@ class Log:
                 self._known[key] = row
 
     def measured(self, way: str, model: Model, rung: int, values: int, band: float = 0.0) -> dict:
-        """Return what `run` does, or what is known of it."""
+        """Return what `run` does, or what is known of it; empty where nothing is, and only that is wanted."""
         key = f"{way}, {model.name}, {rung}, {values}"
         if key not in self._known:
+            if self.only_known:
+                return {}
             row = run(way, model, rung, values, band, self.limit)
             with self._lock:
                 self._known[key] = row
@@ -166,14 +172,15 @@ def _group(model: Model, rung: int, values: list[int], direct: list[int], ways: 
         log.measured(way, model, rung, count)
         for count in values for way in OWN if way in ways and (way != "direct" or count in direct)
     ]  # fmt: skip
+    own = [r for r in own if r]
     known = {r["way"]: _lam(r) for r in own if "lam" in r}
     exact = known.get("direct", next(iter(known.values()), np.zeros(0)))
     band = float(exact.imag.max(initial=0.0))
-    peers = [log.measured(way, model, rung, 1, band) for way in PEERS if way in ways and band]
+    peers = [r for way in PEERS if way in ways and band and (r := log.measured(way, model, rung, 1, band))]
     rows = []
     for count in values:
         group = [r for r in own if r["values"] == count]
-        group += [_scaled(r, count) for r in peers if r.get("failed") != NO_SLEPC]
+        group += [_scaled(r, count) for r in peers if group and r.get("failed") != NO_SLEPC]
         rows += judged(group, exact)
     print(*(table_line(r) for r in rows), sep="\n", flush=True)
     return rows
@@ -215,6 +222,7 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=900.0, help="seconds for each way")
     parser.add_argument("--at-once", type=int, default=1, metavar="N", help="models measured at the same time (1)")
     parser.add_argument("--log", type=Path, metavar="FILE", help="JSON lines; what is there is not measured again")
+    parser.add_argument("--known", action="store_true", help="measure nothing: the table of what the log has")
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--one", nargs=5, help=argparse.SUPPRESS)
     given = parser.parse_args()
@@ -224,8 +232,10 @@ def main() -> None:
         print(json.dumps(measure(way, model, model.sizes[int(rung)], int(values), float(band))))
         return
     models = [m for m in MODELS if m.name in given.models]
+    if given.known and given.log is None:
+        parser.error("--known needs --log")
     direct = given.values if given.direct_values is None else given.direct_values
-    log = Log(given.log, given.limit)
+    log = Log(given.log, given.limit, given.known)
     rows = compare(models, given.largest, given.values, direct, given.ways, log, given.at_once)
     if given.write:
         text = PAGE.read_text(encoding="utf-8")

@@ -56,4 +56,19 @@ def section(rows: list[dict], models: list[Model], limit: float) -> str:
     made = f"Made by `python benchmarks/gallery/compare.py --write`; {when}"
     rest = ", ".join(m.name for m in MODELS if m not in models)
     rest = f"\nNot measured in this run: {rest}.\n" if rest else ""
-    return f"{HEAD}\n\n{NOTE}\n{made}\n\n{about}\n{rest}\n{table(rows)}\n"
+    return f"{HEAD}\n\n{NOTE}\n{made}\n\n{about}\n{rest}\n{slower(rows)}\n\n{table(rows)}\n"
+
+
+def slower(rows: list[dict]) -> str:
+    """Return a list of the models on which `auto` takes longer than the fastest peer, by the number of values."""
+    lines = []
+    for values in sorted({r["values"] for r in rows}):
+        auto = [r for r in rows if r["values"] == values and r["way"] == "auto"]
+        own = [r for r in auto if not math.isnan(r.get("ratio", math.nan))]
+        behind = [f"{r['model']} ({r['unknowns']}: {r['ratio']:.2g})" for r in own if r["ratio"] < 1]
+        ahead = len(own) - len(behind)
+        lines.append(
+            f"- {values} values: `auto` is faster than the fastest peer on {ahead} of {len(own)}"
+            + (f"; slower on {', '.join(behind)} (unknowns: ratio)" if behind else "")
+        )
+    return "\n".join(lines)
