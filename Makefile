@@ -114,6 +114,7 @@ docs/lumped.md: .venv/installed
 # nearly incompressible linings: hours.
 benchmarks: $(MEASURED:%=docs/%.md)
 	$(BIN)/python benchmarks/mesh_bars.py --write  # a section of docs/accuracy_and_cost.md
+	$(BIN)/python benchmarks/onset_bars.py --write  # another
 
 # The searches for broken promises in full, half an hour on two free cores: spoilt inputs, signals, commands at once.
 trust: docs/trust.md
