@@ -65,6 +65,7 @@ def check(
     from ..run.forces import balance_table
     from ..run.free import free_motion_warnings
     from ..run.groups import groups_of_file, groups_of_scene
+    from ..run.measured import read_measured
     from ..scene import Scene
 
     machines = machines_of(processes, memory_per_process)
@@ -78,6 +79,7 @@ def check(
     if loaded is None:
         return 0
     problem = assemble(loaded)
+    read_measured(loaded)  # raises SceneError as a run would
     print_table(describe(loaded, problem, machines), console)
     found = discretisation_of(problem)
     notes, warnings = ((), ()) if found is None else (found.notes, found.warnings)

@@ -22,6 +22,8 @@ def describe(scene: Scene | MatrixScene, problem: Problem, machines: Machines | 
     """Return a table of bodies, groups, effects, problem class, size, and what fits here and on other machines."""
     solver = solver_of(scene)
     problem = problem.solved_with(solver)
+    if scene.sweep is not None:
+        problem = problem.prepared(scene.sweep.parameter, np.array(scene.sweep.grid))
     table = Table(show_header=False, box=None, pad_edge=False)
     if isinstance(scene, Scene):
         _mesh_rows(table, scene, problem)

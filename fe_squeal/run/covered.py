@@ -66,8 +66,9 @@ def covered_text(covered: tuple[float, float | None]) -> str:
 
 def above_text(seen: Seen, parameter: str) -> str:
     """Return a sentence about an unstable mode above the range."""
+    size = 10.0 ** min(np.floor(np.log10(max(seen.frequency_hz, 1e-300))) - 1, 2)  # of steps of 100 Hz, or two digits
     return (
         f"above the range that was asked for a mode is unstable: {frequency_text(seen.frequency_hz)}, Re λ ="
         f" {seen.growth:.3g} 1/s at {parameter_symbol(parameter)} = {seen.value:.4g}; ask for more modes, or for"
-        f" solve.max_frequency = {np.ceil(seen.frequency_hz / 100) * 100 + 100:g}"
+        f" solve.max_frequency = {(np.ceil(seen.frequency_hz / size) + 1) * size:g}"
     )

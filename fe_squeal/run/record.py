@@ -54,6 +54,7 @@ def write_record(
         Warnings in addition to those of the scene and of the sweep.
     """
     discretisation, parts = discretisation_of(problem), force_balance(problem)
+    swept = problem if result is None else result.problem  # which has the terms that are zero in the scene itself
     above = unstable_above(result) if result is not None else None
     record: dict[str, Any] = {
         "version": inputs["version"],
@@ -61,9 +62,9 @@ def write_record(
         "scene": str(scene.source) if scene.source is not None else None,
         "status": status,
         "unknowns": problem.unknowns,
-        "problem_class": problem.problem_class,
+        "problem_class": swept.problem_class,
         "effects": list(scene.effect_names),
-        "terms": [{"name": t.name, "slot": t.slot, "powers": dict(t.powers)} for t in problem.terms],
+        "terms": [{"name": t.name, "slot": t.slot, "powers": dict(t.powers)} for t in swept.terms],
         "method": result.method if result is not None else None,
         "linear_solver": solver.name,
         "seconds": seconds,
