@@ -143,8 +143,8 @@ class Samples:
         """Return which pairs (s, m, m) of eigenvalues are those of copies, such as of equal pads on a belt.
 
         Of copies that nothing couples every eigenvalue has as many equals as all others, at all values: what their
-        difference does is rounding, times the condition of the eigenvalue. Groups of which that does not hold at half
-        of the first samples, and single samples where numbers differ, have none.
+        difference does is rounding, times the condition of the eigenvalue where others of the group are near. Groups of
+        which that does not hold at half of the first samples, and single samples where numbers differ, have none.
 
         Parameters
         ----------
@@ -152,9 +152,12 @@ class Samples:
             Eigenvalues and their condition numbers.
         """
         known = np.clip(np.fmin(condition[:, :, None], condition[:, None, :]), 1.0, _WORST)
-        equal = np.abs(v[:, :, None] - v[:, None, :]) <= self._equal * known
+        apart = np.abs(v[:, :, None] - v[:, None, :])
+        equal = apart <= self._equal * known
         count = equal.sum(axis=2)
         copied = (count[:, 0] > 1) & (count == count[:, :1]).all(axis=1)
+        # Two modes about to meet are ill-conditioned, too; copies by themselves are not.
+        copied &= (count[:, 0] < v.shape[1]) | (apart <= self._equal).all(axis=(1, 2))
         if self.copied is None:
             self.copied = bool(copied.mean() >= 0.5)
         return np.asarray(equal & copied[:, None, None] & self.copied)
