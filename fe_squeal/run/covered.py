@@ -66,7 +66,8 @@ def covered_text(covered: tuple[float, float | None]) -> str:
 
 def above_text(seen: Seen, parameter: str) -> str:
     """Return a sentence about an unstable mode above the range."""
-    size = 10.0 ** min(np.floor(np.log10(max(seen.frequency_hz, 1e-300))) - 1, 2)  # of steps of 100 Hz, or two digits
+    # The limit offered is a multiple of 100 Hz, for frequencies below 1 kHz one of two digits.
+    size = 10.0 ** min(np.floor(np.log10(max(seen.frequency_hz, 1e-300))) - 1, 2)
     return (
         f"above the range that was asked for a mode is unstable: {frequency_text(seen.frequency_hz)}, Re λ ="
         f" {seen.growth:.3g} 1/s at {parameter_symbol(parameter)} = {seen.value:.4g}; ask for more modes, or for"
