@@ -8,10 +8,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
+from .units import SI, Units
+
 Value = str | float | int | bool | Sequence["Value"] | dict[str, "Value"]
 Weight = Literal["missing", "changes", "harmless"]
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _WIDTH = 116
+# Of steel in SI: what is suggested of a material that a deck does not give, with the unit.
+_STEEL = {"youngs_modulus": (2.1e11, "Pa"), "poisson_ratio": (0.3, ""), "density": (7800.0, "kg/m^3")}
 
 
 @dataclass(frozen=True)
@@ -69,10 +73,19 @@ class Table:
 
 @dataclass
 class Draft:
-    """The tables of a scene in their order, what was found, and what is missing for a run."""
+    """The tables of a scene in their order, what was found, and what is missing for a run.
+
+    Attributes
+    ----------
+    units : str
+        The scene's key.
+    suggested_in : Units
+        Those of the numbers that are suggested: where the deck's numbers are left as they are, what they seem to be in.
+    """
 
     title: str
     units: str = "SI"
+    suggested_in: Units = SI
     head: list[str] = field(default_factory=list)
     tables: list[Table] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
@@ -83,6 +96,17 @@ class Draft:
         table = Table(path, dict(values or {}), is_entry)
         self.tables.append(table)
         return table
+
+    def ask(self, table: Table, key: str, text: str) -> None:
+        """Ask for a number of a material, with that of steel as a suggestion."""
+        value, unit = _STEEL[key]
+        units = self.suggested_in
+        shown = value / {"youngs_modulus": units.pressure, "density": units.density}.get(key, 1.0)
+        if unit and units is not SI:
+            text += f"; as the other numbers are, in {units.name}, steel has {shown:.4g}, which is {value:g} {unit}"
+        elif unit:
+            text += f", {unit}"
+        table.open.append((f"{key} = {toml(float(f'{shown:.6g}'))}", text))
 
     def find(self, what: str, where: str, text: str, weight: Weight = "changes") -> None:
         """Note something that is not taken over; once each."""

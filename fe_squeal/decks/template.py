@@ -73,9 +73,9 @@ def _add_bodies(draft: Draft, loaded: LoadedMesh) -> None:
         name = plain_name(group, taken)
         taken.append(name)
         material = draft.add("materials", f"of_{name}")
-        material.open += [("youngs_modulus = 2.1e11", f"Young's modulus of {name}, Pa"),
-                          ("poisson_ratio = 0.3", f"Poisson's ratio of {name}"),
-                          ("density = 7800.0", f"density of {name}, kg/m^3")]  # fmt: skip
+        for key, what in (("youngs_modulus", "Young's modulus"), ("poisson_ratio", "Poisson's ratio"),
+                          ("density", "density")):  # fmt: skip
+            draft.ask(material, key, f"{what} of {name}")
         body = draft.add("bodies", name, values={"material": f"of_{name}"})
         if name != group:
             body.values["groups"] = [group]

@@ -68,6 +68,7 @@ SYSTEMS = (
 # aluminium 5100 m/s, in rubber 100. Brakes and their parts are between a millimetre and a few metres.
 _DENSITY, _SPEED, _SIZE = (400.0, 25_000.0), (50.0, 20_000.0), (1e-3, 5.0)
 _MIDDLE = (5000.0, 4000.0)  # kg/m^3 and m/s: between what brakes are made of
+_MODULUS = (1e6, 1e12)  # Pa, from rubber to diamond
 
 
 def recognise(materials: Sequence[tuple[float, float]], size: float) -> tuple[Units | None, list[Units]]:
@@ -104,3 +105,21 @@ def recognise(materials: Sequence[tuple[float, float]], size: float) -> tuple[Un
             found.append((distance, units))
     found.sort(key=lambda pair: pair[0])
     return (found[0][1], [units for _, units in found[1:]]) if found else (None, [])
+
+
+def likely(moduli: Sequence[float], size: float) -> Units:
+    """Return the first system in which Young's moduli, and the size of a mesh, are those of a brake; SI if none is.
+
+    For decks without densities, where suggestions need units but nothing may be converted: 2.1e5 is steel in MPa both
+    with tonnes and seconds and with grams and milliseconds.
+
+    Examples
+    --------
+    >>> likely([2.1e5], 250.0).name, likely([2.1e11], 0.25).name
+    ('mm, t, s (N, MPa)', 'm, kg, s')
+    """
+    for units in SYSTEMS:
+        usual = all(_MODULUS[0] <= modulus * units.pressure <= _MODULUS[1] for modulus in moduli)
+        if usual and _SIZE[0] <= size * units.length <= _SIZE[1]:
+            return units
+    return SI

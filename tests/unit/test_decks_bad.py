@@ -64,3 +64,15 @@ def test_parameters_are_arithmetic_and_nothing_else(tmp_path):
         path = written(tmp_path, deck().replace("*Material, name=STEEL", f"*Parameter\n{line}\n*Material, name=STEEL"))
         with pytest.raises(MeshError, match="is no parameter that is understood"):
             draft_of(path)
+
+
+def test_suggested_density_is_in_the_units_of_the_deck(tmp_path):
+    """Without any density nothing is converted to SI: in a mesh of millimetres with MPa steel has 7.8e-9 t/mm^3."""
+    text = deck().replace("*Density\n7.8E-9\n", "").replace("*Density\n2.5E-9\n", "")
+    draft = draft_of(written(tmp_path, text))
+    asked = [suggestion for table in draft.tables for suggestion, _ in table.open]
+    assert draft.units == "any" and asked == ["density = 7.8e-09"] * 2
+    assert all("mm, t, s (N, MPa), steel has 7.8e-09, which is 7800 kg/m^3" in text for text in draft.missing)
+    one = draft_of(written(tmp_path, text.replace("*Elastic\n2.1E5", "*Density\n7.8E-9\n*Elastic\n2.1E5")))
+    asked = [suggestion for table in one.tables for suggestion, _ in table.open]
+    assert one.units == "SI" and asked == ["density = 7800.0"]

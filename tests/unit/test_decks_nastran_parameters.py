@@ -110,3 +110,11 @@ def test_every_other_parameter_is_listed_but_output_and_numerics(tmp_path, cards
 def test_parameters_without_which_the_structure_is_another(tmp_path, cards, sentence):
     with pytest.raises((SceneError, MeshError), match=sentence):
         scene_of(written(tmp_path, with_cards(deck()[0], cards)))
+
+
+def test_suggested_density_is_in_the_units_of_the_deck(tmp_path):
+    """Steel in MPa without a density: 7.8e-9 t/mm^3, since the numbers stay as they are."""
+    draft = draft_of(written(tmp_path, changed(deck()[0], ("7.8-9", ""))))
+    table = next(t for t in draft.tables if t.path[0] == "materials")
+    assert draft.units == "any" and table.values["youngs_modulus"] == 2.1e5
+    assert [suggestion for suggestion, _ in table.open] == ["density = 7.8e-09"]

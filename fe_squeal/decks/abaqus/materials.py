@@ -7,7 +7,7 @@ import numpy as np
 from ...errors import MeshError
 from ...mesh.readers.abaqus.model import Statement
 from ..draft import Value, plain_name
-from ..units import SI, recognise
+from ..units import SI, likely, recognise
 from .content import Content, Substance, real, spoken
 from .orientations import local_axes, orientation_of
 
@@ -123,7 +123,8 @@ def find_units(content: Content) -> None:
     units, others = recognise(numbers, size)
     draft = content.draft
     if units is None:
-        draft.units = "any"
+        moduli = [m for s in content.substances.values() for m in s.elastic.get("youngs_modulus", [])]
+        draft.units, draft.suggested_in = "any", likely(moduli, size)
         draft.head.append(
             "Units: no usual system makes a brake's material and size of this deck's numbers; they are left as they"
             ' are, with units = "any".'
@@ -161,10 +162,10 @@ def write_materials(content: Content) -> None:
         table.values = values
         table.comments.append(f"*Material {substance.name}, {substance.where}")
         if not substance.elastic:
-            table.open += [("youngs_modulus = 2.1e11", "the deck has no linear elasticity for this material, Pa"),
-                           ("poisson_ratio = 0.3", "and no Poisson's ratio")]  # fmt: skip
+            content.draft.ask(table, "youngs_modulus", "the deck has no linear elasticity for this material")
+            content.draft.ask(table, "poisson_ratio", "and no Poisson's ratio")
         if substance.density is None:
-            table.open.append(("density = 7800.0", "the deck has no density for this material, kg/m^3"))
+            content.draft.ask(table, "density", "the deck has no density for this material")
 
 
 def clean(value: float) -> float:

@@ -9,7 +9,7 @@ from ...mesh.readers.ansys import mesh_of, read_archive, text_of
 from ...mesh.readers.ansys_faces import pressures
 from ...mesh.readers.sources import Sources
 from ..draft import Draft, Value, Weight
-from ..units import SI, recognise
+from ..units import SI, likely, recognise
 from .contacts import write_contacts
 from .content import Content, clean, commands, is_zero, read_materials
 from .elements import list_left_over
@@ -81,9 +81,10 @@ def draft_ansys(sources: Sources, mesh_file: str) -> Draft:
 def _find_units(content: Content) -> None:
     draft, materials = content.draft, content.materials.values()
     numbers = [(m["EX"], m["DENS"]) for m in materials if m.get("EX", 0) > 0 and m.get("DENS", 0) > 0]
-    units, others = recognise(numbers, float(np.ptp(content.loaded.mesh.p, axis=1).max()))
+    size = float(np.ptp(content.loaded.mesh.p, axis=1).max())
+    units, others = recognise(numbers, size)
     if units is None:
-        draft.units = "any"
+        draft.units, draft.suggested_in = "any", likely([m["EX"] for m in materials if "EX" in m], size)
         draft.head.append('Units: no usual system makes sense of these numbers; they are left, with units = "any".')
     else:
         more = f" (They could also be {' or '.join(u.name for u in others)}.)" if others else ""
@@ -101,16 +102,16 @@ def _write_bodies(content: Content) -> None:
         elif "EX" in values:
             table.values["youngs_modulus"] = clean(values["EX"] * content.units.pressure)
         else:
-            table.open.append(("youngs_modulus = 2.1e11", "the archive has no EX for this material, Pa"))
+            content.draft.ask(table, "youngs_modulus", "the archive has no EX for this material")
         ratio = values.get("PRXY", values.get("NUXY"))
         if ratio is None:
-            table.open.append(("poisson_ratio = 0.3", "the archive has no NUXY or PRXY for this material"))
+            content.draft.ask(table, "poisson_ratio", "the archive has no NUXY or PRXY for this material")
         else:
             table.values["poisson_ratio"] = ratio
         if "DENS" in values:
             table.values["density"] = clean(values["DENS"] * content.units.density)
         else:
-            table.open.append(("density = 7800.0", "the archive has no DENS for this material, kg/m^3"))
+            content.draft.ask(table, "density", "the archive has no DENS for this material")
         body = content.draft.add("bodies", group, values={"material": group})
         own = [values.get(label, 0.0) for label in ("ALPD", "BETD")]
         if any(own):  # of the body, beside that of the whole model

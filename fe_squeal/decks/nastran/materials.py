@@ -7,7 +7,7 @@ import numpy as np
 from ...mesh import LoadedMesh
 from ...mesh.readers.nastran.text import Card
 from ..draft import Value, plain_name
-from ..units import SI, recognise
+from ..units import SI, likely, recognise
 from .cards import Deck
 
 Numbers = dict[str, list[float]]
@@ -74,7 +74,8 @@ def find_units(deck: Deck, materials: dict[int, tuple[Card, Numbers]], size: flo
     ]
     units, others = recognise(numbers, size)
     if units is None:
-        deck.draft.units = "any"
+        moduli = [m for _, v in materials.values() for m in v.get("youngs_modulus", [])]
+        deck.draft.units, deck.draft.suggested_in = "any", likely(moduli, size)
         deck.draft.head.append(
             "Units: no usual system makes a brake's material and size of this deck's numbers; they are left as they"
             ' are, with units = "any".'
@@ -110,9 +111,9 @@ def write_bodies(deck: Deck, loaded: LoadedMesh, materials: dict[int, tuple[Card
             scaled = [clean(v * factor) for v in values]
             table.values[key] = scaled if len(scaled) > 1 else scaled[0]
         if "density" not in numbers:
-            table.open.append(("density = 7800.0", "the deck has no density for this material, kg/m^3"))
+            deck.draft.ask(table, "density", "the deck has no density for this material")
         if "youngs_modulus" not in numbers:
-            table.open.append(("youngs_modulus = 2.1e11", "the deck has no linear elasticity that is read, Pa"))
+            deck.draft.ask(table, "youngs_modulus", "the deck has no linear elasticity that is read")
     taken: list[str] = []
     for group, elements in groups.items():
         if not group.isdigit():
