@@ -84,7 +84,7 @@ def check(
     found = discretisation_of(problem)
     notes, warnings = ((), ()) if found is None else (found.notes, found.warnings)
     parts = force_balance(problem)
-    balance = balance_table(parts)
+    balance = balance_table(parts, problem)
     if balance is not None:
         print_table(balance, console)
     warnings = (*warnings, *balance_warnings(parts), *free_motion_warnings(problem))

@@ -43,7 +43,7 @@ def onset(scene: SceneOrDeck) -> int:
     from ..assembly.assembly import assemble
     from ..report.tables import print_onsets
     from ..report.warnings import told_once
-    from ..run.covered import covered_text, frequency_range
+    from ..run.covered import frequency_range
     from ..run.run import sweep_scene
 
     loaded = load_scene_or_deck(scene)
@@ -51,8 +51,7 @@ def onset(scene: SceneOrDeck) -> int:
         raise SceneError(f"{scene}: sweep: is missing; expected a table, written [sweep]: the interval to look in")
     console = make_console()
     result = sweep_scene(loaded, assemble(loaded), console, precise=True)
-    covered = covered_text(frequency_range(loaded, result))
-    print_onsets(result.onsets_dataframe(), console, covered, bool(result.unsettled))
+    print_onsets(result.onsets_dataframe(), console, frequency_range(loaded, result), bool(result.unsettled))
     for o in result.onsets:
         console.print(f"{o.parameter} = {o.value!r} ± {o.uncertainty:.1g}, {o.frequency_hz!r} Hz", markup=False)
     for warning in told_once(result.warnings):

@@ -152,6 +152,17 @@ def frequency_text(frequency_hz: float) -> str:
     return f"{frequency_hz / 1000:.2f} kHz" if frequency_hz >= 1000 else f"{frequency_hz:.4g} Hz"
 
 
+def covered_text(covered: tuple[float, float | None]) -> str:
+    """Return a range of frequencies, Hz, in words, for a sentence.
+
+    Examples
+    --------
+    >>> covered_text((0.0, 2009.1)), covered_text((0.0, None))
+    ('below 2.01 kHz', 'at any frequency of the model')
+    """
+    return "at any frequency of the model" if covered[1] is None else f"below {frequency_text(covered[1])}"
+
+
 def numbers(frame: pd.DataFrame, column: str) -> Floats:
     """Return a column as (n,) float, NaN where it is empty or if the table does not have it."""
     if column not in frame.columns:

@@ -14,6 +14,7 @@ from rich.text import Text
 
 from fe_squeal.report.branches import (
     collect_branches,
+    covered_text,
     distinct_texts,
     numbers,
     parameter_name,
@@ -80,7 +81,9 @@ def print_unstable(modes: pd.DataFrame, console: Console, onsets: pd.DataFrame |
         console.print(Text(f"... {len(rows) - MAX_ROWS} more in modes.csv"))
 
 
-def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "", is_open: bool = False) -> None:
+def print_onsets(
+    onsets: pd.DataFrame, console: Console, covered: tuple[float, float | None] | None = None, is_open: bool = False
+) -> None:
     """Print where modes turn unstable or stable again, in the order of the parameter.
 
     The column beside the value is what the two modes of the pair at the first value of the sweep predict without all
@@ -92,19 +95,19 @@ def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "", is_o
     onsets : DataFrame
         As in `onsets.csv`.
     console : rich.console.Console
-    covered : str
-        The range of frequencies in words.
+    covered : (float, float or None), optional
+        The range of frequencies, Hz, in which all modes are known; no end where that is all of them.
     is_open : bool
         Whether there are intervals in which an onset may be missing.
     """
     if not len(onsets):
-        where = f"{covered} in this sweep" if covered else "in this sweep"
+        where = f"{covered_text(covered)} in this sweep" if covered else "in this sweep"
         but = ", but where there may be one is not settled everywhere: see the warnings" if is_open else ""
         console.print(Text(f"No onset of instability {where}{but}."))
         return
     symbol = parameter_symbol(parameter_name(onsets))
     ordered = onsets.sort_values("value", kind="stable")
-    table = _table(f"Onsets {covered}".rstrip())
+    table = _table(_onsets_title(ordered, covered))
     mesh = numbers(ordered, "discretisation") if "discretisation" in ordered else np.full(len(ordered), np.nan)
     estimated = bool((~np.isnan(mesh)).any())
     beside = "mesh" if estimated else "two modes"
@@ -125,10 +128,33 @@ def print_onsets(onsets: pd.DataFrame, console: Console, covered: str = "", is_o
             guess = "?" if np.isnan(mesh[i]) else other if np.isinf(mesh[i]) else f"± {mesh[i]:.2g}"
         words = (str(row["kind"]), str(row["direction"]))
         tends = () if beyond is None else (beyond[i],)
-        table.add_row(f"{value[i]:.8g}", known, guess, *tends, f"{frequency[i]:.6g}", *words, pair)
+        table.add_row(_as_sure(value[i], uncertainty[i]), known, guess, *tends, f"{frequency[i]:.6g}", *words, pair)
     print_table(table, console)
     if len(ordered) > MAX_ROWS:
         console.print(Text(f"... {len(ordered) - MAX_ROWS} more in onsets.csv"))
+
+
+def _onsets_title(onsets: pd.DataFrame, covered: tuple[float, float | None] | None) -> str:
+    if covered is None:
+        return "Onsets"
+    title = f"Onsets {covered_text(covered)}"
+    # The modes of some values reach higher than those of others, and there onsets are found that may not be all.
+    beyond = covered[1] is not None and bool((numbers(onsets, "frequency_hz") > covered[1]).any())
+    return f"{title}, and those found above" if beyond else title
+
+
+def _as_sure(value: float, uncertainty: float) -> str:
+    """Return a value with one digit more than its uncertainty allows, 3 to 8 in all.
+
+    Examples
+    --------
+    >>> _as_sure(0.123456789, 2e-4), _as_sure(0.123456789, 1e-12), _as_sure(0.0, 1e-9)
+    ('0.12346', '0.12345679', '0')
+    """
+    if not uncertainty > 0 or not np.isfinite(uncertainty) or not value:
+        return f"{value:.8g}"
+    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(uncertainty)) + 2
+    return f"{value:.{min(max(digits, 3), 8)}g}"
 
 
 def likely_values(onsets: pd.DataFrame) -> list[str] | None:

@@ -53,17 +53,6 @@ def unstable_above(result: Sweep) -> Seen | None:
     return max(near, key=lambda seen: seen.growth)
 
 
-def covered_text(covered: tuple[float, float | None]) -> str:
-    """Return the range in words, for a sentence.
-
-    Examples
-    --------
-    >>> covered_text((0.0, 2009.1)), covered_text((0.0, None))
-    ('below 2.01 kHz', 'at any frequency of the model')
-    """
-    return "at any frequency of the model" if covered[1] is None else f"below {frequency_text(covered[1])}"
-
-
 def above_text(seen: Seen, parameter: str) -> str:
     """Return a sentence about an unstable mode above the range."""
     # The limit offered is a multiple of 100 Hz, for frequencies below 1 kHz one of two digits.

@@ -7,15 +7,18 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from ..assembly.forces import PartForces
+from ..problem.parameters import MU
+from ..problem.problem import Problem
 
 _ROUNDED = 1e-9  # of the largest force: smaller forces are shown as zero
 
 
-def balance_table(parts: list[PartForces]) -> Table | None:
-    """Return a table of the forces, N, on each part and of their sum; None without preload."""
+def balance_table(parts: list[PartForces], problem: Problem) -> Table | None:
+    """Return a table of the forces, N, on each part of a problem and of their sum; None without preload."""
     if not parts:
         return None
-    table = Table(title="Balance of forces under preload, N", title_justify="left", box=SIMPLE_HEAD)
+    at = f" at μ = {problem.value(MU):.4g}" if MU in problem.parameters else ""
+    table = Table(title=f"Balance of forces under preload{at}, N", title_justify="left", box=SIMPLE_HEAD)
     for head in ("on", "by", "x", "y", "z"):
         table.add_column(head, justify="left" if head in ("on", "by") else "right", no_wrap=True)
     for p in parts:

@@ -12,7 +12,6 @@ from rich.console import Console
 from ..errors import OutputError, SceneError
 from ..report.tables import print_onsets, print_unstable
 from .checkpoint import Checkpoint, read_json
-from .covered import covered_text
 from .folder import MODES_TABLE, ONSETS_TABLE, RECORD
 from .inputs import differences, joined_differences
 
@@ -62,7 +61,7 @@ def show_finished(out: Path, console: Console) -> int:
         onsets, modes = (pd.read_csv(out / name) for name in (ONSETS_TABLE, MODES_TABLE))
         record = read_json(out / RECORD) or {}
         covered, is_open = record.get("frequency_range_hz"), bool((record.get("onsets_complete") or {}).get("open"))
-        print_onsets(onsets, console, covered_text(tuple(covered)) if covered else "", is_open)
+        print_onsets(onsets, console, tuple(covered) if covered else None, is_open)
         print_unstable(modes, console, onsets)
     except (ArithmeticError, AttributeError, LookupError, OSError, TypeError, ValueError) as error:  # it was changed
         raise OutputError(

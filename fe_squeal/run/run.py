@@ -35,7 +35,7 @@ from ..sweep.state import Store, SweepState
 from ..sweep.sweep import MODES, sweep
 from .checkpoint import Checkpoint
 from .compared import measured_record
-from .covered import above_text, covered_text, frequency_range, unstable_above
+from .covered import above_text, frequency_range, unstable_above
 from .folder import REPORT, SHAPES, hold_folder, is_kept, is_result, is_shape, remove_results
 from .forces import balance_table
 from .forecast import ForecastLine
@@ -120,7 +120,7 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
         for text in discretisation.notes:
             console.print(f"note: {text}", markup=False)
         parts = force_balance(problem)
-        balance = balance_table(parts)
+        balance = balance_table(parts, problem)
         if balance is not None:
             print_table(balance, console)
         for text in told_once((*discretisation.warnings, *balance_warnings(parts))):
@@ -297,7 +297,7 @@ def _partial(error: NotConvergedError) -> Sweep | None:
 def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: Console, seconds: float) -> None:
     """Print what a run has found."""
     covered = frequency_range(scene, result)
-    print_onsets(result.onsets_dataframe(), console, covered_text(covered), bool(result.unsettled))
+    print_onsets(result.onsets_dataframe(), console, covered, bool(result.unsettled))
     print_unstable(result.to_dataframe(), console, result.onsets_dataframe())
     c = result.completeness
     how = "LAPACK finds all modes" if result.points[0].modes.exhaustive else "by the inertia of K − σM"

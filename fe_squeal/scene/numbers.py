@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeVar
 
-from ..errors import SceneError, suggest
+from ..errors import SceneError, nearest_name, suggest
 from ..problem.parameters import MU
 from .base import BaseScene
 from .faults import validated
@@ -98,8 +98,7 @@ def _find(scene: BaseScene, data: Any, path: str) -> tuple[Any, Any]:
         else:
             key = name = None
         if key is None:
-            known = suggest(path, numbers(scene))
-            raise SceneError(f'given "{path}"; expected the path of a number of the scene{known}')
+            raise SceneError(f'given "{path}"; expected the path of a number of the scene{_suggest(scene, path)}')
         if isinstance(holder, dict) and key not in holder:
             holder[key] = full[key]
         if isinstance(holder, dict | list) and isinstance(holder[key], tuple):
@@ -108,6 +107,15 @@ def _find(scene: BaseScene, data: Any, path: str) -> tuple[Any, Any]:
             return holder, key
         holder, full = holder[key], full[key]
         rest, prefix = rest[len(name) + 1 :], f"{prefix}.{name}".removeprefix(".")
+
+
+def _suggest(scene: BaseScene, path: str) -> str:
+    """Return the tail of a message about an unknown path: the nearest one, or all but those of single coordinates."""
+    known = numbers(scene)
+    known += [short for short, long in _LONG.items() if long in known]
+    if nearest_name(path, known) is None:
+        known = [p for p in known if not p.rpartition(".")[2].isdigit()]
+    return suggest(path, known)
 
 
 def plain(data: Any) -> Any:

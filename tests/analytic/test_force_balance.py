@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fe_squeal.assembly.forces import balance_warnings, force_balance
+from fe_squeal.run.forces import balance_table
 from meshes import BELT, annulus, box, join, make_problem
 
 STIFF = {"m": {"youngs_modulus": 2e11, "poisson_ratio": 0.0, "density": 7800.0}}
@@ -28,13 +29,16 @@ GUIDES = [{"name": "along", "surface": "right", "direction": [1, 0, 0], "stiffne
 
 def test_all_of_the_load_goes_through_the_contact_and_its_friction_into_the_guide():
     """Applied −PA along z, contact +PA and μPA along the sliding, the guide −μPA: nothing is left."""
-    [part] = force_balance(block(GUIDES))
+    problem = block(GUIDES)
+    [part] = force_balance(problem)
     load, mu = P * AREA, 0.3
     np.testing.assert_allclose(part.applied, [0, 0, -load], atol=1e-9 * load)
     np.testing.assert_allclose(part.contacts["belt"], [mu * load, 0, load], atol=1e-7 * load)
     np.testing.assert_allclose(part.springs["along"], [-mu * load, 0, 0], atol=1e-7 * load)
     assert part.residual < 1e-8 and not part.supports.any()
     assert balance_warnings([part]) == []
+    table = balance_table([part], problem)
+    assert table is not None and table.title == "Balance of forces under preload at μ = 0.3, N"
 
 
 @pytest.mark.parametrize("ratio", [0.02, 0.1, 1.0, 3.0])

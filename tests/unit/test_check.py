@@ -1,5 +1,6 @@
 """What `check` says without solving: missing supports, groups, every fault of a scene."""
 
+import json
 import re
 
 import numpy as np
@@ -148,3 +149,26 @@ def test_all_unknown_groups_of_a_scene_are_shown(tmp_path, capsys):
     assert code == 2
     assert 'contacts[0].surface: no surface group "botom"' in err and 'no surface group "lefd"' in err
     assert 'bodies.block.material: no material "stel"; did you mean "steel"?' in err
+
+
+def test_class_and_terms_are_those_that_the_sweep_has(tmp_path, capsys):
+    """The scene itself is without friction and symmetric; the sweep is not, in the table as in run.json."""
+    path = write_scene(tmp_path, replaced("[effects.friction]\nmu = 0.3", "[effects.friction]\nmu = 0.0"))
+    code, out, _ = checked(capsys, path)
+    assert code == 0 and re.search(r"problem class +nonsymmetric", out)
+    assert main(["run", str(path), "-o", str(tmp_path / "out")]) == 0
+    record = json.loads((tmp_path / "out/run.json").read_text())
+    assert record["problem_class"] == "nonsymmetric"
+    assert any(term["powers"].get("mu") for term in record["terms"])
+
+
+def test_files_of_measured_frequencies_are_read(tmp_path, capsys):
+    """A file that a run would refuse in its end is refused here."""
+    path = write_scene(tmp_path, SCENE + '[[measured]]\nfile = "squeal.csv"\n')
+    for text in (None, "hz\n650\n"):
+        if text is not None:
+            (tmp_path / "squeal.csv").write_text(text)
+        code, _, err = checked(capsys, path)
+        assert code == 2 and "squeal.csv" in err and err.count("\n") == 1
+    (tmp_path / "squeal.csv").write_text("frequency_hz\n650\n")
+    assert checked(capsys, path)[0] == 0

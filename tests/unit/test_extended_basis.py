@@ -12,6 +12,7 @@ from selection import some
 from fe_squeal.eigen.request import Request
 from fe_squeal.problem.terms import Term
 from fe_squeal.reduced import ReducedModel, mode_corrections
+from fe_squeal.reduced.vectors import thin_svd
 
 VALUES = np.linspace(0.0, 0.9, 7)
 
@@ -141,3 +142,22 @@ def test_corrections_in_blocks_give_the_same_eigenvalues(kind, monkeypatch):
     assert parts.worst <= 1e-8
     for p in values.tolist():
         np.testing.assert_allclose(parts.modes(p).lam, whole.modes(p).lam, rtol=3e-8)
+
+
+def test_singular_values_are_found_where_divide_and_conquer_fails(monkeypatch):
+    """QR iteration takes the place of a failing gesdd, with the same answer."""
+    X = np.random.default_rng(5).standard_normal((30, 6))
+    svd, drivers = la.svd, []
+
+    def failing(*arguments, lapack_driver="gesdd", **options):
+        drivers.append(lapack_driver)
+        if lapack_driver == "gesdd":
+            raise la.LinAlgError("SVD did not converge")
+        return svd(*arguments, lapack_driver=lapack_driver, **options)
+
+    known = thin_svd(X)[1]
+    monkeypatch.setattr("fe_squeal.reduced.vectors.la.svd", failing)
+    U, s, V = thin_svd(X)
+    assert drivers == ["gesdd", "gesvd"]
+    np.testing.assert_allclose(s, known, rtol=1e-13)
+    np.testing.assert_allclose((U * s) @ V, X, atol=1e-13)

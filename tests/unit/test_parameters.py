@@ -57,6 +57,7 @@ def test_a_derivative_is_taken_at_the_values_given(problem: Problem) -> None:
     ({0.3: "mu"}, 'given 0.3 as the name of a parameter; expected a text, as in problem.at({"mu": 0.3})'),
     ({"springs.piston.stifness": 1.0},
      f'given "springs.piston.stifness"; expected the path of a number of the scene; did you mean "{PISTON}"?'),
+    ({"muu": 0.3}, 'given "muu"; expected the path of a number of the scene; did you mean "mu"?'),
     ({"title": 1.0}, 'given "title", which is no number'),
     ({"mesh.order": 2}, 'given "mesh.order"; expected a number of the physics, or another scene to be assembled'),
     ({"materials.steel.poisson_ratio": 0.6}, "materials.steel.poisson_ratio: given 0.6; expected a number with"

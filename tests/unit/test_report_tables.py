@@ -4,6 +4,7 @@ import io
 import json
 import os
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from test_report_figures import SWEEP, coupled_tables, no_onsets
 from fe_squeal.errors import OutputError
 from fe_squeal.report.files import replace_atomically, write_csv, write_json
 from fe_squeal.report.tables import print_onsets, print_unstable, unstable_intervals
+from fe_squeal.run.covered import Seen, above_text
 from fe_squeal.sweep.noise import classify_noise
 
 
@@ -150,3 +152,28 @@ def test_a_narrow_terminal_leaves_out_columns_that_it_names(width, terminal, dro
     assert ("for want of width: " + ", ".join(dropped) in text) == bool(dropped)
     if terminal:
         assert max(map(len, text.splitlines())) <= width
+
+
+def test_onsets_are_shown_as_sure_as_they_are():
+    """One digit more than the uncertainty allows; what lies above the range where all modes are known is called so."""
+    frame = no_onsets()
+    for value, uncertainty, hz in ((0.123456789, 2e-4, 900.0), (0.34567891234, 1e-12, 2100.0)):
+        row = {"parameter": "mu", "value": value, "uncertainty": uncertainty, "frequency_hz": hz, "kind": "flutter"}
+        frame.loc[len(frame)] = row | {"direction": "into instability", "branch_a": 1, "branch_b": 2}
+    text = printed(partial(print_onsets, covered=(0.0, 2000.0)), frame)
+    assert "Onsets below 2.00 kHz, and those found above" in text
+    assert " 0.12346 " in text and "0.34567891" in text and "0.123456" not in text
+    assert "found above" not in printed(partial(print_onsets, covered=(0.0, None)), frame)
+    assert "found above" not in printed(partial(print_onsets, covered=(0.0, 2200.0)), frame)
+
+
+def test_no_onset_is_no_promise_where_intervals_are_open():
+    text = printed(partial(print_onsets, is_open=True), no_onsets(), 200)
+    assert text == ("No onset of instability in this sweep, but where there may be one is not settled everywhere: see the"
+                    " warnings.\n")  # fmt: skip
+
+
+@pytest.mark.parametrize(("hz", "limit"), [(7051.0, "7200"), (843.2, "860"), (7.43, "7.6"), (0.0712, "0.073")])
+def test_the_limit_that_is_offered_is_a_little_above_the_mode(hz, limit):
+    text = above_text(Seen(hz, 3.5, 0.4), "mu")
+    assert text.endswith(f"solve.max_frequency = {limit}") and hz < float(limit) < 1.05 * hz
