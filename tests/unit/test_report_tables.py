@@ -169,8 +169,8 @@ def test_onsets_are_shown_as_sure_as_they_are():
 
 def test_no_onset_is_no_promise_where_intervals_are_open():
     text = printed(partial(print_onsets, is_open=True), no_onsets(), 200)
-    assert text == ("No onset of instability in this sweep, but where there may be one is not settled everywhere: see the"
-                    " warnings.\n")  # fmt: skip
+    but = "but where there may be one is not settled everywhere: see the warnings"
+    assert text == f"No onset of instability in this sweep, {but}.\n"
 
 
 @pytest.mark.parametrize(("hz", "limit"), [(7051.0, "7200"), (843.2, "860"), (7.43, "7.6"), (0.0712, "0.073")])
