@@ -15,10 +15,11 @@ from matplotlib.figure import Figure
 
 from fe_squeal.report.branches import figure_text
 from fe_squeal.report.files import save_figure
+from fe_squeal.report.labels import place_labels
 from fe_squeal.report.study import short_name
 
 _GROWTH, _LINES = "Reds", "viridis"
-_LABELLED = 12  # curves with their number, at most
+_LABELLED = 12  # curves with their frequency beside them, at most
 
 
 def plot_map(
@@ -40,7 +41,7 @@ def plot_map(
     title : str
     """
     figure = Figure(figsize=(9.2, 5.6), dpi=130, layout="constrained")
-    FigureCanvasAgg(figure)
+    canvas = FigureCanvasAgg(figure)
     if title:
         figure.suptitle(figure_text(title), fontsize=12)
     axes = figure.subplots()
@@ -56,7 +57,7 @@ def plot_map(
     axes.set_ylim(y[0], y[-1])
     if len(boundaries):
         khz = boundaries["frequency_hz"] / 1e3
-        lines = None
+        lines, labelled, texts = None, list[tuple[float, float]](), list[str]()
         low, high = float(khz.min()), float(khz.max())
         for number, rows in boundaries.groupby("curve"):
             points = rows[["x", "y"]].to_numpy(float)
@@ -67,14 +68,15 @@ def plot_map(
             lines.set_clim(low, high if high > low else low + 1.0)
             axes.add_collection(lines)
             if int(str(number)) <= _LABELLED:
-                middle = points[len(points) // 2]
-                at = float(rows["frequency_hz"].iloc[len(points) // 2]) / 1e3
-                axes.annotate(
-                    f"{at:.2f} kHz", middle, (4, 4), textcoords="offset points", fontsize=8,
-                    bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75},
-                )  # fmt: skip
+                middle = len(points) // 2
+                labelled.append((float(points[middle, 0]), float(points[middle, 1])))
+                texts.append(f"{hz[middle] / 1e3:.2f} kHz")
         assert lines is not None
         figure.colorbar(lines, ax=axes, label="frequency on the boundary (kHz)", pad=0.02)
     axes.set_xlabel(figure_text(short_name(names[0])))
     axes.set_ylabel(figure_text(short_name(names[1])))
+    if len(boundaries):
+        canvas.draw()
+        figure.set_layout_engine("none")
+        place_labels(axes, canvas, labelled, texts, boundaries[["x", "y"]].to_numpy(float))
     return save_figure(figure, path)

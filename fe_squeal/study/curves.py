@@ -113,17 +113,25 @@ class Curve:
         U = self.u
         if U.shape[1] != len(u):
             return False
-        near = int(np.argmin(np.linalg.norm(U - u, axis=1)))
-        if np.linalg.norm(U[near] - u) > 2 * _MOST:
-            return False
         across = np.zeros(len(u))
         across[fixed] = 1.0
-        start = U[near].copy()
-        start[fixed] = u[fixed]
-        try:
-            return bool(np.linalg.norm(solve_point(self.boundary, start, across).u - u) < _SAME)
-        except NotConvergedError:
-            return False
+        # Where the curve meets the plane of this coordinate: both sides of a narrow tongue do, close to each other.
+        off = U[:, fixed] - u[fixed]
+        meets = np.flatnonzero(off[:-1] * off[1:] <= 0)
+        part = off[meets] / np.where(off[meets] == off[meets + 1], 1.0, off[meets] - off[meets + 1])
+        starts = U[meets] + part[:, None] * (U[meets + 1] - U[meets])
+        nearest = int(np.argmin(np.linalg.norm(U - u, axis=1)))
+        places, starts = np.append(meets, nearest), np.vstack([starts, U[nearest]])
+        starts[:, fixed] = u[fixed]
+        for i in np.flatnonzero(np.linalg.norm(starts - u, axis=1) <= 2 * _MOST).tolist():
+            residual = self.points[places[i]].residual
+            self.boundary.rebase(residual.right, residual.left)
+            try:
+                if np.linalg.norm(solve_point(self.boundary, starts[i], across).u - u) < _SAME:
+                    return True
+            except NotConvergedError:
+                continue
+        return False
 
 
 def follow(boundary: Boundary, start: CurvePoint) -> Curve:
@@ -138,7 +146,7 @@ def follow(boundary: Boundary, start: CurvePoint) -> Curve:
 
 def _one_way(boundary: Boundary, start: CurvePoint, tangent: np.ndarray) -> tuple[list[CurvePoint], str]:
     points: list[CurvePoint] = []
-    here, step, away = start, _STEP, False
+    here, step, first = start, _STEP, tangent
     while len(points) < _POINTS:
         try:
             new = solve_point(boundary, here.u + step * tangent, tangent)
@@ -157,12 +165,29 @@ def _one_way(boundary: Boundary, start: CurvePoint, tangent: np.ndarray) -> tupl
             last = _at_the_edge(boundary, here, new)
             return (points if last is None else [*points, last]), "box"
         points.append(new)
-        gap = np.linalg.norm(new.u - start.u)
-        if away and gap < step and (new.u - start.u) @ (here.u - start.u) <= 0.5 * gap**2:
+        if _returns(boundary, start, first, here, new):
             return points, "closed"
-        away = away or bool(gap > 2 * step)
         here, tangent, step = new, forward, min(1.5 * step, _MOST)
     return points, f"more than {_POINTS} points"
+
+
+def _returns(boundary: Boundary, start: CurvePoint, first: np.ndarray, here: CurvePoint, new: CurvePoint) -> bool:
+    """Return whether the boundary goes through its start between two points, in the direction `first` that it left in.
+
+    The other side of a narrow tongue may lie as near, but goes the other way, and not through the start.
+    """
+    a, b = (here.u - start.u) @ first, (new.u - start.u) @ first
+    if not a < 0 <= b:
+        return False
+    u = here.u + a / (a - b) * (new.u - here.u)
+    if np.linalg.norm(u - start.u) > np.linalg.norm(new.u - here.u):
+        return False
+    try:
+        found = bool(np.linalg.norm(solve_point(boundary, u, first).u - start.u) < _SAME)
+    except NotConvergedError:
+        found = False
+    boundary.rebase(new.residual.right, new.residual.left)
+    return found
 
 
 def _at_the_edge(boundary: Boundary, here: CurvePoint, beyond: CurvePoint) -> CurvePoint | None:

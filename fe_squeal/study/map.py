@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -19,7 +19,7 @@ from .boundary import Scaled
 from .curves import Curve, follow
 from .models import Solver
 from .points import sobol_points
-from .seeds import islands, seeds_on_lines
+from .seeds import Seed, islands, seeds_on_lines
 from .solving import TRAINED, Options, Solving
 
 if TYPE_CHECKING:
@@ -207,10 +207,15 @@ def _boundaries(
     columns = grids[0][np.unique(np.round(np.linspace(0, len(grids[0]) - 1, _COLUMNS_AT)).astype(int))]
     count, limit = request.count, request.max_frequency_hz
     total = len(grids[1]) + len(columns)
+    blind = 0.0 if solving.solver.box is None else request.tolerance
+
+    def on_line(along: int, at: float) -> Iterator[Seed]:
+        return seeds_on_lines(problem, axes, grids, along, np.array([at]), count, limit, told.append, blind)
+
     stages = [
-        *(seeds_on_lines(problem, axes, grids, 0, np.array([y]), count, limit, told.append) for y in grids[1]),
-        *(seeds_on_lines(problem, axes, grids, 1, np.array([x]), count, limit, told.append) for x in columns),
-        islands(problem, axes, grids, modes_of(problem), told.append, undamped_at=undamped),
+        *(on_line(0, y) for y in grids[1].tolist()),
+        *(on_line(1, x) for x in columns.tolist()),
+        islands(problem, axes, grids, modes_of(problem), told.append, undamped_at=undamped, blind=blind),
     ]
     solving.tell("boundaries", 0, total)
     for i, stage in enumerate(stages):

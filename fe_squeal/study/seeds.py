@@ -5,7 +5,8 @@ An island is a closed unstable region of the map that no line of the grid crosse
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import minimize
@@ -14,6 +15,7 @@ from ..eigen.dense import solve_dense
 from ..eigen.pencil import Modes
 from ..errors import NotConvergedError, SquealError
 from ..problem.problem import Problem
+from ..sweep.onset import Onset
 from ..sweep.sweep import sweep
 from .boundary import Boundary, Kind, Scaled
 from .curves import CurvePoint, solve_point
@@ -23,6 +25,10 @@ _PROMISING = 0.2  # times the gap at a place: a minimum is looked for if the gap
 _CALLS = 80  # solves for the modes to find one minimum, at most
 _FINE = 1e-4  # of the map's width: the accuracy of the place of a minimum
 _HALVINGS = 14  # of the line from inside an island to outside
+_CROSSING = (
+    "where two modes cross the reduced model has windows in which nothing grows faster than its error: these are taken"
+    " for crossings, and no boundary is followed there"
+)
 
 Axes = tuple[Scaled, Scaled]
 Seed = tuple[Boundary, CurvePoint, int]  # the equations, a point of the boundary, the coordinate of u that was held
@@ -30,9 +36,12 @@ Seed = tuple[Boundary, CurvePoint, int]  # the equations, a point of the boundar
 
 def seeds_on_lines(
     problem: Problem, axes: Axes, grids: tuple[np.ndarray, np.ndarray], along: int, lines: np.ndarray,
-    modes: int | None, max_frequency: float | None, told: Callable[[str], None],
+    modes: int | None, max_frequency: float | None, told: Callable[[str], None], blind: float = 0.0,
 ) -> Iterator[Seed]:  # fmt: skip
     """Yield a point of a boundary for each onset along the lines of the grid in one direction.
+
+    Where two modes cross without being coupled, the error of a reduced model couples them: both ends of a window in
+    which nothing grows faster than that are left out, and a sentence says so.
 
     Parameters
     ----------
@@ -49,6 +58,8 @@ def seeds_on_lines(
         Which modes count, as for `sweep`.
     told : callable of str
         Gets a sentence on each onset that could not be refined.
+    blind : float
+        Relative error of λ that the problem may have.
     """
     name, other = axes[along].name, axes[1 - along].name
     for line in lines:
@@ -60,7 +71,10 @@ def seeds_on_lines(
             continue
         for text in found.unsettled:
             told(f"{other} = {line:g}: {text}")
-        for onset in found.onsets:
+        slow = _slow_windows(found.onsets, problem.is_damped, blind)
+        if slow:
+            told(_CROSSING)
+        for onset in (o for o in found.onsets if o not in slow):
             s = np.zeros(2)
             s[along], s[1 - along] = axes[along].at(onset.value), axes[1 - along].at(float(line))
             seed = point_near(problem, axes, s, onset.frequency_hz, 1 - along)
@@ -68,6 +82,23 @@ def seeds_on_lines(
                 told(f"{name} = {onset.value:.6g}, {other} = {line:g}: the onset could not be followed")
             else:
                 yield seed
+
+
+def _slow_windows(onsets: Sequence[Onset], damped: bool, blind: float) -> list[Onset]:
+    """Return both ends of the windows in which no mode grows faster than `blind` times its frequency.
+
+    From both ends growth rises like c√d with the distance d where two modes meet, and like cd with damping: in the
+    middle of a window of width w it is at most c√w / 2, or cw / 2.
+    """
+    ordered, found = sorted(onsets, key=lambda o: o.value), list[Onset]()
+    for into, out in pairwise(ordered):
+        same = {into.branch_a, into.branch_b} & {out.branch_a, out.branch_b} - {None, 0}
+        if (into.direction, out.direction) != ("into", "out of") or not same:
+            continue
+        width, speed = out.value - into.value, max(abs(into.crossing_speed), abs(out.crossing_speed))
+        if speed * (width if damped else np.sqrt(width)) / 2 <= blind * 2 * np.pi * into.frequency_hz:
+            found += [into, out]
+    return found
 
 
 def point_near(problem: Problem, axes: Axes, s: np.ndarray, frequency_hz: float, held: int) -> Seed | None:
@@ -132,6 +163,12 @@ class Gap:
         gaps, omega = np.diff(theta) ** 2, np.sqrt(np.abs(theta[1:] + theta[:-1]) / 2)
         return np.append(gaps, -4 * (pairs**2).imag ** 2), np.append(omega, np.abs(pairs))
 
+    def growth(self, gap: float, omega: float) -> float:
+        """Return the growth rate, 1/s, of a mode of a frequency, rad/s, with this gap; 0 where it does not grow."""
+        if not gap < 0:
+            return 0.0
+        return -gap if self._damped else float(np.sqrt(-gap)) / (4 * omega)  # Im θ = 2 Re λ Im λ
+
     def about(self, s: np.ndarray, omega: float, width: float) -> float:
         """Return the smallest number at s (2,) for frequencies within `width` omega of omega; infinite off the map."""
         if (s < 0).any() or (s > 1).any():
@@ -143,7 +180,7 @@ class Gap:
 def islands(
     problem: Problem, axes: Axes, grids: tuple[np.ndarray, np.ndarray], modes_at: Callable[[float, float], Modes],
     tell: Callable[[str], None] = lambda text: None, most: int = 40,
-    undamped_at: Callable[[float, float], Modes] | None = None,
+    undamped_at: Callable[[float, float], Modes] | None = None, blind: float = 0.0,
 ) -> Iterator[Seed]:  # fmt: skip
     """Yield points of boundaries around islands that no line of the grid crosses.
 
@@ -163,13 +200,15 @@ def islands(
     tell : callable of str
         Gets that sentence.
     most : int
+    blind : float
+        As for `seeds_on_lines`: what grows more slowly is no island.
     """
     gap, tried = Gap(problem.is_damped, axes, modes_at), 0
     for search in (gap, *([] if undamped_at is None else [Gap(False, axes, undamped_at)])):
         for start, omega, spacing in _minima(search, axes, grids):
             tried += 1
             if tried <= most:
-                yield from _island(problem, axes, gap, search, start, omega, spacing)
+                yield from _island(problem, axes, gap, search, start, omega, spacing, blind)
     if tried > most:
         tell(f"small islands of instability were looked for at {most} of {tried} places of the grid: take a finer grid")
 
@@ -225,12 +264,13 @@ def _lowest(gap: Gap, start: np.ndarray, omega: float, spacing: tuple[float, flo
 
 
 def _island(
-    problem: Problem, axes: Axes, gap: Gap, search: Gap, start: np.ndarray, omega: float, spacing: tuple[float, float]
+    problem: Problem, axes: Axes, gap: Gap, search: Gap, start: np.ndarray, omega: float,
+    spacing: tuple[float, float], blind: float,
 ) -> Iterator[Seed]:  # fmt: skip
     inside, least = _lowest(search, start, omega, spacing)
     if search is not gap and least < 0 and not gap.about(inside, omega, 0.05) < 0:  # damping has moved it
         inside, least = _lowest(gap, inside, omega, (spacing[0] / 10, spacing[1] / 10))
-    if not least < 0:
+    if not gap.growth(least, omega) > blind * omega:
         return
     for axis in (0, 1):
         outside = inside.copy()

@@ -9,8 +9,10 @@ import scipy.sparse as sp
 from fe_squeal.errors import SceneError
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
+from fe_squeal.study.boundary import Scaled
 from fe_squeal.study.map import stability_map
 from fe_squeal.study.scatter import scatter
+from fe_squeal.study.seeds import seeds_on_lines
 from tests.studies import STIFFNESS, two_modes
 
 
@@ -191,3 +193,35 @@ def test_flutter_of_a_conservative_system_is_not_followed_and_told():
     found = stability_map(Problem(terms, {"a": 1.0, "w": 1.0}), *axes, modes=2)
     assert all(c.boundary.kind == "divergence" for c in found.curves)
     assert sum("boundaries of flutter are not followed" in text for text in found.told) == 1
+
+
+@pytest.mark.parametrize("half", [0.004, 0.012, 0.03])
+def test_both_sides_of_a_narrow_tongue_are_one_boundary(half):
+    """θ = 4 ± √(d² − h²(x − x₀)) with d = y − y₀ − x/10: flutter between d = ± h√(x − x₀), from the tip at x₀ on."""
+    x0, y0 = 0.13, 0.42
+    always = np.diag([4 - y0, 4 + y0]) + np.array([[0.0, half], [half * x0, 0.0]])
+    x = np.array([[-0.1, 0.0], [-half, 0.1]])
+    problem = problem_of({"x": 0.0, "y": 0.0}, always=always, x=x, y=np.diag([1.0, -1.0]))
+    found = stability_map(problem, axis("x", 0.0, 1.0, 6), axis("y", 0.0, 1.0, 8), modes=2)
+    curve = found.boundaries
+    assert curve["curve"].nunique() == 1 and found.told == [] and not found.curves[0].closed
+    d = (curve["y"] - y0 - curve["x"] / 10).to_numpy()
+    assert d**2 == pytest.approx(half**2 * (curve["x"] - x0).to_numpy(), abs=1e-12)
+    assert sorted(d[[0, -1]]) == pytest.approx([-half * np.sqrt(1 - x0), half * np.sqrt(1 - x0)])
+    assert curve["x"].iloc[[0, -1]].to_numpy() == pytest.approx(1.0)
+
+
+def test_where_modes_cross_the_error_of_a_model_is_no_instability():
+    """Coupled by 1e-7, as a reduced model may couple modes that are not: followed in an exact problem alone."""
+    problem = problem_of(
+        {"x": 0.1, "y": 0.0}, always=np.array([[1.5, 1e-7], [-1e-7, 2.5]]), x=np.diag([1.0, -1.0]),
+        y=np.diag([0.3, -0.1]),
+    )  # fmt: skip
+    axes = (Scaled("x", 0.0, 1.0), Scaled("y", 0.0, 1.0))
+    grids = (np.linspace(0.0, 1.0, 7), np.linspace(0.0, 1.0, 5))
+    for blind, count in ((0.0, 2), (1e-9, 2), (1e-6, 0)):
+        told = []
+        seeds = list(seeds_on_lines(problem, axes, grids, 0, np.array([0.25]), 2, None, told.append, blind))
+        assert len(seeds) == count and len(told) == (count == 0), blind
+        assert [s[1].u[1] for s in seeds] == pytest.approx([0.45] * count, abs=1e-6)
+    assert "taken for crossings" in told[0]
