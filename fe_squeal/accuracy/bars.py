@@ -11,6 +11,9 @@ The bar is the largest s times |Δλ|, separately for the real and the imaginary
   any other one s up to 4/3: half the rate of smooth modes is allowed for elements that are too coarse for it. What the
   parts, which are those of first order, leave of the change counts as singular. With every s between its limits s₁ and
   s₂ the error is at most |Σ (s₁ + s₂)/2 part| + Σ (s₂ − s₁)/2 |part|. That is the bar of growing modes and of onsets.
+  An extrapolated value takes one likely s for each part. It is off by more where the parts p of single elements nearly
+  cancel within a group, since the s of these elements are not quite equal: their deviations, taken as independent of
+  each other, add √Σ p² times the half width of s to its bar.
   For other modes, and for linear elements, whose parts are wrong in size themselves, the real and the imaginary part of
   a bar are at least `SHARE` times the bar that |Δλ| would give.
 - Two modes that nearly meet have λ = m ± √D, and m and D change linearly with the mesh where λ does not. So m and D of
@@ -66,21 +69,33 @@ class Parts:
         Σ parts; NaN of quantities whose parts are not known.
     sizes : (2, k) float
         Σ |parts|.
+    scatter : (2, k) float
+        √Σ p² over the parts p of single elements; zero where these are not known.
     """
 
     sums: np.ndarray
     sizes: np.ndarray
+    scatter: np.ndarray
 
     @classmethod
-    def of(cls, parts: np.ndarray, singular: np.ndarray) -> Parts:
-        """Return the sums of the parts (g, k) of g groups of elements, some of which, (g,) bool, are singular."""
+    def of(cls, parts: np.ndarray, singular: np.ndarray, squares: np.ndarray | None = None) -> Parts:
+        """Return the sums of the parts (g, k) of g groups of elements, some of which, (g,) bool, are singular.
+
+        `squares` (g, k) are the sums of the squares of the parts of the single elements of each group.
+        """
         kinds = np.stack([~singular, singular]).astype(float)
-        return cls(kinds @ parts, kinds @ np.abs(parts))
+        squares = np.zeros_like(parts) if squares is None else squares
+        return cls(kinds @ parts, kinds @ np.abs(parts), np.sqrt(kinds @ squares))
 
     @classmethod
     def unknown(cls, count: int) -> Parts:
         """Return those of quantities whose parts are not known."""
-        return cls(np.full((2, count), np.nan), np.full((2, count), np.nan))
+        return cls(*np.full((3, 2, count), np.nan))
+
+    def times(self, factor: np.ndarray) -> Parts:
+        """Return those of the quantities multiplied by a factor (k,) each."""
+        size = np.abs(factor)
+        return Parts(factor * self.sums, size * self.sizes, size * self.scatter)
 
     @property
     def known(self) -> np.ndarray:
@@ -89,11 +104,12 @@ class Parts:
 
     def at(self, positions: np.ndarray) -> Parts:
         """Return those of some of the quantities, (p,) int."""
-        return Parts(self.sums[:, positions], self.sizes[:, positions])
+        return Parts(self.sums[:, positions], self.sizes[:, positions], self.scatter[:, positions])
 
     def where(self, own: np.ndarray, other: Parts) -> Parts:
         """Return those of the quantities of `own`, (k,) bool, and of `other` for the rest."""
-        return Parts(np.where(own, self.sums, other.sums), np.where(own, self.sizes, other.sizes))
+        every = ((self.sums, other.sums), (self.sizes, other.sizes), (self.scatter, other.scatter))
+        return Parts(*(np.where(own, a, b) for a, b in every))
 
 
 def onset_scale(value: float, values: np.ndarray) -> float:
@@ -131,7 +147,7 @@ def bar_of_parts(change: np.ndarray, parts: Parts, order: int) -> np.ndarray:
 
     Examples
     --------
-    >>> parts = Parts(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[15.0, 1.0], [0.0, 0.0]]))
+    >>> parts = Parts.of(np.array([[7.5, 1.0], [-7.5, 0.0]]), np.array([False, False]))
     >>> bar_of_parts(np.array([0.0, 1.0]), parts, 2)  # 15 regular and -15 regular; 1 regular
     array([2.        , 1.33333333])
     >>> bar_of_parts(np.array([1.0]), Parts.unknown(1), 2)
@@ -150,16 +166,21 @@ def beyond(change: np.ndarray, parts: Parts, order: int) -> tuple[np.ndarray, np
 
     Examples
     --------
-    >>> parts = Parts(np.array([[1.0], [0.0]]), np.array([[1.0], [0.0]]))
-    >>> [x.round(3).tolist() for x in beyond(np.array([1.0]), parts, 2)]
+    >>> group, regular = np.array([[1.0]]), np.array([False])
+    >>> [x.round(3).tolist() for x in beyond(np.array([1.0]), Parts.of(group, regular), 2)]
     [[1.2], [0.133]]
+    >>> parts = Parts.of(group, regular, np.array([[4.0**2 + 3.0**2]]))  # of two elements: 4 and -3
+    >>> [x.round(3).tolist() for x in beyond(np.array([1.0]), parts, 2)]
+    [[1.2], [0.8]]
     """
     least, likely, most = np.array(LIMITS[order]).T
     sums, sizes, rest = _with_rest(change, parts)
     width = np.maximum(most - likely, likely - least)
     furthest = max(most[1] - EXTRAPOLATED, EXTRAPOLATED - least[1])
     shift = np.where(parts.known, likely @ sums + likely[1] * rest, EXTRAPOLATED * change)
-    return shift, np.where(parts.known, width @ sizes + width[1] * np.abs(rest), furthest * np.abs(change))
+    scatter = np.where(parts.known, parts.scatter, 0.0)
+    own = width @ (sizes + scatter) + width[1] * np.abs(rest)
+    return shift, np.where(parts.known, own, furthest * np.abs(change))
 
 
 def factors_of(change: np.ndarray, parts: Parts, order: int) -> np.ndarray:

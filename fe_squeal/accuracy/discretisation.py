@@ -124,7 +124,7 @@ def _bars(
 ) -> _Bars:  # fmt: skip
     """Return the bars of a point's modes by the rules of `bars`; parameters are those of `Changes`."""
     (lam, refined, modes), partner = spectrum, mirror_partners(point.modes)
-    opposite = Parts(-parts.sums, parts.sizes).at(partner)  # of a mode that decays as its mirror image grows
+    opposite = parts.times(np.full(len(partner), -1.0)).at(partner)  # of a mode that decays as its mirror image grows
     parts = parts.where(parts.known | (partner < 0), opposite)
     uncertain = point.modes.re_uncertainty
     still = (np.abs(point.modes.lam.real) <= uncertain) & (not is_damped)

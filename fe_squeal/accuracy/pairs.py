@@ -134,8 +134,7 @@ def growth_beyond(
     """
     bar = bar_of_parts(refined - here, parts, order)
     shift, width = beyond(refined - here, parts, order)
-    of_square = Parts(2 * here * parts.sums, 2 * np.abs(here) * parts.sizes)
-    moved, wide = beyond(refined**2 - here**2, of_square, order)
+    moved, wide = beyond(refined**2 - here**2, parts.times(2 * here), order)
     low, likely, high = (np.sign(here) * np.sqrt(np.maximum(here**2 + moved + w, 0.0)) for w in (-wide, 0.0, wide))
     from_here, from_likely = (np.maximum(np.abs(low - x), np.abs(high - x)) for x in (here, likely))
     found = np.where(paired, [from_here, likely, from_likely], [bar, here + shift, width])

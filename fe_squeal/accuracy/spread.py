@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -95,13 +96,14 @@ def parts_of(
 
 def _joined(every: Sequence[Parts]) -> Parts:
     none = np.zeros((2, 0))
-    return Parts(*(np.hstack([none, *of]) for of in ([p.sums for p in every], [p.sizes for p in every])))
+    kinds = [p.sums for p in every], [p.sizes for p in every], [p.scatter for p in every]
+    return Parts(*(np.hstack([none, *of]) for of in kinds))
 
 
 def _among(own: np.ndarray, parts: Parts) -> Parts:
     """Return parts of all quantities from those of some, `own` (k,) bool; those of the others are not known."""
     found = Parts.unknown(len(own))
-    found.sums[:, own], found.sizes[:, own] = parts.sums, parts.sizes
+    found.sums[:, own], found.sizes[:, own], found.scatter[:, own] = parts.sums, parts.sizes, parts.scatter
     return found
 
 
@@ -122,6 +124,10 @@ def _parts(refined: Refined, corrected: CorrectedModel, asked: Sequence[Asked]) 
     hierarchy = refined.hierarchy
     names, groups = element_groups(refined.coarse)
     factors = np.concatenate([a.factors for a in own])
-    parts = np.real(factors * ((groups @ hierarchy.elements) @ hierarchy.at_nodes(rho, z)))
-    every = np.split(parts, np.cumsum(counts)[:-1], axis=1)
-    return [Parts.of(found, singular_groups(names)) for found in every]
+    at_nodes = hierarchy.at_nodes(rho, z)
+    ends, singular = np.cumsum([0, *counts]).tolist(), singular_groups(names)
+    found = []
+    for first, end in pairwise(ends):  # of one value after the other, since all elements' parts take memory
+        single = np.real(factors[first:end] * (hierarchy.elements @ at_nodes[:, first:end]))
+        found.append(Parts.of(groups @ single, singular, groups @ single**2))
+    return found
