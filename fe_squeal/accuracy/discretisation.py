@@ -13,7 +13,19 @@ from ..sweep.onset import Onset
 from ..sweep.point import SweepPoint
 from ..sweep.result import Sweep
 from ..sweep.tracking import mirror_partners
-from .bars import NOTCHED, SHARE, Parts, bar_of, bar_of_parts, beyond, enveloped, factors_of, mirrored, onset_scale
+from .bars import (
+    NOTCHED,
+    SHARE,
+    Parts,
+    bar_of,
+    bar_of_parts,
+    beyond,
+    enveloped,
+    factors_of,
+    mirrored,
+    onset_scale,
+    scattered,
+)
 from .edges import acting_on_points, has_end_in_a_notch
 from .estimate import COMPARED, Changes, refined_changes
 from .pairs import bent_change, extrapolated, growth_beyond
@@ -159,6 +171,7 @@ def _onsets(onsets: Sequence[Onset], changes: Changes, order: int, longer: float
     change = np.array(changes.onsets)
     parts = changes.onset_parts or Parts.unknown(len(change))
     bars, (shift, width) = bar_of_parts(change, parts, order), beyond(change, parts, order)
+    width = width + scattered(shift, parts, order)
     bars, width = longer * bars, width + (longer - 1) * bars
     if changes.interpolated is not None:
         bars, width = bars + changes.interpolated.onsets, width + changes.interpolated.onsets
