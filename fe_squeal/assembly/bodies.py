@@ -15,6 +15,7 @@ from ..geometry import make_mesh
 from ..mesh import LoadedMesh, load_mesh, volume_group
 from ..mesh.building import build_mesh
 from ..scene import MatrixScene, Scene
+from .stale import told_if_stale
 
 _GEOMETRY = "geometry.msh"  # what a mesh that was made from a geometry is called in messages and records
 
@@ -33,9 +34,10 @@ def read_mesh(scene: Scene) -> LoadedMesh:
             source = scene.source or "SCENE.toml"
             raise MeshError(f"mesh.file: {path}: no such file; make it with: fe-squeal mesh {source} -o {path}")
         try:
-            return load_mesh(path, scene.mesh.length_unit, [scene.folder], scene.mesh.allow_outside)
+            loaded = load_mesh(path, scene.mesh.length_unit, [scene.folder], scene.mesh.allow_outside)
         except MeshError as error:
             raise MeshError(f"mesh.file: {error}") from error
+        return told_if_stale(scene, loaded)
     assert scene.mesh.geometry is not None
     try:
         raw = make_mesh(scene.mesh.geometry)
