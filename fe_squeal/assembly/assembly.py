@@ -52,7 +52,7 @@ from .names import check_names
 from .places import find_patch, held_places, holding
 from .ties import mean_motion, with_ties
 from .units import require_si
-from .warnings import warnings_of_contacts, warnings_of_scene
+from .warnings import notes_of_contacts, warnings_of_contacts, warnings_of_scene
 
 # Of the entries of all element matrices, what is left when those of elements that share nodes are added, or less, since
 # memory is predicted from below.
@@ -214,8 +214,9 @@ class Assembly:
         operators = {name: part.operators for name, part in context.contacts.items()}
         doubtful = warnings_of(context, scene.effects.known, on, owned, parameters)
         warnings, state = (*self._warnings(context.contacts), *doubtful), context.static_state
+        notes = (*self.notes, *notes_of_contacts(context.contacts))
         return Problem(
-            terms, parameters, Discretisation(self.space, self.bodies, operators, self.notes, warnings, state), self,
+            terms, parameters, Discretisation(self.space, self.bodies, operators, notes, warnings, state), self,
             state_parameters(context, on), dict(values), self._motions, state=pressed_numbers(operators, state),
             describer=self._describer(context),
         )  # fmt: skip

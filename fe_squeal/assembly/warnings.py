@@ -24,6 +24,7 @@ _DISTORTED = 100.0
 _NAMED = 5  # elements in one sentence
 _LIFTING = 0.1  # of the sliding velocity: straight edges of a coarse mesh on a drum leave less along the normal
 _LARGE_GAP = 0.05  # part of the model's size: a larger gap_tolerance was probably meant in another unit
+_HALF, _WHOLE = 0.5, 0.99  # share of a contact's surface that touches: less than half is probably a mistake
 _LOCKING = 0.48  # Poisson's ratio above which standard elements lose digits; see docs/near_incompressible.md
 
 
@@ -122,12 +123,22 @@ def _shapes(loaded: LoadedMesh, space: DisplacementSpace, bodies: Mapping[str, n
             )
 
 
+def notes_of_contacts(contacts: Mapping[str, ContactPart]) -> tuple[str, ...]:
+    """Return a sentence for each contact of which a part does not touch, where that is no reason for a warning."""
+    shares = {name: part.operators.coverage for name, part in contacts.items()}
+    return tuple(
+        f"contact {name}: {100 * share:.3g} % of the surface lies on its counterface within the tolerance, the rest"
+        " does not touch"
+        for name, share in shares.items() if _HALF <= share < _WHOLE
+    )  # fmt: skip
+
+
 def warnings_of_contacts(contacts: Mapping[str, ContactPart]) -> list[str]:
     """Return a sentence for each contact that hardly touches its counterface, or does not slide along it."""
     found = []
     for name, part in contacts.items():
         c = part.operators
-        if c.coverage < 0.5:
+        if c.coverage < _HALF:
             found.append(
                 f"contact {name}: only {100 * c.coverage:.3g} % of the surface lies on its counterface within the"
                 " tolerance"
