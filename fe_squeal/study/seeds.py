@@ -268,8 +268,10 @@ def _island(
     spacing: tuple[float, float], blind: float,
 ) -> Iterator[Seed]:  # fmt: skip
     inside, least = _lowest(search, start, omega, spacing)
-    if search is not gap and least < 0 and not gap.about(inside, omega, 0.05) < 0:  # damping has moved it
-        inside, least = _lowest(gap, inside, omega, (spacing[0] / 10, spacing[1] / 10))
+    if search is not gap and least < 0:
+        least = gap.about(inside, omega, 0.05)
+        if not least < 0:  # damping has moved it
+            inside, least = _lowest(gap, inside, omega, (spacing[0] / 10, spacing[1] / 10))
     if not gap.growth(least, omega) > blind * omega:
         return
     for axis in (0, 1):
