@@ -29,7 +29,10 @@ def find_meetings(samples: Samples) -> tuple[list[Change], float]:
         complex_ &= v.real >= -low[:, None]
     pairs = complex_.sum(axis=1)
     negative = ((v.real < -samples.blur) & (np.abs(v.imag) <= low[:, None]) & (not samples.turned)).sum(axis=1)
-    for end, at in ((0, 0), (1, -1)):  # at the ends modes were solved for, and their stability counts, not that of H
+    # At the ends modes were solved for, and their stability counts, not that of H; but what parts copies is an error.
+    for end, at in ((0, 0), (1, -1)):
+        if samples.twins(samples.v[[at]], samples.condition[[at]]).any():
+            continue
         node, s = samples.cluster.ends[end], samples.cluster.members[end]
         swinging = node.lam[s].imag >= 0 if samples.turned else node.lam[s].imag > 0
         pairs[at] = np.count_nonzero(node.unstable[s] & swinging)

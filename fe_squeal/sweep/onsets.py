@@ -23,7 +23,7 @@ from .step import Step
 from .tracking import mirror_partners, modal_assurance
 from .unevenness import is_uneven
 
-_COPIES = 1e-2  # times the tolerance of a reduced model: by so much it may part eigenvalues of equal parts of a brake
+_COPIES = 0.1  # times the tolerance of a reduced model: by so much it may part eigenvalues of equal parts of a brake
 _BEYOND = 1.05  # times the highest frequency that matters: changes of stability up to here are looked for
 _MATTERS = 1.02  # times that frequency: up to here it is told where stability is not decided
 _TOGETHER = 4  # times `FINEST`: changes that are closer together than this may be a single one, or cancel

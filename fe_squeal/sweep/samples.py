@@ -75,7 +75,10 @@ class Samples:
         # the rounding, but H does not have such an error.
         self.blur = max(float(min(b.min() for b in blur)), _ROUNDING * size)
         known = _TWINS * max(float(max(b.max() for b in blur)), _ROUNDING * size)
-        self._equal = min(max(known, apart * size), _FARTHEST * size)
+        equal = max(known, apart * size)
+        if all(_are_copies(n.v[s], equal) for n, s in zip(cluster.ends, cluster.members, strict=True)):
+            equal = _FARTHEST * size  # what parts them between the ends is then the error of the slopes there
+        self._equal = min(equal, _FARTHEST * size)
         self.copied: bool | None = None  # not known before the first samples
         self._evaluate()
 
@@ -243,6 +246,12 @@ def between(g: tuple[np.ndarray, np.ndarray], rate: tuple[np.ndarray, np.ndarray
     s = np.linspace(0, 1, 17)[1:-1].reshape(-1, *np.ones(np.ndim(g[0]), int))
     values = g[0] * (1 + 2 * s) * (1 - s) ** 2 + g[1] * s**2 * (3 - 2 * s)
     return np.asarray(values + rate[0] * s * (1 - s) ** 2 + rate[1] * s**2 * (s - 1))
+
+
+def _are_copies(v: np.ndarray, equal: float) -> bool:
+    """Return whether every one of some eigenvalues (m,) has as many equals as all others, and at least one."""
+    count = np.count_nonzero(np.abs(v[:, None] - v[None, :]) <= equal, axis=1)
+    return bool(count.min() > 1 and (count == count[0]).all())
 
 
 def _averaged(x: np.ndarray, equal: np.ndarray) -> np.ndarray:

@@ -98,3 +98,52 @@ def test_onsets_of_copies_are_those_of_one_alone(copies, damping, method):
     np.testing.assert_allclose([o.value for o in all_of_them.onsets], values, atol=1e-6)
     grow = [[np.count_nonzero(p.modes.stability == "unstable") for p in r.points] for r in (one, all_of_them)]
     assert grow[1] == [copies * g for g in grow[0]]
+
+
+
+def blocks(count):
+    """Return the scene of equal blocks on a belt that nothing couples."""
+    names = [f"_{number}" for number in range(1, count + 1)]
+    held = [("top", [0, 0, 1], 2e7), ("right", [1, 0, 0.5], 5e7), ("right", [0, 1, 0], 1e7)]
+    return {
+        "mesh": {"block": {"length": 0.04, "width": 0.03, "height": 0.015, "size": 0.015, "count": count}},
+        "materials": {"lining": {"youngs_modulus": 2e9, "poisson_ratio": 0.25, "density": 2600.0}},
+        "bodies": {f"block{name}": {"material": "lining"} for name in names},
+        "springs": [
+            {"name": f"held{i}{name}", "surface": f"{face}{name}", "direction": direction, "stiffness": stiffness}
+            for name in names for i, (face, direction, stiffness) in enumerate(held)
+        ],
+        "contacts": [
+            {"name": f"sole{name}", "surface": f"bottom{name}", "counterface": "rigid", "normal_stiffness": 1e10,
+             "sliding": {"direction": [1, 0, 0], "speed": 1.0}}
+            for name in names
+        ],
+        "effects": {"friction": {"mu": 0.4}},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+def test_equal_blocks_on_a_belt_are_in_no_doubt(method):
+    """Slopes of eigenvalues are less exact than eigenvalues where matrices are stiff, and part copies between values.
+
+    A block alone has no onset.
+    """
+    problem = fe_squeal.assemble(fe_squeal.parse_scene(blocks(2)))
+    found = fe_squeal.sweep(problem, np.linspace(0.0, 1.2, 13), "mu", modes=12, method=method)
+    assert not found.warnings and not found.onsets
+    for point in found.points:
+        assert not (point.modes.stability == "unstable").any()
+        np.testing.assert_allclose(point.modes.lam[::2], point.modes.lam[1::2], rtol=1e-8)
+
+
+@pytest.mark.parametrize("share", [1e-2, 1e-6])
+def test_two_modes_that_are_equal_at_both_values_may_grow_between(share):
+    """θ = 4 (1 ± iεp(1 − p)): what parts them is no rounding, although they are equal at p = 0 and 1."""
+    pushes = np.zeros((6, 6))
+    pushes[0, 1], pushes[1, 0] = 4 * share, -4 * share
+    parts = [("m", "M", np.eye(6), True, {}), ("k", "K", np.diag([4.0, 4.0, 9.0, 16.0, 25.0, 36.0]), True, {})]
+    parts += [("f", "K", pushes, False, {"p": 1}), ("g", "K", -pushes, False, {"p": 2})]
+    terms = tuple(Term(name, slot, sp.csr_array(A), symmetric, powers) for name, slot, A, symmetric, powers in parts)
+    found = fe_squeal.sweep(Problem(terms, {"p": 1.0}), [0.0, 1.0], "p", modes=4)
+    assert [o.direction for o in found.onsets] == ["into", "out of"]
+    np.testing.assert_allclose([o.value for o in found.onsets], [0, 1], atol=1e-6)
