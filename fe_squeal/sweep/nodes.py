@@ -22,6 +22,7 @@ _PARALLEL = 1e-9
 _EQUAL = 1e-6
 _ASIDE = 1e-6  # of such an eigenvalue: the shift of inverse iteration is so far from it that the matrix is regular
 _REAL = 1e-12  # of the largest entry: so small an imaginary part of the mode of a real eigenvalue is rounding
+_OWN = 0.9  # likeness: modes that resemble one another less have shapes of their own
 _ROUNDS, _SEED = 4, 20261122  # rounds of inverse iteration, and the seed of its random start
 
 
@@ -128,6 +129,22 @@ class Node:
 
     def __len__(self) -> int:
         return len(self.v)
+
+    def noise_of_copies(self, width: float, apart: float) -> float:
+        """Return by how much, relatively, slopes part eigenvalues of copies over a width of the parameter.
+
+        The parameter moves them all alike and couples none with another, up to the errors of their shapes. Copies are
+        modes of their own shapes whose eigenvalues are closer than `apart`, relatively.
+        """
+        copies = _are_copies(self.v, self.right, apart)
+        if not copies.any():
+            return 0.0
+        push, own = self.own
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slopes = push / own[:, None] / self.v[:, None]
+        unlike = slopes.diagonal()[:, None] - slopes.diagonal()[None, :]
+        noise = np.maximum(np.abs(slopes), np.abs(unlike))[copies]
+        return float(width * np.nan_to_num(noise, nan=0.0, posinf=0.0).max())
 
     def all(self) -> Basis:
         """Return the basis of all modes, whose columns are the modes themselves."""
@@ -288,8 +305,22 @@ def spread_of(lam: np.ndarray, blur: np.ndarray) -> np.ndarray:
         return np.asarray(np.fmin(blur / (2 * np.abs(lam)), np.sqrt(blur)))
 
 
+def _are_copies(v: np.ndarray, right: np.ndarray, apart: float) -> np.ndarray:
+    """Return which pairs (k, k) of eigenvalues may be those of copies.
+
+    They are closer than `apart`, relatively, and have shapes of their own; those of a nearly defective pair have one.
+    """
+    near = np.abs(v[:, None] - v[None, :]) <= apart * np.abs(v)[:, None]
+    np.fill_diagonal(near, False)
+    if not near.any():
+        return near
+    u = right / np.linalg.norm(right, axis=0)
+    return np.asarray(near & (np.abs(u.conj().T @ u) ** 2 < _OWN))
+
+
 def node_of(
-    problem: Problem, parameter: str, value: float, modes: Modes, shapes: tuple[np.ndarray, np.ndarray]
+    problem: Problem, parameter: str, value: float, modes: Modes, shapes: tuple[np.ndarray, np.ndarray],
+    apart: float = 0.0,
 ) -> Node:  # fmt: skip
     """Return the node of modes at one value.
 
@@ -304,6 +335,8 @@ def node_of(
         Motions with λ = 0 are left out, and without dampers those with real λ < 0, whose θ is that of −λ.
     shapes : ((r, k), (r, k)) float or complex
         Right and left vectors of these modes in the coordinates of the step model.
+    apart : float
+        How far eigenvalues of copies may be apart, relatively, by more than rounding.
     """
     pencil = problem.pencil({parameter: value})
     plain = pencil.C is None and not any(t.slot == "C" for t in problem.terms)
@@ -320,6 +353,10 @@ def node_of(
         unstable = np.concatenate([unstable, unstable[lower]])
     v = -(lam**2) if plain else lam
     blur = np.maximum(2 * np.abs(lam) * spread, spread**2) if plain else spread
+    if paired and apart:
+        distance = np.where(_are_copies(v, right, apart), np.abs(v[:, None] - v[None, :]), 0.0)
+        blur = np.maximum(blur, distance.max(axis=1, initial=0.0))
+        unstable &= lam.real > spread_of(lam, blur)
     slopes: dict[Slot, np.ndarray] = {}
     for slot in POWER:
         d = problem.derivative(parameter, slot, {parameter: value})

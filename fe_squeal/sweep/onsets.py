@@ -23,7 +23,6 @@ from .step import Step
 from .tracking import mirror_partners, modal_assurance
 from .unevenness import is_uneven
 
-_COPIES = 0.1  # times the tolerance of a reduced model: by so much it may part eigenvalues of equal parts of a brake
 _BEYOND = 1.05  # times the highest frequency that matters: changes of stability up to here are looked for
 _MATTERS = 1.02  # times that frequency: up to here it is told where stability is not decided
 _TOGETHER = 4  # times `FINEST`: changes that are closer together than this may be a single one, or cancel
@@ -71,7 +70,7 @@ def find_step_onsets(
     problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
     branches: tuple[np.ndarray, np.ndarray], below: float, reduced_model: ReducedModel | None = None,
     precise: bool = False, linear_solver: LinearSolver | str = "auto", scale: Scale = LINEAR, starts: bool = True,
-    halved: bool = False, known: float = 0.0,
+    halved: bool = False, known: float = 0.0, tolerance: float = 1e-8,
 ) -> Found:  # fmt: skip
     """Return the onsets between two neighbouring values of a sweep, and what could not be decided.
 
@@ -102,14 +101,15 @@ def find_step_onsets(
         thing that is not, with what it has found so far.
     known : float, rad/s
         Frequency up to which all modes are known at both values, if it is higher than those of the modes there.
+    tolerance : float
+        Of eigenvalues, relative.
     """
     if not len(modes[0]) or not len(modes[1]):
         return Found()
-    step = Step(problem, parameter, values, modes, reduced_model, linear_solver, known)
+    step = Step(problem, parameter, values, modes, reduced_model, linear_solver, known, tolerance)
     limit, mattering = _BEYOND * below, _MATTERS * below
     deciding = mattering if halved else None
-    apart = 0.0 if reduced_model is None else _COPIES * reduced_model.request.tolerance
-    seen = scan(step.end(0), step.end(1), step.between, limit, scale, deciding, step.is_linear, known, apart)
+    seen = scan(step.end(0), step.end(1), step.between, limit, scale, deciding, step.is_linear, known, step.apart)
     if seen.open:
         # A mode may come into the range of frequencies between the ends. And a pair that becomes two real eigenvalues
         # may leave a strongly decaying one that the solver does not list. The step model has all of them, so its own
@@ -118,7 +118,7 @@ def find_step_onsets(
         ends = step.between(values[0]), step.between(values[1])
         rim = _RIM * max(known, min(float(np.abs(m.lam).max(initial=0.0)) for m in modes))
         if problem.is_damped or not any(_lacks(step.end(i), ends[i], rim) for i in (0, 1)):
-            seen = scan(*ends, step.between, limit, scale, deciding, step.is_linear, known, apart)
+            seen = scan(*ends, step.between, limit, scale, deciding, step.is_linear, known, step.apart)
     found = Found(width=seen.width)
     unsettled = []
     if is_uneven(step, seen.changes, mattering):

@@ -420,7 +420,7 @@ class RunningSweep:
         found = find_step_onsets(
             self.problem, name, (self._value, value), (self._previous, modes), (self._branches, branches), below,
             self._reduced_model, self._precise, self._linear_solver, self._scale,
-            self._value == self._start, halved, _limit(self._guarded),
+            self._value == self._start, halved, _limit(self._guarded), self.request.tolerance,
         )  # fmt: skip
         # The branches of an onset are found by shape and may be wrong. Inside the range it is reported in any case; the
         # end of the range moves where a number of modes is asked for.

@@ -26,6 +26,8 @@ _SPANNED = 1e-4  # of a vector's length: if its part outside the rigid motions i
 _ALIKE = 1e-6  # of θ, or of λ: the eigenvalues at the ends may differ so much from those of the step model
 _NEARBY = 1e-3  # of a value: how far from it matrices are interpolated around it
 _ABOVE = 1.2  # times the frequency up to which modes are known at the ends: those of the step model are taken to there
+_NOISE = 1e-9  # of an eigenvalue: slopes may part copies by so much over a step
+_COPIES = 0.1  # times the tolerance: by so much a projection may part eigenvalues of equal parts of a brake
 _SMALL = 60  # unknowns up to which the step model is the problem itself
 
 
@@ -58,6 +60,8 @@ class Step:
     rigid : (n, k) float or None
         The modes with λ = 0 at either end, M-orthonormal.
     modes_at_ends : (Modes, Modes)
+    apart : float
+        How far eigenvalues of copies may be apart, relatively, by the projections that are made.
     reach : float, rad/s
         Up to this |λ| modes of the step model are taken; it may be changed.
     """
@@ -65,6 +69,7 @@ class Step:
     def __init__(
         self, problem: Problem, parameter: str, values: tuple[float, float], modes: tuple[Modes, Modes],
         reduced_model: ReducedModel | None, linear_solver: LinearSolver | str, known: float = 0.0,
+        tolerance: float = 1e-8,
     ) -> None:  # fmt: skip
         self.reach = _ABOVE * max(known, *(float(np.abs(m.lam).max(initial=0.0)) for m in modes))
         self.full, self.parameter, self.reduced_model, self.ends = problem, parameter, reduced_model, values
@@ -86,6 +91,8 @@ class Step:
                 self.V = np.hstack([Z, _orthonormal(rest[:, size > _SPANNED], M)])
             if self.V.shape[1] == problem.unknowns:  # all modes are in the basis: the step model is the problem itself
                 self.V = np.eye(problem.unknowns)
+        projected = reduced_model is not None or self.V.shape[1] < problem.unknowns
+        self.apart = _COPIES * tolerance if projected else 0.0
         self._inside = interpolate(problem, parameter, *values)
         self.model = project(self._inside, self.V)
         self.MV = M @ self.V
@@ -142,16 +149,17 @@ class Step:
     def end(self, which: int) -> Node:
         """Return the node of one of the ends, 0 or 1.
 
-        If rounding has moved eigenvalues of the end by more than `_ALIKE`, those of the step model are taken instead:
-        they are smooth functions of the parameter over the whole step.
+        If rounding has moved eigenvalues of the end by more than `_ALIKE`, or slopes there part copies by more than
+        `_NOISE`, those of the step model are taken instead: they are smooth functions of the parameter over the step.
         """
         node = self._known[which]
-        return node if node.shift <= _ALIKE else self.between(self.ends[which])
+        sure = node.shift <= _ALIKE and node.noise_of_copies(self.width, self.apart) <= _NOISE
+        return node if sure else self.between(self.ends[which])
 
     @cached_property
     def _known(self) -> tuple[Node, Node]:
         first, second = (
-            node_of(self.model, self.parameter, p, m, self.shapes(m))
+            node_of(self.model, self.parameter, p, m, self.shapes(m), self.apart)
             for p, m in zip(self.ends, self.modes_at_ends, strict=True)
         )
         return first, second
@@ -181,7 +189,7 @@ class Step:
 
     def _node(self, model: Problem, p: float, modes: Modes) -> Node:
         left = modes.right if modes.left is None else modes.left
-        node = node_of(model, self.parameter, p, modes, (modes.right, left))
+        node = node_of(model, self.parameter, p, modes, (modes.right, left), self.apart)
         at, blur = (np.concatenate([getattr(n, name) for n in self._known]) for name in ("v", "blur"))
         if not len(at):
             return node

@@ -101,20 +101,20 @@ def test_onsets_of_copies_are_those_of_one_alone(copies, damping, method):
 
 
 
-def blocks(count):
+def blocks(count, youngs_modulus=2e9, above=2e7, behind=5e7, inclined=0.5, contact=1e10):
     """Return the scene of equal blocks on a belt that nothing couples."""
-    names = [f"_{number}" for number in range(1, count + 1)]
-    held = [("top", [0, 0, 1], 2e7), ("right", [1, 0, 0.5], 5e7), ("right", [0, 1, 0], 1e7)]
+    names = [f"_{number}" for number in range(1, count + 1)] if count > 1 else [""]
+    held = [("top", [0, 0, 1], above), ("right", [1, 0, inclined], behind), ("right", [0, 1, 0], 1e7)]
     return {
         "mesh": {"block": {"length": 0.04, "width": 0.03, "height": 0.015, "size": 0.015, "count": count}},
-        "materials": {"lining": {"youngs_modulus": 2e9, "poisson_ratio": 0.25, "density": 2600.0}},
+        "materials": {"lining": {"youngs_modulus": youngs_modulus, "poisson_ratio": 0.25, "density": 2600.0}},
         "bodies": {f"block{name}": {"material": "lining"} for name in names},
         "springs": [
             {"name": f"held{i}{name}", "surface": f"{face}{name}", "direction": direction, "stiffness": stiffness}
             for name in names for i, (face, direction, stiffness) in enumerate(held)
         ],
         "contacts": [
-            {"name": f"sole{name}", "surface": f"bottom{name}", "counterface": "rigid", "normal_stiffness": 1e10,
+            {"name": f"sole{name}", "surface": f"bottom{name}", "counterface": "rigid", "normal_stiffness": contact,
              "sliding": {"direction": [1, 0, 0], "speed": 1.0}}
             for name in names
         ],
@@ -134,6 +134,23 @@ def test_equal_blocks_on_a_belt_are_in_no_doubt(method):
     for point in found.points:
         assert not (point.modes.stability == "unstable").any()
         np.testing.assert_allclose(point.modes.lam[::2], point.modes.lam[1::2], rtol=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+def test_onsets_of_equal_blocks_are_those_of_one_alone(method):
+    """Projections of a step couple the blocks slightly, and part their eigenvalues by more than rounding does."""
+    stiff = {"youngs_modulus": 1.0587e9, "above": 1.2371e8, "behind": 1.2077e7, "inclined": 0.46979}
+    stiff["contact"] = 3.413e11
+
+    def swept(number):
+        problem = fe_squeal.assemble(fe_squeal.parse_scene(blocks(number, **stiff)))
+        return fe_squeal.sweep(problem, np.linspace(0, 1.2, 7), max_frequency=11500, method=method)
+
+    one, both = swept(1), swept(2)
+    assert len(one.onsets) == 2 and not both.warnings
+    values = np.repeat([o.value for o in one.onsets], 2)
+    np.testing.assert_allclose([o.value for o in both.onsets], values, atol=1e-6)
 
 
 @pytest.mark.parametrize("share", [1e-2, 1e-6])
