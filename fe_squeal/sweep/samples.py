@@ -15,7 +15,7 @@ _MOST = 4000  # samples of a group, at most
 # since what is known of it between them is a cubic.
 NEAR_ZERO = 0.1
 _TWINS = 4.0  # times what two eigenvalues may be off by rounding: nearer ones are equal
-_FARTHEST = 1e-8  # of the size of a group's eigenvalues: those farther apart are not taken for equal, however unsure
+FARTHEST = 1e-8  # of the size of a group's eigenvalues: those farther apart are not taken for equal, however unsure
 _WORST = 1e6  # condition: with a larger one two eigenvalues are not told from a double one
 _ROUNDING = 1e-14  # of the size of a group's matrix: the rounding of its entries
 
@@ -76,9 +76,9 @@ class Samples:
         self.blur = max(float(min(b.min() for b in blur)), _ROUNDING * size)
         known = _TWINS * max(float(max(b.max() for b in blur)), _ROUNDING * size)
         equal = max(known, apart * size)
-        if all(_are_copies(n.v[s], equal) for n, s in zip(cluster.ends, cluster.members, strict=True)):
-            equal = _FARTHEST * size  # what parts them between the ends is then the error of the slopes there
-        self._equal = min(equal, _FARTHEST * size)
+        if all(_come_in_sets(n.v[s], equal) for n, s in zip(cluster.ends, cluster.members, strict=True)):
+            equal = FARTHEST * size  # what parts them between the ends is then the error of the slopes there
+        self._equal = min(equal, FARTHEST * size)
         self.copied: bool | None = None  # not known before the first samples
         self._evaluate()
 
@@ -248,7 +248,7 @@ def between(g: tuple[np.ndarray, np.ndarray], rate: tuple[np.ndarray, np.ndarray
     return np.asarray(values + rate[0] * s * (1 - s) ** 2 + rate[1] * s**2 * (s - 1))
 
 
-def _are_copies(v: np.ndarray, equal: float) -> bool:
+def _come_in_sets(v: np.ndarray, equal: float) -> bool:
     """Return whether every one of some eigenvalues (m,) has as many equals as all others, and at least one."""
     count = np.count_nonzero(np.abs(v[:, None] - v[None, :]) <= equal, axis=1)
     return bool(count.min() > 1 and (count == count[0]).all())

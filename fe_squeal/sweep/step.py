@@ -18,6 +18,7 @@ from ..problem.parameters import paths_of
 from ..problem.problem import Problem
 from ..reduced import ReducedModel, SlowMotions
 from .nodes import Node, node_of, spread_of
+from .samples import FARTHEST
 
 _DEPENDENT = 1e-12  # of the largest eigenvalue of a Gram matrix: directions with smaller ones are left out of the basis
 _BALANCED = 1e-11  # of |K||z|: if the forces Kz of a motion are smaller, they are rounding, and the motion is rigid
@@ -92,7 +93,7 @@ class Step:
             if self.V.shape[1] == problem.unknowns:  # all modes are in the basis: the step model is the problem itself
                 self.V = np.eye(problem.unknowns)
         projected = reduced_model is not None or self.V.shape[1] < problem.unknowns
-        self.apart = _COPIES * tolerance if projected else 0.0
+        self.apart = min(_COPIES * tolerance, FARTHEST) if projected else 0.0
         self._inside = interpolate(problem, parameter, *values)
         self.model = project(self._inside, self.V)
         self.MV = M @ self.V
