@@ -145,7 +145,7 @@ def damped_methods(
             raise la.LinAlgError("all eigenvalues are asked for")
         shift = _SHIFT * highest
         C1, M1 = shift * C, shift**2 * M
-        Q = _lu(K + C1 + M1)
+        Q = regular_lu(K + C1 + M1)
         first, second = (la.lu_solve(Q, part) for part in (C1 + M1, M1))
         mu, left, right = la.eig(np.block([[-first, -second], [identity - first, -second]]), left=True, right=True)
         keep = np.abs(mu) > np.finfo(float).eps * np.abs(mu).max()
@@ -211,8 +211,8 @@ def finite_number(A: Sequence[np.ndarray]) -> int:
     return order * int(len(light) - light.sum() - multipliers) + int(damped.sum())
 
 
-def _lu(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the factors of a matrix (n, n) that is not singular.
+def regular_lu(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the factors and pivots of a finite matrix (n, n) that is not singular, for `scipy.linalg.lu_solve`.
 
     Raises
     ------
@@ -222,7 +222,7 @@ def _lu(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     with warnings.catch_warnings():
         warnings.simplefilter("error", la.LinAlgWarning)
         try:
-            lu, pivots = la.lu_factor(A)
+            lu, pivots = la.lu_factor(A, check_finite=False)
         except la.LinAlgWarning as error:
             raise la.LinAlgError(str(error)) from error
     return lu, pivots

@@ -12,6 +12,7 @@ import scipy.linalg as la
 
 from ..eigen.blocks import lift
 from ..eigen.dense import solve_dense
+from ..eigen.lapack import regular_lu
 from ..eigen.pencil import FreeMotions, Modes, Pencil
 from ..eigen.request import Request, select_wanted
 from ..problem.parameters import Place
@@ -127,8 +128,9 @@ def _square_of(wanted: Modes, request: Request) -> float:
 
 def _invariant(M: np.ndarray, K: np.ndarray, near: Blocks) -> np.ndarray | None:
     """Return an orthonormal basis of both blocks after some steps of inverse iteration; None where the shift is a θ."""
-    lu, pivots = la.lu_factor(K - _SHIFT * near.square * M, check_finite=False)
-    if not lu.diagonal().all():
+    try:
+        lu, pivots = regular_lu(K - _SHIFT * near.square * M)
+    except la.LinAlgError:
         return None
     blocks = []
     for block, transposed in ((near.right, 0), (near.left, 1)):

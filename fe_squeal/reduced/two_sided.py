@@ -16,6 +16,7 @@ import scipy.linalg as la
 
 from ..eigen.blocks import lift
 from ..eigen.growth import may_grow_dense
+from ..eigen.lapack import regular_lu
 from ..eigen.pencil import FreeMotions, Modes, Pencil
 from ..eigen.quality import modes_from_lambda, modes_from_theta
 from ..eigen.request import Request
@@ -224,7 +225,10 @@ class _Quadratic:
         coordinates, see `ReducedBasis`. As there, modes near a double eigenvalue are known less well.
         """
         nearest = np.abs(-((lam[:, None] / self.highest) ** 2) - _SHIFTS).argmin(axis=1)
-        factors = [(np.flatnonzero(nearest == i), self._factor(i)) for i in np.unique(nearest)]
+        try:
+            factors = [(np.flatnonzero(nearest == i), self._factor(i)) for i in np.unique(nearest)]
+        except la.LinAlgError:
+            return None
         x, y, worst = right, left, np.inf
         for _ in range(_ROUNDS):
             x, y = x / np.linalg.norm(x, axis=0), y / np.linalg.norm(y, axis=0)
@@ -250,10 +254,10 @@ class _Quadratic:
         return None
 
     def _factor(self, i: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the factors of Q at one of the shifts."""
+        """Return the factors of Q at one of the shifts; raises LinAlgError if it is singular there."""
         s = self.highest * np.sqrt(-_SHIFTS[i])
         Q = s**2 * self.M + self.K
-        return la.lu_factor(Q if self.C is None else Q + s * self.C, check_finite=False)
+        return regular_lu(Q if self.C is None else Q + s * self.C)
 
     def _adjoint(self, lam: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return Q(λ)ᴴψ."""

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 import scipy.linalg as la
 
+from ..eigen.lapack import regular_lu
 from ..eigen.quality import ROUNDING
 from ..problem.problem import Problem
 from ..problem.terms import POWER
@@ -145,7 +146,7 @@ class Boundary:
         Q, Q_v, Q_s, Q_vs, size = self._matrices(u, lam)
         scale = float(np.abs(Q).max())
         B = np.block([[Q, scale * self._b[:, None]], [scale * self._c.conj()[None, :], np.zeros((1, 1))]])
-        lu = la.lu_factor(B, check_finite=False)
+        lu = regular_lu(B)
         e = np.zeros(len(B), B.dtype)
         e[-1] = scale
         z, zt = la.lu_solve(lu, e, check_finite=False), la.lu_solve(lu, e, trans=2, check_finite=False)

@@ -14,6 +14,7 @@ _TURN = 0.97  # smallest cosine of the angle between the tangents at two neighbo
 _ROUNDS = 8  # steps of Newton's method, at most
 _POINTS = 4000  # points of a curve in one direction, at most
 _SMALL = 1e-10  # length of a Newton step in u: with shorter ones that no longer shrink, rounding is reached
+_SINGULAR = "boundary: the equations are singular"
 _SAME = 1e-6  # distance in u: two points that are closer together are the same point
 
 
@@ -54,13 +55,13 @@ def solve_point(boundary: Boundary, u: np.ndarray, fixed: np.ndarray) -> CurvePo
     """
     start, last = u, np.inf
     for _ in range(_ROUNDS):
+        residual = _regular(boundary, u)
         try:
-            residual = boundary.at(u)
             step = np.linalg.solve(
                 np.vstack([residual.J, fixed]), np.append(-residual.F, -float(fixed @ (u - start)))
             )
         except np.linalg.LinAlgError as error:
-            raise NotConvergedError("boundary: the equations are singular") from error
+            raise NotConvergedError(_SINGULAR) from error
         size = float(np.linalg.norm(step))
         if not np.isfinite(size) or size > 1.0:
             break
@@ -68,13 +69,21 @@ def solve_point(boundary: Boundary, u: np.ndarray, fixed: np.ndarray) -> CurvePo
         if boundary.kind != "divergence" and u[0] <= 0:
             break
         if size < _SMALL or (size < 1e-7 and size > 0.25 * last):
-            residual = boundary.at(u)
+            residual = _regular(boundary, u)
             boundary.rebase(residual.right, residual.left)
             slope = float(np.hypot(*residual.slopes))
             rounding = residual.rounding / slope if slope else np.inf
             return CurvePoint(u, _tangent(residual.J), residual, size + rounding)
         last = size
     raise NotConvergedError("boundary: Newton's method did not converge")
+
+
+def _regular(boundary: Boundary, u: np.ndarray) -> Residual:
+    """Return the equations at u; raises NotConvergedError where they are singular."""
+    try:
+        return boundary.at(u)
+    except np.linalg.LinAlgError as error:
+        raise NotConvergedError(_SINGULAR) from error
 
 
 def _tangent(J: np.ndarray) -> np.ndarray:

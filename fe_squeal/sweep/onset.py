@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+_EQUAL = 1e-8  # of values and of frequencies: onsets of equal parts of a brake differ by less
+
 
 @dataclass(frozen=True)
 class Onset:
@@ -53,3 +55,10 @@ class Onset:
     discretisation: float = np.nan
     extrapolated: float = np.nan
     extrapolated_discretisation: float = np.nan
+
+    def is_copy_of(self, other: Onset) -> bool:
+        """Return whether another onset is the same of an equal part of the brake, or this one itself."""
+        unsure = self.uncertainty + other.uncertainty + _EQUAL * abs(self.value)
+        alike = (self.kind, self.direction) == (other.kind, other.direction)
+        near = abs(self.frequency_hz - other.frequency_hz) <= _EQUAL * self.frequency_hz
+        return alike and near and abs(self.value - other.value) <= unsure

@@ -427,9 +427,12 @@ class RunningSweep:
         inside = _INSIDE * (
             limit or min(m.lam[:k].imag.max(initial=0.0) for m, k in ((self._previous, known), (modes, wanted)))
         )
+        end = (limit or inside) / (2 * np.pi)
+        kept = [o for o in found.onsets if reported & {o.branch_a, o.branch_b} or o.frequency_hz <= end]
         onsets = []
         for onset in found.onsets:
-            if not reported & {onset.branch_a, onset.branch_b} and 2 * np.pi * onset.frequency_hz > (limit or inside):
+            # Of equal parts of a brake, whose shapes may be taken for each other's, all onsets are reported or none.
+            if not any(onset.is_copy_of(other) for other in kept):
                 continue
             at = [np.flatnonzero(self._first_branches == b) for b in (onset.branch_a, onset.branch_b)]
             if all(len(i) for i in at) and not self.problem.is_damped:

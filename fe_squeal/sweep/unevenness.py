@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from ..errors import NotConvergedError, SceneError
+from ..problem.terms import sum_matrices
 from .changes import Change
 from .nodes import Node
 from .step import Step
@@ -61,10 +62,11 @@ def _bends(step: Step, node: Node, known: np.ndarray, below: float) -> bool:
     values = [step.model.pencil({step.parameter: p}) for p in (low, (low + high) / 2, high)]
     rest = 0.0
     for slot in ("M", "C", "K"):
-        first, middle, last = (getattr(pencil, slot) for pencil in values)
-        if middle is None:
+        # Without friction there may be no C, as of friction damping.
+        weighted = zip((-0.5, 1.0, -0.5), (getattr(pencil, slot) for pencil in values), strict=True)
+        bent = sum_matrices((A, weight) for weight, A in weighted if A is not None)
+        if bent is None:
             continue
-        bent = middle - (first + last) / 2
         power = {"M": 2, "C": 1, "K": 0}[slot]
         rest = rest + np.einsum("ij,ij->j", node.left.conj(), bent @ node.right) * node.lam**power
     slope = np.einsum("ij,ij->j", node.left.conj(), node.M @ node.right)

@@ -9,10 +9,10 @@ import scipy.sparse as sp
 from fe_squeal.errors import SceneError
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
-from fe_squeal.study.boundary import Scaled
+from fe_squeal.study.boundary import Boundary, Scaled
 from fe_squeal.study.map import stability_map
 from fe_squeal.study.scatter import scatter
-from fe_squeal.study.seeds import seeds_on_lines
+from fe_squeal.study.seeds import point_near, seeds_on_lines
 from tests.studies import STIFFNESS, two_modes
 
 
@@ -193,6 +193,16 @@ def test_flutter_of_a_conservative_system_is_not_followed_and_told():
     found = stability_map(Problem(terms, {"a": 1.0, "w": 1.0}), *axes, modes=2)
     assert all(c.boundary.kind == "divergence" for c in found.curves)
     assert sum("boundaries of flutter are not followed" in text for text in found.told) == 1
+
+
+def test_no_boundary_is_found_where_all_stiffness_is_zero():
+    """Newton's method for K = a K₀ ends at a = 0, where the bordered matrix is exactly zero or rounding."""
+    problem = problem_of({"a": 1.0, "b": 1.0}, a=-np.diag([1.0, 1.3]), b=np.zeros((2, 2)))
+    axes = Scaled("a", 0.0, 1.0), Scaled("b", 0.0, 1.0)
+    first = np.array([1.0, 0.0])
+    with pytest.raises(np.linalg.LinAlgError):
+        Boundary(problem, axes, "divergence", 1.0, first, first).at(np.zeros(2))
+    assert point_near(problem, axes, np.array([1e-3, 0.5]), 0.0, 1) is None
 
 
 @pytest.mark.parametrize("half", [0.004, 0.012, 0.03])

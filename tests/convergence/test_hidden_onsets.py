@@ -78,9 +78,9 @@ def test_growth_that_the_extrapolated_value_alone_has_counts():
 
 def test_a_mesh_held_at_single_nodes_has_no_limit_and_is_told():
     def told(nodes):
-        mesh = box("hex2", (2, 1, 1), SIZE)
-        held = np.flatnonzero(nodes(mesh.doflocs))
-        loaded = replace(from_skfem(mesh), node_groups={"held": NodeSet(held, held)})
+        loaded = from_skfem(box("hex2", (2, 1, 1), SIZE))
+        held = np.flatnonzero(nodes(loaded.mesh.doflocs))
+        loaded = replace(loaded, node_groups={"held": NodeSet(held, held)})
         scene = {"mesh": {"file": "none.msh"}, "materials": {"lining": LINING},
                  "bodies": {"block": {"material": "lining"}},
                  "supports": [{"nodes": "held", "fixed": "xyz"}]}  # fmt: skip

@@ -6,6 +6,8 @@ flutter, so that what is missed is unstable.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -18,6 +20,7 @@ from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
+from fe_squeal.sweep.onset import Onset
 
 DAMPING = 0.01
 
@@ -99,6 +102,17 @@ def test_onsets_of_copies_are_those_of_one_alone(copies, damping, method):
     grow = [[np.count_nonzero(p.modes.stability == "unstable") for p in r.points] for r in (one, all_of_them)]
     assert grow[1] == [copies * g for g in grow[0]]
 
+
+@pytest.mark.parametrize(("changes", "same"), [
+    ({"value": 0.3 * (1 + 1e-9), "frequency_hz": 1000.0 * (1 - 1e-9), "branch_a": 5}, True),
+    ({"value": 0.3 + 4e-5, "uncertainty": 5e-5}, True),
+    ({"value": 0.3 + 1e-7}, False), ({"frequency_hz": 1000.1}, False), ({"direction": "out of"}, False),
+    ({"kind": "divergence"}, False),
+])  # fmt: skip
+def test_which_onsets_are_of_equal_parts(changes, same):
+    onset = Onset("mu", 0.3, 1000.0, "flutter", "into", 50.0, 1, 2, 1e-12)
+    other = replace(onset, **changes)
+    assert onset.is_copy_of(onset) and onset.is_copy_of(other) == other.is_copy_of(onset) == same
 
 
 def blocks(count, youngs_modulus=2e9, above=2e7, behind=5e7, inclined=0.5, contact=1e10):
