@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..errors import SceneError
 from ..fem.gyroscopics import centrifugal_load
 from ..fem.spaces import DisplacementSpace, Surface
 from ..fem.static_contact import TangentSolver
 from ..problem.parameters import MU
-from ..problem.terms import Term
+from ..problem.terms import Term, sum_terms
 from .cache import Same
 from .context import Context
 from .effect import Effect
@@ -89,7 +89,8 @@ class Preload(Effect):
         tangents = context.cache.get("tangents", (Same(solver), len(load)), lambda: TangentSolver(solver))
 
         def solve() -> StaticState:
-            K = sp.csr_array(sum(t.matrix * t.coefficient(numbers) for t in context.static))
+            K = sum_terms((t, t.coefficient(numbers)) for t in context.static)
+            assert K is not None
             return solve_preload(K, load, resultant, contacts, mu, self.lift_off, size, before, tangents)
 
         return context.cache.get("static state", key, solve)
@@ -136,18 +137,22 @@ class Preload(Effect):
         space = context.space
         load, resultant = np.zeros(space.unknowns), np.zeros(3)
         for group, pressure in self.pressures.items():
-            path = f"effects.preload.pressures.{group}"
-            if (space.mesh.f2t[1, context.facets(group, path)] >= 0).any():
-                raise SceneError(
-                    f'{path}: "{group}" lies inside the mesh, where a pressure has no side; expected a free surface'
-                )
-            surface = context.surface(group, path)
-            forces, total = pressure_load(space, surface, pressure)
-            load, resultant = load + forces, resultant + total
+            forces, total = context.cache.get(f"pressure on {group}", Same(space), partial(_unit_load, context, group))
+            load, resultant = load + pressure * forces, resultant + pressure * total
         for name, motion in context.motions.items():
             body = context.bodies[name]
             load = load + centrifugal_load(space, body.elements, body.material.density, motion)
         return load, resultant
+
+
+def _unit_load(context: Context, group: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return what `pressure_load` does for a pressure of 1 Pa; raises SceneError for a surface inside the mesh."""
+    path = f"effects.preload.pressures.{group}"
+    if (context.space.mesh.f2t[1, context.facets(group, path)] >= 0).any():
+        raise SceneError(
+            f'{path}: "{group}" lies inside the mesh, where a pressure has no side; expected a free surface'
+        )
+    return pressure_load(context.space, context.surface(group, path), 1.0)
 
 
 def pressure_load(space: DisplacementSpace, surface: Surface, pressure: float) -> tuple[np.ndarray, np.ndarray]:

@@ -20,6 +20,7 @@ _HALVINGS = 12
 # Residual forces over those that cancel: as of a direct solve, and where no correction makes them smaller.
 _EXACT, _AS_EXACT = 1e-15, 1e-14
 _CORRECTIONS, _VECTORS, _DIGITS = 4, 30, 1e-6  # of a solution by other factors: how many, their steps, and their error
+_BEFORE = 6  # solutions for earlier tangents that a new one is sought among first
 _FLOATING = 1e11  # internal forces over the load beyond which they are rounding of huge rigid motions: nothing holds
 
 
@@ -76,8 +77,9 @@ class TangentSolver:
     """Solves with the tangents of one static state after another by few factorisations.
 
     From value to value of a sweep the tangent changes at contact points alone. Then GMRES with the factors of an
-    earlier tangent finds the solution in few steps, to rounding, as residuals show; if not, factors are made anew.
-    (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 1986.)
+    earlier tangent finds the solution in few steps, to rounding, as residuals show; if not, factors are made anew. It
+    starts from that combination of earlier solutions whose residual is smallest. (Saad and Schultz, SIAM J. Sci. Stat.
+    Comput. 7, 1986; Fischer, Comput. Methods Appl. Mech. Eng. 163, 1998.)
 
     Parameters
     ----------
@@ -88,14 +90,19 @@ class TangentSolver:
         self._linear_solver = linear_solver
         self._factor: Factor | None = None
         self._keeps = False
+        self._before: list[np.ndarray] = []
 
     def solve(self, A: sp.csr_array, symmetric: bool, b: np.ndarray) -> np.ndarray:
         """Return A⁻¹b (n,); raises NotConvergedError if A (n, n) is singular."""
-        if self._factor is not None and (u := _by_other_factors(A, b, self._factor)) is not None:
-            return u
-        self._factor = None  # before others take memory
-        self._factor = factorize(A, symmetric, self._linear_solver)
-        return self._factor.solve(b)
+        u = None
+        if self._factor is not None:
+            u = _by_other_factors(A, b, self._factor, _nearest(A, b, self._before))
+        if u is None:
+            self._factor = None  # before others take memory
+            self._factor = factorize(A, symmetric, self._linear_solver)
+            u = self._factor.solve(b)
+        self._before = [*self._before, u][-_BEFORE:]
+        return u
 
     def settle(self, entries: int) -> None:
         """Give factors of the first static state up, and those of large tangents: they would only take memory."""
@@ -177,9 +184,21 @@ def _solve_linear(
     return u
 
 
-def _by_other_factors(A: sp.csr_array, b: np.ndarray, factor: Factor) -> np.ndarray | None:
+def _nearest(A: sp.csr_array, b: np.ndarray, solutions: Sequence[np.ndarray]) -> np.ndarray | None:
+    """Return the combination u (n,) of solutions for other matrices with the smallest |b − Au|; None without any."""
+    if not solutions:
+        return None
+    U = np.column_stack(solutions)
+    u = U @ np.linalg.lstsq(A @ U, b)[0]
+    return np.asarray(u) if np.isfinite(u).all() else None
+
+
+def _by_other_factors(
+    A: sp.csr_array, b: np.ndarray, factor: Factor, start: np.ndarray | None = None
+) -> np.ndarray | None:
     """Return A⁻¹b by GMRES with factors of a matrix near A, as exact as by its own factors; None if it is not."""
-    inverse, u, before = spla.LinearOperator(A.shape, matvec=factor.solve, dtype=float), factor.solve(b), np.inf
+    inverse, before = spla.LinearOperator(A.shape, matvec=factor.solve, dtype=float), np.inf
+    u = factor.solve(b) if start is None else start
     sizes = _absolute(A)
     for _ in range(_CORRECTIONS):
         rest = b - A @ u
@@ -189,7 +208,8 @@ def _by_other_factors(A: sp.csr_array, b: np.ndarray, factor: Factor) -> np.ndar
         if not off < before:
             return None
         before = off
-        u = u + spla.gmres(A, rest, rtol=_DIGITS, atol=0.0, restart=_VECTORS, maxiter=1, M=inverse)[0]
+        digits = min(max(_DIGITS, _EXACT / off / 2), 0.1)
+        u = u + spla.gmres(A, rest, rtol=digits, atol=0.0, restart=_VECTORS, maxiter=1, M=inverse)[0]
     return None
 
 

@@ -278,6 +278,23 @@ def test_static_states_of_a_sweep_share_factors(monkeypatch):
     assert len(made) <= 4
 
 
+def test_a_solution_is_sought_among_earlier_ones_first():
+    """For matrices A + tB the solutions at three values leave t³ of what is sought; copies of one are no harm."""
+    rng = np.random.default_rng(5)
+    A, B, b = 5 * np.eye(8) + 0.3 * rng.standard_normal((8, 8)), rng.standard_normal((8, 8)), rng.standard_normal(8)
+    assert static_contact._nearest(sp.csr_array(A), b, []) is None
+
+    def off(t):
+        near = sp.csr_array(A + t * B)
+        before = [np.linalg.solve(A + k * t * B, b) for k in (1, 2, 3)]
+        u = static_contact._nearest(near * 2.0, b, [*before, before[0], before[0].copy()])
+        there = static_contact._nearest(sp.csr_array(A), b, [*before, before[0]])
+        np.testing.assert_allclose(u, before[0] / 2, rtol=0, atol=1e-12)  # one of them, to a factor
+        return np.abs(A @ there - b).max()
+
+    assert off(0.01) < 1e-2 * off(0.1) < 1e-3
+
+
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e9])
 def test_factors_of_another_state_hide_no_loose_body(scale):
     """Two masses that the contact alone held: without it no solution exists, and what comes out, if anything, has
