@@ -1,14 +1,11 @@
 """A running sweep: modes of the last value, branches, onsets and warnings so far.
 
-This file is longer than others, since every step reads and changes the same state, which is stored and restored as a
-whole.
+Every step reads and changes the same state, which is stored and restored as a whole.
 """
 
 from __future__ import annotations
 
 import itertools
-import time
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,35 +13,24 @@ import numpy as np
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..eigen.request import Completeness, Request, wanted_count
-from ..eigen.solve import prove_completeness, solve_modes
-from ..eigen.threads import one_openblas_thread
-from ..errors import NotConvergedError, SceneError, TooLargeError
-from ..problem.description import Describer, Description
+from ..errors import NotConvergedError
 from ..problem.problem import Problem
-from ..problem.sensitivity import sensitivities
-from ..reduced import ReducedModel
 from .balance import Census, entered, is_newcomer, unbalanced
-from .counting import count_apart
+from .clock import Clock
 from .doubts import without_narrow_windows
-from .forecast import is_reduced
 from .onset import Onset
 from .onsets import Found, find_step_onsets, two_mode_value, windows
-from .point import LiftedShapes, SweepPoint
+from .point import SweepPoint
 from .result import Sweep
 from .scale import Scale
-from .state import Record, Store, SweepState, lifted
+from .solving import CHECKED, ValueSolver
+from .state import Store, SweepState, lifted
 from .told import Told
 from .tracking import match_modes, mirror_partners
-from .warnings import rounding_warnings, tie_warnings
 
 _INSIDE = 0.95  # of the highest frequency reported: an onset below this is reported whatever its branches are
-# Equal parts of the sweep: a reduced model meets the tolerance at least at the ends of these, and modes are followed
-# from one to the next, however few values were asked for. Fewer parts save little: where many modes meet in a step, it
-# is halved again and again, and what was found on the longer steps was in vain.
-_CHECKED = 8
 _BESIDE = 1 / 8  # of a step: a critical value of the sweep itself is passed from so far before it to so far behind it
 _EDGES = 1e-4, 1e-2, _BESIDE  # of a step: so near to the ends of a sweep that are critical modes are followed, if known
-_EQUAL = 1e-9  # of |λ|: two eigenvalues that are closer may be those of equal parts of a brake
 _REFINEMENTS = 4  # halvings of a step, at most, while it is not clear which mode continues which
 
 
@@ -69,14 +55,11 @@ class RunningSweep:
         linear_solver: LinearSolver | str = "auto",
     ) -> None:  # fmt: skip
         self.problem, self.parameter, self.request = problem, parameter, request
-        self._values, self._steps, self._precise, self._linear_solver = values, len(values) - 1, precise, linear_solver
-        self._scale = Scale.of(values)
-        self._guarded = _with_guard(request) if self._steps else request
+        self._values, self._precise, self._scale = values, precise, Scale.of(values)
+        self._clock, self.told = Clock(), Told(parameter)
+        self._solver = ValueSolver(problem, parameter, request, values, linear_solver, self._clock, self.told)
         self.points: list[SweepPoint] = []
         self.onsets: list[Onset] = []
-        stages = ("reduction", "eigenvalues", "tracking", "onsets", "completeness", "descriptors")
-        self.seconds = dict.fromkeys(stages, 0.0)
-        self.told = Told(parameter)
         self.window = 0.0  # every window of instability wider than this was found
         self.completeness = Completeness(0, None, False)
         self._first: Modes | None = None
@@ -85,73 +68,29 @@ class RunningSweep:
         self._first_branches = np.zeros(0, int)
         self._next_branch = 1
         self._start = self._value = np.nan
-        self._M = problem.mass  # shapes are compared by this mass at all values, even if the sweep changes mass
-        self._reduced_model: ReducedModel | None = None
-        self._describer: Describer | None = None
-        self._described: np.ndarray | None = None  # the basis in whose coordinates the describer takes shapes
-        self._tracked = problem  # modes are given in coordinates of this one: the problem, or that of the reduced model
 
     def reduce(self, values: np.ndarray, method: str, store: Store | None, known: SweepState | None) -> None:
-        """Make the reduced model if the method uses one, or take the one that `store` has.
-
-        Parameters
-        ----------
-        values : (m,) float
-            The values of the sweep that are to be solved.
-        method : "auto", "direct", "reduced" or "modal"
-        store : Store, optional
-            Where the reduced model is kept.
-        known : SweepState, optional
-            The state that the sweep resumes from.
-        """
-        if not is_reduced(self.problem, self.parameter, len(values), method) or (known and not known.reduced):
-            return
-        clock = time.perf_counter()
-        stored = None if store is None else store.load_model()
-        # The reduced model has to be accurate between the values too, where steps are halved and onsets are found.
-        values = self._scale.filled(values, _CHECKED)
-        try:
-            with one_openblas_thread():
-                if stored is not None:
-                    model = ReducedModel.restored(
-                        self.problem, self.parameter, values, self._guarded, *stored, self._linear_solver
-                    )
-                else:
-                    modal, swinging = method == "modal", method == "auto"
-                    model = ReducedModel(
-                        self.problem, self.parameter, values, self._guarded, modal, self._linear_solver, swinging
-                    )
-        except (NotConvergedError, SceneError) as error:  # a scene may have no static state at one of the values
-            if method != "auto":
-                raise
-            self.told.add(f"solved directly at every value: {error}")
-            self._spend("reduction", clock)
-            return
-        self._reduced_model, self._tracked = model, model.projected
-        self._M = self._tracked.mass
-        if method == "modal":
-            self.told.add(
-                f"modal projection: an eigenvalue may be off by {100 * model.worst:.2g} % of |λ|, as estimated"
-            )
-        self._spend("reduction", clock)
-        if store is not None and stored is None:
-            store.save_model(Record(*model.stored()))
+        """Make the reduced model if the method uses one, see `ValueSolver.reduce`; `known` is resumed from."""
+        if known is None or known.reduced:
+            self._solver.reduce(values, method, store)
 
     def state(self) -> SweepState:
         """Return what is needed to resume the sweep after its last value."""
         assert self._first is not None and self._previous is not None
         return SweepState(
-            tuple(self.points), tuple(self.onsets), tuple(self.told.warnings), self.completeness, dict(self.seconds),
-            self._first, self._previous, self._first_branches, self._branches, self._next_branch, self._start,
-            self._value, self._reduced_model is not None, self.window, tuple(self.told.unsettled),
+            tuple(self.points), tuple(self.onsets), tuple(self.told.warnings), self.completeness,
+            dict(self._clock.seconds), self._first, self._previous, self._first_branches, self._branches,
+            self._next_branch, self._start, self._value, self._solver.model is not None, self.window,
+            tuple(self.told.unsettled),
         )  # fmt: skip
 
     def restore(self, state: SweepState) -> None:
         """Take over a state, to continue after its last value."""
-        V = None if self._reduced_model is None else self._reduced_model.basis.V
+        V = self._solver.basis
         self.points = [point if V is None else lifted(point, V) for point in state.points]
-        self.onsets, self.told = list(state.onsets), Told(self.parameter, state.warnings, state.unsettled)
-        self.completeness, self.seconds = state.completeness, dict(state.seconds)
+        self.onsets, self.completeness = list(state.onsets), state.completeness
+        self.told = self._solver.told = Told(self.parameter, state.warnings, state.unsettled)
+        self._clock.seconds = dict(state.seconds)
         self._first, self._previous = state.first, state.previous
         self._first_branches, self._branches = state.first_branches, state.branches
         self._next_branch, self._start, self._value = state.next_branch, state.start, state.value
@@ -173,45 +112,9 @@ class RunningSweep:
         last = self.points[-1].value if self.points else value
         for middle, pair in windows(self.onsets, last, value):
             self.points.append(self._window(middle, pair))
-        self.points.append(self._point(value, modes, branches, keep_all))
+        self.points.append(self._solver.point(value, modes, branches, keep_all))
         if all(is_newcomer(t) for t in self.told.unsettled):  # else an onset that was not refined may be its own
             self.told.of_onsets(*entered(self.parameter, self.points, self.onsets))
-
-    def _point(self, value: float, modes: Modes, branches: np.ndarray, keep_all: bool) -> SweepPoint:
-        wanted = wanted_count(modes, self.request)
-        growing = np.flatnonzero(modes.stability == "unstable")
-        above, growing = modes.lam[growing[growing >= wanted]], growing[growing < wanted]
-        shapes: Mapping[int, np.ndarray] = {
-            int(i): modes.right[:, i].copy() for i in (range(wanted) if keep_all else growing)
-        }
-        here = self._tracked.at({self.parameter: value})
-        found = sensitivities(here, modes, growing) if len(growing) else {}
-        moves = {
-            int(i): {path: (here.value(path), complex(d[k])) for path, d in found.items()}
-            for k, i in enumerate(growing)
-        }
-        reported = modes.select(np.arange(wanted)).without_shapes()
-        pressed = self.problem.at({self.parameter: value}).state
-        if self._reduced_model is not None:
-            shapes = LiftedShapes(shapes, self._reduced_model.basis.V)
-        description = self._describe(here, modes.right[:, :wanted])
-        return SweepPoint(
-            value, reported, branches[:wanted], shapes, moves, pressed, above=tuple(complex(lam) for lam in above),
-            description=description,
-        )  # fmt: skip
-
-    def _describe(self, here: Problem, shapes: np.ndarray) -> Description:
-        """Return what modes look like, from their shapes (n, k); empty if the problem has no describer."""
-        if self.problem.describer is None:
-            return {}
-        clock = time.perf_counter()
-        V = None if self._reduced_model is None else self._reduced_model.basis.V
-        if self._describer is None or self._described is not V:
-            self._describer = self.problem.describer if V is None else self.problem.describer.on(V)
-            self._described = V
-        description = self._describer.describe(here.terms, here.parameters, shapes)
-        self._spend("descriptors", clock)
-        return description
 
     def _window(self, middle: float, pair: tuple[Onset, Onset]) -> SweepPoint:
         """Return the point in the middle of a window of instability between two values of the sweep."""
@@ -229,12 +132,12 @@ class RunningSweep:
                 there = np.flatnonzero(branches == name)  # the mode that likeness takes for this branch, if any
                 branches[there] = branches[position]
                 branches[position] = name
-        return replace(self._point(middle, modes, branches, keep_all=False), between=True)
+        return replace(self._solver.point(middle, modes, branches, keep_all=False), between=True)
 
     def _known(self, modes: Modes) -> np.ndarray:
         """Return the branches that modes belong to, by their likeness to the modes of the last value; 0: to none."""
         assert self._previous is not None
-        origin = match_modes(self._previous, modes, self._M).origin
+        origin = match_modes(self._previous, modes, self._solver.mass).origin
         return np.array([self._branches[i] if i >= 0 else 0 for i in origin], dtype=int)
 
     def _named(self, branches: np.ndarray) -> np.ndarray:
@@ -246,46 +149,16 @@ class RunningSweep:
         return named
 
     def _solve(self, value: float) -> Modes:
-        clock = time.perf_counter()
-        if self._reduced_model is not None:
-            modes = self._reduced_model.modes(value)
-        else:
-            band = None if self._previous is None else float(self._previous.lam.imag.max(initial=0.0)) or None
-            try:
-                pencil = self.problem.pencil({self.parameter: value})
-                modes = solve_modes(pencil, self._guarded, band, self._linear_solver)
-            except TooLargeError as error:
-                if not self._steps or not self.problem.is_affine(self.parameter):
-                    raise
-                raise TooLargeError(f'{error}, or solve.method = "reduced"') from error
-        self._spend("eigenvalues", clock)
-        return _without_cut(modes, wanted_count(modes, self.request))
+        band = None if self._previous is None else float(self._previous.lam.imag.max(initial=0.0)) or None
+        return self._solver.modes(value, band)
 
     def _begin(self, value: float, modes: Modes) -> None:
-        clock = time.perf_counter()
-        # A reduced model has the terms summed up already.
-        summed = self.problem if self._reduced_model is None else self._reduced_model.basis.problem
-        c = prove_completeness(summed.pencil({self.parameter: value}), modes, self._linear_solver)
-        if c.expected is None and self._reduced_model is None:
-            here = self.problem.at({self.parameter: value})
-            c = replace(c, expected=count_apart(here, modes, self._guarded, self._linear_solver))
-        elif c.expected is None and self._reduced_model is not None:
-            counted = self._reduced_model.counted()
-            if counted is False:
-                raise NotConvergedError("the reduced model lacks modes that the inertia without friction counts", modes)
-            c = replace(c, expected=c.found if counted else None)
-        c = c.without(len(modes) - wanted_count(modes, self.request))
-        if c.expected is not None and c.found != c.expected:
-            raise NotConvergedError(f"{c.found} modes found where the inertia counts {c.expected}", modes)
-        wanted = modes.select(np.arange(wanted_count(modes, self.request)))
-        self.told.add(*rounding_warnings(wanted))
-        if any(t.penalty for t in self._tracked.terms):
-            self.told.add(*tie_warnings(self._tracked.at({self.parameter: value}), wanted))
-        self.completeness, self._start, self._first = c, value, modes
+        clock = self._clock.now()
+        self.completeness, self._start, self._first = self._solver.prove(value, modes), value, modes
         self._branches = self._first_branches = np.arange(1, len(modes) + 1)
         self._next_branch = len(modes) + 1
         self._value, self._previous = value, modes
-        self._spend("completeness", clock)
+        self._clock.spend("completeness", clock)
 
     def _leave(self, value: float, modes: Modes) -> None:
         """Follow modes from a value beside the first one, if some have λ = 0 at the first value alone and grow there.
@@ -293,7 +166,7 @@ class RunningSweep:
         Those that swing beside it can be followed from the first value itself, as of a spring whose stiffness begins at
         zero.
         """
-        if not self._steps or not _at_rest(modes):
+        if len(self._values) == 1 or not _at_rest(modes):
             return
         free = self.problem.at({self.parameter: self._beside(value, float(self._values[1]))}).free_motions().motions
         if free.shape[1] >= _at_rest(modes):
@@ -346,9 +219,9 @@ class RunningSweep:
     def _follow_within(self, value: float, modes: Modes) -> None:
         """Follow the modes of a reduced model over the values on the way to the next one at which it was checked."""
         assert self._previous is not None
-        if self._reduced_model is None:
+        if self._solver.model is None:
             return
-        for between in self._scale.filled(self._values, _CHECKED).tolist():
+        for between in self._scale.filled(self._values, CHECKED).tolist():
             if self._value < between < value:
                 found = self._solve(between)
                 if _at_rest(found) <= max(_at_rest(self._previous), _at_rest(modes)):
@@ -361,15 +234,15 @@ class RunningSweep:
         how often it still may be.
         """
         assert self._previous is not None
-        clock = time.perf_counter()
-        match = match_modes(self._previous, modes, self._M)
-        clock = self._spend("tracking", clock)
+        clock = self._clock.now()
+        match = match_modes(self._previous, modes, self._solver.mass)
+        clock = self._clock.spend("tracking", clock)
         doubtful = bool(match.doubtful[: wanted_count(modes, self.request)].any())
         if not (doubtful and refinements):
             names = itertools.count(self._next_branch)
             branches = np.array([self._branches[i] if i >= 0 else next(names) for i in match.origin], dtype=int)
             found = self._find_onsets(value, modes, branches, refinements > 0)
-            clock = self._spend("onsets", clock)
+            clock = self._clock.spend("onsets", clock)
             if not ((found.warnings or found.missing) and refinements):
                 if found.missing:
                     raise NotConvergedError(found.missing[0])
@@ -403,7 +276,7 @@ class RunningSweep:
         """Return the result so far."""
         return Sweep(
             self.problem, self.parameter, tuple(self.points), tuple(sorted(self.onsets, key=lambda o: o.value)),
-            self.completeness, dict(self.seconds), tuple(self.told.warnings), self._reduced_model, self.window,
+            self.completeness, dict(self._clock.seconds), tuple(self.told.warnings), self._solver.model, self.window,
             tuple(self.told.unsettled),
         )  # fmt: skip
 
@@ -419,8 +292,8 @@ class RunningSweep:
         below = max(limit, _reach(self._previous, known), _reach(modes, wanted))
         found = find_step_onsets(
             self.problem, name, (self._value, value), (self._previous, modes), (self._branches, branches), below,
-            self._reduced_model, self._precise, self._linear_solver, self._scale,
-            self._value == self._start, halved, _limit(self._guarded), self.request.tolerance,
+            self._solver.model, self._precise, self._solver.linear_solver, self._scale,
+            self._value == self._start, halved, _limit(self._solver.guarded), self.request.tolerance,
         )  # fmt: skip
         # The branches of an onset are found by shape and may be wrong. Inside the range it is reported in any case; the
         # end of the range moves where a number of modes is asked for.
@@ -436,7 +309,8 @@ class RunningSweep:
                 continue
             at = [np.flatnonzero(self._first_branches == b) for b in (onset.branch_a, onset.branch_b)]
             if all(len(i) for i in at) and not self.problem.is_damped:
-                predicted = two_mode_value(self._tracked, name, self._start, self._first, int(at[0][0]), int(at[1][0]))
+                a, b = (int(i[0]) for i in at)
+                predicted = two_mode_value(self._solver.tracked, name, self._start, self._first, a, b)
                 onset = replace(onset, two_mode_value=predicted)
             onsets.append(onset)
         before, now = (
@@ -449,12 +323,6 @@ class RunningSweep:
         if imbalance and not found.warnings:
             found.tell(imbalance, name, halved)
         return replace(found, onsets=onsets)
-
-    def _spend(self, stage: str, since: float) -> float:
-        now = time.perf_counter()
-        self.seconds[stage] += now - since
-        return now
-
 
 def _at_rest(modes: Modes) -> int:
     """Return how many modes have λ = 0: free motions, and those at the edge of divergence."""
@@ -475,25 +343,3 @@ def _reach(modes: Modes, wanted: int) -> float:
 def _limit(request: Request) -> float:
     """Return the frequency up to which modes are asked for, rad/s; 0 where a number of them is."""
     return 2 * np.pi * (request.max_frequency_hz or 0.0)
-
-
-def _without_cut(modes: Modes, wanted: int) -> Modes:
-    """Return modes without the last one, and those equal to it, beyond the `wanted` ones, if there are equal ones.
-
-    Where modes are multiple, as of equal pads, the last may be some of a set alone. A step model with these would not
-    treat all pads alike, and tell their modes apart.
-    """
-    size, lam = np.abs(modes.lam), modes.lam
-    equal = np.abs(np.diff(lam)) <= _EQUAL * size[1:]
-    if not equal.any():
-        return modes
-    last = np.minimum(np.abs(lam - lam[-1]), np.abs(lam + lam[-1].conj())) <= _EQUAL * size[-1]
-    return modes.select(np.flatnonzero(~last | (np.arange(len(lam)) < wanted)))
-
-
-def _with_guard(request: Request) -> Request:
-    """Return a request for some more modes, so that a mode is followed already when it enters the range asked for."""
-    if request.max_frequency_hz is not None:
-        return replace(request, max_frequency_hz=1.1 * request.max_frequency_hz)
-    assert request.count is not None
-    return replace(request, count=request.count + max(4, request.count // 5))

@@ -10,7 +10,7 @@ from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.errors import NotConvergedError
-from fe_squeal.sweep import running
+from fe_squeal.sweep import solving
 from fe_squeal.sweep.counting import count_apart
 
 MU = 0.4
@@ -37,7 +37,7 @@ def test_a_mode_that_the_solver_misses_is_an_error(monkeypatch, effects, lost):
         modes = solve_modes(pencil, *how)
         return modes.select(np.delete(np.arange(len(modes)), lost))
 
-    monkeypatch.setattr(running, "solve_modes", careless)
+    monkeypatch.setattr(solving, "solve_modes", careless)
     with pytest.raises(NotConvergedError, match=f"{MODES - 1} modes found where .* counts {MODES}"):
         sweep(chain(*effects, n=LARGE), [MU], modes=MODES, method="direct")
 

@@ -22,7 +22,7 @@ from fe_squeal.reduced import ReducedModel
 from fe_squeal.reduced.basis import ReducedBasis
 from fe_squeal.reduced.missing import holds_all
 from fe_squeal.reduced.vectors import unit_columns
-from fe_squeal.sweep import running
+from fe_squeal.sweep import solving
 
 VALUES = np.linspace(0.0, 0.9, 7)
 
@@ -251,14 +251,14 @@ def test_threads_and_seeds_do_not_matter(monkeypatch):
 def test_a_mode_that_vanishes_inside_the_range_is_an_error(monkeypatch):
     """What a solver returns without a mode that was there before; what came before is kept."""
     problem = chain()
-    solve = running.solve_modes
+    solve = solving.solve_modes
 
     def careless(pencil, *how):
         modes = solve(pencil, *how)
         return modes.select(np.delete(np.arange(len(modes)), 4)) if len(calls) > 3 else modes
 
     calls: list[float] = []
-    monkeypatch.setattr(running, "solve_modes", lambda *a: (calls.append(0.0), careless(*a))[1])
+    monkeypatch.setattr(solving, "solve_modes", lambda *a: (calls.append(0.0), careless(*a))[1])
     with pytest.raises(NotConvergedError, match="missing between") as caught:
         sweep(problem, VALUES, modes=MODES, method="direct")
     assert len(caught.value.partial.points) >= 2

@@ -15,7 +15,7 @@ from scene_texts import TABLES_AND_FIGURES, environment, read_rows, replaced, wr
 
 from fe_squeal.cli import main
 from fe_squeal.errors import NotConvergedError
-from fe_squeal.sweep import running
+from fe_squeal.sweep import solving
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def fail_at(call: int, error: Callable[[], BaseException], monkeypatch: pytest.MonkeyPatch) -> None:
     """Make the eigen-solver raise at its nth call."""
-    solve, calls = running.solve_modes, []
+    solve, calls = solving.solve_modes, []
 
     def failing(*arguments: Any) -> Any:
         calls.append(1)
@@ -36,7 +36,7 @@ def fail_at(call: int, error: Callable[[], BaseException], monkeypatch: pytest.M
             raise error()
         return solve(*arguments)
 
-    monkeypatch.setattr(running, "solve_modes", failing)
+    monkeypatch.setattr(solving, "solve_modes", failing)
 
 
 def kept(folder: Path) -> tuple[str, list[float], list[float]]:
