@@ -45,7 +45,7 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
     group = np.minimum(amplified, worst) if samples.cluster.m > 1 else error
     hidden, shifts = samples.finest, _SAFE * _shifts(samples)
     found: list[tuple[int, int, Change]] = []
-    unstable = growth > blur
+    unstable = (growth > blur) & _in_the_law(samples)
     for end, at in ((0, 0), (1, -1)):
         node, s = samples.cluster.ends[end], samples.cluster.members[end]
         near = np.abs(node.v[s][:, None] - samples.v[at][None, :]).argmin(axis=0)
@@ -76,8 +76,17 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
     crossed = np.zeros(len(t) - 1, int)
     for at_sample, _, change in found:
         crossed[at_sample] += change.gains
-    partings = [] if samples.theta else _partings(samples, growth, blur, crossed)
+    paired = not (samples.theta or samples.cluster.ends[0].is_complex)
+    partings = _partings(samples, growth, blur, crossed) if paired else []
     return [*(c for _, _, c in found), *partings], hidden
+
+
+def _in_the_law(samples: Samples) -> np.ndarray:
+    """Return (s, m) bool, whether an eigenvalue oscillates, of which alone complex stiffness says something."""
+    if not samples.cluster.ends[0].is_complex:
+        return np.ones(samples.v.shape, bool)
+    lam = np.sqrt(-samples.v + 0j) if samples.theta else samples.v
+    return np.asarray(np.abs(lam.real) < np.abs(lam.imag))
 
 
 def _is_mirror_image(samples: Samples, unstable: np.ndarray, k: int, there: int, b: int) -> bool:

@@ -130,6 +130,11 @@ class Node:
     def __len__(self) -> int:
         return len(self.v)
 
+    @property
+    def is_complex(self) -> bool:
+        """Whether a matrix is complex, as of losses that hold at each mode's own frequency."""
+        return np.iscomplexobj(self.K)
+
     def noise_of_copies(self, width: float, apart: float) -> float:
         """Return by how much, relatively, slopes part eigenvalues of copies over a width of the parameter.
 

@@ -267,14 +267,18 @@ def _tell_open(found: Found, group: Open, parameter: str, below: float, halved: 
     """Add a sentence to `found.missing` if modes of a group have no counterpart at the other value, inside the range.
 
     Modes that decay without swinging need not be known: free motions that friction alone damps, for instance, are not
-    among the modes without friction. If such modes are the reason and the step is not `halved`, or if the numbers of
-    unstable modes of the group differ, a warning is added.
+    among the modes without friction. Where they begin to grow they are known. If such modes are the reason and the step
+    is not `halved`, or if the numbers of unstable modes of the group differ, a warning is added.
     """
     (a, b), (s0, s1) = group.nodes, group.members
     more, lam, other = (a, a.lam[s0], b.lam[s1]) if len(s0) > len(s1) else (b, b.lam[s1], a.lam[s0])
     rim = _RIM * max(known, min(float(np.abs(n.lam).max(initial=0.0)) for n in group.nodes))
     inside = (lam.imag > 0) & (-lam.real < lam.imag) & (np.abs(lam) < rim) & (lam.imag <= below)
-    still, also = (int(np.count_nonzero(-x.real >= np.maximum(np.abs(x.imag), x.real))) for x in (lam, other))
+    # Without velocity-dependent forces a mode that grows without swinging has one that decays beside it.
+    sure = -lam.real, -other.real
+    if a.C is not None:
+        sure = np.abs(lam.real), np.abs(other.real)
+    still, also = (int(np.count_nonzero(s >= np.abs(x.imag))) for s, x in zip(sure, (lam, other), strict=True))
     lacking = len(lam) - len(other)
     explained = 0 if halved else max(still - also, 0)
     if inside.sum() >= lacking > 0:
@@ -286,8 +290,8 @@ def _tell_open(found: Found, group: Open, parameter: str, below: float, halved: 
             )
         else:
             found.warnings.append(
-                f"onsets near {at} between {parameter} = {a.value:g} and {b.value:g} are not found: modes that decay"
-                f" without swinging are there at {more.value:g} alone"
+                f"onsets near {at} between {parameter} = {a.value:g} and {b.value:g} are not found: modes that do not"
+                f" swing are known at {more.value:g} alone"
             )
     growing = [(n, s[n.unstable[s]]) for n, s in zip(group.nodes, group.members, strict=True)]
     for node, s in growing:

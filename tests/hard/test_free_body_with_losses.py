@@ -1,19 +1,23 @@
 """A free body with its own dashpots beside a body with loss factors: what decays far away must not pass for near.
 
 The free motion decays with ν = −α, far from every shift. It is known beforehand, and says nothing about how far around
-the shift a search has come.
+the shift a search has come. Nor do loss factors say anything of a motion that grows without swinging.
 """
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
+from dense import all_eigenvalues
 
+import fe_squeal
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import solve_modes
+from meshes import box, join, make_problem
 
 FREE, HELD, ALPHA, LIMIT = 20, DENSE_LIMIT, 50.0, 0.3
 
@@ -41,3 +45,37 @@ def test_the_decay_of_a_free_body_does_not_hide_the_band():
     np.testing.assert_allclose(np.sort(found.imag), np.sort(expected.imag), rtol=1e-9)
     assert np.count_nonzero(modes.stability == "unstable") == np.count_nonzero(expected.real > 0) == 1
     assert np.count_nonzero(modes.lam == 0) == 1
+
+
+def creeping_pad():
+    """A pad that contact alone holds, and that falling friction drives: three of its motions creep or grow."""
+    pad = box("hex1", (1, 1, 1), (0.06, 0.04, 0.002), name="pad")
+    belt = box("hex1", (2, 1, 1), (0.1, 0.06, 0.02), (-0.02, -0.01, -0.02), name="belt")
+    soft = {"youngs_modulus": 1e8, "poisson_ratio": 0.0, "density": 3000.0, "loss_factor": 1e-4}
+    effects = {"friction": {"mu": 0.0}, "friction_damping": {"contact_pressure": 1e6}, "structural_damping": {},
+               "falling_friction": {"slope": -1.0, "contact_pressure": 1e6}}  # fmt: skip
+    return make_problem(
+        join(pad, belt), order=1, materials={"soft": soft},
+        bodies={"pad": {"material": "soft"}, "belt": {"material": "soft"}}, effects=effects,
+        supports=[{"surface": "bottom_belt", "fixed": "xyz"}],
+        contacts=[{"name": "face", "surface": "bottom_pad", "counterface": "top_belt", "normal_stiffness": 1e7,
+                   "normal_damping": 100.0, "sliding": {"direction": [1, 0, 0], "speed": -1.0}}],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+def test_what_grows_without_swinging_is_no_onset_where_losses_are_complex(method):
+    """Its λ is marginal at the values of a sweep, and so it is between them; beside it one mode begins to flutter."""
+    problem, highest = creeping_pad(), 900.0
+    result = fe_squeal.sweep(problem, [0.4, 0.6], max_frequency=highest, method=method)
+    (onset,) = result.onsets
+    assert not any("not refined" in w for w in result.warnings)
+
+    def growing(mu):
+        pencil = problem.pencil({"mu": mu})
+        lam = all_eigenvalues(pencil.M, pencil.C, pencil.K, 2 * np.pi * highest)
+        return lam[(lam.imag > np.abs(lam.real)) & (lam.imag < 2 * np.pi * highest) & (lam.real > 0)]
+
+    assert len(growing(onset.value - 1e-5)) == 0
+    (lam,) = growing(onset.value + 1e-5)
+    assert lam.imag == pytest.approx(2 * np.pi * onset.frequency_hz, rel=1e-5)
