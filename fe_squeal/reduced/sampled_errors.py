@@ -66,7 +66,7 @@ class SampledErrors(Projection):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
         """Return how far λ may be off by the reduction, backward errors, condition, and how far λ is off by rounding.
 
-        Errors of λ are in rad/s; the condition is relative, in the P-norm, ½ at best. Rounding is that of the problem's
+        Errors of λ are in rad/s; the condition is relative, in the P-norm or that of M, the smaller one, ½ at best. Rounding is that of the problem's
         own entries, as in `fe_squeal.eigen.quality`: the projection has it, too.
 
         Parameters
@@ -86,6 +86,11 @@ class SampledErrors(Projection):
         with np.errstate(divide="ignore", invalid="ignore"):
             error = np.fmin(both / slope, np.sqrt(both / mass))
         lengths = np.linalg.norm(modes.right, axis=0) * np.linalg.norm(modes.left, axis=0)  # in the P-norm
+        # P is the stiffness at the start: what is softer at this value is long in its norm, but not for that ill-
+        # conditioned.
+        masses = [np.einsum("ij,ij->j", x.conj(), y).real for x, y in
+                  ((modes.right, inertia), (modes.left, M @ modes.left))]  # fmt: skip
+        lengths = np.minimum(lengths, size**2 * np.sqrt(np.maximum(masses[0] * masses[1], 0.0)))
         with np.errstate(divide="ignore", invalid="ignore"):
             condition = np.nan_to_num(lengths / (slope * size), nan=np.inf)
         size_at, other = (np.abs(lift(self._sampled_rows, u)) for u in (modes.right, modes.left))

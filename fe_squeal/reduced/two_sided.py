@@ -241,7 +241,9 @@ class _Quadratic:
             scale = 1 / np.maximum(np.abs(slope * lam), np.finfo(float).tiny)
             # Both residuals are to be small, not their product alone: they are added to what lies outside the basis.
             size = np.maximum(np.linalg.norm(rho, axis=0), np.linalg.norm(eta, axis=0))
-            error = size**2 * scale / np.maximum(scale / ILL, 1.0)
+            masses = [np.einsum("ij,ij->j", u.conj(), v).real for u, v in ((x, Mx), (y, lift(self.M, y)))]
+            condition = scale * np.minimum(np.abs(lam) ** 2 * np.sqrt(np.maximum(masses[0] * masses[1], 0.0)), 1.0)
+            error = size**2 * scale / np.maximum(condition / ILL, 1.0)
             before, worst = worst, float(error[:wanted].max(initial=0.0))
             if worst <= enough:
                 known = np.flatnonzero((error <= _NEARLY * enough) | (np.arange(len(lam)) < wanted))

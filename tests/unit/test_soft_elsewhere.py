@@ -62,7 +62,7 @@ def test_a_reduced_model_has_it(coupling: float, stiffness: float, power: int, s
     theta = la.eigvals(pencil.K.toarray(), pencil.M.toarray()).astype(complex)
     lam = 1j * np.sqrt(theta)
     exact = lam[np.argsort(lam.imag, kind="stable")][: len(point.modes)]
-    np.testing.assert_allclose(np.sort(point.modes.lam.imag), np.sort(exact.imag), rtol=1e-6)
+    np.testing.assert_allclose(np.sort(point.modes.lam.imag), np.sort(exact.imag), rtol=1e-8)
     assert np.count_nonzero(point.modes.stability == "unstable") == np.count_nonzero(exact.real > 1e-6) > 0
 
 
@@ -72,4 +72,4 @@ def test_a_damped_reduced_model_has_it() -> None:
     found = [
         sweep(problem, np.linspace(0, 1, 5), modes=MODES, method=m).points[-1].modes.lam for m in ("direct", "reduced")
     ]
-    np.testing.assert_allclose(found[1], found[0], rtol=1e-6)
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-8)
