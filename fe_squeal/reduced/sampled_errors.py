@@ -66,8 +66,8 @@ class SampledErrors(Projection):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
         """Return how far λ may be off by the reduction, backward errors, condition, and how far λ is off by rounding.
 
-        Errors of λ are in rad/s; the condition is relative, in the P-norm or that of M, the smaller one, ½ at best. Rounding is that of the problem's
-        own entries, as in `fe_squeal.eigen.quality`: the projection has it, too.
+        Errors of λ are in rad/s. The condition is relative, in the P-norm or that of M, the smaller one: ½ at best.
+        Rounding is that of the problem's own entries, as in `fe_squeal.eigen.quality`: the projection has it, too.
 
         Parameters
         ----------
