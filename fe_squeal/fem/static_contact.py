@@ -189,7 +189,7 @@ def _nearest(A: sp.csr_array, b: np.ndarray, solutions: Sequence[np.ndarray]) ->
     if not solutions:
         return None
     U = np.column_stack(solutions)
-    u = U @ np.linalg.lstsq(A @ U, b)[0]
+    u = U @ np.linalg.lstsq(A @ U, b, rcond=None)[0]
     return np.asarray(u) if np.isfinite(u).all() else None
 
 

@@ -212,7 +212,7 @@ class Step:
         for p in self.ends:
             here = self.full.at({self.parameter: p})
             known = here.free_motions().motions  # KZ = 0 holds for these by what the problem is made of
-            inside = known @ np.linalg.lstsq(known, Z)[0]
+            inside = known @ np.linalg.lstsq(known, Z, rcond=None)[0]
             if np.linalg.norm(Z - inside) <= _KNOWN * np.linalg.norm(Z):
                 Z = inside
                 continue
