@@ -245,7 +245,7 @@ def _identity(path: Path) -> tuple[int, int] | None:
     """Return device and inode of a file, which are the same under all of its names; None if there is no file."""
     try:
         found = path.stat()
-    except OSError:
+    except (OSError, ValueError):  # a name with a zero byte is no name of a file
         return None
     return found.st_dev, found.st_ino
 
