@@ -101,7 +101,8 @@ class TangentSolver:
             self._factor = None  # before others take memory
             self._factor = factorize(A, symmetric, self._linear_solver)
             u = self._factor.solve(b)
-        self._before = [*self._before, u][-_BEFORE:]
+        if np.isfinite(u).all():  # else the tangent is singular, which the caller tells
+            self._before = [*self._before, u][-_BEFORE:]
         return u
 
     def settle(self, entries: int) -> None:
