@@ -295,6 +295,18 @@ def test_a_solution_is_sought_among_earlier_ones_first():
     assert off(0.01) < 1e-2 * off(0.1) < 1e-3
 
 
+def test_a_singular_tangent_spoils_no_later_solution(monkeypatch):
+    """Its solution is not finite, and later ones are not sought among such."""
+    tangents, b, held = static_contact.TangentSolver(), np.ones(2), sp.csr_array(np.diag([2.0, 4.0]))
+    with monkeypatch.context() as patched:
+        spoilt = type("Spoilt", (), {"solve": staticmethod(lambda b: np.full_like(b, np.inf))})
+        patched.setattr(static_contact, "factorize", lambda *_: spoilt)
+        assert not np.isfinite(tangents.solve(held, True, b)).any()
+    tangents.settle(2)  # gives the factors up
+    for factor in (1.0, 2.0):
+        np.testing.assert_allclose(tangents.solve(factor * held, True, b), np.array([0.5, 0.25]) / factor, rtol=1e-13)
+
+
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e9])
 def test_factors_of_another_state_hide_no_loose_body(scale):
     """Two masses that the contact alone held: without it no solution exists, and what comes out, if anything, has
