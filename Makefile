@@ -1,4 +1,4 @@
-# make run: the main job; make test: linters, types and the fast tests, in five minutes; make test-all: the other tests.
+# make run: the main job; make test: linters and the fast tests, in five minutes; make test-all: types and the other tests.
 # All make .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
@@ -6,7 +6,7 @@ BIN := .venv/bin
 # compile all that it imports again, in 4 s, where this variable is set, as in images of containers.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run run-mpi test test-mpi types fast test-all test-again test-lowest clean
+.PHONY: run run-mpi test test-mpi types slow test-all test-again test-lowest clean
 
 run: .venv/installed
 	$(BIN)/fe-squeal run examples/disc_pad.toml -o results/disc_pad
@@ -19,18 +19,18 @@ PYTEST_OPTIONS := -n 2 --dist worksteal --durations=20
 # What shows the mathematics: closed forms, rates, invariants, onsets, doublets, exceptional points.
 test: .venv/installed-test
 	$(BIN)/ruff check .
-	@$(MAKE) --no-print-directory -j2 types fast
+	$(BIN)/lint-imports --no-logo
+	$(BIN)/pytest $(PYTEST_OPTIONS) -m "not slow"
 
 types: .venv/installed-test
 	$(BIN)/mypy
-	$(BIN)/lint-imports --no-logo
 
-fast: .venv/installed-test
-	$(BIN)/pytest $(PYTEST_OPTIONS) -m "not slow"
+slow: .venv/installed-test
+	$(BIN)/pytest $(PYTEST_OPTIONS) -m slow tests
 
 # What takes its time besides: fuzzing, kills, full discs, processes, smallest rungs of the benchmarks, further parameters.
 test-all: test
-	$(BIN)/pytest $(PYTEST_OPTIONS) -m slow tests
+	@$(MAKE) --no-print-directory -j2 types slow
 
 # Hard cases, closed forms and rates N times in each setting that must not change a verdict (threads, kernels of the BLAS,
 # solver, start vectors, numbers of nodes, random examples): hours. More in: python tests/again.py --help

@@ -10,6 +10,7 @@ import pytest
 import scipy.sparse as sp
 from dense import all_eigenvalues
 from matrix_scenes import SUFFIXES, assert_near, run, sweep_text, upper, write_scene
+from selection import some
 
 from fe_squeal.cli import main
 from lumped import Minimal, NineDof, TwoMass
@@ -161,8 +162,8 @@ def test_campbell_diagram(tmp_path, n):
         assert np.abs(point.modes.lam.real).max() < 1e-11 and (point.modes.stability == "marginal").all()
 
 
-@pytest.mark.parametrize(("n", "rel"), [(1, 5e-8), (210, 5e-8)])
-def test_rotating_shaft(tmp_path, n, rel):
+@pytest.mark.parametrize("n", some([1, 210], lambda n: n == 1))
+def test_rotating_shaft(tmp_path, n):
     """In the rotating frame a shaft of stiffnesses k and 1.3k diverges between √k and √(1.3k), and not above."""
     eye = sp.eye_array(2 * n)
     terms = [("mass", eye), ("stiffness", sp.kron(path_matrix(n, 1.0), np.diag([1, 1.3]))),
@@ -175,7 +176,7 @@ def test_rotating_shaft(tmp_path, n, rel):
     assert (into.kind, into.direction, out.kind, out.direction) == ("divergence", "into", "divergence", "out of")
     # A double zero: the onsets are bracketed, and tell themselves how closely.
     for onset, exact in ((into, critical), (out, np.sqrt(1.3) * critical)):
-        assert abs(onset.value - exact) <= onset.uncertainty <= rel * critical
+        assert abs(onset.value - exact) <= onset.uncertainty <= 5e-8 * critical
     for point in result.points:
         k = path_values(n, 1.0)[0] - point.value**2, 1.3 * path_values(n, 1.0)[0] - point.value**2
         unstable = point.modes.lam[point.modes.stability == "unstable"]

@@ -271,6 +271,7 @@ def test_wobble_of_a_free_spinning_disc():
     assert slow.sum() >= 4 and lam.real[slow].max() < 1e-2 * speed
 
 
+@pytest.mark.slow
 def test_a_sweep_along_which_the_contact_opens():
     """A block that friction tips on its stop: at each value modes are those of the problem assembled there alone."""
     values = [0.0, 0.45, 0.6, 1.0]  # from e = μh = L/6, at 0.48, on it opens point after point

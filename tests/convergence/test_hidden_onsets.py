@@ -42,10 +42,11 @@ def problems(kind, size, springs, stiffness, mu=0.6, piston=0.3, damping=0.0):
 SIZE, C4 = (0.085, 0.05, 0.02), (0.08442234, 0.04166764, 0.01443174)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("parameter", "values"),
     [("materials.lining.youngs_modulus", np.array([1e9, 2e9, 4e9])),
-     pytest.param("contacts.face.normal_stiffness", np.geomspace(1e8, 1e14, 4), marks=pytest.mark.slow)],
+     ("contacts.face.normal_stiffness", np.geomspace(1e8, 1e14, 4))],
 )  # fmt: skip
 def test_changes_are_those_of_the_refined_mesh_where_modes_change_by_orders(parameter, values):
     coarse, fine = problems("hex2", SIZE, (4e7, 3e7), 1e11)

@@ -156,6 +156,7 @@ def test_every_column_of_the_tables(kind: str, made: Callable[[str], Path], othe
                     page(made(kind))
 
 
+@pytest.mark.slow
 def test_numbers_that_are_texts(made: Callable[[str], Path]) -> None:
     """The page shows what the file holds, so that a text cannot stand for a number; what is left out is said."""
     file = made("run") / "run.json"
@@ -166,7 +167,7 @@ def test_numbers_that_are_texts(made: Callable[[str], Path]) -> None:
 
 @pytest.mark.parametrize(("kind", "table", "column", "cell"), [
     ("run", "modes", "nodal_diameters", "inf"), ("run", "onsets", "branch_a", "inf"),
-    ("run", "onsets", "value", "1e308"), ("map", "boundaries", "frequency_hz", "x"),
+    ("run", "onsets", "value", "1e308"), pytest.param("map", "boundaries", "frequency_hz", "x", marks=pytest.mark.slow),
     ("accuracy", "accuracy", "seconds", "x"),
 ])  # fmt: skip
 def test_cells_that_are_no_such_numbers(

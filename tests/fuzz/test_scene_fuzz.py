@@ -149,6 +149,7 @@ def spoilt(rng: np.random.Generator, number: int) -> bytes:
     return dump(data).encode("utf-8", "surrogatepass")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", BASES)
 def test_scenes_are_good_before_they_are_spoilt(
     place: Path, base: str, capsys: pytest.CaptureFixture[str]

@@ -111,6 +111,7 @@ def test_damaged_shapes(results: Path, tmp_path: Path, capfd: pytest.CaptureFixt
     assert wrong > 10 and capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_damaged_parts_of_a_study(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -76,6 +76,7 @@ def test_nothing_is_removed_behind_a_link(place: Path, monkeypatch: pytest.Monke
     assert acted and content(elsewhere) == untouched
 
 
+@pytest.mark.slow
 def test_no_checkpoint_is_removed_behind_a_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, out, elsewhere = write_sweep(tmp_path, 4), tmp_path / "out", tmp_path / "elsewhere"
     interrupt(scene, out, 3, monkeypatch)
@@ -126,6 +127,7 @@ def test_lock_that_is_exchanged(
     assert acted and (out / ".lock").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_another_folder_of_results_in_its_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -147,6 +149,7 @@ def test_another_folder_of_results_in_its_place(
     assert list(content(out).values()) == list(untouched) and not list((tmp_path / "moved").glob(".*"))
 
 
+@pytest.mark.slow
 def test_a_system_without_such_calls(
     place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

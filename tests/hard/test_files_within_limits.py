@@ -257,6 +257,7 @@ def test_numbers_that_cannot_be_squared_are_refused(tmp_path: Path, capsys: pyte
     assert "expected numbers up to 1e+100" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "message"),
     [

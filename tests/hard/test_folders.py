@@ -127,6 +127,7 @@ def test_manifest_lists_every_file(place: Path) -> None:
     assert len([name for name in listed if name.startswith("shapes/")]) > 10 and len(lines) == len(listed) + 1
 
 
+@pytest.mark.slow
 def test_files_of_the_user_beside_results_stay(place: Path) -> None:
     """Those that no run writes: they are no reason to refuse, and they are there afterwards."""
     out = place / "out"
@@ -333,6 +334,7 @@ def test_interrupted_as_the_first_file_is_written(tmp_path: Path, monkeypatch: p
     assert main(["run", scene, "-o", str(out), "--resume"]) == 0
 
 
+@pytest.mark.slow
 def test_empty_file_after_a_power_failure(place: Path) -> None:
     """What the system had not yet written holds nothing of anybody's."""
     for name in ("modes.csv", "run.json", "manifest.sha256"):

@@ -65,6 +65,7 @@ def test_modules_of_the_user_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert "PYTHONPATH" not in os.environ
 
 
+@pytest.mark.slow
 def test_measurements_in_processes_of_their_own(strange: Path) -> None:
     scene = belt_scene(supports=[{"surface": "nowhere", "fixed": "z"}])
     with pytest.raises(MeshError, match='no surface group "nowhere"'):

@@ -91,7 +91,9 @@ def test_gyroscopic_forces_that_slow_a_whirl_down_into_the_range(omega, gyro, va
     assert len(modes) == np.count_nonzero(swinging < 3.5) + 1
 
 
-@pytest.mark.parametrize(("kind", "alpha"), crossed([*GROWTH, "whirl"], [0.0, 0.01], fast=lambda kind, a: a == 0))
+@pytest.mark.parametrize(
+    ("kind", "alpha"), crossed([*GROWTH, "whirl"], [0.0, 0.01], fast=lambda kind, a: a == 0 and kind != "whirl")
+)
 def test_a_box_of_parameters_has_modes_that_come_from_afar(kind, alpha):
     """Swept are the forces and the stiffness of one of the other oscillators; far from p = 1 the modes are away."""
     stiffness = np.append(np.linspace(1, 10, N - 2), [10.0, 10.0]) ** 2

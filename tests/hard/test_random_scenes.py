@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 from dense import all_eigenvalues
@@ -89,6 +90,7 @@ def test_random_pencils(matrices):
         assert "unstable" not in modes.stability  # C, K positive semidefinite
 
 
+@pytest.mark.slow
 @SETTINGS
 @given(pencils(), exponents(-6, 6), st.integers(0, 1000))
 def test_units_and_turns_of_random_pencils(matrices, unit, seed):

@@ -69,7 +69,7 @@ def test_pad_held_by_friction_alone(tmp_path, record, through, counts, mu):
 
 @pytest.mark.parametrize(
     ("counts", "method"), some([(SMALL, "direct"), (SMALL, "reduced"), (MIDDLE, "reduced")],
-                               lambda counts, method: counts == SMALL),
+                               lambda counts, method: counts == SMALL and method == "reduced"),
     ids=["dense", "dense reduced", "sparse reduced"],
 )  # fmt: skip
 def test_divergence_beside_a_rigid_motion(record, counts, method):
@@ -106,7 +106,7 @@ def test_divergence_beside_a_rigid_motion(record, counts, method):
     ("method", "effects"),
     crossed(
         ["direct", "reduced"], ["rayleigh", "beta", "loss", "slip"],
-        fast=lambda method, effects: (method, effects) in {("direct", "slip"), ("reduced", "rayleigh")},
+        fast=lambda method, effects: (method, effects) in {("direct", "beta"), ("reduced", "rayleigh")},
     ),
 )  # fmt: skip
 def test_damped_pad_held_by_friction_alone(method, effects):
@@ -183,7 +183,7 @@ def test_mechanism(record):
 
 @pytest.mark.parametrize(
     ("away", "kind"),
-    crossed([0.0, 1e-15, 1e-10], ["undamped", "friction", "dashpots"], fast=lambda a, k: a == 0.0 or k != "dashpots"),
+    crossed([0.0, 1e-15, 1e-10], ["undamped", "friction", "dashpots"], fast=lambda a, k: k != "dashpots"),
 )
 def test_shift_on_an_eigenvalue(record, kind, away):
     """The shift inside the band is an eigenvalue, so that the shifted matrix is singular: here a divergence at exactly

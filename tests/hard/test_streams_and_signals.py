@@ -60,6 +60,7 @@ def whole_with_shapes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "out"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "latin-1"])
 def test_streams_take_every_character(encoding: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """μ, boxes and names of bodies, into a file as Windows redirects to it."""
@@ -174,6 +175,7 @@ def test_streams_are_put_back(capsys: pytest.CaptureFixture[str]) -> None:
     assert (sys.stdout, sys.stderr) == before and capsys.readouterr().out == "λ\n"
 
 
+@pytest.mark.slow
 def test_no_control_character_reaches_a_table(tmp_path: Path) -> None:
     """An escape sequence in the name of a parameter would colour, move or rename the terminal that shows the table."""
     name = "\\u001b[2Jmu\\u0007"
@@ -186,6 +188,7 @@ def test_no_control_character_reaches_a_table(tmp_path: Path) -> None:
     assert set(pd.read_csv(tmp_path / "out" / "modes.csv")["parameter"]) == {r"\x1b[2Jmu\x07"}
 
 
+@pytest.mark.slow
 def test_zero_rows_of_matrices(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
     """M = I and K = diag(0, 4, 9), written with a row of which nothing is stored: ω = 0, 2 and 3, and no warning."""
     path = matrix_scene(tmp_path, "K.mtx")
@@ -209,6 +212,7 @@ def test_all_modes_and_their_onset(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "must have different signs" not in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("points", "told"), [(10_000, True), (12, False)])
 def test_long_sweeps_are_forecast(
     points: int, told: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

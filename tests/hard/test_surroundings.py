@@ -54,6 +54,7 @@ def jumping(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time, "time_ns", lambda: int(1e9 * (real + next(years))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["direct", "reduced"])
 def test_clock_that_jumps(method: str, tmp_path: Path, jumping: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Seconds are those that went by; a run goes on behind its last value, whatever the times of its files are."""
@@ -90,6 +91,7 @@ def test_forecast_does_not_ask_the_clock_of_the_day(
     assert "forecast:" not in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_lock_is_as_old_as_its_process(tmp_path: Path) -> None:
     """The file that a killed command left is no lock, however new it is; it is not the time in it that counts."""
     out = tmp_path / "out"
@@ -156,6 +158,7 @@ FORBIDDEN = {  # what is forbidden, to which rights; and what the message names
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="rights of POSIX")
 @pytest.mark.parametrize("what", FORBIDDEN)
 def test_what_is_forbidden_is_told(what: str, common: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -47,6 +47,7 @@ def test_what_tells_most_for_its_time_comes_first(tiny):
         assert [work[i] for i in own] == sorted(work[i] for i in own)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_unknowns_are_forecast(tiny, order):
     scene = load_scene(tiny)

@@ -44,6 +44,7 @@ def test_the_line_that_errs_is_cut():
     assert told(finer, BLOCK) == "elements_x 8 to 16"
 
 
+@pytest.mark.slow
 def test_no_number_is_larger_than_needed():
     """Taking one element from any line that has got some misses the target."""
     rng = np.random.default_rng(3)
@@ -98,6 +99,7 @@ def test_layers_fall_with_the_length_of_elements_there(rate):
     np.testing.assert_allclose(layer_factors(now, now, rate), 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", [False, True])
 def test_an_error_at_the_hub_grades_the_disc_towards_it(held):
     """All of the error in the element at the hub: fewer elements than equal ones would take, the shortest there."""

@@ -148,6 +148,7 @@ def bar_frequency(mass: float) -> float:
     return float(beta * SPEED / LENGTH / (2 * np.pi))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("effects")
 def test_effect_goes_through_a_whole_run(tmp_path: Path) -> None:
     """A bar with a mass at its end, at three masses; four quadratic elements along it leave 1e-4 of a frequency."""
@@ -188,6 +189,7 @@ def test_scene_keeps_its_effects_after_they_are_taken_away(tmp_path: Path) -> No
         load_scene(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("table", ["effects.drag", "bodies.block.drag"])
 def test_body_may_have_a_table_of_its_own(tmp_path: Path, table: str) -> None:
     with added_effect(Drag):

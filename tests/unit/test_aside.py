@@ -134,6 +134,7 @@ def test_file_systems_are_known(tmp_path, monkeypatch):
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_large_problem_is_swept_with_its_terms_on_disk(monkeypatch):
     """Modes, onsets, shares and sensitivities are those of the same problem with its terms in memory."""
 

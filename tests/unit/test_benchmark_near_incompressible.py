@@ -37,6 +37,7 @@ def test_errors(rows):
     assert same[0] == same[1]
 
 
+@pytest.mark.slow
 def test_table_chart_and_page(rows, tmp_path):
     lines = benchmark.table(rows, RATIOS).splitlines()
     assert len(lines) == 2 + 8 and {line.count("|") for line in lines} == {8}

@@ -151,6 +151,7 @@ def test_all_unknown_groups_of_a_scene_are_shown(tmp_path, capsys):
     assert 'bodies.block.material: no material "stel"; did you mean "steel"?' in err
 
 
+@pytest.mark.slow
 def test_class_and_terms_are_those_that_the_sweep_has(tmp_path, capsys):
     """The scene itself is without friction and symmetric; the sweep is not, in the table as in run.json."""
     path = write_scene(tmp_path, replaced("[effects.friction]\nmu = 0.3", "[effects.friction]\nmu = 0.0"))

@@ -61,6 +61,7 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spoil", [truncated, flipped, without_json, lambda content: b"", lambda content: b"[]"])
 @pytest.mark.parametrize("name", ["state.npz", "first.npz", "point_00000.npz"])
 def test_damaged_checkpoint_is_refused(
@@ -134,7 +135,8 @@ def renamed(file: Path, name: str) -> None:
 OPTIONAL = ("shape_", "left")  # arrays of those modes that have them
 
 
-@pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["two", "every"])
+@pytest.mark.slow
+@pytest.mark.parametrize("every", [False, True], ids=["two", "every"])
 @pytest.mark.parametrize("name", ["model.npz", "state.npz", "first.npz", "point_00000.npz"])
 def test_names_of_another_version_are_refused(
     name: str, every: bool, reduced: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -43,6 +43,7 @@ OTHERS = {14: ("COMBIN14", 2, "missing"), 27: ("MATRIX27", 2, "missing"), 184: (
           188: ("BEAM188", 2, "changes")}  # fmt: skip
 
 
+@pytest.mark.slow
 def test_other_elements_are_listed(tmp_path):
     """Each type once with the number of its elements; reading the mesh alone notes them too."""
     path = beam(tmp_path, [(kind, 5, range(1, nodes + 1)) for kind, (_, nodes, _) in OTHERS.items() for _ in "12"])
@@ -83,6 +84,7 @@ def test_three_angles_turn_about_z_then_x_then_y():
     np.testing.assert_allclose(axes[2], np.cos(np.deg2rad(40)) * before[2] + np.sin(np.deg2rad(40)) * before[0])
 
 
+@pytest.mark.slow
 def test_laws_are_listed(tmp_path):
     laws = [f"TB,{law},1,1,1\nTBDATA,1,0.02" for law in ("SDAMP", "FRIC", "BISO")]
     draft = draft_of(beam(tmp_path, commands=laws))
@@ -94,6 +96,7 @@ def constants(*rows):
     return lines + [f"{i:8d}{6:8d}" + "".join(f"{v:16.8E}" for v in row) for i, row in rows]
 
 
+@pytest.mark.slow
 def test_masses_of_one_node_add_up(tmp_path):
     """Two MASS21 at the reference of CERIG; one with other masses along y and z is asked for."""
     ties = ["CERIG,1,30,ALL"]

@@ -12,6 +12,7 @@ from fe_squeal.decks.scene import draft_of, scene_of
 from fe_squeal.errors import MeshError, SceneError
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("change", "sentence"), [
     (("pressure-overclosure=LINEAR\n1500.", "pressure-overclosure=HARD"),
      r"contacts.bottom_pad_on_top: \*Surface Behavior at line \d+: hard contact; give normal_stiffness .*10 E/h ="),
@@ -38,6 +39,7 @@ def test_what_is_missing_is_asked_for(tmp_path, capsys, change, sentence):
     assert "to be given there before it runs: 1" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("change", "sentence"), [
     (("N_hub, ENCASTRE", "N_hubb, ENCASTRE"), r'"N_hubb" refers to node set "N_hubb", .* did you mean "N_hub"\?'),
     (("N_hub, ENCASTRE", "N_hub, CLAMPED"), '"CLAMPED" is no degree of freedom'),

@@ -68,6 +68,7 @@ def matrices(table):
     return [getattr(pencil, name) for name in ("M", "K")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("card", [free_field, small_field])
 @pytest.mark.parametrize("name", DIALECTS)
 def test_contact_is_the_scene_by_hand(tmp_path, name, card):

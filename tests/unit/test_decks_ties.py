@@ -98,6 +98,7 @@ SPELLINGS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spelling", SPELLINGS)
 def test_reference_nodes(tmp_path, spelling):
     """Mass, inertia, springs and held freedoms of a reference node come along, whichever keyword ties it."""

@@ -120,6 +120,7 @@ def test_dollars_in_titles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert 0.01 < written.mean() < 0.3
 
 
+@pytest.mark.slow
 def test_memory_that_runs_out_anywhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -21,6 +21,7 @@ def test_one_block_has_plain_names(tmp_path: Path) -> None:
     assert len(cells["block"]) == 8 * 4 * 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("element", ["hex", "tet"])
 @pytest.mark.parametrize("angle", [50, 360])
 def test_groups_lie_where_they_should_and_share_the_right_nodes(element: Kind, angle: int, tmp_path: Path) -> None:
@@ -159,6 +160,7 @@ def test_counts_follow_the_size_and_double() -> None:
     assert Block(**{**BLOCK, "height": 0.02, "size": 0.005}).block_counts == (16, 8, 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("element", ["hex", "tet"])
 def test_refined_meshes_have_more_elements(element: Kind, tmp_path: Path) -> None:
     geometry = DiscPad(**BRAKE, element=element)

@@ -36,6 +36,7 @@ def test_same_geometry_gives_the_same_bytes(geometry: DiscPad | Block, tmp_path:
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.msh", "b.msh"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "geometry",
     [Block(**BLOCK), DiscPad(**BRAKE), DiscPad(**{**BRAKE, "pad_angle_deg": 360.0}), Block(**ROW, element="tet"),

@@ -74,6 +74,7 @@ def test_tetrahedra_have_the_true_volumes_and_areas(change: dict[str, Any], tmp_
     assert found == pytest.approx(exact(geometry, None), rel=bound)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("element", ["hex", "tet"])
 @pytest.mark.parametrize("order", [1, 2])
 def test_blocks_and_belt_fill_their_boxes(element: Kind, order: int, tmp_path: Path) -> None:

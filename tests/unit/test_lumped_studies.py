@@ -33,6 +33,7 @@ def test_study_writes_table_figure_and_notes(model, study, tmp_path):
     assert "For the designer" in notes.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "study", "numbers"),
     [
@@ -50,6 +51,7 @@ def test_contradictions_carry_their_numbers(model, study, numbers):
     assert all(number in text for number in numbers), text
 
 
+@pytest.mark.slow
 def test_base_values_are_never_unstable_in_the_tables(tmp_path):
     for study in ("friction", "damping"):
         with open(run_study("minimal", study, tmp_path)[0], encoding="utf-8", newline="") as file:

@@ -74,9 +74,10 @@ def test_without_an_unstable_mode_the_sentence_says_so(tmp_path: Path) -> None:
     assert m["nearest"] is None and m["sentence"] == "Measured 700 Hz: no mode is unstable in this sweep."
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind",
-    ["one axis", *(pytest.param(k, marks=pytest.mark.slow) for k in ("all", "turned and scaled"))],
+    ["one axis", "all", "turned and scaled"],
 )
 def test_a_measured_shape_is_found_again(tmp_path: Path, shape, kind: str) -> None:
     """The model's own shape, in another frame, in mm, with another phase and size, or along one axis alone: MAC 1."""

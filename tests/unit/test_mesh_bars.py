@@ -110,6 +110,7 @@ def changes(block):
     return refined_changes(block)
 
 
+@pytest.mark.slow
 def test_an_onset_that_vanishes_is_listed_as_such(block, changes):
     [onset] = block.onsets
     result = with_changes(block, replace(changes, onsets=(np.nan,)))
@@ -144,6 +145,7 @@ def test_beside_an_onset_the_bar_holds_what_the_other_side_of_it_would_bring(blo
     assert bars[own] == pytest.approx(onset.crossing_speed * np.sqrt(0.06)) and not bars[~own].any()
 
 
+@pytest.mark.slow
 def test_onsets_of_the_refined_mesh_alone_are_found():
     """A pad of one layer of elements: refined once, it has onsets that it had not, and they are in the range."""
     from meshes import BELT, box, make_problem

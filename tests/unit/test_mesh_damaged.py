@@ -24,6 +24,7 @@ def outcome(path):
     return "loaded"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILES)
 def test_truncated(tmp_path, name, capsys):
     data = (DATA / name).read_bytes()
@@ -36,6 +37,7 @@ def test_truncated(tmp_path, name, capsys):
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILES)
 def test_mutated(tmp_path, name):
     data = np.frombuffer((DATA / name).read_bytes(), dtype=np.uint8)

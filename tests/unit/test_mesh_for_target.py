@@ -152,6 +152,7 @@ def test_what_is_written_besides(tmp_path, capsys):
     assert "re_extrapolated" not in pd.read_csv(out / "modes.csv")
 
 
+@pytest.mark.slow
 def test_a_target_that_is_missed(tmp_path, capsys, monkeypatch):
     """The nearest result is written, with bars, and marked."""
     monkeypatch.setattr(choosing, "_RUNS", 1)
@@ -178,6 +179,7 @@ def test_a_mesh_too_large_is_not_begun(tmp_path, capsys, monkeypatch):
     assert len(pd.read_csv(out / "modes.csv"))
 
 
+@pytest.mark.slow
 def test_a_search_goes_on_where_it_was_stopped(tmp_path, capsys, monkeypatch):
     """Stopped in its second trial: what the first gave is there; resumed, the first is not repeated."""
     scene, out = write(tmp_path), tmp_path / "out"
@@ -203,6 +205,7 @@ def test_a_search_goes_on_where_it_was_stopped(tmp_path, capsys, monkeypatch):
     assert not (out / "checkpoint").exists()
 
 
+@pytest.mark.slow
 def test_the_refined_mesh_is_begun_before_the_sweep(tmp_path, monkeypatch):
     """Each trial takes what was assembled beside its sweep, with the errors of an assembly behind it."""
     scene = load_scene(write(tmp_path))
@@ -226,6 +229,7 @@ def test_the_refined_mesh_is_begun_before_the_sweep(tmp_path, monkeypatch):
     assert [t.error for t in beside.trials] == pytest.approx([t.error for t in behind.trials], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_bars_of_tetrahedra_are_those_of_an_estimate(tmp_path, monkeypatch):
     """Where the error comes from is looked at before the bars are made, and must not change what they are made from."""
     scene, exact = load_scene(write(tmp_path, "tet")), refined.prolongation

@@ -44,6 +44,7 @@ def write_cylinder(folder, kind, order):
     return folder / "a.unv"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("kind", ["tetra", "hexahedron", "wedge"])
 def test_elements_are_those_of_gmsh(tmp_path, kind, order):

@@ -56,7 +56,8 @@ def test_only_modes_that_swing_are_followed_closely(swings, halved):
     assert match.doubtful.any() == halved and (match.origin >= 0).any()
 
 
-@pytest.mark.parametrize("method", [pytest.param("direct", marks=pytest.mark.slow), "auto"])
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["direct", "auto"])
 def test_swinging_modes_among_a_crowd_in_a_sweep(monkeypatch, method):
     """A reduced model cannot part the crowd, so that "auto" solves directly, and says so; all that swings is found."""
     monkeypatch.setattr(forecast, "UNKNOWNS", 100)

@@ -73,6 +73,7 @@ def test_prolongation_on_curved_elements(kind):
     )
 
 
+@pytest.mark.slow
 def test_repeated_refinement_keeps_the_shape_of_tetrahedra():
     """The smallest ratio of volume to the cube of the longest edge stays, however often the mesh is cut."""
 

@@ -100,6 +100,7 @@ def test_bars_are_as_long_as_the_shares():
     assert first == 1 and growth.get_yticklabels()[0].get_text() == text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("branches", [1, 5, 30])
 def test_no_text_covers_another(branches):
     figure = contributions_figure(*tables(branches), "A disc with two pads and a title of some length")
@@ -107,6 +108,7 @@ def test_no_text_covers_another(branches):
     assert len(figure.axes[0].get_yticklabels()) == min(branches, MAX_BRANCHES)
 
 
+@pytest.mark.slow
 def test_many_long_names_find_room():
     contacts = [f"pad_{i}_{'of_the_fixed_calliper_' * (1 + i % 3)}" for i in range(8)]
     bodies = [f"body_{i}_{'with_a_long_name_' * (1 + i % 4)}" for i in range(9)]
@@ -117,6 +119,7 @@ def test_many_long_names_find_room():
         assert named <= MAX_TERMS * len(panels) + 2
 
 
+@pytest.mark.slow
 def test_branches_left_out_are_said():
     figure = contributions_figure(*tables(30))
     assert figure.get_suptitle() == f"the {MAX_BRANCHES} fastest growing of 30 unstable branches"
@@ -159,6 +162,7 @@ def test_without_unstable_modes_the_figure_says_so(tmp_path):
     assert image.imread(plot_contributions(contributions.iloc[:0], modes, tmp_path / "none.png")).std() > 0.01
 
 
+@pytest.mark.slow
 def test_file_is_written_in_the_format_of_its_suffix(tmp_path):
     contributions, modes = tables(2)
     path = plot_contributions(contributions, modes, tmp_path / "new" / "contributions.png", "disc")
@@ -175,6 +179,7 @@ def test_modes_without_branch_numbers_stand_for_themselves():
     assert figure.axes[0].get_yticklabels()[0].get_text().startswith("mode ")
 
 
+@pytest.mark.slow
 def test_tables_read_back_from_csv_give_the_same_figure(tmp_path):
     contributions, modes = tables(3)
     modes["value"] = modes["value"] / 3

@@ -171,6 +171,7 @@ def test_labels_do_not_overlap_and_stay_inside(tmp_path, drawn):
         assert not any(box.overlaps(other) for other in boxes[:i])
 
 
+@pytest.mark.slow
 def test_twenty_branches_have_different_styles_and_no_labels(tmp_path, drawn):
     pairs = [(800.0 + 700 * i, 30.0, 0.05 + 0.03 * i) for i in range(20)]
     plot_stability(*coupled_tables(pairs, SWEEP), tmp_path / "stability.png")
@@ -201,6 +202,7 @@ def test_single_value_is_drawn_with_markers(tmp_path, drawn):
     assert top.get_xlim()[0] < 0.6 < top.get_xlim()[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("uncertainty", "bands"), [(20.0, 1), (1e-6, 0)])
 def test_uncertainty_band_is_drawn_where_it_can_be_seen(tmp_path, drawn, uncertainty, bands):
     modes, onsets = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP)
@@ -209,6 +211,7 @@ def test_uncertainty_band_is_drawn_where_it_can_be_seen(tmp_path, drawn, uncerta
     assert sum(type(c).__name__ in ("PolyCollection", "FillBetweenPolyCollection") for c in collections) == bands
 
 
+@pytest.mark.slow
 def test_other_parameters_go_by_their_path_and_wide_ranges_are_logarithmic(tmp_path, drawn):
     path = "contacts.outer.normal_stiffness"
     modes, onsets = coupled_tables([(1200.0, 60.0, 3e7)], np.geomspace(1e6, 1e8, 20), parameter=path)
@@ -219,6 +222,7 @@ def test_other_parameters_go_by_their_path_and_wide_ranges_are_logarithmic(tmp_p
     assert parameter_symbol("effects.friction.mu") == "μ"
 
 
+@pytest.mark.slow
 def test_empty_tables_are_drawn(tmp_path):
     modes, _ = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP)
     for plot in (plot_stability, plot_root_locus):
@@ -246,6 +250,7 @@ def test_root_locus_without_damping_or_instability_is_symmetric_and_says_so(tmp_
     assert "Re λ = 0 within its uncertainty" in axes.get_title(loc="left")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [0.0, 1500.0])
 def test_root_locus_counts_eigenvalues_outside(tmp_path, drawn, frequency):
     modes, onsets = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP, damping=30.0)

@@ -128,6 +128,7 @@ def box_centre(label, renderer):
     return np.array([(box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_labels_of_onsets_close_together_are_not_exchanged(tmp_path, drawn, seed):
     """Each label is as its point lies to the others, and no line to a label crosses another."""

@@ -43,6 +43,7 @@ def results_of(folder: Path):
     return read_results(folder, "run.json", _TABLES, "shapes")
 
 
+@pytest.mark.slow
 def test_the_page_is_one_file_below_its_limit(out: Path) -> None:
     """Outside of Plotly's own code nothing refers to a network, and the policy forbids the browser to fetch."""
     text = (out / "report.html").read_text(encoding="utf-8")
@@ -164,6 +165,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CHANGES)
 def test_what_could_not_be_shown_is_said(out: Path, tmp_path: Path, case: str) -> None:
     """The rest of the page is there all the same, and the sentence is on it."""

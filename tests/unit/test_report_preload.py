@@ -121,6 +121,7 @@ def test_open_part_is_grey_and_as_large_as_it_is():
     assert figure.axes[1].get_ylabel() == "contact pressure (MPa)"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", [(0, 0, 1), (0, 0, -1), (0, 1, 0), (-1, 0, 0), (1, 1, 1), (0.3, -2, 0.1)])
 def test_face_of_any_orientation_is_seen_along_its_normal(axis):
     one = face(lambda x, y: 1e5 + 1e5 * x, axis, sliding=(0.6, 0.8))

@@ -96,6 +96,7 @@ def test_every_kind_of_problem_goes_on(
         pd.testing.assert_frame_equal(ours, theirs, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_matrices_go_on_and_are_told_from_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -116,6 +117,7 @@ def test_matrices_go_on_and_are_told_from_others(
     assert_same_results(out, tmp_path / "whole")
 
 
+@pytest.mark.slow
 def test_value_that_did_not_converge_is_tried_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -129,6 +131,7 @@ def test_value_that_did_not_converge_is_tried_again(
     assert_same_results(out, tmp_path / "whole")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("earlier", [False, True])
 def test_the_page_that_an_interruption_has_left_out_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, earlier: bool
@@ -167,6 +170,7 @@ def test_finished_run_is_shown_and_not_solved(
     assert {p: (p.stat().st_mtime_ns, p.read_bytes()) for p in out.iterdir()} == before
 
 
+@pytest.mark.slow
 def test_another_scene_is_refused_and_told_apart(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -217,6 +221,7 @@ def test_differences_are_counted() -> None:
     assert differences(known, known) == []
 
 
+@pytest.mark.slow
 def test_second_run_into_a_folder_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """While the first one has it, and not after it was killed."""
     path, out = write_sweep(tmp_path, 3), tmp_path / "out"
@@ -271,6 +276,7 @@ def test_a_signal_while_the_lock_is_taken_or_given_back(
         pass
 
 
+@pytest.mark.slow
 def test_temporary_files_of_killed_runs_are_removed(tmp_path: Path) -> None:
     path, out = write_sweep(tmp_path, 3), tmp_path / "out"
     assert main(["run", str(path), "-o", str(out)]) == 0
@@ -285,6 +291,7 @@ def test_temporary_files_of_killed_runs_are_removed(tmp_path: Path) -> None:
     assert not any(file.exists() for file in left) and mine.read_text() == "half"
 
 
+@pytest.mark.slow
 def test_an_older_record_goes_before_anything_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Killed while it clears the folder, a run must not leave a record that calls what is left complete."""
     path, out = write_sweep(tmp_path, 3), tmp_path / "out"

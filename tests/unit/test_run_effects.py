@@ -38,6 +38,7 @@ def record_of(folder: Path) -> dict:
     return dict(json.loads((folder / "run.json").read_text("utf-8")))
 
 
+@pytest.mark.slow
 def test_record_names_what_was_on(out: Path) -> None:
     record = record_of(out)
     assert record["effects"] == ["friction", "preload", "friction_damping", "rayleigh"]
@@ -112,6 +113,7 @@ def test_nothing_of_an_effect_that_is_not_called_for(tmp_path: Path) -> None:
     assert record_of(tmp_path / "out")["preload"] is None
 
 
+@pytest.mark.slow
 def test_any_number_may_be_swept(tmp_path: Path) -> None:
     """Over the contact's stiffness at μ = 0.6, with a block a hundred times stiffer than steel."""
     text = SCENE.replace('parameter = "mu"', 'parameter = "contacts.belt.normal_stiffness"')
@@ -164,6 +166,7 @@ def test_static_state_that_is_not_found_ends_with_3(tmp_path: Path, capsys, monk
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_sweep_ends_where_the_contact_opens(tmp_path: Path, capsys) -> None:
     """A pressure from below lifts the block off the belt once it exceeds that from above: what came before is kept."""
     text = with_effects("[effects.preload]\npressures = { top = 1.0e5, bottom = 0.0 }\n")

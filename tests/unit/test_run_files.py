@@ -181,6 +181,7 @@ def test_all_shapes_of_the_last_value(tmp_path: Path, monkeypatch: pytest.Monkey
     assert branches == sorted(int(r["branch"]) for r in rows)
 
 
+@pytest.mark.slow
 def test_figures_are_there_though_no_shape_can_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A shape of a large problem may take more memory than there is; the run ends with that message."""
     import fe_squeal.run.outputs
@@ -196,6 +197,7 @@ def test_figures_are_there_though_no_shape_can_be(tmp_path: Path, monkeypatch: p
     assert len(read_rows(tmp_path / "out" / "modes.csv")) > 0
 
 
+@pytest.mark.slow
 def test_damped_run(tmp_path: Path) -> None:
     """A damper makes the problem quadratic and takes a share; no sweep: one value, the nominal one."""
     text = replaced('name = "across"', 'name = "across"\ndamping = 50.0')
@@ -212,6 +214,7 @@ def test_damped_run(tmp_path: Path) -> None:
     assert read_rows(tmp_path / "out" / "onsets.csv") == []
 
 
+@pytest.mark.slow
 def test_no_mode_in_the_range_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The lowest mode is at 697 Hz: an empty table must not pass for a stable brake."""
     path = write_scene(tmp_path, replaced("modes = 8", "max_frequency = 100.0"))

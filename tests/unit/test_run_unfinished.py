@@ -46,6 +46,7 @@ def kept(folder: Path) -> tuple[str, list[float], list[float]]:
     return record["status"], record["values"], sorted({float(r["value"]) for r in rows})
 
 
+@pytest.mark.slow
 def test_interrupted_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], out: Path
 ) -> None:
@@ -72,6 +73,7 @@ def test_interrupted_before_anything_is_finished(
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"run.json", "checkpoint", "manifest.sha256"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("call", "done"), [(3, [0.0, 0.2]), (1, [])])
 def test_not_converged_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], call: int, done: list[float]

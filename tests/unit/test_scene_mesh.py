@@ -188,6 +188,7 @@ def test_missing_mesh_without_geometry_names_a_neighbour(tmp_path: Path, capsys:
     assert 'blok.msh: no such mesh file; did you mean "block.msh"?' in err
 
 
+@pytest.mark.slow
 def test_disc_in_the_wrong_unit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The committed disc with its coordinates in millimetres, read as metres, is 260 m across."""
     lines = (MESHES / "disc_pad.msh").read_text().splitlines()
@@ -218,6 +219,7 @@ def test_disc_in_the_wrong_unit(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "across" not in out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "support", "held"),
     [

@@ -18,7 +18,7 @@ KINDS = ("nonsymmetric", "quadratic", "complex", "complex with C")
 refined = importlib.import_module("fe_squeal.sweep.refined")
 
 
-@pytest.mark.parametrize("kind", some(KINDS, lambda kind: kind != "complex with C"))
+@pytest.mark.parametrize("kind", some(KINDS, lambda kind: kind == "nonsymmetric"))
 def test_rough_models_give_sharp_onsets(kind, monkeypatch):
     """Without Newton's method on the problem itself, although the model's eigenvalues are right to 1e-3 alone."""
     problem = chain(*CLASSES[kind])

@@ -39,6 +39,7 @@ def test_faults_are_one_message_with_file_and_key(tmp_path, capsys, kind):
     assert said.startswith(f"error: {path}: ") and message in said and said.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_it_is_said_where_another_solver_factorises(tmp_path, capsys):
     """ "auto" is MUMPS on several processes alone; the scene runs without them, too."""
     path = write_scene(tmp_path, with_table("[solve.mumps]\nout_of_core = true"))

@@ -81,6 +81,7 @@ def _shuffled(raw):
     )
 
 
+@pytest.mark.slow
 def test_check_and_run_say_it(tmp_path, capsys):
     path = write_scene(tmp_path, SCENE.replace("height = 0.02", "height = 0.021"))
     assert main(["check", str(path)]) == 0

@@ -176,6 +176,7 @@ def test_resuming_gives_the_same_samples(scene, tmp_path, monkeypatch):
     assert not (parts / "parts").exists()
 
 
+@pytest.mark.slow
 def test_the_page_that_an_interruption_has_left_out_is_written(scene, tmp_path, monkeypatch):
     path, out = scene(MAP), tmp_path / "out"
     path.write_text(path.read_text().replace("report = false", "report = true"))

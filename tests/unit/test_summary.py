@@ -98,6 +98,7 @@ def test_an_unstable_mode_above_the_range_is_mentioned(block, method):
     assert "above the range that was asked for a mode is unstable: 48" in text
 
 
+@pytest.mark.slow
 def test_figures_and_record_tell_the_range(tmp_path, monkeypatch):
     kept = []
     save = figures.save_figure
