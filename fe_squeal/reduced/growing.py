@@ -22,15 +22,14 @@ from .missing import (
     COMPLEX_SOLVES,
     SEARCH_SOLVES,
     gyroscopic_size,
-    leaves_friction_out,
     missing_modes,
     search_vectors,
     search_vectors_complex,
-    vectors_beside,
     whirl_rate,
 )
 from .mode_corrections import ROUNDS, ModeCorrections
 from .places import ModesAtPlaces
+from .soft import SOFT_SOLVES, leaves_friction_out, vectors_beside
 from .undamped import weighted
 from .vectors import thin_svd, unit_columns
 
@@ -148,7 +147,7 @@ class GrowingModel(ModesAtPlaces):
             beside = vectors_beside(self.basis, value, highest, self.linear_solver)
             if beside is not None:
                 self._corrections.factorizations += 1
-                self._corrections.solves += SEARCH_SOLVES
+                self._corrections.solves += SOFT_SOLVES
                 yield beside
 
     def _misses(self, value: Place, off: float) -> NotConvergedError:

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..eigen.blocks import lift, times
 from ..eigen.growth import gyroscopic_rate, sizes
 from ..eigen.inertia import count_below
-from ..eigen.linear.choice import factorize_roughly
 from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
 from ..eigen.pencil import Modes, Pencil
 from ..eigen.request import Request, select_wanted
-from ..problem.parameters import Place, values_at
+from ..problem.parameters import Place
 from ..problem.problem import Problem
 from ..problem.terms import sum_matrices
 from .basis import ReducedBasis
@@ -23,13 +21,12 @@ from .vectors import real_columns
 _SEED, _BLOCK, _STEPS = 20251107, 8, 5
 _FOUND = 0.99  # times the highest |λ| asked for: a mode below this that only the extended basis has was missing
 _CLEAR = 1e-5  # of the next θ: a gap between two θ that is wider than this is a clear one
-_TRIED = np.linspace(0.8, 0.98, 7)  # parts of the square of the highest frequency: where soft directions are counted
 SEARCH_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
 _BLOCK_COMPLEX = 4  # whose solutions have a real part and an imaginary one each
 COMPLEX_SOLVES = _STEPS * _BLOCK_COMPLEX
 
 
-def search_vectors(basis: ReducedBasis, factor: DefiniteFactor | Factor) -> np.ndarray:
+def search_vectors(basis: ReducedBasis, factor: DefiniteFactor) -> np.ndarray:
     """Return vectors (n, ·) that span the lowest modes outside a basis, roughly.
 
     They are those of a few steps of block Krylov iteration with P⁻¹M, from random vectors.
@@ -37,8 +34,8 @@ def search_vectors(basis: ReducedBasis, factor: DefiniteFactor | Factor) -> np.n
     Parameters
     ----------
     basis : ReducedBasis
-    factor : DefiniteFactor or Factor
-        Factors of P; or of another K − sM, for modes near s.
+    factor : DefiniteFactor
+        Factors of P.
     """
     trial = basis.copy()
     block = np.random.default_rng(_SEED).standard_normal((basis.problem.unknowns, _BLOCK))
@@ -87,58 +84,6 @@ def whirl_rate(problem: Problem) -> float:
         return np.inf
     G = sum_matrices((t.matrix, t.coefficient(at)) for t in terms)
     return 0.0 if G is None else gyroscopic_rate(problem.mass, G)
-
-
-def leaves_friction_out(basis: ReducedBasis, value: Place) -> bool:
-    """Return whether K has terms at a value that are not symmetric and not in P, which may make a mode soft there."""
-    here = basis.at(value)
-    left_out = [t for t, c in zip(here.terms, basis.metric, strict=True) if not c]
-    return any(t.slot == "K" and not t.symmetric and t.coefficient(here.parameters) for t in left_out)
-
-
-def vectors_beside(
-    basis: ReducedBasis, value: Place, highest: float, linear_solver: LinearSolver
-) -> np.ndarray | None:  # fmt: skip
-    """Return vectors as `search_vectors` does, for a value where the symmetric part K_s of K has more soft directions.
-
-    The basis began with the modes at one value without friction. A part of the brake that is stiff there and soft at
-    another value, and hardly coupled to the rest, is in none of its modes. But uᵀ(K_s − cM)u < 0 for the motion u of
-    that part: K_s − cM has more negative eigenvalues than its projection, if c is about the square of the highest
-    frequency asked for. If K is linear in the parameter, there are such u between two values only where there are at
-    one of these.
-
-    Parameters
-    ----------
-    basis : ReducedBasis
-    value : float or tuple of float
-    highest : float, rad/s
-        The highest frequency asked for.
-    linear_solver : LinearSolver
-
-    Returns
-    -------
-    (n, ·) float or None
-        None where the basis has as many soft directions as K_s. Where the solver does not count them, always vectors.
-    """
-    M, _, K, _ = basis.matrices(value)
-    squares = highest**2 * _TRIED
-    spectra = [np.linalg.eigvalsh((K + K.T).real / 2 - c * M) for c in squares]
-    clear = int(np.argmax([np.abs(w).min() for w in spectra]))  # no eigenvalue is nearly zero
-    c = float(squares[clear])
-    soft = _symmetric_part(basis.problem.at(values_at(basis.parameter, value)))
-    counted = count_below(soft, float(np.sqrt(c)), linear_solver)
-    if counted is not None and counted <= np.count_nonzero(spectra[clear] < 0):
-        return None
-    return search_vectors(basis, factorize_roughly(lambda: sp.csr_array(soft.K - c * soft.M), True, linear_solver))
-
-
-def _symmetric_part(problem: Problem) -> Pencil:
-    """Return the pencil of the real symmetric part of K, without damping."""
-    at, parts = problem.parameters, []
-    for t in problem.terms:
-        if t.slot == "K" and not t.imaginary and (c := t.coefficient(at)):
-            parts.append((t.matrix if t.symmetric else sp.csr_array((t.matrix + t.matrix.T) / 2), c))
-    return Pencil(problem.mass, sp.csr_array(sum_matrices(parts)), symmetric=True)
 
 
 def missing_modes(

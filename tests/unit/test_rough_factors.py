@@ -104,7 +104,7 @@ def test_a_definite_matrix_that_single_precision_takes_for_another_is_factorised
         factorize_definite_roughly(lambda: bar(moved=0.5))
 
 
-@pytest.mark.parametrize("effects", [(), *some([("damper",), ("loss",)], lambda *_: False)])
+@pytest.mark.parametrize("effects", [(), *some([(("damper",),), (("loss",),)], lambda _: False)])
 def test_a_sweep_is_as_exact_by_them(effects, monkeypatch):
     values = np.linspace(0.0, 0.8, 5)
 

@@ -1,0 +1,134 @@
+"""Directions in which the problem is soft at a value of the parameter, and which a basis of another value lacks."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from ..eigen.blocks import combine, cross, times
+from ..eigen.inertia import count_below
+from ..eigen.linear.choice import factorize_roughly
+from ..eigen.linear.factor import Factor, LinearSolver
+from ..eigen.pencil import Pencil
+from ..problem.parameters import Place, values_at
+from ..problem.problem import Problem
+from ..problem.terms import sum_matrices
+from .basis import ReducedBasis
+from .vectors import DEPENDENT, normalising, thin_svd
+
+_TRIED = np.linspace(0.8, 0.98, 7)  # parts of the square of the highest frequency: where soft directions are counted
+_SEED, _BLOCK, _STEPS = 20251107, 8, 5
+SOFT_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
+_RANK = 1e-13  # of the largest eigenvalue of VᵀMV: directions of the basis with less mass are not taken off
+
+
+def leaves_friction_out(basis: ReducedBasis, value: Place) -> bool:
+    """Return whether K has terms at a value that are not symmetric and not in P, which may make a mode soft there."""
+    here = basis.at(value)
+    left_out = [t for t, c in zip(here.terms, basis.metric, strict=True) if not c]
+    return any(t.slot == "K" and not t.symmetric and t.coefficient(here.parameters) for t in left_out)
+
+
+def vectors_beside(
+    basis: ReducedBasis, value: Place, highest: float, linear_solver: LinearSolver
+) -> np.ndarray | None:  # fmt: skip
+    """Return vectors (n, ·) of the soft directions of the symmetric part K_s of K at a value, which the basis lacks.
+
+    The basis began with the modes at one value without friction. A part of the brake that is stiff there and soft at
+    another value, and hardly coupled to the rest, is in none of its modes. But uᵀ(K_s − cM)u < 0 for the motion u of
+    that part: K_s − cM has more negative eigenvalues than its projection, if c is about the square of the highest
+    frequency asked for. If K is linear in the parameter, there are such u between two values only where there are at
+    one of these.
+
+    Parameters
+    ----------
+    basis : ReducedBasis
+    value : float or tuple of float
+    highest : float, rad/s
+        The highest frequency asked for.
+    linear_solver : LinearSolver
+
+    Returns
+    -------
+    (n, ·) float or None
+        None where the basis has as many soft directions as K_s. Where the solver does not count them they are searched
+        for.
+    """
+    M, _, K, _ = basis.matrices(value)
+    squares = highest**2 * _TRIED
+    spectra = [np.linalg.eigvalsh((K + K.T).real / 2 - c * M) for c in squares]
+    clear = int(np.argmax([np.abs(w).min() for w in spectra]))  # no eigenvalue is nearly zero
+    c = float(squares[clear])
+    soft = _symmetric_part(basis.problem.at(values_at(basis.parameter, value)))
+    counted = count_below(soft, float(np.sqrt(c)), linear_solver)
+    if counted is not None and counted <= np.count_nonzero(spectra[clear] < 0):
+        return None
+    factor = factorize_roughly(lambda: sp.csr_array(soft.K - c * soft.M), True, linear_solver)
+    return soft_vectors(basis.V, M, (K + K.T).real / 2, soft, c, factor)
+
+
+def _symmetric_part(problem: Problem) -> Pencil:
+    """Return the pencil of the real symmetric part of K, without damping."""
+    at, parts = problem.parameters, []
+    for t in problem.terms:
+        if t.slot == "K" and not t.imaginary and (c := t.coefficient(at)):
+            parts.append((t.matrix if t.symmetric else sp.csr_array((t.matrix + t.matrix.T) / 2), c))
+    return Pencil(problem.mass, sp.csr_array(sum_matrices(parts)), symmetric=True)
+
+
+def soft_vectors(
+    V: np.ndarray, M: np.ndarray, K: np.ndarray, soft: Pencil, c: float, factor: Factor
+) -> np.ndarray:  # fmt: skip
+    """Return vectors u that a basis V lacks of the space in which uᵀ(K_s − cM)u < 0.
+
+    Some steps of block Lanczos iteration with (K_s − cM)⁻¹M find them, since they have the lowest eigenvalues of that
+    operator, and these alone are negative. The vectors W of the iteration are orthonormal in the mass matrix and
+    M-orthogonal to V. A norm that knows the part as stiff, as that of P does, would see nothing in them but the motion
+    of this part, and nothing of what moves with it. The Ritz vectors of K_s on [V, W] with θ < c show which directions
+    of W are soft: as many as there are more of them than on V alone.
+
+    Parameters
+    ----------
+    V : (n, r) float
+    M, K : (r, r) float
+        VᵀMV and VᵀK_sV.
+    soft : Pencil
+        M and K_s.
+    c : float, rad²/s²
+    factor : Factor
+        Factors of K_s − cM.
+
+    Returns
+    -------
+    (n, k) float
+    """
+    mass, T = soft.M, normalised(M)
+
+    def outside(X: np.ndarray, W: np.ndarray) -> np.ndarray:
+        MX = times(mass, X)
+        return X - combine(V, T @ (T.T @ cross(V, MX))) - combine(W, cross(W, MX))
+
+    W = np.zeros((len(V), 0))
+    block = np.random.default_rng(_SEED).standard_normal((len(V), _BLOCK))
+    for _ in range(_STEPS):
+        X = factor.solve(times(mass, block))
+        X = outside(outside(X, W), W)
+        gram = cross(X, times(mass, X))
+        block = X @ normalising(gram, np.flatnonzero(gram.diagonal() > 0), DEPENDENT)
+        if not block.shape[1]:
+            break
+        W = np.hstack([W, block])
+    KW = times(soft.K, W)
+    VKW, VKV = T.T @ cross(V, KW), T.T @ K @ T
+    theta, y = la.eigh(np.block([[VKV, VKW], [VKW.T, cross(W, KW)]]))
+    below = theta < c
+    more = np.count_nonzero(below) - np.count_nonzero(la.eigvalsh(VKV) < c)
+    return combine(W, thin_svd(y[T.shape[1] :, below])[0][:, : max(int(more), 0)])
+
+
+def normalised(M: np.ndarray) -> np.ndarray:
+    """Return T (r, s) with TᵀMT = 1 for M (r, r) positive semidefinite, s at most r."""
+    w, v = la.eigh(M)
+    kept = w > _RANK * w[-1]
+    return np.asarray(v[:, kept] / np.sqrt(w[kept]))
