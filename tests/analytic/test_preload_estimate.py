@@ -35,6 +35,7 @@ def elastic(lam, change):
     return np.isfinite(change) & (np.abs(change) > 1e-8 * np.abs(lam).max())
 
 
+@pytest.mark.slow
 def test_changes_are_those_of_the_refined_mesh(swept, own):
     """Where matrices are interpolated exactly: λ of the mesh and its change add up to λ assembled there alone."""
     assert isinstance(own.model, TransferredModel)

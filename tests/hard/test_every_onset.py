@@ -81,7 +81,7 @@ def test_onsets_of_many_random_sweeps(kind):
     assert warned <= 1
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", some(range(3), lambda seed: seed == 1))
 def test_books_balance_on_projections(seed):
     """With modes of a range only: unstable now = unstable before + into − out, for all branches below the rim."""
     family = make(large, seed)

@@ -137,7 +137,8 @@ def blocks(count, youngs_modulus=2e9, above=2e7, behind=5e7, inclined=0.5, conta
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("method", some(["direct", "reduced"], lambda method: method == "reduced"))
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["direct", "reduced"])
 def test_equal_blocks_on_a_belt_are_in_no_doubt(method):
     """Slopes of eigenvalues are less exact than eigenvalues where matrices are stiff, and part copies between values.
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
-from selection import crossed
+from selection import crossed, some
 
 from fe_squeal import sweep
 from fe_squeal.eigen.request import Request
@@ -64,7 +64,9 @@ GROWTH = {
 }
 
 
-@pytest.mark.parametrize(("alpha", "values"), [(0.0, (1.0,)), (0.01, (1.0,)), (0.0, (0.0, 1.0))])
+@pytest.mark.parametrize(
+    ("alpha", "values"), some([(0.0, (1.0,)), (0.01, (1.0,)), (0.0, (0.0, 1.0))], lambda _, values: len(values) == 1)
+)
 @pytest.mark.parametrize("kind", GROWTH)
 def test_friction_that_softens_modes_far_beyond_the_range(kind, alpha, values):
     stiffness, friction = np.append(np.linspace(1, 10, N - 2), [10.0, 10.0]) ** 2, np.array(GROWTH[kind])
@@ -76,7 +78,7 @@ def test_friction_that_softens_modes_far_beyond_the_range(kind, alpha, values):
     np.testing.assert_allclose(modes.lam[modes.stability == "unstable"], expected, rtol=1e-6)
 
 
-@pytest.mark.parametrize("values", [(1.0,), (0.0, 1.0)])
+@pytest.mark.parametrize("values", some([((1.0,),), ((0.0, 1.0),)], lambda values: len(values) == 1))
 @pytest.mark.parametrize(("omega", "gyro"), [(8.0, 20.0), (20.0, 130.0)])
 def test_gyroscopic_forces_that_slow_a_whirl_down_into_the_range(omega, gyro, values):
     stiffness = np.append(np.linspace(1, 20, N - 2), [omega, omega]) ** 2

@@ -21,6 +21,7 @@ def columns(out):
     return modes[["re_discretisation", "im_discretisation"]], onsets["discretisation"]
 
 
+@pytest.mark.slow
 def test_bars_in_the_tables_and_after_a_resume(tmp_path, capsys):
     scene, out = write_scene(tmp_path, SCENE), tmp_path / "out"
     run = ["run", str(scene), "-o", str(out)]
