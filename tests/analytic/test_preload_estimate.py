@@ -52,6 +52,7 @@ def test_changes_are_those_of_the_refined_mesh(swept, own):
         assert (off <= 0.05 * np.abs(change[known]) + 1e-6 * np.abs(lam[known])).all()
 
 
+@pytest.mark.slow
 def test_a_model_of_its_own_gives_the_same(swept, own, monkeypatch):
     """Where the sweep's basis does not serve, a reduced model of the interpolated matrices is made."""
     monkeypatch.setattr(refined, "_NEAR", 0.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
-from selection import crossed, some
+from selection import crossed
 
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.growth import may_grow
@@ -96,9 +96,8 @@ def test_nothing_grows_without_mass():
     assert may_grow(Pencil(M, sp.csr_array(K), sp.csr_array(0.01 * M)), 0.1) is False
 
 
-@pytest.mark.parametrize(
-    ("ratio", "swings"), some([(0.2, 1.3), (0.6, 0.9), (0.95, 1.55), (3.0, 0.8)], lambda ratio, _: ratio == 0.6)
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("ratio", "swings"), [(0.2, 1.3), (0.6, 0.9), (0.95, 1.55), (3.0, 0.8)])
 def test_fast_growth_beside_a_crowd_of_overdamped_modes(ratio, swings):
     lam = swings * (ratio + 1j)
     light, over = np.linspace(0.05, 2, 150) ** 2, np.linspace(0.5, 3, 120)

@@ -106,7 +106,7 @@ def test_divergence_beside_a_rigid_motion(record, counts, method):
     ("method", "effects"),
     crossed(
         ["direct", "reduced"], ["rayleigh", "beta", "loss", "slip"],
-        fast=lambda method, effects: (method, effects) in {("direct", "beta"), ("reduced", "rayleigh")},
+        fast=lambda method, effects: (method, effects) == ("reduced", "rayleigh"),
     ),
 )  # fmt: skip
 def test_damped_pad_held_by_friction_alone(method, effects):
