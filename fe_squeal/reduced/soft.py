@@ -20,7 +20,7 @@ from .vectors import DEPENDENT, normalising, thin_svd
 _TRIED = np.linspace(0.8, 0.98, 7)  # parts of the square of the highest frequency: where soft directions are counted
 _SEED, _BLOCK, _STEPS = 20251107, 8, 5
 SOFT_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
-_RANK = 1e-13  # of the largest eigenvalue of VᵀMV: directions of the basis with less mass are not taken off
+_RANK = 1e-13  # eigenvalue of VᵀMV for vectors of unit mass: directions below are not taken off
 
 
 def leaves_friction_out(basis: ReducedBasis, value: Place) -> bool:
@@ -56,8 +56,9 @@ def vectors_beside(
         for.
     """
     M, _, K, _ = basis.matrices(value)
+    K = (K + K.T).real / 2
     squares = highest**2 * _TRIED
-    spectra = [np.linalg.eigvalsh((K + K.T).real / 2 - c * M) for c in squares]
+    spectra = [np.linalg.eigvalsh(K - c * M) for c in squares]
     clear = int(np.argmax([np.abs(w).min() for w in spectra]))  # no eigenvalue is nearly zero
     c = float(squares[clear])
     soft = _symmetric_part(basis.problem.at(values_at(basis.parameter, value)))
@@ -65,7 +66,7 @@ def vectors_beside(
     if counted is not None and counted <= np.count_nonzero(spectra[clear] < 0):
         return None
     factor = factorize_roughly(lambda: sp.csr_array(soft.K - c * soft.M), True, linear_solver)
-    return soft_vectors(basis.V, M, (K + K.T).real / 2, soft, c, factor)
+    return soft_vectors(basis.V, M, K, soft, c, factor)
 
 
 def _symmetric_part(problem: Problem) -> Pencil:
@@ -103,7 +104,7 @@ def soft_vectors(
     -------
     (n, k) float
     """
-    mass, T = soft.M, normalised(M)
+    mass, T = soft.M, normalising(M, np.flatnonzero(M.diagonal() > 0), _RANK)
 
     def outside(X: np.ndarray, W: np.ndarray) -> np.ndarray:
         MX = times(mass, X)
@@ -125,10 +126,3 @@ def soft_vectors(
     below = theta < c
     more = np.count_nonzero(below) - np.count_nonzero(la.eigvalsh(VKV) < c)
     return combine(W, thin_svd(y[T.shape[1] :, below])[0][:, : max(int(more), 0)])
-
-
-def normalised(M: np.ndarray) -> np.ndarray:
-    """Return T (r, s) with TᵀMT = 1 for M (r, r) positive semidefinite, s at most r."""
-    w, v = la.eigh(M)
-    kept = w > _RANK * w[-1]
-    return np.asarray(v[:, kept] / np.sqrt(w[kept]))
