@@ -43,8 +43,11 @@ test-again: .venv/installed-test
 # nothing of a library that the others do not.
 NEWEST_ALONE := band checkpoint counting effects_on_demand eigen eigen_complex estimate_run found_by_fuzz lumped_properties \
 	lumped_studies marked mesh_bars reduced refining resume run_effects
+# Pages, pictures, decks and files call most of the libraries, and take a second or more a test.
+CALLING := report_* decks_* geometry* mesh_writing run_files summary
 test-lowest: .venv-lowest/installed
 	.venv-lowest/bin/pytest $(PYTEST_OPTIONS) -m "not slow" tests/unit tests/regression $(NEWEST_ALONE:%=--ignore=tests/unit/test_%.py)
+	.venv-lowest/bin/pytest $(PYTEST_OPTIONS) -m "slow and not long" $(CALLING:%=tests/unit/test_%.py)
 
 # On several processes, by MPI and MUMPS: Debian's packages, and NumPy 1.26, for which these were built. make run needs none.
 MPI := OMP_NUM_THREADS=1 mpiexec -q --oversubscribe --mca mpi_yield_when_idle 1 $(if $(filter 0,$(shell id -u)),--allow-run-as-root)
