@@ -9,6 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from ..effects.context import Context
+from ..eigen.columns import Columns
 from ..fem.descriptors import ModeDescriber, make_describer
 from ..problem.description import Describer, Description
 from ..problem.terms import Term
@@ -34,7 +35,7 @@ class LaterDescriber:
         """Return the descriptors of shapes (n, k), see `fe_squeal.problem.description.Describer`."""
         return self._made.describe(terms, parameters, shapes)
 
-    def on(self, V: np.ndarray) -> ModeDescriber:
+    def on(self, V: Columns) -> ModeDescriber:
         """Return the describer of shapes V y that takes their coordinates y, for a basis V (n, r) float."""
         return self._made.on(V)
 

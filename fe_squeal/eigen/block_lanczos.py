@@ -7,7 +7,8 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from ..errors import NotConvergedError
-from .blocks import combine, cross, times
+from .blocks import combine, cross, put_combined, times
+from .columns import ColumnStore, store_for
 from .linear.factor import DefiniteFactor
 
 _SEED, _BLOCK, _MOST = 20251121, 24, 60
@@ -39,16 +40,18 @@ def lowest_modes(
     NotConvergedError
     """
     n = M.shape[0]
-    stored = [np.empty((min(n, _ROOM * count + _BLOCK), n)) for _ in range(2)]  # V and MV, a vector in each row
+    kind = store_for(n)
+    stored = [kind(n, min(n, _ROOM * count + _BLOCK)) for _ in range(2)]  # V and MV
     H = np.zeros((0, 0))
     W = factor.solve(times(M, np.random.default_rng(_SEED).standard_normal((n, min(n, _BLOCK)))))
     X, MX, _ = _unit(W, times(M, W))
     while True:
         m, k = len(H) + X.shape[1], X.shape[1]
-        if m > len(stored[0]):
-            stored = [np.concatenate([old, np.empty_like(old)]) for old in stored]
-        stored[0][m - k : m], stored[1][m - k : m] = X.T, MX.T
-        V, MV = stored[0][:m].T, stored[1][:m].T
+        if m > stored[0].room:
+            stored = [_doubled(old, m - k, n) for old in stored]
+        for store, new in zip(stored, (X, MX), strict=True):
+            store.put(m - k, new)
+        V, MV = (store.columns(m) for store in stored)
         W = factor.solve(MX)
         H = np.pad(H, ((0, k), (0, k)))
         for _ in range(2):
@@ -64,6 +67,13 @@ def lowest_modes(
             return sigma + 1 / nu[found], combine(V, s[:, found])
         if m > max(_MOST * _BLOCK, 8 * count):
             raise NotConvergedError(f"block Lanczos: {count} modes not found with {m} vectors")
+
+
+def _doubled(store: ColumnStore, count: int, n: int) -> ColumnStore:
+    """Return a store with twice the room that begins with the first columns of another one."""
+    larger = type(store)(n, 2 * store.room)
+    put_combined(larger, 0, store.columns(count))
+    return larger
 
 
 def _unit(W: np.ndarray, MW: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

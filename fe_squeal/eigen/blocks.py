@@ -1,20 +1,22 @@
-"""Products of blocks of tall vectors: sparse ones by MKL, others with a slice of the rows on each thread."""
+"""Products of blocks of tall vectors: sparse ones by MKL, others with a slice of the rows on each thread or process."""
 
 from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 import numpy as np
 import scipy.sparse as sp
 
+from .columns import Columns, ColumnStore, SpreadColumns, SpreadStore
 from .mkl import multiply
 from .threads import thread_count
 
 _TALL = 5000  # rows from which the work of slicing them pays
+_PIECE = 64  # vectors that are multiplied at once: products of all of them may not fit into memory
 _Part = TypeVar("_Part")
 
 
@@ -58,17 +60,31 @@ def times(A: sp.csr_array, X: np.ndarray) -> np.ndarray:
     return out
 
 
-def cross(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
+def cross(X: Columns, Y: np.ndarray) -> np.ndarray:
     """Return XᵀY for X (n, k) and Y (n, l), either of them complex or not, without a complex copy of X."""
     if np.iscomplexobj(Y) and not np.iscomplexobj(X):
         return np.ascontiguousarray(cross(X, np.ascontiguousarray(Y).view(float))).view(complex)
+    if isinstance(X, SpreadColumns):
+        return X.cross(Y)
     if len(X) < _TALL:
         return np.asarray(X.T @ Y)
     return np.asarray(sum(_in_slices(lambda rows: X[rows].T @ Y[rows], len(X))))
 
 
-def combine(V: np.ndarray, y: np.ndarray) -> np.ndarray:
+def form(U: Columns, A: sp.csr_array, V: Columns) -> np.ndarray:
+    """Return UᵀAV (k, r) for a sparse A (m, n), U (m, k) and V (n, r), a few vectors V after the others."""
+    return np.hstack([np.zeros((U.shape[1], 0)), *(cross(U, times(A, X)) for X in pieces(V))])
+
+
+def pieces(V: Columns) -> Iterator[np.ndarray]:
+    """Return columns V (n, r), a few after the others."""
+    return (np.asarray(V[:, i : i + _PIECE]) for i in range(0, V.shape[1], _PIECE))
+
+
+def combine(V: Columns, y: np.ndarray) -> np.ndarray:
     """Return V y for V (n, r) and y (r, k)."""
+    if isinstance(V, SpreadColumns):
+        return V.combine(y)
     if len(V) < _TALL:
         return np.asarray(V @ y)
     out = np.empty((len(V), *y.shape[1:]), np.result_type(V, y))
@@ -80,8 +96,19 @@ def combine(V: np.ndarray, y: np.ndarray) -> np.ndarray:
     return out
 
 
-def lift(V: sp.csr_array | np.ndarray, y: np.ndarray) -> np.ndarray:
+def put_combined(store: ColumnStore, first: int, V: Columns, y: np.ndarray | None = None) -> None:
+    """Put V y, of columns V (n, r) of this store or another and y (r, k), behind the first ones; V without y."""
+    if isinstance(store, SpreadStore):
+        assert isinstance(V, SpreadColumns)
+        store.put_mixed(first, V, y)
+    else:
+        store.put(first, np.asarray(V) if y is None else combine(V, y))
+
+
+def lift(V: sp.csr_array | Columns, y: np.ndarray) -> np.ndarray:
     """Return V y for V (n, r), sparse or not, and y (r,) or (r, k), complex or not, without a complex copy of V."""
+    if isinstance(V, SpreadColumns):
+        return V.combine(y.reshape(len(y), -1)).reshape(len(V), *y.shape[1:])
     product = combine if isinstance(V, np.ndarray) else times
     if not np.iscomplexobj(y) or np.iscomplexobj(V):
         return product(V, y)

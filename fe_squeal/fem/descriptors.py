@@ -10,7 +10,8 @@ import numpy as np
 import scipy.sparse as sp
 from skfem.quadrature import get_quadrature
 
-from ..eigen.blocks import cross, lift, times, with_short_indices
+from ..eigen.blocks import form, lift, pieces, with_short_indices
+from ..eigen.columns import Columns
 from ..problem.description import Description, shares_by_name, undescribed
 from ..problem.terms import Term
 from .cells import cell_points
@@ -64,11 +65,13 @@ class ModeDescriber:
             self._describe_waves(self.harmonics, spectra[:, :, moves], np.flatnonzero(moves), found)
         return found
 
-    def on(self, V: np.ndarray) -> ModeDescriber:
+    def on(self, V: Columns) -> ModeDescriber:
         """Return the describer of shapes V y that takes their coordinates y, for a basis V (n, r) float."""
         forms = self.along, self.nodal
-        along, nodal = ({name: cross(V, times(A, V)) for name, A in of.items()} for of in forms)
-        sampled = None if self.harmonics is None else self._spectra(V).reshape(-1, V.shape[1])
+        along, nodal = ({name: form(V, A, V) for name, A in of.items()} for of in forms)
+        sampled = None
+        if self.harmonics is not None:
+            sampled = np.concatenate([self._spectra(X) for X in pieces(V)], axis=2).reshape(-1, V.shape[1])
         return replace(self, along=along, nodal=nodal, sampled=sampled, fitted=True)
 
     def _spectra(self, shapes: np.ndarray) -> np.ndarray:

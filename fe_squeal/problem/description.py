@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..eigen.blocks import lift
+from ..eigen.columns import Columns
 from .terms import Term
 
 # Columns of modes.csv, in this order; a sweep without a describer has them empty.
@@ -31,7 +32,7 @@ class Describer(Protocol):
             Those of the problem that the shapes belong to, at its values: masses count as they are there.
         """
 
-    def on(self, V: np.ndarray) -> Describer:
+    def on(self, V: Columns) -> Describer:
         """Return what describes shapes V y (n, k) by their coordinates y (r, k), with terms of these."""
 
 

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from ..eigen.blocks import cross, times
+from ..eigen.blocks import form
+from ..eigen.columns import Columns
 from ..eigen.pencil import FreeMotions
 from ..errors import SceneError
 from .parameters import paths_of
@@ -16,7 +17,6 @@ from .problem import Problem
 from .terms import Slot, Term, sum_terms
 
 _SPARSE = 0.1  # of all rows: a term that acts in fewer is multiplied in these rows alone
-_PIECE = 64  # vectors that are multiplied at once: products of all of them may not fit into memory
 
 
 def collect_powers(problem: Problem, parameter: str | tuple[str, ...]) -> Problem:
@@ -79,7 +79,7 @@ def is_linear(problem: Problem, parameter: str) -> bool:
     )  # fmt: skip
 
 
-def project(problem: Problem, V: np.ndarray) -> Problem:
+def project(problem: Problem, V: Columns) -> Problem:
     """Return the Galerkin projection of every term on the columns of a real V (n, r): terms VᵀAV of size r.
 
     It takes every motion as held. The caller replaces `free` where combinations of V are free: entries of the projected
@@ -91,6 +91,5 @@ def project(problem: Problem, V: np.ndarray) -> Problem:
         A, here, rows = t.matrix, V, np.flatnonzero(np.diff(t.matrix.indptr))
         if len(rows) < _SPARSE * len(V):  # springs and contacts have few
             A, here = sp.csr_array(A[rows]), V[rows]
-        pieces = [cross(here, times(A, V[:, i : i + _PIECE])) for i in range(0, V.shape[1], _PIECE)]
-        terms.append(replace(t, matrix=sp.csr_array(np.hstack([np.zeros((V.shape[1], 0)), *pieces]))))
+        terms.append(replace(t, matrix=sp.csr_array(form(here, A, V))))
     return Problem(tuple(terms), problem.parameters, free=lambda _: none)

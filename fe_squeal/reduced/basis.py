@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ..eigen.blocks import combine, cross, times
+from ..eigen.blocks import combine, cross, put_combined, times
+from ..eigen.columns import Columns, ColumnStore, LocalStore, store_for, transposed
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions
 from ..problem.problem import Problem
@@ -86,7 +87,8 @@ class ReducedBasis(SampledErrors):
         self._lines = np.sort(rng.choice(n, min(n, _LINES), replace=False))
         diagonal = sum(c * t.matrix.diagonal() for c, t in zip(metric, problem.terms, strict=True))
         self._size = (self._units * np.abs(diagonal))[self._lines] * np.sqrt(n / len(self._lines))
-        self._store = np.zeros((0, n))
+        self._store: ColumnStore = store_for(n)(n)
+        self.V = self._store.columns(0)
         self._right = [np.zeros((self._Z.shape[1], 0)) for _ in problem.terms]  # Zᵀ A V
         self._left = [np.zeros((self._Z.shape[1], 0)) for _ in problem.terms]  # Zᵀ Aᵀ V
         self._sampled_rows = np.zeros((len(self._lines), 0))
@@ -112,7 +114,8 @@ class ReducedBasis(SampledErrors):
         basis = cls.__new__(cls)
         Projection.__init__(basis, problem, parameter, numbers["metric"], numbers["sigma"], linear_solver)
         basis._cancels, basis.has_slow = numbers["cancels"], numbers["has_slow"]
-        basis.V, basis._store, basis._Z = arrays["vectors"].T, arrays["vectors"], arrays["samples"]
+        basis._store, basis._Z = store_for(problem.unknowns).of(arrays["vectors"]), arrays["samples"]
+        basis.V = basis._store.columns(basis._store.room)
         basis._units, basis._lines, basis._size = arrays["units"], arrays["lines"], arrays["size"]
         basis._sampled_rows, basis._sizes = arrays["sampled_rows"], None
         basis._projected, basis._right, basis._left = (
@@ -126,7 +129,7 @@ class ReducedBasis(SampledErrors):
         arrays: dict[str, np.ndarray]
         arrays = {f"{n}_{i}": A for n, part in zip(_OF_TERMS, parts, strict=True) for i, A in enumerate(part)}
         arrays |= {
-            "vectors": self.V.T, "units": self._units, "lines": self._lines, "size": self._size,
+            "vectors": transposed(self.V), "units": self._units, "lines": self._lines, "size": self._size,
             "sampled_rows": self._sampled_rows, "samples": self._Z,
         }  # fmt: skip
         numbers = {"cancels": self._cancels, "sigma": self.sigma, "has_slow": self.has_slow}
@@ -210,18 +213,21 @@ class ReducedBasis(SampledErrors):
     def _extend(self, X: np.ndarray) -> None:
         """Put columns behind those of V, each contiguous in memory, without a copy of V as long as there is room."""
         r, k = len(self), X.shape[1]
-        if len(self._store) < r + k:
-            store = np.empty((_ROOM * (r + k), len(X)))
-            store[:r] = self.V.T
-            self._store = store
-        self._store[r : r + k] = X.T
-        self.V = self._store[: r + k].T
+        if self._store.room < r + k:
+            self._store = self._with_room(_ROOM * (r + k), self.V)
+        self._store.put(r, X)
+        self.V = self._store.columns(r + k)
+
+    def _with_room(self, room: int, V: Columns, W: np.ndarray | None = None) -> ColumnStore:
+        """Return a store that begins with V W, or with V."""
+        store = type(self._store)(len(V), room)
+        put_combined(store, 0, V, W)
+        return store
 
     def shrink(self) -> None:
         """Give up the memory that corrections took behind the vectors."""
-        store = np.empty((_ROOM * len(self), len(self.V)))
-        store[: len(self)] = self.V.T
-        self._store, self.V = store, store[: len(self)].T
+        self._store = self._with_room(_ROOM * len(self), self.V)
+        self.V = self._store.columns(len(self))
         self._last = self._last_matrices = self._slow = self._contained = None  # what they hold has the old vectors
 
     def copy(self) -> ReducedBasis:
@@ -237,7 +243,7 @@ class ReducedBasis(SampledErrors):
         """
         small = copy.copy(self)
         small.V = np.zeros((0, len(self)))
-        small._store = small._Z = np.zeros((0, 0))
+        small._store, small._Z = LocalStore(0), np.zeros((0, 0))
         small._units = self._units[self._lines]
         small._lines = np.arange(len(self._lines))
         small.__dict__.pop("_acting", None)
@@ -259,8 +265,8 @@ class ReducedBasis(SampledErrors):
             holds, or hardly anything.
         """
         smaller = self._turned(lambda A: W.T @ A @ W, lambda B: B @ W)
-        smaller.V = combine(self.V, W) if lifted else np.zeros((0, W.shape[1]))
-        smaller._store = smaller.V.T
+        smaller._store = self._with_room(W.shape[1], self.V, W) if lifted else LocalStore(0, W.shape[1])
+        smaller.V = smaller._store.columns(W.shape[1])
         return smaller
 
     def narrowed(self, count: int, U: np.ndarray) -> ReducedBasis:
@@ -274,8 +280,8 @@ class ReducedBasis(SampledErrors):
             return np.block([[A[:count, :count], A[:count, count:] @ U], [U.T @ A[count:, :count], corner]])
 
         smaller = self._turned(squared, lambda B: np.hstack([B[:, :count], B[:, count:] @ U]))
-        self._store[count : count + U.shape[1]] = combine(self.V[:, count:], U).T
-        smaller.V = self._store[: count + U.shape[1]].T
+        put_combined(self._store, count, self.V[:, count:], U)
+        smaller.V = self._store.columns(count + U.shape[1])
         return smaller
 
     def _turned(
@@ -291,5 +297,5 @@ class ReducedBasis(SampledErrors):
     def leading(self, count: int) -> ReducedBasis:
         """Return the basis of its first vectors alone."""
         smaller = self._turned(lambda A: A[:count, :count], lambda B: B[:, :count])
-        smaller.V, smaller._store = self.V[:, :count], self._store[:count]
+        smaller.V, smaller._store = self.V[:, :count], type(self._store)(len(self.V))  # which is not written to
         return smaller

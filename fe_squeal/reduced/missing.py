@@ -45,8 +45,8 @@ def search_vectors(basis: ReducedBasis, factor: DefiniteFactor) -> np.ndarray:
         size = len(trial)
         if not trial.append(block):
             break
-        block = trial.V[:, size:]
-    return trial.V[:, len(basis) :].copy()
+        block = np.asarray(trial.V[:, size:])
+    return np.array(trial.V[:, len(basis) :], order="C")
 
 
 def search_vectors_complex(basis: ReducedBasis, factor: Factor) -> np.ndarray:
@@ -62,9 +62,9 @@ def search_vectors_complex(basis: ReducedBasis, factor: Factor) -> np.ndarray:
         size = len(trial)
         if not trial.append(real_columns(found)):
             break
-        new = trial.V[:, size:]
+        new = np.asarray(trial.V[:, size:])
         block = new @ rng.standard_normal((new.shape[1], min(_BLOCK_COMPLEX, new.shape[1])))
-    return trial.V[:, len(basis) :].copy()
+    return np.array(trial.V[:, len(basis) :], order="C")
 
 
 def gyroscopic_size(problem: Problem) -> float:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
+from ..eigen.columns import Columns
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions
 from ..problem.forms import project
@@ -69,7 +70,7 @@ class ProjectedTerms:
         Returns those motions that nothing holds and the basis has, in its coordinates.
     """
 
-    def __init__(self, whole: Problem, V: np.ndarray, coordinates: Callable[[FreeMotions], FreeMotions]) -> None:
+    def __init__(self, whole: Problem, V: Columns, coordinates: Callable[[FreeMotions], FreeMotions]) -> None:
         self._whole, self._V, self._coordinates = whole, V, coordinates
         self._known: dict[tuple[str, int], tuple[sp.csr_array, sp.csr_array]] = {}  # a matrix, and its projection
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..eigen.columns import Columns
 from ..eigen.pencil import Modes
 from ..eigen.request import Request, is_needed
 from ..problem.parameters import Place
@@ -44,7 +45,7 @@ class ModesAtPlaces:
         self._met: dict[Place, tuple[int, int]] = {}
         self._found_with: dict[Place, tuple[int, int]] = {}  # the same of all places that were looked at
         self._last: dict[Place, Modes] = {}
-        self._known_with: np.ndarray | None = None  # the basis that these belong to
+        self._known_with: Columns | None = None  # the basis that these belong to
         # For modes at values between those whose modes are known.
         is_real = problem.problem_class == "quadratic"
         self._between = TwoSided(self.request.tolerance, is_real) if along and problem.is_damped else None

@@ -11,7 +11,8 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from ..eigen.blocks import combine, cross, lift, times
+from ..eigen.blocks import combine, cross, form, lift, times
+from ..eigen.columns import Columns
 from ..eigen.dense import solve_dense
 from ..eigen.growth import may_grow_dense, sizes
 from ..eigen.kernel import null_columns
@@ -72,15 +73,15 @@ class Projection:
     ) -> None:  # fmt: skip
         self.problem, self.parameter, self.metric, self.sigma = problem, parameter, metric, sigma
         self._linear_solver = linear_solver
-        self.V = np.zeros((problem.unknowns, 0))
+        self.V: Columns = np.zeros((problem.unknowns, 0))
         self._projected = [np.zeros((0, 0)) for _ in problem.terms]
         self.has_slow = False
         # Of the last calls, with the V that they belong to.
-        self._last: tuple[Place, np.ndarray, Pencil] | None = None
-        self._last_matrices: tuple[Place, np.ndarray, _Matrices] | None = None
-        self._slow: tuple[np.ndarray, SlowMotions | None] | None = None  # with the V that they belong to
+        self._last: tuple[Place, Columns, Pencil] | None = None
+        self._last_matrices: tuple[Place, Columns, _Matrices] | None = None
+        self._slow: tuple[Columns, SlowMotions | None] | None = None  # with the V that they belong to
         # The motions and the basis of the last call of `_coordinates`, and what it found for them.
-        self._contained: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._contained: tuple[np.ndarray, Columns, np.ndarray, np.ndarray] | None = None
 
     def __len__(self) -> int:
         return int(self.V.shape[1])
@@ -109,10 +110,10 @@ class Projection:
         self.problem, self.metric = table, [*self.metric, *[0.0] * len(new)]
         self._projected = [*self._projected, *(self._product_with(part, self.V) for part in new)]
 
-    def _product_with(self, part: _Acting, left: np.ndarray) -> np.ndarray:
+    def _product_with(self, part: _Acting, left: Columns) -> np.ndarray:
         """Return UᵀAV of a term A, for any U (n, k)."""
         rows, A = part.rows, part.matrix
-        return cross(left if rows is None else left[rows], times(A, self.V))
+        return form(left if rows is None else left[rows], A, self.V)
 
     def pencil(self, value: Place) -> Pencil:
         """Return the projected matrices at a value of the parameter; those of the last one are kept."""

@@ -7,6 +7,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from ..eigen.blocks import combine, cross, times
+from ..eigen.columns import Columns
 from ..eigen.inertia import count_below
 from ..eigen.linear.choice import factorize_roughly
 from ..eigen.linear.factor import Factor, LinearSolver
@@ -79,7 +80,7 @@ def _symmetric_part(problem: Problem) -> Pencil:
 
 
 def soft_vectors(
-    V: np.ndarray, M: np.ndarray, K: np.ndarray, soft: Pencil, c: float, factor: Factor
+    V: Columns, M: np.ndarray, K: np.ndarray, soft: Pencil, c: float, factor: Factor
 ) -> np.ndarray:  # fmt: skip
     """Return vectors u that a basis V lacks of the space in which uᵀ(K_s − cM)u < 0.
 

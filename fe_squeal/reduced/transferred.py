@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..eigen.linear.choice import factorize_definite_roughly
 from ..eigen.pencil import Modes
 from ..eigen.request import is_needed
@@ -56,7 +58,7 @@ class TransferredModel(ModesAtPlaces):
         unheld = collected.free_motions().motions
         if unheld.shape[1]:
             self.basis.append(unheld)  # first, so that the basis has them exactly
-        self.basis.append(own.V)
+        self.basis.append(np.asarray(own.V))
         if own.has_slow:
             self.basis.expect_slow_motions()
         first = self.modes(start)

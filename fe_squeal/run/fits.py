@@ -67,46 +67,50 @@ def fits_here(count: MemoryCount, modes: int, forecast: MemoryPrediction) -> str
 
 def fits_there(problem: Problem, count: MemoryCount, modes: int, machines: Machines) -> Iterator[tuple[str, str]]:
     """Yield rows, name and text, on P processes: what process 0 and each other take, and whether that fits."""
-    forecast = count.at(modes)
     factors, disk, source = _factors(problem, count)
-    P, first = machines.processes, forecast.total - count.factors
+    P = machines.processes
     here = process_count() == P and P > 1
 
     def share(parts: int, of: int = factors) -> int:
         return int(of if here else of * parts**-_SPREAD)
 
-    others = _PROGRAM + share(P)
+    def first(parts: int, of: int = factors) -> int:
+        return count.at(modes, parts).total - count.factors + share(parts, of)
+
+    vectors = count.share(modes, P)
+    others = _PROGRAM + share(P) + vectors
+    basis = f", {memory_text(vectors)} of the reduced model's vectors" if vectors else ""
     yield f"on {P} process{'es' if P > 1 else ''}", (
-        f"process 0 {memory_text(first + share(P))}: {memory_text(share(P))} of the factors, and matrices and vectors,"
-        f" which it holds alone" + (f"; each other {memory_text(others)}" if P > 1 else "") + f" ({source})"
+        f"process 0 {memory_text(first(P))}: {memory_text(share(P))} of the factors{basis}, and matrices and"
+        f"{' other' if vectors else ''} vectors, which it holds alone"
+        + (f"; each other {memory_text(others)}" if P > 1 else "") + f" ({source})"
     )
     if machines.memory is None:
         return
     room, limit = machines.memory, f"of {memory_text(machines.memory)} each"
-    if first + share(P) <= room:
-        most = modes_that_fit(count, room - share(P) + count.factors)
+    most = modes_that_fit(count, room - share(P) + count.factors, P)
+    if first(P) <= room:
         yield limit, f"fits; {_rounded(most)} modes would"
         return
     helps = []
     if not here:
-        enough = next((p for p in range(P, _MOST_PROCESSES + 1) if first + share(p) <= room), None)
+        enough = next((p for p in range(P, _MOST_PROCESSES + 1) if first(p) <= room), None)
         if enough is not None:
             helps.append(f"{enough} processes")
-    if disk is not None and first + share(P, disk) <= room:
+    if disk is not None and first(P, disk) <= room:
         helps.append("factors on disk (solve.mumps.out_of_core)")
-    most = modes_that_fit(count, room - share(P) + count.factors)
     if most:
         helps.append(f"{_rounded(most)} modes")
-    helps.append(f"{memory_text(first + share(P))} for process 0 alone")
+    helps.append(f"{memory_text(first(P))} for process 0 alone")
     yield limit, f"does not fit; what would: {', or '.join(helps)}"
 
 
-def modes_that_fit(count: MemoryCount, room: int) -> int:
+def modes_that_fit(count: MemoryCount, room: int, processes: int | None = None) -> int:
     """Return the largest number of modes, up to 10 000 and the unknowns, for which the total fits, or 0."""
     low, high = 0, min(_MOST_MODES, count.unknowns) + 1
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (middle, high) if count.at(middle).total <= room else (low, middle)
+        low, high = (middle, high) if count.at(middle, processes).total <= room else (low, middle)
     return low
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import psutil
 import scipy.sparse as sp
 
+from ..eigen.columns import are_spread
 from ..eigen.dense import DENSE_LIMIT
 from ..eigen.linear.choice import factor_memory, is_large
 from ..eigen.linear.factor import LinearSolver
@@ -20,6 +21,7 @@ from ..errors import NotConvergedError, SquealError
 from ..problem.aside import movable_bytes
 from ..problem.problem import Problem
 from ..problem.tabulated import Tabulated
+from ..process.ranks import process_count
 
 VALUES, UNKNOWNS = 5, 2000  # values of the sweep and unknowns from which a reduced model is faster than direct solves
 
@@ -144,17 +146,19 @@ class MemoryCount:
     lifted: int = 0
     large: bool = False
 
-    def at(self, modes: int) -> MemoryPrediction:
-        """Return the prediction for a number of modes."""
+    def at(self, modes: int, processes: int | None = None) -> MemoryPrediction:
+        """Return the prediction for a number of modes, on the first of some processes (those that there are)."""
         parts, n, kind = dict(self.fixed), self.unknowns, self.problem_class
+        processes = processes or process_count()
         if n > DENSE_LIMIT and self.reduced:
-            guarded = min(_GUARDED * modes, n)
-            basis = min(_BASIS[kind] * guarded, n)
+            guarded, basis = self._vectors(modes)
+            here = 1 / processes if are_spread(n, processes) else 1.0
             number = 16 if kind == "complex" else 8
             order = 2 * basis if kind == "quadratic" else basis
             blocks = min(8 * n * _BLOCKS * guarded, _MOST)
-            parts["vectors"] = int(8 * n * (basis + _SAMPLES + _SEARCHED + _CORRECTED * guarded) + blocks)
-            shapes = self.lifted + int(8 * n * (basis + _SAMPLES + _LIFTED * guarded))
+            own = here * (basis + _CORRECTED * guarded)
+            parts["vectors"] = int(8 * n * (own + _SAMPLES + _SEARCHED) + blocks)
+            shapes = self.lifted + int(8 * n * (here * basis + _SAMPLES + _LIFTED * guarded))
             # Most shapes are exact without factors; of a large problem, whose factors are gone by then, all are taken
             # to be.
             gone = parts["matrices"] + parts["vectors"] + (self.factors if self.large else 0)
@@ -166,6 +170,18 @@ class MemoryCount:
         strong = int(_STRONG[kind] * self.factors) if self.large else 0
         free, taken = available_memory(), int(psutil.Process().memory_info().rss)
         return MemoryPrediction(sum(parts.values()), self.factors, free, self.reduced, parts, strong, taken)
+
+    def share(self, modes: int, processes: int) -> int:
+        """Return the bytes of the vectors that each of several processes has a part of."""
+        if not self.reduced or self.unknowns <= DENSE_LIMIT or not are_spread(self.unknowns, processes):
+            return 0
+        guarded, basis = self._vectors(modes)
+        return int(8 * self.unknowns * (basis + _CORRECTED * guarded) / processes)
+
+    def _vectors(self, modes: int) -> tuple[float, float]:
+        """Return the numbers of modes that a basis begins with, and of its vectors."""
+        guarded = min(_GUARDED * modes, self.unknowns)
+        return guarded, min(_BASIS[self.problem_class] * guarded, self.unknowns)
 
 
 def predict_memory(

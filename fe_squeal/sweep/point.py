@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..eigen.blocks import lift
+from ..eigen.columns import Columns
 from ..eigen.pencil import Modes
 
 
@@ -22,7 +23,7 @@ class LiftedShapes(Mapping[int, np.ndarray]):
         The basis of the reduced model.
     """
 
-    def __init__(self, coordinates: Mapping[int, np.ndarray], V: np.ndarray) -> None:
+    def __init__(self, coordinates: Mapping[int, np.ndarray], V: Columns) -> None:
         self.coordinates, self._V = coordinates, V
 
     def __getitem__(self, i: int) -> np.ndarray:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..eigen.columns import Columns
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..eigen.request import Completeness, Request, wanted_count
@@ -73,10 +74,10 @@ class ValueSolver:
         self.model: ReducedModel | None = None
         self.tracked, self.mass = problem, problem.mass
         self._describer: Describer | None = None
-        self._described: np.ndarray | None = None  # the basis in whose coordinates the describer takes shapes
+        self._described: Columns | None = None  # the basis in whose coordinates the describer takes shapes
 
     @property
-    def basis(self) -> np.ndarray | None:
+    def basis(self) -> Columns | None:
         """V (n, r) of the reduced model; None without one."""
         return None if self.model is None else self.model.basis.V
 

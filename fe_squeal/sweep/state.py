@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from ..eigen.columns import Columns
 from ..eigen.pencil import Modes
 from ..eigen.request import Completeness
 from ..problem.problem import Problem
@@ -166,6 +167,6 @@ def state_of_record(record: Record, first: Modes, points: tuple[SweepPoint, ...]
     )  # fmt: skip
 
 
-def lifted(point: SweepPoint, V: np.ndarray) -> SweepPoint:
+def lifted(point: SweepPoint, V: Columns) -> SweepPoint:
     """Return a point of a reduced model with shapes of the problem itself; V (n, r) is the model's basis."""
     return replace(point, shapes=LiftedShapes(point.shapes, V))

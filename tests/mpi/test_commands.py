@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import psutil
 import pytest
 from scene_texts import replaced
@@ -41,6 +42,15 @@ def short(needed, unknowns):
     finally:
         memory.available_memory = kept
 mumps.require_memory, mumps._FORECAST = short, 1000
+sys.exit(main(sys.argv[1:]))
+"""
+
+# The command with the vectors of every reduced sweep spread, however small the problem.
+SPREAD = """
+import sys
+from fe_squeal.cli import main
+from fe_squeal.eigen import columns
+columns._LEAST = 0
 sys.exit(main(sys.argv[1:]))
 """
 
@@ -82,6 +92,21 @@ def test_results_are_those_of_one_process(tmp_path):
     assert len(found[1]) > 20 and sorted(p.name for p in (tmp_path / "out3").iterdir()) == sorted(
         p.name for p in (tmp_path / "out1").iterdir()
     )
+
+
+def test_vectors_are_spread_by_rows(tmp_path):
+    """λ, onsets and what the mesh's errors make of them are those of one process, which keeps all vectors."""
+    scene = tmp_path / "block.toml"
+    scene.write_text(replaced("modes = 8", 'modes = 8\nmethod = "reduced"', replaced("order = 1", "order = 2", SCENE)))
+    outs = tmp_path / "alone", tmp_path / "spread"
+    for out, count, program in zip(outs, (1, 2), (("-m", "fe_squeal"), ("-c", SPREAD)), strict=True):
+        code, _, err = ended(started(count, "run", str(scene), "-o", str(out), "--estimate", program=program))
+        assert code == 0, err
+    compared = {"modes": ["re", "im", "im_extrapolated"], "onsets": ["value", "value_extrapolated"]}
+    for name, columns in compared.items():
+        alone, spread = (pd.read_csv(out / f"{name}.csv")[columns].to_numpy(float) for out in outs)
+        assert len(alone)
+        np.testing.assert_allclose(spread, alone, rtol=0, atol=1e-7 * np.abs(alone).max(axis=0).max())
 
 
 def test_bad_input_is_one_message(tmp_path):

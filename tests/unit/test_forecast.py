@@ -99,13 +99,22 @@ def rows(processes, gib, modes=50):
     return [text for _, text in fits_there(None, LARGE, modes, Machines(processes, memory))]
 
 
-def test_process_0_holds_all_but_the_others_parts_of_the_factors(monkeypatch):
+def spread():
+    """The bytes of what all processes share: what process 0 has less of if there are any number of others."""
+    return LARGE.at(50, 1).total - LARGE.at(50, 10**9).total
+
+
+def test_process_0_holds_all_but_the_others_parts(monkeypatch):
+    """Of the factors and of the basis, which is spread evenly."""
     monkeypatch.setattr(fits, "_factors", lambda _, count: (count.factors, None, "as given"))
     besides = (LARGE.at(50).total - LARGE.factors) / 2**20
     for count in (1, 2, 8):
         found = [float(a) * {"M": 1, "G": 1024}[b] for a, b in re.findall(r"([\d.]+) ([MG])iB", rows(count, None)[0])]
         factors = 10**9 / 2**20 / count**0.7
-        expected = [besides + factors, factors] + ([120 + factors] if count > 1 else [])
+        vectors = spread() / 2**20 / count
+        expected = [besides + factors, factors]
+        if count > 1:
+            expected = [besides - (count - 1) * vectors + factors, factors, vectors, 120 + factors + vectors]
         assert found == pytest.approx(expected, rel=5e-3)
 
 
@@ -114,7 +123,7 @@ def test_what_would_fit_on_processes_does(monkeypatch):
     monkeypatch.setattr(fits, "_factors", lambda _, count: (count.factors, None, "as given"))
     total = LARGE.at(50).total / 2**30
     assert "does not fit" in rows(1, total - 0.01)[1] and rows(1, total + 0.01)[1].startswith("fits; 5")
-    room = total - 10**9 * (1 - 8**-0.7) / 2**30 + 1e-4
+    room = total - (10**9 * (1 - 8**-0.7) + spread() * 7 / 8) / 2**30 + 1e-4
     said = rows(2, room)[1]
     assert "what would: 8 processes, or " in said
     assert rows(8, room)[1].startswith("fits") and rows(7, room)[1].startswith("does not")

@@ -1,4 +1,6 @@
-"""Several processes under mpiexec: one runs the program, the others take part where matrices are factorised and solved.
+"""Several processes under mpiexec: one runs the program, the others take part where the work and memory are large.
+
+That is where matrices are factorised and solved, and where columns of the problem's length are kept.
 
 Process 0 does everything that a single one does. Before a step that all take part in it sends the others what to do.
 They wait for that asleep most of the time, so that they take no core from it.
@@ -18,6 +20,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...process.ranks import is_helper, process_count
+from . import column_parts
+from .column_parts import ends, gathered, scattered
 from .petsc import MumpsOptions, PetscMatrix, Told, petsc
 from .scratch import own_folder, remove_scratch
 
@@ -25,7 +29,7 @@ _COMMAND, _END = 7, "end"  # tag of messages; the last one
 _FIRST_WAIT, _LONGEST_WAIT = 1e-5, 2e-3  # s, between two looks for a message
 _PATIENCE = 20  # s, for which a process that is to end waits for the first one
 _matrices: dict[int, PetscMatrix] = {}
-_given_up: list[int] = []  # handles that no factor uses any more: released with the next command
+_given_up: list[int] = []  # handles that nothing uses any more: released with the next command
 _state = {"handle": 0, "broken": False}
 
 
@@ -63,31 +67,20 @@ def _solve(comm: Any, what: dict[str, Any], b: np.ndarray | None) -> np.ndarray 
     if comm is None:
         assert b is not None
         return matrix.solve(b, what["transposed"])
-    k = what["columns"]
-    ends = _ends(what["n"], comm.size)
-    counts = np.diff(ends) * k
-    own = np.empty((int(np.diff(ends)[comm.rank]), k))
-    comm.Scatterv([None if b is None else np.ascontiguousarray(b, dtype=float), counts], own, root=0)
-    x = np.ascontiguousarray(matrix.solve(own, what["transposed"]))
-    whole = np.empty((what["n"], k)) if comm.rank == 0 else None
-    comm.Gatherv(x, [whole, counts], root=0)
-    return whole
-
-
-def _ends(n: int, parts: int) -> np.ndarray:
-    return np.array([n * i // parts for i in range(parts + 1)])
+    own = scattered(comm, what["n"], what["columns"], b)
+    return gathered(comm, what["n"], matrix.solve(own, what["transposed"]))
 
 
 def _scattered_rows(comm: Any, n: int, A: sp.csr_array | None) -> sp.csr_array:
-    ends = _ends(n, comm.size)
     if comm.rank == 0:
         assert A is not None
+        at = ends(n, comm.size)
         for other in range(1, comm.size):
-            part = sp.csr_array(A[ends[other] : ends[other + 1]])
+            part = sp.csr_array(A[at[other] : at[other + 1]])
             comm.send((part.indptr, len(part.data)), dest=other, tag=_COMMAND)
             comm.Send(part.indices.astype(part.indptr.dtype), dest=other, tag=_COMMAND)
             comm.Send(part.data, dest=other, tag=_COMMAND)
-        return sp.csr_array(A[: ends[1]])
+        return sp.csr_array(A[: at[1]])
     indptr, count = comm.recv(source=0, tag=_COMMAND)
     indices, data = np.empty(count, indptr.dtype), np.empty(count)
     comm.Recv(indices, source=0, tag=_COMMAND)
@@ -95,13 +88,19 @@ def _scattered_rows(comm: Any, n: int, A: sp.csr_array | None) -> sp.csr_array:
     return sp.csr_array((data, indices, indptr), shape=(len(indptr) - 1, n))
 
 
-_STEPS: dict[str, Callable[..., Any]] = {"factorize": _factorize, "solve": _solve}
+_STEPS: dict[str, Callable[..., Any]] = {
+    "factorize": _factorize, "solve": _solve,
+    "make columns": column_parts.make, "put columns": column_parts.put, "mix columns": column_parts.mix,
+    "combine columns": column_parts.combine, "cross columns": column_parts.cross,
+    "rows of columns": column_parts.rows,
+}  # fmt: skip
 
 
 def _take_part(comm: Any, name: str, what: dict[str, Any], data: Any) -> Any:
     for handle in what["given_up"]:
         if handle in _matrices:
             _matrices.pop(handle).destroy()
+        column_parts.release(handle)
     return _STEPS[name](comm, what, data)
 
 
@@ -123,13 +122,13 @@ def together(name: str, data: Any, **what: Any) -> Any:
 
 
 def new_handle() -> int:
-    """Return a number for a matrix."""
+    """Return a number for what all processes have a part of: a matrix, or columns."""
     _state["handle"] += 1
     return _state["handle"]
 
 
 def give_up(handle: int) -> None:
-    """Release a matrix, with the next step: this may be called at any moment, also in the middle of a step."""
+    """Release what has this number, with the next step; this may be called at any moment, also during a step."""
     _given_up.append(handle)
 
 
