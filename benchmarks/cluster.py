@@ -50,8 +50,8 @@ NOTE = """### How many nodes for my brake
 
 A reduced sweep for 50 modes holds LDLᵀ factors while its model is made, and where friction or damping is strong LU
 factors after these, for which the table allows; the vectors of its basis are spread as the factors are, and process 0
-holds all matrices and the other vectors besides. The factors are extrapolated from the analyses above on one process, of
-more than 50 000 unknowns, by powers of the number of unknowns n that fit them in the least-squares sense; nothing of
+holds all matrices and the other vectors besides. The factors are extrapolated from the analyses above on one process,
+of more than 50 000 unknowns, by powers of the number of unknowns n that fit them in the least-squares sense; nothing of
 this size was factorised. Nine tenths of a node's memory are used.
 "The first of" says how much process 0's node needs where the others' is not enough.
 Seconds are those of one LU factorisation. The exponents are those of this brake, a thin disc with pads; of solids as
