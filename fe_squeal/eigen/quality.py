@@ -141,10 +141,14 @@ def _by_frequency(lam: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _rounding_at_rest(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """Return for each mode what rounding leaves of ψᴴCφ where λ is known to be zero, and 0 for all others."""
+    """Return for each mode what rounding leaves at most of ψᴴCφ, for any φ, where λ is known to be zero; 0 for others.
+
+    Where a motion has no force on itself, as a gyroscopic one, ψᴴCφ may be less for its own φ than for another one.
+    """
     found, known = np.zeros(len(lam)), np.flatnonzero(lam == 0)
     if len(known) and pencil.C is not None:
-        found[known] = ROUNDING * np.einsum("ij,ij->j", np.abs(left[:, known]), abs(pencil.C) @ np.abs(right[:, known]))
+        sizes = np.abs(left[:, known]).T @ (abs(pencil.C) @ np.abs(right[:, known]))
+        found[known] = ROUNDING * sizes.max(axis=1)
     return found
 
 

@@ -157,3 +157,34 @@ def test_an_unknown_without_any_stiffness(C):
     c = np.array([0.1, 0.2]) if C else np.zeros(2)
     exact = -c / 2 + 1j * np.sqrt([4.0, 9.0] - c**2 / 4)
     np.testing.assert_allclose(modes.lam[modes.lam.imag > 0], exact, rtol=1e-13)
+
+
+@pytest.mark.parametrize("size", [20, 300])
+@pytest.mark.parametrize("seed", range(2))
+def test_two_free_motions_that_gyroscopic_forces_might_couple(size, seed):
+    """C has entries between the parts that two free motions move, C z = 0 for each: two defective λ = 0.
+
+    What rounding leaves of z₁ᵀCz₂ is no weight of a left mode, whose uncertainty all other modes would have as well.
+    """
+    rng = np.random.default_rng(seed)
+
+    def held(z):
+        return np.eye(size) - np.outer(z, z) / (z @ z)
+
+    free = rng.standard_normal((2, size))
+    B = held(free[0]) @ rng.standard_normal((size, size)) @ held(free[1])
+    C = np.block([[np.zeros((size, size)), B], [-B.T, np.zeros((size, size))]])
+    parts = []
+    for z in free:
+        Q = held(z) @ la.qr(rng.standard_normal((size, size)))[0]
+        parts.append(Q @ np.diag(np.linspace(1.0, 50.0, size) ** 2) @ Q.T)
+    K = la.block_diag(*((A + A.T) / 2 for A in parts))
+    modes = solve_modes(Pencil(*map(sp.csr_array, (np.eye(2 * size), K, C))), Request(count=10))
+    A = np.block([[np.zeros((2 * size, 2 * size)), np.eye(2 * size)], [-K, -C]])
+    exact = np.sort(la.eigvals(A).imag)
+    swing = modes.lam != 0
+    assert np.count_nonzero(~swing) == 2 and swing.sum() >= 8
+    assert (modes.re_uncertainty[swing] <= 1e-9 * np.abs(modes.lam[swing])).all()
+    assert np.abs(modes.left[:, ~swing]).max() == 0
+    apart = np.abs(modes.lam.imag[swing, None] - exact[None, :]).min(axis=1)
+    assert (apart <= 1e-9 * np.abs(modes.lam[swing])).all() and not (modes.stability == "unstable").any()
