@@ -88,10 +88,12 @@ class BoxModel(ReducedModel):
         self._seen: dict[Place, np.ndarray] = {}  # right and left modes asked for, in coordinates of the basis
         self._blocks = KnownModes(np.maximum(np.subtract(high, low), np.finfo(float).tiny))
         self.condensed: CertifiedBasis | None = None
-        self._begin(problem, names, softest_corner(problem, names, low, high), request, linear_solver)
+        softest, stiffest = softest_corner(problem, names, low, high), softest_corner(problem, names, high, low)
+        self._least = request.count or 0
+        self._begin_widely(problem, names, softest, [stiffest], request, linear_solver)
         first = len(self.basis)
         self.places: list[Place] = []
-        self._made_for(draw(0), (softest_corner(problem, names, high, low),), progress)
+        self._made_for(draw(0), (stiffest,), progress)
         self._corrections.release()  # before others take memory
         before = len(self.basis)
         far = corners(problem, names, low, high)

@@ -65,7 +65,7 @@ class GrowingModel(ModesAtPlaces):
         Then the values half way between candidates are candidates, too: modes are least exact far from all values whose
         modes the basis has.
         """
-        candidates = _spread(values, _CANDIDATES)
+        candidates = spread(values, _CANDIDATES)
         self._search()  # as long as there are factors of P
         if self._off(self._start) > 1:
             self._add_modes(self._start)
@@ -76,7 +76,7 @@ class GrowingModel(ModesAtPlaces):
         found: dict[Place, float] = dict.fromkeys(candidates, np.inf)
         for _ in range(_NODES):
             worst = self._worst(found)
-            if found[worst] <= 1 and (between := set(_spread(values, 2 * _CANDIDATES - 1)) - found.keys()):
+            if found[worst] <= 1 and (between := set(spread(values, 2 * _CANDIDATES - 1)) - found.keys()):
                 found |= dict.fromkeys(sorted(between), np.inf)
                 worst = self._worst(found)
             if found[worst] <= 1 and searched is self.basis.V:
@@ -223,7 +223,7 @@ class GrowingModel(ModesAtPlaces):
         return True
 
 
-def _spread(values: np.ndarray, count: int) -> list[float]:
+def spread(values: np.ndarray, count: int) -> list[float]:
     """Return so many of some values (m,), or all, from the first to the last one in equal steps of their positions."""
     positions = np.unique(np.round(np.linspace(0, len(values) - 1, count)).astype(int))
     return [float(p) for p in values[positions]]

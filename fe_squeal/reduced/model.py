@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
@@ -11,35 +10,28 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ..eigen.block_lanczos import lowest_modes
 from ..eigen.blocks import lift
-from ..eigen.inertia import count_below
-from ..eigen.linear.choice import choose, is_large
+from ..eigen.linear.choice import choose
 from ..eigen.linear.factor import Factor, LinearSolver
-from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
 from ..eigen.request import Request, is_needed
 from ..errors import NotConvergedError
-from ..problem.aside import forget_pages, put_aside
-from ..problem.forms import collect_powers
+from ..problem.aside import forget_pages
 from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from ..problem.tabulated import Tabulated
 from .basis import ReducedBasis
-from .growing import GrowingModel
+from .begun import BegunModel, collected_at
+from .growing import spread
 from .missing import holds_all
 from .mode_corrections import ModeCorrections
 from .shapes import corrected_shapes
-from .undamped import factorize_undamped
 
-_GUARD = 1.25  # the basis begins with so many times as many undamped modes as modes are asked for
-_ROUGH = 1e-4  # accuracy of these undamped modes: the corrections that follow mend the rest
-_LANCZOS = 8  # times the number of undamped modes: vectors that the Lanczos iteration keeps at first
-_SLOW = 0.1  # part of −σ: a smaller θ, which is known roughly, may belong to a motion that is hardly held
+_TRIED = 3  # values at which the number of modes is looked at before all others
 _CROWD = 0.25  # of the modes that the basis begins with: more overdamped ones are a crowd
 
 
-class ReducedModel(GrowingModel):
+class ReducedModel(BegunModel):
     """The projection of a problem on right and left modes at a few values of a parameter.
 
     Attributes
@@ -56,7 +48,7 @@ class ReducedModel(GrowingModel):
 
     def __init__(
         self, problem: Problem, parameter: str, values: Sequence[float] | np.ndarray, request: Request,
-        modal: bool = False, linear_solver: LinearSolver | str = "auto", swinging: bool = False,
+        modal: bool = False, linear_solver: LinearSolver | str = "auto", swinging: bool = False, least: int = 0,
     ) -> None:  # fmt: skip
         """Build the model.
 
@@ -72,6 +64,8 @@ class ReducedModel(GrowingModel):
             Factorises the matrices that the model is made from.
         swinging : bool
             Whether to give up where many modes are overdamped.
+        least : int
+            Of the number of modes that the request has, so many are needed at every value; the others are neighbours.
 
         Raises
         ------
@@ -80,7 +74,9 @@ class ReducedModel(GrowingModel):
             many modes are overdamped.
         """
         self._values = values = np.asarray(values, float)
-        self._begin(problem, parameter, float(values[np.argmin(np.abs(values))]), request, linear_solver)
+        self._least = least
+        start = float(values[np.argmin(np.abs(values))])
+        self._begin_widely(problem, parameter, start, set(spread(values, _TRIED)), request, linear_solver)
         if swinging:
             self._refuse_overdamped((float(values[0]), float(values[-1])))
         if modal:
@@ -94,59 +90,10 @@ class ReducedModel(GrowingModel):
                 self._know_less()
                 self._grow(values)
                 self._supplement(values)
+        short = next((p for p in values.tolist() if self._is_short(self._estimated(p)[0])), None)
+        if short is not None:
+            raise self._too_few(short)
         self._release()
-
-    def _begin(
-        self, problem: Problem, parameter: str | tuple[str, ...], start: Place, request: Request,
-        linear_solver: LinearSolver | str,
-    ) -> None:  # fmt: skip
-        """Put the modes without damping and friction at one place into the basis, and keep the factors of P."""
-        self.linear_solver = choose(linear_solver)
-        self.problem = problem = problem.solved_with(self.linear_solver)
-        self.parameter, self.request, self._start = parameter, request, start
-        factorizations = 0
-        self._added: Counter[Place] = Counter()  # how often the modes at a place were added
-        self._know_nothing(problem, isinstance(parameter, str))
-        collected = _collected(problem, parameter, start)
-        self._put_terms_aside(collected)
-        limit = request.max_frequency_hz
-        band = None if limit is None else 2 * np.pi * limit
-        base, self._sigma, metric, definite = factorize_undamped(collected, band, self.linear_solver)
-        count = request.count or 0
-        if band is not None:
-            below = count_below(base, band, self.linear_solver)
-            if below is None:
-                raise NotConvergedError("the linear solver does not count the modes below solve.max_frequency")
-            count = below
-            factorizations += 1
-        M, n = base.M, base.n
-        del base  # and its K, before there are many vectors
-        count = min(int(_GUARD * count) + 4, n)
-        require_vectors(n, _LANCZOS * count, 8)
-        theta, vectors = lowest_modes(definite, M, self._sigma, count, _ROUGH)
-        self._corrections = ModeCorrections(
-            problem, self._sigma, request.tolerance, start, self.linear_solver, definite
-        )
-        self._corrections.factorizations = factorizations + 1
-        self.highest = float(np.sqrt(theta.max(initial=0.0)))
-        self.basis = ReducedBasis(collected, parameter, metric, self._sigma, definite.half_solve, self.linear_solver)
-        unheld = collected.free_motions().motions
-        if unheld.shape[1]:
-            self.basis.append(unheld)  # first, so that the basis has them exactly
-        self.basis.append(vectors)
-        del vectors
-        if (self.basis.undamped_values(self._sigma) < -_SLOW * self._sigma).any():
-            self.basis.expect_slow_motions()
-        first = self._estimated(start)[0]
-        if not len(first):
-            raise NotConvergedError("the reduced model has no modes in the range that was asked for")
-        self.basis.calibrate(start, first)
-
-    def _put_terms_aside(self, collected: Problem) -> None:
-        """Move the terms of a large problem to files: they are not needed before shares are asked for."""
-        summed = [t.matrix for t in collected.terms]
-        if is_large(max(A.nnz for A in summed), self.linear_solver):
-            put_aside(self.problem.terms, summed)
 
     def _release(self) -> None:
         """Forget the factors and the vectors of the search for missing modes; no vectors are added from now on."""
@@ -192,7 +139,7 @@ class ReducedModel(GrowingModel):
         made.factorizations, made.solves = numbers["factorizations"], numbers["solves"]
         made.definite_suffices = numbers["definite_suffices"]
         model._corrections = made
-        collected = _collected(problem, parameter, numbers["start"])
+        collected = collected_at(problem, parameter, numbers["start"])
         for value in numbers["table"]:
             assert isinstance(collected, Tabulated)
             collected = collected.with_value(value)
@@ -313,11 +260,3 @@ class ReducedModel(GrowingModel):
     def correct(self, basis: ReducedBasis, value: Place, modes: Modes, factor: Factor) -> None:
         """Add the corrections of some modes at a value to a basis, see `ModeCorrections.correct`."""
         self._corrections.correct(basis, value, modes, factor)
-
-
-def _collected(problem: Problem, parameter: str | tuple[str, ...], start: Place) -> Problem:
-    """Return a problem with few terms: the powers of a parameter, or a table of one that changes matrices."""
-    if isinstance(parameter, tuple) or problem.is_affine(parameter) or problem.source is None:
-        return collect_powers(problem, parameter).at(values_at(parameter, start))
-    assert isinstance(start, float)
-    return Tabulated.of(problem, parameter, start)

@@ -16,6 +16,7 @@ from .onset import Onset
 from .step import Step, real_direction
 
 _BISECTED = 1e-7  # of the step: width at which a bisection ends
+_SPACINGS = 4  # of floats: a step that is hardly wider than these is not halved down to `_BISECTED`
 _WITHIN = 0.5  # of a mode's energy: a mode with more than this in the span of a group's shapes belongs to the group
 _FAST = 4.0  # times the highest frequency: growing modes are looked for up to this |λ|
 _ASIDE = 1e-3  # of the step: distance from a bisected onset at which its growth rate is measured
@@ -59,9 +60,10 @@ class Bisection:
             )
         # What changes at the start mostly does so as soon as the parameter leaves it: a conservative system that is no
         # longer one. That is tried first.
-        at_start = change.at_start and abs(high - low) > _BISECTED * self.step.width
-        while abs(high - low) > _BISECTED * self.step.width:
-            middle = low + np.sign(high - low) * _BISECTED * self.step.width if at_start else (low + high) / 2
+        least = max(_BISECTED * self.step.width, _SPACINGS * float(np.spacing(max(abs(low), abs(high)))))
+        at_start = change.at_start and abs(high - low) > least
+        while abs(high - low) > least:
+            middle = low + np.sign(high - low) * least if at_start else (low + high) / 2
             at_start = False
             found = unstable(middle)
             if (len(found) - len(before)) * np.sign(change.gains) > 0:

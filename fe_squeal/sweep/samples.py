@@ -129,13 +129,17 @@ class Samples:
                 inverse = np.linalg.inv(W)
             except np.linalg.LinAlgError:
                 inverse = np.linalg.pinv(W)
-            slope = diagonals(inverse, dH, W)
+            coupling = inverse @ dH @ W
+            slope = np.einsum("sii->si", coupling)
             condition = np.nan_to_num(np.linalg.norm(W, axis=1) * np.linalg.norm(inverse, axis=2), nan=np.inf)
             twins = self.twins(v, condition)
             if self.copied:
                 v, slope = (_averaged(x, twins) for x in (v, slope))
             i, j = np.triu_indices(m, 1)
+            # With H linear in t, ((v_i − v_j)/2)² changes by (drift/2)² + C_ij C_ji, C the coupling, times the square
+            # of the distance: two equal eigenvalues may part by this alone.
             apart, drift = np.abs(v[:, i] - v[:, j]), np.abs(slope[:, i] - slope[:, j])
+            drift = np.fmax(drift, 2 * np.sqrt(np.abs(coupling[:, i, j] * coupling[:, j, i])))
             reach = np.where((drift > 0) & ~twins[:, i, j], apart / (2 * drift), np.inf)
         reach = np.nan_to_num(reach.min(axis=1), nan=0.0, posinf=np.inf)
         centred = H - np.trace(H, axis1=1, axis2=2)[:, None, None] / m * np.eye(m)

@@ -110,7 +110,8 @@ class ValueSolver:
                 else:
                     modal, swinging = method == "modal", method == "auto"
                     model = ReducedModel(
-                        self.problem, self.parameter, places, self.guarded, modal, solver, swinging
+                        self.problem, self.parameter, places, self.guarded, modal, solver, swinging,
+                        self.request.count or 0,
                     )
         except (NotConvergedError, SceneError) as error:  # a scene may have no static state at one of the values
             if method != "auto":

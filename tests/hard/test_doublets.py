@@ -7,12 +7,15 @@ import functools
 import numpy as np
 import pytest
 import scipy.linalg as la
+import scipy.sparse as sp
 from hard_cases import digits, judged, plain_eigs, through_files
 from selection import some
 
 import fe_squeal
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import solve_modes
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
 from meshes import annulus, join, make_problem
 
 HELD = [{"surface": "hub", "fixed": "xyz"}]
@@ -124,3 +127,41 @@ def test_full_ring_pad_has_no_threshold(record, method):
     assert (away <= 1e-8 * np.abs(exact)).all()
     kept = digits(result.points[-1].modes.lam, exact)
     record(kept, "onset at 0, without a threshold", *judged(plain_eigs(pencil, 14), exact))
+
+
+def small(matrices, powers):
+    """A problem of unit masses with K = Σ A_i p^e_i, and a damping matrix where a power is None."""
+    n = len(matrices[0])
+    terms = [Term("m", "M", sp.eye_array(n, format="csr"), True)]
+    for i, (A, power) in enumerate(zip(matrices, powers, strict=True)):
+        A = np.asarray(A, float)
+        slot = "C" if power is None else "K"
+        terms.append(Term(f"t{i}", slot, sp.csr_array(A), bool((A == A.T).all()), {"p": power} if power else {}))
+    return Problem(tuple(terms), {"p": 0.0})
+
+
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+@pytest.mark.parametrize("friction", [0.2, 0.02, 1e-3])
+def test_a_doublet_that_friction_alone_parts_first(friction, method):
+    """K = [[20 + p², fp], [−fp, 20]]: θ = 20 + p²/2 ± √(p⁴/4 − f²p²), which is unstable for 0 < p < 2f.
+
+    At p = 0 both eigenvalues are equal, and so are their derivatives.
+    """
+    problem = small([[[20, 0], [0, 20]], [[1, 0], [0, 0]], [[0, friction], [-friction, 0]]], [0, 2, 1])
+    found = fe_squeal.sweep(problem, [0.0, 0.5, 1.0], "p", modes=2, method=method)
+    assert [(o.direction, o.value) for o in found.onsets] == [
+        ("into", pytest.approx(0.0, abs=1e-9)), ("out of", pytest.approx(2 * friction, rel=1e-7))
+    ]  # fmt: skip
+    assert not found.warnings
+    both = fe_squeal.sweep(problem, [-0.5, 0.0, 0.5], "p", modes=2, method=method)
+    assert [(o.direction, o.value) for o in both.onsets] == [
+        ("into", pytest.approx(-2 * friction, rel=1e-7)), ("out of", pytest.approx(2 * friction, rel=1e-7))
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("half", [1e-9, 1e-12, 1e-15])
+def test_a_step_hardly_wider_than_the_spacing_of_floats(half):
+    """λ² + λ/20 + 2 − p diverges at p = 2."""
+    problem = small([[[2]], [[-1]], [[0.05]]], [0, 1, None])
+    onset, = fe_squeal.sweep(problem, [2 - half, 2 + half], "p", modes=1).onsets
+    assert onset.kind == "divergence" and abs(onset.value - 2) <= onset.uncertainty <= max(half, 1e-14)

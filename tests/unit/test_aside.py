@@ -17,7 +17,7 @@ from fe_squeal.eigen.linear import choice
 from fe_squeal.problem import aside
 from fe_squeal.problem.aside import forget_pages, movable_bytes, put_aside
 from fe_squeal.problem.terms import Term, sum_terms
-from fe_squeal.reduced import model
+from fe_squeal.reduced import begun
 from meshes import box, make_problem
 
 
@@ -153,7 +153,7 @@ def test_a_large_problem_is_swept_with_its_terms_on_disk(monkeypatch):
     monkeypatch.setattr(aside, "_LEAST", 100)
     monkeypatch.setattr(aside, "_room", lambda: 2**30)
     moved = []
-    monkeypatch.setattr(model, "put_aside", lambda terms, used: moved.append(put_aside(terms, used)))
+    monkeypatch.setattr(begun, "put_aside", lambda terms, used: moved.append(put_aside(terms, used)))
     problem, large = swept()
     if not choice.is_large(1):
         pytest.skip("the solver has no rough factors, and large problems are nothing special to it")

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from chains import CLASSES, MODES, N, chain, dense
 from selection import some
 
-import fe_squeal.reduced.model as reduced_model
+import fe_squeal.reduced.begun as begun
 import fe_squeal.reduced.places as reduced_places
 from fe_squeal import assemble, parse_scene, sweep
 from fe_squeal.eigen import blocks
@@ -170,7 +170,7 @@ def test_a_mode_that_the_basis_misses_is_found(monkeypatch):
         assert np.count_nonzero(~others) == 1
         return theta[others], vectors[:, others]
 
-    monkeypatch.setattr(reduced_model, "lowest_modes", forgetful)
+    monkeypatch.setattr(begun, "lowest_modes", forgetful)
     model = ReducedModel(problem, "mu", VALUES, Request(count=MODES))
     for mu in (0.0, 0.45, 0.9):
         modes = model.modes(mu)
@@ -348,3 +348,43 @@ def test_left_modes_that_are_zero_give_no_columns(turn):
     columns, parts = unit_columns(right, left), 1 + np.iscomplexobj(right)
     assert columns.shape == (30, 5 * parts) and np.isfinite(columns).all()
     np.testing.assert_allclose((columns**2).sum(), 5.0)
+
+
+@pytest.mark.parametrize("count", [8, 30])
+def test_frequencies_that_rise_leave_no_mode_out(count):
+    """All stiffness grows tenfold, so that the modes asked for leave the range of those at the start.
+
+    Modes 7 and 8 of a chain meet at p = 8: of K = pK₀ and skew friction cp³ between the two, c = (θ₈ − θ₇)/(2·8²).
+    """
+    n, meets = 60, 8.0
+    K = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n)).tocsr()
+    j = np.arange(1, n + 1)
+    u, v = (np.sqrt(2 / (n + 1)) * np.sin(i * j * np.pi / (n + 1)) for i in (7, 8))
+    theta = 2 - 2 * np.cos(j * np.pi / (n + 1))
+    friction = (theta[7] - theta[6]) / (2 * meets**2) * (np.outer(u, v) - np.outer(v, u))
+    terms = (Term("m", "M", sp.eye_array(n, format="csr"), True), Term("k", "K", K, True, {"p": 1}),
+             Term("f", "K", sp.csr_array(friction), False, {"p": 3}))  # fmt: skip
+    found = sweep(Problem(terms, {"p": 1.0}), np.linspace(1.0, 10.0, 10), "p", modes=count, method="reduced")
+    assert [len(p.modes) for p in found.points] == [count] * 10 and not found.warnings
+    assert [o.value for o in found.onsets] == [pytest.approx(meets, rel=1e-8)]
+    assert [int(np.count_nonzero(p.modes.stability == "unstable")) for p in found.points] == [0] * 8 + [1] * 2
+    alone = np.delete(theta[:count], [6, 7])
+    for point in found.points:
+        swing = np.sort(point.modes.lam.imag)
+        exact = np.sqrt(point.value * alone)
+        assert np.abs(swing[:, None] - exact[None, :]).min(axis=0).max() <= 1e-8 * exact.max()
+
+
+def test_a_range_that_grows_too_far_is_left_to_direct_solves():
+    """Stiffness that grows a million times would ask for all modes at the start."""
+    n = 2400
+    K = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n)).tocsr()
+    push = sp.csr_array(([1e-9], ([0], [1])), shape=(n, n))
+    terms = (Term("m", "M", sp.eye_array(n, format="csr"), True), Term("k", "K", K, True, {"p": 1}),
+             Term("f", "K", push, False))  # fmt: skip
+    problem, values = Problem(terms, {"p": 1.0}), [1.0, 1e3, 1e6]
+    with pytest.raises(NotConvergedError, match=r"at p = .* the reduced model has fewer than 6 modes in the range"):
+        sweep(problem, values, "p", modes=6, method="reduced")
+    found = sweep(problem, values + [2e6, 3e6], "p", modes=6)
+    assert [len(p.modes) for p in found.points] == [6] * 5
+    assert [w for w in found.warnings if "solved directly at every value" in w]
