@@ -385,6 +385,6 @@ def test_a_range_that_grows_too_far_is_left_to_direct_solves():
     problem, values = Problem(terms, {"p": 1.0}), [1.0, 1e3, 1e6]
     with pytest.raises(NotConvergedError, match=r"at p = .* the reduced model has fewer than 6 modes in the range"):
         sweep(problem, values, "p", modes=6, method="reduced")
-    found = sweep(problem, values + [2e6, 3e6], "p", modes=6)
+    found = sweep(problem, [*values, 2e6, 3e6], "p", modes=6)
     assert [len(p.modes) for p in found.points] == [6] * 5
     assert [w for w in found.warnings if "solved directly at every value" in w]
