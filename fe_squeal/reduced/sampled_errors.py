@@ -97,7 +97,8 @@ class SampledErrors(Projection):
         sums = self._cancels * np.einsum("l,lj,lj->j", self._weights(), size_at, other)
         with np.errstate(divide="ignore", invalid="ignore"):
             rounding = ROUNDING * np.fmin(sums / slope, np.sqrt(sums / (ROUNDING * mass)))
-        backward = np.linalg.norm(rho[SAMPLES:], axis=0) / (self._cancels * np.linalg.norm(size_at, axis=0))
+        residual, whole = np.linalg.norm(rho[SAMPLES:], axis=0), self._cancels * np.linalg.norm(size_at, axis=0)
+        backward = np.divide(residual, whole, out=np.zeros_like(whole), where=whole > 0)  # 0 where nothing acts
         return error, backward, condition, rounding
 
     def _weights(self) -> np.ndarray:

@@ -179,6 +179,26 @@ class RunningSweep:
         self._start = self._value = behind
         self.told.edge("first", value, behind, _at_rest(modes) - _at_rest(found))
 
+    def _skip(self, value: float, modes: Modes, missing: str) -> None:
+        """Follow modes from this value on, if one that has no counterpart at the first value has λ = 0 there.
+
+        It moves too slowly at first to be followed from there, as one whose stiffness begins with the square of the
+        parameter.
+
+        Raises
+        ------
+        NotConvergedError
+            A mode is missing for another reason.
+        """
+        assert self._previous is not None
+        rest = _at_rest(self._previous) - _at_rest(modes)
+        if self._value != self._start or rest <= 0:
+            raise NotConvergedError(missing)
+        self.told.edge("first", self._start, value, rest)
+        self._branches = self._first_branches = self._named(self._known(modes))
+        self._first = self._previous = modes
+        self._start = self._value = value
+
     def _pass(self, value: float, modes: Modes) -> np.ndarray:
         """Return the branches at a value where more modes have λ = 0 than at the last one, and go past it.
 
@@ -245,7 +265,8 @@ class RunningSweep:
             clock = self._clock.spend("onsets", clock)
             if not ((found.warnings or found.missing) and refinements):
                 if found.missing:
-                    raise NotConvergedError(found.missing[0])
+                    self._skip(value, modes, found.missing[0])
+                    return
                 self.told.of_onsets(*found.warnings)
                 # A window of instability may reach from step to step.
                 self.onsets, narrow = without_narrow_windows(self.onsets + found.onsets, 0.0)

@@ -165,3 +165,17 @@ def test_a_step_hardly_wider_than_the_spacing_of_floats(half):
     problem = small([[[2]], [[-1]], [[0.05]]], [0, 1, None])
     onset, = fe_squeal.sweep(problem, [2 - half, 2 + half], "p", modes=1).onsets
     assert onset.kind == "divergence" and abs(onset.value - 2) <= onset.uncertainty <= max(half, 1e-14)
+
+
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+@pytest.mark.parametrize("power", [1, 2])
+def test_a_free_motion_that_is_held_from_the_start_on(power, method):
+    """θ = p^e/2 beside θ = 20. One that begins with p² is too slow to be followed from 0, which is told."""
+    problem = small([[[0, 0], [0, 20]], [[0.5, 0], [0, 0]]], [0, power])
+    found = fe_squeal.sweep(problem, [0.0, 0.5, 1.0], "p", modes=2, method=method)
+    assert not found.onsets
+    for point in found.points:
+        exact = np.sqrt([0.5 * point.value**power, 20.0])
+        np.testing.assert_allclose(point.modes.lam, 1j * exact, rtol=0, atol=1e-9)
+    told = [w for w in found.warnings if "onsets are not looked for between 0 and 0.0" in w]
+    assert len(told) == (power == 2)
