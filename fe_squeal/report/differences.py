@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from fe_squeal.report.branches import frequency_text, numbers, parameter_symbol,
 from fe_squeal.report.looks import look_text
 from fe_squeal.report.pairing import ALIKE, common_points, mac_matrix, pair_shapes
 from fe_squeal.report.results import Results
+from fe_squeal.report.tables import begins_unstable
 
 COLUMNS = (
     "a", "b", "state", "branch_a", "branch_b", "mac", "look", "frequency_a_hz", "frequency_b_hz", "frequency_change_hz",
@@ -41,8 +42,13 @@ def compare_designs(a: Results, b: Results, names: tuple[str, str]) -> tuple[pd.
         With the columns `COLUMNS`.
     list of str
     """
-    first, second = unstable_branches(a), unstable_branches(b)
+    span = _common(a, b)
+    first, second = unstable_branches(a, span), unstable_branches(b, span)
     pairs, said = _pairs(a, b, names, list(first), list(second))
+    ends = [_ends(r) for r in (a, b) if len(r.modes)]
+    if len(set(ends)) > 1:
+        said.append(f"The sweeps of {names[0]} and {names[1]} have other ends: growth is compared from"
+                    f" {span[0]:.4g} to {span[1]:.4g}.")  # fmt: skip
     rows = [_row(names, PAIRED, first[i], second[j], mac) for i, j, mac in pairs]
     taken = {i for i, _, _ in pairs}, {j for _, j, _ in pairs}
     rows += [_row(names, GONE, row, None, np.nan) for i, row in first.items() if i not in taken[0]]
@@ -54,18 +60,41 @@ def compare_designs(a: Results, b: Results, names: tuple[str, str]) -> tuple[pd.
     return frame.astype({"branch_a": "Int64", "branch_b": "Int64"}), said
 
 
-def unstable_branches(results: Results) -> dict[int, dict[str, Any]]:
-    """Return, by branch, the row of modes.csv where it grows fastest, with the errors and the first onset added."""
+def _ends(results: Results) -> tuple[float, float]:
+    values = numbers(results.modes, "value")
+    return float(values.min()), float(values.max())
+
+
+def _common(a: Results, b: Results) -> tuple[float, float]:
+    """Return the first and the last value that two sweeps have in common; all values where there are none."""
+    ends = [_ends(r) for r in (a, b) if len(r.modes)]
+    low, high = max((low for low, _ in ends), default=-np.inf), min((high for _, high in ends), default=np.inf)
+    return (float(low), float(high)) if low <= high else (-np.inf, np.inf)
+
+
+def unstable_branches(
+    results: Results, span: tuple[float, float] = (-np.inf, np.inf)
+) -> dict[int, dict[str, Any]]:  # fmt: skip
+    """Return, by branch, the row of modes.csv where it grows fastest, with the errors and the first onset added.
+
+    Values outside a span count only for branches that are unstable nowhere inside. The onset of a branch that is
+    unstable at the first value is not known.
+    """
     modes, onsets = results.modes, results.onsets
     if "branch" not in modes:
         return {}
     hz_bar = np.abs(numbers(modes, "im_discretisation")) / (2 * np.pi)
     frame = modes.assign(re_bar=total_uncertainty(modes), hz_bar=hz_bar)
     unstable = frame[(frame["stability"] == "unstable") & frame["branch"].notna()]
-    found = {}
-    for number, own in unstable.groupby("branch"):
+    found, begun = {}, begins_unstable(results.modes, results.onsets)
+    for number, every in unstable.groupby("branch"):
+        values = numbers(every, "value")
+        inside = every[(values >= span[0]) & (values <= span[1])]
+        own = inside if len(inside) else every
         row = {str(k): v for k, v in own.iloc[int(np.argmax(numbers(own, "re")))].to_dict().items()}
-        row["onset"], row["onset_bar"] = _first_onset(onsets, float(str(number)))
+        row["onset"], row["onset_bar"] = np.nan, np.nan
+        if int(float(str(number))) not in begun:
+            row["onset"], row["onset_bar"] = _first_onset(onsets, float(str(number)))
         found[int(float(str(number)))] = row
     return found
 
@@ -148,13 +177,22 @@ def _row(
     return row
 
 
-def sentences(table: pd.DataFrame, names: Sequence[str], symbol: str) -> list[str]:
-    """Return the answer for each variant: `Slot: onset 0.24 → 0.31 ± 0.02, 4.63 kHz gone, new at 5.1 kHz.`"""
-    said = []
+def sentences(
+    table: pd.DataFrame, names: Sequence[str], symbol: str, begun: Mapping[str, float] | None = None
+) -> list[str]:  # fmt: skip
+    """Return the answer for each variant: `Slot: onset 0.24 → 0.31 ± 0.02, 4.63 kHz gone, new at 5.1 kHz.`
+
+    `begun` has the first values of those designs that are unstable there: the first onset is then not known.
+    """
+    said, begun = [], begun or {}
     for name in names:
         own = table[table["b"] == name]
         first = own["onset_a"].min(), own["onset_b"].min()
-        parts = [_onset_words(first, own, symbol)] if np.isfinite(first).any() else []
+        early = [n for n in (*own["a"].unique(), name) if n in begun]
+        parts = [f"{n} is unstable from its first value on, {symbol} = {begun[n]:.4g}, so that the first onset is not"
+                 f" known" for n in early]  # fmt: skip
+        if np.isfinite(first).any() and not early:
+            parts = [_onset_words(first, own, symbol)]
         parts += [f"{frequency_text(f)} gone" for f in own.loc[own["state"] == GONE, "frequency_a_hz"]]
         new = [frequency_text(f) for f in own.loc[own["state"] == NEW, "frequency_b_hz"]]
         parts += [f"new at {', '.join(new)}"] if new else []

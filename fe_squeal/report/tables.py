@@ -272,3 +272,17 @@ def with_uncertainty(value: float, uncertainty: float) -> str:
     if places < 0:
         return f"{value:.0f} ± {uncertainty:.0f}"
     return f"{value:.{places}f} ± {uncertainty:.{places}f}"
+
+
+def begins_unstable(modes: pd.DataFrame, onsets: pd.DataFrame) -> dict[int, float]:
+    """Return the branches that are unstable at the first value of a sweep, with that value.
+
+    Their onset lies before it, unless one is listed there.
+    """
+    if "branch" not in modes or not len(modes):
+        return {}
+    first = float(numbers(modes, "value").min())
+    there = modes[(numbers(modes, "value") == first) & (modes["stability"] == "unstable") & modes["branch"].notna()]
+    known = onsets[numbers(onsets, "value") <= first] if len(onsets) else onsets
+    listed = {*numbers(known, "branch_a").tolist(), *numbers(known, "branch_b").tolist()}
+    return {int(b): first for b in numbers(there, "branch").tolist() if b not in listed}

@@ -33,6 +33,7 @@ def compare_folders(folders: Sequence[Path], out: Path, console: Console) -> int
     """
     from ..report.difference_figure import plot_differences
     from ..report.differences import compare_designs, sentences, symbol_of
+    from ..report.tables import begins_unstable
 
     if len(folders) < 2:
         raise OutputError(f"diff: given {len(folders)} folder; expected two or more folders of results")
@@ -54,7 +55,9 @@ def compare_folders(folders: Sequence[Path], out: Path, console: Console) -> int
         lacks += [sentence for sentence in said if sentence not in lacks]
     kept = [t for t in tables if len(t)]
     whole, symbol = pd.concat(kept, ignore_index=True) if kept else tables[0], symbol_of(base)
-    answers, title = sentences(whole, names[1:], symbol), f"{', '.join(names[1:])} beside {names[0]}"
+    early = [begins_unstable(r.modes, r.onsets) for r in results]
+    begun = {n: min(found.values()) for n, found in zip(names, early, strict=True) if found}
+    answers, title = sentences(whole, names[1:], symbol, begun), f"{', '.join(names[1:])} beside {names[0]}"
     record = {"title": title, "symbol": symbol, "answers": answers, "lacks": lacks}
     with hold_folder(out, [folder / MODES_TABLE for folder in folders]) as held:
         held.check(lambda name: name in DIFFERENCE_FILES)

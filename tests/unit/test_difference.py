@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from fe_squeal.report.export import exporting_shapes
 from fe_squeal.report.pairing import common_points, mac_matrix, pair_shapes
 from fe_squeal.report.results import Results, Shape
 from fe_squeal.report.shapes import ShapeGrid, shape_grid
+from fe_squeal.report.tables import begins_unstable
 from meshes import annulus
 
 
@@ -97,6 +99,29 @@ def test_a_slotted_disc_beside_the_plain_one() -> None:
     assert pair["re_bar"] == pytest.approx(3.2) and pair["frequency_exceeds"]
     assert pair["frequency_bar_hz"] == pytest.approx(20.0)
     assert sentences(table, ["slot"], "μ") == ["slot: onset μ 0.11 → 0.31 ± 0.02, 4.63 kHz gone, new at 5.10 kHz."]
+
+
+def test_a_design_that_is_unstable_from_its_first_value_on_has_no_first_onset() -> None:
+    """A sweep that begins behind the first onset is the same brake: no later onset is taken for the first one."""
+    grid = ring("hex1", (2, 36, 1))
+    whole, late = design(grid, BASE), design(grid, BASE)
+    late = replace(late, onsets=late.onsets[late.onsets["branch_a"] != 4])
+    assert begins_unstable(whole.modes, whole.onsets) == {}
+    assert begins_unstable(late.modes, late.onsets) == {4: 0.7}
+    table, said = compare_designs(whole, late, ("whole", "late"))
+    assert table["onset_b"].isna().tolist() == [True, False] and not any("other ends" in s for s in said)
+    told = "late is unstable from its first value on, μ = 0.7, so that the first onset is not known"
+    assert sentences(table, ["late"], "μ", {"late": 0.7}) == [f"late: {told}."]
+
+
+def test_growth_is_compared_at_values_that_both_sweeps_have() -> None:
+    grid = ring("hex1", (2, 36, 1))
+    short, long = design(grid, BASE), design(grid, BASE)
+    further = long.modes.assign(value=1.0, re=2 * long.modes["re"])
+    long = replace(long, modes=pd.concat([long.modes, further], ignore_index=True))
+    table, said = compare_designs(short, long, ("short", "long"))
+    assert (table["re_a"] == table["re_b"]).all() and (table["value_b"] == 0.7).all()
+    assert any("other ends: growth is compared from 0.7 to 0.7" in s for s in said)
 
 
 def test_without_bars_of_the_mesh_it_is_said() -> None:

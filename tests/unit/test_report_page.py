@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +69,18 @@ def test_the_answer_has_the_numbers_of_the_tables(out: Path) -> None:
     change = 0.01 * own["at"] * own["dre"]
     top = own.loc[change.abs().idxmax()]
     assert f"{top['number']} by {0.01 * top['at'] * top['dre']:+.2g} 1/s" in moved.split(":")[1].split(",")[0]
+
+
+def test_a_sweep_that_begins_behind_an_onset_names_no_later_one_as_the_first(out: Path) -> None:
+    whole = results_of(out)
+    onset = whole.onsets.iloc[0]
+    later = whole.modes[whole.modes["value"] > onset["value"]]
+    begin, others = later["value"].min(), whole.onsets.assign(branch_a=98, branch_b=99, value=0.9)
+    at = verdict.answer(replace(whole, modes=later, onsets=others))[1]
+    assert at == (
+        f"The first instability sets in before μ = {begin:.6g}, the first value of the sweep. 1 onset of other modes"
+        " follows."
+    )
 
 
 def test_a_mesh_without_an_axis_has_no_diameters_and_the_page_says_so(out: Path) -> None:

@@ -10,7 +10,13 @@ import pandas as pd
 from fe_squeal.report.branches import frequency_text, numbers, parameter_symbol
 from fe_squeal.report.looks import body_text, diameters_text, way_text
 from fe_squeal.report.results import Results
-from fe_squeal.report.tables import UnstableInterval, unstable_intervals, window_intervals, with_uncertainty
+from fe_squeal.report.tables import (
+    UnstableInterval,
+    begins_unstable,
+    unstable_intervals,
+    window_intervals,
+    with_uncertainty,
+)
 from fe_squeal.report.warnings import told_once
 
 _NAMED = 5  # modes, terms or numbers that a sentence names, at most
@@ -124,6 +130,14 @@ def _first_onset(results: Results) -> list[str]:
     onsets = results.onsets
     if "direction" in onsets:
         onsets = onsets[onsets["direction"] == "into"]
+    if early := begins_unstable(results.modes, results.onsets):
+        value = min(early.values())
+        many = len(onsets) != 1
+        follow = f" {len(onsets)} onset{'s' if many else ''} of other modes follow{'' if many else 's'}."
+        return [
+            f"The first instability sets in before {parameter_symbol(results.parameter)} = {value:.6g}, the first value"
+            f" of the sweep.{follow if len(onsets) else ''}"
+        ]
     if not len(onsets):
         return []
     first = onsets.sort_values("value", kind="stable").iloc[0]
