@@ -7,14 +7,14 @@ import numpy as np
 from fe_squeal.report.branches import Branch, Floats
 
 _DENSE = np.linspace(0.0, 1.0, 33)  # of a step: points at which a curve is evaluated
-_SLOWEST = 1e-9  # of the growth at the next value: what begins more slowly than this is drawn as a line
+_SLOWEST = 0.5  # of the growth at the next value: what would grow to less than this by its speed is drawn as a line
 
 
 def growth_curves(branch: Branch) -> list[Floats]:
     """Return the curve of the growth rate from each point of a branch to the next, (m, 2): parameter, and Re λ in 1/s.
 
-    With s the distance from an onset and c its crossing speed, growth from an onset to the next value is c√s/(1 + βs)
-    if two modes meet there, and cs/(1 + βs) otherwise; β is such that the curve ends at the next value. In a window of
+    With s the distance from an onset and c its crossing speed, growth from an onset to the next value begins as c√s if
+    two modes meet there, and as cs otherwise, and ends at the next value, see `_beginning`. In a window of
     width w between two onsets it is c√(s(w − s)/w) or c s(w − s)/w. Between two values of a branch that has met another
     one (Re λ)² is linear, as it is beyond a square root. All other points are joined by straight lines.
     """
@@ -52,15 +52,22 @@ def _is_rooted(branch: Branch, i: int, width: float, last: float) -> bool:
 
 
 def _beginning(width: float, last: float, speed: float, rooted: bool) -> tuple[Floats, Floats]:
-    """Return distances from an onset, up to a width, and the growth rates there; the last one is `last`."""
+    """Return distances s from an onset, up to a width, and the growth rates there; the last one is `last`.
+
+    They begin as c√s or cs, with the speed c of the onset. What grows less on the way is c√s/(1 + βs). What grows more
+    is √(c²s + κs²), or cs + κs², and a line where its speed at the onset says nothing of what follows.
+    """
     s = width * _DENSE**2  # points are closer together near the onset, where a square root is steep
     first = np.sqrt(s) if rooted else s
     if not (np.isfinite(speed) and speed > 0 and width > 0 and last):
         return s[[0, -1]], np.array([0.0, last])
     ratio = speed * first[-1] / abs(last)  # 1 + β width
-    if ratio < _SLOWEST:
+    if ratio >= 1:
+        return s, np.sign(last) * speed * first / (1 + (ratio - 1) * s / width)
+    if not rooted and ratio < _SLOWEST:
         return s[[0, -1]], np.array([0.0, last])
-    return s, np.sign(last) * speed * first / (1 + (ratio - 1) * s / width)
+    part, power = s / width, 2.0 if rooted else 1.0
+    return s, last * (ratio**power * part + (1 - ratio**power) * part**2) ** (1 / power)
 
 
 def segments(points: Floats) -> Floats:

@@ -80,6 +80,25 @@ def test_growth_begins_with_a_line_where_one_mode_crosses():
     assert np.abs(curve[:, 1] - 300 * s * (1 - s / 0.4)).max() < 0.01 * re.max()
 
 
+@pytest.mark.parametrize("frequency_hz", [955.0, 0.0])
+@pytest.mark.parametrize("kind", ["meeting", "crossing"])
+def test_growth_that_gathers_speed_behind_its_onset_is_nearly_a_line(kind, frequency_hz):
+    """Re λ = √(c²s + κs²) and s(c + κs) of an onset with hardly any speed: neither lies on zero and then jumps."""
+    mu, c, kappa = np.array([0.0, 0.1, 0.2]), 0.3, 4e6
+    re = np.sqrt(c**2 * mu + kappa * mu**2) if kind == "meeting" else 2000 * mu
+    modes = pd.DataFrame([
+        {"parameter": "mu", "value": v, "branch": b, "re": s * r, "im": 6e3 if frequency_hz else 0.0,
+         "frequency_hz": frequency_hz, "stability": "unstable" if r > 0 < s else "stable", "re_uncertainty": 0.0}
+        for v, r in zip(mu, re, strict=True) for b, s in ((1, 1), (2, -1))
+    ])  # fmt: skip
+    onsets = pd.DataFrame([("mu", 0.0, frequency_hz, "flutter", "into", c, 1, 2 if kind == "meeting" else np.nan, 1e-9,
+                            np.nan, None)], columns=ONSET_COLUMNS)  # fmt: skip
+    branch = next(b for b in collect_branches(modes, onsets) if b.number == 1)
+    curve = growth_curves(branch)[int(np.flatnonzero(branch.onset == 1)[-1])]
+    exact = np.interp(curve[:, 0], mu, re)
+    assert np.abs(curve[:, 1] - exact).max() < 0.01 * exact.max()
+
+
 def test_the_drawn_curve_is_the_root(tmp_path, drawn):
     modes, onsets = coupled_tables([(2413.0, 60.0, EXACT)], COARSE)
     onsets["crossing_speed"] = root_speed(2413.0, 60.0, EXACT)
