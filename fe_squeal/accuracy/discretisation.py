@@ -186,19 +186,22 @@ def _onsets(onsets: Sequence[Onset], changes: Changes, order: int, longer: float
 
 def _hidden(points: Sequence[SweepPoint], onsets: Sequence[Onset], name: str) -> list[str]:
     """Return a sentence for each branch that grows by extrapolated values alone, where no onset's bar says so."""
-    fastest: dict[int, tuple[float, float, float]] = {}  # growth, value of the parameter and frequency, by branch
+    fastest: dict[int, tuple[float, ...]] = {}  # growth, its bar, value of the parameter and frequency, by branch
     for point in points:
         growth = _hidden_growth(point)
         near = [o for o in onsets if abs(o.value - point.value) <= o.discretisation]
         told = {b for o in near for b in (o.branch_a, o.branch_b)}
         for i in np.flatnonzero(growth).tolist():
-            branch, own = int(point.branches[i]), (float(growth[i]), point.value, float(point.modes.frequency_hz[i]))
+            bar = np.nan if point.extrapolated_discretisation is None else point.extrapolated_discretisation[i].real
+            branch = int(point.branches[i])
+            own = float(growth[i]), float(bar), point.value, float(point.modes.frequency_hz[i])
             if branch not in told:
                 fastest[branch] = max(fastest.get(branch, own), own)
     return [
-        f"at {name} = {value:.6g} a mode of {hz:.5g} Hz does not grow on this mesh, and grows by {growth:.3g} 1/s by"
-        " its extrapolated value: there may be an onset on finer meshes"
-        for growth, value, hz in sorted(fastest.values())  # the fastest at the end, where similar ones are told once
+        f"at {name} = {value:.6g} a mode of {hz:.5g} Hz does not grow on this mesh, and grows by {growth:.3g} ±"
+        f" {bar:.2g} 1/s by its extrapolated value: there may be an onset on finer meshes"
+        # The fastest at the end, where similar ones are told once.
+        for growth, bar, value, hz in sorted(fastest.values())
     ]
 
 

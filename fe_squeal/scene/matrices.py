@@ -128,7 +128,8 @@ class MatrixScene(BaseScene):
 
     def _check_study(self, study: StudySection) -> None:
         for name, ends in zip(study.names, study.ends, strict=True):
-            low, high = (np.inf * s if end is None else end for s, end in zip((-1, 1), ends, strict=True))
+            least = np.finfo(float).tiny if name in study.positive else -np.inf
+            low, high = (open_end if end is None else end for open_end, end in zip((least, np.inf), ends, strict=True))
             for path in paths_of(name):
                 if path not in self.parameters:
                     raise ValueError(f'study: given "{path}", which is no parameter{suggest(path, self.parameters)}')

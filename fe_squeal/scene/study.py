@@ -297,6 +297,11 @@ class StudySection(Section):
         return tuple(parameter_name(name) for name in self.parameters)
 
     @property
+    def positive(self) -> frozenset[str]:
+        """The parameters whose values stay above 0 although they have no least value: lognormal ones."""
+        return frozenset(parameter_name(name) for name, d in self.parameters.items() if d.lognormal is not None)
+
+    @property
     def ends(self) -> tuple[tuple[float | None, float | None], ...]:
         """The least and the largest value of each parameter, as far as there are such."""
         if self.x is not None and self.y is not None:

@@ -149,3 +149,18 @@ def test_onset_without_a_sweep(folder: Path, capsys: pytest.CaptureFixture[str])
     write(MASS, STIFFNESS)
     assert main(["onset", "a.toml"]) == 2
     assert capsys.readouterr().err.startswith("error: a.toml: sweep: is missing")
+
+
+@pytest.mark.parametrize(("scatter", "refused"), [
+    ("lognormal = { median = 2.0, factor = 1.4 }", False),
+    ("normal = { mean = 2.0, deviation = 0.4 }", True),
+    ("uniform = { low = 1.0, high = 2.0 }", False),
+])  # fmt: skip
+def test_a_negative_power_of_a_number_that_is_scattered(
+    folder: Path, capsys: pytest.CaptureFixture[str], scatter: str, refused: bool
+) -> None:
+    """Lognormal numbers stay above 0, whether they have a least value or not."""
+    study = f"[study]\nsamples = 10\n[study.parameters]\nmu = {{ {scatter} }}\n"
+    write(MASS, STIFFNESS + "powers = { mu = -1 }\n", parameters="[parameters]\nmu = 2.0\n", tail=study)
+    assert main(["check", "a.toml"]) == (2 if refused else 0)
+    assert ("given 0 among the values of mu" in capsys.readouterr().err) == refused

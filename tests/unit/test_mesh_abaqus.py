@@ -188,6 +188,7 @@ def test_includes_and_inputs_are_followed(tmp_path):
     (TET + "*ELSET, ELSET=A\n7\n", '"A" refers to number 7, which is none of the elements'),
     (TET + "*NSET, NSET=A, GENERATE\n4, 1\n", "GENERATE takes first, last and step"),
     (TET + "*NSET\n1\n", r"\*NSET without a name"),
+    (TET + "*NSET, NSET=A, ELSET=BODY\n", r"\*NSET of the nodes of an element set is not read; expected the numbers"),
     (TET + "*SURFACE, NAME=F\nE, S5\n", r'face "S5" does not exist on a solid with 4 faces; expected S1 \.\.\. S4'),
     (TET + "*SURFACE, NAME=F\nEE, S1\n", '"F" refers to element set "EE", which does not exist; did you mean "E"'),
     ("*INSTANCE, NAME=A, PART=P\n*END INSTANCE\n", 'instance "A" is of part "P", which does not exist'),

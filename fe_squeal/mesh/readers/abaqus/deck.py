@@ -52,6 +52,11 @@ def parse_model(sources: Sources) -> DeckModel:
         word = block.keyword
         if word not in _MESH:
             model.statements.append(Statement(block, scope.name.upper()))
+        if word == "NSET" and block.value("ELSET"):
+            raise MeshError(
+                f"{source}: {block.where}: *NSET of the nodes of an element set is not read; expected the numbers of"
+                " the nodes"
+            )
         if word in _FILLED and not block.lines:
             raise MeshError(
                 f"{source}: {block.where}: *{word} has no data lines; expected what it promises, or to be left out"
