@@ -170,5 +170,6 @@ class PetscMatrix:
     def destroy(self) -> None:
         """Give the memory back, on all processes together."""
         if self._factor is not None:
+            self._factor.destroy()  # a reference of its own: petsc4py frees what several processes share only when told
             self._solver.destroy()
         self._matrix.destroy()
