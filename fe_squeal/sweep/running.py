@@ -212,10 +212,12 @@ class RunningSweep:
         else:
             before = self._beside(value, self._value)
             found = self._solve(before)
+        # Where rounding hides a slow mode, it may have λ = 0 at all values beside the last one as well.
+        known = min(_at_rest(found), _at_rest(self._previous))
         self._follow(before, found, _REFINEMENTS)
         branches = self._known(modes)
         if last:
-            self.told.edge("last", value, before, _at_rest(modes) - _at_rest(found))
+            self.told.edge("last", value, before, _at_rest(modes) - known)
             return self._named(branches)
         behind = self._beside(value, float(self._values[np.searchsorted(self._values, value, "right")]))
         self._follow(behind, self._solve(behind), _REFINEMENTS)
