@@ -67,6 +67,9 @@ def find_nodes(loaded: LoadedMesh, name: str, key: str) -> NodeSet:
                 found = columns[numbers == int(number)]
                 if len(found):
                     return NodeSet(found, found)
+                raise MeshError(
+                    f"{key}: no node {name} in {loaded.source}; expected one from {numbers.min()} to {numbers.max()}"
+                )
     message = f'{key}: no node set "{name}" in {loaded.source}'
     if name in (loaded.mesh.boundaries or {}):
         raise MeshError(f'{message}: that is a surface group; write surface = "{name}"')

@@ -63,7 +63,8 @@ def load_scene(path: str | Path) -> Scene | MatrixScene:
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise SceneError(f"{path}: not TOML: {_syntax(str(error), text)}") from error
+        hint = "" if path.suffix.lower() == ".toml" else "; of a mesh or a deck fe-squeal new makes a scene"
+        raise SceneError(f"{path}: not TOML: {_syntax(str(error), text)}{hint}") from error
     except ValueError as error:  # a whole number of more digits than Python reads
         raise SceneError(f"{path}: not TOML: {error}") from error
     except RecursionError as error:
