@@ -375,6 +375,7 @@ def test_frequencies_that_rise_leave_no_mode_out(count):
         assert np.abs(swing[:, None] - exact[None, :]).min(axis=0).max() <= 1e-8 * exact.max()
 
 
+@pytest.mark.slow
 def test_a_range_that_grows_too_far_is_left_to_direct_solves():
     """Stiffness that grows a million times would ask for all modes at the start."""
     n = 2400
