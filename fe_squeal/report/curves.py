@@ -76,15 +76,19 @@ def draw_growth(
         if not grows:
             continue
         draw_stretches(axes, branch, branch.re, style, shape)
-        if branch.re_uncertainty.max(initial=0.0) > 0.004 * (high - low):
-            lower, upper = branch.re - branch.re_uncertainty, branch.re + branch.re_uncertainty
+        # What decays faster than it swings is uncertain by |λ| where loss factors say nothing of it: that is no bar.
+        size = np.hypot(branch.re, 2 * np.pi * branch.frequency_hz)
+        unknown = (branch.re < 0) & (branch.re_uncertainty >= (1 - 1e-6) * size)
+        bar = np.where(unknown, 0.0, branch.re_uncertainty)
+        if bar.max(initial=0.0) > 0.004 * (high - low):
+            lower, upper = branch.re - bar, branch.re + bar
             if len(branch.value) > 1:
                 # NaN where the branch is interrupted, so that the band is interrupted there too.
                 hole = np.append(~branch.joined, False)
                 axes.fill_between(branch.value, np.where(hole, np.nan, lower), np.where(hole, np.nan, upper),
                                   color=style["color"], alpha=0.2, lw=0, zorder=2)
             else:
-                axes.errorbar(branch.value, branch.re, branch.re_uncertainty, color=style["color"], capsize=4, zorder=3)
+                axes.errorbar(branch.value, branch.re, bar, color=style["color"], capsize=4, zorder=3)
             high = max(high, float(np.nanmax(upper)))
             low = max(min(low, float(np.nanmin(lower))), min(low, -_DEPTH * high))
     axes.set_ylim(low, high)
