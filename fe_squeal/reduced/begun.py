@@ -72,9 +72,13 @@ class BegunModel(GrowingModel):
         return bool(np.count_nonzero(~is_beside(modes)) < self._least and len(modes) < len(self.basis))
 
     def _too_few(self, place: Place) -> NotConvergedError:
+        at, start = (
+            ", ".join(f"{name} = {value:g}" for name, value in values_at(self.parameter, p).items())
+            for p in (place, self._start)
+        )
         return NotConvergedError(
-            f"at {self.parameter} = {place} the reduced model has fewer than {self._least} modes in the range in which"
-            f" it knows all at {self._start}"
+            f"at {at} the reduced model has fewer than {self._least} modes in the range in which it knows all at"
+            f" {start}"
         )
 
     def _begin(

@@ -14,9 +14,9 @@ from threadpoolctl import threadpool_limits
 from ..assembly.assembly import assemble
 from ..eigen.dense import DENSE_LIMIT
 from ..eigen.linear.factor import LinearSolver
-from ..eigen.request import Request
+from ..eigen.request import Request, is_beside
 from ..eigen.solve import solve_modes
-from ..errors import SceneError
+from ..errors import NotConvergedError, SceneError
 from ..problem.parameters import paths_of
 from ..problem.problem import Problem
 from ..reduced import BoxModel, OnlineModel
@@ -40,14 +40,17 @@ class Model(Protocol):
 
 @dataclass(frozen=True)
 class CertifiedModel:
-    """A reduced model with an error estimate: it gives no outcome where the estimate exceeds the tolerance."""
+    """A reduced model that gives no outcome where its error exceeds the tolerance, or modes are too few."""
 
     online: OnlineModel
 
     def outcome(self, values: Values) -> Outcome | None:
-        """Return the outcome at a place; None where the estimated error of a mode exceeds the tolerance."""
+        """Return the outcome at a place; None where the estimated error of a mode exceeds the tolerance.
+
+        None also where fewer modes are found than were asked for: frequencies may be beyond the range of the basis.
+        """
         modes, off, relative = self.online.modes(tuple(float(v) for v in values))
-        if off.max(initial=0.0) > 1:
+        if off.max(initial=0.0) > 1 or np.count_nonzero(~is_beside(modes)) < (self.online.whole.request.count or 0):
             return None
         return outcome_of(modes, float(relative.max(initial=0.0)), direct=False)
 
@@ -184,7 +187,10 @@ def make_solver(
         why = f"direct solves: {problem.unknowns} unknowns are few enough for LAPACK on the whole matrices"
         return Solver(direct, None, None, why)
     with threadpool_limits(limits=1, user_api="blas"):
-        box = BoxModel(problem, names, low, high, draw, request, linear_solver, progress)
+        try:
+            box = BoxModel(problem, names, low, high, draw, request, linear_solver, progress)
+        except NotConvergedError as error:
+            return Solver(direct, None, None, f"direct solves: {error}")
     online = box.online()
     small = 0 if box.condensed is None else len(box.condensed.basis)
     why = (
