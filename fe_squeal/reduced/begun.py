@@ -40,32 +40,26 @@ class BegunModel(GrowingModel):
 
     _least = 0  # modes that are needed at every place
 
-    def _begin_widely(
-        self, problem: Problem, parameter: str | tuple[str, ...], start: Place, places: Iterable[Place],
-        request: Request, linear_solver: LinearSolver | str,
-    ) -> None:  # fmt: skip
-        """Begin at one place with so many modes that at others, too, the number asked for is below the highest one.
+    def _widen(self, problem: Problem, places: Iterable[Place]) -> None:
+        """Begin anew with so many modes that at other places, too, the number asked for is below the highest one.
 
-        Stiffness that grows on the way raises frequencies, and strong damping leaves few modes that swing.
+        That is needed if stiffness that grows on the way raises frequencies, or damping leaves few modes that swing.
 
         Raises
         ------
         NotConvergedError
             These would be too many.
         """
-        reach = None
-        while True:
-            self._begin(problem, parameter, start, request, linear_solver, reach)
-            short = next((p for p in places if self._is_short(self._every(p))), None)
-            if short is None:
-                return
+        places = tuple(places)
+        while (short := next((p for p in places if self._is_short(self._every(p))), None)) is not None:
             if len(self.basis) == problem.unknowns:  # which has all modes, of any frequency
                 self.highest = max(float(sizes(self.basis.modes(p, np.inf).lam).max()) for p in places)
-                self._know_nothing(problem, isinstance(parameter, str))
+                self._know_nothing(problem, isinstance(self.parameter, str))
                 return
-            reach = _WIDER * self.highest
             if len(self.basis) > _MOST * self._least:
                 raise self._too_few(short)
+            reach = _WIDER * self.highest
+            self._begin(problem, self.parameter, self._start, self.request, self.linear_solver, reach)
 
     def _is_short(self, modes: Modes) -> bool:
         """Return whether modes at a place are fewer than are needed, and than there are."""

@@ -90,7 +90,8 @@ class BoxModel(ReducedModel):
         self.condensed: CertifiedBasis | None = None
         softest, stiffest = softest_corner(problem, names, low, high), softest_corner(problem, names, high, low)
         self._least = request.count or 0
-        self._begin_widely(problem, names, softest, [stiffest], request, linear_solver)
+        self._begin(problem, names, softest, request, linear_solver)
+        self._widen(problem, [stiffest])
         first = len(self.basis)
         self.places: list[Place] = []
         self._made_for(draw(0), (stiffest,), progress)

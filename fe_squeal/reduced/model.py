@@ -76,9 +76,10 @@ class ReducedModel(BegunModel):
         self._values = values = np.asarray(values, float)
         self._least = least
         start = float(values[np.argmin(np.abs(values))])
-        self._begin_widely(problem, parameter, start, set(spread(values, _TRIED)), request, linear_solver)
+        self._begin(problem, parameter, start, request, linear_solver)
         if swinging:
             self._refuse_overdamped((float(values[0]), float(values[-1])))
+        self._widen(problem, spread(values, _TRIED))
         if modal:
             self._without = self.basis.undamped_values(self._sigma)
         else:
