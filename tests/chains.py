@@ -86,3 +86,18 @@ CLASSES = {
     "gyroscopic, damped": ("gyroscope", "damper"),
     "complex": ("loss",), "complex with C": ("loss", "damper"),
 }  # fmt: skip
+
+
+def stiffening_chain(n, meets, powers):
+    """A chain whose stiffness is p times that of springs of 1, and whose modes 7 and 8 flutter from p = `meets` on.
+
+    Skew friction c(uvᵀ − vuᵀ) p³ between the two, c = (θ₈ − θ₇)/(2 meets²). Returns the problem and θ (n,) at p = 1.
+    """
+    K = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n)).tocsr()
+    j = np.arange(1, n + 1)
+    u, v = (np.sqrt(2 / (n + 1)) * np.sin(i * j * np.pi / (n + 1)) for i in (7, 8))
+    theta = 2 - 2 * np.cos(j * np.pi / (n + 1))
+    friction = sp.csr_array((theta[7] - theta[6]) / (2 * meets**2) * (np.outer(u, v) - np.outer(v, u)))
+    terms = (Term("m", "M", sp.eye_array(n, format="csr"), True), Term("k", "K", K, True, {"p": 1}),
+             Term("f", "K", friction, False, powers))  # fmt: skip
+    return Problem(terms, dict.fromkeys(("p", *powers), 1.0)), theta

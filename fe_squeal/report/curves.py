@@ -76,9 +76,11 @@ def draw_growth(
         if not grows:
             continue
         draw_stretches(axes, branch, branch.re, style, shape)
-        # What decays faster than it swings is uncertain by |λ| where loss factors say nothing of it: that is no bar.
-        size = np.hypot(branch.re, 2 * np.pi * branch.frequency_hz)
-        unknown = (branch.re < 0) & (branch.re_uncertainty >= (1 - 1e-6) * size)
+        # The uncertainty of what decays faster than it swings is set to |λ| where loss factors say nothing of it: that
+        # is no bar. A larger one is.
+        omega = 2 * np.pi * branch.frequency_hz
+        size = np.hypot(branch.re, omega)
+        unknown = (branch.re <= -omega) & (np.abs(branch.re_uncertainty - size) <= 1e-6 * size)
         bar = np.where(unknown, 0.0, branch.re_uncertainty)
         if bar.max(initial=0.0) > 0.004 * (high - low):
             lower, upper = branch.re - bar, branch.re + bar

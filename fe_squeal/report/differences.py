@@ -47,8 +47,8 @@ def compare_designs(a: Results, b: Results, names: tuple[str, str]) -> tuple[pd.
     pairs, said = _pairs(a, b, names, list(first), list(second))
     ends = [_ends(r) for r in (a, b) if len(r.modes)]
     if len(set(ends)) > 1:
-        said.append(f"The sweeps of {names[0]} and {names[1]} have other ends: growth is compared from"
-                    f" {span[0]:.4g} to {span[1]:.4g}.")  # fmt: skip
+        where = f"from {span[0]:.4g} to {span[1]:.4g}" if np.isfinite(span).all() else "where each is largest"
+        said.append(f"The sweeps of {names[0]} and {names[1]} have other ends: growth is compared {where}.")
     rows = [_row(names, PAIRED, first[i], second[j], mac) for i, j, mac in pairs]
     taken = {i for i, _, _ in pairs}, {j for _, j, _ in pairs}
     rows += [_row(names, GONE, row, None, np.nan) for i, row in first.items() if i not in taken[0]]

@@ -122,6 +122,9 @@ def test_growth_is_compared_at_values_that_both_sweeps_have() -> None:
     table, said = compare_designs(short, long, ("short", "long"))
     assert (table["re_a"] == table["re_b"]).all() and (table["value_b"] == 0.7).all()
     assert any("other ends: growth is compared from 0.7 to 0.7" in s for s in said)
+    beyond = replace(short, modes=short.modes.assign(value=0.9))
+    assert any("other ends: growth is compared where each is largest" in s for s in
+               compare_designs(short, beyond, ("short", "beyond"))[1])  # fmt: skip
 
 
 def test_without_bars_of_the_mesh_it_is_said() -> None:

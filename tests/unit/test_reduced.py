@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from chains import CLASSES, MODES, N, chain, dense
+from chains import CLASSES, MODES, N, chain, dense, stiffening_chain
 from selection import some
 
 import fe_squeal.reduced.begun as begun
@@ -352,19 +352,10 @@ def test_left_modes_that_are_zero_give_no_columns(turn):
 
 @pytest.mark.parametrize("count", [8, 30])
 def test_frequencies_that_rise_leave_no_mode_out(count):
-    """All stiffness grows tenfold, so that the modes asked for leave the range of those at the start.
-
-    Modes 7 and 8 of a chain meet at p = 8: of K = pK₀ and skew friction cp³ between the two, c = (θ₈ − θ₇)/(2·8²).
-    """
-    n, meets = 60, 8.0
-    K = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n)).tocsr()
-    j = np.arange(1, n + 1)
-    u, v = (np.sqrt(2 / (n + 1)) * np.sin(i * j * np.pi / (n + 1)) for i in (7, 8))
-    theta = 2 - 2 * np.cos(j * np.pi / (n + 1))
-    friction = (theta[7] - theta[6]) / (2 * meets**2) * (np.outer(u, v) - np.outer(v, u))
-    terms = (Term("m", "M", sp.eye_array(n, format="csr"), True), Term("k", "K", K, True, {"p": 1}),
-             Term("f", "K", sp.csr_array(friction), False, {"p": 3}))  # fmt: skip
-    found = sweep(Problem(terms, {"p": 1.0}), np.linspace(1.0, 10.0, 10), "p", modes=count, method="reduced")
+    """All stiffness grows tenfold, so that the modes asked for leave the range of those at the start."""
+    meets = 8.0
+    problem, theta = stiffening_chain(60, meets, {"p": 3})
+    found = sweep(problem, np.linspace(1.0, 10.0, 10), "p", modes=count, method="reduced")
     assert [len(p.modes) for p in found.points] == [count] * 10 and not found.warnings
     assert [o.value for o in found.onsets] == [pytest.approx(meets, rel=1e-8)]
     assert [int(np.count_nonzero(p.modes.stability == "unstable")) for p in found.points] == [0] * 8 + [1] * 2

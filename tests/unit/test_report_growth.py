@@ -99,6 +99,18 @@ def test_growth_that_gathers_speed_behind_its_onset_is_nearly_a_line(kind, frequ
     assert np.abs(curve[:, 1] - exact).max() < 0.01 * exact.max()
 
 
+@pytest.mark.parametrize(("times", "band"), [(1.0, 0), (1.5, 1)])
+def test_what_loss_factors_say_nothing_of_has_no_band(tmp_path, drawn, times, band):
+    """Re λ = −900 1/s, Im λ = 100 rad/s at the first value, uncertain by |λ|; by more than that it is a real doubt."""
+    re, im = np.array([-900.0, 200.0, 400.0]), np.array([100.0, 6e3, 6e3])
+    modes = pd.DataFrame({"parameter": "mu", "value": [0.0, 0.1, 0.2], "branch": 1, "re": re, "im": im,
+                          "frequency_hz": im / (2 * np.pi), "stability": ["marginal", "unstable", "unstable"],
+                          "re_uncertainty": [times * np.hypot(re[0], im[0]), 0.0, 0.0]})  # fmt: skip
+    plot_stability(modes, pd.DataFrame(columns=ONSET_COLUMNS), tmp_path / "stability.png")
+    bands = [c for c in drawn[0].axes[1].collections if "PolyCollection" in type(c).__name__]
+    assert len(bands) == band
+
+
 def test_the_drawn_curve_is_the_root(tmp_path, drawn):
     modes, onsets = coupled_tables([(2413.0, 60.0, EXACT)], COARSE)
     onsets["crossing_speed"] = root_speed(2413.0, 60.0, EXACT)

@@ -9,12 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
+from chains import stiffening_chain
 
 from fe_squeal.eigen.request import Request
 from fe_squeal.errors import NotConvergedError
-from fe_squeal.problem.problem import Problem
-from fe_squeal.problem.terms import Term
 from fe_squeal.study import engine
 from fe_squeal.study.models import DirectModel, Solver, make_solver
 from fe_squeal.study.outcome import Outcome
@@ -184,15 +182,8 @@ def test_places_where_stiffness_is_far_larger_have_all_modes(most: float) -> Non
 
     Where stiffness grows a million times, the places are solved directly.
     """
-    n, meets = 500, 8.0
-    K = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n)).tocsr()
-    j = np.arange(1, n + 1)
-    u, v = (np.sqrt(2 / (n + 1)) * np.sin(i * j * np.pi / (n + 1)) for i in (7, 8))
-    theta = 2 - 2 * np.cos(j * np.pi / (n + 1))
-    friction = (theta[7] - theta[6]) / (2 * meets**2) * (np.outer(u, v) - np.outer(v, u))
-    terms = (Term("m", "M", sp.eye_array(n, format="csr"), True), Term("k", "K", K, True, {"p": 1}),
-             Term("f", "K", sp.csr_array(friction), False, {"p": 3, "q": 1}))  # fmt: skip
-    problem, low, high = Problem(terms, {"p": 1.0, "q": 1.0}), np.array([1.0, 1.0]), np.array([most, 1.1])
+    problem, _ = stiffening_chain(500, 8.0, {"p": 3, "q": 1})
+    low, high = np.array([1.0, 1.0]), np.array([most, 1.1])
     rng = np.random.default_rng(0)
     solver = make_solver(
         problem, ("p", "q"), low, high, lambda i: [tuple(x) for x in rng.uniform(low, high, (8, 2))], Request(count=8)
