@@ -57,6 +57,8 @@ def may_grow_dense(M: np.ndarray, C: np.ndarray | None, K: np.ndarray, rate: flo
     λ²M + λC + K has a positive symmetric part for all λ above the rate if it has one there, and so has 2λM + C. That
     costs two Cholesky factorisations, without damping one.
     """
+    if np.isinf(rate):
+        return False
     value = rate**2 * M + (K + K.T).real / 2
     if C is None:
         return not _is_positive(value)

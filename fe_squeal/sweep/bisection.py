@@ -10,7 +10,7 @@ from ..eigen.dense import solve_dense
 from ..eigen.pencil import Modes
 from ..eigen.request import Request
 from ..eigen.solve import solve_modes
-from ..errors import NotConvergedError
+from ..errors import NotConvergedError, SquealError
 from .changes import Change
 from .onset import Onset
 from .step import Step, real_direction
@@ -34,7 +34,7 @@ class Bisection:
 
     step: Step
     # Growing modes of the reduced model at some values, and up to which |λ| they are known.
-    _solved: dict[float, tuple[float, Modes]] = field(default_factory=dict, repr=False)
+    _known: dict[float, tuple[float, Modes]] = field(default_factory=dict, repr=False)
 
     def onset(self, change: Change) -> Onset:
         """Return the onset by bisection between the limits of the change, by the number of unstable modes of its group.
@@ -85,6 +85,8 @@ class Bisection:
         # A mode counts as unstable only once Re λ exceeds its uncertainty, which is a little beyond the onset itself.
         # Twice the distance that the growth rate gives is allowed for, since growth is not linear.
         unseen = float(2 * growing.re_uncertainty[i] / speed) ** (1 / power) + abs(high - low)
+        if change.kind == "crossing":
+            unseen = self._until_stable(change, value, lam, unseen, highest)
         # If no growth rate is clear, not even at the limit, the onset is anywhere between the limits, or nowhere.
         if not any((m.lam.real > _CLEAR * m.re_uncertainty).any() for m in (growing, more, far)):
             unseen = max(unseen, *(abs(limit - value) for limit in change.limits))
@@ -97,28 +99,57 @@ class Bisection:
             unseen += error if error < self.step.width else 0.0  # a larger error, as of a modal projection, is no bound
         return onset_of(step, change, value, lam.imag, float(speed * np.sign(change.gains)), unseen)
 
+    def _until_stable(self, change: Change, value: float, lam: complex, unseen: float, highest: float) -> float:
+        """Return how far on the stable side of an onset its mode decays for sure, and `unseen` at least.
+
+        Where Re λ passes zero without a slope, as p³ does, it is lost in its uncertainty far longer than any slope
+        beside the onset tells. The distance is doubled until the mode surely decays, up to a step's width beyond the
+        end of the step, where this one began because of that very doubt.
+        """
+        into = np.sign(change.high - change.low) * np.sign(change.gains)  # towards where the mode grows
+        room = abs((min(self.step.ends) if into > 0 else max(self.step.ends)) - value) + self.step.width
+        while 0 < unseen < room:
+            try:
+                modes = self._solved_at(value - into * unseen, highest)
+            except (SquealError, ValueError):  # beyond the step a scene may have no static state
+                break
+            if not len(modes):
+                break
+            i = int(np.argmin(np.abs(modes.lam - lam)))
+            lam = complex(modes.lam[i])
+            if lam.real < -modes.re_uncertainty[i]:
+                break
+            unseen = min(2 * unseen, room)
+        return unseen
+
     def _growing(self, p: float, highest: float) -> Modes:
         """Return the growing modes of the problem at a value with Im λ up to a frequency, rad/s.
 
         Those of a reduced model are kept: changes of one step are bisected between the same values.
         """
-        step = self.step
-        if step.reduced_model is not None and (known := self._solved.get(p)) and known[0] >= _FAST * highest:
-            modes = known[1]
-        else:
-            pencil = step.problem.pencil({step.parameter: p})
-            if step.reduced_model is None:
-                request = Request(max_frequency_hz=_FAST * highest / (2 * np.pi))
-                modes = solve_modes(pencil, request, linear_solver=step.linear_solver)
-            else:  # the matrices of a reduced model are small and dense
-                known_to = max(highest, *(float(np.abs(m.lam).max(initial=0.0)) for m in step.modes_at_ends))
-                reach = _FAST * known_to
-                modes = solve_dense(pencil, reach, step.linear_solver, growing=known_to)
+        if known := self._known.get(p):
+            reach, modes = known
+        if not known or reach < _FAST * highest:
+            modes = self._solved_at(p, highest, growing=True)
             modes = modes.select(np.flatnonzero(modes.stability == "unstable"))
-            if step.reduced_model is not None:
-                self._solved[p] = reach, modes
+            if self.step.reduced_model is not None:
+                self._known[p] = self._reach(highest), modes
         lam = modes.lam
         return modes.select(np.flatnonzero((lam.imag <= highest) & (np.abs(lam) <= _FAST * highest)))
+
+    def _solved_at(self, p: float, highest: float, growing: bool = False) -> Modes:
+        """Return the modes of the problem at a value up to a frequency, rad/s, and perhaps the growing ones alone."""
+        step = self.step
+        pencil = step.problem.pencil({step.parameter: p})
+        if step.reduced_model is None:
+            request = Request(max_frequency_hz=_FAST * highest / (2 * np.pi))
+            return solve_modes(pencil, request, linear_solver=step.linear_solver)
+        reach = self._reach(highest)  # the matrices of a reduced model are small and dense
+        return solve_dense(pencil, reach, step.linear_solver, growing=reach / _FAST if growing else None)
+
+    def _reach(self, highest: float) -> float:
+        """Return up to which |λ|, rad/s, modes of a reduced model are solved for."""
+        return _FAST * max(highest, *(float(np.abs(m.lam).max(initial=0.0)) for m in self.step.modes_at_ends))
 
     def _highest(self, change: Change) -> float:
         lam = change.v if not self.step.in_theta else np.sqrt(-change.v + 0j)

@@ -24,6 +24,7 @@ _SMALL = 1e-6  # of the value, or of the sweep's step: Newton steps below this t
 # A Newton step that changes a frequency by more than this part of ω is not the last, however small its change of p.
 # Where λ = 0 crosses the axis ω is rounding: small beside what the shape would swing at by its largest forces alone.
 _TURNED, _AT_REST = 1e-4, 1e-8
+_FLATTEST = 5.0  # power of p − p_c, at most, with which Re λ is taken to pass zero
 _SLOTS: tuple[Slot, ...] = "M", "C", "K"
 _FULL = 1000  # unknowns up to which matrices that are at least half full are taken as arrays
 _Matrix: TypeAlias = sp.csr_array | np.ndarray
@@ -205,9 +206,13 @@ def find_crossing(
         rounding = rounding / abs(speed) if speed else np.inf
         if abs(p - value) > width or rounding > 0.1 * width:
             break
-        is_last = _is_last(abs(step[1]), last, max(rounding, enough * abs(p)), _SMALL * max(abs(p), width))
+        small = _SMALL * max(abs(p), width)
+        is_last = _is_last(abs(step[1]), last, max(rounding, enough * abs(p)), small)
+        is_last &= rounding < small or np.isfinite(last)  # one step does not tell how flat a root lost in rounding is
         if is_last and (abs(step[0]) <= _TURNED * abs(omega) or abs(step[0]) <= _AT_REST * _fastest(pencil, x)):
-            return Root(float(p), float(omega**2), speed, float(abs(step[1]) + rounding), x, y)
+            # Where Re λ passes zero as (p − p_c)ᵐ, a step is the distance to p_c over m, and 1 − 1/m of the step before.
+            order = 1 / (1 - min(abs(step[1]) / last, 1 - 1 / _FLATTEST))
+            return Root(float(p), float(omega**2), speed, float(order * (abs(step[1]) + rounding)), x, y)
         last = abs(step[1])
     raise NotConvergedError(f"crossing near {parameter} = {value:.6g}: Newton's method did not converge")
 

@@ -92,3 +92,25 @@ def test_eigenvalues_crowd_at_the_inverse_of_beta(beta, asked):
     result = sweep(Problem(terms, {"mu": 0.0}), np.linspace(0, 0.8, 3), modes=4)
     assert not result.onsets and not result.unsettled
     assert sum(asked) < 10 * max(len(asked), 1)
+
+
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+@pytest.mark.parametrize("power", [1, 3, 5])
+def test_growth_that_passes_zero_without_a_slope(power, method):
+    """Gyroscopic forces, and friction in proportion to p^m: λ depends on p^m alone, and Re λ passes zero at p = 0.
+
+    For m = 3 and 5 it is lost in rounding over a part of the sweep that grows with m. Bars have to tell of it."""
+    rng, n = np.random.default_rng(power), 6
+    G, F = rng.standard_normal((2, n, n))
+    K = sp.diags_array(np.linspace(1, 40, n) * rng.uniform(0.9, 1.1, n)).tocsr()
+    terms = (
+        Term("mass", "M", sp.eye_array(n, format="csr"), True),
+        Term("elastic", "K", K, True),
+        Term("gyroscope", "C", sp.csr_array(0.3 * (G - G.T)), False, skew=True),
+        Term("friction", "K", sp.csr_array(0.05 * F), False, {"p": power}),
+    )
+    result = sweep(Problem(terms, {"p": -1.0}), np.linspace(-1.0, 1.3, 4), "p", modes=n, method=method)
+    found = len(result.onsets)
+    assert found == n or (power > 1 and found + sum("not refined" in w for w in result.warnings) >= n)
+    for onset in result.onsets:
+        assert abs(onset.value) <= onset.uncertainty <= 50 * 1e-11 ** (1 / power)
