@@ -210,7 +210,7 @@ def find_crossing(
         is_last = _is_last(abs(step[1]), last, max(rounding, enough * abs(p)), small)
         is_last &= rounding < small or np.isfinite(last)  # one step does not tell how flat a root lost in rounding is
         if is_last and (abs(step[0]) <= _TURNED * abs(omega) or abs(step[0]) <= _AT_REST * _fastest(pencil, x)):
-            # Where Re λ passes zero as (p − p_c)ᵐ, a step is the distance to p_c over m, and 1 − 1/m of the step before.
+            # Where Re λ passes zero as (p − p_c)ᵐ, a step is 1/m of the distance, 1 − 1/m of the step before.
             order = 1 / (1 - min(abs(step[1]) / last, 1 - 1 / _FLATTEST))
             return Root(float(p), float(omega**2), speed, float(order * (abs(step[1]) + rounding)), x, y)
         last = abs(step[1])

@@ -69,3 +69,62 @@ def test_an_interrupted_estimate_keeps_the_sweep_and_is_resumed(tmp_path, capsys
     assert main([*run, "--resume"]) == 0
     assert json.loads((out / "run.json").read_text("utf-8"))["status"] == "complete"
     assert columns(out)[0].notna().all(axis=1).mean() > 0.8
+
+
+LOOSE = """
+[mesh]
+order = 1
+[mesh.block]
+length = 0.05
+width = 0.03
+height = 0.012
+size = 0.015
+[materials.rubber]
+youngs_modulus = 5.0e8
+poisson_ratio = 0.3
+density = 1500.0
+[bodies.block]
+material = "rubber"
+[[springs]]
+name = "stop"
+surface = "right"
+direction = [1, 0, 0]
+stiffness = 3e6
+[[averaged]]
+name = "piston"
+surface = "top"
+{piston}
+[[contacts]]
+name = "belt"
+surface = "bottom"
+counterface = "rigid"
+normal_stiffness = 1e10
+sliding = {{ direction = [1, 0, 0], speed = 3.0 }}
+[effects.friction]
+mu = 0.5
+[effects.rayleigh]
+alpha = 5
+[sweep]
+values = [0.0, 0.6]
+[solve]
+max_frequency = 4000
+[output]
+shapes = "none"
+report = false
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("piston", ["mass = 0.2", "springs = [{ direction = [0, 0, 1], stiffness = 1e6 }]"])
+def test_a_free_motion_beside_a_stiff_contact(tmp_path, piston):
+    """A block that nothing holds sideways, on a contact 1e6 times as stiff as what its modes bend.
+
+    Projected on few vectors, its stiffness has rounding of the contact's forces in it. The motion's λ, 0 and −α or
+    slower, are known whatever that is, and every mode gets its bar.
+    """
+    scene, out = write_scene(tmp_path, LOOSE.format(piston=piston)), tmp_path / "out"
+    assert main(["run", str(scene), "-o", str(out), "--estimate"]) == 0
+    assert columns(out)[0].notna().all(axis=None)
+    table = pd.read_csv(out / "modes.csv")
+    free = table[table["frequency_hz"] == 0].groupby("value")["re"].max()
+    assert len(free) == 2 and (free == 0).all()
