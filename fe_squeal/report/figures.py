@@ -103,7 +103,7 @@ def stability_figure(
     bottom.set_xlabel(parameter_label(parameter_name(modes)))
     set_parameter_axis(bottom, numbers(modes, "value"))
     top.set_ylim(*padded(numbers(modes, "frequency_hz") / per_unit, floor=0.0))
-    _mark_range(top, covered_hz, per_unit)
+    markers += _mark_range(top, covered_hz, per_unit)
     markers += _mark_measured(top, measured, per_unit)
     for axes in (top, bottom):
         axes.grid(True, color="0.92", lw=0.6)
@@ -156,7 +156,7 @@ def plot_root_locus(
 
     axes.set_xlim(*limits)
     axes.set_ylim(*padded(frequency / per_unit, floor=0.0))
-    _mark_range(axes, covered_hz, per_unit)
+    markers += _mark_range(axes, covered_hz, per_unit)
     markers += _mark_measured(axes, measured, per_unit)
     axes.axvspan(0.0, max(limits[1], 0.0), color="tab:red", alpha=0.06, lw=0, zorder=0)
     axes.axvline(0.0, color="0.3", lw=0.9, zorder=2)
@@ -168,19 +168,22 @@ def plot_root_locus(
     axes.grid(True, color="0.92", lw=0.6)
     axes.set_axisbelow(True)
     if markers:
-        axes.legend(handles=markers, loc="upper left", fontsize=8, framealpha=0.9)
+        axes.legend(handles=markers, loc="best", fontsize=8, framealpha=0.9)
     return save_figure(figure, path)
 
 
-def _mark_range(axes: Axes, covered_hz: float | None, per_unit: float) -> None:
-    """Draw a line at the frequency up to which all modes are known; above it modes were not solved for."""
+def _mark_range(axes: Axes, covered_hz: float | None, per_unit: float) -> list[Line2D]:
+    """Draw a line at the frequency up to which all modes are known; return its entry for the legend.
+
+    Above it modes were not solved for.
+    """
     if covered_hz is None:
-        return
+        return []
     low, high = axes.get_ylim()
     axes.set_ylim(low, max(high, 1.03 * covered_hz / per_unit))
-    axes.axhline(covered_hz / per_unit, color="0.45", lw=0.8, ls=(0, (6, 3)), zorder=1)
-    axes.text(0.995, covered_hz / per_unit, f"all modes below {frequency_text(covered_hz)} ",
-              transform=axes.get_yaxis_transform(), ha="right", va="bottom", fontsize=7, color="0.35")
+    look: dict[str, Any] = {"color": "0.45", "lw": 0.8, "ls": (0, (6, 3))}
+    axes.axhline(covered_hz / per_unit, zorder=1, **look)
+    return [Line2D([], [], label=f"all modes below {frequency_text(covered_hz)}", **look)]
 
 
 def _mark_measured(axes: Axes, measured: Sequence[tuple[float, str]], per_unit: float) -> list[Line2D]:

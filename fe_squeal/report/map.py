@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from fe_squeal.report.branches import figure_text
 from fe_squeal.report.files import save_figure
@@ -19,6 +21,7 @@ from fe_squeal.report.labels import place_labels
 from fe_squeal.report.study import short_name
 
 _GROWTH, _LINES = "Reds", "viridis"
+_ROOM = 0.06  # of the axes: a point of a curve that is as far from other curves has room enough for a label
 _LABELLED = 12  # curves with their frequency beside them, at most
 
 
@@ -68,7 +71,7 @@ def plot_map(
             lines.set_clim(low, high if high > low else low + 1.0)
             axes.add_collection(lines)
             if int(str(number)) <= _LABELLED:
-                middle = len(points) // 2
+                middle = _alone(axes, points, others=boundaries.loc[boundaries["curve"] != number, ["x", "y"]])
                 labelled.append((float(points[middle, 0]), float(points[middle, 1])))
                 texts.append(f"{hz[middle] / 1e3:.2f} kHz")
         assert lines is not None
@@ -80,3 +83,18 @@ def plot_map(
         figure.set_layout_engine("none")
         place_labels(axes, canvas, labelled, texts, boundaries[["x", "y"]].to_numpy(float))
     return save_figure(figure, path)
+
+
+def _alone(axes: Axes, points: NDArray[np.float64], others: pd.DataFrame) -> int:
+    """Return the point of a curve (n, 2) that is farthest from the other curves and from the edges of the axes.
+
+    The label of the curve belongs there. Among points that are about as far it is the one nearest to the middle.
+    """
+    to_axes = (axes.transData + axes.transAxes.inverted()).transform
+    own = to_axes(points)
+    room = np.minimum(own, 1.0 - own).min(axis=1)
+    if len(others):
+        apart = own[:, None] - to_axes(others.to_numpy(float))[None]
+        room = np.minimum(room, np.hypot(*apart.transpose(2, 0, 1)).min(axis=1))
+    enough = np.flatnonzero(room >= min(_ROOM, float(room.max())))
+    return int(enough[np.argmin(np.abs(enough - len(points) // 2))])

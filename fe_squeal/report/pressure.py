@@ -95,6 +95,8 @@ def pressure_figure(contacts: Mapping[str, ContactFace], title: str = "") -> Fig
                            label="sliding of the counterface"))  # fmt: skip
     if keys:
         figure.legend(handles=keys, loc="outside lower center", ncols=len(keys), fontsize=9, frameon=False)
+    # Faces keep their shape, and so become smaller than their panels: the colour bar finds its place the second time.
+    figure.draw_without_rendering()
     return figure
 
 

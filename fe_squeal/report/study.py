@@ -117,6 +117,8 @@ def plot_indices(indices: pd.DataFrame, path: str | os.PathLike[str], title: str
         rows = indices[indices["output"] == output].set_index("parameter").loc[names]
         for kind, colour, shift in (("first", _FIRST, -0.14), ("total", _TOTAL, 0.14)):
             known = rows[kind].notna().to_numpy()
+            if not indices[kind].notna().any():
+                continue
             axes.errorbar(
                 rows[kind][known], y[known] + shift, xerr=rows[f"{kind}_error"][known], fmt="o", ms=5, color=colour,
                 capsize=3, lw=1.2, label={"first": "alone", "total": "with all others"}[kind],

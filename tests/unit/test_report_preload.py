@@ -13,7 +13,7 @@ from test_report_contributions import assert_nothing_overlaps
 
 from fe_squeal.report.contact_face import ContactFace
 from fe_squeal.report.preload import export_preload
-from fe_squeal.report.pressure import OPEN_COLOUR, PULLING_COLOUR, face_frame, pressure_figure
+from fe_squeal.report.pressure import OPEN_COLOUR, PULLING_COLOUR, face_frame, plot_pressure, pressure_figure
 from fe_squeal.report.shapes import axis_frame, shape_grid
 from fe_squeal.report.vtk_files import names_in
 
@@ -200,3 +200,11 @@ def test_seven_contacts_with_long_names_overlap_nothing():
     figure = pressure_figure(contacts, "A long title of a brake, " * 8)
     assert_nothing_overlaps(figure)
     assert len([axes for axes in figure.axes if axes.images]) == 7
+
+
+@pytest.mark.parametrize("nx, ny", [(10, 6), (20, 12)])
+def test_nothing_is_cut_off(tmp_path, nx, ny):
+    """Nothing stands at the edges of the picture as it is written, not even the label of the colours."""
+    pressed = face(lambda x, y: 1.73e6 * (1 - 0.6 * x), nx=nx, ny=ny)
+    drawn = image.imread(plot_pressure({"belt": pressed}, tmp_path / "p.png", "pad that lifts off, pressure swept"))
+    assert all((edge == 1.0).all() for edge in (drawn[:, :4], drawn[:, -4:], drawn[:4], drawn[-4:]))

@@ -107,4 +107,5 @@ def test_figures_and_record_tell_the_range(tmp_path, monkeypatch):
     low, high = json.loads((tmp_path / "out" / "run.json").read_text())["frequency_range_hz"]
     assert low == 0 and high > 0
     for figure in kept[:2]:
-        assert any(t.get_text().startswith("all modes below ") for t in figure.axes[0].texts)
+        legend = figure.axes[0].get_legend()
+        assert any(t.get_text().startswith("all modes below ") for t in legend.get_texts())

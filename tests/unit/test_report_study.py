@@ -1,0 +1,51 @@
+"""Figures of a study: what labels stand beside, and what the legend names."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from fe_squeal.report import map as map_figure
+from fe_squeal.report import study
+from fe_squeal.report.map import plot_map
+from fe_squeal.report.study import plot_indices
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """Keep the figures that are saved."""
+    kept = []
+    for module in (map_figure, study):
+        save = module.save_figure
+        monkeypatch.setattr(
+            module, "save_figure", lambda figure, path, save=save: (kept.append(figure), save(figure, path))[1]
+        )
+    return kept
+
+
+def test_the_label_of_a_boundary_stands_where_no_other_one_is(tmp_path, drawn):
+    """Two boundaries y = ½ ± (x − ½)³ that cross in their middles, where either label could be that of both."""
+    side = np.linspace(0.0, 1.0, 5)
+    x, y = (a.ravel() for a in np.meshgrid(side, side))
+    t = np.linspace(0.0, 1.0, 41)
+    curves = [pd.DataFrame({"curve": n, "x": t, "y": 0.5 + s * (t - 0.5) ** 3, "frequency_hz": 1e3 * n})
+              for n, s in ((1, 1.0), (2, -1.0))]  # fmt: skip
+    grid = pd.DataFrame({"x": x, "y": y, "worst_re": x})
+    plot_map(grid, pd.concat(curves, ignore_index=True), ("a", "b"), (False, False), tmp_path / "map.png")
+    labels = drawn[0].axes[0].texts
+    assert {text.get_text() for text in labels} == {"1.00 kHz", "2.00 kHz"}
+    for text in labels:
+        (own_x, own_y), (_, other_y) = text.xy, (text.xy[0], 1.0 - text.xy[1])
+        assert abs(own_y - other_y) > 0.05
+        assert 0.05 < own_x < 0.95
+
+
+@pytest.mark.parametrize("total", [np.nan, 0.4])
+def test_the_legend_names_what_is_there(tmp_path, drawn, total):
+    """Correlated numbers have no total indices, which the legend then does not name."""
+    rows = {"output": "unstable", "parameter": ["mu", "k"], "first": [0.3, 0.2], "first_error": 0.05}
+    indices = pd.DataFrame({**rows, "total": total, "total_error": 0.05})
+    plot_indices(indices, tmp_path / "indices.png")
+    named = [text.get_text() for text in drawn[0].legends[0].get_texts()]
+    assert named == (["alone"] if np.isnan(total) else ["alone", "with all others"])
