@@ -17,6 +17,7 @@ from .touching import warnings_of_touching
 from .units import suspect_units
 
 _DENSITY = (100.0, 30000.0)  # kg/m^3: from foams to osmium
+_EXTENT = (1e-3, 10.0)  # m: a model whose extent is not between these probably has the wrong unit of length
 _MODULUS = (1e6, 1e13)  # Pa: from rubber to beyond diamond
 # Condition number of the map from the regular cell. Its square, 1e4, is what a backward error is multiplied by: of the
 # usual tolerance of 1e-8 that leaves four digits.
@@ -43,10 +44,16 @@ def warnings_of_scene(
         Elements of each body.
     """
     return [
-        *suspect_units(scene, space.mesh, bodies), *_materials(scene), *_locking(scene),
+        *suspect_units(scene, space.mesh, bodies), *_size(scene, loaded), *_materials(scene), *_locking(scene),
         *_held(scene, loaded, space), *_gaps(scene, space), *_shapes(loaded, space, bodies),
         *warnings_of_touching(scene, loaded, bodies),
     ]  # fmt: skip
+
+
+def _size(scene: Scene, loaded: LoadedMesh) -> Iterable[str]:
+    extent = float(np.ptp(loaded.mesh.doflocs, axis=1).max())
+    if scene.units != "any" and not _EXTENT[0] <= extent <= _EXTENT[1]:
+        yield f"{loaded.source}: the model is {extent:.3g} m across; is length_unit right?"
 
 
 def _materials(scene: Scene) -> Iterable[str]:

@@ -18,8 +18,6 @@ from .raw import CellBlock, Floats, Ints, RawMesh, element_names, listed
 from .splitting import complete_hexahedra, fill_midside, split_cells, split_quadrilaterals
 from .surfaces import adopt_duplicates, boundary_of_nodes, check_on_faces, faces_of, find_rows
 
-LARGEST, SMALLEST = 10.0, 1e-3  # m: a mesh whose extent is not between these probably has the wrong length unit
-
 
 def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
     """Check what a reader gives and build the mesh from it.
@@ -72,7 +70,7 @@ def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
         mesh,
         source,
         (*raw.notes, *note),
-        (*warnings, *size_warnings(mesh, source)),
+        tuple(warnings),
         element_names(raw.blocks)[parent],
         unusable,
         raw.ignore_case,
@@ -227,11 +225,3 @@ def _children(cells: Ints, parent: Ints) -> Ints:
     member = np.zeros(parent.max(initial=-1) + 1, dtype=bool)
     member[cells] = True
     return np.flatnonzero(member[parent])
-
-
-def size_warnings(mesh: skfem.Mesh, source: str) -> tuple[str, ...]:
-    """Return a sentence if the extent of a mesh suggests that its unit of length is wrong."""
-    extent = float(np.ptp(mesh.doflocs, axis=1).max())
-    if SMALLEST <= extent <= LARGEST:
-        return ()
-    return (f"{source}: the model is {extent:.3g} m across; is length_unit right?",)

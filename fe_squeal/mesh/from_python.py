@@ -10,7 +10,6 @@ import skfem
 
 from fe_squeal.errors import MeshError
 
-from .building import size_warnings
 from .checking import check_cells, check_points, jacobian_range, orient_cells
 from .elements import MESH_CLASS, REFERENCE, matching
 from .groups import LoadedMesh
@@ -69,7 +68,7 @@ def from_skfem(mesh: skfem.Mesh, source: str = "<python>") -> LoadedMesh:
             cells = replace(block, nodes=nodes[which], labels=block.labels[which])
             warnings += orient_cells(replace(raw, blocks=(cells,), volume_groups={}), source)[1]
     mesh = replace(mesh, _subdomains=groups, _boundaries=surfaces)
-    return LoadedMesh(mesh, source, (), (*warnings, *size_warnings(mesh, source)), block.labels.astype(str))
+    return LoadedMesh(mesh, source, (), tuple(warnings), block.labels.astype(str))
 
 
 def _checked_groups(groups: Mapping[str, Ints] | None, count: int, what: str, source: str) -> dict[str, Ints]:
