@@ -34,7 +34,8 @@ friction, by block Lanczos iteration with factors of P = K − σM; modes at fur
 with the same factors, or, where these are slow because friction or damping is strong, with those of Q(iω). From 30
 million entries of K on, factors are in single precision, and the terms of single bodies lie in files.
 """
-MESHES = ["0.014", "0.0095", "0.0055", "0.0034", "0.0025", "tet 0.02", "tet 0.0105", "tet 0.0058", "tet 0.0034"]
+MESHES = ["0.014", "0.0095", "0.0055", "0.0034", "0.0025", "tet 0.02", "tet 0.0105", "tet 0.0058", "tet 0.0034",
+          "tet 0.0023"]  # fmt: skip
 STAGES = {"assembly": "assembly", "reduction": "reduced model", "onsets": "onsets", "completeness": "count"}
 NOTE = """The disc with two pads of `examples/disc_pad.toml` on finer and finer meshes of 27-node hexahedra ("hex") or
 quadratic tetrahedra ("tet"), swept over the friction coefficient with right and left modes, tracking, onsets and the

@@ -1,6 +1,7 @@
 """One solve by SLEPc and MUMPS, run by the system's Python: slepc_solve.py FOLDER MODES SIDES
 
-Prints the seconds on the clock and of the processor.
+Prints the seconds on the clock and of the processor, and writes the eigenvalues into theta.npy of the folder. Under
+mpiexec each process has its rows of the matrices.
 """
 
 import glob
@@ -16,13 +17,17 @@ from slepc4py import SLEPc  # noqa: E402
 
 
 def matrix(path):
-    """Read a CSR matrix."""
+    """Read the rows of a CSR matrix that belong to this process."""
     with np.load(path) as file:
-        n = len(file["indptr"]) - 1
-        csr = (file["indptr"].astype(np.int32), file["indices"].astype(np.int32), file["data"])
-        return PETSc.Mat().createAIJ((n, n), csr=csr)
+        indptr, n = file["indptr"], len(file["indptr"]) - 1
+        low, high = (n * (rank + i) // count for i in range(2))
+        part = slice(indptr[low], indptr[high])
+        csr = ((indptr[low : high + 1] - indptr[low]).astype(np.int32), file["indices"][part].astype(np.int32),
+               file["data"][part])
+        return PETSc.Mat().createAIJ(((high - low, n), (high - low, n)), csr=csr)
 
 
+rank, count = PETSc.COMM_WORLD.getRank(), PETSc.COMM_WORLD.getSize()
 K, M = matrix(f"{sys.argv[1]}/K.npz"), matrix(f"{sys.argv[1]}/M.npz")
 start, processor = time.perf_counter(), time.process_time()
 solver = SLEPc.EPS().create()
@@ -42,4 +47,7 @@ linear.getPC().setFactorSolverType("mumps")
 solver.solve()
 if solver.getConverged() < int(sys.argv[2]):
     sys.exit(f"SLEPc: {solver.getConverged()} of {sys.argv[2]} modes")
-print(time.perf_counter() - start, time.process_time() - processor)
+if rank == 0:
+    theta = [complex(solver.getEigenvalue(i)) for i in range(solver.getConverged())]
+    np.save(f"{sys.argv[1]}/theta.npy", theta)
+    print(time.perf_counter() - start, time.process_time() - processor)
