@@ -21,9 +21,10 @@ from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
 from .candidates import Candidate, finer_candidate, first_candidate, first_order_bars, next_candidate
 from .corrections import right_corrections
-from .discretisation import estimated_error, with_changes, with_discretisation
+from .discretisation import with_changes, with_discretisation
 from .estimate import changes_by
 from .groups import element_groups
+from .largest_error import estimated_error
 from .quantities import KINDS, Split, split_changes
 from .refined import finer_mesh_ahead, refine_problem, refined_memory
 

@@ -12,7 +12,7 @@ from ..eigen.dense import solve_dense
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
 from ..eigen.threads import one_openblas_thread
-from ..sweep.onsets import Onset
+from ..sweep.onset import Onset
 from ..sweep.point import SweepPoint
 from ..sweep.result import Sweep
 from ..sweep.sweep import sweep

@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 import scipy.linalg as la
 
-from ..eigen.blocks import lift
 from ..eigen.growth import may_grow_dense
-from ..eigen.lapack import regular_lu
 from ..eigen.pencil import FreeMotions, Modes, Pencil
 from ..eigen.quality import modes_from_lambda, modes_from_theta
 from ..eigen.request import Request
-from .estimate import GUARDED, ILL
+from .estimate import GUARDED
 from .projection import Projection
+from .quadratic import Quadratic
 from .vectors import of_length, real_columns, thin_svd
 
 # These numbers were chosen with three models of benchmarks/gallery in sight (Rayleigh, loss, rotating): they decide how
@@ -31,18 +30,11 @@ _ABOVE = 0.01  # length of modes above the neighbours of those asked for, which 
 _PAYS = 0.7  # of the vectors of the basis: with more in a span LAPACK on all of the basis costs no more
 _MORE = 4  # modes above those asked for
 _LIMIT = 1.05  # times the highest frequency asked for: up to there modes are above those asked for
-_ROUNDS = 6  # of corrections; each takes a digit or so off the residuals
 _ENOUGH = 1e-3  # times the tolerance: errors against the basis that are smaller add nothing to those of the basis
-_NEARLY = 100  # times `_ENOUGH`: modes above those asked for whose errors are larger are left out
 _TWINS, _ALIKE = 1e-6, 1e-3  # of |λ|, and of the likeness of shapes: nearer ones may be one mode, found twice
-# θ = −λ² at which corrections are solved for, in squares of the highest frequency of the basis: within the band, and
-# off the axis on the side of growth, where no mode is so near that its share in a residual would be blown up. Each mode
-# takes the nearest one: what others do to it falls with its distance to that.
-_SHIFTS = np.array([0.05 - 0.05j, 0.2 - 0.15j, 0.6 - 0.4j])
 # A mode may be missing if, from some mode on, more than a third of the |λ| are larger by this part than at the nodes on
 # both sides.
 _RISES, _MANY = 5e-3, 1 / 3
-Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # λ (k,), right and left vectors (r, k)
 _NAMES = "node_right", "node_left", "node_sizes", "node_swings"  # of what is stored of each node
 
 
@@ -148,7 +140,7 @@ class TwoSided:
         if may_grow_dense(M, C, K, GUARDED * highest):  # beyond what is looked for here
             return None
         U, W = (np.pad(x, ((0, len(M) - len(x)), (0, 0))) for x in sides)
-        quadratic = _Quadratic(M, C, K, highest)
+        quadratic = Quadratic(M, C, K, highest)
         try:
             lam, right, left = quadratic.projected(U, W)
         except la.LinAlgError:
@@ -179,93 +171,6 @@ class TwoSided:
             size = max(m, n)
             self._spans = len(nodes), _filled(U[:, :m], W, size), _filled(W[:, :n], U, size)
         return self._spans[1:]
-
-
-@dataclass(frozen=True)
-class _Quadratic:
-    """Q(λ) = λ²M + λC + K, all (r, r), C None where nothing depends on velocity; `highest` is in rad/s."""
-
-    M: np.ndarray
-    C: np.ndarray | None
-    K: np.ndarray
-    highest: float
-
-    def projected(self, U: np.ndarray, W: np.ndarray) -> Pairs:
-        """Return λ up to `GUARDED` times `highest`, by rising frequency, and the modes in the spans of U and W (r, m).
-
-        Raises
-        ------
-        LinAlgError
-            WᴴMU is singular.
-        """
-        h, adjoint = self.highest, W.conj().T
-        mass = h**2 * (adjoint @ (self.M @ U))  # eigenvalues in multiples of h
-        K = la.solve(mass, adjoint @ (self.K @ U))
-        if self.C is None:
-            theta, y, x = la.eig(K, left=True, right=True)
-            lam = 1j * np.sqrt(theta.astype(complex))
-        else:
-            C = la.solve(mass, h * (adjoint @ (self.C @ U)))
-            m = len(K)
-            A = np.block([[np.zeros((m, m)), np.eye(m)], [-K, -C]])
-            lam, y, x = la.eig(A, left=True, right=True)
-            x, y = x[:m], y[m:]
-        at = np.flatnonzero((np.abs(lam) <= GUARDED) & (lam.imag >= 0))
-        at = at[np.argsort(lam.imag[at], kind="stable")]
-        return h * lam[at], U @ x[:, at], W @ la.solve(mass.conj().T, y[:, at])
-
-    def corrected(
-        self, lam: np.ndarray, right: np.ndarray, left: np.ndarray, wanted: int, enough: float
-    ) -> Pairs | None:  # fmt: skip
-        """Return modes corrected until the relative error of the first λ of them is small enough; None if it stays.
-
-        Of the others those are returned that are as exact by then, or nearly.
-
-        Each λ is the root of ψᴴQ(λ)φ near it, and off by less than ‖Q(λ)ᴴψ‖‖Q(λ)φ‖/|ψᴴQ'(λ)φ| in the norm of
-        coordinates, see `ReducedBasis`. As there, modes near a double eigenvalue are known less well.
-        """
-        nearest = np.abs(-((lam[:, None] / self.highest) ** 2) - _SHIFTS).argmin(axis=1)
-        try:
-            factors = [(np.flatnonzero(nearest == i), self._factor(i)) for i in np.unique(nearest)]
-        except la.LinAlgError:
-            return None
-        x, y, worst = right, left, np.inf
-        for _ in range(_ROUNDS):
-            x, y = x / np.linalg.norm(x, axis=0), y / np.linalg.norm(y, axis=0)
-            Mx, Kx = lift(self.M, x), lift(self.K, x)
-            Cx = np.zeros_like(Mx) if self.C is None else lift(self.C, x)
-            for _ in range(2):  # steps of Newton's method
-                slope = np.einsum("ij,ij->j", y.conj(), 2 * lam * Mx + Cx)
-                lam = lam - np.einsum("ij,ij->j", y.conj(), lam**2 * Mx + lam * Cx + Kx) / slope
-            rho, eta = lam**2 * Mx + lam * Cx + Kx, self._adjoint(lam, y)
-            scale = 1 / np.maximum(np.abs(slope * lam), np.finfo(float).tiny)
-            # Both residuals are to be small, not their product alone: they are added to what lies outside the basis.
-            size = np.maximum(np.linalg.norm(rho, axis=0), np.linalg.norm(eta, axis=0))
-            masses = [np.einsum("ij,ij->j", u.conj(), v).real for u, v in ((x, Mx), (y, lift(self.M, y)))]
-            condition = scale * np.minimum(np.abs(lam) ** 2 * np.sqrt(np.maximum(masses[0] * masses[1], 0.0)), 1.0)
-            error = size**2 * scale / np.maximum(condition / ILL, 1.0)
-            before, worst = worst, float(error[:wanted].max(initial=0.0))
-            if worst <= enough:
-                known = np.flatnonzero((error <= _NEARLY * enough) | (np.arange(len(lam)) < wanted))
-                return lam[known], x[:, known], y[:, known]
-            if not worst < before:  # also where it is not a number
-                return None
-            for at, lu in factors:
-                x[:, at] -= la.lu_solve(lu, rho[:, at], check_finite=False)
-                y[:, at] -= la.lu_solve(lu, eta[:, at], trans=2, check_finite=False)
-        return None
-
-    def _factor(self, i: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the factors of Q at one of the shifts; raises LinAlgError if it is singular there."""
-        s = self.highest * np.sqrt(-_SHIFTS[i])
-        Q = s**2 * self.M + self.K
-        return regular_lu(Q if self.C is None else Q + s * self.C)
-
-    def _adjoint(self, lam: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return Q(λ)ᴴψ."""
-        conjugate = lam.conj()
-        eta = conjugate**2 * lift(self.M.T, y) + lift(self.K.conj().T, y)
-        return eta if self.C is None else eta + conjugate * lift(self.C.conj().T, y)
 
 
 def _swing(lam: np.ndarray) -> np.ndarray:

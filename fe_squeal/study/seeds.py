@@ -20,7 +20,6 @@ from ..sweep.sweep import sweep
 from .boundary import Boundary, Kind, Scaled
 from .curves import CurvePoint, solve_point
 
-_NEAR = 1e-4  # of θ: an eigenvalue closer to that of an onset than this is the same
 _PROMISING = 0.2  # times the gap at a place: a minimum is looked for if the gap interpolated beside it is smaller
 _CALLS = 80  # solves for the modes to find one minimum, at most
 _FINE = 1e-4  # of the map's width: the accuracy of the place of a minimum

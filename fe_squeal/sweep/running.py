@@ -19,7 +19,7 @@ from .balance import Census, entered, is_newcomer, unbalanced
 from .clock import Clock
 from .doubts import without_narrow_windows
 from .onset import Onset
-from .onsets import Found, find_step_onsets, two_mode_value, windows
+from .onsets import Found, find_step_onsets
 from .point import SweepPoint
 from .result import Sweep
 from .scale import Scale
@@ -27,6 +27,7 @@ from .solving import CHECKED, ValueSolver
 from .state import Store, SweepState, lifted
 from .told import Told
 from .tracking import match_modes, mirror_partners
+from .windows import two_mode_value, windows
 
 _INSIDE = 0.95  # of the highest frequency reported: an onset below this is reported whatever its branches are
 _BESIDE = 1 / 8  # of a step: a critical value of the sweep itself is passed from so far before it to so far behind it

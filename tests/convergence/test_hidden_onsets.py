@@ -9,8 +9,9 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 import fe_squeal
-from fe_squeal.accuracy.discretisation import estimated_error, with_discretisation
+from fe_squeal.accuracy.discretisation import with_discretisation
 from fe_squeal.accuracy.estimate import refined_changes
+from fe_squeal.accuracy.largest_error import estimated_error
 from fe_squeal.accuracy.onset_pairs import pair_onsets
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.mesh import from_skfem

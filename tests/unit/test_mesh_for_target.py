@@ -17,7 +17,8 @@ from fe_squeal import assemble, load_mesh, sweep
 from fe_squeal.accuracy import choose as choosing
 from fe_squeal.accuracy import refined
 from fe_squeal.accuracy.choose import Trial, choose
-from fe_squeal.accuracy.discretisation import estimated_error, with_discretisation
+from fe_squeal.accuracy.discretisation import with_discretisation
+from fe_squeal.accuracy.largest_error import estimated_error
 from fe_squeal.accuracy.line_errors import LineErrors
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.cli import main

@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 
 from fe_squeal import sweep
-from fe_squeal.accuracy.discretisation import _slow_windows, estimated_error
+from fe_squeal.accuracy.largest_error import estimated_error, slow_windows
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 
@@ -45,11 +45,11 @@ def test_growth_in_a_window_by_its_closed_form(damping):
     result = window(damping)
     growth = HALF / (2 * OMEGA) - damping / 2
     if damping:  # tangents at both ends lie above the growth between
-        assert not _slow_windows(result, growth)
-        assert _slow_windows(result, 10 * growth) == list(result.onsets)
+        assert not slow_windows(result, growth)
+        assert slow_windows(result, 10 * growth) == list(result.onsets)
         return
-    assert _slow_windows(result, 1.001 * growth) == list(result.onsets)
-    assert not _slow_windows(result, 0.999 * growth)
+    assert slow_windows(result, 1.001 * growth) == list(result.onsets)
+    assert not slow_windows(result, 0.999 * growth)
 
 
 def test_a_window_counts_unless_other_modes_grow_much_faster():
@@ -66,10 +66,10 @@ def test_a_window_counts_unless_other_modes_grow_much_faster():
 def test_an_end_without_the_other_counts():
     result = window()
     for kept in result.onsets:
-        assert not _slow_windows(replace(result, onsets=(kept,)), 1e9)
+        assert not slow_windows(replace(result, onsets=(kept,)), 1e9)
     into, out = result.onsets
     other = replace(out, frequency_hz=2 * out.frequency_hz)
-    assert not _slow_windows(replace(result, onsets=(into, other)), 1e9)
+    assert not slow_windows(replace(result, onsets=(into, other)), 1e9)
 
 
 def test_a_window_whose_speed_is_not_known_counts():
@@ -77,4 +77,4 @@ def test_a_window_whose_speed_is_not_known_counts():
     for i in (0, 1):
         onsets = list(result.onsets)
         onsets[i] = replace(onsets[i], crossing_speed=np.nan)
-        assert not _slow_windows(replace(result, onsets=tuple(onsets)), 1e9)
+        assert not slow_windows(replace(result, onsets=tuple(onsets)), 1e9)

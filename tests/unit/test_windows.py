@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from fe_squeal.sweep.onset import Onset
-from fe_squeal.sweep.onsets import windows
+from fe_squeal.sweep.windows import windows
 
 
 def onset(value, direction, branch=1):
