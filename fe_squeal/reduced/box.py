@@ -15,7 +15,7 @@ from ..eigen.request import Request
 from ..problem.parameters import Place
 from ..problem.problem import Problem
 from .basis import ReducedBasis
-from .corners import corners, softest_corner
+from .corners import corners, has_softest_corner, softest_corner
 from .estimate import SLIGHT, CertifiedBasis, Estimate, OnlineModel, neighbours
 from .lowest import Blocks, KnownModes
 from .model import ReducedModel
@@ -32,6 +32,7 @@ _TRIALS = 30  # places at which it is tried
 _MARGIN = 3.0  # times the largest ratio of true errors to estimated ones there
 _FAR = 100.0  # times the tolerance: beyond it the next place is the farthest from all others
 _FEW = 10  # places that miss the tolerance, from which on the basis is made better before others are checked
+_SMALL, _COUNTED = 20_000, 60  # unknowns up to which modes are counted at all places; of more, at so many places
 _CHECKS = 4  # rounds of places that had no part in making the basis
 
 Places = Sequence[tuple[float, ...]]
@@ -43,12 +44,15 @@ class BoxModel(ReducedModel):
     It begins with the modes without damping and friction at the softest corner. Wherever else in the box, stiffness is
     larger and mass smaller, so that by the minimum principle what the basis leaves out has higher frequencies still,
     and its P-norm bounds those of other places: the estimated errors need no constant that depends on the place.
-    (Greedy choice: Veroy, Prud'homme, Rovas, Patera, AIAA 2003-3847.)
+    (Greedy choice: Veroy, Prud'homme, Rovas, Patera, AIAA 2003-3847.) Where no corner is the softest one of all, it
+    begins in the middle, and modes are counted at the places that it is made for and checked at.
 
     Attributes
     ----------
     places : list of tuple of float
         The places whose modes are in the basis.
+    proven : bool
+        Whether it has all modes of the range at every place, and not only where they were counted.
     checked : int
         Number of places that had no part in making the basis, at which it was checked last.
     missed : int
@@ -98,7 +102,8 @@ class BoxModel(ReducedModel):
         self._corrections.release()  # before others take memory
         before = len(self.basis)
         far = corners(problem, names, low, high)
-        soft = self._add_soft(far)
+        self.proven = has_softest_corner(problem, names, low, high)
+        soft = self._add_soft(far if self.proven else far.union(self._counted_at(draw(0))))
         self._exact = np.r_[:first, before : len(self.basis)]
         if soft:
             progress(f"{len(self.basis)} vectors, with modes that friction or gyroscopic forces bring into the range")
@@ -106,6 +111,10 @@ class BoxModel(ReducedModel):
         for i in range(1, _CHECKS + 1):
             places = draw(i)
             missed = self._missed_at(places)
+            before = len(self.basis)
+            if not self.proven and self._add_soft(self._counted_at(places)):
+                self._exact = np.r_[self._exact, before : len(self.basis)]
+                missed = self._missed_at(places)
             if not missed or i == _CHECKS or not self._has_room():
                 break
             worst = max(self._off(p) for p in missed)
@@ -120,6 +129,10 @@ class BoxModel(ReducedModel):
         progress(f"{len(self.basis)} vectors, largest error {self.error:.1e} at {self.checked} other places")
         self._without = self.basis.undamped_values(self._sigma)
         self._known, self._seen, self._blocks = {}, {}, self._blocks.first(_TRIALS)
+
+    def _counted_at(self, places: Places) -> Places:
+        """Return the places, or the first of them, at which modes are counted where no corner is the softest one."""
+        return places if self.problem.unknowns <= _SMALL else places[:_COUNTED]
 
     def _missed_at(self, places: Places) -> Places:
         """Return places that miss the tolerance, the first few of them, and keep nothing of all others."""

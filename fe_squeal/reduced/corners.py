@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
 
 from ..problem.parameters import paths_of
 from ..problem.problem import Problem
+from .definite import signs_of
 
 _CORNERS = 8  # places that are returned, at most, beside the softest corner
 
@@ -29,15 +30,39 @@ def softest_corner(
     >>> softest_corner(problem, ("density", "modulus", "mu"), (0.9, 0.8, 0.0), (1.1, 1.2, 0.6))
     (1.1, 0.8, 0.3)
     """
-    corner, plain = [], [t for t in problem.terms if t.symmetric and not t.imaginary]
-    for p, least, most in zip(parameters, low, high, strict=True):
-        moved: Mapping[str, set[int]] = {
-            slot: {int(np.sign(t.powers.get(q, 0))) for t in plain if t.slot == slot for q in paths_of(p)} - {0}
-            for slot in "MK"
-        }
-        wanted = moved["K"] | {-sign for sign in moved["M"]}
+    corner = []
+    for k, (least, most) in enumerate(zip(low, high, strict=True)):
+        wanted = _softening(problem, parameters, low, high, k)
         corner.append(float(least if wanted == {1} else most if wanted == {-1} else (least + most) / 2))
     return tuple(corner)
+
+
+def has_softest_corner(
+    problem: Problem, parameters: Sequence[str], low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarray
+) -> bool:
+    """Return whether a corner of a box, low and high (d,), is softest: there no motion has more stiffness or less mass.
+
+    There is none where the same parameter stiffens some motions and softens others, or one of them here and there.
+    """
+    return all(len(_softening(problem, parameters, low, high, k)) < 2 for k in range(len(parameters)))
+
+
+def _softening(
+    problem: Problem, parameters: Sequence[str], low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarray,
+    k: int,
+) -> set[int]:  # fmt: skip
+    """Return what raising the k-th parameter does to uᵀKu, or to −uᵀMu, of some motion u: 1 raises it, −1 lowers it."""
+    found: set[int] = set()
+    terms = [t for t in problem.terms if t.symmetric and not t.imaginary and t.slot in "MK"]
+    for t in terms:
+        slopes = set()
+        for others, own in product((low, high), (low[k], high[k])):
+            place = dict(zip(parameters, others, strict=True)) | {parameters[k]: own}
+            at = {**problem.parameters, **{q: float(v) for p, v in place.items() for q in paths_of(p)}}
+            slopes |= {int(np.sign(t.slope(q, at))) for q in paths_of(parameters[k]) if t.powers.get(q)}
+        for slope in slopes - {0}:
+            found |= {slope * sign * (1 if t.slot == "K" else -1) for sign in signs_of(t.matrix)}
+    return found
 
 
 def corners(

@@ -13,6 +13,7 @@ from chains import CLASSES, MODES, N, chain
 from fe_squeal.eigen.dense import solve_dense
 from fe_squeal.eigen.request import Request
 from fe_squeal.problem.forms import collect_powers
+from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 from fe_squeal.reduced import BoxModel
 from fe_squeal.study.points import sobol_points
@@ -65,3 +66,41 @@ def test_powers_of_several_parameters_are_collected():
     for slot in "MK":
         a, b = (getattr(p.pencil(place), slot) for p in (problem, collected))
         assert abs(a - b).max() <= 1e-12 * abs(a).max()
+
+
+def lone(soft, n=120):
+    """n oscillators of θ = 10, 20, …, the last one softened into the lowest few by x, or by x and y at one place."""
+
+    def at(value):
+        return sp.csr_array(([float(value)], ([n - 1], [n - 1])), shape=(n, n))
+
+    theta = np.arange(1.0, n + 1) * 10
+    theta[-1] = 605.0 if soft == "corner" else 5 + 1000 * (0.62**2 + 0.37**2)
+    terms = [Term("mass", "M", sp.eye_array(n, format="csr"), True),
+             Term("elastic", "K", sp.csr_array(sp.diags_array(theta)), True),
+             Term("damper", "C", sp.csr_array(0.02 * sp.eye_array(n)), True),
+             Term("springs", "K", sp.eye_array(n, format="csr"), True, {"y": 1})]  # fmt: skip
+    if soft == "corner":
+        return Problem((*terms, Term("soft", "K", at(-600), True, {"x": 1})), {"x": 0.1, "y": 0.1}), theta
+    more = [("xx", 1000, {"x": 2}), ("x", -1240, {"x": 1}), ("yy", 1000, {"y": 2}), ("yl", -740, {"y": 1})]
+    terms += [Term(name, "K", at(size), True, powers) for name, size, powers in more]
+    return Problem(tuple(terms), {"x": 0.1, "y": 0.1}), theta
+
+
+@pytest.mark.parametrize("soft", ["corner", "inside"])
+def test_a_mode_that_a_negative_stiffness_brings_into_the_range(soft):
+    """What softens with a rising number is softest where that is large; inside the box modes have to be counted."""
+    problem, theta = lone(soft)
+
+    def places(i):
+        return [tuple(map(float, u)) for u in sobol_points(60, 2, i)]
+
+    model = BoxModel(problem, ("x", "y"), np.zeros(2), np.ones(2), places, Request(6, None, 1e-6))
+    assert model.proven == (soft == "corner") and model.missed == 0
+    came = 0
+    for x, y in places(99):
+        own = 605 - 600 * x if soft == "corner" else 5 + 1000 * ((x - 0.62) ** 2 + (y - 0.37) ** 2)
+        exact = np.sort(np.sqrt(np.append(theta[:-1], own) + y - 1e-4))[:6]
+        np.testing.assert_allclose(np.sort(model.modes((x, y)).lam.imag)[:6], exact, rtol=1e-6)
+        came += own < 55
+    assert came >= 3
