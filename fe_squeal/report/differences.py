@@ -20,7 +20,10 @@ COLUMNS = (
     "value_a", "re_a", "value_b", "re_b", "re_change", "re_bar", "re_exceeds", "damping_ratio_a", "damping_ratio_b",
     "damping_ratio_change",
 )  # fmt: skip
-PAIRED, GONE, NEW = "paired", "gone", "new"
+PAIRED, GONE, NEW, UNKNOWN = "paired", "gone", "new", "not paired"
+_ELSEWHERE = "is unstable only where the other sweep has no values"
+_ABOVE = "may have its partner above the range of both"
+_RIM = 0.95  # of the range of both designs: an unpaired mode above this may have its partner above the other's range
 
 
 def compare_designs(a: Results, b: Results, names: tuple[str, str]) -> tuple[pd.DataFrame, list[str]]:
@@ -42,17 +45,28 @@ def compare_designs(a: Results, b: Results, names: tuple[str, str]) -> tuple[pd.
         With the columns `COLUMNS`.
     list of str
     """
-    span = _common(a, b)
-    first, second = unstable_branches(a, span), unstable_branches(b, span)
+    span, shared = _common(a, b)
+    first, second = unstable_branches(a, span, shared), unstable_branches(b, span, shared)
     pairs, said = _pairs(a, b, names, list(first), list(second))
+    blind = bool(said) and not pairs  # nothing is known of what is gone or new
     ends = [_ends(r) for r in (a, b) if len(r.modes)]
-    if len(set(ends)) > 1:
-        where = f"from {span[0]:.4g} to {span[1]:.4g}" if np.isfinite(span).all() else "where each is largest"
-        said.append(f"The sweeps of {names[0]} and {names[1]} have other ends: growth is compared {where}.")
+    if len(set(ends)) > 1 or (len(ends) == 2 and not len(shared)):
+        where = f"growth is compared from {shared.min():.4g} to {shared.max():.4g}" if len(shared) else (
+            "they have no value in common, and growth is not compared")  # fmt: skip
+        said.append(f"The sweeps of {names[0]} and {names[1]} have other ends or values: {where}.")
     rows = [_row(names, PAIRED, first[i], second[j], mac) for i, j, mac in pairs]
-    taken = {i for i, _, _ in pairs}, {j for _, j, _ in pairs}
-    rows += [_row(names, GONE, row, None, np.nan) for i, row in first.items() if i not in taken[0]]
-    rows += [_row(names, NEW, None, row, np.nan) for j, row in second.items() if j not in taken[1]]
+    limit = min(_highest(a), _highest(b))
+    rest = [(GONE, row) for i, row in first.items() if i not in {i for i, _, _ in pairs}]
+    rest += [(NEW, row) for j, row in second.items() if j not in {j for _, j, _ in pairs}]
+    for state, row in rest:
+        if not row["inside"]:
+            said.append(f"{_named(names, state, row)} {_ELSEWHERE}.")
+        elif row["frequency_hz"] > _RIM * limit:
+            said.append(f"{_named(names, state, row)} {_ABOVE}, {frequency_text(limit)}.")
+        else:
+            told = UNKNOWN if blind else state
+            one, other = (row, None) if state == GONE else (None, row)
+            rows.append(_row(names, told, one, other, np.nan))
     for results, name in ((a, names[0]), (b, names[1])):
         if len(results.modes) and not np.isfinite(numbers(results.modes, "re_discretisation")).any():
             said.append(f"Of {name} the error of the mesh is not known (run --estimate): its bars are the solver's.")
@@ -65,20 +79,39 @@ def _ends(results: Results) -> tuple[float, float]:
     return float(values.min()), float(values.max())
 
 
-def _common(a: Results, b: Results) -> tuple[float, float]:
-    """Return the first and the last value that two sweeps have in common; all values where there are none."""
+def _named(names: tuple[str, str], state: str, row: Mapping[str, Any]) -> str:
+    return f"The mode of {frequency_text(float(row['frequency_hz']))} of {names[state == NEW]}"
+
+
+def _highest(results: Results) -> float:
+    """Return up to which frequency, Hz, all modes of a design are known; infinite where nothing says so."""
+    known = results.record.get("frequency_range_hz") or (0.0, None)
+    return float("inf") if known[1] is None else float(known[1])
+
+
+def _common(a: Results, b: Results) -> tuple[tuple[float, float], np.ndarray]:
+    """Return the first and the last value that both sweeps go through, and the values (m,) that both have.
+
+    All values where there are none.
+    """
     ends = [_ends(r) for r in (a, b) if len(r.modes)]
     low, high = max((low for low, _ in ends), default=-np.inf), min((high for _, high in ends), default=np.inf)
-    return (float(low), float(high)) if low <= high else (-np.inf, np.inf)
+    span = (float(low), float(high)) if low <= high else (-np.inf, np.inf)
+    if len(ends) < 2:
+        return span, np.zeros(0)
+    own, other = (np.unique(numbers(r.modes, "value")) for r in (a, b))
+    return span, own[np.isclose(own[:, None], other[None, :], rtol=1e-9, atol=0.0).any(axis=1)]
 
 
 def unstable_branches(
-    results: Results, span: tuple[float, float] = (-np.inf, np.inf)
+    results: Results, span: tuple[float, float] = (-np.inf, np.inf), shared: np.ndarray | None = None
 ) -> dict[int, dict[str, Any]]:  # fmt: skip
     """Return, by branch, the row of modes.csv where it grows fastest, with the errors and the first onset added.
 
-    Values outside a span count only for branches that are unstable nowhere inside. The onset of a branch that is
-    unstable at the first value is not known.
+    `shared` (m,) are the values that another sweep has as well. Other values count only for branches that are unstable
+    at none of these, which "shared" says, and values outside a span only for those that are unstable nowhere inside,
+    see "inside". Onsets count up to the end of the span. That of a branch that is unstable at the first value is not
+    known.
     """
     modes, onsets = results.modes, results.onsets
     if "branch" not in modes:
@@ -86,13 +119,16 @@ def unstable_branches(
     hz_bar = np.abs(numbers(modes, "im_discretisation")) / (2 * np.pi)
     frame = modes.assign(re_bar=total_uncertainty(modes), hz_bar=hz_bar)
     unstable = frame[(frame["stability"] == "unstable") & frame["branch"].notna()]
+    at = numbers(onsets, "value") if len(onsets) else np.zeros(0)
+    onsets = onsets[at <= span[1]] if len(onsets) else onsets
     found, begun = {}, begins_unstable(results.modes, results.onsets)
     for number, every in unstable.groupby("branch"):
         values = numbers(every, "value")
         inside = every[(values >= span[0]) & (values <= span[1])]
-        own = inside if len(inside) else every
+        also = every if shared is None else every[np.isclose(values[:, None], shared, rtol=1e-9, atol=0).any(axis=1)]
+        own = also if len(also) else inside if len(inside) else every
         row = {str(k): v for k, v in own.iloc[int(np.argmax(numbers(own, "re")))].to_dict().items()}
-        row["onset"], row["onset_bar"] = np.nan, np.nan
+        row |= {"onset": np.nan, "onset_bar": np.nan, "shared": len(also) > 0, "inside": len(inside) > 0}
         if int(float(str(number))) not in begun:
             row["onset"], row["onset_bar"] = _first_onset(onsets, float(str(number)))
         found[int(float(str(number)))] = row
@@ -114,7 +150,9 @@ def _pairs(
     a: Results, b: Results, names: tuple[str, str], first: list[int], second: list[int]
 ) -> tuple[list[tuple[int, int, float]], list[str]]:
     """Return pairs of branches with their MAC, of those branches whose shapes were written."""
-    said = []
+    said = list[str]()
+    if not first or not second:
+        return [], said
     for results, name in ((a, names[0]), (b, names[1])):
         if results.grid is None or not results.shapes:
             said.append(f"{name} has no shapes on a mesh, so its modes cannot be paired with others.")
@@ -171,6 +209,8 @@ def _row(
         row[f"{name}_a{unit}"], row[f"{name}_b{unit}"] = x, y
         row[f"{name}_change{unit}"], row[f"{name}_bar{unit}"] = y - x, error
         row[f"{name}_exceeds"] = bool(abs(y - x) > error) if np.isfinite([y - x, error]).all() else None
+        if name == "re" and not all(r is not None and r["shared"] for r in (a, b)):
+            row["re_exceeds"] = None  # growth at other values is another growth
     row["value_a"], row["value_b"] = both("value")
     row["damping_ratio_a"], row["damping_ratio_b"] = both("damping_ratio")
     row["damping_ratio_change"] = row["damping_ratio_b"] - row["damping_ratio_a"]
@@ -178,11 +218,13 @@ def _row(
 
 
 def sentences(
-    table: pd.DataFrame, names: Sequence[str], symbol: str, begun: Mapping[str, float] | None = None
+    table: pd.DataFrame, names: Sequence[str], symbol: str, begun: Mapping[str, float] | None = None,
+    lacks: Sequence[str] = (),
 ) -> list[str]:  # fmt: skip
     """Return the answer for each variant: `Slot: onset 0.24 → 0.31 ± 0.02, 4.63 kHz gone, new at 5.1 kHz.`
 
-    `begun` has the first values of those designs that are unstable there: the first onset is then not known.
+    `begun` has the first values of those designs that are unstable there: the first onset is then not known. `lacks`
+    are the sentences of `compare_designs`.
     """
     said, begun = [], begun or {}
     for name in names:
@@ -202,8 +244,11 @@ def sentences(
         for frame, word in ((worse, "grows faster"), (better, "grows more slowly")):
             parts += [f"{frequency_text(f)} {word} (Re λ {x:.3g} → {y:.3g} 1/s)" for f, x, y in
                       zip(frame["frequency_b_hz"], frame["re_a"], frame["re_b"], strict=True)]  # fmt: skip
+        if (own["state"] == UNKNOWN).any():
+            parts.append("which modes are the same is not known")
         if not len(own):
-            parts = ["nothing is unstable in either"]
+            unseen = any(_ELSEWHERE in s or _ABOVE in s for s in lacks)
+            parts = ["nothing that can be compared is unstable" if unseen else "nothing is unstable in either"]
         said.append(f"{name}: {', '.join(parts) or 'no change beyond the bars'}.")
     return said
 

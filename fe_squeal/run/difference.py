@@ -57,7 +57,7 @@ def compare_folders(folders: Sequence[Path], out: Path, console: Console) -> int
     whole, symbol = pd.concat(kept, ignore_index=True) if kept else tables[0], symbol_of(base)
     early = [begins_unstable(r.modes, r.onsets) for r in results]
     begun = {n: min(found.values()) for n, found in zip(names, early, strict=True) if found}
-    answers, title = sentences(whole, names[1:], symbol, begun), f"{', '.join(names[1:])} beside {names[0]}"
+    answers, title = sentences(whole, names[1:], symbol, begun, lacks), f"{', '.join(names[1:])} beside {names[0]}"
     record = {"title": title, "symbol": symbol, "answers": answers, "lacks": lacks}
     with hold_folder(out, [folder / MODES_TABLE for folder in folders]) as held:
         held.check(lambda name: name in DIFFERENCE_FILES)

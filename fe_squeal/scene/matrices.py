@@ -141,5 +141,8 @@ class MatrixScene(BaseScene):
             if path not in self.parameters:
                 known = suggest(path, self.parameters)
                 raise ValueError(f'sweep.parameter: given "{path}", which is no parameter{known}')
-            if (sweep.grid == 0).any() and any(t.powers.get(path, 0) < 0 for t in self.terms):
-                raise ValueError(f"sweep: given the value 0 for {path}, of which a term has a negative power")
+            if sweep.grid.min() <= 0 <= sweep.grid.max() and any(t.powers.get(path, 0) < 0 for t in self.terms):
+                raise ValueError(
+                    f"sweep: given {path} from {sweep.grid.min():g} to {sweep.grid.max():g}, of which a term has a"
+                    " negative power; expected values that are all above 0 or all below"
+                )

@@ -199,7 +199,7 @@ def make_solver(
         " miss the tolerance"
     )
     if not box.proven:
-        why += "; no corner has the least stiffness of all, so that modes are counted at places, not proven between them"
+        why += "; no corner has the least stiffness of all: modes are counted at places, and not proven between them"
     return Solver(CertifiedModel(online or box.certified()), direct, box, why)
 
 

@@ -208,6 +208,13 @@ def _checked(problem: Problem, parameter: str, values: Sequence[float] | np.ndar
     grid = np.atleast_1d(np.asarray(values, dtype=float))
     if grid.ndim != 1 or not len(grid) or not np.isfinite(grid).all() or (np.diff(grid) <= 0).any():
         raise SceneError(f"sweep: given the values {values}; expected finite numbers that increase, at least one")
+    if grid[0] <= 0 <= grid[-1]:
+        for path in paths_of(parameter):
+            if pole := next((t.name for t in problem.terms if t.powers.get(path, 0) < 0), None):
+                raise SceneError(
+                    f"sweep: given {path} from {grid[0]:g} to {grid[-1]:g}, of which {pole} has a negative power;"
+                    " expected values that are all above 0 or all below"
+                )
     if len(grid) > 1:
         problem.value(parameter)  # raises SceneError if the problem does not have it
     if problem.source is not None and problem.is_affine(parameter):  # else the scene is asked at every value anyway

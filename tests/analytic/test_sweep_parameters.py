@@ -165,3 +165,11 @@ def test_paths_and_values_that_are_refused(path, word):
 def test_path_that_is_nearly_one():
     with pytest.raises(SceneError, match=r"did you mean .springs\.caliper\.damping"):
         parse_scene(scene(sweep={"parameter": "springs.calper.damping", "from": 0.0, "to": 1.0, "points": 3}))
+
+
+def test_a_sweep_across_the_pole_of_a_negative_power_is_refused():
+    """Friction in proportion to 1/p is infinite at p = 0, and nothing leads from one side to the other."""
+    one, skew = sp.eye_array(2, format="csr"), sp.csr_array(np.array([[0.0, 1.0], [-1.0, 0.0]]))
+    terms = Term("mass", "M", one, True), Term("elastic", "K", one, True), Term("push", "K", skew, False, {"p": -1})
+    with pytest.raises(SceneError, match=r"p from -1 to 1, of which push has a negative power"):
+        sweep(Problem(terms, {"p": 1.0}), [-1.0, 1.0], "p", modes=2)

@@ -11,7 +11,7 @@ import pytest
 import skfem
 
 from fe_squeal.cli import main
-from fe_squeal.report.differences import GONE, NEW, PAIRED, compare_designs, sentences
+from fe_squeal.report.differences import GONE, NEW, PAIRED, UNKNOWN, compare_designs, sentences
 from fe_squeal.report.export import exporting_shapes
 from fe_squeal.report.pairing import common_points, mac_matrix, pair_shapes
 from fe_squeal.report.results import Results, Shape
@@ -121,10 +121,29 @@ def test_growth_is_compared_at_values_that_both_sweeps_have() -> None:
     long = replace(long, modes=pd.concat([long.modes, further], ignore_index=True))
     table, said = compare_designs(short, long, ("short", "long"))
     assert (table["re_a"] == table["re_b"]).all() and (table["value_b"] == 0.7).all()
-    assert any("other ends: growth is compared from 0.7 to 0.7" in s for s in said)
+    assert any("other ends or values: growth is compared from 0.7 to 0.7" in s for s in said)
     beyond = replace(short, modes=short.modes.assign(value=0.9))
-    assert any("other ends: growth is compared where each is largest" in s for s in
-               compare_designs(short, beyond, ("short", "beyond"))[1])  # fmt: skip
+    table, said = compare_designs(short, beyond, ("short", "beyond"))
+    assert any("they have no value in common, and growth is not compared" in s for s in said)
+    assert table["re_exceeds"].to_list() == [None, None]
+
+
+def test_what_only_one_sweep_could_see_is_neither_gone_nor_new() -> None:
+    """The same brake swept further, or with more modes: nothing is new, and no onset is another one."""
+    grid = ring("hex1", (2, 36, 1))
+    few, many = design(grid, {4: BASE[4]}), design(grid, BASE)
+    few = replace(few, record={"frequency_range_hz": [0.0, 4000.0]})
+    table, said = compare_designs(few, many, ("few", "many"))
+    assert table["state"].to_list() == [PAIRED]
+    assert any("4.63 kHz of many may have its partner above the range" in s for s in said)
+    later = many.modes["value"].where(many.modes["branch"] != 7, 0.9)
+    onsets = many.onsets.assign(value=np.where(many.onsets["branch_a"] == 7, 0.8, many.onsets["value"]))
+    further = replace(many, modes=many.modes.assign(value=later), onsets=onsets)
+    for pair in ((few, further), (further, few)):
+        table, said = compare_designs(*pair, ("a", "b"))
+        assert table["state"].to_list() == [PAIRED]
+        assert any("only where the other sweep has no values" in s for s in said)
+        assert sentences(table, ["b"], "μ") == ["b: onset μ 0.11 → 0.11 ± 2e-08, within the bar."]
 
 
 def test_without_bars_of_the_mesh_it_is_said() -> None:
@@ -142,7 +161,9 @@ def test_what_cannot_be_paired_is_said() -> None:
     assert any("b has no shapes on a mesh" in s for s in said)
     table, said = compare_designs(design(grid, BASE), design(other, BASE), ("a", "b"))
     assert any("no body of the same name" in s for s in said)
-    assert sorted(table["state"]) == [GONE, GONE, NEW, NEW]
+    assert table["state"].to_list() == 4 * [UNKNOWN]
+    [words] = sentences(table, ["b"], "μ")
+    assert "not known" in words and "gone" not in words and "new" not in words
     quiet, _ = compare_designs(design(grid, {}), design(grid, {}), ("a", "b"))
     assert sentences(quiet, ["b"], "μ") == ["b: nothing is unstable in either."]
     gone, _ = compare_designs(design(grid, BASE), design(grid, {}), ("a", "b"))

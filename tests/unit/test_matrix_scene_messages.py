@@ -80,7 +80,9 @@ def other(section: str, old: str, new: str) -> str:
         ([MASS, FRICTION], {"tail": other(SWEEP, '"mu"', '"nu"')},
          'sweep.parameter: given "nu", which is no parameter'),
         ([MASS, STIFFNESS + "powers = { mu = -1 }\n"], {"tail": SWEEP},
-         "sweep: given the value 0 for mu, of which a term has a negative power"),
+         "of which a term has a negative power; expected values that are all above 0 or all below"),
+        ([MASS, STIFFNESS + "powers = { mu = -1 }\n"], {"tail": "[sweep]\nvalues = [-1.0, 1.0]\n"},
+         "sweep: given mu from -1 to 1, of which a term has a negative power"),
         # What belongs to scenes on a mesh.
         ([MASS, STIFFNESS], {"tail": '[mesh]\nfile = "a.msh"\n'}, "mesh: unknown key; valid: measured, output"),
         ([MASS, STIFFNESS], {"tail": "[rotation]\n"}, "rotation: unknown key; valid: measured, output, parameters"),
