@@ -129,6 +129,10 @@ class Draft:
         lines = [*_comments(self.head), f"title = {toml(self.title)}"]
         if self.units != "SI":
             lines.append(f"units = {toml(self.units)}")
+        needed = [str(f) for f in self.findings if f.weight == "missing"]
+        if needed:
+            lines += ["", *_comments(["The scene does not run before each of these is settled, and removed here:"])]
+            lines += ["unsettled = [", *(f"    {toml(text)}," for text in needed), "]"]
         for table in self.tables:
             brackets = ("[[", "]]") if table.is_entry else ("[", "]")
             name = ".".join(part if _BARE.fullmatch(part) else toml(part) for part in table.path)
@@ -140,7 +144,7 @@ class Draft:
             for suggestion, text in table.open:
                 lines += [*_comments([f"TO BE GIVEN: {text}"]), f"# {one_comment(suggestion)}"]
         lines += ["", *(f"# {one_comment(line)}".rstrip() for line in self.tail)] if self.tail else []
-        titles = {"missing": "Not taken over, and needed:", "changes": "Not taken over, or not as it stands:",
+        titles: dict[Weight, str] = {"changes": "Not taken over, or not as it stands:",
                   "harmless": "Passed over without a change of the answer:"}  # fmt: skip
         for weight, title in titles.items():
             found = [f for f in self.findings if f.weight == weight]

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model, field_validator, model_validator
 
 from ..effects import EFFECTS
 from ..effects.effect import Effect, Outline
@@ -72,9 +72,13 @@ class Scene(BaseScene):
         What is written.
     measured : list of tables
         Measured squeal, shown beside what is computed.
+    unsettled : list of str
+        What a deck has and the scene lacks, as `fe-squeal new` writes it: the scene does not run while there is any.
+        Settle each in the scene, and remove it here.
     """
 
     title: str = ""
+    unsettled: list[str] = []
     units: Literal["SI", "any"] = "SI"
     mesh: MeshSection
     materials: Annotated[dict[str, Material], Field(min_length=1)]
@@ -90,6 +94,14 @@ class Scene(BaseScene):
     solve: Solve = Solve()
     output: Output = Output()
     measured: list[Measured] = []
+
+    @field_validator("unsettled")
+    @classmethod
+    def _settled(cls, value: list[str]) -> list[str]:
+        if value:
+            more = f", and {len(value) - 1} more" if len(value) > 1 else ""
+            raise ValueError(f'given "{value[0]}"{more}; expected it settled in the scene, and removed here')
+        return value
 
     @property
     def mesh_path(self) -> Path | None:

@@ -6,12 +6,15 @@ import functools
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 import fe_squeal
 from fe_squeal import parse_scene, sweep
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.errors import SceneError
+from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.sensitivity import sensitivities
+from fe_squeal.problem.terms import Term
 from meshes import BELT, box, modes_of
 
 PATHS = [

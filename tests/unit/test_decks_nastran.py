@@ -10,6 +10,7 @@ import fe_squeal
 from fe_squeal.decks.scene import scene_of
 from fe_squeal.errors import MeshError, SceneError
 from fe_squeal.mesh.elements import FACES
+from fe_squeal.mesh.readers.nastran.text import read_cards
 from meshes import box
 
 SIZE = (0.06, 0.03, 0.02)
@@ -158,3 +159,14 @@ def test_bad_decks_are_refused_in_a_sentence(tmp_path, change, sentence):
     (tmp_path / "a.bdf").write_text(text.replace(*change))
     with pytest.raises((SceneError, MeshError), match=sentence):
         scene_of(tmp_path / "a.bdf")
+
+
+def test_a_mark_of_continuation_before_the_tenth_field():
+    """A free field that is a mark goes on in the next line, as in the tenth field; numbers with a sign are none."""
+    text = ["SPC1,1,3,1,2,+", "+,3,5,6", "SPC1,2,3,+7,-8", "RBE2,8,9,123,13,14,15,16,+A", "+A,17,18"]
+    cards = list(read_cards([(line, f"line {i}") for i, line in enumerate(text, 1)]))
+    assert [[f for f in card.fields if f] for card in cards] == [
+        ["1", "3", "1", "2", "3", "5", "6"], ["2", "3", "+7", "-8"],
+        ["8", "9", "123", "13", "14", "15", "16", "17", "18"],
+    ]  # fmt: skip
+    assert cards[0].fields[8] == "3"  # the first of the second line, whatever the first one leaves blank

@@ -6,6 +6,7 @@ import pytest
 from deck_scenes import deck, written
 from deck_texts import deck_of
 
+from fe_squeal.cli import main
 from fe_squeal.decks.scene import draft_of
 from meshes import box
 
@@ -50,3 +51,100 @@ def test_sections_of_trusses_change_the_answer(tmp_path):
     truss = "*Element, type=T3D2, elset=ROD\n2001, 1, 7\n*Solid Section, elset=ROD, material=STEEL\n10.\n"
     draft = draft_of(written(tmp_path, deck() + truss))
     assert any("*Solid Section" in line and "trusses" in line for line in draft.told)
+
+
+def tables(draft, *path):
+    return [t.values for t in draft.tables if t.path == path]
+
+
+def test_steps_behind_the_frequencies_that_count_change_nothing(tmp_path):
+    """Another pressure, direction and friction in later steps are not those at which the complex step was solved."""
+    later = "*Step\n*Static\n*Dsload\ntop_pad, P, 9.\n*Motion, rotation\nN_top, -5., 0., 0., 0., 0., 0., 1.\n"
+    later += "*Change Friction, interaction=PADS\n*Friction\n0.1\n*Boundary, op=NEW\n*End Step\n"
+    later += "*Step\n*Frequency\n50,\n*End Step\n"
+    plain, more = (draft_of(written(tmp_path, text)) for text in (deck(), deck() + later))
+    assert [(t.path, t.values) for t in more.tables] == [(t.path, t.values) for t in plain.tables]
+    assert any("behind that of the frequencies" in f.text for f in more.findings)
+
+
+RAMP = "*Amplitude, name=A\n0., 0., 1., {}\n"
+
+
+@pytest.mark.parametrize(("amplitude", "static", "factor"), [
+    (RAMP.format(0.5), "*Static", 0.5), (RAMP.format(-0.5), "*Static\n0.1, 1.", -0.5),
+    ("*Amplitude, name=A\n0., 0., 2., 1.,\n4., 3.\n", "*Static\n0.1, 3.", 2.0),
+])  # fmt: skip
+def test_a_load_is_what_its_amplitude_is_at_the_end_of_the_step(tmp_path, amplitude, static, factor):
+    text = deck().replace("*Step\n*Static", amplitude + "*Step\n" + static)
+    text = text.replace("*Dsload", "*Dsload, amplitude=A").replace("*Motion, ", "*Motion, amplitude=A, ")
+    draft = draft_of(written(tmp_path, text))
+    assert not draft.missing
+    (preload,), (contact,) = tables(draft, "effects", "preload"), tables(draft, "contacts")
+    assert preload["pressures"] == {"top_pad": pytest.approx(1.5e6 * factor)}
+    assert contact["sliding"]["speed"] == pytest.approx(5.0 * factor)
+
+
+def test_an_amplitude_that_is_no_table_is_asked_for(tmp_path):
+    amplitude = "*Amplitude, name=A, definition=SMOOTH STEP\n0., 0., 1., 1.\n"
+    text = deck().replace("*Step\n*Static", amplitude + "*Step\n*Static")
+    draft = draft_of(written(tmp_path, text.replace("*Dsload", "*Dsload, amplitude=A")))
+    assert any('"A" is no table' in s for s in draft.missing)
+
+
+@pytest.mark.parametrize(("motion", "direction", "speed"), [
+    ("*Motion\nN_top, 1, 1, 100.\n*Motion\nN_top, 2, 2, 100.", [0.5**0.5, 0.5**0.5, 0.0], 0.1 * 2**0.5),
+    ("*Motion\nN_bottom_pad, 1, 1, 100.\nN_top, 1, 1, 30.", [-1.0, 0.0, 0.0], 0.07),
+    ("*Motion\nN_bottom_pad, 1, 1, 30.", [1.0, 0.0, 0.0], 0.03),
+])  # fmt: skip
+def test_sliding_is_the_motion_of_one_side_against_the_other(tmp_path, motion, direction, speed):
+    head, _, tail = deck().partition("*Motion, rotation")
+    text = head + motion + "\n" + tail[tail.index("*End Step") :]
+    (contact,) = tables(draft_of(written(tmp_path, text)), "contacts")
+    assert contact["sliding"]["direction"] == pytest.approx(direction)
+    assert contact["sliding"]["speed"] == pytest.approx(speed)
+    moves = "bottom_pad" if "N_top" not in motion else "top"
+    assert contact["counterface"] == moves
+
+
+def test_both_sides_that_turn_differently_are_asked_for(tmp_path):
+    more = "N_bottom_pad, 2., 0., 0., 0., 0., 0., 1.\n*End Step"
+    draft = draft_of(written(tmp_path, deck().replace("*End Step", more, 1)))
+    assert any("one of them turns" in s for s in draft.missing)
+
+
+def test_forces_come_on_top_of_the_pressure_of_the_same_surface(tmp_path):
+    """*Cload on a node set that is named as the surface of *Dsload: 1.5 MPa, and 8 N on each node of the face."""
+    both = deck().replace("*Dsload", "*Cload\ntop_pad, 3, -8.\n*Dsload")
+    nset = "*Nset, nset=top_pad\nN_top_pad\n*Step\n"
+    (found,) = tables(draft_of(written(tmp_path, both.replace("*Step\n", nset, 1))), "effects", "preload")
+    nodes, area = 12, 1800.0  # of 3 x 2 elements, mm²
+    assert found["pressures"]["top_pad"] == pytest.approx(1.5e6 + 1e6 * 8 * nodes / area)
+
+
+def test_what_is_held_in_a_step_of_vibrations_alone_is_told(tmp_path):
+    text = deck().replace("*Complex Frequency\n12,\n", "*Complex Frequency\n12,\n*Boundary\nN_right_pad, 3\n")
+    draft = draft_of(written(tmp_path, text))
+    assert any("*Boundary" in line and "in a step of vibrations" in line for line in draft.told)
+
+
+def test_a_coupling_of_a_surface_is_not_of_a_node_set_with_its_name(tmp_path):
+    text = BLOCK + "*Nset, nset=left_P\n1\n*Node, nset=REF\n9000, -50., 0., 0.\n"
+    text += "*Coupling, constraint name=C, ref node=REF, surface=left_P\n*Kinematic\n" + STEP.format(10)
+    (rigid,) = tables(draft_of(written(tmp_path, text)), "rigid")
+    assert rigid["surface"] == "left_P"
+
+
+def test_a_scene_with_something_unsettled_does_not_run(tmp_path, capsys):
+    """What `check` of the deck asks for, the scene that `new` writes asks for, too."""
+    path = written(tmp_path, deck() + "*Embedded Element\npad\n")
+    assert main(["check", str(path)]) == 2
+    assert "Embedded Element" in capsys.readouterr().err
+    scene = path.with_suffix(".toml")
+    assert main(["new", str(path), "-o", str(scene)]) == 0
+    capsys.readouterr()
+    assert main(["check", str(scene)]) == 2
+    assert "unsettled" in capsys.readouterr().err
+    text = scene.read_text("utf-8")
+    settled = text[: text.index("unsettled = [")] + text[text.index("]", text.index("unsettled = [")) + 1 :]
+    scene.write_text(settled, "utf-8")
+    assert main(["check", str(scene)]) == 0

@@ -10,8 +10,8 @@ from ...mesh.readers.abaqus.model import Statement
 from ..draft import Table, Value, plain_name
 from .content import Content, Interaction, Pair, fields, spoken
 from .general import add_general_pairs
-from .holding import number_of
 from .materials import clean
+from .motions import Motion, moving_surfaces, relative_motion
 
 _STIFF = {"contact": 10.0, "tie": 100.0}  # times E/h of the softer side: stiff beside an element of size h
 # What stands under *Surface Interaction; any other keyword ends it, so that *Friction of a connector is not its own.
@@ -100,17 +100,12 @@ def read_pair(content: Content, statement: Statement) -> None:
         pairs.append(Pair(names[0], names[1], block.value("INTERACTION"), block.value("NAME"), where, keyword))
 
 
-def read_motion(content: Content, statement: Statement) -> None:
-    """Keep *Motion until all contacts are known."""
-    content.motions.append(statement)
-
-
 def write_contacts(content: Content) -> float | None:
     """Write a contact for each pair and tie; return the friction coefficient that their friction ratios multiply."""
     add_general_pairs(content)
     coefficients = [i.mu for p in content.pairs if (i := content.interactions.get(p.interaction.upper())) and i.mu]
     mu = max(coefficients, default=None)
-    moving = _moving(content)
+    moving = moving_surfaces(content)
     taken: list[str] = []
     for pair in content.pairs:
         _write_pair(content, pair, mu, moving, taken)
@@ -128,7 +123,7 @@ def write_contacts(content: Content) -> float | None:
 
 
 def _write_pair(
-    content: Content, pair: Pair, mu: float | None, moving: list[tuple[set[str], dict[str, Value]]], taken: list[str]
+    content: Content, pair: Pair, mu: float | None, moving: list[tuple[set[str], Motion]], taken: list[str]
 ) -> None:
     names = _surfaces(content, pair)
     if names is None:
@@ -139,15 +134,10 @@ def _write_pair(
             f'{content.source}: {pair.where}: *Contact Pair is of interaction "{pair.interaction}", which the deck does'
             " not define" + suggest(pair.interaction, [i.name for i in content.interactions.values()])
         )
-    sliding = None
-    for surfaces, motion in moving:
-        sides = [name in surfaces for name in names]
-        if all(sides):
-            text = f"both sides of {names[0]} on {names[1]} move: nothing slides there"
-            content.draft.find("*Motion", pair.where, text)
-        elif any(sides):
-            sliding = motion
-            names = names if sides[1] else names[::-1]  # the counterface is what moves
+    sides = [next((m for surfaces, m in reversed(moving) if name in surfaces), None) for name in names]
+    sliding = relative_motion(content, pair, names, *sides)
+    if sides[0] is not None and sides[1] is None:
+        names = names[::-1]  # the counterface is what moves
     table = _named(content, pair, names, taken)
     table.comments.append(f"*Contact Pair, {pair.where}; interaction {interaction.name}")
     unit = content.units
@@ -228,67 +218,3 @@ def _moduli(content: Content, elements: np.ndarray) -> list[float]:
             if substance is not None and substance.elastic and np.isin(groups[group], elements).any():
                 found.append(min(substance.elastic["youngs_modulus"]))
     return found
-
-
-def _moving(content: Content) -> list[tuple[set[str], dict[str, Value]]]:
-    """Return the surfaces that each *Motion moves, and its `sliding` for the scene."""
-    mesh, units = content.loaded.mesh, content.units
-    found: list[tuple[set[str], dict[str, Value]]] = []
-    for statement in content.motions:
-        block, where = statement.block, content.where(statement)
-        lines: dict[str, list[list[float]]] = {}
-        for line in block.lines:
-            parts = fields(line)
-            numbers = [number_of(content, statement, p) if p else 0.0 for p in parts[1:]]
-            lines.setdefault(parts[0], []).append(numbers)
-        for text, rows in lines.items():
-            nodes = content.rows((text, statement.scope))
-            moved = np.zeros(len(content.raw.points), bool)
-            moved[nodes] = True
-            columns = _columns(content, moved)
-            surfaces = {
-                name for name, facets in (mesh.boundaries or {}).items()
-                if columns[mesh.facets[:, np.asarray(facets)]].mean() > 0.5
-            }  # fmt: skip
-            sliding: dict[str, Value] = {}
-            if "ROTATION" in block.parameters:
-                values = rows[0] + [0.0] * 7
-                a, b = np.array(values[1:4]), np.array(values[4:7])
-                if not values[0] or not np.linalg.norm(b - a) > 0:
-                    content.draft.find("*Motion", where, "turns about no axis, or not at all")
-                    continue
-                sliding["axis"] = [clean(round(float(x), 15)) + 0.0 for x in (b - a) / np.linalg.norm(b - a)]
-                if np.any(a):
-                    sliding["centre"] = [clean(float(x) * units.length) for x in a]
-                sliding["speed"] = clean(values[0] / units.time)
-            else:
-                velocity = np.zeros(3)
-                for row in rows:
-                    first, last = int(row[0]) if row else 0, int(row[1] or row[0]) if len(row) > 1 else 0
-                    if not (1 <= first <= last <= 3 and len(row) > 2):
-                        raise MeshError(
-                            f"{content.source}: {block.where}: *Motion takes a node set, a first and a last component"
-                            " of 1 to 3, and a velocity"
-                        )
-                    velocity[first - 1 : last] = row[2]
-                size = float(np.linalg.norm(velocity))
-                if not size:
-                    content.draft.find("*Motion", where, "has no velocity")
-                    continue
-                sliding["direction"] = [clean(float(x) / size) + 0.0 for x in velocity]
-                sliding["speed"] = clean(size * units.speed)
-            found.append((surfaces, sliding))
-    return found
-
-
-def _columns(content: Content, rows: np.ndarray) -> np.ndarray:
-    """Return for nodes of the mesh whether their rows of the raw mesh are marked."""
-    marked = np.zeros(content.loaded.mesh.doflocs.shape[1], bool)
-    prefixes = dict((prefix, first) for first, prefix in content.raw.node_prefixes[::-1])
-    for prefix, (labels, columns) in content.loaded.node_numbers.items():
-        start = prefixes[prefix]
-        ends = [first for first, _ in content.raw.node_prefixes if first > start] + [len(content.raw.points)]
-        own = content.raw.node_labels[start : ends[0]]
-        order = np.argsort(own, kind="stable")
-        marked[columns] = rows[start + order[np.searchsorted(own, labels, sorter=order)]]
-    return marked

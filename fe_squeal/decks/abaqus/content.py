@@ -95,6 +95,8 @@ class TieData:
         Where the reference counts, if not at its node.
     radius : float, optional
         Nodes farther from the reference are not tied.
+    of_surface : bool
+        Whether the member is the name of a surface, whatever node set has the same name.
     """
 
     name: str
@@ -106,6 +108,7 @@ class TieData:
     freedoms: set[int] | None = None
     place: np.ndarray | None = None
     radius: float | None = None
+    of_surface: bool = False
 
 
 @dataclass
@@ -129,7 +132,8 @@ class Content:
     pairs: list[Pair] = field(default_factory=list)
     general: list[Pair] = field(default_factory=list)  # of general contact
     ties: list[Pair] = field(default_factory=list)
-    motions: list[Statement] = field(default_factory=list)
+    motions: list[tuple[Statement, float]] = field(default_factory=list)  # with the factor of their amplitude
+    amplitudes: dict[str, Statement] = field(default_factory=dict)
     pressures: dict[Reference, tuple[float, str]] = field(default_factory=dict)
     loaded_elements: set[str] = field(default_factory=set)  # single ones under *Dload, with their faces
     forces: dict[tuple[Reference, int], tuple[float, str]] = field(default_factory=dict)
@@ -139,6 +143,7 @@ class Content:
     substance: Substance | None = None  # what suboptions of a material belong to
     interaction: Interaction | None = None
     perturbation: bool = False
+    step_time: float = 1.0  # of the step that is read
     large_displacements: bool = False
     _rows: dict[Reference, np.ndarray] = field(default_factory=dict)
 

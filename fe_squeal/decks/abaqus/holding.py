@@ -32,6 +32,9 @@ def read_boundary(content: Content, statement: Statement) -> None:
     block, where = statement.block, content.where(statement)
     if block.value("OP").upper() == "NEW":
         content.held.clear()
+    if content.perturbation and block.lines:
+        text = "in a step of vibrations holds in these alone; here supports hold in the static state as well"
+        content.draft.find("*Boundary", where, text)
     kind = block.value("TYPE").upper()
     if kind in ("VELOCITY", "ACCELERATION") or "SUBMODEL" in block.parameters or "USER" in block.parameters:
         text = "a motion that is prescribed is taken as held: vibrations about it are zero there"

@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 from ...mesh.readers.abaqus.model import Statement
 from ..draft import Weight
+from .amplitudes import read_amplitude, read_static
 from .contacts import (
     INTERACTION_SUBOPTIONS,
     read_behaviour,
     read_change_friction,
     read_friction,
     read_interaction,
-    read_motion,
     read_pair,
 )
 from .content import Content
@@ -21,6 +21,7 @@ from .general import read_assignment, read_inclusions
 from .holding import read_boundary, read_spring
 from .masses import read_mass
 from .materials import SUBOPTIONS, read_material, read_suboption
+from .motions import read_motion
 from .orientations import read_orientation
 from .steps import end_step, read_face_load, read_force, read_frequency, read_step, read_surface_load
 from .ties import read_coupling, read_kind, read_mpc, read_old_coupling, read_rigid_body
@@ -41,7 +42,8 @@ HANDLERS: dict[str, Callable[[Content, Statement], None]] = {
     "SURFACE INTERACTION": read_interaction, "CHANGE FRICTION": read_change_friction, "FRICTION": read_friction,
     "SURFACE BEHAVIOR": read_behaviour, "CONTACT PAIR": read_pair, "TIE": read_pair, "MOTION": read_motion,
     "CONTACT INCLUSIONS": read_inclusions, "CONTACT PROPERTY ASSIGNMENT": read_assignment,
-    "STEP": read_step, "END STEP": end_step, "DSLOAD": read_surface_load, "DLOAD": read_face_load, "CLOAD": read_force,
+    "STEP": read_step, "END STEP": end_step, "STATIC": read_static, "AMPLITUDE": read_amplitude,
+    "DSLOAD": read_surface_load, "DLOAD": read_face_load, "CLOAD": read_force,
     "COUPLING": read_coupling, "KINEMATIC": read_kind, "DISTRIBUTING": read_kind, "MPC": read_mpc,
     "KINEMATIC COUPLING": read_old_coupling, "DISTRIBUTING COUPLING": read_old_coupling, "RIGID BODY": read_rigid_body,
     "EQUATION": read_equation, "MASS": read_mass, "ROTARY INERTIA": read_mass,
@@ -84,8 +86,12 @@ BECOMES: dict[str, str] = {
     "*MPC": "of type BEAM: `[[rigid]]`",
     "*Mass, *Rotary Inertia": "`mass` and `inertia` at reference nodes, summed; elsewhere left out, and told, as is"
     " damping of a mass; `TYPE=ANISOTROPIC` is asked for",
-    "*Motion": "`sliding`: `ROTATION` about an axis, or a velocity",
-    "*Dsload": "`[effects.preload] pressures`, as they are at the end of the steps before the frequencies;"
+    "*Motion": "`sliding`: `ROTATION` about an axis, or a velocity; where both sides move, that of one against the"
+    " other",
+    "*Amplitude": "of loads and `*Motion`, tables over the time of the step: what they are at its end is a factor;"
+    " others are asked for",
+    "*Static": "how long a step takes, for `*Amplitude`",
+    "*Dsload": "`[effects.preload] pressures`, as they are at the end of the steps before the frequencies that count;"
     " `OP=NEW` removes those of `*Dsload` alone",
     "*Dload": "of P1 to P6: pressures on surfaces DLOAD_SET_P3, of single elements DLOAD_2_1; others are left out",
     "*Cload": "a pressure of the same sum, where it acts on all nodes of a face and along its normal; else left out",
@@ -128,8 +134,8 @@ _OTHER_STEPS = {
 SILENT = {
     "HEADING", "PREPRINT", "RESTART", "OUTPUT", "NODE OUTPUT", "ELEMENT OUTPUT", "CONTACT OUTPUT", "ENERGY OUTPUT",
     "NODE PRINT", "NODE FILE", "EL PRINT", "EL FILE", "CONTACT PRINT", "CONTACT FILE", "MODAL FILE", "MODAL OUTPUT",
-    "MONITOR", "PRINT", "FILE FORMAT", "FILE OUTPUT", "STATIC", "CONTROLS", "CONTACT CONTROLS", "SOLVER CONTROLS",
-    "AMPLITUDE", "TIME POINTS", "PHYSICAL CONSTANTS", "DISTRIBUTION", "DISTRIBUTION TABLE", "NODAL THICKNESS",
+    "MONITOR", "PRINT", "FILE FORMAT", "FILE OUTPUT", "CONTROLS", "CONTACT CONTROLS", "SOLVER CONTROLS",
+    "TIME POINTS", "PHYSICAL CONSTANTS", "DISTRIBUTION", "DISTRIBUTION TABLE", "NODAL THICKNESS",
     "NORMAL", "CONTACT",
     "CONTACT EXCLUSIONS", "SELECT EIGENMODES", "SURFACE PROPERTY ASSIGNMENT", "CONTACT INITIALIZATION ASSIGNMENT",
     "CONTACT INITIALIZATION DATA", "INCLUDE", "SYSTEM", "SUPER ELEMENT", "DIAGNOSTICS",

@@ -6,6 +6,7 @@ from ...mesh.building import build_mesh
 from ...mesh.elements import SHAPE
 from ...mesh.readers.abaqus.assembly import place_model
 from ...mesh.readers.abaqus.deck import parse_model
+from ...mesh.readers.abaqus.model import Statement
 from ...mesh.readers.sources import Sources
 from ..draft import Draft
 from .contacts import write_contacts
@@ -38,7 +39,7 @@ def draft_abaqus(sources: Sources, mesh_file: str) -> Draft:
     draft = Draft(sources.path.stem)
     draft.head.append(f"Made by fe-squeal new from the Abaqus deck {name}.")
     content = Content(name, model, raw, assembly, loaded, draft)
-    for statement in model.statements:
+    for statement in _that_count(content):
         read_statement(content, statement)
     find_units(content)
     mesh = draft.add(
@@ -61,3 +62,19 @@ def draft_abaqus(sources: Sources, mesh_file: str) -> Draft:
     for note in loaded.notes:
         draft.find("mesh", "", note, "harmless")
     return draft
+
+
+def _that_count(content: Content) -> list[Statement]:
+    """Return the statements without those of steps behind the one whose frequencies count: these change nothing."""
+    every, counts = content.model.statements, 0
+    for word in ("FREQUENCY", "COMPLEX FREQUENCY"):
+        counts = max((i for i, s in enumerate(every) if s.block.keyword == word), default=counts)
+    found, left, inside = list[Statement](), list[Statement](), False
+    for i, statement in enumerate(every):
+        inside = inside or bool(counts and i > counts and statement.block.keyword == "STEP")
+        (left if inside else found).append(statement)
+        inside = inside and statement.block.keyword != "END STEP"
+    if left:
+        text = "steps behind that of the frequencies that count are left out"
+        content.draft.find("*Step", content.where(left[0]), text, "harmless")
+    return found

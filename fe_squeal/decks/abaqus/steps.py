@@ -9,6 +9,7 @@ from ...mesh.readers.abaqus.loads import loaded_faces
 from ...mesh.readers.abaqus.model import Statement
 from ...mesh.readers.abaqus.text import is_label
 from ..draft import Table, Value
+from .amplitudes import factor_of
 from .content import Content, Procedure, fields, spoken
 from .holding import _check, number_of
 from .materials import clean
@@ -20,7 +21,7 @@ _ALONG = 0.99  # cosine of the angle to the mean normal above which a force may 
 def read_step(content: Content, statement: Statement) -> None:
     """Take *Step: loads of perturbation steps are no preload."""
     block = statement.block
-    content.perturbation = "PERTURBATION" in block.parameters
+    content.perturbation, content.step_time = "PERTURBATION" in block.parameters, 1.0
     if block.value("NLGEOM").upper() == "YES" or ("NLGEOM" in block.parameters and not block.value("NLGEOM")):
         content.large_displacements = True
 
@@ -42,6 +43,7 @@ def read_surface_load(content: Content, statement: Statement) -> None:
     block, where = statement.block, content.where(statement)
     if _excites(content, "*Dsload", where):
         return
+    factor = factor_of(content, statement)
     if block.value("OP").upper() == "NEW":
         _remove(content, by_faces=False)
     for line in block.lines:
@@ -52,9 +54,7 @@ def read_surface_load(content: Content, statement: Statement) -> None:
             content.draft.find("*Dsload", where, text)
             continue
         value = number_of(content, statement, parts[2]) if len(parts) > 2 and parts[2] else 0.0
-        content.pressures[parts[0], statement.scope] = value, where
-    if block.value("AMPLITUDE"):
-        content.draft.find("*Amplitude", where, "the full load counts: the static state is that of its end", "harmless")
+        content.pressures[parts[0], statement.scope] = value * factor, where
 
 
 def _remove(content: Content, by_faces: bool) -> None:
@@ -71,7 +71,7 @@ def read_face_load(content: Content, statement: Statement) -> None:
     if block.value("OP").upper() == "NEW":
         content.loaded_elements.clear()
         _remove(content, by_faces=True)
-    taken = 0
+    taken, factor = 0, factor_of(content, statement)
     for faces in loaded_faces(content.model):
         if faces.statement is not statement:
             continue
@@ -80,7 +80,8 @@ def read_face_load(content: Content, statement: Statement) -> None:
             text = "single elements are loaded again in a later step; give the pressure there in [effects.preload]"
             content.draft.find("*Dload", where, text, "missing")
         content.loaded_elements |= set(single)
-        content.pressures[faces.name, statement.scope] = number_of(content, statement, faces.pressure), where
+        value = number_of(content, statement, faces.pressure) * factor
+        content.pressures[faces.name, statement.scope] = value, where
         taken += len(faces.lines)
     if taken < sum(bool(fields(line)[0]) for line in block.lines):
         text = "is a load that is not simulated: the static state has only what [effects.preload] says"
@@ -94,6 +95,7 @@ def read_force(content: Content, statement: Statement) -> None:
         return
     if block.value("OP").upper() == "NEW":
         content.forces.clear()
+    factor = factor_of(content, statement)
     for line in block.lines:
         parts = fields(line)
         if len(parts) < 3:
@@ -101,12 +103,14 @@ def read_force(content: Content, statement: Statement) -> None:
         reference = (parts[0], statement.scope)
         _check(content, statement, reference)
         component = int(number_of(content, statement, parts[1]))
-        content.forces[reference, component] = number_of(content, statement, parts[2]), content.where(statement)
+        force = number_of(content, statement, parts[2]) * factor
+        content.forces[reference, component] = force, content.where(statement)
 
 
 def read_frequency(content: Content, statement: Statement) -> None:
     """Take *Frequency or *Complex Frequency; of several the complex ones count, and of these the last."""
     block = statement.block
+    content.perturbation = True  # such a step always is
     is_complex = block.keyword == "COMPLEX FREQUENCY"
     before = content.procedure
     if before.is_complex and not is_complex:
@@ -200,7 +204,8 @@ def _pressures(content: Content) -> dict[str, Value]:
             area, _, normal = area_of(content.loaded.mesh, np.asarray(known[names[0]]))
             if force @ normal < -_ALONG * np.linalg.norm(force) * np.linalg.norm(normal):
                 pressure = float(np.linalg.norm(force)) * content.units.force / (area * content.units.length**2)
-                found[names[0]] = clean(pressure)
+                before = found.get(names[0], 0.0)
+                found[names[0]] = clean(pressure + (before if isinstance(before, float) else 0.0))
                 text = f'forces on the nodes of "{names[0]}" became an even pressure of the same sum'
                 content.draft.find("*Cload", where, text)
                 continue

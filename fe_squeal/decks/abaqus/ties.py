@@ -23,7 +23,7 @@ def read_coupling(content: Content, statement: Statement) -> None:
     tie = TieData(
         block.value("CONSTRAINT NAME") or block.value("SURFACE"), content.where(statement), True,
         (block.value("REF NODE") or block.value("REFNODE"), statement.scope),
-        [(block.value("SURFACE"), statement.scope)],
+        [(block.value("SURFACE"), statement.scope)], of_surface=True,
     )  # fmt: skip
     if block.value("INFLUENCE RADIUS"):
         tie.radius = number_of(content, statement, block.value("INFLUENCE RADIUS"))
@@ -206,7 +206,7 @@ def _place(content: Content, tie: TieData) -> dict[str, Value] | None:
     for member in tie.members:
         surfaces = content.group(content.loaded.mesh.boundaries or {}, member)
         nodes = content.group(content.loaded.node_groups, member)
-        if len(tie.members) == 1 and len(surfaces) == 1 and not nodes:
+        if len(tie.members) == 1 and len(surfaces) == 1 and (tie.of_surface or not nodes):
             return {"surface": surfaces[0]}
         try:
             names.append(", ".join(nodes) or content.nodes_name(member))

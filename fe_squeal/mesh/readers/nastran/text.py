@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..sources import Sources
 
+_MARK = re.compile(r"[+*](?![\d.]).*")  # of a continuation: in free fields it may stand before the tenth
 _SHORT_EXPONENT = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+))([+-]\d+)$")
 
 
@@ -99,6 +100,8 @@ def _cut(line: str) -> tuple[str, list[str], bool]:
     if "," in line:
         parts = [part.strip() for part in line.split(",")]
         wide = parts[0].endswith("*") or parts[0].startswith("*")
+        if len(parts) > 1 and _MARK.fullmatch(parts[-1]):
+            parts.pop()
         return parts[0], parts[1:5] if wide else parts[1:9], wide
     line = line.expandtabs(8).rstrip()
     head = line[:8].strip()
