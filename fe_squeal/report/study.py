@@ -109,7 +109,7 @@ def plot_indices(indices: pd.DataFrame, path: str | os.PathLike[str], title: str
     names = list(dict.fromkeys(indices["parameter"]))
     figure = _figure(3.0 + 2.6 * max(len(outputs), 1), 1.6 + 0.5 * len(names), title)
     if not outputs:
-        figure.text(0.5, 0.5, "nothing varies: every sample has the same verdict", ha="center", color="0.3")
+        figure.text(0.5, 0.5, "too few samples differ from the others", ha="center", color="0.3")
         return save_figure(figure, path)
     row = np.atleast_1d(figure.subplots(1, len(outputs), sharey=True))
     y = np.arange(len(names), dtype=float)

@@ -143,3 +143,31 @@ def test_correlations_that_contradict_each_other_are_refused():
     three["c"] = three["mu"]
     with pytest.raises(SceneError, match="contradict"):
         Scatter.of(three, [("mu", "delta", 0.9), ("delta", "c", 0.9), ("mu", "c", -0.9)])
+
+
+FAMILIES = {
+    "linear": (0.8, lambda x: 2 * x[:, 0] + x[:, 1]),
+    "without influence": (0.0, lambda x: x[:, 1]),
+    "threshold at the end": (1.0, lambda x: x[:, 0] > 0.9),
+    "steep": (1.0, lambda x: np.sin(40 * x[:, 0])),
+    "two thresholds": (0.3 * 0.7 * 0.25 / (0.15 * 0.85), lambda x: (x[:, 0] < 0.3) & (x[:, 1] < 0.5)),
+    "twenty values": (1.0, lambda x: np.sin(7 * np.floor(20 * x[:, 0]))),
+}
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_intervals_of_first_order_indices_hold_the_truth(kind):
+    """In nine of ten sets of samples at least, for smooth, steep, rare and discrete results alike."""
+    true, y = FAMILIES[kind]
+    held, widths = [], []
+    for seed in range(30):
+        x = np.random.default_rng([seed, 11]).random((600, 2))
+        index, error = first_order(x[:, 0], y(x).astype(float))
+        held.append(abs(index - true) <= error)
+        widths.append(error)
+    assert np.mean(held) >= 0.9 and np.mean(widths) < 0.2
+
+
+def test_a_first_order_index_of_a_few_samples_is_not_known():
+    x = np.random.default_rng(3).random(1000)
+    assert np.isnan(first_order(x, (x > 0.99).astype(float))).all()
