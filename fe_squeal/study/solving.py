@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
@@ -18,6 +19,7 @@ from .pools import Processes
 if TYPE_CHECKING:
     from ..eigen.linear.factor import LinearSolver
 
+_LOSSES = "loss factors say nothing of what grows without swinging or as fast as it swings, which counts as stable"
 TRAINED = 200  # points for which a reduced model is made, and at which it is checked
 
 Progress = Callable[[str, int, int, float], None]  # stage, places done, places in all, places per second
@@ -99,6 +101,8 @@ class Solving:
             problem, names, low, high, lambda i: [tuple(map(float, point)) for point in draw(i)], self.request,
             linear_solver, scene, lambda text: progress(text, 0, 0, 0.0),
         )  # fmt: skip
+        if problem.problem_class == "complex":
+            self.solver = replace(self.solver, why=f"{self.solver.why}; {_LOSSES}")
         self._processes, self._parts, self._progress = Processes(workers, scheduler), parts, progress
 
     def places(self, stage: str, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

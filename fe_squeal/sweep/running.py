@@ -114,6 +114,8 @@ class RunningSweep:
         for middle, pair in windows(self.onsets, last, value):
             self.points.append(self._window(middle, pair))
         self.points.append(self._solver.point(value, modes, branches, keep_all))
+        if rate := self._solver.growth_beyond(value, modes):
+            self.told.beyond_losses(value, rate)
         if all(is_newcomer(t) for t in self.told.unsettled):  # else an onset that was not refined may be its own
             self.told.of_onsets(*entered(self.parameter, self.points, self.onsets))
 

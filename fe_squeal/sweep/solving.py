@@ -21,6 +21,7 @@ from ..reduced import ReducedModel
 from .clock import Clock
 from .counting import count_apart
 from .forecast import is_reduced
+from .losses import growth_beyond
 from .point import LiftedShapes, SweepPoint
 from .scale import Scale
 from .state import Record, Store
@@ -218,6 +219,12 @@ class ValueSolver:
             value, reported, branches[:wanted], shapes, moves, pressed, above=tuple(complex(lam) for lam in above),
             description=description,
         )  # fmt: skip
+
+    def growth_beyond(self, value: float, modes: Modes) -> float:
+        """Return the growth rate, 1/s, of which complex stiffness says nothing at a value, see `growth_beyond`."""
+        if self.problem.problem_class != "complex":
+            return 0.0
+        return growth_beyond(self.tracked.pencil({self.parameter: value}), modes)
 
     def _describe(self, here: Problem, shapes: np.ndarray) -> Description:
         """Return what modes look like, from their shapes (n, k); empty if the problem has no describer."""

@@ -22,6 +22,7 @@ class Told:
         self._parameter = parameter
         self.warnings, self.unsettled = list(warnings), list(unsettled)
         self._doubt: Doubt | None = None  # the last one that there is a warning about
+        self._beyond: tuple[float, float, float] | None = None  # of `beyond_losses`: first and last value, and rate
 
     def add(self, *sentences: str) -> None:
         """Add warnings that are not about onsets."""
@@ -47,6 +48,25 @@ class Told:
             f"{count} of the modes {'has' if count == 1 else 'have'} λ = 0 at {self._parameter} = {value:g}, the"
             f" {which} value of the sweep, and not beside it: nothing holds a body just there, or it is the edge of"
             f" divergence; onsets are not looked for between {first:.10g} and {second:.10g}"
+        )
+
+    def beyond_losses(self, value: float, rate: float) -> None:
+        """Add a warning that something grows at a value of which loss factors say nothing; of several values one."""
+        if self._beyond is not None:
+            for told in (self.warnings, self.unsettled):
+                told.remove(self._beyond_text())
+        first, _, before = self._beyond or (value, value, rate)
+        self._beyond = first, value, max(before, rate)
+        self.of_onsets(self._beyond_text())
+
+    def _beyond_text(self) -> str:
+        assert self._beyond is not None
+        first, last, rate = self._beyond
+        where = f"{first:g}" if first == last else f"{first:g} to {last:g}"
+        return (
+            f"at {self._parameter} = {where} a motion grows without swinging, or as fast as it swings (by up to"
+            f" {rate:.3g} 1/s): loss factors say nothing of it, it counts as marginal and has no onset; solve without"
+            " them to see it"
         )
 
     def doubts(self, doubts: list[Doubt]) -> None:

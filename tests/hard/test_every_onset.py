@@ -11,7 +11,7 @@ from families import FAMILIES, damped_window, judge, large, make, window
 from selection import some
 
 from fe_squeal import sweep
-from fe_squeal.sweep.onsets import windows
+from fe_squeal.sweep.windows import windows
 
 SEEDS = 8  # of every kind of `families` in the slow test, a quarter of `structures`; more: benchmarks/onsets.py
 PROJECTED = 20  # modes asked for where a step works on a projection
