@@ -20,6 +20,7 @@ _SPACINGS = 4  # of floats: a step that is hardly wider than these is not halved
 _WITHIN = 0.5  # of a mode's energy: a mode with more than this in the span of a group's shapes belongs to the group
 _FAST = 4.0  # times the highest frequency: growing modes are looked for up to this |λ|
 _ASIDE = 1e-3  # of the step: distance from a bisected onset at which its growth rate is measured
+_PROPORTIONAL = 1.2  # exponent of growth beyond an onset: with a larger one it passes zero without a slope
 _CLEAR = 4.0  # times its uncertainty: a growth rate above this is no rounding
 
 
@@ -104,23 +105,32 @@ class Bisection:
 
         Where Re λ passes zero without a slope, as p³ does, it is lost in its uncertainty far longer than any slope
         beside the onset tells. The distance is doubled until the mode surely decays, up to a step's width beyond the
-        end of the step, where this one began because of that very doubt.
+        end of the step, where this one may have begun because of that very doubt. Where growth rises no faster than in
+        proportion, the slope has told: behind two λ that meet it is a root, and the stable side may be conservative.
         """
         into = np.sign(change.high - change.low) * np.sign(change.gains)  # towards where the mode grows
-        room = abs((min(self.step.ends) if into > 0 else max(self.step.ends)) - value) + self.step.width
+        width = self.step.width
+        near, far = (self._nearest(value + into * part * width, lam, highest)[0] for part in (0.25, 1.0))
+        if not far > 4**_PROPORTIONAL * near > 0:
+            return unseen
+        room = abs((min(self.step.ends) if into > 0 else max(self.step.ends)) - value) + width
         while 0 < unseen < room:
-            try:
-                modes = self._solved_at(value - into * unseen, highest)
-            except (SquealError, ValueError):  # beyond the step a scene may have no static state
-                break
-            if not len(modes):
-                break
-            i = int(np.argmin(np.abs(modes.lam - lam)))
-            lam = complex(modes.lam[i])
-            if lam.real < -modes.re_uncertainty[i]:
+            growth, blur = self._nearest(value - into * unseen, lam, highest)
+            if not growth >= -blur:
                 break
             unseen = min(2 * unseen, room)
         return unseen
+
+    def _nearest(self, p: float, lam: complex, highest: float) -> tuple[float, float]:
+        """Return Re λ and its uncertainty, 1/s, of the mode nearest to a λ; NaN where a scene has no static state."""
+        try:
+            modes = self._solved_at(p, highest)
+        except (SquealError, ValueError):
+            return np.nan, np.nan
+        if not len(modes):
+            return np.nan, np.nan
+        i = int(np.argmin(np.abs(modes.lam - lam)))
+        return float(modes.lam[i].real), float(modes.re_uncertainty[i])
 
     def _growing(self, p: float, highest: float) -> Modes:
         """Return the growing modes of the problem at a value with Im λ up to a frequency, rad/s.

@@ -10,7 +10,7 @@ import fe_squeal
 from fe_squeal.eigen.dense import solve_dense
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
-from fe_squeal.sweep import newton
+from fe_squeal.sweep import bordered, newton
 from fe_squeal.sweep.clusters import groups
 from fe_squeal.sweep.nodes import node_of
 
@@ -72,8 +72,8 @@ def test_newton_on_full_arrays_is_newton_on_sparse_matrices(monkeypatch):
     problem = problem_of(turn @ fixed @ turn.T, turn @ moving @ turn.T)
     x, y = turn @ np.r_[1.0, 0.8, np.zeros(10)], turn @ np.r_[1.0, -0.8, np.zeros(10)]
     roots = []
-    for full in (newton._FULL, 0):
-        monkeypatch.setattr(newton, "_FULL", full)
+    for full in (bordered._FULL, 0):
+        monkeypatch.setattr(bordered, "_FULL", full)
         roots.append(newton.find_coalescence(problem, "p", 0.49, 1.5e8, x, y, 0.1))
     for root in roots:
         assert root.value == pytest.approx(0.5, abs=1e-9)

@@ -200,18 +200,6 @@ def test_curved_element_that_folds_inside_is_refused():
         build_mesh(RawMesh(points, raw.node_labels, raw.blocks, {}, {}), "x.inp")
 
 
-@pytest.mark.parametrize(
-    ("size", "unit", "warned"),
-    [(0.3, "m", None), (300.0, "m", "300 m across"), (300.0, "mm", None), (0.3, "mm", "0.0003 m")],
-)
-def test_wrong_units_are_suspected(tmp_path, size, unit, warned):
-    text = f"*NODE\n1, 0, 0, 0\n2, {size}, 0, 0\n3, 0, {size}, 0\n4, 0, 0, {size}\n*ELEMENT, TYPE=C3D4\n1, 1, 2, 3, 4\n"
-    (tmp_path / "a.inp").write_text(text)
-    loaded = load_mesh(tmp_path / "a.inp", unit)
-    assert len(loaded.warnings) == bool(warned)
-    assert not warned or warned in loaded.warnings[0]
-
-
 def test_files_that_are_no_meshes(tmp_path):
     cases = {"missing.msh": "no such mesh file", "empty.msh": "the file is empty", "folder.inp": "this is a folder",
              "text.msh": "not a readable", "text.vtu": "not a readable", "text.xdmf": "not a readable",
