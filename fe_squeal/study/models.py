@@ -50,9 +50,10 @@ class CertifiedModel:
         None also where fewer modes are found than were asked for: frequencies may be beyond the range of the basis.
         """
         modes, off, relative = self.online.modes(tuple(float(v) for v in values))
-        if off.max(initial=0.0) > 1 or np.count_nonzero(~is_beside(modes)) < (self.online.whole.request.count or 0):
+        request = self.online.whole.request
+        if off.max(initial=0.0) > 1 or np.count_nonzero(~is_beside(modes)) < (request.count or 0):
             return None
-        return outcome_of(modes, float(relative.max(initial=0.0)), direct=False)
+        return outcome_of(modes, request, float(relative.max(initial=0.0)), direct=False)
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ def _solved(problem: Problem, request: Request, linear_solver: LinearSolver | st
     modes = solve_modes(problem.pencil(), exact, linear_solver=linear_solver)
     with np.errstate(invalid="ignore", over="ignore"):
         error = np.minimum(modes.backward_error * modes.condition, 1.0)
-    return outcome_of(modes, float(np.nan_to_num(error, nan=0.0).max(initial=0.0)), direct=True)
+    return outcome_of(modes, request, float(np.nan_to_num(error, nan=0.0).max(initial=0.0)), direct=True)
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..eigen.pencil import Modes
+from ..eigen.request import Request
 
 COLUMNS = (
     "unstable", "worst_re", "worst_frequency_hz", "worst_damping_ratio", "worst_re_uncertainty", "error", "direct",
+    "known_hz",
 )  # fmt: skip
 MODE_COLUMNS = ("frequency_hz", "re", "re_uncertainty", "damping_ratio")
 
@@ -20,11 +22,11 @@ class Outcome:
 
     Attributes
     ----------
-    row : (7,) float
+    row : (8,) float
         The columns `COLUMNS`: 1 if a mode is unstable beyond the uncertainty of its growth rate, else 0; growth rate
         (1/s), frequency (Hz), damping ratio and uncertainty of the growth rate (1/s) of the mode that grows most (of
         several with equal growth the most uncertain one); the largest estimated |Δλ/λ| of a mode; 1 if the place was
-        solved directly, else 0.
+        solved directly, else 0; up to which frequency (Hz) all modes are known, infinite where they are all there are.
     modes : (k, 4) float
         The columns `MODE_COLUMNS` of the k unstable modes.
     """
@@ -38,12 +40,14 @@ class Outcome:
         return bool(self.row[0])
 
 
-def outcome_of(modes: Modes, error: float, direct: bool) -> Outcome:
+def outcome_of(modes: Modes, request: Request, error: float, direct: bool) -> Outcome:
     """Return what is kept of the modes at one place.
 
     Parameters
     ----------
     modes : Modes
+    request : Request
+        Which modes were asked for.
     error : float
         The largest estimated |Δλ/λ|.
     direct : bool
@@ -54,8 +58,11 @@ def outcome_of(modes: Modes, error: float, direct: bool) -> Outcome:
     ratio = -lam.real / size + 0.0
     grows = modes.stability == "unstable"
     kept = np.stack([modes.frequency_hz[grows], lam.real[grows], u[grows], ratio[grows]], axis=1)
+    known = request.max_frequency_hz or np.inf
+    if request.count is not None and len(lam) >= request.count:
+        known = float(modes.frequency_hz.max())
     if not len(lam):
-        return Outcome(np.array([0.0, np.nan, np.nan, np.nan, np.nan, error, float(direct)]), kept)
+        return Outcome(np.array([0.0, np.nan, np.nan, np.nan, np.nan, error, float(direct), known]), kept)
     worst = max(range(len(lam)), key=lambda i: (lam.real[i], u[i]))
-    row = [grows.any(), lam.real[worst], modes.frequency_hz[worst], ratio[worst], u[worst], error, direct]
+    row = [grows.any(), lam.real[worst], modes.frequency_hz[worst], ratio[worst], u[worst], error, direct, known]
     return Outcome(np.array(row, float), kept)

@@ -67,6 +67,11 @@ class ScatterResult:
         return float(self.rows[:, 0].mean())
 
     @property
+    def known_hz(self) -> float:
+        """Up to which frequency, Hz, all modes of every sample are known; infinite where they are all there are."""
+        return float(self.rows[:, COLUMNS.index("known_hz")].min(initial=np.inf))
+
+    @property
     def samples(self) -> pd.DataFrame:
         """A table with a row per sample and the columns of samples.csv."""
         import pandas as pd
@@ -76,6 +81,7 @@ class ScatterResult:
         for i, name in enumerate(self.names):
             frame.insert(1 + i, name, self.points[:, i])
         frame["unstable"] = frame["unstable"].astype(int)
+        del frame["known_hz"]
         frame["method"] = np.where(frame.pop("direct") > 0, "direct", "reduced")
         frame["worst_re_uncertainty"] = frame.pop("worst_re_uncertainty")  # becomes the last column
         frame["unstable_modes"] = np.bincount(self.modes[:, 0].astype(int), minlength=len(frame))
@@ -96,17 +102,18 @@ class ScatterResult:
         """A table of the probability of instability by band, with its 95 % interval and the columns of bands.csv.
 
         The interval is that of Clopper and Pearson. It is right for any number of independent samples, and a little too
-        wide for Sobol points. The last row is the whole range of frequencies.
+        wide for Sobol points. Above the range in which the modes of all samples are known it says nothing of what was
+        not found: its upper end is 1 there. The last row is the whole range of frequencies.
         """
         import pandas as pd
         from scipy.stats import binomtest
 
-        count = len(self.rows)
-        rows = []
+        count, rows = len(self.rows), list[tuple[float, ...]]()
         for low, high, hit in self._by_band():
             k = int(hit.sum())
             interval = binomtest(k, count).proportion_ci(0.95, method="exact")
-            rows.append((low, high, k / count, interval.low, interval.high, count))
+            upper = interval.high if high <= self.known_hz or len(rows) == len(self.edges) - 1 else 1.0
+            rows.append((low, high, k / count, interval.low, upper, count))
         return pd.DataFrame(rows, columns=["low_hz", "high_hz", "probability", "lower", "upper", "samples"])
 
     @property
@@ -235,23 +242,29 @@ def scatter(
     cheap = solving.solver.box is not None or problem.unknowns <= 100
     more = [solving.places(f"indices {i + 1}", new) for i, new in enumerate(redrawn)] if q and cheap else []
     columns = rows.shape[1]
+    edges = _edges(bands, found, float(rows[:, COLUMNS.index("known_hz")].min(initial=np.inf)))
     return ScatterResult(
-        names, points, rows, found, _edges(bands, found), np.array([r for r, _ in more]).reshape(d, -1, columns),
+        names, points, rows, found, edges, np.array([r for r, _ in more]).reshape(d, -1, columns),
         [m for _, m in more] or [np.zeros((0, 1 + len(MODE_COLUMNS)))] * d, solving.solver,
     )  # fmt: skip
 
 
-def _edges(bands: Sequence[float] | None, modes: np.ndarray) -> np.ndarray:
-    """Return the edges (b + 1,) of the bands, Hz: those given, or octaves about 1 kHz that cover all unstable modes."""
+def _edges(bands: Sequence[float] | None, modes: np.ndarray, known: float) -> np.ndarray:
+    """Return the edges (b + 1,) of the bands, Hz: those given, or octaves about 1 kHz.
+
+    These go as far as all modes of every sample are `known`, Hz, and cover all unstable modes.
+    """
     if bands is not None:
         return np.asarray(bands, float)
     hz = modes[:, 1]
-    if not len(hz):
+    if not len(hz) and not np.isfinite(known):
         return np.array([1000.0, 2000.0])
-    low = np.floor(np.log2(max(float(hz.min()), 62.5) / 1000.0))
-    high = np.floor(np.log2(max(float(hz.max()), 62.5) / 1000.0)) + 1
+    top = max(float(hz.max(initial=62.5)), 62.5) / 1000.0
+    whole = np.floor(np.log2(known / 1000.0)) if np.isfinite(known) and known > 0 else -np.inf
+    high = max(np.floor(np.log2(top)) + 1, whole) if len(hz) else max(whole, -4.0)
+    low = np.floor(np.log2(max(float(hz.min()), 62.5) / 1000.0)) if len(hz) else high - 1
     edges = 1000.0 * 2.0 ** np.arange(low, high + 1)
-    return np.concatenate([[0.0], edges]) if hz.min() < edges[0] else edges
+    return np.concatenate([[0.0], edges]) if not len(hz) or hz.min() < edges[0] else edges
 
 
 def _check_values(

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from fe_squeal.errors import SceneError
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
 from fe_squeal.scene.study import Distribution
 from fe_squeal.study.indices import first_order, total_order
 from fe_squeal.study.points import Scatter, quantiles, sobol_points
@@ -171,3 +174,20 @@ def test_intervals_of_first_order_indices_hold_the_truth(kind):
 def test_a_first_order_index_of_a_few_samples_is_not_known():
     x = np.random.default_rng(3).random(1000)
     assert np.isnan(first_order(x, (x > 0.99).astype(float))).all()
+
+
+def test_bands_beyond_the_range_that_is_solved_are_not_called_safe():
+    """Of two pairs the second one is unstable at 3.5 kHz: with two modes nothing is known above the first."""
+    omega = 2 * np.pi * np.array([1000.0, 1100.0, 3500.0, 3500.0])
+    push = np.zeros((4, 4))
+    push[2, 3], push[3, 2] = 1e6, -1e6
+    terms = (Term("mass", "M", sp.eye_array(4, format="csr"), True),
+             Term("elastic", "K", sp.csr_array(sp.diags_array(omega**2)), True),
+             Term("friction", "K", sp.csr_array(push), False, {"mu": 1}))  # fmt: skip
+    box = {"mu": {"uniform": {"low": 0.1, "high": 0.2}}}
+    problem, bands = Problem(terms, {"mu": 0.1}), [500.0, 1050.0, 2000.0, 4000.0]
+    few, every = (scatter(problem, box, samples=16, indices=False, bands=bands, modes=m) for m in (2, 4))
+    assert few.known_hz == pytest.approx(1100.0) and few.probability == 0
+    assert few.bands["upper"].to_list()[1:3] == [1.0, 1.0] and few.bands["upper"].iloc[0] < 0.3
+    assert every.bands["probability"].to_list() == [0.0, 0.0, 1.0, 1.0]
+    assert every.bands["upper"].iloc[1] < 0.3
