@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Unpack
@@ -17,9 +18,10 @@ from ..scene.faults import validated
 from ..scene.study import Axis
 from .boundary import Scaled
 from .curves import Curve, follow
+from .islands import islands
 from .models import Solver
 from .points import sobol_points
-from .seeds import Seed, islands, seeds_on_lines
+from .seeds import Seed, seeds_on_lines
 from .solving import TRAINED, Options, Solving
 
 if TYPE_CHECKING:
@@ -192,11 +194,12 @@ def _boundaries(
     request = solving.request
 
     def modes_of(own: Problem) -> Callable[[float, float], Modes]:
+        @functools.cache  # every search for islands asks at all nodes
         def modes_at(x: float, y: float) -> Modes:
             every = solve_dense(own.pencil({axes[0].name: x, axes[1].name: y}))
             wanted = select_wanted(every, request, np.inf)
             assert wanted is not None
-            return wanted
+            return wanted.without_shapes()
 
         return modes_at
 

@@ -237,3 +237,25 @@ def test_where_modes_cross_the_error_of_a_model_is_no_instability():
         assert len(seeds) == count and len(told) == (count == 0), blind
         assert [s[1].u[1] for s in seeds] == pytest.approx([0.45] * count, abs=1e-6)
     assert "taken for crossings" in told[0]
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.05])
+@pytest.mark.parametrize("axes", [(0.09, 0.09), (0.05, 0.03)])
+def test_an_island_of_divergence_between_the_lines_of_the_grid(axes, damping):
+    """A stiffness that is negative inside an ellipse around (0.52, 0.47), which no line of the grid crosses."""
+    a, b, x, y = *axes, 0.52, 0.47
+
+    def spring(name, value, powers):
+        return Term(name, "K", sp.csr_array(np.diag([value, 0.0])), True, powers)
+
+    terms = [Term("mass", "M", sp.eye_array(2, format="csr"), True),
+             Term("elastic", "K", sp.csr_array(np.diag([x**2 / a**2 + y**2 / b**2 - 1, 9.0])), True),
+             spring("xx", 1 / a**2, {"x": 2}), spring("x", -2 * x / a**2, {"x": 1}),
+             spring("yy", 1 / b**2, {"y": 2}), spring("y", -2 * y / b**2, {"y": 1})]  # fmt: skip
+    terms += [Term("damper", "C", sp.csr_array(damping * np.eye(2)), True)] if damping else []
+    sides = [{"parameter": p, "from": 0.0, "to": 1.0, "points": 6} for p in "xy"]
+    found = stability_map(Problem(tuple(terms), {"x": 0.1, "y": 0.1}), *sides, modes=2)
+    assert not (found.grid["unstable"] > 0).any()
+    edge = found.boundaries
+    assert set(edge["kind"]) == {"divergence"} and edge["curve"].nunique() == 1 and len(edge) > 10
+    np.testing.assert_allclose(((edge["x"] - x) / a) ** 2 + ((edge["y"] - y) / b) ** 2, 1.0, atol=1e-6)
