@@ -29,8 +29,13 @@ def nearest_unstable(frequency: Frequency, modes: pd.DataFrame) -> dict[str, Any
     return {str(k): v for k, v in row.to_dict().items()}
 
 
-def measured_record(measured: Measurements, result: Sweep) -> list[dict[str, Any]]:
-    """Return each measured frequency with its nearest unstable mode and a sentence, for run.json and the page."""
+def measured_record(
+    measured: Measurements, result: Sweep, covered: tuple[float, float | None]
+) -> list[dict[str, Any]]:  # fmt: skip
+    """Return each measured frequency with its nearest unstable mode and a sentence, for run.json and the page.
+
+    `covered` is the range, Hz, in which all modes are known, see `frequency_range`.
+    """
     if not measured.frequencies:
         return []
     modes, found = result.to_dataframe(), []
@@ -53,6 +58,11 @@ def measured_record(measured: Measurements, result: Sweep) -> list[dict[str, Any
                 f"{name}: the nearest unstable mode is branch {int(row['branch'])} at"
                 f" {frequency_text(row['frequency_hz'])}, {abs(percent):.2g} % {side}"
                 f" ({parameter_symbol(result.parameter)} = {row['value']:.4g})."
+            )
+        if covered[1] is not None and frequency.hz > covered[1]:
+            entry["sentence"] += (
+                f" It lies above {frequency_text(covered[1])}, up to which modes are known: ask for more modes, or for"
+                " a higher solve.max_frequency."
             )
         found.append(entry)
     return found

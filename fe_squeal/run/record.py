@@ -89,7 +89,7 @@ def write_record(
             *(discretisation.warnings if discretisation is not None else ()), *balance_warnings(parts),
             *(result.warnings if result is not None else ()), *more_warnings,
         ],
-        "measured": measured_record(measured, result) if result is not None else [],
+        "measured": [] if result is None else measured_record(measured, result, frequency_range(scene, result)),
         "inputs": inputs,
     }
     write_json(record, out / RECORD)

@@ -178,7 +178,7 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
         raise NotConvergedError(f"{failure}; {done} values before it are in {out}", failure.partial)
     if result is not None:
         report_sweep(scene, result, out, console, seconds["total"])
-        for entry in measured_record(measured, result):
+        for entry in measured_record(measured, result, frequency_range(scene, result)):
             console.print(entry["sentence"], markup=False)
         for text in said:
             console.print(f"warning: {text}", markup=False)

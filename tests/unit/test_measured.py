@@ -62,6 +62,8 @@ def test_frequencies_of_the_scene_and_of_a_file(tmp_path: Path, capsys: pytest.C
         assert m["nearest"]["distance_percent"] == pytest.approx(100 * (near["frequency_hz"] / m["frequency_hz"] - 1))
         assert m["sentence"] in capsys.readouterr().out or m is not record[0]
     assert record[0]["sentence"].startswith("Measured 700 Hz (stop 1, 92 dB): the nearest unstable mode is branch")
+    known = json.loads((out / "run.json").read_text())["frequency_range_hz"][1]
+    assert [("It lies above" in m["sentence"]) for m in record] == [m["frequency_hz"] > known for m in record]
     assert record[0]["sentence"] in (out / "report.html").read_text(encoding="utf-8")
     assert not (out / "mac.csv").exists()
 
