@@ -82,7 +82,8 @@ def export_preload(
     if contacts and picture:
         from fe_squeal.report.pressure import plot_pressure
 
-        files.append(plot_pressure(contacts, folder / "preload.png", title))
+        of = f"static state at μ = {mu:.4g}" if np.isfinite(mu) else ""  # which may be none of the sweep's values
+        files.append(plot_pressure(contacts, folder / "preload.png", ", ".join(t for t in (title, of) if t)))
     return files
 
 
