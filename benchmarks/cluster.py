@@ -31,6 +31,7 @@ from fe_squeal.process.ranks import is_helper, process_count
 ROOT = Path(__file__).parents[1]
 EXAMPLE, PAGE = ROOT / "examples/disc_pad.toml", ROOT / "docs/cluster.md"
 BEGIN, END = "<!-- forecast: python benchmarks/cluster.py --write -->\n", "<!-- end of forecast -->\n"
+MPIEXEC = ["mpiexec", "-q", "--oversubscribe", "--allow-run-as-root", "--mca", "mpi_yield_when_idle", "1", "-n"]
 SIZES, COUNTS = (0.014, 0.006, 0.0045, 0.0034), (1, 2, 4)  # m
 SWEPT, MODES, VALUES = 0.0055, 50, 21  # m
 LARGE = (1_000_000, 3_000_000, 10_000_000)  # unknowns
@@ -69,8 +70,7 @@ def assembled(size: float) -> Problem:
 
 def started(count: int, *options: str) -> dict:
     """Return what this script prints on so many processes."""
-    command = ["mpiexec", "-q", "--oversubscribe", "--allow-run-as-root", "--mca", "mpi_yield_when_idle", "1", "-n",
-               str(count), str(ROOT / ".venv-mpi/bin/python"), __file__, *options]  # fmt: skip
+    command = [*MPIEXEC, str(count), str(ROOT / ".venv-mpi/bin/python"), __file__, *options]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
     row: dict = json.loads(done.stdout.strip().splitlines()[-1])
     print(json.dumps(row), file=sys.stderr, flush=True)
@@ -179,6 +179,13 @@ def nodes(rows: list[dict]) -> str:
     return f"{NOTE}{said}; bytes on {max(COUNTS)} processes are {more:.2f} times those of one.\n\n" + "\n".join(lines)
 
 
+def put_between(begin: str, end: str, text: str) -> None:
+    """Put a text into the page, between two of its lines."""
+    page = PAGE.read_text(encoding="utf-8")
+    before, after = page.split(begin)[0], page.split(end)[1]
+    PAGE.write_text(f"{before}{begin}\n{text}\n\n{end}{after}", encoding="utf-8", newline="\n")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--matrix", type=Path, help="print what the analyses of this one tell")
@@ -201,9 +208,7 @@ def main() -> None:
     text = f"{table(rows)}\n\n{peaks(runs)}\n\n{nodes(rows)}"
     print(text)
     if options.write:
-        page = PAGE.read_text(encoding="utf-8")
-        before, after = page.split(BEGIN)[0], page.split(END)[1]
-        PAGE.write_text(f"{before}{BEGIN}\n{text}\n\n{END}{after}", encoding="utf-8", newline="\n")
+        put_between(BEGIN, END, text)
 
 
 if __name__ == "__main__":

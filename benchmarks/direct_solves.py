@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
-from cluster import PAGE, ROOT, assembled
+from cluster import MPIEXEC, ROOT, assembled, put_between
 
 from fe_squeal.eigen.linear.processes import dismiss, help_out, prepare
 from fe_squeal.eigen.pencil import Pencil
@@ -30,7 +30,6 @@ from fe_squeal.process.ranks import is_helper, process_count
 SLEPC = Path(__file__).with_name("slepc_solve.py")
 BEGIN, END = "<!-- direct solves: python benchmarks/direct_solves.py --write -->\n", "<!-- end of direct solves -->\n"
 SIZES, COUNTS, MODES, MU = (0.014, 0.0095, 0.0055), (1, 2), 50, 0.35
-MPIEXEC = ["mpiexec", "-q", "--oversubscribe", "--allow-run-as-root", "--mca", "mpi_yield_when_idle", "1", "-n"]
 WAYS = {"pardiso": "ARPACK on PARDISO", "mumps": "ARPACK on MUMPS", "1": "SLEPc, right modes", "2": "SLEPc, both sides"}
 NOTE = f"""Seconds of one solve for {MODES} modes at µ = {MU}, factors included. Of this program they are those of
 right and left modes with backward errors, conditions and uncertainties; SLEPc gives eigenvalues and vectors of one side
@@ -118,9 +117,7 @@ def main() -> None:
     text = f"{NOTE}\n{table([row for size in options.sizes for row in measured(size)])}"
     print(text)
     if options.write:
-        page = PAGE.read_text(encoding="utf-8")
-        before, after = page.split(BEGIN)[0], page.split(END)[1]
-        PAGE.write_text(f"{before}{BEGIN}\n{text}\n\n{END}{after}", encoding="utf-8", newline="\n")
+        put_between(BEGIN, END, text)
 
 
 if __name__ == "__main__":

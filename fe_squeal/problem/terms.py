@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..eigen.blocks import with_short_indices
+from ..eigen.definite import signs_of
 
 Slot = Literal["M", "C", "K"]
 POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}  # the power of λ that multiplies the matrix of a slot in Q(λ)
@@ -63,6 +64,11 @@ class Term:
     def full(self) -> np.ndarray:
         """The matrix as an array, which is kept: for small problems whose matrices are full."""
         return np.asarray(self.matrix.toarray())
+
+    @cached_property
+    def signs(self) -> set[int]:
+        """The signs of the eigenvalues of a symmetric matrix, see `signs_of`, which are kept."""
+        return signs_of(self.matrix)
 
     @property
     def conservative(self) -> bool:

@@ -112,12 +112,13 @@ class BoxModel(ReducedModel):
             places = draw(i)
             missed = self._missed_at(places)
             before = len(self.basis)
-            if not self.proven and self._add_soft(self._counted_at(places)):
+            lacked = not self.proven and self._add_soft(self._counted_at(places))
+            if lacked:
                 self._exact = np.r_[self._exact, before : len(self.basis)]
                 missed = self._missed_at(places)
-            if not missed or i == _CHECKS or not self._has_room():
+            if not (missed or lacked) or i == _CHECKS or not self._has_room():
                 break
-            worst = max(self._off(p) for p in missed)
+            worst = max((self._off(p) for p in missed), default=0.0)
             progress(f"{len(self.basis)} vectors, {worst:.1e} times the tolerance at other places")
             self._made_for(missed, (), progress)
         self._release()

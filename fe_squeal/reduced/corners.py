@@ -9,7 +9,6 @@ import numpy as np
 
 from ..problem.parameters import paths_of
 from ..problem.problem import Problem
-from .definite import signs_of
 
 _CORNERS = 8  # places that are returned, at most, beside the softest corner
 
@@ -61,7 +60,7 @@ def _softening(
             at = {**problem.parameters, **{q: float(v) for p, v in place.items() for q in paths_of(p)}}
             slopes |= {int(np.sign(t.slope(q, at))) for q in paths_of(parameters[k]) if t.powers.get(q)}
         for slope in slopes - {0}:
-            found |= {slope * sign * (1 if t.slot == "K" else -1) for sign in signs_of(t.matrix)}
+            found |= {slope * sign * (1 if t.slot == "K" else -1) for sign in t.signs}
     return found
 
 

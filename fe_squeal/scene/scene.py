@@ -99,8 +99,7 @@ class Scene(BaseScene):
     @classmethod
     def _settled(cls, value: list[str]) -> list[str]:
         if value:
-            more = f", and {len(value) - 1} more" if len(value) > 1 else ""
-            raise ValueError(f'given "{value[0]}"{more}; expected it settled in the scene, and removed here')
+            raise ValueError(f"expected none: settle each in the scene and remove its line, the first is {value[0]}")
         return value
 
     @property

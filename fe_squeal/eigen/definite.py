@@ -6,7 +6,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from ..eigen.blocks import times
+from .blocks import times
 
 _STEPS, _SEED = 30, 20261127
 _ROUNDING = 1e-10  # of the largest |eigenvalue|: one that is smaller counts as zero
