@@ -48,7 +48,8 @@ def compare_designs(a: Results, b: Results, names: tuple[str, str]) -> tuple[pd.
     span, shared = _common(a, b)
     first, second = unstable_branches(a, span, shared), unstable_branches(b, span, shared)
     pairs, said = _pairs(a, b, names, list(first), list(second))
-    blind = bool(said) and not pairs  # nothing is known of what is gone or new
+    blind = pairs is None  # nothing is known of what is gone or new
+    pairs = pairs or []
     ends = [_ends(r) for r in (a, b) if len(r.modes)]
     if len(set(ends)) > 1 or (len(ends) == 2 and not len(shared)):
         where = f"growth is compared from {shared.min():.4g} to {shared.max():.4g}" if len(shared) else (
@@ -148,8 +149,8 @@ def _first_onset(onsets: pd.DataFrame, branch: float) -> tuple[float, float]:
 
 def _pairs(
     a: Results, b: Results, names: tuple[str, str], first: list[int], second: list[int]
-) -> tuple[list[tuple[int, int, float]], list[str]]:
-    """Return pairs of branches with their MAC, of those branches whose shapes were written."""
+) -> tuple[list[tuple[int, int, float]] | None, list[str]]:
+    """Return pairs of branches with their MAC, of those branches whose shapes were written; None if none can be."""
     said = list[str]()
     if not first or not second:
         return [], said
@@ -157,12 +158,12 @@ def _pairs(
         if results.grid is None or not results.shapes:
             said.append(f"{name} has no shapes on a mesh, so its modes cannot be paired with others.")
     if a.grid is None or b.grid is None or said:
-        return [], said
+        return None, said
     points, alone = common_points(a.grid, b.grid)
     if alone:
         said.append(f"{names[0]} and {names[1]} do not both have the bodies {', '.join(alone)}; they are not compared.")
     if points is None:
-        return [], [*said, f"{names[0]} and {names[1]} have no body of the same name, so no mode can be paired."]
+        return None, [*said, f"{names[0]} and {names[1]} have no body of the same name, so no mode can be paired."]
     far = float(points.distance.max()) / max(a.grid.size, 1e-300)
     if far > 0.05:
         said.append(

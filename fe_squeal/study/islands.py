@@ -12,6 +12,7 @@ from ..problem.problem import Problem
 from .seeds import Axes, Seed, point_near
 
 _PROMISING = 0.2  # times the gap at a place: a minimum is looked for if the gap interpolated beside it is smaller
+_RISES = 1e-6  # of θ: neighbours at which it is larger by no more are on a plateau
 _CALLS = 80  # solves for the modes to find one minimum, at most
 _FINE = 1e-4  # of the map's width: the accuracy of the place of a minimum
 _HALVINGS = 14  # of the line from inside an island to outside
@@ -50,7 +51,6 @@ class Gap:
             return float(np.inf)
         gaps, where = self.values(s)
         return float(gaps[np.abs(where - omega) <= width * omega].min(initial=np.inf))
-
 
     def is_promising(self, g: float, around: dict[tuple[int, int], float]) -> bool:
         """Return whether parabolas along the axes say that the gap g of a place comes close to zero beside the place.
@@ -98,8 +98,14 @@ class Stiffness(Gap):
         return float(np.sqrt(max(-gap, 0.0)))
 
     def is_promising(self, g: float, around: dict[tuple[int, int], float]) -> bool:
-        """Return True: θ of another mode caps the smallest one at the neighbours, so that no parabola tells."""
-        return True
+        """Return whether θ is larger on both sides along an axis, and along no axis of both sides on one side alone.
+
+        No parabola tells, since θ of another mode caps the smallest one at the neighbours. Where θ stays the same along
+        an axis, or falls towards an edge of the map, no closed island is there.
+        """
+        sides = [(around.get((-i, -j)), around.get((i, j))) for i, j in ((1, 0), (0, 1))]
+        whole = [min(a, b) for a, b in sides if a is not None and b is not None]
+        return bool(whole) and min(whole) > (1 + _RISES) * g
 
     def frequency(self, s: np.ndarray, omega: float) -> float:
         """Return the frequency, Hz, of a divergence: none."""

@@ -7,10 +7,12 @@ import pytest
 import scipy.sparse as sp
 from selection import some
 
+from fe_squeal.eigen.dense import solve_dense
 from fe_squeal.errors import SceneError
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 from fe_squeal.study.boundary import Boundary, Scaled
+from fe_squeal.study.islands import Stiffness, _minima
 from fe_squeal.study.map import stability_map
 from fe_squeal.study.scatter import scatter
 from fe_squeal.study.seeds import point_near, seeds_on_lines
@@ -259,3 +261,23 @@ def test_an_island_of_divergence_between_the_lines_of_the_grid(axes, damping):
     edge = found.boundaries
     assert set(edge["kind"]) == {"divergence"} and edge["curve"].nunique() == 1 and len(edge) > 10
     np.testing.assert_allclose(((edge["x"] - x) / a) ** 2 + ((edge["y"] - y) / b) ** 2, 1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("moves", [{}, {"x": 1}])
+def test_islands_of_divergence_are_not_looked_for_where_stiffness_does_not_change(moves):
+    """θ is the same all over the map, or along one of its axes: a plateau of minima, and no island in it."""
+    one = sp.eye_array(2, format="csr")
+    terms = (Term("mass", "M", one, True), Term("elastic", "K", sp.csr_array(np.diag([4.0, 9.0])), True),
+             Term("spring", "K", one, True, moves),
+             Term("first", "C", sp.csr_array(np.diag([1.0, 0.0])), True, {"x": 1}),
+             Term("second", "C", sp.csr_array(np.diag([0.0, 1.0])), True, {"y": 1}))  # fmt: skip
+    axes = (Scaled("x", 0.0, 1.0), Scaled("y", 0.0, 1.0))
+    asked = []
+
+    def modes_at(x, y):
+        asked.append((x, y))
+        return solve_dense(Problem(terms, {"x": x, "y": y}).pencil())
+
+    side = np.linspace(0.1, 1.0, 5)
+    search = Stiffness(axes, modes_at)
+    assert not list(_minima(search, axes, (side, side))) and len(asked) == 25
