@@ -98,13 +98,14 @@ class Stiffness(Gap):
         return float(np.sqrt(max(-gap, 0.0)))
 
     def is_promising(self, g: float, around: dict[tuple[int, int], float]) -> bool:
-        """Return whether θ is larger on both sides along an axis, and along no axis of both sides on one side alone.
+        """Return whether θ rises along each axis, to one side at least, where a place has neighbours on both.
 
         No parabola tells, since θ of another mode caps the smallest one at the neighbours. Where θ stays the same along
-        an axis, or falls towards an edge of the map, no closed island is there.
+        an axis, or falls towards a corner of the map, no closed island is there. An island amid nodes has the same θ at
+        several of them.
         """
         sides = [(around.get((-i, -j)), around.get((i, j))) for i, j in ((1, 0), (0, 1))]
-        whole = [min(a, b) for a, b in sides if a is not None and b is not None]
+        whole = [max(a, b) for a, b in sides if a is not None and b is not None]
         return bool(whole) and min(whole) > (1 + _RISES) * g
 
     def frequency(self, s: np.ndarray, omega: float) -> float:

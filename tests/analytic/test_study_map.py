@@ -242,10 +242,11 @@ def test_where_modes_cross_the_error_of_a_model_is_no_instability():
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.05])
-@pytest.mark.parametrize("axes", [(0.09, 0.09), (0.05, 0.03)])
-def test_an_island_of_divergence_between_the_lines_of_the_grid(axes, damping):
-    """A stiffness that is negative inside an ellipse around (0.52, 0.47), which no line of the grid crosses."""
-    a, b, x, y = *axes, 0.52, 0.47
+@pytest.mark.parametrize("axes, centre", [((0.09, 0.09), (0.52, 0.47)), ((0.05, 0.03), (0.52, 0.47)),
+                                          ((0.05, 0.05), (0.5, 0.5))])  # fmt: skip
+def test_an_island_of_divergence_between_the_lines_of_the_grid(axes, centre, damping):
+    """A stiffness that is negative inside an ellipse, which no line of the grid crosses; also one amid four nodes."""
+    a, b, x, y = *axes, *centre
 
     def spring(name, value, powers):
         return Term(name, "K", sp.csr_array(np.diag([value, 0.0])), True, powers)
