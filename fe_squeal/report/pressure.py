@@ -31,6 +31,7 @@ from fe_squeal.report.shapes import Floats, axis_frame
 
 MAX_COLUMNS = 3
 FACE_INCHES = 3.6  # length of the longer side of a face, in
+DRAWINGS = 5  # at most, until everything is inside the picture
 PIXELS = 500  # pixels along the longer side of a face
 COLOURS, OPEN_COLOUR, PULLING_COLOUR = "viridis", "0.78", "tab:red"
 LARGEST_TRIANGLE = 1.25  # times the mean area that its corners stand for: a larger triangle is not on the face
@@ -95,8 +96,14 @@ def pressure_figure(contacts: Mapping[str, ContactFace], title: str = "") -> Fig
                            label="sliding of the counterface"))  # fmt: skip
     if keys:
         figure.legend(handles=keys, loc="outside lower center", ncols=len(keys), fontsize=9, frameon=False)
-    # Faces keep their shape, and so become smaller than their panels: the colour bar finds its place the second time.
-    figure.draw_without_rendering()
+    # Faces keep their shape, and so become smaller than their panels: each drawing moves the colour bar a little. The
+    # first places that are inside the picture are kept.
+    for _ in range(DRAWINGS):
+        figure.draw_without_rendering()
+        drawn = figure.get_tightbbox()
+        if drawn.x0 >= 0 and drawn.y0 >= 0 and drawn.x1 <= figure.bbox_inches.x1 and drawn.y1 <= figure.bbox_inches.y1:
+            figure.set_layout_engine("none")
+            break
     return figure
 
 
