@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from deck_scenes import deck, written
 
+import fe_squeal
 from fe_squeal.decks.scene import draft_of, scene_of
+from fe_squeal.errors import SceneError
 
 PAIR = "*Contact Pair, interaction=PADS\nbottom_pad, top\n"
 SECOND = "*Surface Interaction, name=BACK\n*Surface Behavior, pressure-overclosure=LINEAR\n1500.\n"
@@ -24,6 +28,25 @@ def test_tied_contact_pairs_are_ties(tmp_path):
     assert scene.contacts[0].kind == "tied" and scene.effects.on.keys() == by_tie.effects.on.keys()
     assert scene.contacts[0].normal_stiffness == by_tie.contacts[0].normal_stiffness
     assert changes(draft) == ["*Contact Pair, TIED"]
+
+
+@pytest.mark.parametrize(("pair", "closed"), [
+    ("*Contact Pair, interaction=PADS, adjust=0.8", 0.8e-3), ("*Tie, name=T, position tolerance=0.8", 0.8e-3),
+    ("*Contact Pair, interaction=PADS, adjust=0.01", None), ("*Contact Pair, interaction=PADS, adjust=N_top", None),
+    ("*Contact Pair, interaction=PADS", None),
+])  # fmt: skip
+def test_gaps_that_a_deck_closes_are_closed(tmp_path, pair, closed):
+    """The two meshes are 0.6 mm apart, more than 2 % of a facet of 15 mm by 20 mm; 0.01 mm would be less than that."""
+    text = deck().replace("*Contact Pair, interaction=PADS", pair)
+    scene, _ = scene_of(written(tmp_path, text))
+    assert scene.contacts[0].gap_tolerance == closed
+    apart = re.sub(r"^(1\d{4}, [^,]+, [^,]+, )([\d.]+)$", lambda m: f"{m[1]}{float(m[2]) + 0.6}", text, flags=re.M)
+    scene, _ = scene_of(written(tmp_path, apart, "apart.inp"))
+    if closed:
+        fe_squeal.assemble(scene).pencil()
+    else:
+        with pytest.raises(SceneError, match="do not touch"):
+            fe_squeal.assemble(scene).pencil()
 
 
 def test_contacts_without_separation_stay_closed(tmp_path):

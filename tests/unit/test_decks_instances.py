@@ -102,6 +102,17 @@ def test_masses_of_one_name(tmp_path):
     assert [(r["surface"], r["mass"]) for r in rigid] == [("A-1.top_P", 1.0), ("B-1.top_P", 5.0)]
 
 
+def test_couplings_of_a_part_are_in_each_of_its_instances(tmp_path):
+    """Each has its own reference node, at its own place, and all that acts on it."""
+    own = mass(1e-3) + "*Boundary\nREF, 1, 2\n"
+    text = assembly({"A": own}, more="*Instance, name=A-2, part=A\n0., 0., 300.\n*End Instance\n")
+    rigid, draft = tables(tmp_path, text, "rigid")
+    assert not draft.missing
+    assert [(r["surface"], r["mass"], r["fixed"]) for r in rigid] == [(f"A-{i}.top_P", 1.0, "x y") for i in (1, 2)]
+    assert [r["reference"] for r in rigid] == [[0.05, 0.025, 0.06], [0.05, 0.025, 0.36]]
+    assert len({r["name"] for r in rigid}) == 2
+
+
 @pytest.mark.parametrize(("axes", "more", "direction"), [
     (orientation(X, Y), ", orientation=Ori-1", list(Y)), (orientation(Y, Z), ", orientation=Ori-1", [-1.0, 0.0, 0.0]),
     ("", "", list(X)),

@@ -6,10 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from deck_texts import deck_of
 from mesh_measures import area, centre, volume
 
 from fe_squeal.errors import MeshError
 from fe_squeal.mesh import load_mesh, surface_group, volume_group
+from fe_squeal.mesh.readers.abaqus.read import read_abaqus
+from fe_squeal.mesh.readers.sources import Sources
+from meshes import box
 
 DATA = Path(__file__).parents[1] / "data"
 TET = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n4, 0, 0, 1\n*ELEMENT, TYPE=C3D4, ELSET=E\n1, 1, 2, 3, 4\n"
@@ -188,7 +192,7 @@ def test_includes_and_inputs_are_followed(tmp_path):
     (TET + "*ELSET, ELSET=A\n7\n", '"A" refers to number 7, which is none of the elements'),
     (TET + "*NSET, NSET=A, GENERATE\n4, 1\n", "GENERATE takes first, last and step"),
     (TET + "*NSET\n1\n", r"\*NSET without a name"),
-    (TET + "*NSET, NSET=A, ELSET=BODY\n", r"\*NSET of the nodes of an element set is not read; expected the numbers"),
+    (TET + "*NSET, NSET=A, ELSET=EE\n", 'set "A" refers to element set "EE", which does not exist; did you mean "E"'),
     (TET + "*SURFACE, NAME=F\nE, S5\n", r'face "S5" does not exist on a solid with 4 faces; expected S1 \.\.\. S4'),
     (TET + "*SURFACE, NAME=F\nEE, S1\n", '"F" refers to element set "EE", which does not exist; did you mean "E"'),
     ("*INSTANCE, NAME=A, PART=P\n*END INSTANCE\n", 'instance "A" is of part "P", which does not exist'),
@@ -199,6 +203,27 @@ def test_what_is_refused(tmp_path, text, message):
     with pytest.raises(MeshError, match=message) as caught:
         written(tmp_path, text)
     assert str(caught.value).startswith("a.inp:") and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", ["hex1", "hex2", "tet2"])
+def test_nodes_of_an_element_set(tmp_path, kind):
+    """Of the first element alone, midside nodes too: of a part, and of one of its instances."""
+    text = deck_of(box(kind, (2, 1, 1), name="P"))
+    own = "*Elset, elset=FIRST\n1\n*Nset, nset=OF, elset=FIRST\n"
+    placed = "*Instance, name=A-1, part=A\n0., 0., 3.\n*End Instance\n"
+    both = "*Nset, nset=ALL, instance=A-1, elset=FIRST\n*Nset, nset=ALL\nA-1.OF\n"
+    text = f"*Part, name=A\n{text}{own}*End Part\n*Assembly, name=X\n{placed}{both}*End Assembly\n"
+    (tmp_path / "a.inp").write_text(text)
+    raw = read_abaqus(Sources(tmp_path / "a.inp"))
+    first = next(np.unique(block.nodes[0][block.nodes[0] >= 0]) for block in raw.blocks)
+    for name in ("A-1.OF", "ALL"):
+        np.testing.assert_array_equal(raw.node_groups[name], first)
+
+
+def test_nodes_of_springs_are_not_those_of_an_element_set(tmp_path):
+    springs = "*ELEMENT, TYPE=SPRING1, ELSET=S\n7, 1\n*ELSET, ELSET=BOTH\nE, S\n*NSET, NSET=N, ELSET=BOTH\n"
+    with pytest.raises(MeshError, match=r'"N" is of the nodes of element set "BOTH", which has elements that'):
+        written(tmp_path, TET + springs)
 
 
 def test_cylindrical_nodes(tmp_path):

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import MeshError, suggest
+from ...fem.contact import GAP_TOLERANCE
 from ...mesh.measures import area_of
 from ...mesh.readers.abaqus.model import Statement
 from ..draft import Table, Value, plain_name
-from .content import Content, Interaction, Pair, fields, spoken
+from .content import Content, Interaction, Pair, fields, real, spoken
 from .general import add_general_pairs
 from .materials import clean
 from .motions import Motion, moving_surfaces, relative_motion
@@ -90,6 +91,7 @@ def read_pair(content: Content, statement: Statement) -> None:
     if "TIED" in block.parameters:
         keyword += ", TIED"
     pairs = content.pairs if keyword == "*Contact Pair" else content.ties
+    reach = _reach(content, statement)
     for line in block.lines:
         names = [part for part in fields(line) if part]
         if len(names) < 2:
@@ -97,7 +99,16 @@ def read_pair(content: Content, statement: Statement) -> None:
             content.draft.find(keyword, content.where(statement), text, "missing")
             continue
         where = content.where(statement)
-        pairs.append(Pair(names[0], names[1], block.value("INTERACTION"), block.value("NAME"), where, keyword))
+        pairs.append(Pair(names[0], names[1], block.value("INTERACTION"), block.value("NAME"), where, keyword, reach))
+
+
+def _reach(content: Content, statement: Statement) -> float:
+    """Return up to which distance ADJUST of a pair or POSITION TOLERANCE of a tie closes gaps; 0 if none is given."""
+    word = "POSITION TOLERANCE" if statement.block.keyword == "TIE" else "ADJUST"
+    try:
+        return real(statement.block.value(word))
+    except ValueError:  # none, or a set of nodes to be moved
+        return 0.0
 
 
 def write_contacts(content: Content) -> float | None:
@@ -191,6 +202,8 @@ def _named(content: Content, pair: Pair, names: list[str], taken: list[str]) -> 
     name = plain_name(pair.name or f"{names[0]}_on_{names[1]}", taken)
     taken.append(name)
     values: dict[str, Value] = {"name": name, "surface": names[0], "counterface": names[1]}
+    if pair.reach > GAP_TOLERANCE * _facet_size(content, names[0]):  # else what is closed by itself is more
+        values["gap_tolerance"] = clean(pair.reach * content.units.length)
     return content.draft.add("contacts", is_entry=True, values=values)
 
 
@@ -202,12 +215,17 @@ def _suggested(content: Content, names: list[str], what: str) -> float:
     """Return a stiffness per area, in the deck's units, that is high beside that of the softer side's elements."""
     mesh, found = content.loaded.mesh, []
     for name in names:
-        facets = np.asarray((mesh.boundaries or {})[name])
-        size = np.sqrt(area_of(mesh, facets)[0] / len(facets))
-        moduli = _moduli(content, mesh.f2t[0, facets])
-        found.append(min(moduli, default=0.0) / size)
+        moduli = _moduli(content, mesh.f2t[0, np.asarray((mesh.boundaries or {})[name])])
+        found.append(min(moduli, default=0.0) / _facet_size(content, name))
     soft = min((x for x in found if x > 0), default=0.0)
     return clean(float(f"{_STIFF[what] * soft:.6g}")) or 1.0
+
+
+def _facet_size(content: Content, surface: str) -> float:
+    """Return the root of the mean area of a surface's facets, in the deck's unit of length."""
+    mesh = content.loaded.mesh
+    facets = np.asarray((mesh.boundaries or {})[surface])
+    return float(np.sqrt(area_of(mesh, facets)[0] / len(facets)))
 
 
 def _moduli(content: Content, elements: np.ndarray) -> list[float]:

@@ -54,7 +54,10 @@ class Interaction:
 
 @dataclass(frozen=True)
 class Pair:
-    """One contact pair or tie, by its keyword: its surfaces as the deck writes them."""
+    """One contact pair or tie, by its keyword: its surfaces as the deck writes them.
+
+    Gaps up to `reach`, in the deck's unit of length, are closed before anything is solved.
+    """
 
     first: str
     second: str
@@ -62,6 +65,7 @@ class Pair:
     name: str
     where: str
     keyword: str = "*Contact Pair"
+    reach: float = 0.0
 
 
 @dataclass

@@ -67,7 +67,7 @@ BECOMES: dict[str, str] = {
     "*Spring, *Dashpot": "`[[springs]]` of SPRING1, SPRING2, SPRINGA and DASHPOT1, 2, A; between a solid and a node"
     " that is held: to ground",
     "*Contact Pair": "`[[contacts]]`; the side that `*Motion` moves is the counterface, whichever is slave;"
-    " `TIED`: as `*Tie`",
+    " `TIED`: as `*Tie`; a distance under `ADJUST`: `gap_tolerance`",
     "*Contact Inclusions, *Contact Property Assignment": "`[[contacts]]` of the pairs that are named; of all others"
     " that touch they are asked for",
     "*Surface Interaction": "for its pairs",
@@ -76,7 +76,8 @@ BECOMES: dict[str, str] = {
     "*Change Friction": "the last `*Friction` counts",
     "*Surface Behavior": "`PRESSURE-OVERCLOSURE=LINEAR`: `normal_stiffness`; of other kinds it is asked for, with a"
     " suggestion; `NO SEPARATION` of all contacts: `lift_off = false` of a preload",
-    "*Tie": "a contact of `kind = \"tied\"` with 100 E/h of the softer side",
+    "*Tie": "a contact of `kind = \"tied\"` with 100 E/h of the softer side; `POSITION TOLERANCE`:"
+    " `gap_tolerance`",
     "*Coupling, *Kinematic, *Kinematic Coupling": "`[[rigid]]`, with what acts on the reference node: `*Boundary`,"
     " springs, `*Mass`, `*Rotary Inertia`; `INFLUENCE RADIUS` is asked for where it leaves out nodes",
     "*Distributing, *Distributing Coupling": "`[[averaged]]`, all of the surface or all nodes with the same weight",

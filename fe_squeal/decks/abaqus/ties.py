@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...errors import MeshError
@@ -125,7 +127,7 @@ def find_ties(content: Content) -> dict[int, TieData]:
     MeshError
     """
     found: dict[int, TieData] = {}
-    for tie in content.ties_to_points:
+    for tie in (placed for written in content.ties_to_points for placed in _in_each_instance(content, written)):
         if not tie.reference[0]:  # a rigid body without a node of its own
             found[-1 - len(found)] = tie
             continue
@@ -143,6 +145,20 @@ def find_ties(content: Content) -> dict[int, TieData]:
             continue
         found[row] = tie
     return found
+
+
+def _in_each_instance(content: Content, tie: TieData) -> list[TieData]:
+    """Return the tie of a part once for each of its instances, named by them; any other as it is."""
+    keys = content.placements(tie.reference[1])
+    if len(keys) < 2:
+        return [tie]
+    return [
+        replace(
+            tie, name=f"{content.assembly.instances[key].name}_{tie.name}", reference=(tie.reference[0], key),
+            members=[(name, key) for name, _ in tie.members], springs=list(tie.springs),
+        )
+        for key in keys
+    ]  # fmt: skip
 
 
 def write_ties(content: Content, ties: dict[int, TieData]) -> None:

@@ -82,7 +82,7 @@ def place_model(model: DeckModel, source: str) -> tuple[RawMesh, ModelSets]:
         tuple(prefixes),
         ignore_case=True,
     )
-    assembly = ModelSets(source, own, instances, np.vstack(skins))
+    assembly = ModelSets(source, own, instances, np.vstack(skins), tuple(blocks))
     return with_groups(raw, assembly), assembly
 
 

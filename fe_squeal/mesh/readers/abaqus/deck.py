@@ -52,12 +52,8 @@ def parse_model(sources: Sources) -> DeckModel:
         word = block.keyword
         if word not in _MESH:
             model.statements.append(Statement(block, scope.name.upper()))
-        if word == "NSET" and block.value("ELSET"):
-            raise MeshError(
-                f"{source}: {block.where}: *NSET of the nodes of an element set is not read; expected the numbers of"
-                " the nodes"
-            )
-        if word in _FILLED and not block.lines:
+        of_elements = word == "NSET" and block.value("ELSET")
+        if word in _FILLED and not block.lines and not of_elements:
             raise MeshError(
                 f"{source}: {block.where}: *{word} has no data lines; expected what it promises, or to be left out"
             )
@@ -88,8 +84,11 @@ def parse_model(sources: Sources) -> DeckModel:
                 raise MeshError(f"{source}: {block.where}: *{word} without a name; expected {word}=name")
             generate = "GENERATE" in block.parameters
             items = block.lines if generate else [item for line in block.lines for item in entries(line)]
-            member = Members(items, generate, block.value("INSTANCE"))
-            scope.sets.setdefault((word, scope.remember(word, name)), []).append(member)
+            blocks = scope.sets.setdefault((word, scope.remember(word, name)), [])
+            if of_elements:
+                blocks.append(Members([of_elements], False, block.value("INSTANCE"), of_elements=True))
+            if items:
+                blocks.append(Members(items, generate, block.value("INSTANCE")))
         elif word == "SURFACE":
             name = block.value("NAME")
             if not name:

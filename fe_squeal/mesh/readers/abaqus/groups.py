@@ -55,6 +55,7 @@ def with_groups(raw: RawMesh, assembly: ModelSets) -> RawMesh:
                 nodes[name] = np.union1d(nodes.get(name, rows), rows)
         for key, spelled in placed.names("ELSET").items():
             rows = assembly.members("ELSET", placed, spelled)
+            rows = rows[rows != -1]
             for name in names_of(placed, "ELSET", key, spelled):
                 solid = rows[rows >= 0]
                 volumes[name] = np.union1d(volumes.get(name, solid), solid)

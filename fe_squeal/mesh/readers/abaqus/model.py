@@ -12,11 +12,15 @@ from .text import KeywordBlock
 
 @dataclass(frozen=True)
 class Members:
-    """One *NSET or *ELSET as it is written: its entries (numbers and names), or with GENERATE its data lines."""
+    """One *NSET or *ELSET as it is written: its entries (numbers and names), or with GENERATE its data lines.
+
+    With `of_elements` it is a *NSET of all nodes of element sets.
+    """
 
     items: list[str]
     generate: bool
     instance: str
+    of_elements: bool = False
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from fe_squeal.errors import MeshError, suggest
 
-from ...raw import Ints, rows_of
+from ...raw import CellBlock, Ints, rows_of
 from .model import Members, Scope
 from .text import LARGEST, entries, is_label, label_of
 
@@ -39,8 +39,10 @@ class Located:
 class ModelSets:
     """Looks up sets and surfaces by name over all instances."""
 
-    def __init__(self, source: str, own: Located, instances: dict[str, Located], skins: Ints) -> None:
-        self.source, self.own, self.instances, self.skins = source, own, instances, skins
+    def __init__(
+        self, source: str, own: Located, instances: dict[str, Located], skins: Ints, blocks: tuple[CellBlock, ...]
+    ) -> None:
+        self.source, self.own, self.instances, self.skins, self.blocks = source, own, instances, skins, blocks
 
     def skin_of(self, rows: Ints) -> list[Ints]:
         """Return the corners (f, 3) and (f, 4) of the shells among positions (n,) of elements, see `Located.rows`."""
@@ -61,6 +63,9 @@ class ModelSets:
         parts = [np.empty(0, np.int64)]
         for member in placed.sets(word, name):
             home = self._instance(member.instance, f'set "{name}"') if member.instance else placed
+            if member.of_elements:
+                parts += [self._nodes_of(home, item, name) for item in member.items]
+                continue
             if member.generate:
                 parts.append(self._rows(word, home, _generated(member.items, name, self.source), name, strict=False))
                 continue
@@ -121,6 +126,22 @@ class ModelSets:
             )
         return self.instances[name.upper()]
 
+    def _nodes_of(self, placed: Located, elements: str, name: str) -> Ints:
+        """Return the positions (n,) of the nodes of an element set, all of which have to be solids."""
+        rows = self.find("ELSET", placed, elements, f'set "{name}"')
+        if (rows < 0).any() or not len(rows):
+            raise MeshError(
+                f'{self.source}: node set "{name}" is of the nodes of element set "{elements}", which has elements that'
+                " are no solids; expected solids alone, or the numbers of the nodes"
+            )
+        found, first = [np.empty(0, np.int64)], 0
+        for block in self.blocks:
+            inside = rows[(rows >= first) & (rows < first + len(block))] - first
+            found.append(block.nodes[inside].ravel())
+            first += len(block)
+        nodes = np.unique(np.concatenate(found))
+        return nodes[nodes >= 0]
+
     def _rows(self, word: str, placed: Located, wanted: Ints, name: str, strict: bool = True) -> Ints:
         found = rows_of(wanted, placed.labels[word])
         if strict and (found < 0).any():
@@ -129,8 +150,7 @@ class ModelSets:
                 f'{self.source}: "{name}" refers to number {wanted[found < 0][0]}, '
                 f"which is none of the {_ROW[word]}{where}"
             )
-        rows = placed.rows[word][found[found >= 0]]
-        return rows[rows != -1]
+        return placed.rows[word][found[found >= 0]]
 
 
 def _generated(lines: list[str], name: str, source: str) -> Ints:
