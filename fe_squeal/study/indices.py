@@ -25,10 +25,12 @@ def first_order(x: np.ndarray, y: np.ndarray) -> Interval:
     The samples are sorted by X. Neighbours have nearly the same X, so that their Y differ by what the other numbers do:
     half the mean square difference estimates E[Var(Y | X)], however steep E[Y | X] is and however many samples have the
     same X (as F. Gamboa, P. Gremaud, T. Klein, A. Lagnoux, Bernoulli 28, 2022, with products of Y). Pairs farther apart
-    are as good where E[Y | X] is smooth, and there are more of them: the widest neighbourhood is taken that agrees with
-    all narrower ones within their errors (O. Lepski). An error is from random halves of the samples, about the estimate
-    from all of them, and so has the bias of both. Where a few samples alone make Y vary, as a rare instability, nothing
-    is known.
+    are as good where E[Y | X] is smooth, and there are more of them. Too wide a neighbourhood only makes the index
+    smaller, by the slope of E[Y | X] in it, and so does too narrow a one of Sobol points, which are laid so that
+    neighbours in X are far apart in the other numbers: in a neighbourhood of w samples by (1 - index)/w at most. So the
+    width is taken whose index has the highest lower bound. An error is from random halves of the samples, about the
+    estimate from all of them, and so has the bias by the slope too. Where a few samples alone make Y vary, as a rare
+    instability, nothing is known.
 
     Parameters
     ----------
@@ -58,11 +60,10 @@ def first_order(x: np.ndarray, y: np.ndarray) -> Interval:
     known = np.isfinite(parts[:, 0])
     if known.sum() < 2:
         return float(whole[0]), np.nan
-    errors = _HALF * np.sqrt(((parts[known] - whole) ** 2).mean(axis=0))
-    chosen = 0
-    while chosen + 1 < len(widths) and (np.abs(whole[chosen + 1] - whole) <= errors)[: chosen + 1].all():
-        chosen += 1
-    return float(whole[chosen]), float(np.hypot(errors[chosen], whole[chosen] - whole[0]))
+    laid = (1 - whole) / widths
+    best = int(np.argmax(whole - np.hypot(_HALF * parts[known].std(axis=0), laid)))
+    error = _HALF * np.sqrt(((parts[known, best] - whole[best]) ** 2).mean())
+    return float(whole[best]), float(np.hypot(error, laid[best]))
 
 
 def _of_neighbours(y: np.ndarray, widths: np.ndarray) -> np.ndarray:

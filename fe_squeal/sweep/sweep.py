@@ -217,7 +217,11 @@ def _checked(problem: Problem, parameter: str, values: Sequence[float] | np.ndar
                 )
     if len(grid) > 1:
         problem.value(parameter)  # raises SceneError if the problem does not have it
-    if problem.source is not None and problem.is_affine(parameter):  # else the scene is asked at every value anyway
-        for end in {float(grid[0]), float(grid[-1])} - {0.0}:  # with 0 a term is not there, whatever the scene says
-            problem.source.check(dict.fromkeys(paths_of(parameter), end))
+    if problem.source is not None:
+        # Of what multiplies terms, with 0 a term is not there, whatever the scene says, and between the ends is what
+        # the ends allow. Of anything else any value may be one that the scene does not allow.
+        inside = set() if len(grid) == 1 else set(grid.tolist())
+        asked = {float(grid[0]), float(grid[-1])} - {0.0} if problem.is_affine(parameter) else inside
+        for value in sorted(asked):
+            problem.source.check(dict.fromkeys(paths_of(parameter), value))
     return grid

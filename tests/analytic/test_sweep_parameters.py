@@ -15,7 +15,7 @@ from fe_squeal.errors import SceneError
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.sensitivity import sensitivities
 from fe_squeal.problem.terms import Term
-from meshes import BELT, box, modes_of
+from meshes import BELT, box, make_problem, modes_of
 
 PATHS = [
     ("mu", 0.2, 0.5),
@@ -176,3 +176,17 @@ def test_a_sweep_across_the_pole_of_a_negative_power_is_refused():
     terms = Term("mass", "M", one, True), Term("elastic", "K", one, True), Term("push", "K", skew, False, {"p": -1})
     with pytest.raises(SceneError, match=r"p from -1 to 1, of which push has a negative power"):
         sweep(Problem(terms, {"p": 1.0}), [-1.0, 1.0], "p", modes=2)
+
+
+def test_a_value_inside_the_sweep_that_the_scene_refuses_is_told_before_anything_is_solved():
+    """A sliding speed of 0 has no direction, and lies between −1 and 1."""
+    problem = make_problem(
+        box("hex1", (2, 1, 1), (0.08, 0.04, 0.015)),
+        materials={"lining": {"youngs_modulus": 2e9, "poisson_ratio": 0.25, "density": 2600.0}},
+        contacts=[{"name": "belt", "surface": "bottom", "counterface": "rigid", "normal_stiffness": 1e10,
+                   "sliding": BELT}],
+        effects={"friction": {"mu": 0.4}, "friction_damping": {"contact_pressure": 1e5}},
+    )  # fmt: skip
+    values = np.linspace(-1.0, 1.0, 5)
+    with pytest.raises(SceneError, match=r"speed: given 0\.0"):
+        sweep(problem, values, "contacts.belt.sliding.speed", modes=4, progress=lambda done, of: pytest.fail("solved"))

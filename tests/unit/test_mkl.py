@@ -97,6 +97,9 @@ def test_interpolated_complex_problems_have_terms_without_gaps():
     terms = (Term("m", "M", one, True), Term("k", "K", one, True), Term("l", "K", loss, True, imaginary=True))
 
     class Moving:
+        def check(self, values):
+            pass
+
         def number(self, path):
             return 9.0
 
