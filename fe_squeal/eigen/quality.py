@@ -20,6 +20,8 @@ __all__ = ["ROUNDING", "backward_errors", "in_upper_half", "modes_from_lambda", 
 
 _ONE_FREQUENCY = 1e-9  # of a frequency: modes whose frequencies are closer than this are put in order by growth rate
 
+_ENOUGH = 0.5  # of |Im λ|: what losses change less does not swing by them alone
+
 
 def modes_from_theta(
     pencil: Pencil, theta: np.ndarray, right: np.ndarray, left: np.ndarray, method: str, second_order: bool = False
@@ -59,7 +61,7 @@ def modes_from_theta(
     condition = _over(amplification, 2 * np.abs(theta))
     if pencil.is_complex:
         divergent = np.zeros(0, dtype=int)
-        u_re = _outside_the_law(lam, u_re)
+        u_re = _outside_the_law(pencil, lam, right, left, u_re, 2 * np.abs(lam))
     else:
         real = (np.abs(lam.imag) <= u_re) & (np.abs(lam.real) > u_re) & (theta.imag == 0)
         divergent = np.flatnonzero(~rigid & real)
@@ -107,7 +109,7 @@ def modes_from_lambda(
     lam, u = np.where(rigid, 0.0, lam), np.where(rigid, rounding, u)
     if pencil.is_complex:
         lam = np.where(_is_real(lam, pencil.n), lam.real, lam)
-        u = _outside_the_law(lam, u)
+        u = _outside_the_law(pencil, lam, right, left, u, np.ones(len(lam)))
     order = _by_frequency(lam, u)
     if pencil.is_complex:
         order = order[lam[order].imag >= 0]
@@ -177,14 +179,30 @@ def _is_real(lam: np.ndarray, n: int) -> np.ndarray:
     return np.asarray(np.abs(lam.imag) <= n * np.finfo(float).eps * np.abs(lam))
 
 
-def _outside_the_law(lam: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Return re_uncertainty of a complex K: at least |λ| where |Re λ| ≥ |Im λ|, so that such a mode is marginal.
+def _outside_the_law(
+    pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray, u: np.ndarray, slope: np.ndarray
+) -> np.ndarray:
+    """Return re_uncertainty of a complex K: more than `u` where |Re λ| ≥ |Im λ|, of which its law says nothing.
 
-    K(1 + iη) holds for Im λ > 0 and its conjugate for Im λ < 0; of motion that does not oscillate it says nothing. For
-    θ near the negative real axis the sign of Im θ, however small, decides whether the root in the upper half plane
-    grows or decays: that follows from where the law is cut off, not from the brake.
+    K(1 + iη) holds for Im λ > 0 and its conjugate for Im λ < 0; of motion that does not oscillate it says nothing.
+    There λ is uncertain by all that the losses change of it, |ψᴴ(Im K)φ|/slope. Where that is no less than about
+    |Im λ|, as of a θ near the negative real axis, the sign of Im θ, however small, decides whether the root in the
+    upper half plane grows or decays: that follows from where the law is cut off, not from the brake, and λ is uncertain
+    by |λ|.
+
+    Parameters
+    ----------
+    lam, u, slope : (k,)
+        The slope is ψᴴ(∂(λ²M + λC + K)/∂λ)φ.
+    right, left : (n, k)
     """
-    return np.where(np.abs(lam.real) >= np.abs(lam.imag), np.maximum(u, np.abs(lam)), u)
+    beyond = np.flatnonzero(np.abs(lam.real) >= np.abs(lam.imag))
+    if len(beyond):
+        size, u = np.abs(lam[beyond]), u.copy()
+        effect = np.abs(np.einsum("ij,ij->j", left[:, beyond].conj(), lift(pencil.K.imag, right[:, beyond])))
+        effect = _over(effect, slope[beyond])
+        u[beyond] = np.fmax(u[beyond], np.where(effect < _ENOUGH * np.abs(lam.imag[beyond]), effect, size))
+    return u
 
 
 def _perturbation(

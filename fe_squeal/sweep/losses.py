@@ -9,11 +9,12 @@ from ..eigen.growth import may_grow_dense
 from ..eigen.pencil import Modes, Pencil
 
 _SMALL = 800  # unknowns up to which real eigenvalues are looked for without losses
+_REAL = 1e-9  # of |λ|: an imaginary part that is smaller is rounding
 _RATE = 1e-6  # of the largest |λ|: growth that is slower is rounding
 
 
 def growth_beyond(pencil: Pencil, modes: Modes) -> float:
-    """Return the largest growth rate, 1/s, of motions that do not swing, or grow as fast as they swing; 0 for none.
+    """Return the largest growth rate, 1/s, of motions that swing, if at all, by their losses alone; 0 for none.
 
     K(1 + iη) is a law of oscillations, so that such modes count as marginal, see `quality`. Without dampers one that
     decays so has a partner that grows. With dampers it may be overdamped, and whether something diverges is looked for
@@ -27,7 +28,8 @@ def growth_beyond(pencil: Pencil, modes: Modes) -> float:
     """
     lam = modes.lam
     least = _RATE * float(np.abs(lam).max(initial=0.0))
-    beyond = lam[(np.abs(lam.real) >= np.abs(lam.imag)) & (np.abs(lam) > least)]
+    unsure = modes.re_uncertainty >= np.abs(lam.real)
+    beyond = lam[unsure & (np.abs(lam.real) >= np.abs(lam.imag)) & (np.abs(lam) > least)]
     found = float((np.abs(beyond.real) if pencil.C is None else beyond.real).max(initial=0.0))
     if found <= least and pencil.n <= _SMALL:
         full = pencil.dense()
@@ -35,15 +37,15 @@ def growth_beyond(pencil: Pencil, modes: Modes) -> float:
         C = None if full.C is None else np.asarray(full.C).real
         # Where the symmetric part of K is positive nothing diverges, and every θ has a positive real part.
         if may_grow_dense(M, C, K.real, max(least, np.finfo(float).tiny)):
-            found = _fastest(M, K) if C is None else _largest_real(M, C, K.real, least)
+            found = _fastest(M, K.real) if C is None else _largest_real(M, C, K.real, least)
     return found if found > least else 0.0
 
 
 def _fastest(M: np.ndarray, K: np.ndarray) -> float:
-    """Return the largest |Re λ| of λ²M + K that is no less than |Im λ|, 0 where there is none."""
+    """Return the largest real λ of λ²M + K, 0 where there is none."""
     theta = la.eigvals(K, M)
-    lam = np.sqrt(-theta[np.isfinite(theta)].astype(complex))
-    return float(np.abs(lam.real[np.abs(lam.real) >= np.abs(lam.imag)]).max(initial=0.0))
+    real = theta.real[np.isfinite(theta) & (np.abs(theta.imag) <= _REAL * np.abs(theta)) & (theta.real < 0)]
+    return float(np.sqrt(-real).max(initial=0.0))
 
 
 def _largest_real(M: np.ndarray, C: np.ndarray, K: np.ndarray, least: float) -> float:
@@ -51,5 +53,5 @@ def _largest_real(M: np.ndarray, C: np.ndarray, K: np.ndarray, least: float) -> 
     n = len(M)
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]])
     lam = la.eigvals(A, la.block_diag(np.eye(n), M))
-    real = lam.real[np.isfinite(lam) & (np.abs(lam.imag) <= 1e-9 * np.abs(lam)) & (lam.real > least)]
+    real = lam.real[np.isfinite(lam) & (np.abs(lam.imag) <= _REAL * np.abs(lam)) & (lam.real > least)]
     return float(real.max(initial=0.0))

@@ -38,13 +38,31 @@ def test_divergence_beside_losses(damping, method):
     assert onset.value == pytest.approx(1.0, abs=1e-6) and onset.kind == "divergence"
 
 
-def test_strong_flutter_beside_losses():
-    """λ = 0.70 + 0.21j of friction grows faster than it swings, whatever the loss; a study says what that means."""
+def strong(loss):
+    """λ = ±0.70 ± 0.21j of friction, which grows faster than it swings, at p = 1.5."""
     parts = (term("mass", "M", np.eye(2)), term("elastic", "K", -0.45 * np.eye(2)),
              term("push", "K", [[0.0, 0.2], [-0.2, 0.0]], {"p": 1}, symmetric=False),
-             term("loss", "K", 1e-9 * np.eye(2), imaginary=True))  # fmt: skip
-    result = fe_squeal.sweep(Problem(parts, {"p": 1.0}), [1.5], "p", modes=2)
+             term("loss", "K", loss * np.eye(2), imaginary=True))  # fmt: skip
+    return Problem(parts, {"p": 1.5})
+
+
+@pytest.mark.parametrize("loss", [1e-9, 1e-3, 0.05])
+def test_strong_flutter_that_losses_hardly_change_is_unstable(loss):
+    """By what they change of it, δλ = loss/(2|λ|), and no more."""
+    result = fe_squeal.sweep(strong(loss), [1.5], "p", modes=2)
+    modes = result.points[0].modes
+    assert modes.stability[modes.lam.real > 0].tolist() == ["unstable"]
+    exact = np.sqrt(0.45 - 0.3j)
+    growing = modes.lam.real > 0
+    assert np.abs(modes.lam[growing] - exact.conjugate()) <= modes.re_uncertainty[growing] * 1.01
+    np.testing.assert_allclose(modes.re_uncertainty[growing], loss / (2 * abs(exact)), rtol=0.1, atol=1e-8)
+    assert not any("loss factors say nothing" in w for w in result.warnings)
+
+
+def test_strong_flutter_that_losses_change_much_is_told():
+    """0.2 of 0.3 in Im θ: a study says what that means."""
+    result = fe_squeal.sweep(strong(0.2), [1.5], "p", modes=2)
     assert any("loss factors say nothing" in w for w in result.unsettled)
     box = {"p": {"uniform": {"low": 1.0, "high": 2.0}}}
-    study = fe_squeal.scatter(Problem(parts, {"p": 1.5}), box, samples=16, indices=False)
+    study = fe_squeal.scatter(strong(0.2), box, samples=16, indices=False)
     assert "loss factors say nothing" in study.solver.why
