@@ -14,6 +14,8 @@ from ..fem.descriptors import ModeDescriber, make_describer
 from ..problem.description import Describer, Description
 from ..problem.terms import Term
 
+_ONE_SIDE = 0.1  # length of the mean of unit normals: of a bore they have no common direction
+
 
 @dataclass(frozen=True)
 class LaterDescriber:
@@ -59,7 +61,9 @@ def describer_of(context: Context, bodies: Mapping[str, np.ndarray]) -> Describe
     assert motion is not None
     masses = {name: body.mass.matrix for name, body in context.bodies.items()}
     if motion.centre is None:
-        normal = sliding[0].operators.normals.mean(axis=0)
+        operators = sliding[0].operators
+        mean = operators.weights @ operators.normals / operators.area
+        normal = mean if np.linalg.norm(mean) > _ONE_SIDE else None
         return LaterDescriber(partial(make_describer, context.space, masses, bodies, (), normal, None))
     same = [part for part in sliding if part.motion is not None and _is_same(part.motion.way, motion.way)]
     carriers = {name for part in same for name in part.carriers}

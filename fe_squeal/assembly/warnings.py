@@ -150,9 +150,9 @@ def warnings_of_contacts(contacts: Mapping[str, ContactPart]) -> list[str]:
                 f"contact {name}: only {100 * c.coverage:.3g} % of the surface lies on its counterface within the"
                 " tolerance"
             )
-        if part.motion is not None and (across := part.motion.across(c.points, c.normals, c.weights)) > _LIFTING:
+        if c.lifting > _LIFTING:
             found.append(
-                f"contact {name}: {100 * across:.0f} % of the counterface's velocity is normal to the surface; a steady"
-                " motion runs along it: check the axis, the centre or the direction of sliding"
+                f"contact {name}: {100 * c.lifting:.0f} % of the counterface's velocity is normal to the surface; a"
+                " steady motion runs along it: check the axis, the centre or the direction of sliding"
             )
     return found

@@ -26,7 +26,8 @@ _BATCH = 200_000  # candidate (point, facet) pairs treated at once
 class ContactOperators:
     """Sparse operators of one contact on the unknowns, at the q points in contact.
 
-    n points out of the counterface into the pad, t along the counterface's velocity relative to the pad, b = n × t.
+    n points out of the counterface into the pad, t along the counterface's velocity relative to the pad, b = n × t. On
+    a curved surface n is across that velocity, see `SteadyMotion.normals_across`.
 
     Attributes
     ----------
@@ -38,6 +39,8 @@ class ContactOperators:
         Distance that the mesh leaves between the surfaces (negative: overlap); treated as closed.
     coverage : float
         Part of the pad's surface that is in contact.
+    lifting : float
+        Which part of the velocity is normal to the surface of the mesh, see `SteadyMotion.across`; 0 without sliding.
     """
 
     gap: sp.csr_array
@@ -49,6 +52,7 @@ class ContactOperators:
     directions: np.ndarray
     separation: np.ndarray
     coverage: float
+    lifting: float = 0.0
 
     @property
     def area(self) -> float:
@@ -93,7 +97,7 @@ def contact_operators(
     """
     parts = 1 if counter_facets is None else _parts(space.mesh, pad_facets, counter_facets)
     pad = space.surface(pad_facets, parts)
-    n = -pad.normals
+    n = -pad.normals if sliding is None else sliding.normals_across(pad.points, -pad.normals)
     values = pad.values
     separation = np.zeros(len(n))
     keep = np.ones(len(n), bool)
@@ -117,7 +121,7 @@ def contact_operators(
         beside = np.where(far, separation, 0.0)[keep, None] * n[keep]
         counter = interpolation(space, hit.elements[keep], hit.reference[:, keep], beside)
         values = values[keep] - counter
-    points, n = pad.points[keep], n[keep]
+    points, n, weights = pad.points[keep], n[keep], pad.weights[keep]
     t = _tangents(n) if sliding is None else sliding.directions(points, n)
     if sliding is not None and not t.any():
         raise SceneError(
@@ -128,12 +132,13 @@ def contact_operators(
         gap=space.along(values, n),
         slip=space.along(values, t),
         cross=space.along(values, np.cross(n, t)),
-        weights=pad.weights[keep],
+        weights=weights,
         points=points,
         normals=n,
         directions=t,
         separation=separation[keep],
-        coverage=float(pad.weights[keep].sum() / pad.area),
+        coverage=float(weights.sum() / pad.area),
+        lifting=0.0 if sliding is None else sliding.across(points, pad.normals[keep], weights),
     )
 
 

@@ -15,6 +15,7 @@ from ..eigen.columns import Columns
 from ..problem.description import Description, shares_by_name, undescribed
 from ..problem.terms import Term
 from .cells import cell_points
+from .element_matrices import nodal_mass
 from .harmonics import Harmonics, fit_harmonics
 from .spaces import DisplacementSpace
 
@@ -89,7 +90,7 @@ class ModeDescriber:
                 factor = float(np.real(term.factor(1.0, parameters)))
                 for total, A in ((along, self.along[term.name]), (whole, self.nodal[term.name])):
                     total += factor * np.einsum("nk,nk->k", shapes.conj(), lift(A, shapes)).real
-        return [float(min(a / w, 1.0)) if w > 0 else None for a, w in zip(along, whole, strict=True)]
+        return [float(np.clip(a / w, 0.0, 1.0)) if w > 0 else None for a, w in zip(along, whole, strict=True)]
 
     def _describe_waves(
         self, harmonics: Harmonics, spectra: np.ndarray, positions: np.ndarray, found: Description
@@ -117,29 +118,31 @@ def make_describer(
     masses: Mapping[str, Any],
     bodies: Mapping[str, np.ndarray],
     turning: tuple[str, ...],
-    axis: np.ndarray,
+    axis: np.ndarray | None,
     centre: np.ndarray | None,
 ) -> ModeDescriber:
     """Return what describes the modes of a discretisation.
 
     Parameters
     ----------
-    masses : mapping of body to its mass matrix (n, n)
+    masses : mapping of body to its mass matrix (n, n), of density 1 kg/m^3
     bodies : mapping of body to (e,) int elements
     turning : tuple of str
         Bodies that turn about the axis; none where nothing with a mesh turns.
-    axis : (3,) float
-        Axis of the rotation, along the angular velocity; for a belt the normal of its contact.
+    axis : (3,) float or None
+        Axis of the rotation, along the angular velocity; for a belt the normal of its contact, None if it has no one.
     centre : (3,) float, m, or None
         A point of the axis; None for a belt.
     """
+    if axis is None:
+        return ModeDescriber(tuple(bodies), {}, {}, None, None)
     axis = np.asarray(axis, float) / np.linalg.norm(axis)
     measured = turning or tuple(bodies)
     size = next(iter(masses.values())).shape[0]
     nodal = np.zeros(size)
-    nodal[: len(space.free)] = 1.0
-    N, P = sp.diags_array(nodal).tocsr(), _along(space, axis, size)
-    along = {f"mass.{b}": with_short_indices(sp.csr_array(P.T @ masses[b] @ P)) for b in measured}
+    nodal[: space.nodal_unknowns] = 1.0
+    N = sp.diags_array(nodal).tocsr()
+    along = {f"mass.{b}": with_short_indices(_along(space, masses[b], bodies[b], axis)) for b in measured}
     plain = {f"mass.{b}": masses[b] if space.bubbles is None else sp.csr_array(N @ masses[b] @ N) for b in measured}
     harmonics, sampled = None, None
     if turning and centre is not None:
@@ -147,21 +150,25 @@ def make_describer(
         harmonics = fit_harmonics(space.coordinates[nodes], weights, axis, centre)
         if harmonics is not None:
             rows = (3 * nodes[harmonics.nodes][:, None] + np.arange(3)).ravel()
-            place = np.full(3 * space.nodes, -1)
-            place[space.free] = np.arange(len(space.free))
-            known = place[rows] >= 0
-            where = np.flatnonzero(known), place[rows][known]
-            sampled = with_short_indices(sp.csr_array((np.ones(known.sum()), where), shape=(len(rows), size)))
+            sampled = sp.csr_array(space.nodal_map[rows])
+            sampled.resize((len(rows), size))
+            sampled = with_short_indices(sampled)
     return ModeDescriber(tuple(bodies), along, plain, sampled, harmonics)
 
 
-def _along(space: DisplacementSpace, axis: np.ndarray, size: int) -> sp.csr_array:
-    """Return the (n, n) part of the nodal displacements along the axis, a aᵀ at every node."""
+def _along(space: DisplacementSpace, mass: Any, elements: np.ndarray, axis: np.ndarray) -> sp.csr_array:
+    """Return PᵀMP (n, n) of a body, P the part of the nodal displacements along the axis, and M of density 1 kg/m^3."""
+    size = mass.shape[0]
+    if space.ties:  # the part along the axis of what a reference moves is not a motion that the tie allows
+        scalar = sp.kron(sp.eye_array(space.nodes), axis[None], format="csr") @ space.nodal_map
+        part = sp.csr_array(scalar.T @ nodal_mass(space, elements) @ scalar)
+        part.resize((size, size))
+        return part
     full = sp.kron(sp.eye_array(space.nodes), sp.csr_array(np.outer(axis, axis)), format="csr")
-    part = sp.csr_array(full[space.free][:, space.free])
-    part.eliminate_zeros()
-    part.resize((size, size))
-    return part
+    P = sp.csr_array(full[space.free][:, space.free])
+    P.eliminate_zeros()
+    P.resize((size, size))
+    return sp.csr_array(P.T @ mass @ P)
 
 
 def _node_weights(space: DisplacementSpace, elements: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -113,6 +113,15 @@ def assemble_elasticity(
     return symmetrised(K), symmetrised(M)
 
 
+def nodal_mass(space: DisplacementSpace, elements: np.ndarray) -> sp.csr_array:
+    """Return ∫ N_I N_J over elements (e,), m^3, of the nodes' functions without bubbles, (nodes, nodes)."""
+    M = sp.csr_array((space.functions, space.functions))
+    for shapes in element_shapes(space, elements):
+        N = shapes.values
+        M = M + scatter((N * shapes.dx[:, None, :]) @ np.transpose(N, (0, 2, 1)), shapes.nodes, space.functions)
+    return symmetrised(sp.csr_array(M[: space.nodes][:, : space.nodes]))
+
+
 def _stiffness(stiffness: np.ndarray, dN: np.ndarray, dx: np.ndarray) -> np.ndarray:
     """Return ∫ ∂_b N_I C_abcd ∂_d N_J (e, 3j, 3j) from gradients dN (e, j, 3, q) and weights dx (e, q)."""
     e, nodes = dN.shape[:2]

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+_AT_REST = 1e-9  # of the largest velocity: what is slower does not slide, as on the axis
+_FLAT = 1e-3  # rad: normals of a flat surface are no farther apart
 
 @dataclass(frozen=True)
 class SteadyMotion:
@@ -46,6 +48,27 @@ class SteadyMotion:
         whole = float(weights @ np.sum(v**2, axis=1))
         return float(np.sqrt(weights @ np.sum(v * normals, axis=1) ** 2 / whole)) if whole else 0.0
 
+    def normals_across(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Return the normals (q, 3) of a surface without what they have along the velocity.
+
+        A surface that something slides on steadily is carried into itself, so that its normals are across the velocity.
+        Those of a drum with straight edges are not: sliding along a facet that is not tangential would open and close
+        the gap. A flat surface keeps its normal: there it is the direction of sliding that may be slightly off.
+
+        Parameters
+        ----------
+        points, normals : (q, 3) float
+        """
+        if not len(normals) or np.linalg.norm(normals - normals.mean(axis=0), axis=1).max() <= _FLAT:
+            return normals
+        v = self.velocities(points)
+        square = np.sum(v**2, axis=1, keepdims=True)
+        slides = square > (_AT_REST**2) * square.max(initial=0.0)
+        along = np.divide(np.sum(v * normals, axis=1, keepdims=True), square, out=np.zeros_like(square), where=slides)
+        across = normals - along * v
+        size = np.linalg.norm(across, axis=1, keepdims=True)
+        return np.where(size > _AT_REST, across / np.maximum(size, _AT_REST), normals)
+
     def speeds(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Return the sliding speeds |v| in the plane across the normals, (q,) m/s."""
         v = self.velocities(points)
@@ -56,5 +79,5 @@ class SteadyMotion:
         v = self.velocities(points)
         tangential = v - np.sum(v * normals, axis=1, keepdims=True) * normals
         size = np.linalg.norm(tangential, axis=1, keepdims=True)
-        slides = size > 1e-9 * np.linalg.norm(v, axis=1).max(initial=0.0)
+        slides = size > _AT_REST * np.linalg.norm(v, axis=1).max(initial=0.0)
         return np.divide(tangential, size, out=np.zeros_like(tangential), where=slides)

@@ -178,3 +178,48 @@ def test_coordinates_of_a_small_model_describe_the_same_shapes():
     for name, entries in whole.items():
         expected = entries if isinstance(entries[0], str | int) else pytest.approx(entries, abs=1e-9)
         assert there[name] == expected, name
+
+
+def sliding_disc(**more):
+    """A disc under a rigid pad that covers a quarter of it; nothing holds the disc but springs at its hub."""
+    mesh = annulus("hex1", (2, 16, 1), INNER, OUTER, 0.02)
+    corner = mesh.p[:, mesh.facets].mean(axis=1)
+    on_top = mesh.boundaries["top"]
+    quarter = on_top[(corner[0, on_top] > 0) & (corner[1, on_top] > 0)]
+    mesh = mesh.with_boundaries({"quarter": quarter})
+    springs = [{"name": f"s{i}", "surface": "hub", "direction": np.eye(3)[i].tolist(), "stiffness": 1e8}
+               for i in range(3)]  # fmt: skip
+    contact = {"name": "c", "surface": "quarter", "counterface": "rigid", "normal_stiffness": 1e9,
+               "sliding": {"axis": [0.0, 0.0, 1.0], "speed": 5.0}}  # fmt: skip
+    return make_problem(mesh, 1, springs=springs, contacts=[contact], effects={"friction": {"mu": 0.3}}, **more)
+
+
+@pytest.mark.parametrize("surfaces", [["quarter"], ["rim"], ["top", "bottom"]])
+def test_an_averaged_point_on_which_nothing_acts_changes_no_description(surfaces):
+    """Its nodes follow from other unknowns, and move as before; with both faces they are all nodes of the disc."""
+    idle = {"averaged": [{"name": name, "surface": name} for name in surfaces]}
+    columns = []
+    for problem in (sliding_disc(), sliding_disc(**idle)):
+        modes = modes_of(problem, 8)
+        columns.append(described(problem, modes.right))
+    for name, entries in columns[0].items():
+        expected = entries if isinstance(entries[0], str | int) else pytest.approx(entries, abs=1e-3)
+        assert columns[1][name] == expected, name
+
+
+def test_a_block_under_a_rigid_plate_moves_along_the_axis():
+    mesh = box("hex1", (2, 2, 1))
+    problem = make_problem(mesh, 1, rigid=[{"name": "plate", "surface": "top"}])
+    space = problem.discretisation.space
+    for way, share in (([0.0, 0.0, 1.0], 1.0), ([3.0, 0.0, 4.0], 16 / 25)):
+        u = space.gather(np.tile(way, (space.nodes, 1)))
+        assert described(problem, u[:, None], turning=())["out_of_plane"] == pytest.approx([share])
+
+
+def test_a_belt_in_a_bore_has_no_direction_out_of_plane():
+    mesh = annulus("hex1", (1, 12, 1), 0.05, 0.1, 0.02)
+    contact = {"name": "c", "surface": "hub", "counterface": "rigid", "normal_stiffness": 1e9,
+               "sliding": {"direction": [0.0, 0.0, 1.0], "speed": 5.0}}  # fmt: skip
+    problem = make_problem(mesh, 1, contacts=[contact], effects={"friction": {"mu": 0.1}})
+    found = problem.describer.describe(problem.terms, problem.parameters, modes_of(problem, 4).right)
+    assert found["out_of_plane"] == [None] * len(found["body"]) and found["body"][0] == "disc"

@@ -1,0 +1,71 @@
+"""A bush that turns in a ring: contact faces of straight edges, which the motion does not see."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from meshes import annulus, frequencies, join, make_problem
+
+BORE, FACE, RIM, THICK = 0.02, 0.03, 0.042, 0.004  # m
+STIFFNESS = 1e6  # N/m of the springs at each free face, along x and along y
+MATERIALS = {"soft": {"youngs_modulus": 5e9, "poisson_ratio": 0.3, "density": 2600.0},
+             "hard": {"youngs_modulus": 2e10, "poisson_ratio": 0.3, "density": 2600.0}}  # fmt: skip
+
+
+def rings(kind="hex1", around=(20, 26)):
+    bush = annulus(kind, (2, around[0], 1), BORE, FACE, THICK, name="bush")
+    return join(bush, annulus(kind, (2, around[1], 1), FACE, RIM, THICK, name="ring"))
+
+
+def drum(mesh, normal_stiffness=1e11, pad="bush", **more):
+    faces = {"bush": ("rim_bush", "hub_ring"), "ring": ("hub_ring", "rim_bush")}[pad]
+    held = [{"surface": f"{side}_{name}", "fixed": "z"} for name in ("bush", "ring") for side in ("bottom", "top")]
+    springs = [{"name": f"{s}_{i}", "surface": s, "direction": np.eye(3)[i].tolist(), "stiffness": STIFFNESS}
+               for s in ("hub_bush", "rim_ring") for i in (0, 1)]  # fmt: skip
+    contact = {"name": "c", "surface": faces[0], "counterface": faces[1], "normal_stiffness": normal_stiffness,
+               "gap_tolerance": 1e-3, "sliding": {"axis": [0.0, 0.0, 1.0], "speed": 10.0}}  # fmt: skip
+    bodies = {"bush": {"material": "soft"}, "ring": {"material": "hard"}}
+    effects = {"friction": {"mu": 0.3}} | more.pop("effects", {})
+    return make_problem(mesh, materials=MATERIALS, bodies=bodies, supports=held, springs=springs, contacts=[contact],
+                        effects=effects, **more)  # fmt: skip
+
+
+def torsion(inner, outer, at):
+    """Return √(k r²/J)/2π of a rigid ring on springs at a radius, J = π ρ h (r₂⁴ − r₁⁴)/2."""
+    J = 2600.0 * np.pi * THICK * (outer**4 - inner**4) / 2
+    return np.sqrt(STIFFNESS * at**2 / J) / (2 * np.pi)
+
+
+@pytest.mark.parametrize("pad", ["bush", "ring"])
+@pytest.mark.parametrize("kind", ["hex1", "tet1"])
+def test_rings_turn_freely_in_each_other(kind, pad):
+    """Without friction nothing but springs holds their rotation, however stiff the contact and straight its edges."""
+    mesh = rings(kind)
+    soft, stiff = (frequencies(drum(mesh, k, pad), 8, mu=0.0) for k in (1e10, 1e14))
+    for exact in (torsion(BORE, FACE, BORE), torsion(FACE, RIM, RIM)):
+        found = [f[np.argmin(np.abs(f - exact))] for f in (soft, stiff)]
+        assert found[0] == pytest.approx(exact, rel=0.01)  # a polygon for a circle; the rings bend a little
+        assert found[1] == pytest.approx(found[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["hex1", "hex2"])
+def test_pressure_on_a_drum_is_even(kind):
+    """By symmetry; the torque is μ r times the normal force, whichever side is the pad."""
+    for pad in ("bush", "ring"):
+        problem = drum(rings(kind), 5e12, pad, effects={"preload": {"pressures": {"hub_bush": 1e7}}})
+        state = problem.discretisation.static_state.contacts["c"]
+        assert state.closed.all()
+        assert np.ptp(state.pressure) < 0.35 * state.pressure.mean()
+        assert abs(state.torque) == pytest.approx(0.3 * FACE * state.normal_force, rel=0.01)
+
+
+def test_a_flat_face_keeps_its_normal():
+    """Where the direction of sliding is slightly off, it is the direction that is put right."""
+    mesh = annulus("hex1", (1, 8, 1), 0.05, 0.1, 0.01)
+    sliding = {"axis": [0.0, 0.02, 1.0], "speed": 5.0}
+    contact = {"name": "c", "surface": "top", "counterface": "rigid", "normal_stiffness": 1e9, "sliding": sliding}
+    problem = make_problem(mesh, contacts=[contact], effects={"friction": {"mu": 0.1}})
+    operators = problem.discretisation.contacts["c"]
+    np.testing.assert_allclose(operators.normals, [[0.0, 0.0, -1.0]] * len(operators.normals), atol=1e-12)
+    assert 0.001 < operators.lifting < 0.03
