@@ -60,7 +60,7 @@ from .errors import SquealError
 from .sweep.sweep import find_onsets, sweep
 
 if TYPE_CHECKING:
-    from .assembly.assembly import assemble
+    from .assembly.public import assemble
     from .mesh import LoadedMesh as LoadedMesh
     from .mesh import from_skfem, load_mesh
     from .problem.problem import Problem
@@ -98,7 +98,7 @@ _PLACES = {
     "Scene": "scene",
     "Sweep": "sweep.result",
     "__version__": "version",
-    "assemble": "assembly.assembly",
+    "assemble": "assembly.public",
     "export_shapes": "run.outputs",
     "from_skfem": "mesh",
     "load_mesh": "mesh",

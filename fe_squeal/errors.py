@@ -16,6 +16,10 @@ class SquealError(Exception):
     exit_code = 1
 
 
+class SceneWarning(UserWarning):
+    """Something of a scene looks doubtful, and is simulated as it is."""
+
+
 class InputError(SquealError):
     """Bad input. The message names the file and key, what was given and what is expected."""
 

@@ -145,6 +145,11 @@ class Problem:
         """Return whether a parameter changes only coefficients of terms, and no matrix."""
         return all(p in self.parameters and p not in self.coupled for p in paths_of(parameter))
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What looks doubtful of the scene, a sentence each; none of a problem of matrices."""
+        return tuple(getattr(self.discretisation, "warnings", ()))
+
     def at(self, values: Mapping[str, float] | None = None, /, *more: Never, **named: float) -> Problem:
         """Return the problem at other values of some parameters; terms are made anew if that is needed.
 
@@ -164,8 +169,9 @@ class Problem:
         Raises
         ------
         SceneError
-            There is no such parameter, a value is not a finite number or not allowed by the scene, or what is given is
-            not a mapping.
+            There is no such parameter, a value is not a finite number, or what is given is not a mapping. Values for
+            which terms are made anew are those that the scene allows; what only multiplies terms, such as a stiffness,
+            may have any value, since sweeps and difference quotients go through zero.
         NotConvergedError
             The static state under preload is not found at these values.
 

@@ -13,9 +13,13 @@ import scipy.sparse as sp
 
 from ..eigen.blocks import with_short_indices
 from ..eigen.definite import signs_of
+from ..errors import SceneError
+from .symmetry import measure_symmetry
 
 Slot = Literal["M", "C", "K"]
 POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}  # the power of λ that multiplies the matrix of a slot in Q(λ)
+
+_CLAIMED = 1e-8  # of the largest entries of row and column: how far a matrix may be from what it is said to be
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,10 @@ class Term:
     only: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
+        if self.slot not in POWER:
+            raise SceneError(f'term {self.name}: given the slot {self.slot!r}; expected "M", "C" or "K"')
+        if sp.issparse(self.matrix) and (self.matrix.format != "csr" or isinstance(self.matrix, sp.spmatrix)):
+            object.__setattr__(self, "matrix", sp.csr_array(self.matrix))
         # SciPy's products of small matrices come with long indices, and sums with the large ones would take them over.
         if sp.issparse(self.matrix) and self.matrix.format == "csr":
             object.__setattr__(self, "matrix", with_short_indices(self.matrix))
@@ -69,6 +77,27 @@ class Term:
     def signs(self) -> set[int]:
         """The signs of the eigenvalues of a symmetric matrix, see `signs_of`, which are kept."""
         return signs_of(self.matrix)
+
+    @cached_property
+    def fault(self) -> str:
+        """What is wrong with the matrix of a term that somebody made by hand, in words; "" for nothing."""
+        A = self.matrix
+        if not sp.issparse(A):
+            return f"given a {type(A).__name__} as the matrix; expected a sparse one, as scipy.sparse.csr_array(A)"
+        if A.ndim != 2 or A.shape[0] != A.shape[1] or not A.shape[0]:
+            return f"the matrix has the shape {A.shape}; expected a square one"
+        if A.dtype.kind not in "fiub":
+            return f"the matrix is {A.dtype}; expected real numbers, and another term with imaginary=True for losses"
+        if not np.isfinite(A.data).all():
+            return "the matrix has entries that are not finite; expected finite numbers"
+        if not A.data.any():
+            return ""
+        kind = measure_symmetry(A, _CLAIMED) if self.symmetric or self.skew else "general"
+        if self.symmetric and kind != "symmetric":
+            return "the matrix is not symmetric, but symmetric=True; expected False"
+        if self.skew and kind != "skew":
+            return "the matrix is not skew-symmetric, but skew=True; expected False"
+        return ""
 
     @property
     def conservative(self) -> bool:

@@ -1,0 +1,67 @@
+"""Matrices that a script puts together itself: converted, or refused with a reason, never another problem silently."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import fe_squeal
+from fe_squeal.errors import SceneError, SceneWarning
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
+from meshes import STEEL
+
+N = 6
+K = np.diag(np.arange(1.0, N + 1))
+PUSH = np.zeros((N, N))
+PUSH[0, 1], PUSH[1, 0] = 1.0, -1.0
+EYE = sp.csr_array(np.eye(N))
+
+
+def swept(*terms, mass=EYE):
+    own = Term("inertia", "M", mass, True), Term("springs", "K", sp.csr_array(K), True)
+    return fe_squeal.sweep(Problem((*own, *terms), {"mu": 0.0}), [0.0, 0.3, 0.9], modes=3)
+
+
+@pytest.mark.parametrize("made", [sp.coo_array, sp.csc_array, sp.csr_matrix, sp.lil_matrix, sp.dok_array])
+def test_any_sparse_format_is_taken(made):
+    """θ = 1.5 ± √(1/4 − μ²) meet at μ = 0.5."""
+    (onset,) = swept(Term("push", "K", made(PUSH), False, {"mu": 1}), mass=made(np.eye(N))).onsets
+    assert onset.value == pytest.approx(0.5, rel=1e-9)
+
+
+@pytest.mark.parametrize(("term", "message"), [
+    (("damper", "C", np.eye(N), True), r"damper: given a ndarray as the matrix; expected a sparse one"),
+    (("push", "K", sp.csr_array(PUSH), True, {"mu": 1}), "push: the matrix is not symmetric, but symmetric=True"),
+    (("gyro", "C", EYE, False, {}, True), "gyro: the matrix is not skew-symmetric, but skew=True"),
+    (("loss", "K", sp.csr_array(0.1j * K), True), r"loss: the matrix is complex128; .*imaginary=True"),
+    (("bad", "K", sp.csr_array(K * np.nan), True), "bad: the matrix has entries that are not finite"),
+    (("bad", "K", sp.csr_array(K[:-1]), True), r"bad: the matrix has the shape \(5, 6\)"),
+    (("bad", "K", sp.csr_array(K[:-1, :-1]), True), "bad: the matrix has 5 rows, and that of inertia 6"),
+])  # fmt: skip
+def test_what_would_be_another_problem_is_refused(term, message):
+    with pytest.raises(SceneError, match=message):
+        swept(Term(*term))
+
+
+@pytest.mark.parametrize("slot", ["c", "damping", "", None])
+def test_a_slot_that_there_is_not(slot):
+    with pytest.raises(SceneError, match=r'term damper: given the slot .*; expected "M", "C" or "K"'):
+        Term("damper", slot, EYE, True)
+
+
+def test_scripts_are_warned_of_what_looks_doubtful():
+    """A beam of 200 m, in a mesh that was meant in millimetres."""
+    scene = fe_squeal.parse_scene({
+        "mesh": {"order": 1, "block": {"length": 200.0, "width": 10.0, "height": 10.0, "size": 50.0}},
+        "materials": {"steel": STEEL}, "bodies": {"block": {"material": "steel"}},
+    })  # fmt: skip
+    with pytest.warns(SceneWarning, match="length_unit") as told:
+        problem = fe_squeal.assemble(scene)
+    assert {str(w.message) for w in told} == set(problem.warnings) and told[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        problem.at({"materials.steel.density": 7000.0})
