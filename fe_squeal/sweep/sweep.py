@@ -6,7 +6,7 @@ imports this file at once; to keep that quick, solvers are imported inside the f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from numbers import Integral, Real
 from typing import TYPE_CHECKING
@@ -163,9 +163,15 @@ def sweep(
 
 
 def find_onsets(
-    problem: Problem, values: Sequence[float] | np.ndarray, parameter: str = "mu", modes: int = MODES,
+    problem: Problem,
+    values: Sequence[float] | np.ndarray,
+    parameter: str = "mu",
+    modes: int | None = None,
+    max_frequency: float | None = None,
+    tolerance: float = 1e-8,
+    method: str = "auto",
     linear_solver: LinearSolver | str = "auto",
-) -> tuple[Onset, ...]:  # fmt: skip
+) -> tuple[Onset, ...]:
     """Return the critical values of a parameter between the first and the last of the given values, to full precision.
 
     Parameters
@@ -176,9 +182,7 @@ def find_onsets(
         Values of the parameter, ascending, at which modes are solved for; critical values are found between them.
     parameter : str
         "mu" (friction coefficient), or the path of another number in the scene.
-    modes : int
-        Number of modes, those of the lowest frequencies.
-    linear_solver : "auto", "pardiso", "superlu", "mumps" or LinearSolver
+    modes, max_frequency, tolerance, method, linear_solver
         As for `sweep`.
 
     Returns
@@ -191,13 +195,17 @@ def find_onsets(
     SceneError, NotConvergedError, TooLargeError
         As `sweep`.
     """
-    return sweep(problem, values, parameter, modes=modes, precise=True, linear_solver=linear_solver).onsets
+    found = sweep(problem, values, parameter, modes, max_frequency, tolerance, method=method, precise=True,
+                  linear_solver=linear_solver)  # fmt: skip
+    return found.onsets
 
 
 def _check_request(modes: int | None, max_frequency: float | None, tolerance: float, method: str) -> None:
     """Raise SceneError where a caller from Python asks for something that there is not; scenes are checked before."""
     if modes is not None and not (isinstance(modes, Integral) and modes > 0):
         raise SceneError(f"modes: given {modes!r}; expected a whole number above 0")
+    if modes is not None and max_frequency is not None:
+        raise SceneError("sweep: given modes and max_frequency; expected one of them")
     if max_frequency is not None and not (isinstance(max_frequency, Real) and 0 < max_frequency < np.inf):
         raise SceneError(f"max_frequency: given {max_frequency!r}; expected a frequency in Hz above 0")
     if not (isinstance(tolerance, Real) and 0 < tolerance < 1):
@@ -220,7 +228,10 @@ def _check_terms(problem: Problem) -> None:
 
 
 def _checked(problem: Problem, parameter: str, values: Sequence[float] | np.ndarray) -> np.ndarray:
-    grid = np.atleast_1d(np.asarray(values, dtype=float))
+    given = np.asarray(list(values) if isinstance(values, Iterator | range) else values)
+    if given.dtype.kind not in "fiub":
+        raise SceneError(f"sweep: given the values {values!r:.60}; expected real numbers that increase")
+    grid = np.atleast_1d(given.astype(float))
     if grid.ndim != 1 or not len(grid) or not np.isfinite(grid).all() or (np.diff(grid) <= 0).any():
         raise SceneError(f"sweep: given the values {values}; expected finite numbers that increase, at least one")
     if grid[0] <= 0 <= grid[-1]:

@@ -176,10 +176,25 @@ def test_a_wrong_kind_of_argument_ends_in_one_sentence_that_says_how(
     ({"max_frequency": -1.0}, "max_frequency: given -1.0; expected a frequency in Hz above 0"),
     ({"tolerance": -1.0}, "tolerance: given -1.0; expected a relative backward error between 0 and 1"),
     ({"method": "fast"}, "method: given 'fast'; expected auto, direct, reduced or modal"),
+    ({"modes": 2, "max_frequency": 9.0}, "sweep: given modes and max_frequency; expected one of them"),
+    ({"values": ["a"]}, "sweep: given the values ['a']; expected real numbers that increase"),
+    ({"values": [1j, 2.0]}, "sweep: given the values [1j, 2.0]; expected real numbers that increase"),
 ])  # fmt: skip
 def test_what_a_sweep_cannot_be_asked_for(given, told):
     one = sp.eye_array(2, format="csr")
     terms = Term("inertia", "M", one, symmetric=True), Term("springs", "K", one, symmetric=True, powers={"mu": 1})
     with pytest.raises(SceneError) as caught:
-        fe_squeal.sweep(Problem(terms, {"mu": 1.0}), [1.0, 2.0], **given)
+        fe_squeal.sweep(Problem(terms, {"mu": 1.0}), **{"values": [1.0, 2.0], **given})
     assert str(caught.value) == told
+
+
+@pytest.mark.parametrize(
+    "values", [(v / 2 for v in range(3)), range(2), (0, 1), np.array([0, 1]), [np.float32(0.0), 1]]
+)
+def test_values_of_a_sweep_of_any_kind(values):
+    one = sp.eye_array(2, format="csr")
+    push = sp.csr_array(np.array([[0.0, 1.0], [-1.0, 0.0]]))
+    terms = (Term("inertia", "M", one, True), Term("springs", "K", sp.csr_array(np.diag([1.0, 2.0])), True),
+             Term("push", "K", push, False, {"mu": 1}))  # fmt: skip
+    (onset,) = fe_squeal.find_onsets(Problem(terms, {"mu": 0.0}), values, max_frequency=1.0)
+    assert onset.value == pytest.approx(0.5, rel=1e-9)
