@@ -79,7 +79,7 @@ def check(
     if loaded is None:
         return 0
     problem = assemble(loaded)
-    read_measured(loaded)  # raises SceneError as a run would
+    measured = read_measured(loaded)  # raises SceneError as a run would
     print_table(describe(loaded, problem, machines), console)
     found = discretisation_of(problem)
     notes, warnings = ((), ()) if found is None else (found.notes, found.warnings)
@@ -87,8 +87,8 @@ def check(
     balance = balance_table(parts, problem)
     if balance is not None:
         print_table(balance, console)
-    warnings = (*warnings, *balance_warnings(parts), *free_motion_warnings(problem))
-    for text in (*notes, *(f"warning: {w}" for w in told_once(warnings))):
+    warnings = (*warnings, *balance_warnings(parts), *free_motion_warnings(problem), *measured.warnings)
+    for text in (*notes, *measured.notes, *(f"warning: {w}" for w in told_once(warnings))):
         console.print(text, markup=False)
     return 0
 

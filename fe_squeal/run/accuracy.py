@@ -201,7 +201,7 @@ def run_to_accuracy(
                 raise
             choice, stopped = stop.args[0], True
         remove_results(held)
-        said = write_results(choice.scene, choice.result, held, measured)
+        said = [*measured.warnings, *write_results(choice.scene, choice.result, held, measured)]
         write_mesh_error(choice.split, choice.result, out, whole.title)
         with replace_atomically(out / MESH) as temporary:
             write_loaded(choice.mesh, temporary, choice.scene.mesh.length_unit)
@@ -216,6 +216,8 @@ def run_to_accuracy(
         if not stopped:
             held.remove(is_kept)
         report_sweep(choice.scene, choice.result, out, console, seconds["total"])
+        for text in (*(f"note: {note}" for note in measured.notes), *(f"warning: {warning}" for warning in said)):
+            tell(text)
         _print_trials(choice, target, console)
         console.print(_used_again(choice, out), markup=False)
     if stopped:

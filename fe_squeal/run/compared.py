@@ -88,7 +88,8 @@ def mac_table(measured: Measurements, result: Sweep) -> tuple[pd.DataFrame | Non
             for shape, (points, nodes) in zip(measured.shapes, near, strict=True):
                 if len(points) < _FEWEST:
                     continue
-                value = mac(shape.u[points], u[nodes] @ shape.frame.T)
+                along = np.einsum("pij,pj->pi", shape.axes[points], u[nodes])
+                value = mac(shape.u[points], along)
                 rows.append((
                     shape.label, shape.hz, result.parameter, point.value, i + 1, int(point.branches[i]),
                     point.modes.frequency_hz[i], point.modes.stability[i], value, len(points),

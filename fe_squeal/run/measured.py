@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +41,9 @@ class TestShape:
     points : (p, 3) float, m
         The measured points.
     u : (p, 3) complex
-        Displacements along the file's axes, in any unit; NaN where a component was not measured.
-    frame : (3, 3) float
-        The file's axes as rows.
+        Displacements along `axes`, in any unit; NaN where a component was not measured.
+    axes : (p, 3, 3) float
+        The directions of the displacements of each point, as rows.
     distance : float, m
         A point and a node that are farther apart do not belong together.
     """
@@ -53,16 +54,18 @@ class TestShape:
     hz: float | None
     points: np.ndarray
     u: np.ndarray
-    frame: np.ndarray
+    axes: np.ndarray
     distance: float
 
 
 @dataclass(frozen=True)
 class Measurements:
-    """The measured frequencies and shapes of a scene."""
+    """The measured frequencies and shapes of a scene; notes and warnings on how they were read, a sentence each."""
 
     frequencies: tuple[Frequency, ...] = ()
     shapes: tuple[TestShape, ...] = ()
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 NOTHING_MEASURED = Measurements()
@@ -78,6 +81,8 @@ def read_measured(scene: Scene | MatrixScene) -> Measurements:
     """
     frequencies: list[Frequency] = []
     shapes: list[TestShape] = []
+    notes: list[str] = []
+    warnings: list[str] = []
     for i, entry in enumerate(scene.measured):
         key = f"{scene.source}: measured[{i}]" if scene.source is not None else f"measured[{i}]"
         if entry.file is None:
@@ -88,7 +93,11 @@ def read_measured(scene: Scene | MatrixScene) -> Measurements:
         if not path.is_file():
             raise SceneError(f'{key}.file: given "{entry.file}"; there is no file {path}; expected one in .csv or .unv')
         suffix = path.suffix.lower()
+        hz, axes, label = entry.frequency_hz, np.eye(3), entry.label or path.stem
+        name = _unlike(label, [shape.label for shape in shapes])
         if suffix == ".csv":
+            if entry.reference is not None:
+                raise SceneError(f"{key}.reference: belongs to a universal file; {path} is none")
             frame = _table(path, f"{key}.file")
             if "x" not in frame:
                 frequencies += _frequencies(frame, entry, f"{key}.file", path)
@@ -97,7 +106,10 @@ def read_measured(scene: Scene | MatrixScene) -> Measurements:
         elif suffix in _UNIVERSAL:
             from .universal import read_universal
 
-            x, u = read_universal(path, entry.frequency_hz, f"{key}.file")
+            read = read_universal(path, entry.frequency_hz, entry.reference, f"{key}.file")
+            x, u, axes, hz = read.points, read.u, read.axes, read.hz or entry.frequency_hz
+            notes += [f"measured shape {name}: {text}" for text in read.notes]
+            warnings += [f"measured shape {name}: {text}" for text in read.warnings]
         else:
             raise SceneError(f'{key}.file: given "{entry.file}"; expected a file in .csv or .unv')
         if isinstance(scene, MatrixScene):
@@ -105,15 +117,17 @@ def read_measured(scene: Scene | MatrixScene) -> Measurements:
                 f"{key}.file: {path} holds a shape, and a scene of matrices has no places to compare it at; expected"
                 " frequencies"
             )
-        shapes.append(_placed(entry, x, u, path))
+        points = np.array(entry.origin) + _LENGTH[entry.length_unit] * x @ entry.frame
+        turned = np.broadcast_to(axes @ entry.frame, (len(points), 3, 3))
+        shapes.append(TestShape(name, hz, points, u, turned, entry.distance))
         if entry.frequency_hz is not None:
-            frequencies.append(Frequency(entry.frequency_hz, entry.level_db, entry.label or path.stem))
-    return Measurements(tuple(frequencies), tuple(shapes))
+            frequencies.append(Frequency(entry.frequency_hz, entry.level_db, label))
+    return Measurements(tuple(frequencies), tuple(shapes), tuple(notes), tuple(warnings))
 
 
-def _placed(entry: Measured, x: np.ndarray, u: np.ndarray, path: Path) -> TestShape:
-    points = np.array(entry.origin) + _LENGTH[entry.length_unit] * x @ entry.frame
-    return TestShape(entry.label or path.stem, entry.frequency_hz, points, u, entry.frame, entry.distance)
+def _unlike(label: str, taken: list[str]) -> str:
+    """Return a label, with a number if it is taken, since tables and figures tell shapes apart by it."""
+    return next(name for i in count(1) if (name := f"{label} ({i})" if i > 1 else label) not in taken)
 
 
 def _table(path: Path, key: str) -> pd.DataFrame:

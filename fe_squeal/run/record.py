@@ -84,7 +84,7 @@ def write_record(
         "preload": preload_record(scene, problem),
         "forces": balance_record(parts) if parts else None,
         "unstable": _unstable(result) if result is not None and status != "running" else [],
-        "notes": list(discretisation.notes) if discretisation is not None else [],
+        "notes": [*(discretisation.notes if discretisation is not None else ()), *measured.notes],
         "warnings": [
             *(discretisation.warnings if discretisation is not None else ()), *balance_warnings(parts),
             *(result.warnings if result is not None else ()), *more_warnings,

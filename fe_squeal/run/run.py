@@ -91,7 +91,8 @@ def run_scene(
 
 def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: bool, estimate: bool) -> int:
     start, solver, out = time.perf_counter(), solver_of(scene), held.folder
-    measured, said = read_measured(scene), list[str]()
+    measured = read_measured(scene)
+    said = list(measured.warnings)
     mesh = scene_mesh(scene)
     inputs = run_inputs(scene, mesh)
     checkpoint = Checkpoint(held)
@@ -125,6 +126,8 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
             print_table(balance, console)
         for text in told_once((*discretisation.warnings, *balance_warnings(parts))):
             console.print(f"warning: {text}", markup=False)
+    for text in measured.notes:
+        console.print(f"note: {text}", markup=False)
     console.print(
         f"{problem.unknowns} unknowns, {problem.problem_class} problem; effects on: "
         f"{', '.join(scene.effect_names) or 'none'}",

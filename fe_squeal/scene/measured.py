@@ -16,7 +16,9 @@ class Measured(Section):
     Columns of a .csv file of frequencies: frequency_hz, and if known level_db and label. Columns of one with a shape:
     x, y, z of each point, and of the displacement ux_re, ux_im, uy_re, uy_im, uz_re, uz_im, as many as were measured;
     without an imaginary part it is zero. Universal files (.unv, .uff) have points in data set 2411 or 15 and shapes in
-    55, or frequency responses in 58, of which the line nearest to `frequency_hz` is taken.
+    55, or frequency responses in 58, of which the line nearest to `frequency_hz` is taken; `frequency_hz` has to be in
+    the measured range. Points and displacements may be in coordinate systems of data set 2420. Of a roving hammer the
+    points of excitation are those of the shape.
 
     Attributes
     ----------
@@ -28,6 +30,9 @@ class Measured(Section):
         Name in figures and tables.
     file : str
         A file instead, relative to the scene file.
+    reference : str
+        Which responses of a universal file to take: node and direction of their reference, such as "5z", or of the
+        response that stands still while a hammer moves; without it those of one that has all points that any has.
     length_unit : "m" or "mm"
         Unit of the points in the file.
     axes : two vectors
@@ -42,6 +47,7 @@ class Measured(Section):
     level_db: float | None = None
     label: str = ""
     file: Text | None = None
+    reference: Text | None = None
     length_unit: Literal["m", "mm"] = "m"
     axes: tuple[Direction, Direction] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     origin: Vector = (0.0, 0.0, 0.0)

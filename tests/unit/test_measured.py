@@ -163,7 +163,18 @@ def test_universal_files(tmp_path: Path, shape, kind: str) -> None:
     points, u, _ = shape
     order = np.lexsort(found.points.round(6).T), np.lexsort(points.round(6).T)
     np.testing.assert_allclose(found.points[order[0]], points[order[1]], atol=1e-6)
-    assert mac((found.u @ found.frame)[order[0]], u[order[1]]) == pytest.approx(1.0, abs=1e-6)
+    assert mac(np.einsum("pi,pij->pj", found.u, found.axes)[order[0]], u[order[1]]) == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_shape_far_from_the_frequency_is_told_on_the_page(tmp_path: Path, shape) -> None:
+    universal(tmp_path / "test.unv", shape, "55")
+    out = run(tmp_path, f'[[measured]]\nfile = "test.unv"\nfrequency_hz = 600.0\n{KEYS}')
+    said = "measured shape test: the shape nearest to 600 Hz is at 712 Hz, 19 % away"
+    assert said in json.loads((out / "run.json").read_text())["warnings"]
+    assert said in (out / "report.html").read_text(encoding="utf-8")
+    table = pd.read_csv(out / "mac.csv")
+    assert (table["measured_hz"] == 712.0).all() and table["mac"].max() == pytest.approx(1.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("lost", ["y", "r2"])
