@@ -14,6 +14,7 @@ from fe_squeal.report.files import save_figure
 from fe_squeal.report.shapes import Complexes, Floats, Integers
 
 _MOST = 40  # modes in one figure, at most
+_LONGEST = 40  # letters of the name of a measured shape, at most
 
 
 def mac(a: Complexes, b: Complexes) -> float:
@@ -81,7 +82,8 @@ def plot_mac(table: pd.DataFrame, path: str | os.PathLike[str], title: str = "")
     order = shown.groupby("branch")["frequency_hz"].first().sort_values()
     branches: Sequence[int] = [int(b) for b in order.index if b in wide.columns][:_MOST]
     wide = wide[list(branches)]
-    size = (max(5.0, 1.6 + 0.45 * len(branches)), 2.2 + 0.5 * len(wide))
+    labels = [_shortened(str(name)) for name in wide.index]
+    size = (max(5.0, 1.6 + 0.45 * len(branches)) + 0.1 * max(map(len, labels), default=0), 2.2 + 0.5 * len(wide))
     figure = Figure(figsize=size, dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()
@@ -89,7 +91,7 @@ def plot_mac(table: pd.DataFrame, path: str | os.PathLike[str], title: str = "")
     image = axes.imshow(wide.to_numpy(float), vmin=0.0, vmax=1.0, cmap="Blues", aspect="auto")
     names = [f"{b}: {frequency_text(order[b])}" for b in branches]
     axes.set_xticks(range(len(branches)), names, rotation=90, fontsize=8)
-    axes.set_yticks(range(len(wide)), [figure_text(str(name)) for name in wide.index], fontsize=9)
+    axes.set_yticks(range(len(wide)), [figure_text(name) for name in labels], fontsize=9)
     for (i, j), value in np.ndenumerate(wide.to_numpy(float)):
         if np.isfinite(value) and value >= 0.05:
             colour = "white" if value > 0.6 else "black"
@@ -97,3 +99,7 @@ def plot_mac(table: pd.DataFrame, path: str | os.PathLike[str], title: str = "")
     axes.set_xlabel("branch: frequency")
     figure.colorbar(image, ax=axes, label="MAC", shrink=0.9)
     return save_figure(figure, path)
+
+
+def _shortened(name: str) -> str:
+    return name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…"

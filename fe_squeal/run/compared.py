@@ -98,13 +98,20 @@ def mac_table(measured: Measurements, result: Sweep) -> tuple[pd.DataFrame | Non
 
 
 def _matched(shape: TestShape, nodes: np.ndarray, said: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    points, found = nearest_nodes(shape.points, nodes, shape.distance)
-    lost = len(shape.points) - len(points)
+    """Return the points of a shape that are compared and the node of each; say which are not, and why it has no MAC."""
+    own = np.flatnonzero(np.isfinite(shape.u).any(axis=1))
+    near, found = nearest_nodes(shape.points[own], nodes, shape.distance)
+    points, lost = own[near], len(own) - len(near)
+    few, name = len(points) < _FEWEST, f"measured shape {shape.label}"
     if lost:
         said.append(
-            f"measured shape {shape.label}: {lost} of {len(shape.points)} points have no node of the surface within"
-            f" {1e3 * shape.distance:g} mm"
-            + ("; that leaves too few for a MAC: check axes, origin and length_unit" if len(points) < _FEWEST else
-               " and are left out")
-        )  # fmt: skip
+            f"{name}: {lost} of {len(own)} points have no node of the surface within {1e3 * shape.distance:g} mm"
+            + ("; that leaves too few for a MAC: check axes, origin and length_unit" if few else " and are left out")
+        )
+    elif few:
+        said.append(
+            f"{name}: displacements at {len(own)} points are too few for a MAC; expected {_FEWEST} points or more"
+        )
+    if not few and not np.nan_to_num(shape.u[points]).any():
+        said.append(f"{name}: all displacements are zero, so it has no MAC")
     return points, found

@@ -150,11 +150,11 @@ def write_figures(
 
 
 def write_mac(result: Sweep, measured: Measurements, out: Path, title: str) -> list[str]:
-    """Write mac.csv and mac.png if shapes were measured, and return sentences on points that were left out."""
+    """Write mac.csv and, if it has numbers, mac.png of measured shapes; return sentences on what was left out."""
     table, said = mac_table(measured, result)
     if table is not None:
         write_csv(table, out / MAC_TABLE)
-        if len(table):
+        if table["mac"].notna().any():
             from ..report.mac import plot_mac
 
             plot_mac(table, out / MAC_FIGURE, title)

@@ -15,7 +15,7 @@ from scene_texts import SCENE, replaced, write_scene
 import fe_squeal
 from fe_squeal.cli import main
 from fe_squeal.errors import SceneError
-from fe_squeal.report.mac import mac
+from fe_squeal.report.mac import mac, plot_mac
 from fe_squeal.report.results import read_shapes
 from fe_squeal.run.measured import read_measured
 
@@ -122,6 +122,44 @@ def test_points_far_from_the_surface_are_left_out_and_told(
     out = run(tmp_path, '[[measured]]\nfile = "shape.csv"\n')
     assert "too few for a MAC" in capsys.readouterr().out
     assert len(pd.read_csv(out / "mac.csv")) == 0
+
+
+@pytest.mark.slow
+def test_shapes_without_a_mac_are_told_and_draw_nothing(
+    tmp_path: Path, shape, capsys: pytest.CaptureFixture[str]
+) -> None:
+    points, u, _ = shape
+    columns = {**dict(zip("xyz", points.T, strict=True)), "uz_re": u[:, 2].real}
+    frame = pd.DataFrame(columns)
+    frame[:2].to_csv(tmp_path / "two.csv", index=False)
+    frame.assign(uz_re=0.0).to_csv(tmp_path / "zero.csv", index=False)
+    frame.assign(uz_re=frame["uz_re"].where(frame.index == 3)).to_csv(tmp_path / "one.csv", index=False)
+    out = run(tmp_path, "".join(f'[[measured]]\nfile = "{name}.csv"\n' for name in ("two", "zero", "one")))
+    warnings = json.loads((out / "run.json").read_text())["warnings"]
+    printed = capsys.readouterr()
+    for said in ("measured shape two: displacements at 2 points are too few for a MAC; expected 3 points or more",
+                 "measured shape one: displacements at 1 points are too few for a MAC; expected 3 points or more",
+                 "measured shape zero: all displacements are zero, so it has no MAC"):  # fmt: skip
+        assert said in printed.out and said in warnings
+    assert "Warning" not in printed.err
+    assert (out / "mac.csv").exists() and not (out / "mac.png").exists()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("label", ["rim", "W" * 200])
+def test_the_figure_of_mac_has_room_for_any_label(tmp_path: Path, label: str) -> None:
+    table = pd.DataFrame({"measured": [label], "value": [1.0], "branch": [1], "frequency_hz": [100.0], "mac": [0.5]})
+    assert plot_mac(table, tmp_path / "mac.png").stat().st_size > 1000
+
+
+def test_shapes_of_one_label_have_names_of_their_own(tmp_path: Path) -> None:
+    """Tables and figures go by the name: two shapes of one name would be one row, of their mean."""
+    for name, size in (("shape", 1), ("other", 2), ("third", 3)):
+        (tmp_path / f"{name}.csv").write_text(f"x,y,z,uz_re\n0,0,0,{size}\n")
+    entries = (("shape", ""), ("other", 'label = "shape"\n'), ("third", 'label = "shape"\n'))
+    text = SCENE + "".join(f'[[measured]]\nfile = "{name}.csv"\n{label}' for name, label in entries)
+    found = read_measured(fe_squeal.load_scene(write_scene(tmp_path, text))).shapes
+    assert [(s.label, s.u[0, 2].real) for s in found] == [("shape", 1), ("shape (2)", 2), ("shape (3)", 3)]
 
 
 def universal(path: Path, shape, kind: str) -> None:
