@@ -97,6 +97,8 @@ def read_universal(path: Path, frequency_hz: float | None, reference: str | None
         points, axes, notes = place_nodes(own, sets)
     except ValueError as error:
         raise SceneError(f"{where} has {error}") from error
+    except (ArithmeticError, LookupError, TypeError) as error:
+        raise SceneError(f"{where} has coordinate systems that are not whole ({error}); save it again") from error
     hz = None if np.isnan(found.hz) else found.hz
     return UniversalShape(points, np.array(list(found.rows.values())), axes, hz, (*found.notes, *notes), warnings)
 

@@ -4,7 +4,8 @@ Format: Universal Dataset Number 2420 of the Structural Dynamics Research Labora
 https://www.ceas3.uc.edu/sdrluff, as it stands in `pyuff.datasets.dataset_2420`. It does not say how the matrix of four
 rows is meant, and in what units angles are; taken as in SDynPy (Sandia National Laboratories, sdynpy_geometry.py,
 `global_coord` and `global_deflection`): global = local @ rows 1 to 3 + row 4, angles in degrees, and of a spherical
-system radius, polar angle and angle about the axis.
+system radius, polar angle and angle about the axis. Points of data set 2411 are in the system that stands beside them,
+as in SDynPy, like those of 15; by the words of 2411 it is one of export, so a note says where this moves points.
 """
 
 from __future__ import annotations
@@ -82,8 +83,10 @@ def place_nodes(nodes: Sequence[Node], sets: Sequence[dict[str, Any]]) -> tuple[
 
 
 def _systems(s: dict[str, Any]) -> list[tuple[int, System]]:
-    found = []
-    for number, kind, rows in zip(s["CS_sys_labels"], s["CS_types"], s["CS_matrices"], strict=True):
+    found, columns = [], [s[name] for name in ("CS_sys_labels", "CS_types", "CS_matrices")]
+    if len({len(column) for column in columns}) > 1:
+        raise ValueError("a data set 2420 that is not whole; save it again")
+    for number, kind, rows in zip(*columns, strict=True):
         rows = np.asarray(rows, dtype=float)
         if kind not in _KINDS:
             raise ValueError(f"coordinate system {number} of type {kind}; expected 0, 1 or 2")

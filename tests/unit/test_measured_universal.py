@@ -208,14 +208,16 @@ def test_a_cylindrical_system_as_it_is_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("change", "said"), [
     (lambda s: s.update(CS_sys_labels=[3]), "has nodes in coordinate system 7, which no data set 2420 defines"),
     (lambda s: s.update(CS_types=[5]), "has coordinate system 7 of type 5; expected 0, 1 or 2"),
+    (lambda s: s["CS_types"].pop(), "has a data set 2420 that is not whole"),
     (lambda s: s["CS_matrices"][0].__imul__(2), "has coordinate system 7, whose matrix is no rotation"),
     (lambda s: s["CS_matrices"][0].__setitem__(0, -s["CS_matrices"][0][0]), "7, whose matrix is no rotation"),
 ])  # fmt: skip
-def test_coordinate_systems_that_are_refused(tmp_path: Path, change, said: str) -> None:
-    own = systems_2420(1)
-    change(own)
+def test_coordinate_systems_that_are_refused(tmp_path: Path, monkeypatch, change, said: str) -> None:
+    sets = [systems_2420(1), points_2411(POINTS, 0, 7), shape_55(600.0, SHAPE)]
+    change(sets[0])
+    monkeypatch.setattr(pyuff.UFF, "read_sets", lambda *_: sets)  # pyuff writes no set that is damaged
     with pytest.raises(SceneError, match=said):
-        read(tmp_path, [own, points_2411(POINTS, 0, 7), shape_55(600.0, SHAPE)])
+        read(tmp_path, sets[1:])
 
 
 @pytest.mark.parametrize(("hz", "said"), [
