@@ -16,15 +16,9 @@ import numpy as np
 import pyvista
 from numpy.typing import NDArray
 
-from fe_squeal.report.pictures import (
-    AMPLITUDE_COLOURS,
-    NORMAL_COLOURS,
-    compose_figure,
-    moving_triangles,
-    normal_limit,
-    widest_body,
-)
+from fe_squeal.report.pictures import AMPLITUDE_COLOURS, NORMAL_COLOURS, compose_figure
 from fe_squeal.report.shapes import axis_frame
+from fe_squeal.report.views import AxialView, choose_view, moving_triangles
 from fe_squeal.report.vtk_files import VISIBLE, names_in
 
 PIXELS = (1100, 860)
@@ -38,15 +32,14 @@ def draw_file(shape: Path, picture: Path, title: str, axis: list[float]) -> None
     size = float(grid.length)
     grid.points = grid.points @ frame.T
     real = grid.point_data["u_re"] @ frame.T
-    grid.point_data["u_n"] = np.ascontiguousarray(real[:, 2])
     body = np.asarray(grid.cell_data["body"])
     nodes = next(iter(grid.cells_dict.values()))
-    main = widest_body(np.asarray(grid.points), nodes, body)
-    limit = normal_limit(real[np.unique(nodes[body == main]), 2])
+    view = choose_view(np.asarray(grid.points), real, grid.point_data["amplitude"], nodes, body, frame)
+    grid.point_data["u_n"] = view.values
 
-    figure, left, right = compose_figure(title, names_in(grid, "body")[main], limit, axis)
+    figure, left, right = compose_figure(title, names_in(grid, "body")[view.body], view, axis)
     left.imshow(_oblique_view(grid, real * VISIBLE * size), interpolation="antialiased")
-    right.imshow(_axial_view(grid, body, main, limit), interpolation="antialiased")
+    right.imshow(_axial_view(grid, body, view), interpolation="antialiased")
     figure.savefig(picture)  # the caller gives the name of an unfinished file, and renames it
 
 
@@ -60,13 +53,13 @@ def _oblique_view(grid: Any, displacement: NDArray[np.float64]) -> NDArray[np.ui
     return _shoot(plotter, (1.0, -1.3, 1.15), (0.0, 0.0, 1.0))
 
 
-def _axial_view(grid: Any, body: NDArray[np.int64], main: int, limit: float) -> NDArray[np.uint8]:
-    plotter = _plotter()
+def _axial_view(grid: Any, body: NDArray[np.int64], view: AxialView) -> NDArray[np.uint8]:
+    plotter, main, limit = _plotter(), view.body, view.limit
     surface = _surface(grid.extract_cells(np.flatnonzero(body == main)))
     plotter.add_mesh(surface, scalars="u_n", clim=(-limit, limit), cmap=NORMAL_COLOURS, show_scalar_bar=False,
                      lighting=False)
     plotter.add_mesh(_edges(surface), color="dimgray", line_width=1.0)
-    lift = np.array([0.0, 0.0, 0.02 * grid.length])  # moves lines a little in front of their surface
+    lift = np.array([0.0, 0.0, 0.02 * view.side * grid.length])  # moves lines a little in front of their surface
     u_n = surface.point_data["u_n"]
     if u_n.min() < 0 < u_n.max() and np.ptp(u_n) > 1e-3:  # a body that moves to one side only has no nodal lines
         triangles = surface.triangulate().faces.reshape(-1, 4)[:, 1:]
@@ -79,7 +72,7 @@ def _axial_view(grid: Any, body: NDArray[np.int64], main: int, limit: float) -> 
     for other in np.setdiff1d(body, [main]):
         part = grid.extract_cells(np.flatnonzero(body == other))
         plotter.add_mesh(_edges(part).translate(2 * lift), color="black", line_width=1.2)
-    return _shoot(plotter, (0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
+    return _shoot(plotter, (0.0, 0.0, float(view.side)), (0.0, 1.0, 0.0))
 
 
 def _plotter() -> Any:

@@ -11,6 +11,7 @@ from fe_squeal.errors import one_line
 from fe_squeal.report.branches import frequency_text
 
 STANDING, RUNNING = 0.2, 0.8  # |travelling|: a shape up to the first is called standing, from the second on running
+IN_PLANE = 0.1  # share of the motion along the axis: a shape that has less is called one in the plane
 PURE = 0.9  # share of the first number of nodal diameters: from here on the second number is not mentioned
 
 
@@ -86,6 +87,12 @@ def plane_text(row: Mapping[Any, Any]) -> str:
     return "" if share is None else f"{100 * share:.0f} % along the axis, {100 * (1 - share):.0f} % in the plane"
 
 
+def in_plane_text(row: Mapping[Any, Any]) -> str:
+    """Return "in the plane" for a mode that hardly moves along the axis, whose nodal diameters are no bending waves."""
+    share = entry(row, "out_of_plane")
+    return "in the plane" if share is not None and share < IN_PLANE else ""
+
+
 def look_text(row: Mapping[Any, Any]) -> str:
     """Return a few words about a mode for a label.
 
@@ -94,7 +101,8 @@ def look_text(row: Mapping[Any, Any]) -> str:
     >>> look_text({"frequency_hz": 4630.0, "nodal_diameters": 5, "body": "disc", "body_share": 0.83})
     '4.63 kHz, 5 nodal diameters, disc 83 %'
     """
-    return ", ".join(t for t in (frequency_text(float(row["frequency_hz"])), diameters_text(row), body_text(row)) if t)
+    texts = frequency_text(float(row["frequency_hz"])), diameters_text(row), in_plane_text(row), body_text(row)
+    return ", ".join(text for text in texts if text)
 
 
 def _counted(count: int, noun: str) -> str:

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 from matplotlib import colormaps
@@ -36,7 +36,6 @@ from fe_squeal.report.branches import figure_text
 from fe_squeal.report.files import replace_atomically, save_figure, temporary_path
 from fe_squeal.report.shapes import (
     Complexes,
-    Floats,
     ShapeGrid,
     axis_frame,
     boundary_triangles,
@@ -44,12 +43,11 @@ from fe_squeal.report.shapes import (
     semi_major_amplitude,
     sharp_edges,
 )
+from fe_squeal.report.views import AxialView, choose_view, direction_text, moving_triangles
 from fe_squeal.report.vtk_files import VISIBLE, displacement_at, write_shape
 
 AMPLITUDE_COLOURS, NORMAL_COLOURS = "viridis", "RdBu_r"
 Z_AXIS = (0.0, 0.0, 1.0)
-_LEVEL = 0.2  # of the largest displacement over the width of the body: a shape with a smaller slope counts as level
-_STILL = 1e-3  # of the largest amplitude: points that move less count as not moving
 
 
 @dataclass(frozen=True)
@@ -72,9 +70,9 @@ def draw_shape(
     """Draw one shape as .png and return the renderer: "pyvista", or "matplotlib" if VTK cannot draw here.
 
     Left: all bodies seen obliquely from above, displaced by Re u (at most 5 % of the model's size) and coloured by
-    amplitude, with the edges at rest in grey. Right: the body that is widest across `axis`, seen along the axis and
-    coloured by its displacement along it, with nodal lines in black and the outlines of the other bodies, so that nodal
-    diameters can be counted.
+    amplitude, with the edges at rest in grey. Right: of the bodies that move the one that is widest across `axis`, seen
+    along the axis and coloured by its displacement along it, or in the plane where that is nearly all, with nodal lines
+    in black and the outlines of the other bodies, so that nodal diameters can be counted.
 
     Parameters
     ----------
@@ -220,80 +218,22 @@ def _text_of(file: IO[bytes]) -> str:
     return file.read().decode(errors="replace")
 
 
-def widest_body(points: Floats, cells: Any, body: Any) -> int:
-    """Return the body with the largest bounding box across z, in a brake the disc; points (n, 3), cells (ne, nn)."""
-    areas = {int(b): float(np.prod(np.ptp(points[np.unique(cells[body == b])], axis=0)[:2])) for b in np.unique(body)}
-    return max(areas, key=lambda b: areas[b])
-
-
-def normal_limit(u_n: Floats) -> float:
-    """Return the end of the colour scale for displacements along the axis (m,), over the shape's largest amplitude.
-
-    It is at least 1e-3, so that rounding is not shown as a pattern.
-    """
-    return max(float(np.abs(u_n).max(initial=0.0)), 1e-3)
-
-
-def moving_triangles(points: Floats, triangles: Any, u_n: Floats, amplitude: Floats) -> Any:
-    """Return which triangles (t,) bool may contain a nodal line.
-
-    There the displacement along the axis changes its sign; where a support holds the body it is zero, which is no nodal
-    line.
-
-    Parameters
-    ----------
-    points : (p, 3) float, m
-        Turned so that the axis is z.
-    triangles : (t, 3) int
-    u_n, amplitude : (p,) float
-        Displacement along the axis, and largest displacement over a period.
-    """
-    corner = points[triangles]  # (t, 3, 3)
-    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-    du, dv = (u_n[triangles[:, i]] - u_n[triangles[:, 0]] for i in (1, 2))
-    # The gradient g of the displacement in the triangle's plane, from g·a = du and g·b = dv along two of its edges.
-    aa, ab, bb = (np.einsum("ij,ij->i", x, y) for x, y in ((a, a), (a, b), (b, b)))
-    det = np.maximum(aa * bb - ab**2, np.finfo(float).tiny)
-    square = (bb * du**2 - 2 * ab * du * dv + aa * dv**2) / det
-    across = float(np.ptp(points[:, :2], axis=0).max())
-    typical = normal_limit(u_n) / max(across, np.finfo(float).tiny)
-    still = (amplitude[triangles] < _STILL * float(amplitude.max(initial=0.0))).any(axis=1)
-    return (np.sqrt(np.maximum(square, 0.0)) > _LEVEL * typical) & ~still
-
-
-def direction_text(axis: Sequence[float]) -> str:
-    """Return `z` for a coordinate axis, else the direction as `(x, y, z)`.
-
-    Examples
-    --------
-    >>> direction_text([0, 0, -2]), direction_text([0, 3, 4])
-    ('−z', '(0, 0.6, 0.8)')
-    """
-    unit = (np.asarray(axis, dtype=float) / np.linalg.norm(axis)).round(3) + 0.0
-    if np.count_nonzero(unit) == 1:
-        i = int(np.argmax(np.abs(unit)))
-        return ("−" if unit[i] < 0 else "") + "xyz"[i]
-    return "(" + ", ".join(f"{x:.3g}" for x in unit) + ")"
-
-
-def compose_figure(
-    title: str, body_name: str, limit: float, axis: Sequence[float] = Z_AXIS
-) -> tuple[Figure, Axes, Axes]:
+def compose_figure(title: str, body_name: str, view: AxialView, axis: Sequence[float]) -> tuple[Figure, Axes, Axes]:
     """Return a figure with titles and colour bars, and the axes for the left and the right view."""
     figure = Figure(figsize=(12, 6), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle("\n".join(figure_text(line) for line in title.split("\n")), fontsize=13)
-    name = figure_text(body_name)
+    name, seen = figure_text(body_name), [view.side * x for x in axis]
     left, right = figure.subplots(1, 2)
     for axes, text, colours, low, label in (
         (left, f"real part, warped to {VISIBLE:.0%} of the model's size", AMPLITUDE_COLOURS, 0.0,
          "amplitude over a period / largest"),
-        (right, f"{name}, seen along {direction_text(axis)}; nodal lines black", NORMAL_COLOURS, -limit,
-         f"displacement along {direction_text(axis)}, Re u / largest amplitude"),
+        (right, f"{name}, seen along {direction_text(seen)}; nodal lines black", NORMAL_COLOURS, -view.limit,
+         f"{view.label}, Re u / largest amplitude"),
     ):
         axes.set_title(text, fontsize=10)
         axes.set_axis_off()
-        scale = ScalarMappable(Normalize(low, limit if low else 1.0), colours)
+        scale = ScalarMappable(Normalize(low, view.limit if low else 1.0), colours)
         figure.colorbar(scale, ax=axes, orientation="horizontal", shrink=0.7, aspect=35, pad=0.02, label=label,
                         ticks=MaxNLocator(4))
     return figure, left, right
@@ -306,10 +246,9 @@ def _draw_with_matplotlib(grid: ShapeGrid, u: Complexes, job: PictureJob) -> Non
     shape = normalise_shape(u)
     points = grid.points @ frame.T
     warped = points + displacement_at(grid, shape, 0.0) @ frame.T
-    u_n = shape.real @ frame[2]
-    main = widest_body(points, grid.cells, grid.body)
-    limit = normal_limit(u_n[np.unique(grid.cells[grid.body == main])])
-    figure, left, right = compose_figure(job.title, grid.body_names[main], limit, job.axis)
+    view = choose_view(points, shape.real @ frame.T, semi_major_amplitude(shape), grid.cells, grid.body, frame)
+    main, limit, values = view.body, view.limit, view.values
+    figure, left, right = compose_figure(job.title, grid.body_names[main], view, job.axis)
 
     triangles, _ = boundary_triangles(grid)
     solid = figure.add_subplot(left.get_subplotspec(), projection="3d", computed_zorder=False)
@@ -327,17 +266,18 @@ def _draw_with_matplotlib(grid: ShapeGrid, u: Complexes, job: PictureJob) -> Non
     solid.set_axis_off()
 
     triangles, _ = boundary_triangles(grid, main)
+    points = points * [view.side, 1.0, view.side]  # turned about y where it is seen from below
     # Triangles are drawn in the order of their depth, the nearest last.
     triangles = triangles[np.argsort(points[triangles, 2].mean(axis=1))]
-    shades = colormaps[NORMAL_COLOURS](Normalize(-limit, limit)(u_n[triangles].mean(axis=1)))
+    shades = colormaps[NORMAL_COLOURS](Normalize(-limit, limit)(values[triangles].mean(axis=1)))
     flat = list(points[triangles, :2])
     right.add_collection(PolyCollection(flat, facecolors=shades, edgecolors=shades, linewidths=0.2))
     upper = triangles[points[triangles, 2].min(axis=1) > points[triangles, 2].mean()]
-    if len(upper) and np.ptp(u_n[upper]) > 1e-3:
-        moving = moving_triangles(points, upper, u_n, semi_major_amplitude(shape))
+    if len(upper) and np.ptp(values[upper]) > 1e-3:
+        moving = moving_triangles(points, upper, values, semi_major_amplitude(shape))
         if moving.any():
             face = Triangulation(points[:, 0], points[:, 1], upper, mask=~moving)
-            right.tricontour(face, u_n, levels=[0.0], colors="black", linewidths=1.5)
+            right.tricontour(face, values, levels=[0.0], colors="black", linewidths=1.5)
     for part in np.unique(grid.body):
         edges = sharp_edges(points, boundary_triangles(grid, int(part))[0])
         right.add_collection(LineCollection(list(points[edges, :2]), colors="0.2", linewidths=0.7))

@@ -26,8 +26,8 @@ from scipy.spatial import Delaunay, QhullError, cKDTree
 from fe_squeal.report.branches import figure_text
 from fe_squeal.report.contact_face import ContactFace
 from fe_squeal.report.files import save_figure
-from fe_squeal.report.pictures import direction_text
 from fe_squeal.report.shapes import Floats, axis_frame
+from fe_squeal.report.views import direction_text
 
 MAX_COLUMNS = 3
 FACE_INCHES = 3.6  # length of the longer side of a face, in

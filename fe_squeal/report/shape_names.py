@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fe_squeal.report.branches import parameter_symbol, value_text
-from fe_squeal.report.looks import body_text, diameters_text, way_text
+from fe_squeal.report.looks import body_text, diameters_text, in_plane_text, way_text
 
 
 def shape_name(info: Mapping[str, Any]) -> str:
@@ -44,12 +44,14 @@ def shape_title(info: Mapping[str, Any]) -> str:
     """
     parts = []
     if "frequency_hz" in info:
-        parts.append(f"{float(info['frequency_hz']):.4g} Hz")
+        frequency = float(info["frequency_hz"])
+        parts.append(f"{frequency:.0f} Hz" if frequency >= 1000 else f"{frequency:.4g} Hz")
     if "re" in info:
         parts.append(f"Re λ = {float(info['re']):+.4g} 1/s")
     if "value" in info:
         parts.append(f"{parameter_symbol(str(info.get('parameter', 'value')))} = {value_text(float(info['value']))}")
     head = next((f"{key} {int(info[key])}:  " for key in ("branch", "mode")
                  if info.get(key) is not None and np.isfinite(info[key])), "")
-    looks = ", ".join(text for text in (diameters_text(info), body_text(info), way_text(info)) if text)
+    texts = diameters_text(info), in_plane_text(info), body_text(info), way_text(info)
+    looks = ", ".join(text for text in texts if text)
     return head + ",  ".join(parts) + (f"\n{looks}" if looks else "")

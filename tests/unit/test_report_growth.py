@@ -10,8 +10,8 @@ from fe_squeal.report import figures
 from fe_squeal.report.branches import collect_branches
 from fe_squeal.report.figures import plot_stability
 from fe_squeal.report.growth import growth_curves
-from fe_squeal.report.pictures import moving_triangles
 from fe_squeal.report.tables import print_unstable
+from fe_squeal.report.views import moving_triangles
 
 EXACT = 0.312
 COARSE = np.linspace(0.0, 0.7, 8)

@@ -16,7 +16,7 @@ from matplotlib import image
 
 from fe_squeal.report import pictures
 from fe_squeal.report.export import exporting_shapes
-from fe_squeal.report.pictures import draw_shape, widest_body
+from fe_squeal.report.pictures import draw_shape
 from fe_squeal.report.shape_names import shape_name
 from fe_squeal.report.shapes import (
     REFERENCE_NODES,
@@ -28,6 +28,7 @@ from fe_squeal.report.shapes import (
     shape_grid,
     sharp_edges,
 )
+from fe_squeal.report.views import choose_view, widest_body
 from fe_squeal.report.vtk_files import names_in, write_animation, write_shape
 
 TET, HEX = skfem.MeshTet, skfem.MeshHex
@@ -310,3 +311,35 @@ def test_frame_about_an_axis_is_a_rotation():
 def test_widest_body_is_the_disc():
     grid = disc_with_pad()
     assert widest_body(grid.points, grid.cells, grid.body) == 0
+
+
+def viewed(u, grid=None):
+    grid = grid or disc_with_pad()
+    shape = np.asarray(u(grid.points), dtype=complex)
+    shape = shape / np.linalg.norm(shape, axis=1).max()
+    return choose_view(grid.points, shape.real, semi_major_amplitude(shape), grid.cells, grid.body, np.eye(3)), grid
+
+
+@pytest.mark.parametrize(("way", "label"), [
+    (lambda x: np.column_stack([-x[:, 1], x[:, 0], 0 * x[:, 0]]), "displacement around the centre"),
+    (lambda x: np.column_stack([x[:, 0], x[:, 1], 0 * x[:, 0]]), "displacement away from the centre"),
+    (lambda x: np.tile([0.6, 0.8, 0.0], (len(x), 1)), "displacement along (0.6, 0.8, 0)"),
+    (lambda x: np.tile([0.6, 0.0, 0.8], (len(x), 1)), "displacement along z"),
+])  # fmt: skip
+def test_what_is_shown_is_what_moves(way, label):
+    """A shape in the plane has dust along the axis, which is not drawn as a pattern."""
+    view, _ = viewed(lambda x: way(x) + 1e-3 * np.sin(50 * x[:, :1]) * [0, 0, 1])
+    assert view.label == label and view.body == 0 and view.side == 1 and view.limit == pytest.approx(1.0, abs=0.25)
+
+
+def test_a_body_at_rest_is_not_shown_instead_of_the_one_that_moves():
+    grid = disc_with_pad()
+    pad = np.isin(np.arange(len(grid.points)), grid.cells[grid.body == 1])
+    low = grid.points[pad, 2].min()
+    thick = np.ptp(grid.points[pad, 2])
+
+    def held_above(x):
+        return np.where(pad, 1 - (x[:, 2] - low) / thick, 1e-6)[:, None] * [0.0, 0.0, 1.0]
+
+    view, _ = viewed(held_above, grid)
+    assert view.body == 1 and view.side == -1  # its upper face is held
