@@ -15,6 +15,9 @@ _STILL = 1e-3  # of the largest amplitude: points that move less count as not mo
 _MOVES = 0.05  # of the largest amplitude: a body that moves less is not what squeals
 _ALONG = 0.1  # of the largest displacement of a body: what is smaller along the axis, or on one side, is not shown
 
+_PLACES = 30  # along the width of a body: of the points at one place the highest are seen
+_SAME_FACE = 0.05  # of a body's thickness: points that are lower than the highest by less are seen as well
+
 
 @dataclass(frozen=True)
 class AxialView:
@@ -43,8 +46,8 @@ class AxialView:
 def choose_view(points: Floats, u: Floats, amplitude: Floats, cells: Any, body: Any, frame: Floats) -> AxialView:
     """Return what shows most of a shape: of the bodies that move the widest one, and its displacement along the axis.
 
-    Where nearly all of its motion is in the plane, that is shown in the direction in which there is most: along a line,
-    away from its centre or around it.
+    Where nearly all of the motion that is seen is in the plane, it is shown in the direction in which there is most:
+    along a line, away from the body's centre or around it.
 
     Parameters
     ----------
@@ -63,25 +66,40 @@ def choose_view(points: Floats, u: Floats, amplitude: Floats, cells: Any, body: 
     some = np.isin(body, moving or list(nodes))
     main = widest_body(points, cells[some], body[some])
     own = nodes[main]
+    faces = [own[_outermost(points[own] * [1.0, 1.0, side])] for side in (1, -1)]
+    size = [float(np.linalg.norm(u[face], axis=1).max()) for face in faces]
+    side = 0 if size[0] >= _ALONG * size[1] else 1
+    seen = faces[side]
     values, label = u[:, 2], f"displacement along {direction_text(frame[2])}"
-    if np.abs(u[own, 2]).max() < _ALONG * np.linalg.norm(u[own], axis=1).max():
-        centre = (points[own, :2].min(axis=0) + points[own, :2].max(axis=0)) / 2
-        away = points[:, :2] - centre
-        away = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), np.finfo(float).tiny)
-        line = np.linalg.svd(u[own, :2], full_matrices=False)[2][0]
-        line = line * np.sign(line[np.argmax(np.abs(line))])
-        ways = {
-            f"displacement along {direction_text(line @ frame[:2])}": np.broadcast_to(line, away.shape),
-            "displacement away from the centre": away,
-            "displacement around the centre": np.column_stack([-away[:, 1], away[:, 0]]),
-        }
-        found = {name: np.einsum("ij,ij->i", u[:, :2], way) for name, way in ways.items()}
-        label = max(found, key=lambda name: float(np.linalg.norm(found[name][own])))
-        values = found[label]
-    z = points[own, 2]
-    above, below = (np.abs(values[own][near]).max() for near in (z >= np.quantile(z, 0.9), z <= np.quantile(z, 0.1)))
-    side = 1 if above >= _ALONG * below else -1
-    return AxialView(main, np.ascontiguousarray(values), label, normal_limit(values[own]), side)
+    if np.abs(u[seen, 2]).max() < _ALONG * size[side]:
+        values, label = _in_the_plane(points[:, :2], u[:, :2], own, seen, frame)
+    return AxialView(main, np.ascontiguousarray(values), label, normal_limit(values[seen]), 1 - 2 * side)
+
+
+def _outermost(points: Floats) -> Any:
+    """Return which points (m, 3) of a body are seen along z, those that have none above them, (m,) bool."""
+    low, width = points[:, :2].min(axis=0), np.ptp(points[:, :2], axis=0).max() or 1.0
+    place = np.floor((points[:, :2] - low) / width * _PLACES).astype(int) @ [_PLACES + 1, 1]
+    highest = np.full(place.max() + 1, -np.inf)
+    np.maximum.at(highest, place, points[:, 2])
+    return points[:, 2] >= highest[place] - _SAME_FACE * np.ptp(points[:, 2])
+
+
+def _in_the_plane(points: Floats, u: Floats, own: Any, seen: Any, frame: Floats) -> tuple[Floats, str]:
+    """Return the displacement (n,) of u (n, 2) in the direction in which `seen` points move most, and what it is."""
+    centre = (points[own].min(axis=0) + points[own].max(axis=0)) / 2
+    away = points - centre
+    away = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), np.finfo(float).tiny)
+    line = np.linalg.svd(u[seen], full_matrices=False)[2][0]
+    line = line * np.sign(line[np.argmax(np.abs(line))])
+    ways = {
+        f"displacement along {direction_text(line @ frame[:2])}": np.broadcast_to(line, away.shape),
+        "displacement away from the centre": away,
+        "displacement around the centre": np.column_stack([-away[:, 1], away[:, 0]]),
+    }
+    found = {name: np.einsum("ij,ij->i", u, way) for name, way in ways.items()}
+    label = max(found, key=lambda name: float(np.linalg.norm(found[name][seen])))
+    return found[label], label
 
 
 def widest_body(points: Floats, cells: Any, body: Any) -> int:
