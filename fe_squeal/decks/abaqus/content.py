@@ -94,13 +94,15 @@ class TieData:
     springs : list of dict
         Between the reference and the ground, as the scene has them.
     freedoms : set of int, optional
-        Those of the freedoms 1 to 3 that follow the members (*Equation); None if all of them do.
+        Those of the freedoms 1 to 6 that follow the members, in axes of the coupling's own; None if all of them do.
     place : (3,) array, optional
         Where the reference counts, if not at its node.
     radius : float, optional
         Nodes farther from the reference are not tied.
     of_surface : bool
         Whether the member is the name of a surface, whatever node set has the same name.
+    coupling : Statement, optional
+        The *Coupling, in whose axes the freedoms are; without it they are in those of the node (*Equation).
     """
 
     name: str
@@ -113,6 +115,12 @@ class TieData:
     place: np.ndarray | None = None
     radius: float | None = None
     of_surface: bool = False
+    coupling: Statement | None = None
+
+    @property
+    def keyword(self) -> str:
+        """Return the keyword that says which freedoms are tied."""
+        return "*Equation" if self.coupling is None else "*Distributing"
 
 
 @dataclass

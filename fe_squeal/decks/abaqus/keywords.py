@@ -80,7 +80,8 @@ BECOMES: dict[str, str] = {
     " `gap_tolerance`",
     "*Coupling, *Kinematic, *Kinematic Coupling": "`[[rigid]]`, with what acts on the reference node: `*Boundary`,"
     " springs, `*Mass`, `*Rotary Inertia`; `INFLUENCE RADIUS` is asked for where it leaves out nodes",
-    "*Distributing, *Distributing Coupling": "`[[averaged]]`, all of the surface or all nodes with the same weight",
+    "*Distributing, *Distributing Coupling": "`[[averaged]]`, all of the surface or all nodes with the same"
+    " weight; what acts on rotations that the data lines release is left out",
     "*Equation": "`[[averaged]]` where a node of its own follows the mean of three or more nodes, all with the same"
     " weight, in a direction; others are asked for",
     "*Rigid Body": "`[[rigid]]` of node sets; `POSITION=CENTER OF MASS` is asked for",

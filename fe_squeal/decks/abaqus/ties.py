@@ -9,14 +9,13 @@ import numpy as np
 from ...errors import MeshError
 from ...mesh.readers.abaqus.model import Statement
 from ..draft import Value, plain_name
+from ..released import FREEDOMS
 from .content import Content, TieData, fields, spoken
 from .holding import held_at, number_of
 from .links import links_under
 from .masses import masses_at
 from .materials import clean
-from .transforms import is_turned
-
-_FREEDOMS = ("x", "y", "z", "rx", "ry", "rz")
+from .releases import freedoms_in, read_released, release
 
 
 def read_coupling(content: Content, statement: Statement) -> None:
@@ -25,7 +24,7 @@ def read_coupling(content: Content, statement: Statement) -> None:
     tie = TieData(
         block.value("CONSTRAINT NAME") or block.value("SURFACE"), content.where(statement), True,
         (block.value("REF NODE") or block.value("REFNODE"), statement.scope),
-        [(block.value("SURFACE"), statement.scope)], of_surface=True,
+        [(block.value("SURFACE"), statement.scope)], of_surface=True, coupling=statement,
     )  # fmt: skip
     if block.value("INFLUENCE RADIUS"):
         tie.radius = number_of(content, statement, block.value("INFLUENCE RADIUS"))
@@ -42,17 +41,16 @@ def read_kind(content: Content, statement: Statement) -> None:
     tie.rigid = block.keyword == "KINEMATIC"
     if tie.rigid and block.lines:
         _only_all_freedoms(content, statement, [content.floats(block, line) for line in block.lines])
+    if not tie.rigid:
+        read_released(content, statement, tie)
     if not tie.rigid and block.value("WEIGHTING METHOD").upper() not in ("", "UNIFORM"):
         text = f"weights by {block.value('WEIGHTING METHOD')} are not simulated; all parts of the surface count alike"
         content.draft.find("*Distributing", where, text)
 
 
 def _only_all_freedoms(content: Content, statement: Statement, rows: list[list[float | None]]) -> None:
-    found: set[int] = set()
-    for row in rows:
-        if row and row[0]:
-            found |= set(range(int(row[0]), int((row[1] if len(row) > 1 else None) or row[0]) + 1))
-    if found and not {1, 2, 3} <= found:
+    found = freedoms_in(content, statement, rows)
+    if not {1, 2, 3} <= found:
         text = f"ties the freedoms {sorted(found)} alone; a rigid body has all three translations"
         content.draft.find(f"*{spoken(statement.block.keyword)}", content.where(statement), text, "missing")
 
@@ -177,15 +175,12 @@ def write_ties(content: Content, ties: dict[int, TieData]) -> None:
             at_node = content.raw.points[row] if tie.place is None else tie.place
             values["reference"] = [clean(float(v) * content.units.length) + 0.0 for v in at_node]
         values |= masses.get(row, {})
-        acting = held_at(content, row)
-        if tie.freedoms is not None:  # what is not tied holds nothing
-            acting &= tie.freedoms
-            _check_freedoms(content, tie, "mass" in values)
-        held = " ".join(_FREEDOMS[f - 1] for f in sorted(acting))
+        held = " ".join(FREEDOMS[f - 1] for f in sorted(held_at(content, row)))
         if held:
             values["fixed"] = held
         if tie.springs:
             values["springs"] = list(tie.springs)
+        release(content, tie, values)
         table = content.draft.add("rigid" if tie.rigid else "averaged", is_entry=True, values=values)
         at = f", reference node {tie.reference[0]}" if row >= 0 else ""
         table.comments.append(f"{'Rigid' if tie.rigid else 'Averaged'}: {tie.where}{at}")
@@ -202,19 +197,6 @@ def _check_radius(content: Content, tie: TieData, row: int, place: dict[str, Val
         table = "rigid" if tie.rigid else "averaged"
         text = f"couples only what is within {tie.radius:g} of its reference: give nodes, not surface, in [[{table}]]"
         content.draft.find("*Coupling, INFLUENCE RADIUS", tie.where, text, "missing")
-
-
-def _check_freedoms(content: Content, tie: TieData, has_mass: bool) -> None:
-    """Ask for what an equation in some directions alone cannot be: a mass, or a spring along the others."""
-    freedoms = tie.freedoms or set()
-    if is_turned(content, np.concatenate([content.rows(node) for node in (tie.reference, *tie.members)])):
-        text = f"ties node {tie.reference[0]} in axes of *Transform, which is not read; give [[averaged]]"
-        content.draft.find("*Equation", tie.where, text, "missing")
-    ways = [list(s.get("direction", [0.0] * 3)) for s in tie.springs]  # type: ignore[arg-type]
-    apart = any(abs(float(way[f - 1])) > 1e-12 for way in ways for f in {1, 2, 3} - freedoms)  # type: ignore[arg-type]
-    if apart or (has_mass and freedoms < {1, 2, 3}):
-        text = f"ties {sorted(freedoms)} of node {tie.reference[0]} alone; its mass or a spring acts on other freedoms"
-        content.draft.find("*Equation", tie.where, text, "missing")
 
 
 def _place(content: Content, tie: TieData) -> dict[str, Value] | None:

@@ -55,7 +55,8 @@ BECOMES: dict[str, str] = {
     "CDAMP1, CDAMP2, PDAMP": "`[[springs]]` with `damping`",
     "CBUSH, PBUSH": "`[[springs]]` along the axes of CID; without CID alike in all directions, else asked for; GE and M"
     " are left out, and told",
-    "RBE2": "`[[rigid]]`, with what acts on its grid point", "RBE3": "`[[averaged]]`, all with the same weight",
+    "RBE2": "`[[rigid]]`, with what acts on its grid point", "RBE3": "`[[averaged]]`, all with the same"
+    " weight; what acts on freedoms of its grid point that REFC leaves out is left out",
     "CONM2": "`mass` and `inertia` at the reference of RBE2 and RBE3",
     "PLOAD4": "`[effects.preload] pressures` on the surface group PLOAD4_N; those along a direction of their own (N1 to"
     " N3) and on shells are left out, and told",

@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from ...mesh.readers.nastran.text import Card
+from ..directions import along_axes
 from ..draft import Value
+from ..released import drop_released, said_of_both, said_of_dropped
+from .axes import displacement_axes, projector
 from .cards import Deck
 from .holding import Held, held_along
 from .materials import clean
 
 Ties = dict[int, tuple[Card, bool, list[int]]]  # by reference: the card, whether it is rigid, and what it ties
+_ALL = "123456"
 
 
 def find_ties(deck: Deck) -> Ties:
@@ -67,8 +71,42 @@ def write_ties(deck: Deck, ties: Ties, held: Held, references: dict[int, list[di
             values["fixed"] = fixed
         if references[reference]:
             values["springs"] = list(references[reference])
+        if not rigid and (digits := _followed(deck, card)) != _ALL:
+            _release(deck, card, reference, digits, values)
         table = deck.draft.add("rigid" if rigid else "averaged", is_entry=True, values=values)
         table.comments.append(f"{card.name}, {deck.where(card)}, reference GRID {reference}")
+
+
+def _followed(deck: Deck, card: Card) -> str:
+    """Return the freedoms of its reference that an RBE3 ties, REFC, in order.
+
+    Raises
+    ------
+    MeshError
+        REFC has something else than digits of 1 to 6.
+    """
+    text = card.text(3)
+    if not text or set(text) - set(_ALL):
+        raise deck.fault(card, f'has "{text[:20]}" as freedoms of its reference (REFC); expected digits of 1 to 6')
+    return "".join(sorted(set(text)))
+
+
+def _release(deck: Deck, card: Card, reference: int, digits: str, values: dict[str, Value]) -> None:
+    """Take out of the table of a reference what acts on freedoms that an RBE3 does not tie; ask for what is of both."""
+    axes, node, tied = displacement_axes(deck, card, reference), f"GRID {reference}", set[int]()
+    for first in (1, 4):
+        freedoms = {int(digit) - first + 1 for digit in digits} & {1, 2, 3}
+        letters = along_axes(projector(axes, freedoms)) if axes is not None else None
+        if letters is None:
+            text = f"ties freedoms of {node} in a system that is not along x, y and z (CD): give [[averaged]]"
+            deck.find(card, text, "missing")
+            return
+        tied |= {first + "xyz".index(letter) for letter in letters}
+    dropped, both = drop_released(values, tied)
+    if both:
+        deck.find(card, said_of_both(tied, node, both), "missing")
+    if dropped:
+        deck.find(card, said_of_dropped(tied, node, dropped), "harmless")
 
 
 def _masses(deck: Deck, ties: Ties) -> dict[int, dict[str, Value]]:
