@@ -187,10 +187,9 @@ def _surfaces(content: Content, pair: Pair) -> list[str] | None:
     for text in (pair.first, pair.second):
         names = content.group(known, (text, ""))
         if len(names) != 1:
-            reason = next((why for n, why in content.loaded.unusable.items() if n.casefold() == text.casefold()), "")
             content.draft.find(
                 "*Contact Pair / *Tie", pair.where,
-                f'its surface "{text}" is no surface of solid elements here{f": {reason}" if reason else ""}; the two'
+                f'its surface "{text}" is no surface of solid elements here{content.reason(text)}; the two'
                 " parts are not connected without it", "missing",
             )  # fmt: skip
             return None

@@ -226,6 +226,11 @@ class Content:
             found += same[:1]
         return list(dict.fromkeys(found))
 
+    def reason(self, text: str) -> str:
+        """Return why a set or surface is no group of the mesh, behind a colon, "" where nothing is known of it."""
+        found = [why for name, why in self.loaded.unusable.items() if name.casefold() == text.casefold()]
+        return f": {found[0]}" if found else ""
+
     def nodes_name(self, reference: Reference) -> str:
         """Return how the scene names the nodes of a reference that solids have, "" if there are none."""
         known = self.group(self.loaded.node_groups, reference)

@@ -70,6 +70,8 @@ BECOMES: dict[str, str] = {
     " `TIED`: as `*Tie`; a distance under `ADJUST`: `gap_tolerance`",
     "*Contact Inclusions, *Contact Property Assignment": "`[[contacts]]` of the pairs that are named; of all others"
     " that touch they are asked for",
+    "*Surface": "surface groups; `COMBINE=UNION` of others; other combinations, `CROP` and analytical surfaces are"
+    " refused where something acts on them",
     "*Surface Interaction": "for its pairs",
     "*Friction": "`mu` of the first row; the largest is `[effects.friction] mu`, others are `friction_ratio`;"
     " `ROUGH`: tied; `ANISOTROPIC`: the first of the two, and told",

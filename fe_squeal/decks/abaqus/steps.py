@@ -182,7 +182,7 @@ def _pressures(content: Content) -> dict[str, Value]:
     for reference, (value, where) in content.pressures.items():
         names = content.group(known, reference)
         if not names:
-            text = f'its surface "{reference[0]}" is no surface of solid elements here'
+            text = f'its surface "{reference[0]}" is no surface of solid elements here{content.reason(reference[0])}'
             content.draft.find("*Dsload", where, text, "missing")
         for name in names:
             if value:

@@ -211,7 +211,8 @@ def _place(content: Content, tie: TieData) -> dict[str, Value] | None:
         except MeshError:
             names.append("")
     if not all(names):
-        text = f'"{tie.members[0][0]}" is no surface and no node set of solid elements here'
+        what = tie.members[0][0]
+        text = f'"{what}" is no surface and no node set of solid elements here{content.reason(what)}'
         content.draft.find("*Coupling", tie.where, text, "missing")
         return None
     return {"nodes": ", ".join(names)}

@@ -80,7 +80,7 @@ def with_groups(raw: RawMesh, assembly: ModelSets) -> RawMesh:
                         skins.setdefault(name, []).extend(shells)
                     surfaces.setdefault(name, []).extend(parts)
             else:
-                unusable.update(dict.fromkeys(names, f"*SURFACE, TYPE={kind} is not read"))
+                unusable.update(dict.fromkeys(names, f"*SURFACE, {kind} is not read"))
     for placed in everything:
         solid = placed.rows["ELSET"][placed.rows["ELSET"] >= 0]
         if placed.name and len(solid):

@@ -12,6 +12,7 @@ from ...raw import CellBlock, Ints, rows_of
 from .model import Members, Scope
 from .text import LARGEST, entries, is_label, label_of
 
+Lines = tuple[str, list[tuple[Ints, str]]]  # the type of a surface, and what it has of each set, with a label
 _ROW = {"NSET": "nodes", "ELSET": "elements"}
 
 
@@ -90,33 +91,77 @@ class ModelSets:
             return self._rows(word, placed, np.array([label_of(text)]), user)
         if placed.sets(word, text):
             return self.members(word, placed, text, path)
-        head, dot, tail = text.partition(".")
-        while dot:
-            if head.upper() in self.instances:
-                return self.find(word, self.instances[head.upper()], tail, user)
-            more, dot, tail = tail.partition(".")
-            head = f"{head}.{more}"
+        inside = self._inside(text)
+        if inside is not None:
+            return self.find(word, *inside, user)
         what = "node set" if word == "NSET" else "element set"
         raise MeshError(
             f'{self.source}: {user} refers to {what} "{text}", which does not exist'
             + suggest(text, placed.names(word).values())
         )
 
-    def surface(self, placed: Located, name: str) -> tuple[str, list[tuple[Ints, str]]]:
+    def surface(self, placed: Located, name: str, path: tuple[tuple[str, str], ...] = ()) -> Lines:
         """Return the type of a surface, and for each of its lines the members and the label of the face.
 
-        The label is "S1" ... "S6", or "" for all free faces.
+        The type is "ELEMENT" or "NODE", or the parameter that is not read, such as "COMBINE=DIFFERENCE". The label is
+        "S1" ... "S6", or "" for all free faces.
+
+        Raises
+        ------
+        MeshError
+            A set or surface does not exist, is a union of itself, or one of surfaces of both types.
         """
-        kind, out = "ELEMENT", []
+        user, kind, out, own = f'surface "{name}"', "ELEMENT", list[tuple[Ints, str]](), (placed.name, name.upper())
+        if own in path:
+            raise MeshError(f"{self.source}: {user} is a union of itself")
         for block in [b for scope in placed.scopes for b in scope.surfaces.get(name.upper(), [])]:
+            combine = block.value("COMBINE").upper()
+            if combine == "UNION":
+                kind, lines = self._union(placed, [t for line in block.lines for t in entries(line)], (*path, own))
+                out += lines
+                continue
             kind = block.value("TYPE").upper() or "ELEMENT"
+            if combine or "CROP" in block.parameters:
+                return f"COMBINE={combine}" if combine else "CROP", []
+            if kind not in ("ELEMENT", "NODE"):
+                return f"TYPE={kind}", []
             word = "NSET" if kind == "NODE" else "ELSET"
             for line in block.lines:
                 fields = entries(line)
                 if fields:
                     label = fields[1].upper() if len(fields) > 1 and kind != "NODE" else ""
-                    out.append((self.find(word, placed, fields[0], f'surface "{name}"'), label))
+                    out.append((self.find(word, placed, fields[0], user), label))
         return kind, out
+
+    def _union(self, placed: Located, names: list[str], path: tuple[tuple[str, str], ...]) -> Lines:
+        """Return the type and the lines of some surfaces together; the type that is not read, where one is of such."""
+        user, kinds, out = f'surface "{path[-1][1]}"', list[str](), list[tuple[Ints, str]]()
+        for text in names:
+            inside = (placed, text) if text.upper() in placed.names("SURFACE") else self._inside(text)
+            if inside is None or inside[1].upper() not in inside[0].names("SURFACE"):
+                known = placed.names("SURFACE").values()
+                raise MeshError(
+                    f'{self.source}: {user} is a union of surface "{text}", which does not exist{suggest(text, known)}'
+                )
+            kind, lines = self.surface(*inside, path)
+            if kind not in ("ELEMENT", "NODE"):
+                return kind, []
+            kinds.append(kind)
+            out += lines
+        if len(set(kinds)) != 1:
+            what = "surfaces of elements and of nodes" if kinds else "nothing"
+            raise MeshError(f"{self.source}: {user} is a union of {what}; expected the names of surfaces of one type")
+        return kinds[0], out
+
+    def _inside(self, text: str) -> tuple[Located, str] | None:
+        """Return the instance and the name of INSTANCE.NAME, None where there is no such instance."""
+        head, dot, tail = text.partition(".")
+        while dot:
+            if head.upper() in self.instances:
+                return self.instances[head.upper()], tail
+            more, dot, tail = tail.partition(".")
+            head = f"{head}.{more}"
+        return None
 
     def _instance(self, name: str, user: str) -> Located:
         if name.upper() not in self.instances:
