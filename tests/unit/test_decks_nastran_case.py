@@ -9,7 +9,7 @@ from test_decks_nastran import deck, mesh, order_of_corners
 from test_decks_nastran_parameters import changed, told, with_cards, written
 
 from fe_squeal.decks.scene import draft_of, scene_of
-from fe_squeal.errors import SceneError
+from fe_squeal.errors import MeshError, SceneError
 from fe_squeal.mesh import load_mesh
 
 CASE = "SPC = 7\nMETHOD = 3\nLOAD = 5\n"
@@ -74,6 +74,35 @@ def test_pressures_along_normals_of_solids_alone_are_taken(tmp_path, cards, sent
     (line,) = told(draft)
     assert re.match(sentence, line)
     assert [t.values for t in draft.tables] == [t.values for t in known.tables]
+
+
+def pressures(draft):
+    (table,) = [t for t in draft.tables if t.path == ("effects", "preload")]
+    return table.values["pressures"]
+
+
+@pytest.mark.parametrize(("case", "cards", "factors", "sentences"), [
+    ("LOAD = 30\n", "LOAD,30,2.,3.,5\n", {5: 6.0}, []),
+    ("LOAD = 30\n", "LOAD,30,2.,3.,5,-.5,15\nLOAD,31,1.,1.,5\n", {5: 6.0, 15: -1.0}, []),
+    ("LOAD = 30\n", "LOAD,30,1.,1.,5,1.,15,1.5,5\n", {5: 2.5, 15: 1.0}, []),
+    ("LOAD = 30\n", "LOAD,30,2.,3.,5,1.,77,1.,78\n,2.,79\nFORCE,77,1,,1.,1.,0.,0.\n", {5: 6.0},
+     ["LOAD: combines loads that are not simulated, sets 77, 78, 79: ", "FORCE: is a load that is not"]),
+    ("LOAD = 5\n", "LOAD,30,2.,3.,5\n", {5: 1.0}, []),
+    ("", "LOAD,30,2.,3.,5\n", {5: 1.0, 15: 1.0}, ["LOAD: is selected by no case control and left out"]),
+])  # fmt: skip
+def test_combined_loads(tmp_path, case, cards, factors, sentences):
+    """LOAD S, S1, L1, ... presses with S S1 times the pressures of set L1, which are 2 MPa of 5 and 9 MPa of 15."""
+    draft = drafted(tmp_path, CASE.replace("LOAD = 5\n", case), OTHERS + cards)
+    expected = {f"PLOAD4_{sid}": {5: 2e6, 15: 9e6}[sid] * factor for sid, factor in factors.items()}
+    assert pressures(draft) == pytest.approx(expected)
+    found = [re.sub(r" at line \d+:", ":", line) for line in told(draft)]
+    assert [line[: len(s)] for line, s in zip(found, sentences, strict=True)] == sentences
+
+
+@pytest.mark.parametrize("card", ["LOAD,30,2.,,5\n", "LOAD,30,,1.,5\n", "LOAD,30,2.,1.\n"])
+def test_combined_loads_need_factors(tmp_path, card):
+    with pytest.raises(MeshError, match=r"LOAD 30 has a set without a factor, or a factor without a set"):
+        drafted(tmp_path, CASE.replace("LOAD = 5", "LOAD = 30"), card)
 
 
 def test_directed_loads_are_a_surface_group_of_their_own(tmp_path):

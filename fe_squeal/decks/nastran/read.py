@@ -9,7 +9,6 @@ from ...mesh.elements import SHAPE
 from ...mesh.raw import CellBlock
 from ...mesh.readers.nastran.coordinates import SYSTEMS, read_system
 from ...mesh.readers.nastran.deck import read_nastran
-from ...mesh.readers.nastran.faces import is_directed
 from ...mesh.readers.nastran.text import Card, read_cards, read_lines
 from ...mesh.readers.sources import Sources
 from ..draft import Draft, Value, Weight
@@ -17,6 +16,7 @@ from .cards import Deck
 from .case import read_subcases, select
 from .contacts import write_contacts
 from .holding import find_held, write_supports
+from .loads import write_effects
 from .materials import clean, find_units, read_materials, write_bodies
 from .parameters import in_case_control, read_parameters, write_damping
 from .springs import write_springs
@@ -25,7 +25,7 @@ from .ties import find_ties, write_ties
 # What is left out, and what that means.
 LEFT_OUT: dict[str, tuple[str, Weight]] = {
     "GRAV": ("gravity is not simulated", "changes"),
-    **dict.fromkeys(("FORCE", "FORCE1", "MOMENT", "RFORCE", "TEMP", "TEMPD", "LOAD", "PLOAD", "PLOAD2", "SPCD"),
+    **dict.fromkeys(("FORCE", "FORCE1", "MOMENT", "RFORCE", "TEMP", "TEMPD", "PLOAD", "PLOAD2", "SPCD"),
                     ("is a load that is not simulated: [effects.preload] takes pressures on surfaces", "changes")),
     **dict.fromkeys(("MPC", "MPCADD", "RBAR", "RBE1", "RROD", "RTRPLT", "RSPLINE", "CWELD", "CFAST", "CGAP"),
                     ("ties grid points and is not read: without it the structure is another one", "missing")),
@@ -60,6 +60,8 @@ BECOMES: dict[str, str] = {
     "CONM2": "`mass` and `inertia` at the reference of RBE2 and RBE3",
     "PLOAD4": "`[effects.preload] pressures` on the surface group PLOAD4_N; those along a direction of their own (N1 to"
     " N3) and on shells are left out, and told",
+    "LOAD": "where the case control selects it, factors of the pressures of its sets of PLOAD4; other sets are left"
+    " out, and told",
     "BSURF, BSURFS": "surface groups BSURF_N (shells, or all free faces of solids) and BSURFS_N",
     "BCTSET": "`[[contacts]]` with `mu`; stiffness, with 10 E/h as a suggestion, and motion are asked for",
     "BCTABLE, BCTABL1, BCONECT": "`[[contacts]]` likewise, of the table that BCONTACT selects; IGLUE: `tied`",
@@ -108,7 +110,7 @@ def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
     write_springs(deck, held, references)
     write_ties(deck, ties, held, references)
     mu = write_contacts(deck, loaded, materials)
-    _write_effects(deck, {label for block in raw.blocks for label in block.labels.tolist()}, mu)
+    write_effects(deck, {label for block in raw.blocks for label in block.labels.tolist()}, mu)
     write_damping(deck, materials)
     _write_solution(deck)
     for name, (text, weight) in LEFT_OUT.items():
@@ -138,35 +140,6 @@ def _on_solids(blocks: tuple[CellBlock, ...], count: int) -> np.ndarray:
     for block in blocks:
         used[block.nodes[block.nodes >= 0]] = True
     return used
-
-
-def _write_effects(deck: Deck, solids: set[int], mu: float | None) -> None:
-    if mu:
-        deck.draft.add("effects", "friction", values={"mu": mu}).comments.append("the contacts' largest coefficient")
-    named = deck.selected.get("LOAD", set())
-    by_set: dict[int, list[float]] = {}
-    for card in deck.of("PLOAD4"):
-        sid = deck.whole(card, 0)
-        if not named or sid in named:
-            if deck.whole(card, 1) not in solids:
-                deck.find(card, "acts on a shell and is left out: [effects.preload] takes pressures on solids")
-                continue
-            if is_directed(card):
-                deck.find(card, "acts along a direction of its own and is left out: pressures act along normals here")
-                continue
-            value = deck.number(card, 2)
-            if any(card.text(i) and deck.number(card, i) != value for i in (3, 4, 5)):
-                deck.find(card, "differs from corner to corner; the first corner's pressure is taken")
-            if value not in by_set.setdefault(sid, []):
-                by_set[sid].append(value)
-    pressures: dict[str, Value] = {}
-    for sid, values in by_set.items():
-        for i, value in enumerate(values, 1):
-            name = f"PLOAD4_{sid}" if len(values) == 1 else f"PLOAD4_{sid}_{i}"
-            pressures[name] = clean(value * deck.units.pressure)
-    if pressures:
-        table = deck.draft.add("effects", "preload", values={"pressures": pressures})
-        table.comments.append("PLOAD4: Pa, against the outward normal" + ("" if named else "; all sets of the deck"))
 
 
 def _write_solution(deck: Deck) -> None:
