@@ -98,7 +98,8 @@ BECOMES: dict[str, str] = {
     "*Dsload": "`[effects.preload] pressures`, as they are at the end of the steps before the frequencies that count;"
     " `OP=NEW` removes those of `*Dsload` alone",
     "*Dload": "of P1 to P6: pressures on surfaces DLOAD_SET_P3, of single elements DLOAD_2_1; others are left out",
-    "*Cload": "a pressure of the same sum, where it acts on all nodes of a face and along its normal; else left out",
+    "*Cload": "a pressure of the same sum, where it acts along the normal of a face: on all its nodes, or through its"
+    " middle on the reference node of its coupling; else left out, and told",
     "*Frequency, *Complex Frequency": "`[solve] modes` or `max_frequency`, from the lowest: a lowest"
     " frequency or a shift point is told; `FRICTION DAMPING=YES`:"
     " `[effects.friction_damping]`; `PROPERTY EVALUATION`: `reference_frequency_hz`",

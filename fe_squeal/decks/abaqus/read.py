@@ -55,9 +55,9 @@ def draft_abaqus(sources: Sources, mesh_file: str) -> Draft:
     write_supports(content)
     ties = find_ties(content)
     write_springs(content, {row: tie.springs for row, tie in ties.items()})
-    write_ties(content, ties)
+    references = write_ties(content, ties)
     mu = write_contacts(content)
-    write_effects(content, mu)
+    write_effects(content, mu, references)
     write_solution(content, mu)
     for note in loaded.notes:
         draft.find("mesh", "", note, "harmless")

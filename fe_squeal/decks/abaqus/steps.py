@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from ...mesh.measures import area_of
 from ...mesh.readers.abaqus.loads import loaded_faces
 from ...mesh.readers.abaqus.model import Statement
 from ...mesh.readers.abaqus.text import is_label
 from ..draft import Table, Value
 from .amplitudes import factor_of
 from .content import Content, Procedure, fields, spoken
+from .forces import References, add_forces
 from .holding import _check, number_of
 from .materials import clean
-from .transforms import is_turned
-
-_ALONG = 0.99  # cosine of the angle to the mean normal above which a force may come from a pressure on its surface
 
 
 def read_step(content: Content, statement: Statement) -> None:
@@ -137,13 +132,13 @@ def read_frequency(content: Content, statement: Statement) -> None:
     content.procedure = found
 
 
-def write_effects(content: Content, mu: float | None) -> None:
-    """Write friction, preload and damping."""
+def write_effects(content: Content, mu: float | None, references: References) -> None:
+    """Write friction, preload and damping; forces on reference nodes act by their tables."""
     draft, units, procedure = content.draft, content.units, content.procedure
     if mu:
         table = draft.add("effects", "friction", values={"mu": mu})
         table.comments.append("*Friction: the largest coefficient; friction_ratio of a contact has others")
-    pressures = _pressures(content)
+    pressures = _pressures(content, references)
     if pressures:
         table = draft.add("effects", "preload", values={"pressures": pressures})
         table.comments.append("*Dsload: Pa, against the outward normal, in the steps before the frequencies")
@@ -177,7 +172,7 @@ def _keep_closed(content: Content, preload: Table) -> None:
         content.draft.find("*Surface Behavior, NO SEPARATION", closed[0].behaviour_where, text)
 
 
-def _pressures(content: Content) -> dict[str, Value]:
+def _pressures(content: Content, references: References) -> dict[str, Value]:
     known, found = content.loaded.mesh.boundaries or {}, dict[str, Value]()
     for reference, (value, where) in content.pressures.items():
         names = content.group(known, reference)
@@ -187,30 +182,7 @@ def _pressures(content: Content) -> dict[str, Value]:
         for name in names:
             if value:
                 found[name] = clean(value * content.units.pressure)
-    totals: dict[tuple[str, str], tuple[np.ndarray, str]] = {}
-    for (reference, component), (value, where) in content.forces.items():
-        if 1 <= component <= 3:
-            force, _ = totals.setdefault(reference, (np.zeros(3), where))
-            force[component - 1] += value * len(content.rows(reference))
-    for reference, (force, where) in totals.items():
-        if not force.any():
-            continue
-        names = content.group(known, reference)
-        if is_turned(content, content.rows(reference)):
-            text = f'forces on "{reference[0]}" in axes of *Transform are left out: give pressures on surfaces'
-            content.draft.find("*Cload", where, text)
-            continue
-        if len(names) == 1:
-            area, _, normal = area_of(content.loaded.mesh, np.asarray(known[names[0]]))
-            if force @ normal < -_ALONG * np.linalg.norm(force) * np.linalg.norm(normal):
-                pressure = float(np.linalg.norm(force)) * content.units.force / (area * content.units.length**2)
-                before = found.get(names[0], 0.0)
-                found[names[0]] = clean(pressure + (before if isinstance(before, float) else 0.0))
-                text = f'forces on the nodes of "{names[0]}" became an even pressure of the same sum'
-                content.draft.find("*Cload", where, text)
-                continue
-        text = f'forces on "{reference[0]}" are left out: [effects.preload] takes pressures on surfaces'
-        content.draft.find("*Cload", where, text)
+    add_forces(content, found, references)
     return found
 
 

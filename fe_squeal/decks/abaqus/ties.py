@@ -159,10 +159,11 @@ def _in_each_instance(content: Content, tie: TieData) -> list[TieData]:
     ]  # fmt: skip
 
 
-def write_ties(content: Content, ties: dict[int, TieData]) -> None:
-    """Write [[rigid]] and [[averaged]] with mass, inertia, held freedoms and springs of their references."""
+def write_ties(content: Content, ties: dict[int, TieData]) -> dict[int, dict[str, Value]]:
+    """Write [[rigid]] and [[averaged]] with mass, inertia, held freedoms and springs; return each by its reference."""
     masses = masses_at(content, ties)
     taken: list[str] = []
+    written: dict[int, dict[str, Value]] = {}
     for row, tie in ties.items():
         place = _place(content, tie)
         if place is None:
@@ -184,6 +185,8 @@ def write_ties(content: Content, ties: dict[int, TieData]) -> None:
         table = content.draft.add("rigid" if tie.rigid else "averaged", is_entry=True, values=values)
         at = f", reference node {tie.reference[0]}" if row >= 0 else ""
         table.comments.append(f"{'Rigid' if tie.rigid else 'Averaged'}: {tie.where}{at}")
+        written[row] = table.values
+    return written
 
 
 def _check_radius(content: Content, tie: TieData, row: int, place: dict[str, Value]) -> None:
