@@ -13,7 +13,7 @@ from ...mesh.readers.abaqus.text import is_label
 from ..directions import along_axes, held_projector
 from ..draft import Value, plain_name
 from .content import Content, Reference, fields, real, short, spoken
-from .links import links_of, links_under
+from .links import links_under
 from .materials import clean
 from .orientations import local_axes
 from .transforms import axes_at, held_directions
@@ -153,11 +153,6 @@ def write_springs(content: Content, points: Mapping[int, list[dict[str, Value]]]
     MeshError
         A *Spring or *Dashpot of the deck is wrong.
     """
-    given = {(key, id(link)) for statement in content.springs for key, link in links_under(content, statement)}
-    for key, link in links_of(content):
-        if link.kind.startswith(_KINDS) and (key, id(link)) not in given:
-            text = f"elements of type {link.kind} without a *Spring or *Dashpot for their set have no stiffness"
-            content.draft.find(f"*Element, TYPE={link.kind}", short(link.where, content.source), text)
     taken: list[str] = []
     for statement in content.springs:
         block, elset = statement.block, statement.block.value("ELSET")

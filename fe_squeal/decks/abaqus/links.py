@@ -1,9 +1,14 @@
-"""Springs, dampers and masses of a deck, in each instance of their part."""
+"""Elements that are no solids: springs, dampers and masses in each instance of their part, and what is left out."""
 
 from __future__ import annotations
 
 from ...mesh.readers.abaqus.model import Links, Statement
-from .content import Content
+from .content import Content, short, spoken
+
+# Which keyword says what elements of a type are, by the beginning of its name.
+_SAID_BY = {"SPRING": "SPRING", "DASHPOT": "DASHPOT", "MASS": "MASS", "ROTARYI": "ROTARY INERTIA",
+            "DCOUP3D": "DISTRIBUTING COUPLING"}  # fmt: skip
+_WITHOUT_MASS = "SFM3D"  # surface elements
 
 Placed = tuple[str, Links]  # the key of the instance that links stand in, "" for the assembly
 
@@ -28,3 +33,21 @@ def links_under(content: Content, statement: Statement) -> list[Placed]:
     if not found and not statement.scope:
         found = [(key, link) for key, link in links if name in (link.elset.upper(), f"{key}.{link.elset.upper()}")]
     return found
+
+
+def tell_left_out(content: Content) -> None:
+    """Tell of elements that are no solids: those that are not read, and those that no keyword gives what they need."""
+    for kind, (count, where) in content.model.left_out.items():
+        what, place = f"*Element, TYPE={kind}", short(where, content.source)
+        number = f"{count} element{'s' if count > 1 else ''}"
+        if kind.startswith(_WITHOUT_MASS):
+            content.draft.find(what, place, f"{number} without stiffness and mass, surfaces at most", "harmless")
+        else:
+            content.draft.find(what, place, f"no solids: {number} left out, with stiffness and mass")
+    for start, word in _SAID_BY.items():
+        statements = [s for s in content.model.statements if s.block.keyword == word]
+        given = {(key, id(link)) for statement in statements for key, link in links_under(content, statement)}
+        for key, link in links_of(content):
+            if link.kind.startswith(start) and (key, id(link)) not in given:
+                text = f"elements without a *{spoken(word)} for their set are left out"
+                content.draft.find(f"*Element, TYPE={link.kind}", short(link.where, content.source), text)

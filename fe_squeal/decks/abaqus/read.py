@@ -13,6 +13,7 @@ from .contacts import write_contacts
 from .content import Content
 from .holding import write_springs, write_supports
 from .keywords import read_statement
+from .links import tell_left_out
 from .materials import find_units, write_bodies, write_materials
 from .steps import write_effects, write_solution
 from .ties import find_ties, write_ties
@@ -59,7 +60,8 @@ def draft_abaqus(sources: Sources, mesh_file: str) -> Draft:
     mu = write_contacts(content)
     write_effects(content, mu, references)
     write_solution(content, mu)
-    for note in loaded.notes:
+    tell_left_out(content)
+    for note in loaded.notes[len(model.notes) :]:  # the reader's own come first
         draft.find("mesh", "", note, "harmless")
     return draft
 

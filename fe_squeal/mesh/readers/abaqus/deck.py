@@ -26,7 +26,7 @@ _COUNT = {"tetra": 4, "tetra10": 10, "pyramid": 5, "wedge": 6, "wedge15": 15, "h
 # Abaqus puts the 27-node brick's centre first and the face centres in the order of its faces S1 ... S6.
 _HEX27 = [*range(20), 26, 24, 23, 25, 21, 22, 20]
 _SKIN = re.compile(r"(?:STRI|CPS|CPE|SFM3D|M3D|R3D|DS|S)(65|[34689])")
-_LINKS = ("SPRING", "DASHPOT", "MASS", "ROTARYI", "CONN3D", "DCOUP3D")
+_LINKS = ("SPRING", "DASHPOT", "MASS", "ROTARYI", "DCOUP3D")  # which `decks` reads: no part of the mesh, but not lost
 _MESH = {"PART", "INSTANCE", "END PART", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY", "NODE", "ELEMENT", "NSET", "ELSET",
          "SURFACE", "HEADING", "PARAMETER"}  # fmt: skip
 _FILLED = {"NODE", "ELEMENT", "NSET", "ELSET"}  # keywords that are an error without data lines, which must be lost
@@ -44,7 +44,6 @@ def parse_model(sources: Sources) -> DeckModel:
     source = sources.path.name
     model = DeckModel()
     scope = model.assembly
-    ignored: dict[str, int] = {}
     promised: dict[str, KeywordBlock] = {}  # element sets that *SOLID SECTION names and that have to exist
     seen = False
     for block in read_blocks(sources):
@@ -77,7 +76,8 @@ def parse_model(sources: Sources) -> DeckModel:
         elif word == "ELEMENT":
             name, count = _read_elements(block, scope, source)
             if name:
-                ignored[name] = ignored.get(name, 0) + count
+                before, where = model.left_out.get(name, (0, block.where))
+                model.left_out[name] = before + count, where
         elif word in ("NSET", "ELSET"):
             name = block.value(word)
             if not name:
@@ -111,7 +111,8 @@ def parse_model(sources: Sources) -> DeckModel:
     if not seen:
         raise MeshError(f"{source}: no Abaqus keywords (lines that begin with *); expected an Abaqus input file")
     model.notes += [
-        f"{count} elements of type {name} are no solids and no part of the mesh" for name, count in ignored.items()
+        f"{count} elements of type {name} are no solids and no part of the mesh"
+        for name, (count, _) in model.left_out.items()
     ]
     return model
 
@@ -154,7 +155,7 @@ def _read_nodes(block: KeywordBlock, scope: Scope, source: str) -> None:
 
 
 def _read_elements(block: KeywordBlock, scope: Scope, source: str) -> tuple[str, int]:
-    """Add the block's solids to the scope; for a block of other elements return their type and number, else ("", 0)."""
+    """Add the block's elements to the scope; of elements that are left out return type and number, else ("", 0)."""
     given = block.value("TYPE").upper()
     kind = next((kind for start, kind in _TYPES if given.startswith(start)), "")
     if not kind:
@@ -167,7 +168,7 @@ def _read_elements(block: KeywordBlock, scope: Scope, source: str) -> tuple[str,
             scope.links.append(Links(given, block.value("ELSET"), first, rest, block.where))
         _read_skin(given, block, scope)
         _name_members("ELSET", block, scope, np.array(whole, dtype=np.int64))
-        return given or "(none)", len(whole)
+        return ("", 0) if given.startswith(_LINKS) else (given or "(none)", len(whole))
     values, ends = numbers(block, source)
     count = _COUNT[kind]
     if kind == "hexahedron27" and not _fits(values, ends, 28) and _fits(values, ends, 22):

@@ -34,7 +34,7 @@ class ElementBlock:
 
 @dataclass(frozen=True)
 class Links:
-    """The springs, dampers, masses or connectors of one *ELEMENT block.
+    """The springs, dampers or masses of one *ELEMENT block, or its distributing couplings of old decks.
 
     Attributes
     ----------
@@ -109,6 +109,7 @@ class DeckModel:
     parts: dict[str, Scope] = field(default_factory=dict)
     instances: dict[str, Instance] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    left_out: dict[str, tuple[int, str]] = field(default_factory=dict)  # number and first place of elements, by type
     statements: list[Statement] = field(default_factory=list)
 
 
