@@ -55,6 +55,23 @@ def test_what_is_left_out_changes_the_answer(tmp_path, kind):
     assert f"3 elements of type {kind} are no solids and no part of the mesh" in notes  # of a scene that takes the mesh
 
 
-def test_surface_elements_have_no_mass(tmp_path):
-    draft, _ = drafted(tmp_path, "*Element, type=SFM3D4, elset=X\n2001, 1, 2, 3, 4\n")
-    assert weights(draft, "SFM3D4") == ["harmless"]
+@pytest.mark.parametrize("kind", ["SFM3D4", "CPS4"])
+def test_surface_elements_have_no_mass(tmp_path, kind):
+    draft, _ = drafted(tmp_path, f"*Element, type={kind}, elset=X\n2001, 1, 2, 3, 4\n")
+    assert weights(draft, kind) == ["harmless"]
+
+
+def test_elements_of_a_mesh_without_sections(tmp_path):
+    text = BLOCK + "*Element, type=T3D2, elset=LINE\n2001, 1, 2\n"
+    assert weights(draft_of(written(tmp_path, text)), "T3D2") == ["harmless"]
+
+
+def test_each_group_without_a_section_with_its_number(tmp_path):
+    """The sentence names what the user can write: all groups of solids that have no section, with their numbers."""
+    parts = "*Elset, elset=V1\n1\n*Elset, elset=V2\n2\n"
+    one = written(tmp_path, BLOCK + parts + PHYSICS.replace("elset=P", "elset=V1"))
+    (sentence,) = draft_of(one).missing
+    assert sentence.endswith('1 solid element (2) has none; give [bodies.V2] with groups = ["V2"] and a material')
+    (sentence,) = draft_of(written(tmp_path, BLOCK + parts)).missing
+    assert sentence.startswith("*Solid Section: 2 solid elements (1, 2) have none; give bodies of these groups, each")
+    assert sentence.endswith('with a material (number of elements): "P" (2), "V1" (1), "V2" (1)')

@@ -8,7 +8,7 @@ from .content import Content, short, spoken
 # Which keyword says what elements of a type are, by the beginning of its name.
 _SAID_BY = {"SPRING": "SPRING", "DASHPOT": "DASHPOT", "MASS": "MASS", "ROTARYI": "ROTARY INERTIA",
             "DCOUP3D": "DISTRIBUTING COUPLING"}  # fmt: skip
-_WITHOUT_MASS = "SFM3D"  # surface elements
+_SURFACES = ("SFM3D", "CPS", "CPE")  # surface elements, and plane ones, as which mesh generators write faces
 
 Placed = tuple[str, Links]  # the key of the instance that links stand in, "" for the assembly
 
@@ -37,11 +37,15 @@ def links_under(content: Content, statement: Statement) -> list[Placed]:
 
 def tell_left_out(content: Content) -> None:
     """Tell of elements that are no solids: those that are not read, and those that no keyword gives what they need."""
+    sections = any(s.block.keyword.endswith("SECTION") for s in content.model.statements)
     for kind, (count, where) in content.model.left_out.items():
         what, place = f"*Element, TYPE={kind}", short(where, content.source)
         number = f"{count} element{'s' if count > 1 else ''}"
-        if kind.startswith(_WITHOUT_MASS):
+        if kind.startswith(_SURFACES):
             content.draft.find(what, place, f"{number} without stiffness and mass, surfaces at most", "harmless")
+        elif not sections:
+            text = f"no solids: {number} left out; the deck has no section that gives them stiffness and mass"
+            content.draft.find(what, place, text, "harmless")
         else:
             content.draft.find(what, place, f"no solids: {number} left out, with stiffness and mass")
     for start, word in _SAID_BY.items():

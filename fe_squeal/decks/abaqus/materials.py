@@ -1,4 +1,4 @@
-"""*Material with *Elastic, *Density and *Damping; *Solid Section: materials and bodies."""
+"""*Material with *Elastic, *Density and *Damping: materials of the scene."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from ...mesh.readers.abaqus.model import Statement
 from ..draft import Value, plain_name
 from ..units import SI, likely, recognise
 from .content import Content, Substance, real, spoken
-from .orientations import local_axes, orientation_of
 
 # What else stands under a material, and what it would mean.
 _OTHERS = {
@@ -179,96 +178,3 @@ def material_name(content: Content, key: str) -> str:
     for other, substance in content.substances.items():
         names[other] = plain_name(substance.name, names.values())
     return names[key]
-
-
-def write_bodies(content: Content) -> None:
-    """Write a body for each section and instance, or one for each instance that a section fills.
-
-    Raises
-    ------
-    MeshError
-        A section of the deck is wrong.
-    """
-    taken: list[str] = []
-    groups = content.loaded.mesh.subdomains or {}
-    covered = np.zeros(content.loaded.mesh.nelements, bool)
-    for section in content.sections:
-        block = section.block
-        key = block.value("MATERIAL").upper()
-        names = content.group(groups, (block.value("ELSET"), section.scope))
-        if not names:
-            _tell_without_solids(content, section)
-            continue
-        if key not in content.substances:
-            raise MeshError(
-                f'{content.source}: {block.where}: *Solid Section is of material "{block.value("MATERIAL")}", which the'
-                " deck does not define"
-            )
-        for group in names:
-            elements = np.asarray(groups[group])
-            again = covered[elements]
-            if again.all():
-                text = f'elements of "{group}" have a section already; the first one counts'
-                content.draft.find("*Solid Section", content.where(section), text)
-                continue
-            if again.any():
-                raise MeshError(
-                    f'{content.source}: {block.where}: *Solid Section: {int(again.sum())} elements of "{group}" have'
-                    " another section as well; expected one each"
-                )
-            covered[elements] = True
-            owner = next((n for n, e in groups.items() if f"{n}." == group[: len(n) + 1]
-                          and n in _instances(content) and len(e) == len(elements)), group)  # fmt: skip
-            name = plain_name(owner, taken)
-            taken.append(name)
-            values: dict[str, Value] = {"material": material_name(content, key)}
-            if name != group:
-                values["groups"] = [group]
-            substance = content.substances[key]
-            axes = _axes(content, section, group, substance)
-            if axes is not None:
-                values["axes"] = axes
-            if substance.alpha or substance.beta:
-                alpha, beta = substance.alpha / content.units.time, substance.beta * content.units.time
-                values["rayleigh"] = {"alpha": clean(alpha), "beta": clean(beta)}
-            table = content.draft.add("bodies", name, values=values)
-            table.comments.append(f"*Solid Section, {content.where(section)}")
-    bare = np.flatnonzero(~covered)
-    if len(bare):
-        inside = [n for n, e in groups.items() if not covered[np.asarray(e)].any()]
-        labels = ", ".join(map(str, content.loaded.element_labels[bare[:3]]))
-        hint = f'; give [bodies.{plain_name(inside[0])}] with groups = ["{inside[0]}"] and a material' if inside else ""
-        text = f"{len(bare)} solid elements ({labels}, ...) have none{hint}"
-        content.draft.find("*Solid Section", "", text, "missing")
-
-
-def _tell_without_solids(content: Content, section: Statement) -> None:
-    """Tell of a section without solids: of trusses and the like it changes the answer, of no elements at all not."""
-    name = section.block.value("ELSET")
-    assembly = content.assembly
-    placed = [assembly.instances[key] if key else assembly.own for key in content.placements(section.scope)]
-    text = f'its element set "{name}" has no solid elements'
-    if "." in name or any(p.sets("ELSET", name) for p in placed):
-        text += "; others, such as trusses, are left out with their stiffness and mass"
-        content.draft.find("*Solid Section", content.where(section), text)
-    else:
-        content.draft.find("*Solid Section", content.where(section), text, "harmless")
-
-
-def _instances(content: Content) -> set[str]:
-    return {p.name for p in content.assembly.instances.values()}
-
-
-def _axes(content: Content, section: Statement, group: str, substance: Substance) -> Value | None:
-    """Return the material axes 1 and 2 of a section, None where the material has none or they are the global ones."""
-    if "shear_modulus" not in substance.elastic:
-        return None
-    key = next((k for k, i in content.model.instances.items() if f"{group}.".startswith(f"{i.name}.")), "")
-    axes = local_axes(content, section, key)
-    if axes is None:
-        return None
-    if orientation_of(content, section) is None:  # the axes of the part itself
-        axes = content.turned(axes, key)
-    if np.allclose(axes, np.eye(3), atol=1e-14):
-        return None
-    return [[clean(round(float(x), 15)) + 0.0 for x in axis] for axis in axes[:2]]

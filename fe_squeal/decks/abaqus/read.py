@@ -9,12 +9,13 @@ from ...mesh.readers.abaqus.deck import parse_model
 from ...mesh.readers.abaqus.model import Statement
 from ...mesh.readers.sources import Sources
 from ..draft import Draft
+from .bodies import write_bodies
 from .contacts import write_contacts
 from .content import Content
 from .holding import write_springs, write_supports
 from .keywords import read_statement
 from .links import tell_left_out
-from .materials import find_units, write_bodies, write_materials
+from .materials import find_units, write_materials
 from .steps import write_effects, write_solution
 from .ties import find_ties, write_ties
 
