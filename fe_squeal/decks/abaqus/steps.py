@@ -141,7 +141,7 @@ def write_effects(content: Content, mu: float | None, references: References) ->
     pressures = _pressures(content, references)
     if pressures:
         table = draft.add("effects", "preload", values={"pressures": pressures})
-        table.comments.append("*Dsload: Pa, against the outward normal, in the steps before the frequencies")
+        table.comments.append("Pa, against the outward normal, as loaded in the steps before the frequencies")
         if content.large_displacements:
             table.comments.append("NLGEOM: for the stiffness of the static stress add [effects.stress_stiffening]")
         _keep_closed(content, table)
