@@ -10,6 +10,7 @@ import numpy as np
 
 from ..process.ranks import process_count
 from .linear.processes import give_up, new_handle, together
+from .pages import empty_pages, give_back
 
 _LEAST = 20_000  # rows from which they are spread: a step of all processes costs up to some milliseconds of waiting
 _MOST = 2**27  # numbers that are sent at once: process 0 has these beside what it keeps; MPI counts to 2³¹ − 1
@@ -26,7 +27,7 @@ class LocalStore:
     """
 
     def __init__(self, n: int, room: int = 0) -> None:
-        self._array = np.empty((room, n))  # a column in each row
+        self._array = empty_pages(room, n)  # a column in each row
 
     @staticmethod
     def of(rows: np.ndarray) -> LocalStore:
@@ -47,6 +48,10 @@ class LocalStore:
     def put(self, first: int, X: np.ndarray) -> None:
         """Put columns X (n, k) behind the first ones, in place of what is there."""
         self._array[first : first + X.shape[1]] = X.T
+
+    def keep(self, count: int) -> None:
+        """Give back the memory of all columns behind the first ones, as far as the system takes it."""
+        give_back(self._array, count)
 
 
 class SpreadStore:
@@ -84,6 +89,10 @@ class SpreadStore:
         """Put V W, of columns V (n, r) of this or another store and W (r, k), behind the first ones; V without W."""
         together("mix columns", None, handle=self.handle, first=first, source=V.store.handle, begin=V.begin, end=V.end,
                  W=W)  # fmt: skip
+
+    def keep(self, count: int) -> None:
+        """Give back the memory of all columns behind the first ones, as far as the system takes it."""
+        together("keep columns", None, handle=self.handle, count=count)
 
     def __del__(self) -> None:
         if hasattr(self, "handle"):

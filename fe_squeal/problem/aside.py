@@ -7,12 +7,12 @@ import shutil
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import psutil
 import scipy.sparse as sp
 
+from ..eigen.pages import pages_of
 from .terms import Term
 
 _LEAST = 1e6  # entries: smaller matrices stay
@@ -58,12 +58,9 @@ def put_aside(terms: Iterable[Term], used: Iterable[sp.csr_array]) -> int:
 def forget_pages(terms: Iterable[Term]) -> None:
     """Give back the memory that matrices take since they were read from their files; they can be read again."""
     for term in terms:
-        mapped: Any = term.matrix.data
-        while isinstance(mapped, np.ndarray):
-            mapped = mapped.base
-        mapped = mapped.obj if isinstance(mapped, memoryview) else mapped
-        if isinstance(mapped, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
-            mapped.madvise(mmap.MADV_DONTNEED)
+        pages = pages_of(term.matrix.data)
+        if pages is not None and hasattr(mmap, "MADV_DONTNEED"):
+            pages.madvise(mmap.MADV_DONTNEED)
 
 
 def movable_bytes(terms: Iterable[Term], used: Iterable[sp.csr_array]) -> int:

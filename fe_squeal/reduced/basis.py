@@ -226,9 +226,9 @@ class ReducedBasis(SampledErrors):
 
     def shrink(self) -> None:
         """Give up the memory that corrections took behind the vectors."""
-        self._store = self._with_room(_ROOM * len(self), self.V)
-        self.V = self._store.columns(len(self))
-        self._last = self._last_matrices = self._slow = self._contained = None  # what they hold has the old vectors
+        if self._store.room >= len(self):
+            self._store.keep(len(self))
+        self._last = self._last_matrices = self._slow = self._contained = None
 
     def copy(self) -> ReducedBasis:
         """Return a copy that can be extended without changing this basis."""

@@ -6,8 +6,10 @@ Without mpiexec one process has all rows, and does every step with them; `make t
 from __future__ import annotations
 
 import gc
+import mmap
 
 import numpy as np
+import psutil
 import pytest
 import scipy.sparse as sp
 from chains import chain
@@ -141,3 +143,20 @@ def test_a_sweep_on_a_spread_basis(effects, spread, request):
     assert [o.kind for o in found.onsets] == [o.kind for o in expected.onsets]
     for a, b in zip(found.onsets, expected.onsets, strict=True):
         assert a.value == pytest.approx(b.value, rel=1e-8)
+
+
+@pytest.mark.skipif(not hasattr(mmap, "MADV_DONTNEED"), reason="the system takes back memory as a whole only")
+@pytest.mark.parametrize("kind", [LocalStore, SpreadStore])
+def test_memory_behind_the_columns_that_are_kept_is_given_back(kind):
+    """Without a copy of those, which would take as much again; what is put there later is kept."""
+    n, room, kept = 200_000, 40, 3
+    store = kind(n, room)
+    for i in range(room):
+        store.put(i, np.full((n, 1), float(i)))
+    before = psutil.Process().memory_info().rss
+    store.keep(kept)
+    own = n / process_count() if kind is SpreadStore else n
+    assert before - psutil.Process().memory_info().rss > 0.8 * 8 * own * (room - kept)
+    assert_array_equal(np.asarray(store.columns(kept))[:: n // 7], np.tile(np.arange(3.0), (8, 1)))
+    store.put(kept, np.full((n, 1), 9.0))
+    assert_array_equal(np.asarray(store.columns(kept + 1))[:: n // 7, -1], np.full(8, 9.0))

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from ..pages import empty_pages, give_back
+
 _parts: dict[int, np.ndarray] = {}  # by handle the rows of this process, a column in each row of the array: (room, m)
 
 
@@ -47,13 +49,18 @@ def release(handle: int) -> None:
 def make(comm: Any, what: dict[str, Any], data: None) -> None:
     """Set room aside for so many columns; pages that are not written to take no memory."""
     size, rank = (1, 0) if comm is None else (comm.size, comm.rank)
-    _parts[what["handle"]] = np.empty((what["room"], int(np.diff(ends(what["n"], size))[rank])))
+    _parts[what["handle"]] = empty_pages(what["room"], int(np.diff(ends(what["n"], size))[rank]))
 
 
 def put(comm: Any, what: dict[str, Any], data: np.ndarray | None) -> None:
     """Put columns X (n, k) behind the first ones."""
     first, count = what["first"], what["columns"]
     _parts[what["handle"]][first : first + count] = scattered(comm, what["n"], count, data).T
+
+
+def keep(comm: Any, what: dict[str, Any], data: None) -> None:
+    """Give back the memory of all columns behind the first ones."""
+    give_back(_parts[what["handle"]], what["count"])
 
 
 def mix(comm: Any, what: dict[str, Any], data: None) -> None:

@@ -91,6 +91,7 @@ def _scattered_rows(comm: Any, n: int, A: sp.csr_array | None) -> sp.csr_array:
 _STEPS: dict[str, Callable[..., Any]] = {
     "factorize": _factorize, "solve": _solve,
     "make columns": column_parts.make, "put columns": column_parts.put, "mix columns": column_parts.mix,
+    "keep columns": column_parts.keep,
     "combine columns": column_parts.combine, "cross columns": column_parts.cross,
     "rows of columns": column_parts.rows,
 }  # fmt: skip
