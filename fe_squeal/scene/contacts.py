@@ -77,7 +77,9 @@ class Contact(Section):
         Gaps and overlaps of the two meshes up to it are taken as closed (default: 2 % of the mean facet size of the
         pad); in metres whatever `length_unit` is.
     sliding : table
-        Motion of the counterface; needed by a sliding contact.
+        Motion of the counterface; needed by a sliding contact. On a curved face, such as that of a drum or a bush, the
+        normals are across this motion, so that straight edges of the mesh do not hold what turns; a frictionless
+        contact of such a face needs it for that.
     """
 
     name: str = ""
