@@ -21,7 +21,7 @@ def empty_pages(rows: int, columns: int) -> np.ndarray:
 
 
 def give_back(array: np.ndarray, first: int) -> None:
-    """Give back the memory of the rows of an array of `empty_pages` from `first` on, whose values are lost."""
+    """Give back the memory of an array (r, n) of `empty_pages` from row `first` on; what stood there is lost."""
     pages, start = pages_of(array), first * array.strides[0] if array.ndim and len(array) else 0
     if pages is None or not _CAN:
         return
