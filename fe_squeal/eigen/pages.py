@@ -21,11 +21,14 @@ def empty_pages(rows: int, columns: int) -> np.ndarray:
 
 
 def give_back(array: np.ndarray, first: int) -> None:
-    """Give back the memory of an array (r, n) of `empty_pages` from row `first` on; what stood there is lost."""
-    pages, start = pages_of(array), first * array.strides[0] if array.ndim and len(array) else 0
-    if pages is None or not _CAN:
+    """Give back the memory of an array (r, n) of `empty_pages` from row `first` on; what stood there is lost.
+
+    Other arrays keep theirs.
+    """
+    pages = pages_of(array)
+    if pages is None or not _CAN or array.nbytes != len(pages):
         return
-    start = -(-start // mmap.PAGESIZE) * mmap.PAGESIZE
+    start = -(-first * array.strides[0] // mmap.PAGESIZE) * mmap.PAGESIZE
     if start < len(pages):
         pages.madvise(mmap.MADV_DONTNEED, start, len(pages) - start)
 

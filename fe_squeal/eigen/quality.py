@@ -19,7 +19,6 @@ from .pencil import Modes, Pencil
 __all__ = ["ROUNDING", "backward_errors", "in_upper_half", "modes_from_lambda", "modes_from_theta"]
 
 _ONE_FREQUENCY = 1e-9  # of a frequency: modes whose frequencies are closer than this are put in order by growth rate
-
 _ENOUGH = 0.5  # of |Im λ|: what losses change less does not swing by them alone
 
 

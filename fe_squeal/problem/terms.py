@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import prod
@@ -143,6 +143,25 @@ class Term:
             return 0.0
         others = prod((parameters[p] ** k for p, k in self.powers.items() if p != parameter), start=1.0)
         return float(e * parameters[parameter] ** (e - 1) * others)
+
+
+def check_terms(terms: Sequence[Term]) -> None:
+    """Refuse matrices that somebody made by hand and that are no terms of one equation of motion.
+
+    Raises
+    ------
+    SceneError
+        See `Term.fault`; or the matrices have different sizes.
+    """
+    for term in terms:
+        if term.fault:
+            raise SceneError(f"term {term.name}: {term.fault}")
+        n, first = term.matrix.shape[0], terms[0]
+        if n != first.matrix.shape[0]:
+            raise SceneError(
+                f"term {term.name}: the matrix has {n} rows, and that of {first.name} {first.matrix.shape[0]}; expected"
+                " one size"
+            )
 
 
 def sum_terms(parts: Iterable[tuple[Term, float]]) -> sp.csr_array | None:

@@ -225,7 +225,7 @@ class ReducedBasis(SampledErrors):
         return store
 
     def shrink(self) -> None:
-        """Give up the memory that corrections took behind the vectors."""
+        """Give up the memory that corrections took behind the vectors, and what is kept of the last value."""
         if self._store.room >= len(self):
             self._store.keep(len(self))
         self._last = self._last_matrices = self._slow = self._contained = None

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..eigen.request import Request
 from ..problem.problem import Problem
+from ..problem.terms import check_terms
 from ..scene import Scene
 from ..sweep.sweep import MODES
 from .engine import Parts, solve_places
@@ -79,7 +80,7 @@ class Solving:
     Raises
     ------
     SceneError
-        The problem does not have a parameter, or nothing depends on it.
+        The problem does not have a parameter, nothing depends on it, or its matrices are faulty.
 
     Attributes
     ----------
@@ -96,6 +97,8 @@ class Solving:
         scene: Scene | None = None, parts: Callable[[str], Parts] | None = None,
         progress: Progress = lambda stage, done, total, rate: None,
     ) -> None:  # fmt: skip
+        if problem.source is None:
+            check_terms(problem.terms)
         self.request = Request(None if max_frequency else modes or MODES, max_frequency, tolerance)
         self.solver = make_solver(
             problem, names, low, high, lambda i: [tuple(map(float, point)) for point in draw(i)], self.request,

@@ -115,11 +115,12 @@ def sweep(
     from ..eigen.linear.choice import choose
     from ..eigen.request import Request
     from ..eigen.threads import one_openblas_thread
+    from ..problem.terms import check_terms
     from .running import RunningSweep
 
     _check_request(modes, max_frequency, tolerance, method)
     if problem.source is None:
-        _check_terms(problem)
+        check_terms(problem.terms)
     values, solver = _checked(problem, parameter, values), choose(linear_solver)
     if len(values) == 1 and not problem.has(parameter):  # a scene without friction has no mu, and needs none
         problem = replace(problem, parameters={**problem.parameters, parameter: float(values[0])})
@@ -212,19 +213,6 @@ def _check_request(modes: int | None, max_frequency: float | None, tolerance: fl
         raise SceneError(f"tolerance: given {tolerance!r}; expected a relative backward error between 0 and 1")
     if method not in METHODS:
         raise SceneError(f"method: given {method!r}; expected {', '.join(METHODS[:-1])} or {METHODS[-1]}")
-
-
-def _check_terms(problem: Problem) -> None:
-    """Raise SceneError for matrices of the caller's own that are no terms of an equation of motion."""
-    for term in problem.terms:
-        if term.fault:
-            raise SceneError(f"term {term.name}: {term.fault}")
-        n, first = term.matrix.shape[0], problem.terms[0]
-        if n != first.matrix.shape[0]:
-            raise SceneError(
-                f"term {term.name}: the matrix has {n} rows, and that of {first.name} {first.matrix.shape[0]}; expected"
-                " one size"
-            )
 
 
 def _checked(problem: Problem, parameter: str, values: Sequence[float] | np.ndarray) -> np.ndarray:

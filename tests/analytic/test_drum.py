@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshes import annulus, frequencies, join, make_problem
+from meshes import annulus, frequencies, join, make_problem, mapped
 
 BORE, FACE, RIM, THICK = 0.02, 0.03, 0.042, 0.004  # m
 STIFFNESS = 1e6  # N/m of the springs at each free face, along x and along y
@@ -50,6 +50,33 @@ def test_rings_turn_freely_in_each_other(kind, pad, contact):
         found = [f[np.argmin(np.abs(f - exact))] for f in (soft, stiff)]
         assert found[0] == pytest.approx(exact, rel=0.01)  # a polygon for a circle; the rings bend a little
         assert found[1] == pytest.approx(found[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["hex1", "tet1"])
+def test_a_cone_turns_freely_too(kind):
+    """A surface of revolution whose normals have a part along the axis."""
+    mesh = mapped(rings(kind), lambda x: np.stack([x[0] * (1 + 15 * x[2]), x[1] * (1 + 15 * x[2]), x[2]]))
+    soft, stiff = (frequencies(drum(mesh, k), 8, mu=0.0) for k in (1e10, 1e14))
+    for i in (0, 3):  # the torsions of the ring and the bush; the others bend and feel the contact
+        assert stiff[i] == pytest.approx(soft[i], rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["hex1", "hex2", "tet1"])
+def test_a_bush_turns_freely_on_a_rigid_shaft(kind):
+    found = []
+    for stiffness in (1e10, 1e14):
+        contact = {"name": "c", "surface": "hub_bush", "counterface": "rigid", "normal_stiffness": stiffness,
+                   "sliding": {"axis": [0.0, 0.0, 1.0], "speed": 10.0}}  # fmt: skip
+        springs = [{"name": f"s{i}", "surface": "rim_bush", "direction": np.eye(3)[i].tolist(),
+                    "stiffness": STIFFNESS} for i in (0, 1)]  # fmt: skip
+        problem = make_problem(
+            annulus(kind, (2, 20, 1), BORE, FACE, THICK, name="bush"), materials={"soft": MATERIALS["soft"]},
+            supports=[{"surface": f"{side}_bush", "fixed": "z"} for side in ("bottom", "top")], springs=springs,
+            contacts=[contact], effects={"friction": {"mu": 0.3}},
+        )  # fmt: skip
+        found.append(frequencies(problem, 1, mu=0.0)[0])
+    assert found[0] == pytest.approx(torsion(BORE, FACE, FACE), rel=0.01)
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
 
 
 @pytest.mark.parametrize("kind", ["hex1", "hex2"])

@@ -45,6 +45,10 @@ def test_any_sparse_format_is_taken(made):
 def test_what_would_be_another_problem_is_refused(term, message):
     with pytest.raises(SceneError, match=message):
         swept(Term(*term))
+    own = Term("inertia", "M", EYE, True), Term("springs", "K", sp.csr_array(K), True, {"k": 1})
+    problem = Problem((*own, Term(*term)), {"k": 1.0, "mu": 0.3})
+    with pytest.raises(SceneError, match=message):
+        fe_squeal.scatter(problem, {"k": {"uniform": {"low": 0.9, "high": 1.1}}}, samples=16)
 
 
 @pytest.mark.parametrize("slot", ["c", "damping", "", None])
