@@ -241,7 +241,7 @@ def test_where_modes_cross_the_error_of_a_model_is_no_instability():
     assert "taken for crossings" in told[0]
 
 
-@pytest.mark.parametrize("damping", [0.0, 0.05])
+@pytest.mark.parametrize("damping", some([0.0, 0.05], bool))
 @pytest.mark.parametrize("axes, centre", [((0.09, 0.09), (0.52, 0.47)), ((0.05, 0.03), (0.52, 0.47)),
                                           ((0.05, 0.05), (0.5, 0.5))])  # fmt: skip
 def test_an_island_of_divergence_between_the_lines_of_the_grid(axes, centre, damping):

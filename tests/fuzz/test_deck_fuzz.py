@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mutations import needs_timer, time_limit
+from selection import amount
 from test_mesh_fuzz import spoilt
 
 from fe_squeal.cli import main
@@ -18,7 +19,7 @@ from fe_squeal.scene.file import parse_scene
 
 pytestmark = needs_timer
 ROOT = Path(__file__).parents[2]
-COUNT = 500
+COUNT = amount(150, 500)
 ODD = (b"", b"1", b"-1", b"x", b"1e400", b"7", b"nan", b"ALL", b"*", b"0", b"1e30", b"99999999999999999999")
 # What stands behind the mesh, where the physics is.
 PHYSICS = re.compile(rb"\*Assembly|\*Material|\*Element, type=MASS|PSOLID")

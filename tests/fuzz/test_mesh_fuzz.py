@@ -10,6 +10,7 @@ import meshio
 import numpy as np
 import pytest
 from mutations import growth_of_memory, mutated_bytes, needs_timer, outcome
+from selection import amount
 
 import fe_squeal.run.run
 from fe_squeal.eigen.memory import peak_memory_mib
@@ -19,7 +20,7 @@ pytestmark = needs_timer
 DATA = Path(__file__).parents[1] / "data"
 FILES = sorted(p.name for p in DATA.glob("mesh_*"))
 WRITTEN = ("two.vtk", "two.med", "two.xdmf")  # the last with its arrays in an .h5 file
-COUNT = 60  # of each kind
+COUNT = amount(20, 60)  # of each kind
 MOST_MIB = 500.0
 NUMBER = re.compile(rb"(?<![\w.])[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
 NUMBERS = [

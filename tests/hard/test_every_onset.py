@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import structures
 from families import FAMILIES, damped_window, judge, large, make, window
-from selection import some
+from selection import amount, some
 
 from fe_squeal import sweep
 from fe_squeal.sweep.windows import windows
 
-SEEDS = 8  # of every kind of `families` in the slow test, a quarter of `structures`; more: benchmarks/onsets.py
+SEEDS = amount(4, 8)  # of a kind of `families` in the slow test, a quarter of `structures`; more: benchmarks/onsets.py
 PROJECTED = 20  # modes asked for where a step works on a projection
 
 

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 import pyuff
 from scene_texts import SCENE, replaced, write_scene
+from selection import some
 
 import fe_squeal
 from fe_squeal.cli import main
@@ -192,7 +193,7 @@ def universal(path: Path, shape, kind: str) -> None:
     pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
 
 
-@pytest.mark.parametrize("kind", ["55", "58"])
+@pytest.mark.parametrize("kind", some(["55", "58"], lambda kind: kind == "58"))
 def test_universal_files(tmp_path: Path, shape, kind: str) -> None:
     """Written by pyuff, nodes out of order; of several shapes or lines the one at the frequency is taken."""
     universal(tmp_path / "test.unv", shape, kind)

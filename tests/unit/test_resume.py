@@ -19,7 +19,6 @@ from matrix_scenes import sites, terms_of
 from matrix_scenes import sweep_text as sweep_of
 from matrix_scenes import write_scene as write_matrix_scene
 from scene_texts import environment, replaced, write_scene
-from selection import crossed
 
 import fe_squeal.report.export
 import fe_squeal.run.inputs
@@ -69,9 +68,9 @@ def wholes(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     return whole
 
 
-@pytest.mark.parametrize(
-    ("call", "kind"), crossed([2, 6], SCENES, fast=lambda call, kind: call == 6 and kind == "reduced")
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", SCENES)
+@pytest.mark.parametrize("call", [2, 6])
 def test_every_kind_of_problem_goes_on(
     kind: str, call: int, wholes: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],

@@ -46,6 +46,7 @@ def test_record_names_what_was_on(out: Path) -> None:
     assert {t["name"] for t in record["terms"] if t["slot"] == "C"} == {"rayleigh.block", "friction_damping.belt"}
 
 
+@pytest.mark.slow
 def test_preload_is_written(out: Path) -> None:
     """The whole load goes through the contact at every μ; friction pulls with μ N."""
     rows = read_rows(out / "preload.csv")
