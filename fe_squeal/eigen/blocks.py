@@ -16,6 +16,7 @@ from .mkl import multiply
 from .threads import thread_count
 
 _TALL = 5000  # rows from which the work of slicing them pays
+_ROWS = 2**15  # rows that are combined at once where all of them would be a copy of a large basis
 _PIECE = 64  # vectors that are multiplied at once: products of all of them may not fit into memory
 _Part = TypeVar("_Part")
 
@@ -71,6 +72,21 @@ def cross(X: Columns, Y: np.ndarray) -> np.ndarray:
     return np.asarray(sum(_in_slices(lambda rows: X[rows].T @ Y[rows], len(X))))
 
 
+def cross_in(X: Columns, rows: np.ndarray | None, *blocks: np.ndarray) -> list[np.ndarray]:
+    """Return X[rows]ᵀY for X (n, k), rows (m,) int or None for all, and each Y (m, l).
+
+    The rows of a few columns are gathered at once: those of all columns of a large basis would take gigabytes.
+    """
+    if rows is None:
+        return [cross(X, Y) for Y in blocks]
+    parts = [[np.zeros((0, Y.shape[1]), np.result_type(X, Y)) for Y in blocks]]
+    for i in range(0, X.shape[1], _PIECE):
+        few = X[:, i : i + _PIECE]
+        gathered = few.T.take(rows, axis=1).T if isinstance(few, np.ndarray) else few[rows]
+        parts.append([cross(gathered, Y) for Y in blocks])
+    return [np.vstack(own) for own in zip(*parts, strict=True)]
+
+
 def form(U: Columns, A: sp.csr_array, V: Columns) -> np.ndarray:
     """Return UᵀAV (k, r) for a sparse A (m, n), U (m, k) and V (n, r), a few vectors V after the others."""
     return np.hstack([np.zeros((U.shape[1], 0)), *(cross(U, times(A, X)) for X in pieces(V))])
@@ -102,7 +118,9 @@ def put_combined(store: ColumnStore, first: int, V: Columns, y: np.ndarray | Non
         assert isinstance(V, SpreadColumns)
         store.put_mixed(first, V, y)
     else:
-        store.put(first, np.asarray(V) if y is None else combine(V, y))
+        for begin in range(0, len(V), _ROWS):  # V may be columns of the store that are overwritten
+            rows = slice(begin, begin + _ROWS)
+            store.put(first, np.asarray(V[rows]) if y is None else combine(V[rows], y), rows)
 
 
 def lift(V: sp.csr_array | Columns, y: np.ndarray) -> np.ndarray:

@@ -45,9 +45,9 @@ class LocalStore:
         """Return the first columns (n, count), which share the memory of the store."""
         return self._array[:count].T
 
-    def put(self, first: int, X: np.ndarray) -> None:
-        """Put columns X (n, k) behind the first ones, in place of what is there."""
-        self._array[first : first + X.shape[1]] = X.T
+    def put(self, first: int, X: np.ndarray, rows: slice = slice(None)) -> None:
+        """Put columns X (n, k) behind the first ones, in place of what is there; or some of their rows."""
+        self._array[first : first + X.shape[1], rows] = X.T
 
     def keep(self, count: int) -> None:
         """Give back the memory of all columns behind the first ones, as far as the system takes it."""

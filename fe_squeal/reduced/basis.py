@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ..eigen.blocks import combine, cross, put_combined, times
+from ..eigen.blocks import combine, cross, cross_in, put_combined, times
 from ..eigen.columns import Columns, ColumnStore, LocalStore, store_for, transposed
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import FreeMotions
@@ -199,13 +199,15 @@ class ReducedBasis(SampledErrors):
     def _meet(self, i: int, X: np.ndarray) -> _Products:
         """Return the products of a term A with X, V and Z."""
         rows, A, transposed, sign = self._acting[i]
-        V, Z, here = (self.V, self._Z, X) if rows is None else (self.V[rows], self._Z[rows], X[rows])
+        Z, here = (self._Z, X) if rows is None else (self._Z[rows], X[rows])
         AX = times(A, X)
-        XAX, VAX, ZAX = cross(here, AX), cross(V, AX), cross(Z, AX)
+        XAX, ZAX = cross(here, AX), cross(Z, AX)
         if transposed is None:
+            [VAX] = cross_in(self.V, rows, AX)
             return _Products(VAX, VAX, XAX, ZAX, ZAX) if sign == 1 else _Products(VAX, -VAX, XAX, ZAX, -ZAX)
         ATX = times(transposed, X)
-        return _Products(VAX, cross(V, ATX), XAX, ZAX, cross(Z, ATX))
+        VAX, VATX = cross_in(self.V, rows, AX, ATX)
+        return _Products(VAX, VATX, XAX, ZAX, cross(Z, ATX))
 
     def _in_metric(self, parts: list[_Products], take: Callable[[_Products], np.ndarray]) -> np.ndarray:
         return np.asarray(sum(c * take(p) for c, p in zip(self.metric, parts, strict=True) if c))

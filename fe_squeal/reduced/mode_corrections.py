@@ -19,7 +19,7 @@ from ..problem.problem import Problem
 from .basis import ReducedBasis
 from .estimate import GUARDED, Estimate
 from .undamped import weighted
-from .vectors import range_of, real_columns, unit_columns
+from .vectors import range_of, real_columns, thin_svd, unit_columns
 
 ROUNDS = 12  # largest number of corrections of the modes at one value
 _CORRECTED = 0.3  # times the tolerance: modes with a larger error are corrected along with those that miss it
@@ -130,9 +130,12 @@ class ModeCorrections:
     ) -> tuple[ReducedBasis, Modes]:  # fmt: skip
         """Return a basis that holds the modes at a value, and these modes; the vectors of the given one come first.
 
-        Each round projects on the modes at this value alone, and on the corrections of those that are not exact. Where
-        modes miss the tolerance by little, the factors of the last value serve once more: what a basis lacks has higher
-        frequencies than the modes, and differs less from value to value than these do.
+        Each round projects on the modes at this value alone, and on the corrections of those that are not exact. What
+        modes do not need of earlier corrections is given up before further ones are added: of a large problem every
+        round would take a gigabyte.
+
+        Where modes miss the tolerance by little, the factors of the last value serve once more: what a basis lacks has
+        higher frequencies than the modes, and differs less from value to value than these do.
 
         Parameters
         ----------
@@ -153,6 +156,8 @@ class ModeCorrections:
             worst = float(off.max(initial=0.0))
             if worst <= enough or not more:
                 break
+            if len(wide) - len(basis) > W.shape[1]:
+                wide, W = _narrowed(wide, len(basis), W)
             inexact = _turned(modes.select(np.flatnonzero(off > _CORRECTED * enough)), W)
             # No name here holds the factors, so that they are free before others take memory.
             new = self.correct(
@@ -221,6 +226,13 @@ class ModeCorrections:
             self.solves += right.shape[1] + left.shape[1]
             parts += [real_columns(factor.solve(right)), real_columns(factor.solve_adjoint(left))]
         return np.hstack(parts)
+
+
+def _narrowed(wide: ReducedBasis, size: int, W: np.ndarray) -> tuple[ReducedBasis, np.ndarray]:
+    """Return a basis without what columns with coordinates W (r, k) do not need behind the first ones, and their W."""
+    U, s, _ = thin_svd(W[size:])
+    U = U[:, s > np.finfo(float).eps]
+    return wide.narrowed(size, U), np.vstack([W[:size], U.T @ W[size:]])
 
 
 def _padded(W: np.ndarray, size: int) -> np.ndarray:

@@ -39,10 +39,11 @@ _PROJECTED = 18  # bytes for each entry of a projected term: sparse with its ind
 _DENSE = 8  # matrices of a small eigenproblem, with the workspaces of LAPACK
 _LIFTED = 10.0  # vectors for each guarded mode: shapes as vectors of the problem, complex, and a basis of them
 _KRYLOV = 8.0  # vectors for each mode asked for: of the Krylov spaces, and the modes themselves
-# While a reduced model is made, counted from the program: vectors that the search for missing modes keeps; corrections
-# of each guarded mode that are in the basis until its modes are exact; the arrays of the vectors that are corrected at
-# once, right and left ones, and the bytes of these arrays of a large problem, which corrects fewer at once.
-_SEARCHED, _CORRECTED, _BLOCKS, _MOST = 40, 2.0, 12.0, 12 * 2**26
+# While a reduced model is made: vectors that the search for missing modes keeps, counted from the program; corrections
+# of each guarded mode that are in the basis beside all its vectors; the arrays of the vectors that are corrected at
+# once, right and left ones, and the bytes of these arrays of a large problem, which corrects fewer at once. The last
+# three were found on brakes of quadratic tetrahedra with 48 417 and 96 711 unknowns.
+_SEARCHED, _CORRECTED, _BLOCKS, _MOST = 40, 1.0, 9.0, 9 * 2**26
 # Times the factors of a large problem: what those of a matrix with friction take more, by PARDISO's analyses at 437 886
 # unknowns; those of a complex matrix have twice the bytes.
 _STRONG = {"symmetric": 0.0, "nonsymmetric": 1.2, "quadratic": 3.0, "complex": 3.0}

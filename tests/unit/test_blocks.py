@@ -7,7 +7,8 @@ import pytest
 import scipy.sparse as sp
 
 from fe_squeal.eigen import blocks
-from fe_squeal.eigen.blocks import combine, cross, lift, times
+from fe_squeal.eigen.blocks import combine, cross, cross_in, lift, put_combined, times
+from fe_squeal.eigen.columns import LocalStore
 
 
 @pytest.fixture(params=[1, 3])
@@ -26,6 +27,35 @@ def test_products(n, order):
     assert (np.abs(times(A, X) - A @ X) <= 4 * np.finfo(float).eps * (abs(A) @ np.abs(X))).all()  # sums may cancel
     np.testing.assert_allclose(cross(X, Y), X.T @ Y, rtol=1e-11, atol=1e-11)
     np.testing.assert_allclose(combine(X, y), X @ y, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.parametrize("k", [0, 5, blocks._PIECE + 3])
+@pytest.mark.usefixtures("threads")
+def test_products_in_some_rows(k, order):
+    rng = np.random.default_rng(6)
+    n, rows = 50, np.array([3, 4, 17, 49])
+    X, Y = np.asarray(rng.standard_normal((n, k)), order=order), rng.standard_normal((n, 2))
+    for chosen in (rows, None):
+        some = slice(None) if chosen is None else chosen
+        found = cross_in(X, chosen, Y[some], Y[some] + 1j)
+        for product, block in zip(found, (Y[some], Y[some] + 1j), strict=True):
+            np.testing.assert_allclose(product, X[some].T @ block, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.usefixtures("threads")
+def test_columns_are_combined_where_they_are(monkeypatch):
+    """A few rows after the others, in place of the columns that are combined."""
+    monkeypatch.setattr(blocks, "_ROWS", 16)
+    rng = np.random.default_rng(8)
+    X, y = rng.standard_normal((50, 6)), rng.standard_normal((4, 3))
+    store = LocalStore(50, 8)
+    store.put(0, X)
+    put_combined(store, 2, store.columns(6)[:, 2:], y)
+    np.testing.assert_allclose(store.columns(5), np.hstack([X[:, :2], X[:, 2:] @ y]), rtol=1e-12, atol=1e-13)
+    other = LocalStore(50, 5)
+    put_combined(other, 0, store.columns(5))
+    np.testing.assert_array_equal(other.columns(5), store.columns(5))
 
 
 @pytest.mark.usefixtures("threads")

@@ -161,3 +161,31 @@ def test_singular_values_are_found_where_divide_and_conquer_fails(monkeypatch):
     assert drivers == ["gesdd", "gesvd"]
     np.testing.assert_allclose(s, known, rtol=1e-13)
     np.testing.assert_allclose((U * s) @ V, X, atol=1e-13)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["nonsymmetric", "quadratic"])
+def test_corrections_that_modes_do_not_need_are_given_up(kind, monkeypatch):
+    """Many rounds by factors that do little: the basis stays narrower, and the modes are the same."""
+    solved, correct, widest = mode_corrections.ModeCorrections._solved, mode_corrections.ModeCorrections.correct, [0, 0]
+
+    def roughly(self, *how):
+        X = solved(self, *how)
+        return X * (1 + 0.3 * np.random.default_rng(X.shape[1]).standard_normal(X.shape))
+
+    monkeypatch.setattr(mode_corrections.ModeCorrections, "_solved", roughly)
+    models = []
+    for i, narrowed in enumerate((lambda wide, size, W: (wide, W), mode_corrections._narrowed)):
+
+        def noted(self, basis, *more, i=i):
+            found = correct(self, basis, *more)
+            widest[i] = max(widest[i], len(basis))
+            return found
+
+        monkeypatch.setattr(mode_corrections.ModeCorrections, "correct", noted)
+        monkeypatch.setattr(mode_corrections, "_narrowed", narrowed)
+        models.append(ReducedModel(chain(*CLASSES[kind]), "mu", VALUES, Request(count=MODES)))
+    assert widest[1] < widest[0]
+    for value in VALUES:
+        one, two = (m.modes(float(value)).lam for m in models)
+        np.testing.assert_allclose(one, two, rtol=2e-8)
