@@ -15,6 +15,7 @@ import scipy.sparse as sp
 
 from ..assembly.assembly import Assembly
 from ..assembly.bodies import read_mesh
+from ..assembly.contacts import with_gap_tolerances
 from ..fem.spaces import make_space
 from ..mesh import LoadedMesh
 from ..mesh.marked import refine_marked
@@ -59,7 +60,7 @@ class Candidate:
 
 
 def first_candidate(scene: Scene) -> Candidate:
-    """Return the first mesh: the scene's own with elements of order 2.
+    """Return the first mesh: the scene's own with elements of order 2. All later ones have its gap tolerances.
 
     A parametric mesh that the scene has with order 1 gets elements twice as long, and so about as many nodes as before.
     """
@@ -72,7 +73,8 @@ def first_candidate(scene: Scene) -> Candidate:
         twice = geometry.model_copy(update={"size": 2 * geometry.size})
         mesh = scene.mesh.model_copy(update={"order": ORDER, "file": None, _key(scene): twice})
     changed = scene.model_copy(update={"mesh": mesh})
-    return _candidate(changed, read_mesh(changed), words)
+    loaded = read_mesh(changed)
+    return _candidate(with_gap_tolerances(changed, loaded), loaded, words)
 
 
 def restored(
@@ -86,6 +88,7 @@ def restored(
         The numbers are not those of such a geometry.
     """
     update: dict[str, object] = {"order": ORDER}
+    scene = scene.model_copy(update={"contacts": first_candidate(scene).scene.contacts})
     own = scene.mesh.geometry
     if (geometry is None) != (own is None):
         raise ValueError("a geometry for a scene that has none, or none for one that has")

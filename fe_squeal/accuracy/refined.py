@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..assembly.assembly import Assembly
+from ..assembly.contacts import with_gap_tolerances
 from ..eigen.linear.choice import factorize_definite_roughly
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import available_memory, require_memory
@@ -111,7 +112,7 @@ class FinerMesh:
     @classmethod
     def of(cls, coarse: Assembly) -> FinerMesh:
         """Cut every element of a mesh into eight."""
-        fine = Assembly(coarse.scene, refine(coarse.loaded))
+        fine = Assembly(with_gap_tolerances(coarse.scene, coarse.loaded), refine(coarse.loaded))
         return cls(fine, prolongation(coarse.space, fine.space))
 
     @classmethod

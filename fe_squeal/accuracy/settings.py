@@ -9,6 +9,7 @@ import numpy as np
 
 from ..assembly.assembly import assemble
 from ..assembly.bodies import read_mesh
+from ..assembly.contacts import with_gap_tolerances
 from ..eigen.inertia import count_below
 from ..eigen.shift import symmetric_part
 from ..mesh import LoadedMesh
@@ -146,6 +147,8 @@ def scene_at(scene: Scene, setting: Setting) -> tuple[Scene, LoadedMesh]:
     )
     changed = scene.model_copy(update={"mesh": mesh, "solve": solve})
     loaded = read_mesh(changed)
+    if setting.refinement:
+        changed = with_gap_tolerances(changed, loaded)
     for _ in range(setting.refinement):
         loaded = refine(loaded)
     return changed, loaded

@@ -11,11 +11,11 @@ from scipy.spatial import cKDTree
 
 from ..errors import SceneError
 from .cells import geometry_map
+from .closing import default_gap_tolerance
 from .motion import SteadyMotion
 from .spaces import ROUNDED, DisplacementSpace
 
 _NEWTON_STEPS = 25
-GAP_TOLERANCE = 0.02  # of the mean facet size: gaps up to it are closed where the scene says nothing
 _INSIDE = 1e-6  # slack of reference coordinates: a point on an edge belongs to the facets on both sides
 _MOST_PARTS = 8  # largest number of parts that a pad facet's edge is cut into for quadrature if meshes do not match
 _CLOSED = 1e-9  # of the facet size: surfaces that are no farther apart lie on each other but for rounding
@@ -86,7 +86,7 @@ def contact_operators(
     sliding : SteadyMotion or None
         None for a contact that does not slide; slip and cross then lie along two arbitrary tangents.
     gap_tolerance : float, m, optional
-        Default 2 % of the mean facet size of the pad.
+        Default `default_gap_tolerance`.
     is_tied : bool
         Whether the contact couples all three directions.
 
@@ -102,7 +102,9 @@ def contact_operators(
     separation = np.zeros(len(n))
     keep = np.ones(len(n), bool)
     if counter_facets is not None:
-        tolerance = GAP_TOLERANCE * np.sqrt(pad.area / len(pad_facets)) if gap_tolerance is None else gap_tolerance
+        tolerance = gap_tolerance
+        if tolerance is None:
+            tolerance = default_gap_tolerance(space.mesh, pad, counter_facets)
         hit = locate_along(space.mesh, counter_facets, pad.points, n, tolerance)
         separation = hit.distance
         keep = np.abs(separation) <= tolerance

@@ -90,6 +90,20 @@ def facet_points(
     return FacetPoints(elements, np.swapaxes(x, 1, 2) + first, size * W, np.swapaxes(normals, 1, 2), values[face])
 
 
+def facet_corners(mesh: skfem.Mesh, facets: np.ndarray, elements: np.ndarray) -> np.ndarray:
+    """Return the corners of facets in cyclic order as numbers of nodes, (f, 4) int; triangles repeat the last one.
+
+    Parameters
+    ----------
+    facets : (f,) int
+    elements : (f,) int
+        An element of each facet.
+    """
+    local = np.argmax(mesh.t2f[:, elements] == facets, axis=0)
+    order = np.array([[c[0], c[1], c[2], c[-1]] for c in mesh.refdom.facets])[local]
+    return np.asarray(mesh.t.T[elements[:, None], order])
+
+
 def require_digits(mesh: skfem.Mesh, facets: np.ndarray) -> None:
     """Raise MeshError if elements at facets (f,) int are so far from the origin that rounding hides their shape.
 

@@ -6,6 +6,7 @@ import numpy as np
 import skfem
 
 from ..errors import SceneError
+from .facets import facet_corners
 from .motion import SteadyMotion
 
 _SLOPE = 0.02  # allowed slope of a facet out of the surface of revolution; an axis off by 2 % of the radius gives it
@@ -157,10 +158,7 @@ def _boundary_corners(mesh: skfem.Mesh, elements: np.ndarray) -> np.ndarray:
     facets, count = np.unique(mesh.t2f[:, elements], return_counts=True)
     facets = facets[count == 1]
     inside = np.isin(mesh.f2t[0, facets], elements)
-    element = np.where(inside, mesh.f2t[0, facets], mesh.f2t[1, facets])
-    local = np.argmax(mesh.t2f[:, element] == facets, axis=0)
-    order = np.array([[c[0], c[1], c[2], c[-1]] for c in mesh.refdom.facets])[local]
-    return np.asarray(mesh.t.T[element[:, None], order])
+    return facet_corners(mesh, facets, np.where(inside, mesh.f2t[0, facets], mesh.f2t[1, facets]))
 
 
 def _area_vectors(x: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from ..accuracy.choose import Choice, choose
 from ..accuracy.quantities import KINDS
 from ..accuracy.study import Study, run_study
 from ..assembly.bodies import find_bodies, scene_mesh
+from ..assembly.contacts import closed_by_default
 from ..assembly.units import require_si
 from ..errors import INTERRUPTED, NotConvergedError, SceneError
 from ..mesh.writing import write_loaded
@@ -219,7 +220,7 @@ def run_to_accuracy(
         for text in (*(f"note: {note}" for note in measured.notes), *(f"warning: {warning}" for warning in said)):
             tell(text)
         _print_trials(choice, target, console)
-        console.print(_used_again(choice, out), markup=False)
+        console.print(_used_again(choice, whole, out), markup=False)
     if stopped:
         print(f"interrupted: what came nearest to the target until then is in {out}", file=sys.stderr)
         return INTERRUPTED
@@ -239,10 +240,12 @@ def _print_trials(choice: Choice, target: float, console: Console) -> None:
     print_table(table, console)
 
 
-def _used_again(choice: Choice, out: Path) -> str:
+def _used_again(choice: Choice, scene: Scene, out: Path) -> str:
     """Return a sentence on how to use the mesh that was found in a scene."""
     geometry = choice.scene.mesh.geometry
-    text = f'the mesh is {out / MESH}; with order = {choice.scene.mesh.order}, [mesh] takes it as its file'
+    closed = ", ".join(closed_by_default(choice.result.problem, scene, choice.scene))
+    order = f"order = {choice.scene.mesh.order}{f' and {closed}' if closed else ''}"
+    text = f"the mesh is {out / MESH}; with {order}, [mesh] takes it as its file"
     if geometry is None or geometry.element != "hex":
         return text
     counts = (f"{key} = {line.elements}" for key, line in geometry.lines.items())

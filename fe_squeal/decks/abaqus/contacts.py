@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import MeshError, suggest
-from ...fem.contact import GAP_TOLERANCE
+from ...fem.closing import GAP_TOLERANCE
 from ...mesh.measures import area_of
 from ...mesh.readers.abaqus.model import Statement
 from ..draft import Table, Value, plain_name
