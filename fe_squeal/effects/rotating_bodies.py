@@ -10,6 +10,7 @@ from ..errors import SceneError
 from ..fem.motion import SteadyMotion
 from ..fem.revolution import check_revolution, check_ring, check_ring_of_nodes, is_transversal
 from ..fem.spaces import DisplacementSpace
+from ..fem.ties import Tie
 from ..problem.terms import Term
 from .context import BodyPart, Context
 
@@ -107,27 +108,45 @@ def nodes_of_body(context: Context, name: str) -> np.ndarray:
 
 
 def joined_to_others(context: Context) -> list[str]:
-    """Return a sentence for each rotating body that is joined to one that does not rotate with it.
+    """Return a sentence for each rotating body that is joined to one that does not rotate, or not as it does.
 
     Where they meet the particles of one move on and those of the other stay, so that they cannot be the same.
     """
-    found = []
-    for name in context.motions:
-        others = [other for other in context.bodies if other not in context.motions]
+    found, told = [], set()
+    for name, motion in context.motions.items():
+        others = {o: _differs(motion, context.motions.get(o)) for o in context.bodies if o != name}
+        others = {o: how for o, how in others.items() if how is not None and (o, name) not in told}
         shared = [o for o in others if np.isin(nodes_of_body(context, o), nodes_of_body(context, name)).any()]
-        by_nodes = [f"shares nodes with body {o}" for o in shared]
-        by_contact = [
-            f"is tied to body {other} by contact {c.name}"
+        joined = [(o, f"shares nodes with body {o}") for o in shared]
+        joined += [
+            (other, f"is tied to body {other} by contact {c.name}")
             for c in context.contacts.values() if c.kind == "tied"
             for one, two in ((c.pads, c.carriers), (c.carriers, c.pads)) if name in one
             for other in sorted(two) if other in others
         ]  # fmt: skip
+        joined += [
+            (o, f"is tied to body {o} by {path}")
+            for path, tie, _ in context.references if tie.rigid and _holds(context, tie, name)
+            for o in others if o not in shared and _holds(context, tie, o)
+        ]  # fmt: skip
+        told |= {(name, o) for o, _ in joined}
         found += [
-            f"effects.rotation: body {name} rotates and {how}, which does not: no particle can do both; name both in"
-            " effects.rotation.bodies, or let a contact slide between them"
-            for how in by_nodes + by_contact
+            f"effects.rotation: body {name} rotates and {how}, which {others[o]}: no particle can do both; name both in"
+            " effects.rotation.bodies, let them turn alike, or let a contact slide between them"
+            for o, how in joined
         ]
     return found
+
+
+def _differs(motion: SteadyMotion, other: SteadyMotion | None) -> str | None:
+    """Return in words how a body moves other than one that rotates; None where it rotates with it."""
+    if other is None:
+        return "does not"
+    return None if _same(motion, other) else "turns otherwise"
+
+
+def _holds(context: Context, tie: Tie, body: str) -> bool:
+    return bool(np.isin(tie.nodes, nodes_of_body(context, body)).any())
 
 
 def check_material(body: BodyPart, motion: SteadyMotion) -> None:

@@ -124,9 +124,10 @@ class Rotation(Effect):
         """
         found = []
         for path, tie, table in context.references:
-            for name, motion in context.motions.items():
-                if np.isin(tie.nodes, nodes_of_body(context, name)).any():
-                    found += reference_terms(context.space, tie, table, path, name, motion)
+            # Bodies that share nodes may both reach the reference, whose inertia turns once.
+            held = [name for name in context.motions if np.isin(tie.nodes, nodes_of_body(context, name)).any()]
+            for name in held[:1]:
+                found += reference_terms(context.space, tie, table, path, name, context.motions[name])
         return found
 
     def warnings(self, context: Context, others: Sequence[Term], parameters: Mapping[str, float]) -> list[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -102,3 +104,50 @@ def test_a_body_that_is_glued_to_one_that_rotates_is_told():
     assert told(["a", "b"]) == []
     (sentence,) = told(["a"])
     assert "body a rotates and is tied to body b by contact c" in sentence
+
+
+def test_the_inertia_at_a_reference_turns_once_however_many_bodies_it_holds():
+    """A wheel of two bodies that share nodes, and the same wheel as one body."""
+    mesh = annulus("hex2", (1, 12, 2), 0.06, 0.10, 0.02)
+    height = mesh.p[2][mesh.t].mean(axis=0)
+    halves = {"a": np.flatnonzero(height < 0.01), "b": np.flatnonzero(height > 0.01)}
+    tie = {"name": "wheel", "surface": "hub", "reference": [0.0, 0.0, 0.01], "fixed": "xyz rz",
+           "inertia": [1e-3, 1e-3, 2e-3, 0.0, 0.0, 0.0],
+           "springs": [{"axis": list(e), "stiffness": TILT} for e in np.eye(3)[:2]]}  # fmt: skip
+    one, two = (
+        make_problem(replace(mesh, _subdomains=parts), rigid=[tie], effects={"rotation": about_z(*parts, speed=SPEED)})
+        for parts in ({"a": np.arange(mesh.nelements)}, halves)
+    )
+    np.testing.assert_allclose(modes_of(two, 2).lam, modes_of(one, 2).lam, rtol=1e-9)
+
+
+def sliding(name, body, speed):
+    """A ring that slides on a body, which turns with it."""
+    return {"name": name, "surface": f"bottom_{name}", "counterface": f"top_{body}", "normal_stiffness": 1e10,
+            "kind": "frictionless", "sliding": {"axis": [0.0, 0.0, 1.0], "speed": speed}}  # fmt: skip
+
+
+@pytest.mark.parametrize("speed", [10.0, -20.0])
+def test_bodies_that_are_glued_and_turn_differently_are_told(speed):
+    at = {"a": (0.06, 0.08, 0.0), "b": (0.08, 0.10, 0.0), "p": (0.06, 0.07, 0.01), "q": (0.09, 0.10, 0.01)}
+    mesh = join(*(annulus("hex1", (1, 12, 1), r, R, 0.01, bottom=z, name=name) for name, (r, R, z) in at.items()))
+    tied = {"name": "c", "surface": "rim_a", "counterface": "hub_b", "normal_stiffness": 1e14, "kind": "tied"}
+    held = [{"surface": f"top_{pad}", "fixed": "xyz"} for pad in "pq"]
+    problem = make_problem(mesh, 1, supports=held, contacts=[tied, sliding("p", "a", 10.0), sliding("q", "b", speed)],
+                           effects={"rotation": {"bodies": ["a", "b"]}})  # fmt: skip
+    told = [w for w in problem.discretisation.warnings if "no particle can do both" in w]
+    assert len(told) == (speed != 10.0)
+    assert all("body a rotates and is tied to body b by contact c, which turns otherwise" in w for w in told)
+
+
+@pytest.mark.parametrize(("ties", "count"), [("rigid", 1), ("averaged", 0)])
+def test_a_rigid_body_over_one_that_rotates_and_one_that_does_not_is_told(ties, count):
+    sizes = {"a": (0.06, 0.08), "b": (0.08, 0.10)}
+    rings = join(*(annulus("hex1", (1, 12, 1), *radii, 0.01, name=name) for name, radii in sizes.items()))
+    faces = np.concatenate([rings.boundaries["bottom_a"], rings.boundaries["bottom_b"]])
+    rings = replace(rings, _boundaries={**rings.boundaries, "both": faces})
+    problem = make_problem(rings, 1, effects={"rotation": about_z("a", speed=10.0)},
+                           **{ties: [{"name": "plate", "surface": "both"}]})  # fmt: skip
+    told = [w for w in problem.discretisation.warnings if "no particle can do both" in w]
+    assert len(told) == count
+    assert all("body a rotates and is tied to body b by rigid[0], which does not" in w for w in told)
