@@ -29,6 +29,7 @@ from .edges import acting_on_points, has_end_in_a_notch
 from .estimate import Changes, refined_changes
 from .largest_error import hidden_growth
 from .pairs import bent_change, extrapolated, growth_beyond
+from .polygons import straight_edges
 
 _ROUNDING = 1e-6  # of |λ|: growth below this is what rounding makes of two equal eigenvalues
 
@@ -102,6 +103,7 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
             " and the error of the mesh none either"
             for path in acting_on_points(result.problem.source)
         ]
+        warnings += straight_edges(result.problem.source)
     listed = sorted([*onsets, *changes.appeared], key=lambda o: o.value)
     return replace(result, points=tuple(points), onsets=tuple(listed), warnings=tuple(warnings))
 

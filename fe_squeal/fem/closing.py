@@ -32,17 +32,36 @@ def default_gap_tolerance(mesh: skfem.Mesh, pad: Surface, counter_facets: np.nda
 def sagitta(mesh: skfem.Mesh, facets: np.ndarray) -> float:
     """Return how far the middle of a straight facet lies from the curved face that it stands for, the median, m.
 
-    A facet of width h on a face of curvature κ leaves κ h²/8. The angle between the normals of two neighbours of widths
-    h and h' tells κ = φ/((h + h')/2). The median is that of a face which is curved as a whole: a chamfer or a rounded
-    edge around a flat face does not count. Facets with middle nodes follow the face, and leave next to nothing.
+    The median is that of a face which is curved as a whole: a chamfer or a rounded edge around a flat face does not
+    count. Facets with middle nodes follow the face, and leave next to nothing.
 
     Parameters
     ----------
     facets : (f,) int
         Boundary facets.
     """
-    if isinstance(mesh, skfem.MeshTet2 | skfem.MeshHex2) or not len(facets):
-        return 0.0
+    return float(np.median(bends(mesh, facets)[1])) if len(facets) else 0.0
+
+
+def bends(mesh: skfem.Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the angles that straight facets stand for, and how far their middles lie from the curved face.
+
+    A facet of width h on a face of curvature κ stands for the angle κ h and leaves κ h²/8. The angle φ between the
+    normals of two neighbours of widths h and h' tells κ = φ/((h + h')/2). Of the neighbours of a facet the one counts
+    that it bends most against. Both are zero for facets with middle nodes.
+
+    Parameters
+    ----------
+    facets : (f,) int
+        Boundary facets.
+
+    Returns
+    -------
+    angle : (f,) float, rad
+    sagitta : (f,) float, m
+    """
+    if isinstance(mesh, skfem.MeshTet2 | skfem.MeshHex2):
+        return np.zeros(len(facets)), np.zeros(len(facets))
     corners = facet_corners(mesh, facets, mesh.f2t[0, facets])  # (f, 4), cyclic
     x = mesh.p.T[corners]
     normals = np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
@@ -64,7 +83,8 @@ def sagitta(mesh: skfem.Mesh, facets: np.ndarray) -> float:
     angle = np.arctan2(np.linalg.norm(np.cross(n, m), axis=1), np.abs(np.einsum("ki,ki->k", n, m)))
     h, other = width[facet[a], edge[a]], width[facet[b], edge[b]]
     curvature = np.where(angle <= _SHARP, 2 * angle / np.maximum(h + other, np.finfo(float).tiny), 0.0)
-    found = np.zeros(len(facets))
-    np.maximum.at(found, facet[a], curvature * h**2 / 8)
-    np.maximum.at(found, facet[b], curvature * other**2 / 8)
-    return float(np.median(found))
+    angles, heights = np.zeros((2, len(facets)))
+    for one, size in ((a, h), (b, other)):
+        np.maximum.at(angles, facet[one], curvature * size)
+        np.maximum.at(heights, facet[one], curvature * size**2 / 8)
+    return angles, heights
