@@ -13,7 +13,7 @@ from ..eigen.linear.factor import LinearSolver
 from ..fem.contact import ContactOperators
 from ..fem.materials import Elasticity, Material, elasticity, stiffness_tensor
 from ..fem.motion import SteadyMotion
-from ..fem.spaces import DisplacementSpace, Surface
+from ..fem.spaces import DisplacementSpace, Patch, Surface
 from ..fem.ties import Tie
 from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
@@ -22,6 +22,7 @@ from ..problem.terms import Term
 from ..schema.place import Kind
 from ..schema.section import Section
 from .cache import Cache, Same
+from .springs import Spring
 from .static_state import ContactState, StaticState
 from .ties import Rigid
 
@@ -160,6 +161,7 @@ class Context:
         Returns a number of the scene.
     cache : Cache
         Keeps what was made, from one value of a sweep to the next.
+    springs : tuple of Spring
     static : tuple of Term
         Stiffnesses of bodies, springs and tied contacts.
     motions : mapping of body to SteadyMotion
@@ -180,6 +182,7 @@ class Context:
     tables: Mapping[str, Section]
     number: Callable[[str], float]
     cache: Cache
+    springs: tuple[Spring, ...] = ()
     static: tuple[Term, ...] = ()
     motions: Mapping[str, SteadyMotion] = field(default_factory=dict)
     static_state: StaticState | None = None
@@ -211,6 +214,17 @@ class Context:
         MeshError
         """
         return self.space.surface(self.facets(group, path))
+
+    def patch(self, kind: Kind, group: str, path: str) -> Patch:
+        """Return a surface group with its quadrature, or the nodes of a set; `path` says where it was named.
+
+        Raises
+        ------
+        MeshError, SceneError
+        """
+        if kind == "surface":
+            return self.surface(group, path)
+        return self.space.patch(self.space.nodes_at(self.nodes(group, path)))
 
     def table(self, kind: type[_Table]) -> _Table | None:
         """Return the table of an effect; None where it is not on."""

@@ -10,12 +10,16 @@ import scipy.sparse as sp
 
 from ..fem.element_matrices import scatter_scalar
 from ..fem.materials import Elasticity
+from ..fem.rigid_prestress import rigid_stiffness
 from ..fem.spaces import DisplacementSpace
 from ..fem.stress import element_stress
+from ..fem.ties import Tie
 from ..problem.terms import Term
 from .cache import Same
 from .context import BodyPart, Context
 from .effect import Effect
+from .preload import Preload
+from .static_forces import static_forces
 from .static_state import StaticState
 
 
@@ -23,7 +27,8 @@ class StressStiffening(Effect):
     """Geometric stiffness K_σ = ∫ σ0_ij ∂_iδu·∂_ju dV of the preload's stress σ0 = σ(u0).
 
     Tension stiffens, pressure softens. Needs `[effects.preload]`; where a body rotates, σ0 includes the centrifugal
-    stress. (Zienkiewicz and Taylor, The Finite Element Method, vol. 2.) It has no keys.
+    stress. (Zienkiewicz and Taylor, The Finite Element Method, vol. 2.) In a `[[rigid]]` body the forces on its nodes
+    stand for the stress, see `fe_squeal.fem.rigid_prestress`. It has no keys.
     """
 
     name: ClassVar[str] = "stress_stiffening"
@@ -31,11 +36,15 @@ class StressStiffening(Effect):
     needs: ClassVar[Mapping[str, str]] = {"preload": ", whose stress acts; expected [effects.preload]"}
 
     def terms(self, context: Context) -> list[Term]:
-        """Return the geometric stiffness of every body."""
+        """Return the geometric stiffness of every body, and of nodes that are tied to rigid ones."""
         state = context.static_state
         if state is None:
             return []
-        return [_kept_term(context, body, state) for body in context.bodies.values()]
+        found = [_kept_term(context, body, state) for body in context.bodies.values()]
+        for _, tie, _ in context.references:
+            if tie.rigid and not tie.fixed[3:].all():
+                found.append(_kept_rigid_term(context, tie, state))
+        return found
 
 
 def _kept_term(context: Context, body: BodyPart, state: StaticState) -> Term:
@@ -43,6 +52,18 @@ def _kept_term(context: Context, body: BodyPart, state: StaticState) -> Term:
         f"stress_stiffening.{body.name}", Same(state),
         lambda: stiffening_term(context.space, body.name, body.elements, body.elasticity(), state.u),
     )  # fmt: skip
+
+
+def _kept_rigid_term(context: Context, tie: Tie, state: StaticState) -> Term:
+    preload = context.table(Preload)
+    pressures = {} if preload is None else preload.pressures
+
+    def made() -> Term:
+        forces = static_forces(context, state, pressures, tie.nodes)
+        matrix = rigid_stiffness(context.space, tie, forces)
+        return Term(f"stress_stiffening.reference.{tie.name}", "K", matrix, symmetric=True)
+
+    return context.cache.get(f"stress_stiffening.reference.{tie.name}", Same(state), made)
 
 
 def stiffening_term(

@@ -33,6 +33,8 @@ class ContactOperators:
     ----------
     gap, slip, cross : (q, n) sparse
         (u_pad − u_counter)·n, ·t and ·b.
+    values : (q, nodes) sparse
+        u_pad − u_counter of a nodal field.
     weights : (q,) float, m^2
     points, normals, directions : (q, 3) float
     separation : (q,) float, m
@@ -46,6 +48,7 @@ class ContactOperators:
     gap: sp.csr_array
     slip: sp.csr_array
     cross: sp.csr_array
+    values: sp.csr_array
     weights: np.ndarray
     points: np.ndarray
     normals: np.ndarray
@@ -134,6 +137,7 @@ def contact_operators(
         gap=space.along(values, n),
         slip=space.along(values, t),
         cross=space.along(values, np.cross(n, t)),
+        values=values,
         weights=weights,
         points=points,
         normals=n,

@@ -101,11 +101,18 @@ def centrifugal_load(
     rotation : SteadyMotion
         Not a belt.
     """
+    return space.loads(nodal_centrifugal_forces(space, elements, density, rotation))
+
+
+def nodal_centrifugal_forces(
+    space: DisplacementSpace, elements: np.ndarray, density: float, rotation: SteadyMotion
+) -> np.ndarray:
+    """Return the same forces on the nodes, (nodes, 3) N."""
     force = np.zeros((space.nodes, 3))
     for shapes in element_shapes(space, elements):
         outward = -np.cross(rotation.velocity, rotation.velocities(np.swapaxes(shapes.points, 1, 2)))  # (e, q, 3)
         np.add.at(force, shapes.nodes, shapes.values @ (density * shapes.dx[:, :, None] * outward))
-    return space.loads(force)
+    return force
 
 
 def _inertia(
