@@ -46,7 +46,7 @@ def motion_of_body(
                 f"{key}.bodies: body {body} rotates, and contact {name} moves it straight along a direction; expected"
                 " sliding = { axis, centre, speed } there"
             )
-        if motion is not None and not _same(motion, of_contact):
+        if motion is not None and not turn_alike(motion, of_contact):
             raise SceneError(
                 f"{key}: contacts {source} and {name} move body {body} differently; expected the same axis, centre and"
                 " speed"
@@ -63,19 +63,24 @@ def motion_of_body(
         along = -along
     size = np.linalg.norm(motion.velocity) if speed is None else speed
     again = SteadyMotion(along / np.linalg.norm(along) * size, motion.centre if centre is None else np.array(centre))
-    if not _same(motion, again):
+    if not turn_alike(motion, again):
         what = ", ".join(k for k, v in given.items() if v is not None)
         raise SceneError(f"{key}: given {what} other than those of contact {source}; expected the same, or none")
     return motion
 
 
-def _same(a: SteadyMotion, b: SteadyMotion) -> bool:
+def turn_alike(a: SteadyMotion, b: SteadyMotion) -> bool:
     """Whether two rotations are one: a centre may lie anywhere on the axis."""
     assert a.centre is not None and b.centre is not None
     apart, size = b.centre - a.centre, np.linalg.norm(a.velocity)
     off = np.linalg.norm(np.cross(a.velocity, apart)) / size
     reach = np.linalg.norm(a.centre) + np.linalg.norm(b.centre)
     return bool(np.linalg.norm(a.velocity - b.velocity) <= 1e-9 * size and off <= 1e-9 * reach)
+
+
+def unit_rotation(motion: SteadyMotion) -> SteadyMotion:
+    """Return a rotation about the same axis at 1 rad/s, whose matrices serve every speed."""
+    return SteadyMotion(motion.velocity / float(np.linalg.norm(motion.velocity)), motion.centre)
 
 
 def check_shape(context: Context, body: BodyPart, motion: SteadyMotion) -> bool:
@@ -142,7 +147,7 @@ def _differs(motion: SteadyMotion, other: SteadyMotion | None) -> str | None:
     """Return in words how a body moves other than one that rotates; None where it rotates with it."""
     if other is None:
         return "does not"
-    return None if _same(motion, other) else "turns otherwise"
+    return None if turn_alike(motion, other) else "turns otherwise"
 
 
 def _holds(context: Context, tie: Tie, body: str) -> bool:

@@ -25,7 +25,9 @@ from .rotating_bodies import (
     joined_to_others,
     motion_of_body,
     nodes_of_body,
+    unit_rotation,
 )
+from .rotating_contacts import tied_damping_terms
 from .rotating_references import reference_terms
 from .stress_stiffening import StressStiffening
 from .structural_damping import FROZEN_AT, StructuralDamping
@@ -38,6 +40,7 @@ class Rotation(Effect):
     damping, and structural damping frozen at a frequency, act on the rate that the body sees and add a circulatory
     stiffness. (Structural damping at each mode's own frequency does not: it is right for waves that run faster than the
     body turns.) The centrifugal stress comes with `[effects.preload]` and acts through `[effects.stress_stiffening]`.
+    Damping of tied contacts between bodies that turn alike does so too.
     The equations stand in `fe_squeal.fem.gyroscopics`. Inertia at a reference point that the body is tied to turns with
     it, see `fe_squeal.effects.rotating_references`.
 
@@ -115,7 +118,7 @@ class Rotation(Effect):
         return terms
 
     def terms(self, context: Context) -> list[Term]:
-        """Return the gyroscopic terms of inertia at reference points that rotating bodies are tied to.
+        """Return the terms of damped tied contacts, and of inertia at references that rotating bodies are tied to.
 
         Raises
         ------
@@ -128,6 +131,8 @@ class Rotation(Effect):
             held = [name for name in context.motions if np.isin(tie.nodes, nodes_of_body(context, name)).any()]
             for name in held[:1]:
                 found += reference_terms(context.space, tie, table, path, name, context.motions[name])
+        for contact in context.contacts.values():
+            found += tied_damping_terms(context, contact)
         return found
 
     def warnings(self, context: Context, others: Sequence[Term], parameters: Mapping[str, float]) -> list[str]:
@@ -159,11 +164,6 @@ def _check(context: Context, body: BodyPart, motion: SteadyMotion) -> None:
     """Raise where a rotating body, what holds it or its material is not the same all around the axis."""
     context.cache.get(f"revolution.{body.name}", motion.way, lambda: check_shape(context, body, motion))
     check_material(body, motion)
-
-
-def unit_rotation(motion: SteadyMotion) -> SteadyMotion:
-    """Return a rotation about the same axis at 1 rad/s, whose matrices serve every speed."""
-    return SteadyMotion(motion.velocity / float(np.linalg.norm(motion.velocity)), motion.centre)
 
 
 def rotation_terms(

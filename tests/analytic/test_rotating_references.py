@@ -151,3 +151,30 @@ def test_a_rigid_body_over_one_that_rotates_and_one_that_does_not_is_told(ties, 
     told = [w for w in problem.discretisation.warnings if "no particle can do both" in w]
     assert len(told) == count
     assert all("body a rotates and is tied to body b by rigid[0], which does not" in w for w in told)
+
+
+def test_damping_of_a_tied_contact_turns_with_the_bodies():
+    """Bending waves that run with and against the turning see λ ± inΩ of the same λ: they decay alike.
+
+    A damper that stood still would damp them as their own frequencies ω ± nΩ.
+    """
+    at = {"a": 0.0, "b": 0.004}
+    mesh = join(*(annulus("hex2", (1, 16, 1), 0.06, 0.10, 0.004, bottom=z, name=name) for name, z in at.items()))
+    tied = {"name": "c", "surface": "top_a", "counterface": "bottom_b", "normal_stiffness": 1e13, "kind": "tied",
+            "normal_damping": 1e6}  # fmt: skip
+
+    def waves(damping, speed):
+        effects = {"rotation": about_z("a", "b", speed=speed)} if speed else {}
+        held = [{"surface": "hub_a", "fixed": "xyz"}]
+        problem = make_problem(mesh, supports=held, contacts=[{**tied, "normal_damping": damping}], effects=effects)
+        return problem, modes_of(problem, 6).lam
+
+    speed = 400.0
+    problem, lam = waves(tied["normal_damping"], speed)
+    (term,) = [t for t in problem.terms if t.name == "rotating_damping.c"]
+    assert term.skew and abs(term.matrix + term.matrix.T).max() == 0
+    apart = np.diff(np.sort(lam.imag))
+    backward = int(np.argmax(apart > 1.8 * speed))  # the first doublet that is split by 2 nΩ
+    pair = lam[np.argsort(lam.imag)][backward : backward + 2]
+    assert np.ptp(pair.imag) / pair.imag.mean() > 0.03
+    assert np.ptp(pair.real) < 0.01 * np.abs(pair.real).mean()
