@@ -1,4 +1,4 @@
-"""*Contact Pair, *Surface Interaction, *Friction, *Surface Behavior, *Tie and *Motion: contacts of the scene."""
+"""*Contact Pair, *Surface Interaction, *Surface Behavior, *Tie and *Motion: contacts of the scene."""
 
 from __future__ import annotations
 
@@ -29,37 +29,6 @@ def read_interaction(content: Content, statement: Statement) -> None:
     content.interaction = content.interactions.setdefault(name.upper(), Interaction(name, content.where(statement)))
 
 
-def read_change_friction(content: Content, statement: Statement) -> None:
-    """Take *Change Friction: the *Friction that follows changes an interaction that was defined before."""
-    name = statement.block.value("INTERACTION").upper()
-    content.interaction = content.interactions.get(name)
-
-
-def read_friction(content: Content, statement: Statement) -> None:
-    """Take *Friction: the coefficient of its first row; the last one in the deck counts."""
-    block, where, interaction = statement.block, content.where(statement), content.interaction
-    if interaction is None:
-        content.draft.find("*Friction", where, "belongs to no *Surface Interaction and is not taken over")
-        return
-    if "ROUGH" in block.parameters:
-        interaction.rough = True
-        return
-    if "USER" in block.parameters or "EXPONENTIAL DECAY" in block.parameters:
-        text = "its law is not read: give mu, and [effects.falling_friction] slope = dmu/dv at the sliding speed"
-        content.draft.find("*Friction", where, text)
-    row = content.first(block)
-    interaction.mu = float(row[0] or 0.0) if row else 0.0
-    if "ANISOTROPIC" in block.parameters and len(row) > 1 and row[1] != row[0]:
-        text = f"mu = {interaction.mu:g} along the first of two directions is taken for both; the other has {row[1]:g}"
-        content.draft.find("*Friction, ANISOTROPIC", where, text)
-    if len(block.lines) > 1:
-        text = (
-            f"depends on slip rate, pressure or temperature; mu = {interaction.mu:g} of the first row is taken, and"
-            " [effects.falling_friction] slope gives dmu/dv"
-        )
-        content.draft.find("*Friction", where, text)
-
-
 def read_behaviour(content: Content, statement: Statement) -> None:
     """Take *Surface Behavior: the slope of a linear pressure over overclosure."""
     block, interaction = statement.block, content.interaction
@@ -73,7 +42,7 @@ def read_behaviour(content: Content, statement: Statement) -> None:
     if kind == "LINEAR" and rows and rows[0]:
         interaction.stiffness = float(rows[0][0] or 0.0)
     elif kind == "TIED" and rows and rows[0]:
-        interaction.stiffness, interaction.rough = float(rows[0][0] or 0.0), True
+        interaction.stiffness, interaction.tied = float(rows[0][0] or 0.0), True
     elif kind == "TABULAR" and len(rows) > 1:
         points = [(float(r[1] or 0.0) if len(r) > 1 else 0.0, float(r[0] or 0.0)) for r in rows]
         (h0, p0), (h1, p1) = points[-2:]
@@ -92,6 +61,9 @@ def read_pair(content: Content, statement: Statement) -> None:
         keyword += ", TIED"
     pairs = content.pairs if keyword == "*Contact Pair" else content.ties
     reach = _reach(content, statement)
+    if block.value("TIED NSET"):
+        text = f'ties the nodes of "{block.value("TIED NSET")}" alone: give [[contacts]] with a surface of these'
+        content.draft.find(f"{keyword}, TIED NSET", content.where(statement), text, "missing")
     for line in block.lines:
         names = [part for part in fields(line) if part]
         if len(names) < 2:
@@ -165,7 +137,7 @@ def _write_pair(
             f"*Surface Behavior{place}: {interaction.behaviour}; give normal_stiffness in N/m per m^2, e.g. 10 E/h ="
             f" {value:.2g} of the softer side{more}, and see how onsets move with it",
         ))  # fmt: skip
-    if interaction.rough:
+    if interaction.rough or interaction.tied:
         table.values["kind"] = "tied"
         content.draft.find("*Friction, ROUGH", interaction.where, "points that do not slip are taken as tied")
     elif not interaction.mu:

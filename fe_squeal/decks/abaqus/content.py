@@ -45,6 +45,8 @@ class Interaction:
     where: str
     mu: float | None = None
     rough: bool = False
+    first: tuple[float | None, bool] | None = None  # mu and rough before the first *Change Friction
+    tied: bool = False
     stiffness: float | None = None
     behaviour: str = "hard contact"
     behaviour_where: str = ""
@@ -143,6 +145,7 @@ class Content:
     interactions: dict[str, Interaction] = field(default_factory=dict)
     pairs: list[Pair] = field(default_factory=list)
     general: list[Pair] = field(default_factory=list)  # of general contact
+    excluded: list[tuple[str, str, str]] = field(default_factory=list)  # pairs of surfaces, and where they stand
     ties: list[Pair] = field(default_factory=list)
     motions: list[tuple[Statement, float]] = field(default_factory=list)  # with the factor of their amplitude
     amplitudes: dict[str, Statement] = field(default_factory=dict)
@@ -155,6 +158,7 @@ class Content:
     substance: Substance | None = None  # what suboptions of a material belong to
     interaction: Interaction | None = None
     perturbation: bool = False
+    operations: dict[str, str] = field(default_factory=dict)  # OP of the first block of a keyword in the step
     step_time: float = 1.0  # of the step that is read
     large_displacements: bool = False
     _rows: dict[Reference, np.ndarray] = field(default_factory=dict)

@@ -22,6 +22,14 @@ def read_inclusions(content: Content, statement: Statement) -> None:
         content.draft.find("*Contact Inclusions", where, text, "missing")
 
 
+def read_exclusions(content: Content, statement: Statement) -> None:
+    """Keep *Contact Exclusions: the pairs of its data lines are none, wherever *Contact Inclusions names them."""
+    for line in statement.block.lines:
+        first, second = [*fields(line), ""][:2]
+        if first and second:
+            content.excluded.append((first, second, content.where(statement)))
+
+
 def read_assignment(content: Content, statement: Statement) -> None:
     """Take *Contact Property Assignment: of several that fit a pair the last one counts."""
     for line in statement.block.lines:
@@ -34,7 +42,13 @@ def read_assignment(content: Content, statement: Statement) -> None:
 
 def add_general_pairs(content: Content) -> None:
     """Add the pairs of general contact to the contact pairs; for a pair without an interaction the user is asked."""
-    for pair in content.general:
+    named = [{pair.first.upper(), pair.second.upper()} for pair in content.general]
+    excluded = [{first.upper(), second.upper()} for first, second, _ in content.excluded]
+    for (first, second, where), both in zip(content.excluded, excluded, strict=True):
+        if named and both not in named:
+            text = f"{first} and {second} are no pair that is named: where they are part of one, it is in contact here"
+            content.draft.find("*Contact Exclusions", where, text)
+    for pair in (pair for pair, both in zip(content.general, named, strict=True) if both not in excluded):
         if pair.interaction:
             content.pairs.append(pair)
         else:

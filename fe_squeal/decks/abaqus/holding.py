@@ -15,6 +15,7 @@ from ..draft import Value, plain_name
 from .content import Content, Reference, fields, real, short, spoken
 from .links import links_under
 from .materials import clean
+from .operations import takes_away
 from .orientations import local_axes
 from .transforms import axes_at, held_directions
 
@@ -30,10 +31,11 @@ _COINCIDENT = 1e-9  # part of the model's size: two nodes nearer to each other t
 def read_boundary(content: Content, statement: Statement) -> None:
     """Take *Boundary: what is held, or let go again with OP=NEW."""
     block, where = statement.block, content.where(statement)
-    if block.value("OP").upper() == "NEW":
+    released = takes_away(content, statement) and bool(content.held)
+    if released:
         content.held.clear()
-    if content.perturbation and block.lines:
-        text = "in a step of vibrations holds in these alone; here supports hold in the static state as well"
+    if content.perturbation and (block.lines or released):
+        text = "in a step of vibrations counts for these alone; here the static state has the same supports"
         content.draft.find("*Boundary", where, text)
     kind = block.value("TYPE").upper()
     if kind in ("VELOCITY", "ACCELERATION") or "SUBMODEL" in block.parameters or "USER" in block.parameters:

@@ -7,17 +7,11 @@ from collections.abc import Callable
 from ...mesh.readers.abaqus.model import Statement
 from ..draft import Weight
 from .amplitudes import read_amplitude, read_static
-from .contacts import (
-    INTERACTION_SUBOPTIONS,
-    read_behaviour,
-    read_change_friction,
-    read_friction,
-    read_interaction,
-    read_pair,
-)
+from .contacts import INTERACTION_SUBOPTIONS, read_behaviour, read_interaction, read_pair
 from .content import Content
 from .equations import read_equation
-from .general import read_assignment, read_inclusions
+from .friction import read_change_friction, read_friction
+from .general import read_assignment, read_exclusions, read_inclusions
 from .holding import read_boundary, read_spring
 from .masses import read_mass
 from .materials import SUBOPTIONS, read_material, read_suboption
@@ -41,7 +35,8 @@ HANDLERS: dict[str, Callable[[Content, Statement], None]] = {
     "BOUNDARY": read_boundary, "TRANSFORM": read_transform, "SPRING": read_spring, "DASHPOT": read_spring,
     "SURFACE INTERACTION": read_interaction, "CHANGE FRICTION": read_change_friction, "FRICTION": read_friction,
     "SURFACE BEHAVIOR": read_behaviour, "CONTACT PAIR": read_pair, "TIE": read_pair, "MOTION": read_motion,
-    "CONTACT INCLUSIONS": read_inclusions, "CONTACT PROPERTY ASSIGNMENT": read_assignment,
+    "CONTACT INCLUSIONS": read_inclusions, "CONTACT EXCLUSIONS": read_exclusions,
+    "CONTACT PROPERTY ASSIGNMENT": read_assignment,
     "STEP": read_step, "END STEP": end_step, "STATIC": read_static, "AMPLITUDE": read_amplitude,
     "DSLOAD": read_surface_load, "DLOAD": read_face_load, "CLOAD": read_force,
     "COUPLING": read_coupling, "KINEMATIC": read_kind, "DISTRIBUTING": read_kind, "MPC": read_mpc,
@@ -61,25 +56,26 @@ BECOMES: dict[str, str] = {
     "*Orientation": "rectangular, by coordinates: `axes` of bodies of orthotropic materials, directions of springs"
     " and `*Rotary Inertia`; those of a part belong to it alone and turn with each of its instances",
     "*Boundary": "`[[supports]]`: ranges of freedoms, `ENCASTRE`, `PINNED`, symmetries; node sets and single nodes, in"
-    " assembly, instance and part; `OP=NEW` lets go",
+    " assembly, instance and part; `OP=NEW` lets go of what earlier steps hold",
     "*Transform": "axes of `*Boundary` at solids and reference nodes, turned with their instance, where what it holds"
     " is along x, y and z; else it is asked for",
     "*Spring, *Dashpot": "`[[springs]]` of SPRING1, SPRING2, SPRINGA and DASHPOT1, 2, A; between a solid and a node"
     " that is held: to ground",
     "*Contact Pair": "`[[contacts]]`; the side that `*Motion` moves is the counterface, whichever is slave;"
     " `TIED`: as `*Tie`; a distance under `ADJUST`: `gap_tolerance`",
-    "*Contact Inclusions, *Contact Property Assignment": "`[[contacts]]` of the pairs that are named; of all others"
-    " that touch they are asked for",
+    "*Contact Inclusions, *Contact Exclusions, *Contact Property Assignment": "`[[contacts]]` of the pairs that are"
+    " named and not excluded; of all others that touch they are asked for",
     "*Surface": "surface groups; `COMBINE=UNION` of others; other combinations, `CROP` and analytical surfaces are"
     " refused where something acts on them",
     "*Surface Interaction": "for its pairs",
     "*Friction": "`mu` of the first row; the largest is `[effects.friction] mu`, others are `friction_ratio`;"
-    " `ROUGH`: tied; `ANISOTROPIC`: the first of the two, and told",
-    "*Change Friction": "the last `*Friction` counts",
+    " `ROUGH`: tied; `ANISOTROPIC`: the first of the two, and told; `TAUMAX` is left out, and told",
+    "*Change Friction": "the last `*Friction` counts, after `RESET` that of the interaction; an `AMPLITUDE` that does"
+    " not end at 1 is asked for",
     "*Surface Behavior": "`PRESSURE-OVERCLOSURE=LINEAR`: `normal_stiffness`; of other kinds it is asked for, with a"
     " suggestion; `NO SEPARATION` of all contacts: `lift_off = false` of a preload",
     "*Tie": "a contact of `kind = \"tied\"` with 100 E/h of the softer side; `POSITION TOLERANCE`:"
-    " `gap_tolerance`",
+    " `gap_tolerance`; `TIED NSET` is asked for",
     "*Coupling, *Kinematic, *Kinematic Coupling": "`[[rigid]]`, with what acts on the reference node: `*Boundary`,"
     " springs, `*Mass`, `*Rotary Inertia`; `INFLUENCE RADIUS` is asked for where it leaves out nodes",
     "*Distributing, *Distributing Coupling": "`[[averaged]]`, all of the surface or all nodes with the same"
@@ -96,12 +92,12 @@ BECOMES: dict[str, str] = {
     " others are asked for",
     "*Static": "how long a step takes, for `*Amplitude`",
     "*Dsload": "`[effects.preload] pressures`, as they are at the end of the steps before the frequencies that count;"
-    " `OP=NEW` removes those of `*Dsload` alone",
+    " `OP=NEW` removes those of `*Dsload` alone, of earlier steps",
     "*Dload": "of P1 to P6: pressures on surfaces DLOAD_SET_P3, of single elements DLOAD_2_1; others are left out",
     "*Cload": "a pressure of the same sum, where it acts along the normal of a face: on all its nodes, or through its"
     " middle on the reference node of its coupling; else left out, and told",
     "*Frequency, *Complex Frequency": "`[solve] modes` or `max_frequency`, from the lowest: a lowest"
-    " frequency or a shift point is told; `FRICTION DAMPING=YES`:"
+    " frequency or a shift point is told, by the fields of its `EIGENSOLVER`; `FRICTION DAMPING=YES`:"
     " `[effects.friction_damping]`; `PROPERTY EVALUATION`: `reference_frequency_hz`",
     "*Step": "`PERTURBATION`: its loads are no preload; `NLGEOM` with a preload: a note",
     "*Parameter": "numbers and arithmetic, put in where `<name>` stands", "*Include": "within the deck's folder",
@@ -142,7 +138,7 @@ SILENT = {
     "MONITOR", "PRINT", "FILE FORMAT", "FILE OUTPUT", "CONTROLS", "CONTACT CONTROLS", "SOLVER CONTROLS",
     "TIME POINTS", "PHYSICAL CONSTANTS", "DISTRIBUTION", "DISTRIBUTION TABLE", "NODAL THICKNESS",
     "NORMAL", "CONTACT",
-    "CONTACT EXCLUSIONS", "SELECT EIGENMODES", "SURFACE PROPERTY ASSIGNMENT", "CONTACT INITIALIZATION ASSIGNMENT",
+    "SELECT EIGENMODES", "SURFACE PROPERTY ASSIGNMENT", "CONTACT INITIALIZATION ASSIGNMENT",
     "CONTACT INITIALIZATION DATA", "INCLUDE", "SYSTEM", "SUPER ELEMENT", "DIAGNOSTICS",
     "SELECT CYCLIC SYMMETRY MODES", "VARIABLE", "ELEMENT MATRIX OUTPUT", "RADIAL",
 }  # fmt: skip

@@ -11,12 +11,14 @@ from .content import Content, Procedure, fields, spoken
 from .forces import References, add_forces
 from .holding import _check, number_of
 from .materials import clean
+from .operations import takes_away
 
 
 def read_step(content: Content, statement: Statement) -> None:
     """Take *Step: loads of perturbation steps are no preload."""
     block = statement.block
     content.perturbation, content.step_time = "PERTURBATION" in block.parameters, 1.0
+    content.operations.clear()
     if block.value("NLGEOM").upper() == "YES" or ("NLGEOM" in block.parameters and not block.value("NLGEOM")):
         content.large_displacements = True
 
@@ -39,7 +41,7 @@ def read_surface_load(content: Content, statement: Statement) -> None:
     if _excites(content, "*Dsload", where):
         return
     factor = factor_of(content, statement)
-    if block.value("OP").upper() == "NEW":
+    if takes_away(content, statement):
         _remove(content, by_faces=False)
     for line in block.lines:
         parts = fields(line)
@@ -63,7 +65,7 @@ def read_face_load(content: Content, statement: Statement) -> None:
     block, where = statement.block, content.where(statement)
     if _excites(content, "*Dload", where):
         return
-    if block.value("OP").upper() == "NEW":
+    if takes_away(content, statement):
         content.loaded_elements.clear()
         _remove(content, by_faces=True)
     taken, factor = 0, factor_of(content, statement)
@@ -88,7 +90,7 @@ def read_force(content: Content, statement: Statement) -> None:
     block = statement.block
     if _excites(content, "*Cload", content.where(statement)):
         return
-    if block.value("OP").upper() == "NEW":
+    if takes_away(content, statement):
         content.forces.clear()
     factor = factor_of(content, statement)
     for line in block.lines:
@@ -111,6 +113,8 @@ def read_frequency(content: Content, statement: Statement) -> None:
     if before.is_complex and not is_complex:
         return
     row = content.first(block)
+    if block.value("EIGENSOLVER").upper() == "SUBSPACE":  # its fields are number, highest frequency and shift point
+        row = [*row[:1], None, *row[1:3]]
     found = Procedure(is_complex=is_complex, where=content.where(statement))
     if row and row[0]:
         found.modes = int(row[0])
