@@ -7,11 +7,13 @@ from dataclasses import dataclass, field
 
 from ..draft import Draft
 
-_SCOPE = re.compile(r"^\s*(SUBCASE|STEP)[\s=]+(\d+)", re.IGNORECASE)
-_SELECTS = re.compile(r"^\s*(SPC|METHOD|CMETHOD|LOAD|BCONTACT|STATSUB)\s*(?:\([^)]*\))?\s*=\s*(\d+)", re.IGNORECASE)
-_ANALYSIS = re.compile(r"^\s*ANALYSIS\s*=\s*(\w+)", re.IGNORECASE)
+_SHORTEST = 4  # letters of a command that are enough
+_COMMANDS = ("SPC", "METHOD", "CMETHOD", "LOAD", "BCONTACT", "BCSET", "STATSUB")  # which select a set
+_SCOPE = re.compile(r"^\s*(SUBC|STEP)[A-Z]*[\s=]+(\d+)", re.IGNORECASE)
+_SELECTS = re.compile(r"^\s*(\w+)\s*(?:\((?!\s*FLUID)[^)]*\))?\s*=\s*(\d+)", re.IGNORECASE)
+_ANALYSIS = re.compile(r"^\s*ANAL[A-Z]*\s*=\s*(\w+)", re.IGNORECASE)
 _MODAL = ("MODES", "MCEIG", "DCEIG")
-_STATIC = ("LOAD", "BCONTACT")  # what the static state before the modes has
+_STATIC = ("LOAD", "BCONTACT", "BCSET")  # what the static state before the modes has
 
 
 @dataclass
@@ -41,18 +43,24 @@ def read_subcases(lines: list[tuple[str, str]]) -> list[Subcase]:
         if " ".join(line.upper().split()).startswith("BEGIN BULK"):
             return found or outer[:1]
         if scope := _SCOPE.match(line):
-            name = f"{scope[1].upper()} {scope[2]}"
+            name = f"{'SUBCASE' if scope[1].upper() == 'SUBC' else 'STEP'} {scope[2]}"
             outer = outer[: 1 if name.startswith("SUBCASE") else 2]
             if len(outer) == 2 and outer[1] in found:
                 found.remove(outer[1])  # its steps stand for it
             parent = outer[-1]
             outer.append(Subcase(f"{parent.name} {name}".strip(), dict(parent.selected), parent.analysis))
             found.append(outer[-1])
-        elif match := _SELECTS.match(line):
-            outer[-1].selected[match[1].upper()] = int(match[2])
+        elif (match := _SELECTS.match(line)) and (command := _command(match[1])):
+            outer[-1].selected[command] = int(match[2])
         elif match := _ANALYSIS.match(line):
             outer[-1].analysis = match[1].upper()
     return [Subcase()]  # without BEGIN BULK these were bulk data
+
+
+def _command(word: str) -> str:
+    """Return the command that a word of four letters at least, or of all of them, begins; "" for others."""
+    found = [c for c in _COMMANDS if c == word.upper() or (len(word) >= _SHORTEST and c.startswith(word.upper()))]
+    return found[0] if found else ""
 
 
 def select(subcases: list[Subcase], draft: Draft) -> dict[str, set[int]]:

@@ -78,10 +78,19 @@ def write_contacts(deck: Deck, loaded: LoadedMesh, materials: dict[int, tuple[Ca
 
 
 def _sets(deck: Deck) -> list[Pair]:
-    """Return the pairs of BCTSET, whose sides are regions."""
+    """Return the pairs of BCTSET, whose sides are regions, of the sets that BCSET selects, itself or by BCTADD."""
+    named = deck.selected.get("BCSET", set())
+    chosen = named | {one for card in deck.of("BCTADD") if deck.whole(card, 0) in named for one in deck.grids(card, 1)}
+    cards = [card for card in deck.of("BCTSET") if not named or deck.whole(card, 0) in chosen]
+    first = next(deck.of("BCTSET"), None)
+    if first is not None and not cards:
+        deck.find(first, f"contact: BCSET in the case control selects none of the deck's sets; {_ASK}", "missing")
+    elif first is not None and not named:
+        sets = ", ".join(map(str, sorted({deck.whole(card, 0) for card in cards})))
+        deck.find(first, f"contact: BCSET in the case control selects none of {sets}: all are taken")
     return [
         Pair(card, deck.whole(card, i), deck.whole(card, i + 1), card.text(i + 2))
-        for card in deck.of("BCTSET")
+        for card in cards
         for i in range(1, len(card.fields), 8)
         if card.text(i)
     ]

@@ -22,6 +22,7 @@ from .parameters import in_case_control, read_parameters, write_damping
 from .springs import write_springs
 from .ties import find_ties, write_ties
 
+_OF_REGION = 14  # field of EIGC with the number of modes of its first region
 # What is left out, and what that means.
 LEFT_OUT: dict[str, tuple[str, Weight]] = {
     "GRAV": ("gravity is not simulated", "changes"),
@@ -35,7 +36,8 @@ LEFT_OUT: dict[str, tuple[str, Weight]] = {
     **dict.fromkeys(("CONM1", "CMASS1", "CMASS2", "CMASS3", "CMASS4"),
                     ("adds inertia that is left out: frequencies come out too high", "changes")),
     **dict.fromkeys(("MAT2", "MAT3", "MAT8", "MAT10", "MATHE", "MATS1"), ("this law is not simulated", "changes")),
-    **dict.fromkeys(("BGSET", "BCONP", "BCHANGE", "BCMOVE"),
+    "DMIG": ("adds to the matrices of the structure, friction perhaps, and is not read", "missing"),
+    **dict.fromkeys(("BGSET", "BCONP", "BCHANGE", "BCMOVE", "CONTACT", "TIE"),
                     ("contact: give [[contacts]] with surface, counterface, normal_stiffness and sliding", "missing")),
     "SUPORT": ("nothing has to be supported for modes of free bodies", "harmless"),
 }  # fmt: skip
@@ -43,7 +45,7 @@ LEFT_OUT: dict[str, tuple[str, Weight]] = {
 SILENT = {
     "CORD2R", "CORD2C", "CORD2S", "CTETRA", "CHEXA", "CPENTA", "CPYRAM", "CPYRA", "CTRIA3",
     "CTRIA6", "CTRIAR", "CQUAD4", "CQUAD8", "CQUADR", "CQUAD", "PLOTEL", "INCLUDE", "ENDDATA", "SET", "ASET",
-    "ASET1", "EIGB", "MDLPRM", "DOPTPRM", "BCTPARM", "BCTADD", "NLPARM", "NLPCI", "TSTEP", "DTI", "SPOINT",
+    "ASET1", "EIGB", "MDLPRM", "DOPTPRM", "BCTPARM", "NLPARM", "NLPCI", "TSTEP", "DTI", "SPOINT",
 }  # fmt: skip
 BECOMES: dict[str, str] = {
     "MAT1, MAT9, MAT11": "`[materials.mat_N]`, where a property uses it; GE is `loss_factor`; MAT9 only orthotropic",
@@ -63,11 +65,13 @@ BECOMES: dict[str, str] = {
     "LOAD": "where the case control selects it, factors of the pressures of its sets of PLOAD4; other sets are left"
     " out, and told",
     "BSURF, BSURFS": "surface groups BSURF_N (shells, or all free faces of solids) and BSURFS_N",
-    "BCTSET": "`[[contacts]]` with `mu`; stiffness, with 10 E/h as a suggestion, and motion are asked for",
+    "BCTSET, BCTADD": "`[[contacts]]` with `mu`, of the sets that BCSET selects; stiffness, with 10 E/h as a"
+    " suggestion, and motion are asked for",
     "BCTABLE, BCTABL1, BCONECT": "`[[contacts]]` likewise, of the table that BCONTACT selects; IGLUE: `tied`",
     "BCBODY, BCBODY1, BCONPRG, BCONPRP, BCBDPRP": "which BSURF a body is, IGLUE and FRIC; bodies of BCPROP, rigid"
     " bodies, and friction that is a table or stands at the bodies alone are asked for",
-    "EIGRL, EIGR, EIGC": "`[solve] modes` or `max_frequency`",
+    "EIGRL, EIGR, EIGC": "`[solve] modes` or `max_frequency`, from the lowest: a lowest frequency or a shift point is"
+    " told",
     "PARAM": "in bulk data and case control; WTMASS multiplies densities and masses, G is added to each `loss_factor`,"
     " ALPHA1 and ALPHA2 are `alpha` and `beta` of `[effects.rayleigh]`; all others are listed, but for those below",
 }  # fmt: skip
@@ -143,17 +147,24 @@ def _on_solids(blocks: tuple[CellBlock, ...], count: int) -> np.ndarray:
 
 
 def _write_solution(deck: Deck) -> None:
+    """Write the number of modes, or the highest frequency; those of CMETHOD are of EIGC alone."""
     values: dict[str, Value] = {}
-    chosen = deck.selected.get("CMETHOD") or deck.selected.get("METHOD") or set()
-    places = {"EIGRL": (3, 2), "EIGR": (5, 3), "EIGC": (6, -1)}  # fields of the number of modes and the highest one
-    for name, (count, highest) in places.items():
+    complex_ones = deck.selected.get("CMETHOD")
+    chosen = complex_ones or deck.selected.get("METHOD") or set()
+    # Fields of the number of modes, the highest and the lowest frequency or shift point; EIGC may have its own below.
+    places = {"EIGRL": (3, 2, 1), "EIGR": (5, 3, 2), "EIGC": (6, -1, 9)}
+    for name, (count, highest, lowest) in places.items():
         for card in deck.of(name):
-            if chosen and deck.whole(card, 0) not in chosen:
+            if (chosen and deck.whole(card, 0) not in chosen) or (complex_ones and name != "EIGC"):
                 continue
-            if card.text(count).isdigit():
-                values = {"modes": deck.whole(card, count)}
+            number = card.text(count) or (card.text(_OF_REGION) if name == "EIGC" else "")
+            if number.isdigit():
+                values = {"modes": int(number)}
             elif highest >= 0 and card.text(highest):
                 values = {"max_frequency": clean(deck.number(card, highest) / deck.units.time)}
             if values:
                 deck.draft.add("solve", values=values).comments.append(f"{name}, {deck.where(card)}")
+                if deck.number(card, lowest) > 0:
+                    text = f"asks for modes from {card.text(lowest)} on, or near it; here they begin with the lowest"
+                    deck.find(card, f"{text}: raise modes")
                 return

@@ -38,6 +38,8 @@ def find_ties(deck: Deck) -> Ties:
                 if card.text(i):
                     grids.append(deck.whole(card, i))
                 i += 1
+        if i < len(card.fields) and card.text(i).upper() not in ("UM", "ALPHA"):
+            raise deck.fault(card, f'has "{card.text(i)[:20]}" among its grid points; expected them written out')
         if len(weights) > 1:
             deck.find(card, "weights of its own for each grid point are not simulated; all count alike")
         _add_tie(deck, found, card, False, deck.whole(card, 2), grids)

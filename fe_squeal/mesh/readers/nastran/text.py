@@ -7,9 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from fe_squeal.errors import MeshError
+
 from ..sources import Sources
 
 _MARK = re.compile(r"[+*](?![\d.]).*")  # of a continuation: in free fields it may stand before the tenth
+_NUMBER = re.compile(r"[+-]?\.?\d")  # how data begin, and no name of a continuation
 _SHORT_EXPONENT = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+))([+-]\d+)$")
 
 
@@ -68,18 +71,33 @@ def read_lines(sources: Sources, path: Path | None = None, depth: int = 0) -> It
 
 
 def read_cards(lines: list[tuple[str, str]]) -> Iterator[Card]:
-    """Yield the bulk data entries between BEGIN BULK (or the start) and ENDDATA."""
+    """Yield the bulk data entries between BEGIN BULK (or the start) and ENDDATA.
+
+    Raises
+    ------
+    MeshError
+        Entries are replicated (=), a continuation names another entry than that before it, or a line in free fields has
+        more fields than an entry.
+    """
     begin = next(
         (i + 1 for i, (line, _) in enumerate(lines) if " ".join(line.upper().split()).startswith("BEGIN BULK")), 0
     )
-    name, fields, where, end = "", [""], "", 8
+    name, fields, where, end, mark = "", [""], "", 8, ""
     for line, place in lines[begin:]:
         if "$" in line:
             line = line[: line.index("$")]
         if not line.strip():
             continue
-        head, rest, wide = _cut(line)
+        head, rest, wide, after = _cut(line, place)
+        if head.startswith("="):
+            raise MeshError(f'{place}: "{head[:20]}" repeats an entry, which is not read; expected it written out')
+        own, before, mark = head.strip("+* "), mark.strip("+* "), after
         if head[:1] in ("+", "*") or not head:
+            if own and before and own.upper() != before.upper():
+                raise MeshError(
+                    f'{place}: the continuation "{head[:20]}" stands behind an entry that "+{before[:20]}" continues;'
+                    " expected continuations right behind their entries"
+                )
             # A continuation: its fields follow those of the line before, blank ones at the end of that line included.
             fields += [""] * (end - len(fields))
             fields += rest
@@ -95,20 +113,28 @@ def read_cards(lines: list[tuple[str, str]]) -> Iterator[Card]:
         yield Card(name, fields, where)
 
 
-def _cut(line: str) -> tuple[str, list[str], bool]:
-    """Return the first field of a line, its data fields (at most 8, or 4 large ones), and whether they are large."""
+def _cut(line: str, place: str) -> tuple[str, list[str], bool, str]:
+    """Return the first field of a line, its data fields (at most 8, or 4 large ones), whether they are large, and mark.
+
+    The mark is what names the continuation of the line, "" where there is none.
+    """
     if "," in line:
         parts = [part.strip() for part in line.split(",")]
         wide = parts[0].endswith("*") or parts[0].startswith("*")
-        if len(parts) > 1 and _MARK.fullmatch(parts[-1]):
-            parts.pop()
-        return parts[0], parts[1:5] if wide else parts[1:9], wide
+        last = 5 if wide else 9
+        mark = parts.pop() if len(parts) > 1 and _MARK.fullmatch(parts[-1]) else ""
+        if any(parts[last + 1 :]) or any(_NUMBER.match(part) for part in parts[last:]):
+            raise MeshError(
+                f"{place}: {parts[0][:9]} has {len(parts) - 1} fields on a line; expected at most {last - 1}, and more"
+                " on lines that continue it"
+            )
+        return parts[0], parts[1:last], wide, mark or "".join(parts[last:])
     line = line.expandtabs(8).rstrip()
     head = line[:8].strip()
     wide = head.endswith("*") or head.startswith("*")
     step, count = (16, 4) if wide else (8, 8)
     body = line[8 : 8 + step * count]
-    return head, [body[i : i + step].strip() for i in range(0, len(body), step)], wide
+    return head, [body[i : i + step].strip() for i in range(0, len(body), step)], wide, line[72:80].strip()
 
 
 def real(text: str) -> float:
