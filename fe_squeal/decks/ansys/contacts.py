@@ -8,7 +8,9 @@ from ...mesh.measures import area_of
 from ..draft import Table, Value
 from .content import Content, clean, is_zero
 
-_FKN, _KIND = 2, 12  # place among the real constants; number of the key option
+_FKN, _TAUMAX, _FACT, _DC = 2, 8, 20, 21  # places among the real constants
+_NO_LIMIT = 1e19  # of the shear stress: TAUMAX is 1e20 by default
+_KIND, _CLOSED = 12, (2, 4)  # number of the key option, and its values without separation
 _TIED = {1: "rough", 3: "bonded", 5: "bonded", 6: "bonded"}
 _TIE = 100.0  # times E/h of the softer side, as for *Tie
 _ALGORITHM, _MPC = 2, 2
@@ -41,9 +43,12 @@ def write_contacts(content: Content) -> float | None:
             table.comments.append(f"{tied[real]} in the archive")
             text = f"{tied[real]} contact is taken as tied, by stiff springs; compare with ten times as much"
             content.draft.find("KEYOPT(12)", "", text)
-        elif not coefficients[real]:
+            continue
+        if not coefficients[real]:
             table.values["kind"] = "frictionless"
-        elif sliding is not None:
+            continue
+        _tell_laws(content, real)
+        if sliding is not None:
             table.values["sliding"] = sliding
             if coefficients[real] != mu:
                 table.values["friction_ratio"] = clean((coefficients[real] or 0.0) / (mu or 1.0))
@@ -83,15 +88,50 @@ def _friction(content: Content, real: int) -> float | None:
     return max((content.materials.get(int(m), {}).get("MU", 0.0) for m in used), default=0.0) or None
 
 
-def _tied(content: Content, real: int) -> str:
-    """Return what ties a contact by its key options, "" if it may slide."""
+def _tell_laws(content: Content, real: int) -> None:
+    """Tell of real constants of friction that are left out.
+
+    The coefficient is MU (1 + (FACT - 1) exp(-DC v)) at the sliding speed v (Ansys contact guide, Static and dynamic
+    friction coefficients).
+    """
+    constants = content.archive.reals.get(real, np.zeros(0))
+    limit, ratio, decay = (float(constants[i]) if len(constants) > i else 0.0 for i in (_TAUMAX, _FACT, _DC))
+    if ratio not in (0.0, 1.0):
+        text = (
+            f"FACT = {ratio:g} and DC = {decay:g} of real constants {real} are left out: MU is taken, which is that of"
+            " fast sliding; [effects.falling_friction] slope gives dmu/dv"
+        )
+        content.draft.find("FACT", "", text)
+    if 0 < limit < _NO_LIMIT:
+        text = f"the limit of the shear stress of real constants {real}, {limit:g}, is not simulated"
+        content.draft.find("TAUMAX", "", text)
+
+
+def stay_closed(content: Content) -> list[bool]:
+    """Return for each contact that is not tied whether its key options let it open no more."""
+    names = content.loaded.mesh.boundaries or {}
+    pairs = [int(n.rpartition("_")[2]) for n in names if n.startswith("contact_")]
+    free = [real for real in pairs if f"target_{real}" in names and not _tied(content, real)]
+    return [_options(content, real).get(_KIND, 0) in _CLOSED for real in free]
+
+
+def _options(content: Content, real: int) -> dict[int, int]:
+    """Return the key options of the contact elements of a set of real constants."""
     kinds = {str(int(t)) for t in np.unique(_elements(content, real)[:, 1])}
     found = {}
     for fields, where in content.lines:
         if fields[0] in ("KEYOP", "KEYOPT") and len(fields) > 3 and fields[1] in kinds:
             key, value = (content.number(text, where, fields) for text in fields[2:4])
             found[int(key)] = int(value)
-    return _TIED.get(found.get(_KIND, 0), "bonded" if found.get(_ALGORITHM) == _MPC else "")
+    return found
+
+
+def _tied(content: Content, real: int) -> str:
+    """Return what ties a contact by its key options, "" if it may slide."""
+    options = _options(content, real)
+    kind = options.get(_KIND, 0)
+    is_bonded = options.get(_ALGORITHM) == _MPC and kind not in _CLOSED
+    return _TIED.get(kind, "bonded" if is_bonded else "")
 
 
 def _softer(content: Content, names: list[str]) -> float:

@@ -64,35 +64,6 @@ def commands(lines: Sequence[str]) -> list[Line]:
     return found
 
 
-def read_materials(lines: Sequence[Line], source: str) -> dict[int, dict[str, float]]:
-    """Return the values of MP, MPDATA and TB,FRIC by number and label; of tables by temperature the first.
-
-    Raises
-    ------
-    MeshError
-    """
-    found: dict[int, dict[str, float]] = {}
-    friction = 0
-    for fields, where in lines:
-        if fields[0] == "TB":
-            friction = int(fields[2]) if fields[1:2] == ["FRIC"] and fields[2:] and fields[2].isdigit() else 0
-            continue
-        if fields[0] == "MPDATA" and len(fields) > 6 and fields[1].startswith("R"):
-            label, material, first, value = fields[3], fields[4], fields[5], fields[6]
-        elif fields[0] == "MP" and len(fields) > 3:
-            label, material, first, value = fields[1], fields[2], "1", fields[3]
-        elif fields[0] in ("TBDATA", "TBDAT") and friction and len(fields) > 2:
-            label, material, first, value = "MU", str(friction), fields[1], fields[2]
-        else:
-            continue
-        try:
-            if int(first) == 1:
-                found.setdefault(int(material), {}).setdefault(label, float(value))
-        except ValueError:
-            raise MeshError(f'{source}: {where}: "{",".join(fields)[:60]}" is no material value') from None
-    return found
-
-
 def is_zero(text: str) -> bool:
     """Whether a field is blank or zero."""
     return not text or re.fullmatch(r"[-+]?0*\.?0*(E[-+]?\d+)?", text) is not None

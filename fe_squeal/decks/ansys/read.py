@@ -6,40 +6,48 @@ import numpy as np
 
 from ...mesh.building import build_mesh
 from ...mesh.readers.ansys import mesh_of, read_archive, text_of
-from ...mesh.readers.ansys_faces import pressures
+from ...mesh.readers.ansys_faces import pressures, uneven_pressures
 from ...mesh.readers.sources import Sources
 from ..draft import Draft, Value, Weight
 from ..units import SI, likely, recognise
-from .contacts import write_contacts
-from .content import Content, clean, commands, is_zero, read_materials
+from .contacts import stay_closed, write_contacts
+from .content import Content, clean, commands, is_zero
 from .elements import list_left_over
+from .materials import is_isotropic, read_materials
 from .ties import write_supports, write_ties
 
 LEFT_OUT: dict[str, tuple[str, Weight]] = {
     **dict.fromkeys(("CE", "CP", "RBE3"), ("ties nodes and is not read; give [[rigid]] or [[averaged]]", "missing")),
-    **dict.fromkeys(("F", "SF", "SFA", "BF", "ACEL"),
+    **dict.fromkeys(("F", "SF", "SFA", "BF", "BFE", "BFBLOCK", "ACEL", "CGOMEGA", "DOMEGA", "INISTATE"),
                     ("is a load that is not read; [effects.preload] takes pressures on surfaces", "changes")),
     "OMEGA": ("turns the whole model: give [effects.rotation] for the body that turns", "changes"),
     "DMPRAT": ("a constant damping ratio has no equivalent; give Rayleigh or structural damping", "changes"),
     "TB": ("other laws than FRIC are not read: materials are linear and isotropic, with the damping of ALPD and BETD",
            "changes"),
+    **dict.fromkeys(("CEDELE", "CPDELE", "DDELE", "EDELE", "EKILL", "EMODIF", "MPCHG", "MPDELE", "NDELE",
+                     "NMODIF", "NROTAT", "RMODIF", "SFEDELE", "TBDELE"),
+                    ("changes what stands before it and is not read; write the archive anew by CDWRITE,DB", "missing")),
     "DMPSTR": ("give loss_factor of the materials and [effects.structural_damping]", "changes"),
 }  # fmt: skip
-_ZERO_IS_NOTHING = ("ACEL", "OMEGA", "DMPRAT", "DMPSTR")  # CDWRITE writes them in any case
+_ZERO_IS_NOTHING = ("ACEL", "CGOMEGA", "DOMEGA", "OMEGA", "DMPRAT", "DMPSTR")  # CDWRITE writes them in any case
 BECOMES: dict[str, str] = {
     "NBLOCK, EBLOCK": "nodes and SOLID185, 186, 187 and 285",
     "CMBLOCK": "volume groups and node sets", "MP, MPDATA": "`[materials.material_N]`: EX, NUXY or PRXY, DENS;"
-    " isotropic ones; ALPD and BETD are `rayleigh` of the bodies; MU is `mu`, and so is `TB,FRIC`",
+    " isotropic ones, the last of a label, and of tables the first value, and told; ALPD and BETD are `rayleigh` of the"
+    " bodies; MU is `mu`, and so is `TB,FRIC`, which counts before it",
     "D": "`[[supports]]` of the nodes that are held alike; in the axes that NBLOCK turns, where they are along x, y and"
     " z, else it is asked for",
     "CONTA173, CONTA174, TARGE170": "surfaces contact_N and target_N by real constant, and `[[contacts]]`; KEYOPT(12)"
-    " rough or bonded, and MPC: tied",
-    "RLBLOCK": "FKN of contacts: negative ones are `normal_stiffness`, factors are asked for with a suggestion",
+    " rough or bonded, and MPC: tied; no separation of all contacts: `lift_off = false` of a preload",
+    "RLBLOCK": "FKN of contacts: negative ones are `normal_stiffness`, factors are asked for with a suggestion; FACT,"
+    " DC and TAUMAX are left out, and told",
     "CMROTATE, CMOMEGA": "`sliding` of the contacts on the component, which is their counterface",
-    "SFE": "`[effects.preload] pressures` on surfaces pressure_N, on solids and SURF154; the mean of the corners",
+    "SFE": "`[effects.preload] pressures` on surfaces pressure_N, on solids and SURF154; the mean of the corners, and"
+    " told where they differ",
     "CERIG": "`[[rigid]]` where all translations are tied, node by node, with D and MASS21 at the reference; masses"
     " elsewhere are left out, and told",
-    "ALPHAD, BETAD": "`[effects.rayleigh]`", "MODOPT": "`[solve] modes`",
+    "ALPHAD, BETAD": "`[effects.rayleigh]`", "MODOPT": "`[solve] modes` of the last one; a lowest"
+    " frequency or a shift point is told",
 }  # fmt: skip
 
 
@@ -55,7 +63,8 @@ def draft_ansys(sources: Sources, mesh_file: str) -> Draft:
     raw = mesh_of(archive, text, source)
     lines = commands(text)
     draft = Draft(sources.path.stem)
-    content = Content(source, archive, raw, build_mesh(raw, source), draft, text, lines, read_materials(lines, source))
+    materials = read_materials(lines, source, draft)
+    content = Content(source, archive, raw, build_mesh(raw, source), draft, text, lines, materials)
     draft.head.append(f"Made by fe-squeal new from the Ansys archive {source}.")
     _find_units(content)
     draft.add("mesh", values={"file": mesh_file, "length_unit": content.units.length_unit, "order": 2})
@@ -64,10 +73,7 @@ def draft_ansys(sources: Sources, mesh_file: str) -> Draft:
     write_supports(content)
     mu = write_contacts(content)
     _write_effects(content, mu)
-    for fields, _ in lines:
-        if fields[0] == "MODOPT" and len(fields) > 2 and fields[2].isdigit() and int(fields[2]):
-            draft.add("solve", values={"modes": int(fields[2])})
-            break
+    _write_solution(content)
     list_left_over(content)
     for fields, where in lines:
         said, weight = LEFT_OUT.get(fields[0], ("", "harmless"))
@@ -97,7 +103,7 @@ def _write_bodies(content: Content) -> None:
         number = group.rpartition("_")[2]
         values = content.materials.get(int(number), {}) if number.isdigit() else {}
         table = content.draft.add("materials", group)
-        if any(key in values and values[key] != values.get("EX") for key in ("EY", "EZ")):
+        if not is_isotropic(values):
             table.open.append(("youngs_modulus = [E1, E2, E3]", "orthotropic: give its lists, and axes of the body"))
         elif "EX" in values:
             table.values["youngs_modulus"] = clean(values["EX"] * content.units.pressure)
@@ -128,16 +134,38 @@ def _write_effects(content: Content, mu: float | None) -> None:
     draft, units = content.draft, content.units
     if mu:
         draft.add("effects", "friction", values={"mu": mu})
-    sizes = list(pressures(content.text, content.source))
+    sizes = list(pressures(content.archive, content.text, content.source))
     if sizes:
         loads: dict[str, Value] = {f"pressure_{i}": clean(p * units.pressure) for i, p in enumerate(sizes, 1)}
-        draft.add("effects", "preload", values={"pressures": loads}).comments.append("SFE: Pa, onto the faces")
+        table = draft.add("effects", "preload", values={"pressures": loads})
+        table.comments.append("SFE: Pa, onto the faces")
+        for where in uneven_pressures(content.archive, content.text)[:1]:
+            draft.find("SFE", where, "differs from corner to corner; the mean is taken")
+        closed = stay_closed(content)
+        if closed and all(closed):
+            table.values["lift_off"] = False
+            table.notes["lift_off"] = "KEYOPT(12): no separation"
+        elif any(closed):
+            text = "contacts without separation stay closed; here lift_off is of all contacts, so that all may open"
+            draft.find("KEYOPT(12)", "", text)
     alpha, beta = _whole_damping(content)
     if alpha or beta:
         draft.add("effects", "rayleigh", values={"alpha": clean(alpha / units.time), "beta": clean(beta * units.time)})
     if mu:
         table = draft.add("sweep", values={"parameter": "mu", "from": 0.0, "to": mu, "points": 21})
         table.comments.append("Not of the archive, which has one coefficient: the way up to it shows the onsets.")
+
+
+def _write_solution(content: Content) -> None:
+    """Write the number of modes of the last MODOPT."""
+    for fields, where in reversed(content.lines):
+        if fields[0] != "MODOPT" or len(fields) < 3 or not fields[2].isdigit() or not int(fields[2]):
+            continue
+        content.draft.add("solve", values={"modes": int(fields[2])})
+        if len(fields) > 3 and content.number(fields[3], where, fields) > 0:
+            text = f"asks for modes from {fields[3]} on, or near it; here they begin with the lowest: raise modes"
+            content.draft.find("MODOPT", where, text)
+        return
 
 
 def _whole_damping(content: Content) -> tuple[float, float]:

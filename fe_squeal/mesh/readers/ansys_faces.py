@@ -41,7 +41,7 @@ def contact_surfaces(archive: Archive, numbers: Ints) -> dict[str, list[Ints]]:
     return {name: _by_count(faces) for name, faces in found.items()}
 
 
-def pressures(lines: Sequence[str], source: str) -> dict[float, list[tuple[int, int, str]]]:
+def pressures(archive: Archive, lines: Sequence[str], source: str) -> dict[float, list[tuple[int, int, str]]]:
     """Return, by value of the pressure, the element, the face and the line of each SFE; imaginary parts are ignored.
 
     Raises
@@ -50,7 +50,7 @@ def pressures(lines: Sequence[str], source: str) -> dict[float, list[tuple[int, 
         An SFE cannot be read.
     """
     found: dict[float, list[tuple[int, int, str]]] = {}
-    for where, fields, values in _commands(lines):
+    for where, fields, values in _commands(archive, lines):
         try:
             size = float(np.mean([float(v) for v in values if v] or [0.0]))
             element, face = int(fields[1]), int(fields[2])
@@ -61,7 +61,16 @@ def pressures(lines: Sequence[str], source: str) -> dict[float, list[tuple[int, 
     return found
 
 
-def _commands(lines: Sequence[str]) -> Iterator[tuple[str, list[str], list[str]]]:
+def uneven_pressures(archive: Archive, lines: Sequence[str]) -> list[str]:
+    """Return the lines of SFE whose pressure differs from corner to corner."""
+    given = [(where, {float(v) for v in values if _is_number(v)}) for where, _, values in _commands(archive, lines)]
+    return [where for where, values in given if len(values) > 1]
+
+
+def _commands(archive: Archive, lines: Sequence[str]) -> Iterator[tuple[str, list[str], list[str]]]:
+    """Yield the place of each SFE with its fields and its values, three of them at the faces of tetrahedra."""
+    tetrahedra = [int(row[0]) for row in archive.ekey if _FACES.get(int(row[1])) is _TETRAHEDRON]
+    three = {str(label) for label in archive.elem[np.isin(archive.elem[:, 1], tetrahedra), LABEL]}
     for i, line in enumerate(lines):
         if line[:3].upper() != "SFE" or line[3:4] not in (",", " "):
             continue
@@ -71,6 +80,8 @@ def _commands(lines: Sequence[str]) -> Iterator[tuple[str, list[str], list[str]]
         values = fields[5:9]
         if values and values[0].startswith("R") and i + 1 < len(lines):  # CDWRITE puts values on the next line, 16 wide
             values = lines[i + 1].replace(",", " ").split()[:4]
+        if fields[1] in three:
+            values = values[:3]
         corners = [v for v in values if v]
         if len(corners) > 1 and not any(float(v) for v in corners[1:] if _is_number(v)):
             values = corners[:1]  # the values at the corners are equal: one stands for all
@@ -104,7 +115,7 @@ def pressure_surfaces(archive: Archive, numbers: Ints, lines: Sequence[str], sou
         An SFE cannot be read, is not at a solid or SURF154, or names a face that its element does not have.
     """
     found: dict[str, list[Ints]] = {}
-    given = pressures(lines, source)
+    given = pressures(archive, lines, source)
     types = {int(row[0]): int(row[1]) for row in archive.ekey}
     rows = {int(row[LABEL]): row for row in archive.elem} if given else {}
     for i, faces in enumerate(given.values(), 1):

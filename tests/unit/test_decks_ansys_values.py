@@ -1,0 +1,136 @@
+"""Values of Ansys archives that depend on something, that come twice, and key options that keep contacts closed."""
+
+from __future__ import annotations
+
+import pytest
+from test_decks_ansys_brake import brake, written
+
+from fe_squeal.decks.scene import draft_of
+from fe_squeal.mesh.readers.ansys_archive import Archive, read_apart
+from fe_squeal.mesh.readers.ansys_faces import pressures
+
+pytest.importorskip("mapdl_archive")
+END = "MODOPT,QRDA,    12\n"
+
+
+def drafted(tmp_path, *changes, **options):
+    text = brake(**options)
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return draft_of(written(tmp_path, text))
+
+
+def material(draft, number):
+    return next(t.values for t in draft.tables if t.path == ("materials", f"material_{number}"))
+
+
+def values(draft, *path):
+    return [t.values for t in draft.tables if t.path == path]
+
+
+def told(draft):
+    return [str(f) for f in draft.findings if f.weight != "harmless"]
+
+
+@pytest.mark.parametrize(("added", "sentence"), [
+    ("MPDATA,R5.0, 1,EX  ,       2, 1, 8000., 6000., 4000.,\n", "MPDATA,EX at line"),
+    ("MPDATA,R5.0, 1,EX  ,       2, 1, 8000., 8000.,\nMPDATA,R5.0, 1,EX  ,       2, 7, 4000.,\n", "MPDATA,EX at line"),
+    ("MP,EX,2,8000.,-3.\n", "MP,EX at line"),
+])  # fmt: skip
+def test_moduli_that_depend_on_temperature_are_told(tmp_path, added, sentence):
+    draft = drafted(tmp_path, (END, added + END))
+    assert material(draft, 2)["youngs_modulus"] == 8e9
+    (line,) = told(draft)
+    assert line.startswith(sentence) and "depends on temperature; 8000, the first value, is taken" in line
+
+
+def test_the_last_value_counts(tmp_path):
+    draft = drafted(tmp_path, (END, "MP,EX,2,9000.\nMODOPT,QRDA,    30\n"))
+    assert material(draft, 2)["youngs_modulus"] == 9e9 and values(draft, "solve") == [{"modes": 30}]
+    assert not told(draft)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("table", "mu", "depends"), [
+    ("TB,FRIC,3,1,1,ISO\nTBDATA,1,0.3\n", 0.3, False), ("TB,FRIC,3,1,2,ORTHO\nTBDATA,1,0.3,0.2\n", 0.3, True),
+    ("TB,FRIC,3,2,1\nTBTEMP,20.\nTBDATA,1,0.3\nTBTEMP,200.\nTBDATA,1,0.2\n", 0.3, True),
+    ("TB,FRIC,3\nTBDATA,1,0.3\nTB,FRIC,3\nTBDATA,1,0.2\n", 0.2, False),
+])  # fmt: skip
+def test_tables_of_friction(tmp_path, table, mu, depends):
+    """A table counts before MU, and the last one before others."""
+    draft = drafted(tmp_path, (END, table + END))
+    assert values(draft, "effects", "friction") == [{"mu": mu}]
+    assert [line.startswith("TB,FRIC at line") for line in told(draft)] == [True] * depends
+
+
+@pytest.mark.slow
+def test_a_law_of_the_user_is_asked_for(tmp_path):
+    draft = drafted(tmp_path, (END, f"TB,FRIC,3,,,USER\n{END}"))
+    assert any(line.startswith("TB,FRIC at line") for line in draft.missing)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("constants", "asked"), [
+    ({"GXY": 700.0}, True), ({"GXY": 3200.0, "PRYZ": 0.25, "EY": 8e3}, False), ({"EY": 7e3}, True),
+    ({"PRXZ": 0.1}, True),
+])  # fmt: skip
+def test_materials_that_are_not_isotropic_are_asked_for(tmp_path, constants, asked):
+    added = "".join(f"MP,{key},2,{value}\n" for key, value in constants.items())
+    assert any("orthotropic" in line for line in drafted(tmp_path, (END, added + END)).missing) == asked
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("option", "lift_off"), [("KEYOP,       2,12,        4\n", False), ("", None)])
+def test_contacts_without_separation_stay_closed(tmp_path, option, lift_off):
+    (preload,) = values(drafted(tmp_path, option=option), "effects", "preload")
+    assert preload.get("lift_off") == lift_off
+
+
+def test_no_separation_by_mpc_slides(tmp_path):
+    draft = drafted(tmp_path, option="KEYOP,       2, 2,        2\nKEYOP,       2,12,        4\n")
+    (contact,) = values(draft, "contacts")
+    assert "kind" not in contact and contact["sliding"]["speed"] == 5.0
+
+
+def test_laws_of_friction_among_real_constants_are_told(tmp_path):
+    """TAUMAX is the 9th, FACT the 21st and DC the 22nd one; rows after the first have seven."""
+    old = f"{-1500.0:16.8f}{0.1:16.8f}\n"
+    row = [0.0] * 18
+    row[4], row[16], row[17] = 12.0, 1.4, 0.05
+    rest = "".join("".join(f"{v:16.8f}" for v in row[i : i + 7]) + "\n" for i in (2, 9, 16))
+    new = f"{-1500.0:16.8f}{0.1:16.8f}{0.0:16.8f}{0.0:16.8f}\n{rest}"
+    draft = drafted(tmp_path, ("       5       4", "       5      22"), (old, new))
+    assert [line.split(":")[0] for line in told(draft)] == ["FACT", "TAUMAX"]
+    assert "FACT = 1.4 and DC = 0.05" in told(draft)[0] and "12, is not simulated" in told(draft)[1]
+
+
+def test_modes_that_are_not_the_lowest_are_told(tmp_path):
+    draft = drafted(tmp_path, (END, "MODOPT,QRDA,    12, 500., 9000.\n"))
+    assert any(line.startswith("MODOPT at line") and "from 500. on" in line for line in told(draft))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["SFEDELE,ALL,ALL,PRES", "DDELE,5,UX", "MPCHG,2,ALL", "EKILL,3"])
+def test_commands_that_change_what_stands_before_are_asked_for(tmp_path, command):
+    draft = drafted(tmp_path, (END, f"{command}\n{END}"))
+    assert any(line.startswith(command.partition(",")[0]) for line in draft.missing)
+
+
+@pytest.mark.slow
+def test_pressures_that_differ_from_corner_to_corner_are_told(tmp_path):
+    assert not told(drafted(tmp_path))
+    old, new = f"{1.5:16.8f}  {0:16.8f}", f"{1.5:16.8f}  {2.5:16.8f}"
+    draft = drafted(tmp_path, (old, new))
+    assert any(line.startswith("SFE at line") and "the mean is taken" in line for line in told(draft))
+
+
+def test_faces_of_tetrahedra_have_three_corners(tmp_path):
+    """The mean of 3, 3, 3 and no fourth one is 3, and that of a hexahedron of 3, 3, 3 and 0 is 2.25."""
+    whole = read_apart(written(tmp_path, brake()))
+    lines = ["SFE,1,2,PRES,1,R5.0", "  3.  3.  3.  0."]
+    for kind, mean in ((187, 3.0), (185, 2.25)):
+        types = whole.ekey.copy()
+        types[types[:, 0] == 1, 1] = kind
+        archive = Archive(whole.nnum, whole.nodes, whole.angles, types, whole.elem, {}, {}, {})
+        assert list(pressures(archive, lines, "a.cdb")) == [mean]
