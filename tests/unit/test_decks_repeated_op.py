@@ -58,3 +58,15 @@ def test_supports_that_vibrations_alone_lose_are_told(tmp_path):
     draft = draft_of(written(tmp_path, text))
     assert not tables(draft, "supports")
     assert any("*Boundary" in line and "counts for these alone" in line for line in draft.told)
+
+
+@pytest.mark.parametrize(("load", "times"), [
+    ("*Dsload\ntop_P, P, 1.\n", 2), ("*Dsload\ntop_P, P, 1.\n", 1), ("*Dload\nP, P2, 1.\n", 2),
+    ("*Cload\nN_top_P, 3, -1.\n", 2), ("*Cload\nN_top_P, 3, -1.\nN_top_P, 2, 0.\n", 1),
+])  # fmt: skip
+def test_a_load_that_stands_twice_in_a_step_is_told(tmp_path, load, times):
+    """Of two steps the second load takes the place of the first one, without a word."""
+    one, other = BLOCK + SECOND.format(load * times), BLOCK + (SECOND.format(load).partition("*Step\n*Freq")[0]) * 2
+    told = [line for line in draft_of(written(tmp_path, one)).told if "twice in one step" in line]
+    assert len(told) == times - 1
+    assert not any("twice" in line for line in draft_of(written(tmp_path, other + SECOND.format(""))).told)

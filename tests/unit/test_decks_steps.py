@@ -148,3 +148,13 @@ def test_a_scene_with_something_unsettled_does_not_run(tmp_path, capsys):
     settled = text[: text.index("unsettled = [")] + text[text.index("]", text.index("unsettled = [")) + 1 :]
     scene.write_text(settled, "utf-8")
     assert main(["check", str(scene)]) == 0
+
+
+@pytest.mark.parametrize(("speed", "sliding"), [(0.0, None), (-7.0, {"axis": [0.0, 0.0, 1.0], "speed": -7.0})])
+def test_the_last_rotation_of_a_node_set_counts(tmp_path, speed, sliding):
+    """A step in which the disc is stopped leaves nothing that slides."""
+    later = f"*Step\n*Static\n*Motion, rotation\nN_top, {speed}, 0., 0., 0., 0., 0., 1.\n*End Step\n"
+    draft = draft_of(written(tmp_path, deck().replace("*Step\n*Complex", f"{later}*Step\n*Complex")))
+    (contact,) = [t.values for t in draft.tables if t.path == ("contacts",)]
+    assert contact.get("sliding") == sliding
+    assert any("no *Motion" in line for line in draft.missing) == (sliding is None)

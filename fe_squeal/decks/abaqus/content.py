@@ -158,6 +158,7 @@ class Content:
     substance: Substance | None = None  # what suboptions of a material belong to
     interaction: Interaction | None = None
     perturbation: bool = False
+    loads_of_step: set[tuple[str, Reference, int]] = field(default_factory=set)  # by keyword and component
     operations: dict[str, str] = field(default_factory=dict)  # OP of the first block of a keyword in the step
     step_time: float = 1.0  # of the step that is read
     large_displacements: bool = False

@@ -58,7 +58,8 @@ def _translation(content: Content, velocity: np.ndarray) -> dict[str, Value]:
 def moving_surfaces(content: Content) -> list[tuple[set[str], Motion]]:
     """Return the surfaces that each *Motion moves, and its `sliding` for the scene, or a velocity (3,).
 
-    Components of one node set in several *Motion belong together; of those of one component the last counts.
+    Components of one node set in several *Motion belong together; of those of one component, and of rotations, the last
+    counts, also where it stops the set.
 
     Raises
     ------
@@ -66,6 +67,7 @@ def moving_surfaces(content: Content) -> list[tuple[set[str], Motion]]:
         A *Motion is wrong, or of nodes that do not exist.
     """
     found: list[tuple[set[str], Motion]] = []
+    turning_at: dict[tuple[str, str], int] = {}  # where the rotation of a node set stands in what is found
     velocities: dict[tuple[str, str], np.ndarray] = {}
     for statement, factor in content.motions:
         block, where = statement.block, content.where(statement)
@@ -78,10 +80,14 @@ def moving_surfaces(content: Content) -> list[tuple[set[str], Motion]]:
             surfaces = _moved(content, (text, statement.scope))
             if "ROTATION" in block.parameters:
                 turning = _turning(content, rows[0], factor)
+                before = turning_at.get((text, statement.scope))
                 if turning is None:
-                    content.draft.find("*Motion", where, "turns about no axis, or not at all")
-                else:
-                    found.append((surfaces, turning))
+                    stops = ", so that nothing slides by it" if before is not None else ""
+                    content.draft.find("*Motion", where, f"turns about no axis, or not at all{stops}")
+                if before is not None:
+                    found[before] = surfaces, np.zeros(3)
+                turning_at[text, statement.scope] = len(found)
+                found.append((surfaces, np.zeros(3) if turning is None else turning))
                 continue
             first = (text, statement.scope) not in velocities
             velocity = velocities.setdefault((text, statement.scope), np.zeros(3))

@@ -19,6 +19,7 @@ def read_step(content: Content, statement: Statement) -> None:
     block = statement.block
     content.perturbation, content.step_time = "PERTURBATION" in block.parameters, 1.0
     content.operations.clear()
+    content.loads_of_step.clear()
     if block.value("NLGEOM").upper() == "YES" or ("NLGEOM" in block.parameters and not block.value("NLGEOM")):
         content.large_displacements = True
 
@@ -51,7 +52,17 @@ def read_surface_load(content: Content, statement: Statement) -> None:
             content.draft.find("*Dsload", where, text)
             continue
         value = number_of(content, statement, parts[2]) if len(parts) > 2 and parts[2] else 0.0
+        _tell_again(content, statement, parts[0])
         content.pressures[parts[0], statement.scope] = value * factor, where
+
+
+def _tell_again(content: Content, statement: Statement, name: str, component: int = 0) -> None:
+    """Tell of a load that a step gives twice, since not all programs let the last one count."""
+    own = (statement.block.keyword, (name.upper(), statement.scope), component)
+    if own in content.loads_of_step:
+        text = f'loads "{name}" twice in one step; the last load counts: give their sum if both are meant'
+        content.draft.find(f"*{spoken(statement.block.keyword)}", content.where(statement), text)
+    content.loads_of_step.add(own)
 
 
 def _remove(content: Content, by_faces: bool) -> None:
@@ -78,6 +89,7 @@ def read_face_load(content: Content, statement: Statement) -> None:
             content.draft.find("*Dload", where, text, "missing")
         content.loaded_elements |= set(single)
         value = number_of(content, statement, faces.pressure) * factor
+        _tell_again(content, statement, faces.name)
         content.pressures[faces.name, statement.scope] = value, where
         taken += len(faces.lines)
     if taken < sum(bool(fields(line)[0]) for line in block.lines):
@@ -101,6 +113,7 @@ def read_force(content: Content, statement: Statement) -> None:
         _check(content, statement, reference)
         component = int(number_of(content, statement, parts[1]))
         force = number_of(content, statement, parts[2]) * factor
+        _tell_again(content, statement, parts[0], component)
         content.forces[reference, component] = force, content.where(statement)
 
 
