@@ -110,6 +110,12 @@ def test_modes_that_are_not_the_lowest_are_told(tmp_path):
     assert any(line.startswith("MODOPT at line") and "from 500. on" in line for line in told(draft))
 
 
+@pytest.mark.parametrize(("value", "asked"), [(1, True), pytest.param(0, False, marks=pytest.mark.slow)])
+def test_solids_of_layers_are_asked_for(tmp_path, value, asked):
+    draft = drafted(tmp_path, option=f"KEYOP,       1, 3,        {value}\n")
+    assert any("solids of type 1 are of layers" in line for line in draft.missing) == asked
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["SFEDELE,ALL,ALL,PRES", "DDELE,5,UX", "MPCHG,2,ALL", "EKILL,3"])
 def test_commands_that_change_what_stands_before_are_asked_for(tmp_path, command):

@@ -32,6 +32,7 @@ _FAMILIES: tuple[tuple[str, tuple[int, ...], str, Weight], ...] = (
     ("REINF", (263, 264, 265), _NO_SOLIDS, "changes"), ("SURF", (153, 155, 156), _NO_SOLIDS, "changes"),
 )  # fmt: skip
 _SURFACE_LOAD = 154
+_LAYERED = (185, 186), "3", "1"  # kinds, key option and its value of solids of layers
 _OWN = [3, 5, 6]  # places of the foundation's stiffness, the mass per area and the thickness among its real constants
 
 
@@ -51,3 +52,18 @@ def list_left_over(content: Content) -> None:
         if any(constants[i] for i in _OWN if i < len(constants)):
             text = f"foundation, mass per area and thickness of real constants {real} are left out"
             content.draft.find("SURF154", "", text)
+    _ask_for_layers(content)
+
+
+def _ask_for_layers(content: Content) -> None:
+    """Ask for the materials of solids of layers, which are those of their section, and not those of EBLOCK."""
+    kinds, key, layered = _LAYERED
+    used = {str(int(row[0])) for row in content.archive.ekey if int(row[1]) in kinds} & {
+        str(int(number)) for number in np.unique(content.archive.elem[:, 1])}  # fmt: skip
+    given = [(f, where) for f, where in content.lines if f[0].startswith("KEYOP") and f[2:3] == [key]]
+    options = {f[1]: (f[3], where) for f, where in given if f[3:]}
+    for number in sorted(used & set(options)):
+        value, where = options[number]
+        if value == layered:
+            text = f"solids of type {number} are of layers, whose materials are not read; give those of their bodies"
+            content.draft.find("KEYOPT(3)", where, text, "missing")

@@ -31,7 +31,7 @@ LEFT_OUT: dict[str, tuple[str, Weight]] = {
 }  # fmt: skip
 _ZERO_IS_NOTHING = ("ACEL", "CGOMEGA", "DOMEGA", "OMEGA", "DMPRAT", "DMPSTR")  # CDWRITE writes them in any case
 BECOMES: dict[str, str] = {
-    "NBLOCK, EBLOCK": "nodes and SOLID185, 186, 187 and 285",
+    "NBLOCK, EBLOCK": "nodes and SOLID185, 186, 187 and 285; those of layers are asked for",
     "CMBLOCK": "volume groups and node sets", "MP, MPDATA": "`[materials.material_N]`: EX, NUXY or PRXY, DENS;"
     " isotropic ones, the last of a label, and of tables the first value, and told; ALPD and BETD are `rayleigh` of the"
     " bodies; MU is `mu`, and so is `TB,FRIC`, which counts before it",
