@@ -115,3 +115,15 @@ def test_stiffness_of_surfaces_is_listed(tmp_path, row, listed):
     """The fourth real constant of SURF154 is the stiffness of a foundation; the fifth is a tension."""
     draft = draft_of(beam(tmp_path, [(154, 8, range(1, 5))], constants=constants((8, row))))
     assert [(f.what, f.weight) for f in draft.findings] == ([("SURF154", "changes")] if listed else [])
+
+
+@pytest.mark.parametrize(("order", "pulls"), [((1, 0, 3, 2), False), ((0, 1, 2, 3), True)])
+def test_pressure_acts_against_the_normal_of_a_surface_element(tmp_path, order, pulls):
+    """On a face that one solid has: J, I, L, K of its corners I to P point outwards, I, J, K, L into the solid."""
+    solids = mapdl_archive.Archive(HEX, parse_vtk=False).elem
+    corners = [[int(n) for n in row[10:14]] for row in solids]
+    (own, *_) = (four for four in corners if sum(set(four) <= {int(n) for n in row[10:18]} for row in solids) == 1)
+    surface = [own[i] for i in order]
+    path = beam(tmp_path, [(154, 8, surface)], ["SFE,901,1,PRES,0,2.5"])
+    asked = [line for line in draft_of(path).missing if line.startswith("SURF154")]
+    assert len(asked) == pulls and all("the normal of element 901 points into" in line for line in asked)

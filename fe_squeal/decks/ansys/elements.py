@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...mesh.elements import corner_count
+from ...mesh.raw import rows_of
 from ...mesh.readers.ansys import left_over
+from ...mesh.readers.ansys_faces import FIRST, LABEL, pressures
 from ..draft import Weight
 from .content import Content
 
@@ -53,6 +56,39 @@ def list_left_over(content: Content) -> None:
             text = f"foundation, mass per area and thickness of real constants {real} are left out"
             content.draft.find("SURF154", "", text)
     _ask_for_layers(content)
+    inward = _inward(content)
+    if inward:
+        which = f"elements {inward[0]}, ..., {len(inward)} in all," if len(inward) > 1 else f"element {inward[0]}"
+        text = f"the normal of {which} points into the solid, and pressure pulls: give its sign in [effects.preload]"
+        content.draft.find("SURF154", "", text, "missing")
+
+
+def _inward(content: Content) -> list[int]:
+    """Return the numbers of SURF154 under pressure whose normals, right-handed about I, J, K, point into a solid.
+
+    The pressure acts against the normal of the element (Ansys element reference, SURF154).
+    """
+    archive, raw, points = content.archive, content.raw, content.raw.points
+    types = [int(row[0]) for row in archive.ekey if int(row[1]) == _SURFACE_LOAD]
+    loaded = [e for faces in pressures(archive, content.text, content.source).values() for e, *_ in faces]
+    rows = archive.elem[np.isin(archive.elem[:, 1], types) & np.isin(archive.elem[:, LABEL], loaded)]
+    faces = rows_of(rows[:, FIRST : FIRST + 4], raw.node_labels)
+    on = np.zeros(len(points), bool)
+    on[faces] = True
+    solids: dict[int, list[np.ndarray]] = {}
+    for block in raw.blocks if len(rows) else ():
+        corners = block.nodes[:, : corner_count(block.kind)]
+        for own in corners[on[corners].sum(axis=1) > 2]:
+            for node in own[on[own]].tolist():
+                solids.setdefault(node, []).append(own)
+    found = []
+    for label, face in zip(rows[:, LABEL].tolist(), faces.tolist(), strict=True):
+        first, second, third = list(dict.fromkeys(face))[:3]
+        normal = np.cross(points[second] - points[first], points[third] - points[first])
+        behind = [own for own in solids.get(first, []) if set(face) <= set(own.tolist())]
+        if len(behind) == 1 and normal @ (points[behind[0]].mean(axis=0) - points[first]) > 0:
+            found.append(label)
+    return found
 
 
 def _ask_for_layers(content: Content) -> None:

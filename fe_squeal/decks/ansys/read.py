@@ -42,8 +42,8 @@ BECOMES: dict[str, str] = {
     "RLBLOCK": "FKN of contacts: negative ones are `normal_stiffness`, factors are asked for with a suggestion; FACT,"
     " DC and TAUMAX are left out, and told",
     "CMROTATE, CMOMEGA": "`sliding` of the contacts on the component, which is their counterface",
-    "SFE": "`[effects.preload] pressures` on surfaces pressure_N, on solids and SURF154; the mean of the corners, and"
-    " told where they differ",
+    "SFE": "`[effects.preload] pressures` on surfaces pressure_N, on solids and SURF154, whose normals have to point"
+    " outwards; the mean of the corners, and told where they differ",
     "CERIG": "`[[rigid]]` where all translations are tied, node by node, with D and MASS21 at the reference; masses"
     " elsewhere are left out, and told",
     "ALPHAD, BETAD": "`[effects.rayleigh]`", "MODOPT": "`[solve] modes` of the last one; a lowest"
