@@ -101,13 +101,13 @@ class BegunModel(GrowingModel):
                 raise NotConvergedError("the linear solver does not count the modes below solve.max_frequency")
             count = int(_WIDER**2 * len(self.basis)) if below is None else below
             factorizations += 1
-        M, n = base.M, base.n
+        M, n, large = base.M, base.n, is_large(base.K.nnz, self.linear_solver)
         del base  # and its K, before there are many vectors
         count = min(int(_GUARD * count) + 4, n)
         require_vectors(n, _LANCZOS * count, 8)
         theta, vectors = lowest_modes(definite, M, self._sigma, count, _ROUGH)
         self._corrections = ModeCorrections(
-            problem, self._sigma, request.tolerance, start, self.linear_solver, definite
+            problem, self._sigma, request.tolerance, start, self.linear_solver, definite, large
         )
         self._corrections.factorizations = factorizations + 1
         self.highest = float(np.sqrt(theta.max(initial=0.0)))

@@ -32,7 +32,7 @@ _FAST = 0.1  # of an error: what factors of P have to make of it, or those of Q(
 # measured with PARDISO on a brake of quadratic solids with 5 274 and with 29 970 unknowns (8 600 and 6 900, real ones
 # 6 000 and 4 500). Of more unknowns they take more, and are not taken sooner.
 _FASTER, _SPARED, _SPARSE, _DENSE = 0.01, 2, 8000.0, 25.0
-_FEW = 2  # corrections that cost no more than other factors
+_FEW = 2  # corrections that cost no more than other factors; of a large problem all that are left, to spare memory
 _BORROWED = 0.03  # of an error: what factors of another value have to make of it, or those of the value itself are made
 _MOST = 2**26  # bytes of the residuals of modes that are solved for at once, of real ones on one side
 _CLOSE = 1e3  # times the tolerance: larger errors are not left to factors of another value
@@ -64,17 +64,20 @@ class ModeCorrections:
     linear_solver : LinearSolver
     definite : DefiniteFactor, optional
         Factors of P.
+    is_large : bool
+        Whether memory counts most, see `fe_squeal.eigen.linear.choice.is_large`.
     """
 
     def __init__(
         self, problem: Problem, sigma: float, tolerance: float, start: Place, linear_solver: LinearSolver,
-        definite: DefiniteFactor | None = None,
+        definite: DefiniteFactor | None = None, is_large: bool = False,
     ) -> None:  # fmt: skip
         self.factorizations = self.solves = 0
         self._is_damped, self._sigma, self._tolerance = problem.is_damped, sigma, tolerance
         self._start, self._linear_solver = start, linear_solver
         self.definite, self.definite_suffices = definite, False
         self._last: tuple[Place, Factor] | None = None
+        self._is_large = is_large
 
     def factorize(self, basis: ReducedBasis, value: Place, highest: float) -> Factor:
         """Factorise Q(iω) at a value, with ω in the middle of the band up to `highest`, rad/s."""
@@ -102,18 +105,20 @@ class ModeCorrections:
         self._last = self.definite = None
 
     def _factor_for(
-        self, basis: ReducedBasis, value: Place, highest: float, worst: float, before: float, enough: float, size: int
+        self, basis: ReducedBasis, value: Place, highest: float, worst: float, before: float, enough: float, size: int,
+        more: int,
     ) -> Factor | DefiniteFactor:  # fmt: skip
         """Return factors of P as long as errors fall fast by these, or a few more corrections suffice; then of a value.
 
         Where errors are small and fall fast by them, these may be those of the last value. `size` is the number of
-        vectors that modes are projected on.
+        vectors that modes are projected on, `more` that of the corrections that may follow.
         """
         ratio = worst / before
         rows = 2 * size if self._is_damped else size
         is_cheap = _SPARSE * basis.problem.unknowns**1.5 < _SPARED * _DENSE * rows**3
         fast = _FASTER if is_cheap else _FAST
-        if self.definite is not None and ratio > fast and worst * ratio**_FEW > enough:
+        few = more if self._is_large else _FEW
+        if self.definite is not None and ratio > fast and worst * ratio**few > enough:
             self.definite, self.definite_suffices = None, False  # before others take memory
         if self.definite is not None:
             self.definite_suffices = True
@@ -161,7 +166,7 @@ class ModeCorrections:
             inexact = _turned(modes.select(np.flatnonzero(off > _CORRECTED * enough)), W)
             # No name here holds the factors, so that they are free before others take memory.
             new = self.correct(
-                wide, value, inexact, self._factor_for(basis, value, highest, worst, before, enough, W.shape[1])
+                wide, value, inexact, self._factor_for(basis, value, highest, worst, before, enough, W.shape[1], more)
             )
             W = la.qr(np.hstack([_padded(W, len(wide)), new]), mode="economic", check_finite=False)[0]
             every = _turned(wide.restricted(W, lifted).modes(value, GUARDED * highest), W)

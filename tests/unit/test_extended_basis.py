@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from chains import CLASSES, MODES, chain
 from selection import some
 
+from fe_squeal.eigen.linear import choice
 from fe_squeal.eigen.request import Request
 from fe_squeal.problem.terms import Term
 from fe_squeal.reduced import ReducedModel, mode_corrections
@@ -186,6 +187,24 @@ def test_corrections_that_modes_do_not_need_are_given_up(kind, monkeypatch):
         monkeypatch.setattr(mode_corrections, "_narrowed", narrowed)
         models.append(ReducedModel(chain(*CLASSES[kind]), "mu", VALUES, Request(count=MODES)))
     assert widest[1] < widest[0]
+    for value in VALUES:
+        one, two = (m.modes(float(value)).lam for m in models)
+        np.testing.assert_allclose(one, two, rtol=2e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["nonsymmetric", "quadratic"])
+def test_a_large_problem_keeps_factors_without_friction(kind, monkeypatch, needs_pardiso):
+    """As long as the corrections that are left suffice with them: others take more memory. The modes are the same."""
+    monkeypatch.setattr(mode_corrections, "_FAST", 0.0)
+    monkeypatch.setattr(mode_corrections, "_FASTER", 0.0)
+    monkeypatch.setattr(mode_corrections, "_FEW", 0)
+    problem, models = chain(*CLASSES[kind]), []
+    for entries in (choice._MANY, 1.0):
+        monkeypatch.setattr(choice, "_MANY", entries)
+        models.append(ReducedModel(problem, "mu", VALUES, Request(count=MODES)))
+    assert [m._corrections.definite_suffices for m in models] == [False, True]
+    assert models[1].factorizations < models[0].factorizations
     for value in VALUES:
         one, two = (m.modes(float(value)).lam for m in models)
         np.testing.assert_allclose(one, two, rtol=2e-8)
