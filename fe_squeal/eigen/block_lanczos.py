@@ -12,7 +12,7 @@ from .columns import ColumnStore, store_for
 from .linear.factor import DefiniteFactor
 
 _SEED, _BLOCK, _MOST = 20251121, 24, 60
-_ROOM = 4  # vectors for each mode for which room is set aside at the start
+_ROOM = 8  # vectors for each mode for which room is set aside at the start; pages not yet written take no memory
 _RANK = 1e-12  # eigenvalue of a Gram matrix, relative to the largest, below which a direction is linearly dependent
 
 
@@ -22,8 +22,9 @@ def lowest_modes(
     """Return θ (count,), rising, and vectors of unit mass of K φ = θ M φ, all θ > σ.
 
     A solve takes as long as reading the factors from memory, and a block of right-hand sides reads them once for all.
-    The iteration keeps its whole basis orthogonal. (Golub and Underwood, in: Mathematical Software III,
-    1977; Grimes, Lewis and Simon, SIAM J. Matrix Anal. Appl. 15, 1994.)
+    The iteration keeps its whole basis V orthogonal, and of MV the last block alone: Vᵀ(MW) takes one more product with
+    M than (MV)ᵀW, and half the memory. (Golub and Underwood, in: Mathematical Software III, 1977; Grimes, Lewis and
+    Simon, SIAM J. Matrix Anal. Appl. 15, 1994.)
 
     Parameters
     ----------
@@ -40,22 +41,20 @@ def lowest_modes(
     NotConvergedError
     """
     n = M.shape[0]
-    kind = store_for(n)
-    stored = [kind(n, min(n, _ROOM * count + _BLOCK)) for _ in range(2)]  # V and MV
+    stored: ColumnStore = store_for(n)(n, min(n, _ROOM * count + _BLOCK))
     H = np.zeros((0, 0))
     W = factor.solve(times(M, np.random.default_rng(_SEED).standard_normal((n, min(n, _BLOCK)))))
     X, MX, _ = _unit(W, times(M, W))
     while True:
         m, k = len(H) + X.shape[1], X.shape[1]
-        if m > stored[0].room:
-            stored = [_doubled(old, m - k, n) for old in stored]
-        for store, new in zip(stored, (X, MX), strict=True):
-            store.put(m - k, new)
-        V, MV = (store.columns(m) for store in stored)
+        if m > stored.room:
+            stored = _doubled(stored, m - k, n)
+        stored.put(m - k, X)
+        V = stored.columns(m)
         W = factor.solve(MX)
         H = np.pad(H, ((0, k), (0, k)))
         for _ in range(2):
-            inside = cross(MV, W)
+            inside = cross(V, times(M, W))
             W = W - combine(V, inside)
             H[:, m - k :] += inside
         nu, s = la.eigh(np.triu(H) + np.triu(H, 1).T)
