@@ -102,11 +102,13 @@ def test_vectors_are_spread_by_rows(tmp_path):
     for out, count, program in zip(outs, (1, 2), (("-m", "fe_squeal"), ("-c", SPREAD)), strict=True):
         code, _, err = ended(started(count, "run", str(scene), "-o", str(out), "--estimate", program=program))
         assert code == 0, err
-    compared = {"modes": ["re", "im", "im_extrapolated"], "onsets": ["value", "value_extrapolated"]}
-    for name, columns in compared.items():
+    # Extrapolated values are as exact as the iteration with the refined mesh: 3e-5 of a change of 0.4 % was seen.
+    compared = [("modes", ["re", "im"], 1e-8), ("modes", ["im_extrapolated"], 1e-6),
+                ("onsets", ["value"], 1e-7), ("onsets", ["value_extrapolated"], 1e-6)]  # fmt: skip
+    for name, columns, accuracy in compared:
         alone, spread = (pd.read_csv(out / f"{name}.csv")[columns].to_numpy(float) for out in outs)
         assert len(alone)
-        np.testing.assert_allclose(spread, alone, rtol=0, atol=1e-7 * np.abs(alone).max(axis=0).max())
+        np.testing.assert_allclose(spread, alone, rtol=0, atol=accuracy * np.abs(alone).max())
 
 
 def test_bad_input_is_one_message(tmp_path):
