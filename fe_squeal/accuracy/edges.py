@@ -21,8 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..assembly.assembly import Assembly
-from ..assembly.places import held_places, holding, nodes_there
+from ..assembly.places import held_places, holding
 from ..fem.cells import geometry_map
+from ..fem.places import nodes_there
 from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
 

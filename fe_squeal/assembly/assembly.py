@@ -23,6 +23,7 @@ from ..eigen.memory import refuse_shortage, require_memory
 from ..errors import MeshError, SceneError
 from ..fem.materials import material_axes
 from ..fem.motion import SteadyMotion
+from ..fem.places import find_patch
 from ..fem.rigid_motions import rigid_motions
 from ..fem.spaces import DisplacementSpace, Patch, make_space, straightened
 from ..mesh import LoadedMesh
@@ -49,7 +50,7 @@ from .effect_stages import (
 )
 from .matrices import matrix_problem
 from .names import check_names
-from .places import find_patch, held_places, holding
+from .places import held_places, holding
 from .ties import mean_motion, with_ties
 from .units import require_si
 from .warnings import notes_of_contacts, warnings_of_contacts, warnings_of_scene

@@ -12,19 +12,20 @@ nodes that supports hold; what supports take is what is left, and zero in a dire
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from ..effects.preload import Preload
 from ..effects.springs import Spring
+from ..effects.static_forces import contact_traction, spring_forces
 from ..effects.static_state import StaticState
 from ..effects.ties import Rigid
-from ..fem.gyroscopics import centrifugal_load
+from ..fem.gyroscopics import nodal_centrifugal_forces
 from ..fem.motion import SteadyMotion
 from ..fem.rigid_motions import connected_parts
-from ..fem.spaces import Patch, Surface
+from ..fem.spaces import Surface
 from ..fem.ties import Tie
 from ..mesh.groups import find_facets
 from ..problem.problem import Problem
@@ -32,7 +33,6 @@ from ..scene import Scene, with_numbers
 from ..scene.contacts import Contact
 from .assembly import Assembly
 from .discretisation import Discretisation, discretisation_of
-from .places import find_patch
 
 _ELSEWHERE = 0.05  # part of the load on a part with a contact: if springs and supports take more, there is a warning
 
@@ -119,33 +119,20 @@ class _Balance:
         preload = next(e for e in self.scene.effects.on.values() if isinstance(e, Preload))
         for name, pressure in preload.pressures.items():
             surface = self._surface(name, f"effects.preload.pressures.{name}")
-            for p, force in zip(self.parts, self._resultants(surface, -pressure * surface.normals), strict=True):
+            load = surface.values.T @ (-pressure * surface.normals * surface.weights[:, None])
+            for p, force in zip(self.parts, self._by_part(load), strict=True):
                 p.applied = p.applied + force
                 if force.any():
                     p.pressed += (name,)
-        # Nodes that are held or tied have their share of the load.
-        free = replace(self.space, fixed=np.zeros_like(self.space.fixed), ties=())
         for name, motion in motions.items():
             density = self.scene.materials[self.scene.bodies[name].material].density
-            load = free.expand(centrifugal_load(free, self.discretisation.bodies[name], density, motion))
-            for i, p in enumerate(self.parts):
-                p.applied = p.applied + load[self.part == i].sum(axis=0)
+            load = nodal_centrifugal_forces(self.space, self.discretisation.bodies[name], density, motion)
+            for p, force in zip(self.parts, self._by_part(load), strict=True):
+                p.applied = p.applied + force
 
     def add_spring(self, spring: Spring, path: str) -> None:
         """Add the force of a spring."""
-        d = np.array(spring.direction) / np.linalg.norm(spring.direction)
-        patch = find_patch(self.space, self.loaded, spring.kind, spring.group, f"{path}.{spring.kind}")
-        along = patch.values @ (self.u @ d)
-        if spring.to is None:
-            forces = self._resultants(patch, -spring.stiffness / patch.area * along[:, None] * d)
-        else:
-            other = find_patch(self.space, self.loaded, spring.kind, spring.to, f"{path}.to")
-            r = patch.weights @ along / patch.area - other.mean() @ (self.u @ d)
-            pull, push = (
-                self._resultants(s, np.tile(sign * spring.stiffness * r / s.area * d, (len(s.weights), 1)))
-                for s, sign in ((patch, -1.0), (other, 1.0))
-            )
-            forces = pull + push
+        forces = self._by_part(spring_forces(self.space, self.loaded, spring, path, self.u))
         for p, force in zip(self.parts, forces, strict=True):
             if force.any():
                 p.springs[spring.name] = force
@@ -165,12 +152,8 @@ class _Balance:
     def add_contact(self, name: str, contact: Contact, path: str) -> None:
         """Add the forces of a contact on both its sides."""
         c = self.discretisation.contacts[name]
-        if name in self.state.contacts:
-            mu = self.state.mu * (contact.friction_ratio if contact.kind == "sliding" else 0.0)
-            traction = self.state.contacts[name].pressure[:, None] * (c.normals + mu * c.directions)
-        else:  # tied: all three components of the jump
-            axes = ((c.gap, c.normals), (c.slip, c.directions), (c.cross, np.cross(c.normals, c.directions)))
-            traction = -contact.normal_stiffness * sum((G @ self.state.u)[:, None] * axis for G, axis in axes)
+        mu = self.state.mu * contact.friction_ratio if contact.kind == "sliding" else 0.0
+        traction = contact_traction(c, self.state.u, contact.normal_stiffness, self.state.contacts.get(name), mu)
         forces = traction * c.weights[:, None]
         sides = [(contact.surface, "surface", 1.0)]
         if not contact.is_rigid:
@@ -184,11 +167,9 @@ class _Balance:
     def _surface(self, group: str, path: str) -> Surface:
         return self.space.surface(find_facets(self.loaded, group, path))
 
-    def _resultants(self, surface: Patch, traction: np.ndarray) -> np.ndarray:
-        """Return the resultant (parts, 3) N of tractions (q, 3) Pa on a surface."""
-        forces = surface.values.T @ (traction * surface.weights[:, None])
-        columns = [np.bincount(self.part, forces[:, c], len(self.parts)) for c in range(3)]
-        return np.stack(columns, axis=1)
+    def _by_part(self, forces: np.ndarray) -> np.ndarray:
+        """Return the resultant (parts, 3) N of forces on the nodes (nodes, 3) N."""
+        return np.stack([np.bincount(self.part, forces[:, c], len(self.parts)) for c in range(3)], axis=1)
 
     def _part_beside(self, group: str, path: str, points: np.ndarray) -> np.ndarray:
         """Return the part (q,) int of the nearest facet of a surface group to each point."""

@@ -1,4 +1,4 @@
-"""Where supports and springs act: the facets of a surface group, or the nodes of a set."""
+"""Where supports and springs of a scene act: the facets of surface groups, and the nodes of sets."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..fem.spaces import DisplacementSpace, Patch
 from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
 from ..mesh.node_sets import find_nodes
@@ -32,30 +31,6 @@ def held_places(scene: Scene, loaded: LoadedMesh) -> tuple[Held, Held]:
         else:
             nodes.append((find_nodes(loaded, support.group, key).held, support.fixed))
     return facets, nodes
-
-
-def find_patch(space: DisplacementSpace, loaded: LoadedMesh, kind: Kind, group: str, key: str) -> Patch:
-    """Return a surface group with its quadrature, or the nodes of a set.
-
-    Raises
-    ------
-    MeshError, SceneError
-    """
-    if kind == "surface":
-        return space.surface(find_facets(loaded, group, key))
-    return space.patch(space.nodes_at(find_nodes(loaded, group, key).nodes))
-
-
-def nodes_there(space: DisplacementSpace, loaded: LoadedMesh, kind: Kind, group: str, key: str = "") -> np.ndarray:
-    """Return the nodes of a surface group or of a node set, int.
-
-    Raises
-    ------
-    MeshError, SceneError
-    """
-    if kind == "surface":
-        return np.unique(space.nodes_of(find_facets(loaded, group, key)))
-    return space.nodes_at(find_nodes(loaded, group, key).nodes)
 
 
 def holding(scene: Scene) -> Iterator[tuple[str, Kind, str]]:

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from ..effects.ties import Averaged, Rigid
 from ..errors import SceneError
+from ..fem.places import find_patch
 from ..fem.spaces import DisplacementSpace, Patch
 from ..fem.ties import Tie, averaged_tie, mean_tie, rigid_columns, rigid_tie
 from ..mesh import LoadedMesh
@@ -16,7 +17,6 @@ from ..mesh.groups import find_facets
 from ..mesh.node_sets import find_nodes
 from ..scene import Scene
 from ..schema.place import Kind
-from .places import find_patch
 
 _MANY = 300  # nodes: their full coupling has 3 · 10⁵ entries for each pair of components, as many as some 4000 unknowns
 

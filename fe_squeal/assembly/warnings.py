@@ -8,11 +8,11 @@ import numpy as np
 
 from ..effects.context import ContactPart
 from ..fem.distortion import shape_condition
+from ..fem.places import nodes_there
 from ..fem.spaces import DisplacementSpace
 from ..mesh import LoadedMesh
 from ..scene import Scene
 from ..schema.place import Kind
-from .places import nodes_there
 from .touching import warnings_of_touching
 from .units import suspect_units
 

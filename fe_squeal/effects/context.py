@@ -13,7 +13,7 @@ from ..eigen.linear.factor import LinearSolver
 from ..fem.contact import ContactOperators
 from ..fem.materials import Elasticity, Material, elasticity, stiffness_tensor
 from ..fem.motion import SteadyMotion
-from ..fem.spaces import DisplacementSpace, Patch, Surface
+from ..fem.spaces import DisplacementSpace, Surface
 from ..fem.ties import Tie
 from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
@@ -214,17 +214,6 @@ class Context:
         MeshError
         """
         return self.space.surface(self.facets(group, path))
-
-    def patch(self, kind: Kind, group: str, path: str) -> Patch:
-        """Return a surface group with its quadrature, or the nodes of a set; `path` says where it was named.
-
-        Raises
-        ------
-        MeshError, SceneError
-        """
-        if kind == "surface":
-            return self.surface(group, path)
-        return self.space.patch(self.space.nodes_at(self.nodes(group, path)))
 
     def table(self, kind: type[_Table]) -> _Table | None:
         """Return the table of an effect; None where it is not on."""

@@ -28,7 +28,7 @@ from .undamped import factorize_undamped
 
 _GUARD = 1.25  # the basis begins with so many times as many undamped modes as modes are asked for
 _ROUGH = 1e-4  # accuracy of these undamped modes: the corrections that follow mend the rest
-_LANCZOS = 5  # times the number of undamped modes: vectors that the Lanczos iteration keeps at first
+_LANCZOS = 5  # times the number of undamped modes: vectors that the Lanczos iteration keeps (4 of tetrahedra)
 _SLOW = 0.1  # part of −σ: a smaller θ, which is known roughly, may belong to a motion that is hardly held
 # The basis begins anew with modes up to so many times the frequency where it knows too few elsewhere, unless it has so
 # many times as many vectors as modes are asked for.

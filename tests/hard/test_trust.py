@@ -8,19 +8,17 @@ from pathlib import Path
 
 import pytest
 from scene_texts import environment
-from selection import amount
 from varied_imports import SHUFFLE
 
 TRUST = Path(__file__).parents[2] / "benchmarks" / "trust.py"
-INPUTS = amount(20, 45)
 
 
 @pytest.mark.slow
 @pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="looks for the memory of processes in /proc")
 @pytest.mark.parametrize("options", [
-    ("--inputs", str(INPUTS), "--signals", "0", "--pairs-step", "0"),
-    ("--inputs", "0", "--signals", str(amount(1, 3)), "--pairs-step", "0"),
+    ("--inputs", "45", "--signals", "0", "--pairs-step", "0"),
+    ("--inputs", "0", "--signals", "3", "--pairs-step", "0"),
     ("--inputs", "0", "--signals", "0", "--pairs-step", "18"),
 ])  # fmt: skip
 def test_no_promise_is_broken(options: tuple[str, ...], other_seed: int) -> None:
@@ -34,8 +32,8 @@ def test_no_promise_is_broken(options: tuple[str, ...], other_seed: int) -> None
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     if options[-1] == "18":  # of 36 pairs
         assert "\n2 pairs" in f"\n{done.stdout}"
-    if str(INPUTS) in options:  # else everything may have been refused at once, or nothing
+    if "45" in options:  # else everything may have been refused at once, or nothing
         lines = [line for line in done.stdout.splitlines() if line.startswith("| ") and "broken" not in line]
         rows = [line.split("|")[2:5] for line in lines]
         total, good, refused = (sum(int(row[i]) for row in rows) for i in range(3))
-        assert total == INPUTS and good > 0 and refused > INPUTS // 2
+        assert total == 45 and good > 1 and refused > 22
