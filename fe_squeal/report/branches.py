@@ -132,18 +132,25 @@ def value_text(value: float) -> str:
 def distinct_texts(values: Floats, form: str) -> list[str]:
     """Return numbers (n,) as texts with three decimals ("f") or four digits ("g"); more if some would look equal.
 
+    What three decimals do not show gets two digits.
+
     Examples
     --------
-    >>> distinct_texts(np.array([0.30121, 0.30149, 0.5]), "f"), distinct_texts(np.array([0.3, 0.5]), "f")
-    (['0.3012', '0.3015', '0.500'], ['0.300', '0.500'])
+    >>> distinct_texts(np.array([0.30121, 0.30149, 0.5]), "f"), distinct_texts(np.array([0.3, 0.5, 3.4e-8]), "f")
+    (['0.3012', '0.3015', '0.500'], ['0.300', '0.500', '3.4e-08'])
     """
     first, most = (3, 9) if form == "f" else (4, 12)
-    texts = [f"{v:.{first}{form}}" for v in values]
+
+    def text(value: float, digits: int) -> str:
+        tiny = form == "f" and 0 < abs(value) < 10.0**-first
+        return f"{value:.{digits - 1}g}" if tiny else f"{value:.{digits}{form}}"
+
+    texts = [text(v, first) for v in values]
     for digits in range(first + 1, most + 1):
         meant: dict[str, set[float]] = {}
-        for text, value in zip(texts, values.tolist(), strict=True):
-            meant.setdefault(text, set()).add(value)
-        texts = [f"{v:.{digits}{form}}" if len(meant[t]) > 1 else t for t, v in zip(texts, values, strict=True)]
+        for known, value in zip(texts, values.tolist(), strict=True):
+            meant.setdefault(known, set()).add(value)
+        texts = [text(v, digits) if len(meant[t]) > 1 else t for t, v in zip(texts, values, strict=True)]
     return texts
 
 
