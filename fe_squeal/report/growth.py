@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import Akima1DInterpolator
 
 from fe_squeal.report.branches import Branch, Floats
 
 _DENSE = np.linspace(0.0, 1.0, 33)  # of a step: points at which a curve is evaluated
+_LARGEST = 1e6  # of a neighbour's growth to that of a step: beyond that it has nothing to say there
 _SLOWEST = 0.5  # of the growth at the next value: what would grow to less than this by its speed is drawn as a line
 
 
@@ -16,7 +18,8 @@ def growth_curves(branch: Branch) -> list[Floats]:
     With s the distance from an onset and c its crossing speed, growth from an onset to the next value begins as c√s if
     two modes meet there, and as cs otherwise, and ends at the next value, see `_beginning`. In a window of
     width w between two onsets it is c√(s(w − s)/w) or c s(w − s)/w. Between two values of a branch that has met another
-    one (Re λ)² is linear, as it is beyond a square root. All other points are joined by straight lines.
+    one (Re λ)² is interpolated, which is linear beyond a square root, see `_squares`. All other points are joined by
+    straight lines.
     """
     points = np.column_stack([branch.value, branch.re])
     curves = list(segments(points))
@@ -37,10 +40,34 @@ def growth_curves(branch: Branch) -> list[Floats]:
             s, r = _beginning(width, r0, branch.speed[i + 1], _is_rooted(branch, i + 1, width, r0))
             curves[i] = np.column_stack([p1 - s, r])[::-1]
         elif branch.rooted.any() and np.sign(r0) * np.sign(r1) > 0 and np.isfinite([r0, r1]).all():
-            most = max(abs(r0), abs(r1))  # read from a table, its square may be no number any more
-            square = (r0 / most) ** 2 * (1 - _DENSE) + (r1 / most) ** 2 * _DENSE
-            curves[i] = np.column_stack([p0 + width * _DENSE, np.sign(r0) * most * np.sqrt(square)])
+            curves[i] = np.column_stack([p0 + width * _DENSE, _squares(branch, i)])
     return curves
+
+
+def _squares(branch: Branch, i: int) -> Floats:
+    """Return Re λ between points i and i + 1, as the root of a curve through the squares at these and their neighbours.
+
+    Akima's curve has no kink at a point. It is exact where the squares lie on a line (beyond a square root) or, with
+    equal steps, on a parabola (growth that begins at μ = 0). It is kept within the two values that it joins.
+    """
+    counts = (np.sign(branch.re) == np.sign(branch.re[i])) | (branch.onset != 0)  # an onset's growth is zero
+    first, last = i, i + 1
+    while first > 0 and branch.onset[first] == 0 and branch.joined[first - 1] and counts[first - 1]:
+        first -= 1
+    while last < len(counts) - 1 and branch.onset[last] == 0 and branch.joined[last] and counts[last + 1]:
+        last += 1
+    run = np.arange(first, last + 1)
+    run = run[np.isin(run, [i, i + 1]) | (np.diff(branch.value[run], prepend=-np.inf) > 0)]
+    most = np.abs(branch.re[i : i + 2]).max()  # read from a table, the square of a number may be no number any more
+    growth = np.clip(np.where(branch.onset[run] == 0, np.abs(branch.re[run]) / most, 0.0), 0.0, _LARGEST)
+    begin, end = (branch.re[i : i + 2] / most) ** 2
+    at = branch.value[i] + (branch.value[i + 1] - branch.value[i]) * _DENSE
+    if len(run) == 2 or not np.diff(branch.value[run]).min() > 0:
+        square = begin + (end - begin) * _DENSE
+    else:
+        curve = Akima1DInterpolator(branch.value[run], growth**2)
+        square = np.clip(curve(at), min(begin, end), max(begin, end))
+    return np.asarray(np.sign(branch.re[i]) * most * np.sqrt(square))
 
 
 def _is_rooted(branch: Branch, i: int, width: float, last: float) -> bool:

@@ -53,7 +53,7 @@ def test_growth_begins_with_the_root_of_its_onset():
 @pytest.mark.parametrize("wrong", [np.inf, -np.inf, np.nan, 1e300, 5e-324])
 def test_growth_that_is_no_number_of_a_brake(wrong):
     """A table that was spoilt gives curves all the same, without a warning of NumPy: between finite rates of one sign
-    (Re λ)² is linear, whatever their size."""
+    they rise or fall from one to the other, whatever their size."""
     modes, onsets = coupled_tables([(2413.0, 60.0, EXACT)], COARSE)
     modes.loc[modes.index[(modes["branch"] == 1) & (modes["value"] > 0.55)][0], "re"] = wrong
     onsets["crossing_speed"] = root_speed(2413.0, 60.0, EXACT)
@@ -62,7 +62,9 @@ def test_growth_that_is_no_number_of_a_brake(wrong):
     curve = growth_curves(branch)[i]
     assert len(curve) == (33 if 0 < wrong < np.inf else 2)
     if 0 < wrong < np.inf:
-        assert curve[16, 1] == pytest.approx(max(wrong, branch.re[i]) / np.sqrt(2), rel=1e-6)
+        steps = np.diff(curve[:, 1]) * np.sign(wrong - branch.re[i])
+        ends = pytest.approx([branch.re[i], wrong], abs=1e-6 * max(wrong, 1.0))
+        assert curve[[0, -1], 1] == ends and (steps >= 0).all()
 
 
 def test_growth_begins_with_a_line_where_one_mode_crosses():
@@ -97,6 +99,25 @@ def test_growth_that_gathers_speed_behind_its_onset_is_nearly_a_line(kind, frequ
     curve = growth_curves(branch)[int(np.flatnonzero(branch.onset == 1)[-1])]
     exact = np.interp(curve[:, 0], mu, re)
     assert np.abs(curve[:, 1] - exact).max() < 0.01 * exact.max()
+
+
+@pytest.mark.parametrize("power", [0.5, 1.0])
+def test_growth_between_values_has_no_kink(power):
+    """Re λ = c μ or c√μ from an onset next to μ = 0, at five values: exact between all of them behind the first one,
+    where a square root through two values alone is off by a tenth."""
+    mu = np.linspace(0.0, 0.6, 5)
+    re = 300 * mu**power
+    modes = pd.DataFrame([
+        {"parameter": "mu", "value": v, "branch": b, "re": s * r, "im": 6e3, "frequency_hz": 955.0,
+         "stability": "unstable" if r > 0 < s else "stable", "re_uncertainty": 0.0}
+        for v, r in zip(mu, re, strict=True) for b, s in ((1, 1), (2, -1))
+    ])  # fmt: skip
+    onset = ("mu", 1e-9, 955.0, "flutter", "into", 300.0, 1, 2, 1e-9, np.nan, None)
+    onsets = pd.DataFrame([onset], columns=ONSET_COLUMNS)
+    for branch in collect_branches(modes, onsets)[:2]:
+        sign = np.sign(branch.re[-1])
+        for curve in growth_curves(branch)[-3:]:
+            assert curve[:, 1] == pytest.approx(sign * 300 * curve[:, 0] ** power, rel=1e-6)
 
 
 @pytest.mark.parametrize(("times", "band"), [(1.0, 0), (1.5, 1)])
