@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import combinations
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -26,19 +27,28 @@ def warnings_of_touching(scene: Scene, loaded: LoadedMesh, bodies: Mapping[str, 
     bodies : mapping of str to (m,) int
         Elements of each body.
     """
-    yield from _twice(scene)
+    yield from _twice(scene, loaded)
     yield from _glued(scene, loaded)
     yield from _loose(scene, loaded, bodies)
 
 
-def _twice(scene: Scene) -> Iterator[str]:
-    named: dict[tuple[str, ...], list[str]] = {}
-    for name, contact in zip(scene.contact_names, scene.contacts, strict=True):
-        named.setdefault(tuple(sorted((contact.surface, contact.counterface))), []).append(name)
-    for (one, two), names in named.items():
-        if len(names) > 1:
-            both = " and ".join(names)
-            yield f'contacts {both} are between the same surfaces "{one}" and "{two}": their stiffness adds up'
+def _twice(scene: Scene, loaded: LoadedMesh) -> Iterator[str]:
+    """Yield a sentence for each two contacts that act on the same facets of both sides, with sides swapped or not."""
+    sides = []
+    for contact in scene.contacts:
+        groups = [contact.surface, *([] if contact.is_rigid else [contact.counterface])]
+        sides.append([find_facets(loaded, group, "") for group in groups])
+    for i, j in combinations(range(len(sides)), 2):
+        if len(sides[i]) != len(sides[j]):
+            continue
+        for other in (sides[j], sides[j][::-1]):
+            common = [len(np.intersect1d(one, two)) for one, two in zip(sides[i], other, strict=True)]
+            if all(common):
+                yield (
+                    f'contacts {scene.contact_names[i]} and {scene.contact_names[j]} act between the same faces:'
+                    f' {common[0]} of "{scene.contacts[i].surface}" are in both, and their stiffness adds up there'
+                )
+                break
 
 
 def _glued(scene: Scene, loaded: LoadedMesh) -> Iterator[str]:

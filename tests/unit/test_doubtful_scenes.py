@@ -29,10 +29,26 @@ def test_faces_that_lie_on_each_other_and_are_not_joined_are_told():
     assert told(blocks(), springs=[spring]) == []
 
 
-def test_a_contact_given_twice_is_told():
-    turned = {**PAD, "surface": "top_b", "counterface": "bottom_a"}
-    (sentence,) = told(blocks(), contacts=[{**PAD, "name": "one"}, {**turned, "name": "two"}])
-    assert sentence.startswith('contacts one and two are between the same surfaces "bottom_a" and "top_b"')
+@pytest.mark.parametrize(("first", "surface", "counterface", "count"), [
+    ("bottom_a", "bottom_a", "top_b", 4), ("bottom_a", "top_b", "bottom_a", 4), ("bottom_a", "target", "contact", 1),
+    ("bottom_a", "contact", "target", 1), ("rest", "contact", "target", 0), ("rest", "target", "contact", 0),
+])  # fmt: skip
+def test_contacts_that_act_twice_are_told(first, surface, counterface, count):
+    """By their faces, since other programs write both halves of a symmetric pair with names of their own."""
+    mesh = blocks()
+    middles = mesh.p[:, mesh.facets].mean(axis=1)
+
+    def quarter(of, x, y):
+        facets = mesh.boundaries[of]
+        return facets[(np.abs(middles[:2, facets] - [[x], [y]]) < 0.3).all(axis=0)]
+
+    parts = {"contact": quarter("bottom_a", 0.25, 0.25), "target": quarter("top_b", 0.25, 0.25)}
+    parts["rest"] = np.setdiff1d(mesh.boundaries["bottom_a"], parts["contact"])
+    two = {**PAD, "surface": surface, "counterface": counterface, "name": "two"}
+    found = told(mesh.with_boundaries(parts), contacts=[{**PAD, "surface": first, "name": "one"}, two])
+    sentences = [s for s in found if s.startswith("contacts one and two act between the same faces")]
+    assert len(sentences) == bool(count)
+    assert all(f': {count} of "bottom_a" are in both' in s for s in sentences)
 
 
 def test_surfaces_of_a_contact_that_share_nodes_are_told():
