@@ -13,6 +13,7 @@ from ..assembly.contacts import with_gap_tolerances
 from ..eigen.inertia import count_below
 from ..eigen.shift import symmetric_part
 from ..mesh import LoadedMesh
+from ..mesh.digest import mesh_digest
 from ..mesh.refining import refine
 from ..scene import Scene
 from ..sweep.sweep import MODES
@@ -64,22 +65,34 @@ class Setting:
     adapted: int = 0
     geometry: str = ""
 
-    def key(self, scene: Scene) -> str:
-        """Return a name (a hash) for the result; it is the same for the same scene, setting and version of the program.
+    def key(self, scene_key: str) -> str:
+        """Return a name (a hash) for the result of a scene with this `key_of`.
 
         `knob`, `estimated` and `adapted` do not enter: they do not change modes and onsets.
         """
         left_out = ("estimated", "adapted", *(() if self.geometry else ("geometry",)))
         plain = {name: value for name, value in asdict(self).items() if name not in left_out} | {"knob": ""}
-        text = f"{__version__} {scene.model_dump_json(exclude={'output', 'title', 'source'})} {sorted(plain.items())}"
-        mesh = scene.mesh_path
-        if mesh is not None and scene.mesh.geometry is None:
-            text += hashlib.sha256(mesh.read_bytes()).hexdigest()
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        return _hash(f"{scene_key} {sorted(plain.items())}")
 
     def __str__(self) -> str:
         words = f"order {self.order}, size {self.size:.3g} m, {self.modes} modes, {self.method}, {self.tolerance:g}"
         return f"{words}, adapted" if self.adapted else words
+
+
+def key_of(scene: Scene) -> str:
+    """Return a name (a hash) for a scene: the same for the same physics, mesh and version of the program.
+
+    Raises
+    ------
+    MeshError
+        The mesh cannot be read.
+    """
+    content = "" if scene.mesh.geometry is not None else mesh_digest(read_mesh(scene))
+    return _hash(f"{__version__} {scene.model_dump_json(exclude={'output', 'title', 'source'})} {content}")
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def plan(scene: Scene) -> list[Setting]:

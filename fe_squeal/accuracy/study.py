@@ -14,7 +14,7 @@ from ..scene import Scene
 from .forecast import Forecast, by_information, forecast_of
 from .measure import Measurement, measure_apart
 from .reference import Errors, Reference, as_reference, errors_of, reference_of, with_exact
-from .settings import Setting, plan
+from .settings import Setting, key_of, plan
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,11 +38,11 @@ class MeasurementStore(Protocol):
     def save(self, key: str, measured: Measurement) -> None:
         """Keep a measurement under a key."""
 
-    def load_probes(self) -> np.ndarray | None:
-        """Return the points (p, 4) at which all shapes are stored, see `measure`; None where none are kept."""
+    def load_probes(self, key: str) -> np.ndarray | None:
+        """Return the points (p, 4) at which all shapes of a scene with this key are stored, see `measure`, or None."""
 
-    def save_probes(self, probes: np.ndarray) -> None:
-        """Keep the points (p, 4) at which all shapes are stored."""
+    def save_probes(self, key: str, probes: np.ndarray) -> None:
+        """Keep the points (p, 4) at which all shapes of a scene are stored under its key."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,8 @@ def run_study(
     every = by_information(settings or plan(scene), forecast)
     done: list[tuple[Setting, Measurement]] = []
     left_out: list[tuple[Setting, str]] = []
-    probes = store.load_probes()
+    of_scene = key_of(scene)
+    probes = store.load_probes(of_scene)
     progress(0, len(every), _announced(every, forecast, budget), True)
 
     def leave_out(setting: Setting, why: str) -> None:
@@ -161,7 +162,7 @@ def run_study(
     stopped = False
     try:
         for place, setting in enumerate(every, 1):
-            key = setting.key(scene)
+            key = setting.key(of_scene)
             kept = store.load(key) if probes is not None else None
             if kept is not None:
                 done.append((setting, kept))
@@ -185,7 +186,7 @@ def run_study(
                 leave_out(setting, "the budget ran out")
                 continue
             measured, probes = found
-            store.save_probes(probes)
+            store.save_probes(of_scene, probes)
             store.save(key, measured)
             done.append((setting, measured))
             every[place:place] = _adapted(setting, measured, forecast)

@@ -34,6 +34,8 @@ from ..scene.contacts import Contact
 from .assembly import Assembly
 from .discretisation import Discretisation, discretisation_of
 
+# Of the sum of all nodal loads on a part: loads whose resultant is less press its sides apart, and the part nowhere.
+_CANCELS = 0.01
 _ELSEWHERE = 0.05  # part of the load on a part with a contact: if springs and supports take more, there is a warning
 
 
@@ -47,6 +49,8 @@ class PartForces:
         Bodies that the part is made of.
     applied : (3,) float, N
         Force of pressures and, on a body that rotates, centrifugal force.
+    loads : float, N
+        Sum of the sizes of the nodal loads that `applied` is the resultant of.
     contacts, springs : mapping of name to (3,) float, N
     held : (3,) bool
         Directions in which a support holds a node of the part.
@@ -63,6 +67,7 @@ class PartForces:
     held: np.ndarray = field(default_factory=lambda: np.zeros(3, bool))
     pressed: tuple[str, ...] = ()
     on_pressed: tuple[str, ...] = ()
+    loads: float = 0.0
 
     @property
     def rest(self) -> np.ndarray:
@@ -120,15 +125,20 @@ class _Balance:
         for name, pressure in preload.pressures.items():
             surface = self._surface(name, f"effects.preload.pressures.{name}")
             load = surface.values.T @ (-pressure * surface.normals * surface.weights[:, None])
-            for p, force in zip(self.parts, self._by_part(load), strict=True):
-                p.applied = p.applied + force
+            self._apply(load)
+            for p, force in zip(self.parts, self._by_part(np.abs(load)), strict=True):
                 if force.any():
                     p.pressed += (name,)
         for name, motion in motions.items():
             density = self.scene.materials[self.scene.bodies[name].material].density
             load = nodal_centrifugal_forces(self.space, self.discretisation.bodies[name], density, motion)
-            for p, force in zip(self.parts, self._by_part(load), strict=True):
-                p.applied = p.applied + force
+            self._apply(load)
+
+    def _apply(self, load: np.ndarray) -> None:
+        """Add nodal loads (nodes, 3) N."""
+        sizes = np.bincount(self.part, np.linalg.norm(load, axis=1), len(self.parts))
+        for p, force, size in zip(self.parts, self._by_part(load), sizes.tolist(), strict=True):
+            p.applied, p.loads = p.applied + force, p.loads + size
 
     def add_spring(self, spring: Spring, path: str) -> None:
         """Add the force of a spring."""
@@ -183,7 +193,7 @@ def balance_warnings(parts: list[PartForces]) -> list[str]:
     found = []
     for p in parts:
         size = float(np.linalg.norm(p.applied))
-        if not p.pressed or not p.contacts or not size:
+        if not p.pressed or not p.contacts or not size > _CANCELS * p.loads:
             continue
         along = -p.applied / size
         taken = {f"spring {name}": float(f @ along) / size for name, f in p.springs.items()}
@@ -191,11 +201,8 @@ def balance_warnings(parts: list[PartForces]) -> list[str]:
         shares = {name: share for name, share in taken.items() if share > _ELSEWHERE}
         if shares:
             pressed = sum(float(f @ along) for f in p.contacts.values())
-            where = ", ".join(
-                f"{100 * share:.3g} % into {name}"
-                + (f" on the pressed surface {' and '.join(p.pressed)}" if name[7:] in p.on_pressed else "")
-                for name, share in shares.items()
-            )
+            there = {f"spring {name}": f" on the pressed surface {' and '.join(p.pressed)}" for name in p.on_pressed}
+            where = ", ".join(f"{100 * s:.3g} % into {name}{there.get(name, '')}" for name, s in shares.items())
             found.append(
                 f"preload: of {size:.4g} N on {_label(p)}, {pressed:.4g} N reach its contacts: {where}; if the"
                 " contact is meant to carry the load, springs and supports should act across it alone"

@@ -131,6 +131,8 @@ def solve_preload(
     rounded = np.where(np.abs(resultant) > 1e-9 * np.abs(resultant).max(), resultant, 0.0)
     force = f"({', '.join(f'{x:.4g}' for x in rounded)}) N"
     first = None if start is None else tuple(start.contacts[name].closed for name in contacts)
+    if first is not None and any(len(c) != len(m.stiffness) for c, m in zip(first, models, strict=True)):
+        first = None  # other points of a surface are in contact, as with another gap_tolerance
     try:
         found = solve_static_contact(K, load, models, first, tangents)
     except NotHeldError as error:

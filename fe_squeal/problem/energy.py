@@ -65,7 +65,9 @@ def energy_balance(problem: Problem, lam: complex, u: np.ndarray) -> dict[str, S
         elif term.slot == "C":
             work[term.name] -= 0.0 if term.conservative else abs(lam) ** 2 * form.real
         else:
-            stiffness += 0.0 if term.imaginary or term.skew else form.real
+            # Of real symmetric matrices times i, and of real skew ones, the Hermitian part is zero.
+            none = term.symmetric if term.imaginary else term.skew
+            stiffness += 0.0 if none else form.real
             work[term.name] -= 0.0 if term.conservative else lam.imag * form.imag
     total = lam.real * inertia if real else abs(lam) ** 2 * inertia + stiffness
     sums = {slot: sum(parts.values()) for slot, parts in stored.items()}

@@ -311,7 +311,8 @@ did you mean "springs.piston.stiffness"?
     ) -> sp.csr_array | None:  # fmt: skip
         """Return ∂M, ∂C or ∂K (n, n) by a parameter; None if the matrix does not depend on it.
 
-        It is exact if the parameter only changes coefficients; otherwise it is a central difference of the matrices.
+        It is exact if the parameter only changes coefficients; otherwise it is a central difference of the matrices, or
+        one to one side at the end of what is allowed.
 
         Parameters
         ----------
@@ -335,7 +336,17 @@ did you mean "springs.piston.stiffness"?
         p = here.value(parameter)
         own = max(abs(self.value(parameter)), 0.0 if self.source is None else abs(self.source.number(paths[0])))
         step = _DIFFERENCE * (max(abs(p), _LEAST * own) or 1.0)
-        above, below = (here.at({parameter: p + sign * step}) for sign in (1, -1))
+        (below, low), (above, high) = (self._beside(here, parameter, p + way * step) for way in (-1, 1))
+        if low == high:
+            raise SceneError(f"{parameter}: given {p:g}, the only value around it that is allowed")
         parts = [(t, sign * t.coefficient(q.parameters)) for q, sign in ((above, 1), (below, -1)) for t in q.terms]
-        change = sum_terms((t, c / (2 * step)) for t, c in parts if t.slot == slot)
+        change = sum_terms((t, c / (high - low)) for t, c in parts if t.slot == slot)
         return change if change is not None and abs(change).max() > 0 else None
+
+    @staticmethod
+    def _beside(here: Problem, parameter: str, value: float) -> tuple[Problem, float]:
+        """Return the problem at a value of a parameter, with the value; where that is not allowed, as it is here."""
+        try:
+            return here.at({parameter: value}), value
+        except SceneError:
+            return here, here.value(parameter)

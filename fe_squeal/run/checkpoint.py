@@ -36,7 +36,7 @@ _SHARE = 0.03  # of the time: writing takes no more, so that values that are sol
 _JSON = "json"  # name of the array that contains, as JSON text, everything that is not an array
 # Number of the layout of these files. A checkpoint with another number is refused, so raise it whenever a name, a unit
 # or a meaning in the files changes.
-LAYOUT = 8
+LAYOUT = 9
 
 
 class Checkpoint:
@@ -99,7 +99,7 @@ class Checkpoint:
             return 0, 0.0
         data = _read(self._state, _JSON).data
         try:
-            return int(data["points"]), float(sum(data["seconds"].values()))
+            return int(data["values"]), float(sum(data["seconds"].values()))
         except (AttributeError, TypeError, ValueError) as error:
             raise _damaged(self._state, error) from error
 

@@ -7,9 +7,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..mesh import LoadedMesh
+from ..mesh.digest import mesh_digest
 from ..scene import MatrixScene, Scene
 from ..version import __version__
 
@@ -17,7 +16,9 @@ _MOST = 3  # differences that a message names, at most
 
 
 def run_inputs(scene: Scene | MatrixScene, mesh: LoadedMesh | None) -> dict[str, Any]:
-    """Return the version of the program, the scene, and digests of its mesh or matrices, in a form for JSON.
+    """Return the version of the program, the scene, and digests of what it reads, in a form for JSON.
+
+    What it reads are its mesh or matrices, and files of measurements.
 
     Parameters
     ----------
@@ -27,14 +28,14 @@ def run_inputs(scene: Scene | MatrixScene, mesh: LoadedMesh | None) -> dict[str,
     """
     content: dict[str, str | None] = {}
     if mesh is not None:
-        content[f"mesh {mesh.source}"] = _mesh_digest(mesh)
-    if isinstance(scene, MatrixScene):
-        for term in scene.terms:
-            try:
-                data = (scene.folder / term.file).read_bytes()
-            except (OSError, ValueError):  # the assembly will read the file too, and report what is wrong
-                continue
-            content[f"file {term.file}"] = hashlib.sha256(data).hexdigest()
+        content[f"mesh {mesh.source}"] = mesh_digest(mesh)
+    files = [term.file for term in scene.terms] if isinstance(scene, MatrixScene) else []
+    for file in (*files, *(entry.file for entry in scene.measured if entry.file is not None)):
+        try:
+            data = (scene.folder / file).read_bytes()
+        except (OSError, ValueError):  # it will be read again, and what is wrong is reported then
+            continue
+        content[f"file {file}"] = hashlib.sha256(data).hexdigest()
     return {
         "version": __version__,
         "scene": scene.model_dump(mode="json", by_alias=True, exclude_none=True),
@@ -84,8 +85,8 @@ def joined_differences(found: list[str]) -> str:
 
 
 def _flat(data: Any, prefix: str) -> Iterator[tuple[str, Any]]:
-    """Yield the values of nested tables with their dotted keys."""
-    if isinstance(data, dict):
+    """Yield the values of nested tables with their dotted keys; a table without any is a value: it switches on."""
+    if isinstance(data, dict) and (data or not prefix):
         for key, value in data.items():
             yield from _flat(value, f"{prefix}.{key}".removeprefix("."))
     elif isinstance(data, list) and any(isinstance(value, dict) for value in data):
@@ -98,17 +99,6 @@ def _flat(data: Any, prefix: str) -> Iterator[tuple[str, Any]]:
 def _short(value: Any) -> str:
     if value is None:
         return "not given"
-    text = repr(value)
+    text = "a table" if value == {} else repr(value)
     return text if len(text) <= 40 else text[:37] + "..."
 
-
-def _mesh_digest(loaded: LoadedMesh) -> str:
-    digest = hashlib.sha256()
-    mesh = loaded.mesh
-    groups = {**(mesh.subdomains or {}), **(mesh.boundaries or {})}
-    groups |= {f"nodes {name}": group.held for name, group in loaded.node_groups.items()}
-    parts = [mesh.doflocs, mesh.t, *(groups[name] for name in sorted(groups))]
-    digest.update(repr((type(mesh).__name__, sorted(groups), [np.shape(p) for p in parts])).encode())
-    for part in parts:
-        digest.update(np.ascontiguousarray(part).tobytes())
-    return digest.hexdigest()

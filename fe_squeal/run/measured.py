@@ -100,6 +100,9 @@ def read_measured(scene: Scene | MatrixScene) -> Measurements:
                 raise SceneError(f"{key}.reference: belongs to a universal file; {path} is none")
             frame = _table(path, f"{key}.file")
             if "x" not in frame:
+                for name in ("frequency_hz", "level_db"):
+                    if getattr(entry, name) is not None:
+                        raise SceneError(f"{key}.{name}: given beside columns of {path}; expected one of both")
                 frequencies += _frequencies(frame, entry, f"{key}.file", path)
                 continue
             x, u = _shape(frame, f"{key}.file", path)

@@ -17,7 +17,6 @@ class MeasurementFolder:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._probes = folder / "probes.npy"
 
     def load(self, key: str) -> Measurement | None:
         """Return the measurement that was kept under a key, or None.
@@ -47,25 +46,29 @@ class MeasurementFolder:
         with replace_atomically(self._path(key)) as temporary, open(temporary, "wb") as file:
             np.savez(file, **{**plain, **stages})
 
-    def load_probes(self) -> np.ndarray | None:
-        """Return the points (p, 4) at which all shapes are stored, see `measure`; None if none are kept.
+    def load_probes(self, key: str) -> np.ndarray | None:
+        """Return the points (p, 4) at which all shapes of a scene with this key are stored, see `measure`, or None.
 
         Raises
         ------
         OutputError
             The file is damaged.
         """
-        if not self._probes.exists():
+        path = self._probes(key)
+        if not path.exists():
             return None
         try:
-            return np.asarray(np.load(self._probes, allow_pickle=False), float).reshape(-1, 4)
+            return np.asarray(np.load(path, allow_pickle=False), float).reshape(-1, 4)
         except Exception as error:
-            raise _damaged(self._probes, error) from error
+            raise _damaged(path, error) from error
 
-    def save_probes(self, probes: np.ndarray) -> None:
-        """Keep the points (p, 4) at which all shapes are stored."""
-        with replace_atomically(self._probes) as temporary:
+    def save_probes(self, key: str, probes: np.ndarray) -> None:
+        """Keep the points (p, 4) at which all shapes of a scene are stored under its key."""
+        with replace_atomically(self._probes(key)) as temporary:
             np.save(temporary, probes)
+
+    def _probes(self, key: str) -> Path:
+        return self.folder / f"probes_{key}.npy"
 
     def _path(self, key: str) -> Path:
         return self.folder / f"{key}.npz"

@@ -33,6 +33,11 @@ class StudyParts:
         """Whether there are parts that a study could resume from."""
         return (self.results.folder / PARTS_INPUTS).exists()
 
+    @property
+    def has_chunks(self) -> bool:
+        """Whether anything is finished."""
+        return any(self.folder.glob("*.npz"))
+
     def check(self, inputs: Mapping[str, Any]) -> None:
         """Refuse to go on from parts of another study, or damaged ones.
 
@@ -69,8 +74,8 @@ class StageParts:
     def __init__(self, folder: Path, stage: str) -> None:
         self._folder, self._stage = folder, stage
 
-    def load(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
-        """Return the tables of each finished chunk, by its number.
+    def load(self) -> dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Return places and tables of each finished chunk, by its number.
 
         Raises
         ------
@@ -85,19 +90,19 @@ class StageParts:
             found[int(match[1])] = _read(path)
         return found
 
-    def save(self, chunk: int, rows: np.ndarray, modes: np.ndarray) -> None:
-        """Keep the tables of a finished chunk under its number."""
+    def save(self, chunk: int, places: np.ndarray, rows: np.ndarray, modes: np.ndarray) -> None:
+        """Keep the places and tables of a finished chunk under its number."""
         with replace_atomically(self._folder / f"{self._stage}_{chunk:05d}.npz") as temporary:
-            np.savez(temporary, rows=rows, modes=modes)
+            np.savez(temporary, places=places, rows=rows, modes=modes)
 
 
-def _read(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows (m, columns) and unstable modes (k, 1 + columns) of a chunk."""
+def _read(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return places (m, d), rows (m, columns) and unstable modes (k, 1 + columns) of a chunk."""
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as data:
-            rows, modes = np.asarray(data["rows"], float), np.asarray(data["modes"], float)
+            places, rows, modes = (np.asarray(data[name], float) for name in ("places", "rows", "modes"))
         if rows.shape[1:] != (len(COLUMNS),) or modes.shape[1:] != (1 + len(MODE_COLUMNS),):
             raise ValueError("its tables have other columns")
     except Exception as error:  # the reader stops at damaged files with almost any exception
         raise OutputError(f"{path}: is damaged ({error}); start anew without --resume") from error
-    return rows, modes
+    return places, rows, modes

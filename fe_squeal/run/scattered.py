@@ -12,8 +12,10 @@ from ..problem.problem import Problem
 from ..report.files import replace_atomically, write_csv
 from ..report.study import driving, plot_indices, plot_probability, plot_scatter
 from ..scene import MatrixScene, Scene, with_numbers
+from ..scene.numbers import GEOMETRY
 from ..scene.study import StudySection
 from ..scene.writing import scene_text
+from ..study.models import without_file
 from ..study.scatter import SAMPLES, ScatterResult, scatter
 from .folder import (
     BANDS_TABLE,
@@ -48,11 +50,14 @@ def scattered(
     plot_indices(indices, out / INDICES_FIGURE, scene.title)
     dangerous = _write_dangerous(scene, result, out)
     whole = bands.iloc[-1]
+    known = f", up to {result.known_hz:.4g} Hz" if result.known_hz <= whole["high_hz"] else ""
     console.print(
         f"unstable with a probability of {100 * whole['probability']:.3g} % (95 %: {100 * whole['lower']:.3g} to"
-        f" {100 * whole['upper']:.3g} %), by {len(samples)} samples",
+        f" {100 * whole['upper']:.3g} %), by {len(samples)} samples{known}",
         markup=False,
     )
+    if known:
+        console.print(f"above {result.known_hz:.4g} Hz not all modes were solved for", markup=False)
     for row in bands.iloc[:-1].to_dict("records"):
         if row["probability"] > 0:
             console.print(
@@ -78,7 +83,10 @@ def _write_dangerous(scene: Scene | MatrixScene, result: ScatterResult, out: Pat
     for i in result.dangerous(_DANGEROUS):
         moved = {p: float(v) for n, v in zip(result.names, result.points[i], strict=True) for p in paths_of(n)}
         name = f"{DANGEROUS}/sample_{i + 1:05d}.toml"
-        text = scene_text(with_numbers(scene, moved), out / DANGEROUS)
+        sample = with_numbers(scene, moved)
+        if isinstance(sample, Scene) and any(path.startswith(GEOMETRY) for path in moved):
+            sample = without_file(sample)
+        text = scene_text(sample, out / DANGEROUS)
         with replace_atomically(out / name) as temporary:
             temporary.write_text(f"# sample {i + 1}: Re λ = {result.rows[i, 1]:.4g} 1/s\n{text}", encoding="utf-8")
         names.append(name)

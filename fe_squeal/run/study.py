@@ -15,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from ..assembly.assembly import assemble
 from ..assembly.bodies import scene_mesh
 from ..eigen.memory import peak_memory_mib
-from ..errors import INTERRUPTED, NotConvergedError, SceneError
+from ..errors import INTERRUPTED, MeshError, NotConvergedError, SceneError
 from ..report.files import write_json
 from ..scene import MatrixScene, Scene
 from ..scene.solver import solver_of
@@ -64,8 +64,9 @@ def study(
 
     Raises
     ------
-    SceneError
-        The scene has no study or is wrong, or the options contradict each other.
+    SceneError, MeshError
+        The scene has no study or is wrong, also at one of the places of the study, or the options contradict each
+        other. What was finished before is kept.
     OutputError
         The folder cannot be used.
     NotConvergedError
@@ -133,11 +134,16 @@ def _study(
     except NotConvergedError as error:
         write_json({**about, "status": "not converged"}, out / STUDY_RECORD)
         raise NotConvergedError(f"{error}; what was finished is in {out}, --resume goes on from there") from error
-    except SceneError as error:
-        held.remove(is_study_result, first=STUDY_RECORD)
-        parts.remove()
+    except (SceneError, MeshError) as error:
         where = f"{scene.source}: " if scene.source is not None else ""
-        raise SceneError(f"{where}{str(error).removeprefix(where)}") from error
+        told = f"{where}{str(error).removeprefix(where)}"
+        if parts.has_chunks:
+            write_json({**about, "status": "not converged"}, out / STUDY_RECORD)
+            told += f"; what was finished before is in {parts.folder}"
+        else:
+            held.remove(is_study_result, first=STUDY_RECORD)
+            parts.remove()
+        raise type(error)(told) from error
     seconds = time.perf_counter() - start
     write_json(
         {**about, "status": "complete", **said, "seconds": seconds, "cpu_seconds": clock.seconds(),

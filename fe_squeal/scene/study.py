@@ -278,6 +278,7 @@ class StudySection(Section):
                     raise ValueError(f'given "{path}" twice; expected every path once')
                 known.append(path)
         names = {parameter_name(k): d for k, d in self.parameters.items()}
+        pairs: set[frozenset[str]] = set()
         for i, (a, b, coefficient) in enumerate(self.correlation):
             for name in (parameter_name(a), parameter_name(b)):
                 if name not in names:
@@ -287,6 +288,10 @@ class StudySection(Section):
             if parameter_name(a) == parameter_name(b) or not -1 < coefficient < 1:
                 given = f"{a}, {b}, {coefficient:g}"
                 raise ValueError(f"correlation[{i}]: given {given}; expected two keys, and a number between -1 and 1")
+            pair = frozenset((parameter_name(a), parameter_name(b)))
+            if pair in pairs:
+                raise ValueError(f"correlation[{i}]: given {a}, {b} twice; expected every pair once")
+            pairs.add(pair)
         return self
 
     @property

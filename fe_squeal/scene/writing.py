@@ -25,8 +25,15 @@ def scene_text(scene: Scene | MatrixScene, folder: Path) -> str:
     holders = data.get("terms", []) if isinstance(scene, MatrixScene) else [data["mesh"]]
     for holder in (*holders, *data.get("measured", [])):
         if holder.get("file"):
-            holder["file"] = Path(os.path.relpath(scene.folder / holder["file"], folder)).as_posix()
+            holder["file"] = _seen_from(folder, scene.folder / holder["file"])
+    out_of_core = data.get("solve", {}).get("mumps", {})
+    if out_of_core.get("folder"):
+        out_of_core["folder"] = _seen_from(folder, scene.folder / out_of_core["folder"])
     return "\n".join(_table(data, "")).lstrip("\n") + "\n"
+
+
+def _seen_from(folder: Path, path: Path) -> str:
+    return Path(os.path.relpath(path, folder)).as_posix()
 
 
 def _table(data: Mapping[str, Any], path: str) -> Iterator[str]:

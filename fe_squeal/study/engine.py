@@ -21,15 +21,15 @@ Solved = list[Outcome | None]
 class Parts(Protocol):
     """Keeps finished chunks, so that a study can be resumed."""
 
-    def load(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
-        """Return the tables of each finished chunk, by its number.
+    def load(self) -> dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Return the places (m, d) and the tables of each finished chunk, by its number.
 
-        These are rows (m, columns), see `Outcome.row`, and unstable modes (k, 1 + columns): the number of the place,
-        and `Outcome.modes`.
+        The tables are rows (m, columns), see `Outcome.row`, and unstable modes (k, 1 + columns): the number of the
+        place, and `Outcome.modes`.
         """
 
-    def save(self, chunk: int, rows: np.ndarray, modes: np.ndarray) -> None:
-        """Keep the tables of a finished chunk, (m, columns) and (k, 1 + columns), under its number."""
+    def save(self, chunk: int, places: np.ndarray, rows: np.ndarray, modes: np.ndarray) -> None:
+        """Keep places and tables of a finished chunk, (m, d), (m, columns) and (k, 1 + columns), under its number."""
 
 
 def solve_places(
@@ -46,7 +46,7 @@ def solve_places(
     processes : Processes, optional
         The processes to use; by default this one.
     parts : Parts, optional
-        Keeps finished chunks, and may have some already.
+        Keeps finished chunks, and may have some already. Those that were solved at other places are solved again.
     progress : callable of (int, int, float)
         Gets the places done, all places, and places per second.
 
@@ -65,7 +65,8 @@ def solve_places(
         A direct solve failed, or the scheduler is gone; finished chunks are kept.
     """
     chunks = [np.arange(i, min(i + CHUNK, len(places))) for i in range(0, len(places), CHUNK)]
-    done = {} if parts is None else {i: part for i, part in parts.load().items() if i < len(chunks)}
+    kept = {} if parts is None else {i: part for i, part in parts.load().items() if i < len(chunks)}
+    done = {i: (rows, modes) for i, (at, rows, modes) in kept.items() if np.array_equal(at, places[chunks[i]])}
     before = finished = sum(len(chunks[i]) for i in done)
     start = time.perf_counter()
     progress(finished, len(places), 0.0)
@@ -85,7 +86,7 @@ def solve_places(
             done[i] = _tables(whole, chunks[i])
             del open_chunks[i]
             if parts is not None:
-                parts.save(i, *done[i])
+                parts.save(i, places[chunks[i]], *done[i])
             finished += len(whole)
             progress(finished, len(places), (finished - before) / max(time.perf_counter() - start, 1e-9))
     rows = [done[i][0] for i in range(len(chunks))] or [np.zeros((0, len(COLUMNS)))]

@@ -19,7 +19,7 @@ from ..scene.study import Axis
 from .boundary import Scaled
 from .curves import Curve, follow
 from .islands import islands
-from .models import Solver
+from .models import DirectModel, Solver
 from .points import sobol_points
 from .seeds import Seed, seeds_on_lines
 from .solving import TRAINED, Options, Solving
@@ -168,6 +168,9 @@ def _small_problem(problem: Problem, names: tuple[str, ...], solver: Solver) -> 
     """Return the problem on which boundaries are followed: the reduced one, or itself if it is small, else None."""
     if solver.box is not None:
         return solver.box.collected
+    if not isinstance(solver.model, DirectModel):
+        return None
+    problem = solver.model.problem  # which has the terms that a parameter brings, where the scene has it at zero
     affine = all(problem.is_affine(n) for n in names)
     return problem if affine and problem.unknowns <= DENSE_LIMIT else None
 

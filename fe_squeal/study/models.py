@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -16,7 +17,7 @@ from ..eigen.dense import DENSE_LIMIT
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.request import Request, is_beside
 from ..eigen.solve import solve_modes
-from ..errors import NotConvergedError, SceneError
+from ..errors import MeshError, NotConvergedError, SceneError
 from ..problem.parameters import paths_of
 from ..problem.problem import Problem
 from ..reduced import BoxModel, OnlineModel
@@ -75,8 +76,9 @@ class DirectModel:
 
     def outcome(self, values: Values) -> Outcome:
         """Return the outcome at a place; its error is the largest product of backward error and condition of a mode."""
-        at = self.problem.at({n: float(v) for n, v in zip(self.names, values, strict=True)})
-        return _solved(at, self.request, self.linear_solver)
+        with _named(self.names, values):
+            at = self.problem.at({n: float(v) for n, v in zip(self.names, values, strict=True)})
+            return _solved(at, self.request, self.linear_solver)
 
 
 @dataclass(frozen=True)
@@ -91,9 +93,24 @@ class RemeshedModel:
     def outcome(self, values: Values) -> Outcome:
         """Return the outcome at a place, on a mesh made for it."""
         moved = {p: float(v) for n, v in zip(self.names, values, strict=True) for p in paths_of(n)}
-        scene = with_numbers(self.scene, moved)
-        scene = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"file": None})})
-        return _solved(assemble(scene, linear_solver=self.linear_solver), self.request, self.linear_solver)
+        with _named(self.names, values):
+            scene = without_file(with_numbers(self.scene, moved))
+            return _solved(assemble(scene, linear_solver=self.linear_solver), self.request, self.linear_solver)
+
+
+def without_file(scene: Scene) -> Scene:
+    """Return the scene with the mesh of its geometry, which is made anew, and not that of its file."""
+    return scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"file": None})})
+
+
+@contextmanager
+def _named(names: Sequence[str], values: Values) -> Iterator[None]:
+    """Have an error of the scene or its mesh say at which place of the study it occurred."""
+    try:
+        yield
+    except (SceneError, MeshError) as error:
+        place = ", ".join(f"{n} = {v:.6g}" for n, v in zip(names, values, strict=True))
+        raise type(error)(f"study, at {place}: {error}") from error
 
 
 def _solved(problem: Problem, request: Request, linear_solver: LinearSolver | str) -> Outcome:

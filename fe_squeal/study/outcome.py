@@ -59,7 +59,7 @@ def outcome_of(modes: Modes, request: Request, error: float, direct: bool) -> Ou
     grows = modes.stability == "unstable"
     kept = np.stack([modes.frequency_hz[grows], lam.real[grows], u[grows], ratio[grows]], axis=1)
     known = request.max_frequency_hz or np.inf
-    if request.count is not None and len(lam) >= request.count:
+    if request.count is not None and request.count <= len(lam) < len(modes.right):
         known = float(modes.frequency_hz.max())
     if not len(lam):
         return Outcome(np.array([0.0, np.nan, np.nan, np.nan, np.nan, error, float(direct), known]), kept)

@@ -103,7 +103,8 @@ class ScatterResult:
 
         The interval is that of Clopper and Pearson. It is right for any number of independent samples, and a little too
         wide for Sobol points. Above the range in which the modes of all samples are known it says nothing of what was
-        not found: its upper end is 1 there. The last row is the whole range of frequencies.
+        not found: its upper end is 1 there. The last row is the whole range of frequencies in
+        which the modes of all samples are known.
         """
         import pandas as pd
         from scipy.stats import binomtest
@@ -112,7 +113,7 @@ class ScatterResult:
         for low, high, hit in self._by_band():
             k = int(hit.sum())
             interval = binomtest(k, count).proportion_ci(0.95, method="exact")
-            upper = interval.high if high <= self.known_hz or len(rows) == len(self.edges) - 1 else 1.0
+            upper = interval.high if high <= self.known_hz else 1.0
             rows.append((low, high, k / count, interval.low, upper, count))
         return pd.DataFrame(rows, columns=["low_hz", "high_hz", "probability", "lower", "upper", "samples"])
 
@@ -140,12 +141,17 @@ class ScatterResult:
     def _by_band(self) -> list[tuple[float, float, np.ndarray]]:
         """Return the edges of each band, Hz, and (m,) bool which samples have an unstable mode in it.
 
-        The last entry is the whole range of frequencies: that of the bands, and of unstable modes beside them.
+        The last entry is the whole range of frequencies: that of the bands, and of unstable modes beside them, as far
+        as the modes of all samples are known.
         """
         count = len(self.rows)
         found = [(float(a), float(b), _in_band(self.modes, count, a, b)) for a, b in pairwise(self.edges)]
         hz = np.append(self.modes[:, 1], self.edges)
-        return [*found, (float(hz.min()), float(hz.max()), self.rows[:, 0] > 0)]
+        low, high = float(hz.min()), float(hz.max())
+        if not low < self.known_hz < high:
+            return [*found, (low, high, self.rows[:, 0] > 0)]
+        beyond = float(np.nextafter(self.known_hz, np.inf))  # the highest mode that is known counts
+        return [*found, (low, self.known_hz, _in_band(self.modes, count, low, beyond))]
 
 
 def _in_band(modes: np.ndarray, count: int, low: float, high: float) -> np.ndarray:
@@ -232,6 +238,8 @@ def scatter(
     redrawn = np.stack([whole.values(whole.redrawn(z[:q], i, again[:, i])) for i in range(d)])
     places = np.vstack([points, *redrawn])
     _check_values(options.get("scene") or problem, names, places, tables)
+    if (scene := options.get("scene")) is not None:
+        _check_together(scene, names, places)
     low, high = places.min(axis=0), places.max(axis=0)
 
     def draw(i: int) -> np.ndarray:
@@ -292,4 +300,32 @@ def _check_values(
                 raise SceneError(
                     f"study.parameters: the distribution of {name} reaches {value:.6g}; expected {expected}: cut it off"
                     " by low and high"
+                ) from error
+
+
+def _check_together(scene: Scene, names: Sequence[str], places: np.ndarray) -> None:
+    """Refuse places (m, d) at which several numbers of one table do not fit together, such as two Poisson ratios.
+
+    Raises
+    ------
+    SceneError
+        The scene does not allow what a sample has.
+    """
+    from ..problem.parameters import paths_of
+    from ..scene.numbers import with_numbers
+
+    tables: dict[str, dict[str, int]] = {}
+    for i, name in enumerate(names):
+        for path in paths_of(name):
+            tables.setdefault(".".join(path.split(".")[:2]), {})[path] = i
+    for columns in tables.values():
+        if len(set(columns.values())) < 2:
+            continue
+        for place in places:
+            try:
+                with_numbers(scene, {path: float(place[i]) for path, i in columns.items()})
+            except SceneError as error:
+                raise SceneError(
+                    f"study.parameters: a sample has numbers that do not fit together: {error}: cut their distributions"
+                    " off by low and high"
                 ) from error

@@ -33,7 +33,7 @@ class Onset:
         Uncertainty of `value`, from rounding and residuals.
     two_mode_value : float
         What the modes of the two branches at the first value, without all other modes, predict for `value`; NaN if they
-        never meet.
+        never meet, or K is not linear in the parameter.
     discretisation : float
         Error of `value` by the mesh; NaN where it is not estimated.
     extrapolated : float

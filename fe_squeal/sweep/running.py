@@ -82,7 +82,7 @@ class RunningSweep:
             tuple(self.points), tuple(self.onsets), tuple(self.told.warnings), self.completeness,
             dict(self._clock.seconds), self._first, self._previous, self._first_branches, self._branches,
             self._next_branch, self._start, self._value, self._solver.model is not None, self.window,
-            tuple(self.told.unsettled),
+            tuple(self.told.unsettled), self.told.doubt, self.told.beyond,
         )  # fmt: skip
 
     def restore(self, state: SweepState) -> None:
@@ -90,7 +90,9 @@ class RunningSweep:
         V = self._solver.basis
         self.points = [point if V is None else lifted(point, V) for point in state.points]
         self.onsets, self.completeness = list(state.onsets), state.completeness
-        self.told = self._solver.told = Told(self.parameter, state.warnings, state.unsettled)
+        self.told = self._solver.told = Told(
+            self.parameter, state.warnings, state.unsettled, state.doubt, state.beyond
+        )
         self._clock.seconds = dict(state.seconds)
         self._first, self._previous = state.first, state.previous
         self._first_branches, self._branches = state.first_branches, state.branches

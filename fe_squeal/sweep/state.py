@@ -12,6 +12,7 @@ from ..eigen.columns import Columns
 from ..eigen.pencil import Modes
 from ..eigen.request import Completeness
 from ..problem.problem import Problem
+from .doubts import Doubt
 from .onset import Onset
 from .point import LiftedShapes, SweepPoint
 from .result import Sweep
@@ -64,6 +65,8 @@ class SweepState:
         The first value, and the last one solved.
     reduced : bool
         Whether the modes are those of a reduced model.
+    doubt, beyond
+        What the next step may widen of what was told, see `Told`.
     """
 
     points: tuple[SweepPoint, ...]
@@ -81,6 +84,8 @@ class SweepState:
     reduced: bool
     window: float
     unsettled: tuple[str, ...]
+    doubt: Doubt | None = None
+    beyond: tuple[float, float, float] | None = None
 
     def sweep(self, problem: Problem, parameter: str) -> Sweep:
         """Return the result so far, from which tables of modes and onsets can be made."""
@@ -131,7 +136,8 @@ def point_of_record(record: Record) -> SweepPoint:
 def record_of_modes(modes: Modes) -> Record:
     """Return modes with their shapes as a record."""
     names = [*_NUMBERS, *(v for v in _VECTORS if getattr(modes, v) is not None)]
-    return Record({name: getattr(modes, name) for name in names}, {"method": modes.method})
+    data = {"method": modes.method, "exhaustive": modes.exhaustive}
+    return Record({name: getattr(modes, name) for name in names}, data)
 
 
 def modes_of_record(record: Record) -> Modes:
@@ -139,7 +145,7 @@ def modes_of_record(record: Record) -> Modes:
     a = record.arrays
     return Modes(
         a["lam"], a["right"], a.get("left"), a["backward_error"], a["re_uncertainty"], a["condition"],
-        record.data["method"],
+        record.data["method"], record.data["exhaustive"],
     )  # fmt: skip
 
 
@@ -147,10 +153,12 @@ def record_of_state(state: SweepState) -> Record:
     """Return a state as a record, without its points and first modes, which do not change and are stored once."""
     modes = record_of_modes(state.previous)
     data = {
-        "points": len(state.points), "onsets": [asdict(o) for o in state.onsets], "warnings": list(state.warnings),
+        "points": len(state.points), "values": sum(not p.between for p in state.points),
+        "onsets": [asdict(o) for o in state.onsets], "warnings": list(state.warnings),
         "completeness": asdict(state.completeness), "seconds": dict(state.seconds), "next_branch": state.next_branch,
         "start": state.start, "value": state.value, "reduced": state.reduced,
         "window": state.window, "unsettled": list(state.unsettled),
+        "doubt": None if state.doubt is None else asdict(state.doubt), "beyond": state.beyond,
     }  # fmt: skip
     branches = {"branches": state.branches, "first_branches": state.first_branches}
     return Record(modes.arrays | branches, modes.data | data)
@@ -163,7 +171,8 @@ def state_of_record(record: Record, first: Modes, points: tuple[SweepPoint, ...]
         points, tuple(Onset(**o) for o in data["onsets"]), tuple(data["warnings"]),
         Completeness(**data["completeness"]), data["seconds"], first, modes_of_record(record), a["first_branches"],
         a["branches"], data["next_branch"], data["start"], data["value"], data["reduced"], data["window"],
-        tuple(data["unsettled"]),
+        tuple(data["unsettled"]), None if data["doubt"] is None else Doubt(**data["doubt"]),
+        None if data["beyond"] is None else tuple(data["beyond"]),
     )  # fmt: skip
 
 

@@ -16,13 +16,19 @@ class Told:
     warnings : list of str
     unsettled : list of str
         Those that are about onsets.
+    doubt : Doubt or None
+        The last one that there is a warning about; what comes may widen it.
+    beyond : tuple of float, or None
+        First and last value, and the rate, that `beyond_losses` has told.
     """
 
-    def __init__(self, parameter: str, warnings: Iterable[str] = (), unsettled: Iterable[str] = ()) -> None:
+    def __init__(
+        self, parameter: str, warnings: Iterable[str] = (), unsettled: Iterable[str] = (), doubt: Doubt | None = None,
+        beyond: tuple[float, float, float] | None = None,
+    ) -> None:  # fmt: skip
         self._parameter = parameter
         self.warnings, self.unsettled = list(warnings), list(unsettled)
-        self._doubt: Doubt | None = None  # the last one that there is a warning about
-        self._beyond: tuple[float, float, float] | None = None  # of `beyond_losses`: first and last value, and rate
+        self.doubt, self.beyond = doubt, beyond
 
     def add(self, *sentences: str) -> None:
         """Add warnings that are not about onsets."""
@@ -52,16 +58,16 @@ class Told:
 
     def beyond_losses(self, value: float, rate: float) -> None:
         """Add a warning that something grows at a value of which loss factors say nothing; of several values one."""
-        if self._beyond is not None:
+        if self.beyond is not None:
             for told in (self.warnings, self.unsettled):
                 told.remove(self._beyond_text())
-        first, _, before = self._beyond or (value, value, rate)
-        self._beyond = first, value, max(before, rate)
+        first, _, before = self.beyond or (value, value, rate)
+        self.beyond = first, value, max(before, rate)
         self.of_onsets(self._beyond_text())
 
     def _beyond_text(self) -> str:
-        assert self._beyond is not None
-        first, last, rate = self._beyond
+        assert self.beyond is not None
+        first, last, rate = self.beyond
         where = f"{first:g}" if first == last else f"{first:g} to {last:g}"
         return (
             f"at {self._parameter} = {where} a motion grows without swinging, or as fast as it swings (by up to"
@@ -75,16 +81,16 @@ class Told:
         Intervals of neighbouring steps about the same pair of modes give one warning.
         """
         for doubt in joined(doubts):
-            if self._doubt is not None and (both := self._doubt.joined(doubt)) is not None:
-                old, doubt = self._doubt.sentence(self._parameter), both
+            if self.doubt is not None and (both := self.doubt.joined(doubt)) is not None:
+                old, doubt = self.doubt.sentence(self._parameter), both
                 for told in (self.warnings, self.unsettled):
                     told.remove(old)
-            self._doubt = doubt
+            self.doubt = doubt
             self.of_onsets(doubt.sentence(self._parameter))
 
     def absorbed(self, onsets: list[Onset], start: float, end: float) -> list[Onset]:
         """Make onsets that the last doubt covers part of it, within a sweep from start to end; return the others."""
-        vague = [o for o in onsets if self._doubt is not None and self._doubt.covers(o)]
+        vague = [o for o in onsets if self.doubt is not None and self.doubt.covers(o)]
         for onset in vague:
             low, high = onset.value - onset.uncertainty, onset.value + onset.uncertainty
             self.doubts([Doubt(max(low, start), min(high, end), onset.frequency_hz)])

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..eigen.pencil import Modes
+from ..problem.forms import is_linear
 from ..problem.problem import Problem
 from .onset import Onset
 
@@ -33,8 +34,9 @@ def windows(onsets: Sequence[Onset], low: float, high: float) -> list[tuple[floa
 
 
 def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes, a: int, b: int) -> float:
-    """Return where two modes of the first value would meet if all other modes were left out; NaN if they never meet.
+    """Return where two modes of the first value would meet if all other modes were left out.
 
+    NaN if they never meet, and where K is not linear in the parameter, so that the first value does not tell it.
     With F_ij = ψ_iᵀ (dK/dp) φ_j and a change δ of the parameter, the eigenvalues of the two modes are those of
     diag(θ) + δF. They meet where the discriminant (Δθ + δΔF)² + 4δ²F₁₂F₂₁ is zero; its smallest positive root is taken.
 
@@ -50,6 +52,8 @@ def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes,
     a, b : int
         Positions of the two modes.
     """
+    if not is_linear(problem, parameter):
+        return np.nan
     dK = problem.derivative(parameter, "K", {parameter: start})
     left, right = modes.left, modes.right
     moves_mass = problem.derivative(parameter, "M", {parameter: start}) is not None

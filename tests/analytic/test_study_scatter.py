@@ -203,3 +203,6 @@ def test_bands_beyond_the_range_that_is_solved_are_not_called_safe():
     assert few.bands["upper"].to_list()[1:3] == [1.0, 1.0] and few.bands["upper"].iloc[0] < 0.3
     assert every.bands["probability"].to_list() == [0.0, 0.0, 1.0, 1.0]
     assert every.bands["upper"].iloc[1] < 0.3
+    # The row of all bands ends where knowledge does, and so says nothing of the pair above.
+    assert few.bands.iloc[-1][["low_hz", "high_hz"]].to_list() == pytest.approx([500.0, 1100.0])
+    assert few.bands["upper"].iloc[-1] < 0.3 and every.bands["high_hz"].iloc[-1] == 4000.0

@@ -241,12 +241,12 @@ def test_files_larger_than_the_memory_are_not_read(name: str, tmp_path: Path) ->
 def test_damaged_measurements_are_told(tmp_path: Path) -> None:
     store = MeasurementFolder(tmp_path)
     for content in (b"", b"PK", b"\x93NUMPY"):
-        (tmp_path / "probes.npy").write_bytes(content)
+        (tmp_path / "probes_a.npy").write_bytes(content)
         (tmp_path / "a.npz").write_bytes(content)
         with pytest.raises(OutputError, match="measurement is damaged"):
             store.load("a")
         with pytest.raises(OutputError, match="measurement is damaged"):
-            store.load_probes()
+            store.load_probes("a")
 
 
 def test_numbers_that_cannot_be_squared_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

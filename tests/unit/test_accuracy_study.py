@@ -17,7 +17,7 @@ from fe_squeal import load_scene, parse_scene
 from fe_squeal.accuracy import study as study_module
 from fe_squeal.accuracy.forecast import by_information, forecast_of
 from fe_squeal.accuracy.measure import measure, measure_apart
-from fe_squeal.accuracy.settings import own_setting, plan, scene_at
+from fe_squeal.accuracy.settings import key_of, own_setting, plan, scene_at
 from fe_squeal.accuracy.study import COLUMNS, run_study
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.cli import main
@@ -182,7 +182,7 @@ def test_study_is_resumed_and_bounded(tiny, measured, tmp_path):
     assert (two["error_frequency"].to_numpy() < one["error_frequency"].to_numpy()).all()
     # What is there is taken from there, whatever the budget; only what is missing is left out.
     files = {p.name: p.stat().st_mtime_ns for p in tmp_path.glob("*.npz")}
-    missing = f"{next(s for s in settings if s.knob == 'modes').key(scene)}.npz"
+    missing = f"{next(s for s in settings if s.knob == 'modes').key(key_of(scene))}.npz"
     (tmp_path / missing).unlink()
     again = run_study(scene, MeasurementFolder(tmp_path), 1e-9, settings)
     assert len(again.measurements) == len(study.settings) - 1 and len(again.left_out) == 1

@@ -60,15 +60,15 @@ class Thorough:
 class Kept:
     """Keeps finished chunks in memory."""
 
-    parts: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    parts: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=dict)
 
-    def load(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+    def load(self) -> dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """Return what is kept."""
         return dict(self.parts)
 
-    def save(self, chunk: int, rows: np.ndarray, modes: np.ndarray) -> None:
+    def save(self, chunk: int, places: np.ndarray, rows: np.ndarray, modes: np.ndarray) -> None:
         """Keep a chunk."""
-        self.parts[chunk] = rows, modes
+        self.parts[chunk] = places, rows, modes
 
 
 def check_tables(rows: np.ndarray, modes: np.ndarray) -> None:
@@ -95,6 +95,17 @@ def test_an_interrupted_direct_solve_loses_its_own_chunk_alone() -> None:
     again, exact = Sparing(), Thorough()
     check_tables(*engine.solve_places(Solver(again, exact, None, ""), PLACES, parts=kept))
     assert min(again.asked) == 32 and min(exact.asked) == 35
+
+
+def test_chunks_of_other_places_are_solved_again() -> None:
+    """As of a study whose parameters stand in another order: what is kept belongs to the places that it came from."""
+    kept = Kept()
+    engine.solve_places(Solver(Sparing(), Thorough(), None, ""), PLACES[::-1].copy(), parts=kept)
+    kept.parts[1] = PLACES[32:64], *kept.parts[1][1:]
+    again = Sparing()
+    rows, _ = engine.solve_places(Solver(again, Thorough(), None, ""), PLACES, parts=kept)
+    assert again.asked == [*range(32), *range(64, 80)]
+    assert rows[:32, 1].tolist() == PLACES[:32, 0].tolist() and rows[32:64, 1].tolist() == PLACES[47:15:-1, 0].tolist()
 
 
 def test_work_that_is_added_last_is_done_first() -> None:
