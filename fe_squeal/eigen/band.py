@@ -88,21 +88,25 @@ def _is_highest(pencil: Pencil, top: float, linear_solver: LinearSolver | str) -
 def with_far_growth(
     pencil: Pencil, modes: Modes, limit: float, free: FreeModes | None, linear_solver: LinearSolver | str
 ) -> Modes:
-    """Return modes with those beside them that swing below a frequency, rad/s, and grow faster than that.
+    """Return modes with those beside them that swing below a frequency, rad/s, and grow fast.
 
-    The modes nearest a shift reach as far in growth as in frequency alone, and divergence of a brake whose friction is
-    not symmetric may be faster.
+    The modes nearest a shift reach as far in growth as in frequency alone. Flutter of strong friction, and divergence
+    of a brake whose friction is not symmetric, may be faster.
 
     Parameters
     ----------
     modes : Modes
-        Those of a pencil without C, or with a complex K, that are nearest a shift; with right and left modes.
+        With right and left ones. Of a pencil without C all with |λ| up to the limit; with a complex K those in a circle
+        around a real shift `BEHIND` the limit, through the limit.
+    limit : float, rad/s
     """
     if not limit:
         return modes
     known = KnownBand(
         with_damping(pencil), free, linear_solver, modes.lam, modes.right, modes.left, method=modes.method
     )
+    if pencil.C is None and not known.add_beside(limit):
+        known.method += ", without a full search for flutter that grows fast"
     known.add_far(limit)
     assert known.right is not None and known.left is not None
     far = np.flatnonzero((np.arange(len(known.lam)) >= len(modes)) & (known.lam.imag <= limit))

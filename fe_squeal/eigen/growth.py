@@ -15,8 +15,8 @@ from .pencil import Pencil
 from .shift import symmetric_part
 
 # Times a rate: how far below zero θ may be, as a frequency, and how much damping may be negative, so that no real λ is
-# larger than 1.6 times the rate: λ² − λ − ¼ > 0 there.
-_STIFFNESS, _DAMPING = 0.5, 1.0
+# larger than 0.6 times the rate: λ² − 0.1λ − ¼ > 0 there.
+_STIFFNESS, _DAMPING = 0.5, 0.1
 _SLOW = 0.25  # of a rate: gyroscopic terms up to this leave what it bounds nearly as it is
 _EQUAL = 1e-12  # of the largest entry of C: what differs by less is symmetric
 _ROUGHLY, _SURE = 1e-2, 1.2  # tolerance of Lanczos iteration for a bound, and the factor by which it is made safe
@@ -28,8 +28,8 @@ def may_grow(pencil: Pencil, rate: float, linear_solver: LinearSolver | str = "a
     """Return whether a real λ may be larger than about a rate, rad/s; None where the solver gives no inertia.
 
     The mode u of a real λ > 0 is real, so that λ²uᵀMu + λuᵀCu + uᵀKu = 0 has the symmetric parts of C and K alone.
-    Where those of K + ¼r²M and C + rM have no negative eigenvalue, the sum is positive for every λ > 1.6 r. A symmetric
-    C ≥ 0, or none, then also bounds how fast flutter grows: (Re λ)² < (Im λ)² + ¼r².
+    Where those of K + ¼r²M and C + 0.1rM have no negative eigenvalue, the sum is positive for every λ > 0.6 r. A
+    symmetric C, or none, then also bounds how fast flutter grows: (Re λ)² − 0.1 r Re λ < (Im λ)² + ¼r².
 
     It costs one real symmetric factorisation, with C a second one.
 

@@ -22,7 +22,7 @@ from .linear.factor import LinearSolver, SingularError
 from .multiple import rounding_of_zero
 from .pencil import Modes, Pencil
 from .quality import eigenvalue_errors, in_upper_half, modes_from_lambda
-from .shift import LIGHT, light_tilt
+from .shift import BEHIND, LIGHT, light_tilt
 from .shift_invert import ShiftInverted
 
 _FULL = 40  # eigenvalues expected in a disc; a band with more of them is covered by several discs
@@ -48,7 +48,6 @@ _FAR = 15.0  # of a rate: growth up to here is looked for around one shift
 _FARTHER = 4  # such searches, each beyond the last one
 _FEW = 40  # modes beside the known ones that are looked for in the whole band
 _NEAR = 0.01  # of a multiple eigenvalue: how far from it the shift lies that shows further copies
-_BEHIND = 0.5  # of the highest frequency of the band: the shift of that search
 
 
 @dataclass
@@ -251,7 +250,7 @@ class KnownBand:
         """
         for _ in range(_DISCS):
             before = len(self.lam)
-            sigma, known = self._disc(_BEHIND * top, float(np.hypot(_BEHIND, 1.0)) * top, None)
+            sigma, known = self._disc(BEHIND * top, float(np.hypot(BEHIND, 1.0)) * top, None)
             if not _is_light(self.lam[before:]).any():
                 return bool(known >= (1 - _CLEAR) * np.hypot(abs(sigma), top))
         raise NotConvergedError(f"{len(self.lam)} modes found, and there are still others beside them", self.modes())
@@ -293,9 +292,16 @@ class KnownBand:
         return sigma, 0.0
 
     def _states(self) -> tuple[States, States] | None:
-        """Return real states that span those of all known modes, of the problem and of the adjoint one."""
+        """Return states that span those of all known modes, of the problem and of the adjoint one.
+
+        Of a real pencil they are real. A complex K is taken as one without C, of which −λ is an eigenvalue too.
+        """
         if self.right is None or self.left is None:
             return None
+        if self.pencil.is_complex:
+            own, other = self.right * self.lam, self.left * self.lam.conj()
+            twice = np.hstack([self.right, self.right]), np.hstack([self.left, self.left])
+            return (twice[0], np.hstack([own, -own])), (twice[1], np.hstack([other, -other]))
         upper = np.flatnonzero((self.lam.imag >= 0) & (self.lam != 0))  # those of free motions are taken out anyway
         real = self.lam[upper].imag == 0
 

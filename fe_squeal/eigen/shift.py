@@ -18,6 +18,9 @@ _PENALTY = 1e6  # a ratio so many times the median is that of a penalty, which s
 # Damping ratio up to which every mode below the wanted frequency is found. Of more heavily damped modes those alone are
 # found that happen to lie near the shift: to reach for all of them would take many more modes than are asked for.
 LIGHT = 0.2
+# Of the highest frequency of a band: a real shift. A circle around it through the band's end, i, has inside what grows
+# in the band at most as fast as `growth.may_grow` allows: a² − 0.1a < b² + ¼ of λ = a + ib, a = 1.17 at the end.
+BEHIND = 0.59
 BELOW = 0.05  # how far below zero the shift lies, as a frequency, in parts of the frequency where the wanted modes end
 
 

@@ -13,7 +13,7 @@ from .inertia import count_below, finite_below
 from .linear.factor import LinearSolver, SingularError
 from .pencil import Modes, Pencil
 from .request import Completeness, Request, select_wanted
-from .shift import distance_to_nearest, known_radius, shift_below, symmetric_part
+from .shift import BEHIND, distance_to_nearest, known_radius, shift_below, symmetric_part
 from .shift_invert import ShiftInverted
 from .threads import one_openblas_thread
 
@@ -131,9 +131,9 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None, linear_s
     sought = count + max(4, count // 10)
     sigma, moves = shift_below(pencil, band), 0
     if pencil.C is not None:
-        # Structural damping reaches every mode, so that heavily damped ones count, too. A real positive shift sees both
-        # half planes alike, and no mode is near it.
-        sigma = (band or _undamped_band(pencil, request, linear_solver)) / 2
+        # Structural damping reaches every mode, so that heavily damped ones count, too. A real positive shift sees all
+        # that grows up to the band's end, and no mode is near it.
+        sigma = BEHIND * (band or _undamped_band(pencil, request, linear_solver))
     operator, divergent = _shifted(pencil, sigma, free, linear_solver)
     while True:
         sigma = float(operator.sigma.real)
@@ -163,7 +163,8 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None, linear_s
             limit = float(wanted.lam.imag.max(initial=0.0))
             if request.max_frequency_hz is not None:
                 limit = 2 * np.pi * request.max_frequency_hz
-            wanted = select_wanted(with_far_growth(pencil, modes, limit, free, linear_solver), request, np.inf)
+            whole = with_far_growth(pencil, modes, limit, free, linear_solver)
+            wanted = select_wanted(whole, request, np.inf)
             assert wanted is not None
             return wanted
         if sought == operator.most:
