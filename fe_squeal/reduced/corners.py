@@ -36,6 +36,21 @@ def softest_corner(
     return tuple(corner)
 
 
+def softest_value(problem: Problem, parameter: str, values: np.ndarray) -> float:
+    """Return the one of some values (m,), ascending, with the least stiffness and the most mass, as far as is known.
+
+    Errors of a reduced model are measured by the stiffness that it begins with. A motion that is softer elsewhere has
+    larger ones than that. What is nearest to zero counts where values have both signs, where none is softest for all
+    motions, and where the parameter changes more than coefficients of terms.
+    """
+    low, high = float(values[0]), float(values[-1])
+    nearest = float(values[np.argmin(np.abs(values))])
+    if low * high <= 0 or not problem.is_affine(parameter):
+        return nearest
+    corner = set(softest_corner(problem, [parameter], [low], [high]))
+    return corner.pop() if corner in ({low}, {high}) else nearest
+
+
 def has_softest_corner(
     problem: Problem, parameters: Sequence[str], low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarray
 ) -> bool:

@@ -22,12 +22,14 @@ from ..problem.problem import Problem
 from ..problem.tabulated import Tabulated
 from .basis import ReducedBasis
 from .begun import BegunModel, collected_at
+from .corners import softest_value
 from .growing import spread
 from .missing import holds_all
 from .mode_corrections import ModeCorrections
 from .shapes import corrected_shapes
 
 _TRIED = 3  # values at which the number of modes is looked at before all others
+_SOFT = 4  # times that modes are looked for which are soft far from the start, each on the basis with those before
 _CROWD = 0.25  # of the modes that the basis begins with: more overdamped ones are a crowd
 
 
@@ -75,8 +77,7 @@ class ReducedModel(BegunModel):
         """
         self._values = values = np.asarray(values, float)
         self._least = least
-        start = float(values[np.argmin(np.abs(values))])
-        self._begin(problem, parameter, start, request, linear_solver)
+        self._begin(problem, parameter, softest_value(problem, parameter, values), request, linear_solver)
         if swinging:
             self._refuse_overdamped((float(values[0]), float(values[-1])))
         self._widen(problem, spread(values, _TRIED))
@@ -87,10 +88,16 @@ class ReducedModel(BegunModel):
             self._without = self.basis.undamped_values(self._sigma)
             self._supplement(values)
             self._corrections.release()  # before others take memory
-            if self._add_soft(self._far_from_the_start(values)):
+            for _ in range(_SOFT):
+                if not self._add_soft(self._far_from_the_start(values)):
+                    break
                 self._know_less()
                 self._grow(values)
                 self._supplement(values)
+            else:
+                raise NotConvergedError(
+                    f"the reduced model still lacks modes that are soft at other values of {parameter}"
+                )
         short = next((p for p in values.tolist() if self._is_short(self._estimated(p)[0])), None)
         if short is not None:
             raise self._too_few(short)
