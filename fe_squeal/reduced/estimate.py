@@ -16,7 +16,7 @@ from .lowest import Blocks, KnownModes, lowest_modes
 _BESIDE = 1.1  # times the highest frequency asked for: modes up to there are neighbours of the modes asked for
 SLIGHT = 0.1  # times the tolerance: errors below this need not be known better
 GUARDED = 1.2  # times the highest frequency of the basis: modes up to there are known
-_SAFETY = 0.5  # of the tolerance: what the estimated errors of eigenvalues are driven below
+_SAFETY = 0.9  # of the tolerance: what the estimated errors of eigenvalues are driven below
 _FALLS = 0.7  # times the largest error before: one that falls less is not that of the search
 ILL = 10.0  # relative condition from which a mode is near a double eigenvalue
 
