@@ -18,9 +18,7 @@ from .cache import Same
 from .context import Context
 from .effect import Effect
 from .friction import Friction
-from .static_state import PressedContact, StaticState, follower_ratio, solve_preload
-
-_FOLLOWING = 1e-3  # part of the friction stiffness: if the follower terms are larger, there is a warning
+from .static_state import PressedContact, StaticState, solve_preload, state_warnings
 
 
 class Preload(Effect):
@@ -108,23 +106,8 @@ class Preload(Effect):
 
     def warnings(self, context: Context, others: Sequence[Term], parameters: Mapping[str, float]) -> list[str]:
         """Return a sentence for each contact whose static state is outside what the equations hold."""
-        found = []
-        for name, contact in context.contacts.items():
-            c, state = contact.operators, contact.state
-            if state is None:
-                continue
-            ratio = follower_ratio(c, state, contact.normal_stiffness)
-            if ratio > _FOLLOWING:
-                found.append(
-                    f"contact {name}: p0/(k_n l) = {ratio:.2g}: terms of this size beside the friction stiffness, of"
-                    " forces that follow the surface, are left out"
-                )
-            pulling = c.weights[state.pressure < 0].sum() / c.area
-            if pulling > 0:
-                found.append(
-                    f"contact {name}: {100 * pulling:.3g} % of its area pulls in the preload, for lift_off = false"
-                )
-        return found
+        states = [(name, contact.state) for name, contact in context.contacts.items() if contact.state is not None]
+        return [text for name, s in states for text in state_warnings(name, s.follower_ratio, s.pulling)]
 
     def _mu(self, context: Context) -> float:
         friction = context.table(Friction)

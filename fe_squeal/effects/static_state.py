@@ -13,6 +13,8 @@ from ..fem.contact import ContactOperators
 from ..fem.motion import SteadyMotion
 from ..fem.static_contact import Equilibrium, NotHeldError, SlidingContact, TangentSolver, solve_static_contact
 
+_FOLLOWING = 1e-3  # part of the friction stiffness: if the follower terms are larger, there is a warning
+
 
 @dataclass(frozen=True)
 class ContactState:
@@ -28,6 +30,10 @@ class ContactState:
         Force on the pad: normal force and friction.
     torque : float, N m
         Torque of the friction about the axis of rotation, which brakes the counterface; NaN for a straight belt.
+    follower_ratio : float
+        p0/(k_n ℓ), ℓ = √area: the size of the follower terms left out, relative to the friction stiffness.
+    pulling : float
+        Part of the area that pulls, where contacts do not lift off.
     """
 
     pressure: np.ndarray
@@ -35,6 +41,8 @@ class ContactState:
     normal_force: float
     force: np.ndarray
     torque: float
+    follower_ratio: float
+    pulling: float
 
 
 @dataclass(frozen=True)
@@ -59,12 +67,14 @@ class StaticState:
 
 
 def contact_summary(operators: ContactOperators, state: ContactState) -> dict[str, float]:
-    """Return force, torque, closed part and largest pressure of a pressed contact."""
+    """Return force, torque, closed part, largest pressure and what limits the equations of a pressed contact."""
     return {
         "normal_force_n": state.normal_force,
         "torque_nm": state.torque,
         "closed": float(operators.weights[state.closed].sum() / operators.area),
         "largest_pressure_pa": float(state.pressure.max(initial=0.0)),
+        "follower_ratio": state.follower_ratio,
+        "pulling": state.pulling,
     }
 
 
@@ -77,9 +87,17 @@ def pressed_numbers(
     return {name: {"mu": state.mu, **contact_summary(contacts[name], c)} for name, c in state.contacts.items()}
 
 
-def follower_ratio(operators: ContactOperators, state: ContactState, stiffness: float) -> float:
-    """Return p0/(k_n ℓ), ℓ = √area: the size of the follower terms left out, relative to the friction stiffness."""
-    return float(np.abs(state.pressure).max(initial=0.0) / (stiffness * np.sqrt(operators.area)))
+def state_warnings(contact: str, follower_ratio: float, pulling: float) -> list[str]:
+    """Return a sentence for what is outside of what the equations hold for, in the static state of a contact."""
+    found = []
+    if follower_ratio > _FOLLOWING:
+        found.append(
+            f"contact {contact}: p0/(k_n l) = {follower_ratio:.2g}: terms of this size beside the friction stiffness,"
+            " of forces that follow the surface, are left out"
+        )
+    if pulling > 0:
+        found.append(f"contact {contact}: {100 * pulling:.3g} % of its area pulls in the preload, for lift_off = false")
+    return found
 
 
 @dataclass(frozen=True)
@@ -168,7 +186,9 @@ def _state(contact: PressedContact, mu: float, u: np.ndarray, closed: np.ndarray
     if contact.motion is not None and contact.motion.centre is not None:
         axis = contact.motion.velocity / np.linalg.norm(contact.motion.velocity)
         torque = float(np.cross(c.points - contact.motion.centre, friction).sum(axis=0) @ axis)
-    return ContactState(pressure, closed, float(per_point.sum()), force, torque)
+    following = np.abs(pressure).max(initial=0.0) / (contact.stiffness * np.sqrt(c.area))
+    pulling = c.weights[pressure < 0].sum() / c.area
+    return ContactState(pressure, closed, float(per_point.sum()), force, torque, float(following), float(pulling))
 
 
 def _opened(contacts: Mapping[str, PressedContact], force: str) -> str:

@@ -10,7 +10,7 @@ import pandas as pd
 import skfem
 
 from ..assembly.discretisation import Discretisation, discretisation_of
-from ..effects.static_state import contact_summary, follower_ratio
+from ..effects.static_state import contact_summary, state_warnings
 from ..fem.stress import von_mises
 from ..problem.problem import Problem
 from ..report.contact_face import ContactFace
@@ -51,7 +51,6 @@ def preload_record(scene: Scene | MatrixScene, problem: Problem) -> dict[str, An
     if discretisation is None or discretisation.static_state is None or not isinstance(scene, Scene):
         return None
     base = discretisation.static_state
-    stiffness = dict(zip(scene.contact_names, (c.normal_stiffness for c in scene.contacts), strict=True))
     return {
         "mu": base.mu,
         "load_n": base.load,
@@ -61,7 +60,6 @@ def preload_record(scene: Scene | MatrixScene, problem: Problem) -> dict[str, An
             name: {
                 **contact_summary(discretisation.contacts[name], state),
                 "force_on_pad_n": state.force,
-                "follower_ratio": follower_ratio(discretisation.contacts[name], state, stiffness[name]),
             }
             for name, state in base.contacts.items()
         },
@@ -76,6 +74,23 @@ def preload_dataframe(result: Sweep) -> pd.DataFrame | None:
         for name, numbers in point.pressed.items()
     ]
     return pd.DataFrame(rows) if rows else None
+
+
+def preload_warnings(result: Sweep, problem: Problem) -> list[str]:
+    """Return a sentence for what the static state of a contact exceeds in a sweep, at the value where it is worst.
+
+    What it exceeds at the scene's own numbers by as much was told before the sweep.
+    """
+    found = []
+    for name in dict.fromkeys(name for point in result.points for name in point.pressed):
+        for key in ("follower_ratio", "pulling"):
+            own = problem.state.get(name, {}).get(key, 0.0)
+            at, worst = max(((p.value, p.pressed[name][key]) for p in result.points if name in p.pressed),
+                            key=lambda found: found[1])  # fmt: skip
+            if worst > own * (1 + 1e-9):
+                exceeded = {"follower_ratio": 0.0, "pulling": 0.0, key: worst}
+                found += [f"at {result.parameter} = {at:g}, {text}" for text in state_warnings(name, **exceeded)]
+    return found
 
 
 def grid_of(discretisation: Discretisation) -> ShapeGrid:

@@ -45,7 +45,7 @@ from .measured import NOTHING_MEASURED, Measurements, read_measured
 from .mesh_error import write_mesh_error
 from .outputs import exporting_shapes, write_figures, write_mac, write_modes, write_tables
 from .page import write_run_report
-from .preload import write_preload
+from .preload import preload_warnings, write_preload
 from .record import write_record
 from .resume import is_estimated, is_finished, show_finished
 
@@ -170,6 +170,7 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
                 status = "interrupted"  # all values are finished; --resume continues with the estimate
         seconds |= dict(result.seconds)
         clock = time.perf_counter()
+        said += preload_warnings(result, problem)
         said += write_results(scene, result, held, measured)
         write_mesh_error(split, result, out, scene.title)
         seconds["output"] = time.perf_counter() - clock

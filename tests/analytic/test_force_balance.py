@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import fe_squeal
 from fe_squeal.assembly.forces import balance_warnings, force_balance
 from fe_squeal.run.forces import balance_table
+from fe_squeal.run.preload import preload_warnings
 from meshes import BELT, annulus, box, join, make_problem
 
 STIFF = {"m": {"youngs_modulus": 2e11, "poisson_ratio": 0.0, "density": 7800.0}}
@@ -14,12 +16,12 @@ AREA, HEIGHT, P = 0.04 * 0.06, 0.02, 1e6
 CONTACT = {"name": "belt", "surface": "bottom", "counterface": "rigid", "normal_stiffness": 1e12, "sliding": BELT}
 
 
-def block(springs=(), supports=(), mu=0.3, **contact):
+def block(springs=(), supports=(), mu=0.3, preload=None, **contact):
     """A stiff block pressed by P on its top; guided along x and y at its sides by what is given."""
     return make_problem(
         box("hex1", (2, 3, 2), (0.04, 0.06, HEIGHT)), order=1, materials=STIFF, bodies={"block": {"material": "m"}},
         contacts=[{**CONTACT, **contact}], springs=list(springs), supports=list(supports),
-        effects={"friction": {"mu": mu}, "preload": {"pressures": {"top": P}}},
+        effects={"friction": {"mu": mu}, "preload": {"pressures": {"top": P}, **(preload or {})}},
     )  # fmt: skip
 
 
@@ -57,6 +59,27 @@ def test_a_spring_on_the_pressed_surface_takes_its_share(ratio):
     else:
         [text] = found
         assert f"{100 * share:.3g} % into spring piston on the pressed surface top" in text and "body block" in text
+
+
+@pytest.mark.parametrize("size", [1e-13, 1e-3])
+def test_loads_that_cancel_on_a_part_are_no_load(size):
+    """Equal pressures on opposite faces, which rounding or the mesh leaves a little of: shares of that say nothing."""
+    parts = force_balance(block(GUIDES, preload={"pressures": {"left": P, "right": P * (1 + size), "top": 1.0}}))
+    assert parts[0].loads > 1e3 * np.linalg.norm(parts[0].applied) and balance_warnings(parts) == []
+
+
+def test_a_static_state_that_exceeds_its_equations_in_a_sweep_is_told():
+    """p0/(k_n l) of a uniform pressure on l = √A; and a contact that may pull, of a block that friction tilts."""
+    pressed = block(GUIDES, mu=0.0)
+    assert not pressed.warnings
+    limit = 1e-3 * 1e12 * np.sqrt(AREA)
+    values, name = np.array([0.5, 2.0, 3.0]) * limit, "effects.preload.pressures.top"
+    [text] = preload_warnings(fe_squeal.sweep(pressed, values, name, modes=2), pressed)
+    assert text.startswith(f"at {name} = {values[-1]:g}, contact belt: p0/(k_n l) = 0.003")
+    tilted = block([{**GUIDES[0], "surface": "top"}, GUIDES[1]], mu=0.1, preload={"lift_off": False})
+    assert not tilted.warnings
+    [text] = preload_warnings(fe_squeal.sweep(tilted, [0.1, 3.0], "mu", modes=2), tilted)
+    assert text.startswith("at mu = 3, contact belt: ") and "of its area pulls" in text
 
 
 def test_supports_take_what_is_left_also_through_held_nodes():

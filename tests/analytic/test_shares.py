@@ -33,6 +33,8 @@ def random_terms(seed=3):
         "follower": Term("follower", "K", matrix("any"), False, {"mu": 1}),
         "circulatory": Term("circulatory", "K", matrix("skew"), False, skew=True),
         "loss": Term("loss", "K", 0.02 * matrix("definite"), True, imaginary=True),
+        "loss_of_friction": Term("loss_of_friction", "K", 0.02 * matrix("any"), False, {"mu": 1}, imaginary=True),
+        "loss_of_skew": Term("loss_of_skew", "K", 0.1 * matrix("skew"), False, skew=True, imaginary=True),
         "damper": Term("damper", "C", 0.01 * matrix("definite"), True),
         "slip": Term("slip", "C", 0.1 * matrix("any"), False, {"mu": 1}),
         "gyroscope": Term("gyroscope", "C", 0.3 * matrix("skew"), False, skew=True),
@@ -47,7 +49,8 @@ CONSERVATIVE = {"mass", "elastic", "spring", "gyroscope"}
     [
         ("follower", "nonsymmetric"), ("circulatory", "nonsymmetric"), ("follower gyroscope", "quadratic"),
         ("follower damper slip gyroscope", "quadratic"), ("follower loss", "complex"),
-        ("follower circulatory loss damper slip gyroscope", "complex"),
+        ("follower circulatory loss damper slip gyroscope", "complex"), ("loss_of_friction", "complex"),
+        ("follower loss_of_skew damper", "complex"),
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("mu", [0.1, 1.0])
