@@ -17,8 +17,8 @@ from ..problem.terms import POWER, Slot
 from .projection import Projection
 
 SAMPLES = 24  # random vectors per norm: residual norms come out within some 15 %
-# Right and left residuals have the same samples. Where they are equal, as of a symmetric problem, their product is χ² of
-# 24 degrees of freedom, by 24: it is below a third of what is right once in a thousand times.
+# Right and left residuals have the same samples. Where they are equal, as of a symmetric problem, their product is χ²
+# of 24 degrees of freedom, by 24: it is below a third of what is right once in a thousand times.
 _SPREAD = 3.0
 _SAMPLED_MODES = 8  # modes in which the size of the sums that cancel is compared with its estimate
 
