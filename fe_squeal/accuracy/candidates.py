@@ -25,6 +25,7 @@ from .adapt import finer_geometry, told
 from .bars import Parts, bar_of_parts
 from .groups import element_groups, singular_groups
 from .line_errors import LineErrors, line_errors
+from .own_mesh import own_mesh
 from .quantities import Split
 
 ORDER = 2  # of the elements: on every scene that was measured, order 1 takes many times as long for the same error
@@ -62,18 +63,26 @@ class Candidate:
 def first_candidate(scene: Scene) -> Candidate:
     """Return the first mesh: the scene's own with elements of order 2. All later ones have its gap tolerances.
 
-    A parametric mesh that the scene has with order 1 gets elements twice as long, and so about as many nodes as before.
+    Where the scene has a geometry beside a file, it is the mesh of the geometry. A parametric mesh that the scene has
+    with order 1 gets elements twice as long, and so about as many nodes as before.
+
+    Raises
+    ------
+    SceneError, MeshError
+        As `own_mesh`.
     """
     geometry = scene.mesh.geometry
-    if geometry is None or scene.mesh.order == ORDER:
-        words = "the scene's own mesh"
-        mesh = scene.mesh.model_copy(update={"order": ORDER} | ({} if geometry is None else {"file": None}))
-    else:
-        words = "the scene's own mesh, elements twice as long"
-        twice = geometry.model_copy(update={"size": 2 * geometry.size})
-        mesh = scene.mesh.model_copy(update={"order": ORDER, "file": None, _key(scene): twice})
+    words = "the scene's own mesh"
+    update: dict[str, object] = {"order": ORDER}
+    if geometry is not None:
+        words = words if scene.mesh.file is None else f"the mesh of [mesh.{_key(scene)}]"
+        update["file"] = None
+        if scene.mesh.order != ORDER:
+            words += ", elements twice as long"
+            update[_key(scene)] = geometry.resized(2 * geometry.edge_length)
+    mesh = scene.mesh.model_copy(update=update)
     changed = scene.model_copy(update={"mesh": mesh})
-    loaded = read_mesh(changed)
+    loaded = own_mesh(changed)
     return _candidate(with_gap_tolerances(changed, loaded), loaded, words)
 
 

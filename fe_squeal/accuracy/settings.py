@@ -18,6 +18,7 @@ from ..mesh.refining import refine
 from ..scene import Scene
 from ..sweep.sweep import MODES
 from ..version import __version__
+from .own_mesh import own_mesh
 
 _SIZES = (2.0, 2**0.5, 1.0, 2**-0.5, 0.5)  # times the scene's own size of elements, for a parametric geometry
 _LEVELS = 2  # how often a mesh from a file is refined, at most
@@ -159,7 +160,7 @@ def scene_at(scene: Scene, setting: Setting) -> tuple[Scene, LoadedMesh]:
         update={"modes": setting.modes, "max_frequency": None, "method": setting.method, "tolerance": setting.tolerance}
     )
     changed = scene.model_copy(update={"mesh": mesh, "solve": solve})
-    loaded = read_mesh(changed)
+    loaded = own_mesh(changed)
     if setting.refinement:
         changed = with_gap_tolerances(changed, loaded)
     for _ in range(setting.refinement):

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 
 from ..errors import MeshError, SceneError, suggest
 from ..mesh import LoadedMesh, volume_group
 from ..mesh.groups import find_facets
-from ..mesh.node_sets import find_nodes
+from ..mesh.node_sets import find_nodes, with_named_sets
+from ..mesh.raw import Ints
 from ..scene import Scene
-
-_FIND: dict[str, Callable[[LoadedMesh, str, str], object]] = {"surface": find_facets, "nodes": find_nodes}
 
 
 def check_names(scene: Scene, loaded: LoadedMesh) -> None:
@@ -33,27 +33,65 @@ def check_names(scene: Scene, loaded: LoadedMesh) -> None:
         raise type(faults[0])(" | ".join(str(f) for f in faults))
 
 
+def with_own_names(scene: Scene, loaded: LoadedMesh) -> LoadedMesh:
+    """Return the mesh with its groups and node sets under the names that the scene has for them.
+
+    Numbers of nodes, lists of them and names in another case mean something with the file alone that the mesh was read
+    from. Groups and node sets stay when the mesh is refined, or written as another file.
+
+    Raises
+    ------
+    SceneError, MeshError
+        As `check_names`.
+    """
+    check_names(scene, loaded)
+    mesh, names = loaded.mesh, list(_names(scene))
+    volumes = {group: volume_group(loaded, group) for kind, group, _ in names if kind == "volume"}
+    surfaces = {group: find_facets(loaded, group, "") for kind, group, _ in names if kind in ("surface", "counterface")}
+    if not (volumes.keys() <= (mesh.subdomains or {}).keys() and surfaces.keys() <= (mesh.boundaries or {}).keys()):
+        mesh = replace(
+            mesh, _subdomains=_renamed(mesh.subdomains, volumes), _boundaries=_renamed(mesh.boundaries, surfaces)
+        )
+    sets = with_named_sets(loaded, (group for kind, group, _ in names if kind == "nodes"))
+    return replace(sets, mesh=mesh) if mesh is not loaded.mesh else sets
+
+
+def _renamed(groups: Mapping[str, Ints] | None, named: Mapping[str, Ints]) -> dict[str, Ints]:
+    """Return groups with those that the scene names under its names alone."""
+    known = groups or {}
+    called = {name.casefold() for name in named if name not in known}
+    kept = {name: members for name, members in known.items() if name in named or name.casefold() not in called}
+    return {**kept, **named}
+
+
 def _look_ups(scene: Scene, loaded: LoadedMesh) -> Iterator[Callable[[], object]]:
     for name, body in scene.bodies.items():
         yield partial(_material, scene, name, body.material)
+    for kind, group, key in _names(scene):
+        yield partial(_FIND[kind], loaded, group, key)
+
+
+def _names(scene: Scene) -> Iterator[tuple[str, str, str]]:
+    """Yield the kind of each group of the mesh that a scene names, its name, and the key of the scene."""
+    for name, body in scene.bodies.items():
         key = f"bodies.{name}.groups" if body.groups else f"bodies.{name}"
         for group in body.groups or [name]:
-            yield partial(_volume, loaded, key, group)
+            yield "volume", group, key
     for i, support in enumerate(scene.supports):
-        yield partial(_FIND[support.kind], loaded, support.group, f"supports[{i}].{support.kind}")
+        yield support.kind, support.group, f"supports[{i}].{support.kind}"
     for key, table in scene.ties:
-        yield partial(_FIND[table.kind], loaded, table.group, f"{key}.{table.kind}")
+        yield table.kind, table.group, f"{key}.{table.kind}"
     for i, spring in enumerate(scene.springs):
-        yield partial(_FIND[spring.kind], loaded, spring.group, f"springs[{i}].{spring.kind}")
+        yield spring.kind, spring.group, f"springs[{i}].{spring.kind}"
         if spring.to is not None:
-            yield partial(_FIND[spring.kind], loaded, spring.to, f"springs[{i}].to")
+            yield spring.kind, spring.to, f"springs[{i}].to"
     for i, contact in enumerate(scene.contacts):
-        yield partial(find_facets, loaded, contact.surface, f"contacts[{i}].surface")
+        yield "surface", contact.surface, f"contacts[{i}].surface"
         if not contact.is_rigid:
-            yield partial(find_facets, loaded, contact.counterface, f"contacts[{i}].counterface", "rigid")
+            yield "counterface", contact.counterface, f"contacts[{i}].counterface"
     for effect in scene.effects.on.values():
         for path, group in effect.surfaces().items():
-            yield partial(find_facets, loaded, group, path)
+            yield "surface", group, path
 
 
 def _material(scene: Scene, body: str, material: str) -> None:
@@ -61,8 +99,17 @@ def _material(scene: Scene, body: str, material: str) -> None:
         raise SceneError(f'bodies.{body}.material: no material "{material}"{suggest(material, scene.materials)}')
 
 
-def _volume(loaded: LoadedMesh, key: str, group: str) -> None:
+def _volume(loaded: LoadedMesh, group: str, key: str) -> None:
     try:
         volume_group(loaded, group)
     except MeshError as error:
         raise MeshError(f"{key}: {error}") from error
+
+
+def _counterface(loaded: LoadedMesh, group: str, key: str) -> None:
+    find_facets(loaded, group, key, "rigid")
+
+
+_FIND: dict[str, Callable[[LoadedMesh, str, str], object]] = {
+    "volume": _volume, "surface": find_facets, "counterface": _counterface, "nodes": find_nodes,
+}  # fmt: skip

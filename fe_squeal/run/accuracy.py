@@ -15,9 +15,7 @@ from rich.table import Table
 from ..accuracy.choose import Choice, choose
 from ..accuracy.quantities import KINDS
 from ..accuracy.study import Study, run_study
-from ..assembly.bodies import find_bodies, scene_mesh
 from ..assembly.contacts import closed_by_default
-from ..assembly.units import require_si
 from ..errors import INTERRUPTED, NotConvergedError, SceneError
 from ..mesh.writing import write_loaded
 from ..report.accuracy import accuracy_page, plot_accuracy
@@ -26,6 +24,7 @@ from ..report.files import replace_atomically, write_csv
 from ..report.terminal import print_table
 from ..scene import MatrixScene, Scene
 from ..scene.solver import solver_of
+from .accuracy_checks import checked_mesh, with_mesh
 from .folder import (
     ACCURACY_FIGURE,
     ACCURACY_PAGE,
@@ -80,9 +79,9 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
     NotConvergedError
         No setting could be measured within the budget.
     """
-    whole = _with_mesh(scene, "accuracy")
+    whole = with_mesh(scene, "accuracy")
     solver_of(whole)  # raises SceneError if the solver is not installed, before anything is measured
-    check_units(whole)
+    checked_mesh(whole, lambda text: console.print(text, markup=False))
     if budget is not None and not budget > 0:
         raise SceneError(f"--budget: given {budget:g}; expected a number of seconds above 0")
     with hold_folder(out, input_files(whole)) as held:
@@ -172,22 +171,22 @@ def run_to_accuracy(
     NotConvergedError
         The target is not met; the results of the mesh that comes nearest are in the folder.
     """
-    whole = _with_mesh(scene, "--accuracy")
+    whole = with_mesh(scene, "--accuracy")
     if what not in ("all", *KINDS):
         raise SceneError(f"--accuracy-of: given {what}; expected one of onsets, growth, frequencies, all")
     kinds = KINDS if what == "all" else (what,)
     solver, measured = solver_of(whole), read_measured(whole)
-    check_units(whole)
     start = time.perf_counter()
 
     def tell(text: str) -> None:
         console.print(text, markup=False)
 
+    own = checked_mesh(whole, tell, nested=True)
     with hold_folder(out, input_files(whole)) as held:
         held.check(is_result)
         held.check(is_kept)
         failure, stopped = None, False
-        kept = KeptSearch(held, run_inputs(whole, scene_mesh(whole) if whole.mesh.geometry is None else None))
+        kept = KeptSearch(held, run_inputs(whole, own if whole.mesh.geometry is None else None))
         earlier = kept.load(whole) if resume else None
         for trial in earlier[0] if earlier is not None else ():
             tell(str(trial))
@@ -250,20 +249,3 @@ def _used_again(choice: Choice, scene: Scene, out: Path) -> str:
         return text
     counts = (f"{key} = {line.elements}" for key, line in geometry.lines.items())
     return f"{text}, or the scene's own table of the geometry with {', '.join([*counts, *geometry.placing])}"
-
-
-def check_units(scene: Scene) -> None:
-    """Raise SceneError if numbers of a scene cannot be in SI units; it is called before anything is measured."""
-    mesh = scene_mesh(scene)
-    assert mesh is not None
-    where = f"{scene.source}: " if scene.source is not None else ""
-    try:
-        require_si(scene, mesh.mesh, find_bodies(scene, mesh))
-    except SceneError as error:
-        raise SceneError(f"{where}{error}") from error
-
-
-def _with_mesh(scene: Scene | MatrixScene, what: str) -> Scene:
-    if isinstance(scene, MatrixScene):
-        raise SceneError(f"{what}: the scene has matrices instead of a mesh; expected one with [mesh]")
-    return scene
