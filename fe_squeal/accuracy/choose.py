@@ -10,13 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..assembly.assembly import Assembly
-from ..assembly.swept import swept
+from ..assembly.swept import keeps_shapes, swept
 from ..eigen.memory import TooLargeError, memory_text, require_memory
 from ..eigen.threads import one_openblas_thread
 from ..errors import NotConvergedError, SceneError
 from ..mesh import LoadedMesh
 from ..problem.problem import Problem
 from ..scene import Scene
+from ..scene.solver import solver_of
 from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
 from .candidates import Candidate, finer_candidate, first_candidate, first_order_bars, next_candidate
@@ -148,7 +149,7 @@ def choose(
             keep(trials, candidate)
             start = time.perf_counter()
             problem = Assembly(candidate.scene, candidate.loaded).problem({})
-            solver = candidate.scene.solve.linear_solver
+            solver = solver_of(candidate.scene)
             with finer_mesh_ahead(problem) or nullcontext() as ahead:
                 result = _swept(candidate.scene, problem)
                 refined = refine_problem(result, solver, ahead)
@@ -163,7 +164,7 @@ def choose(
             trial = Trial(candidate.told, result.problem.unknowns, error, time.perf_counter() - start)
             trials.append(trial)
             tell(str(trial))
-            if nearest is None or not nearest.trial.error <= error:
+            if nearest is None or _known(error) <= _known(nearest.trial.error):
                 nearest = _Nearest(trial, candidate, result, split)
             if error <= target:
                 return _picked(nearest, trials)
@@ -194,6 +195,11 @@ def choose(
         raise KeyboardInterrupt(_picked(nearest, trials, bars=False)) from stop
 
 
+def _known(error: float) -> float:
+    """Return an error so that one that is not known counts as larger than any other."""
+    return np.inf if np.isnan(error) else error
+
+
 def _moved(before: Candidate, then: Candidate) -> bool:
     """Return whether elements of a parametric mesh lie elsewhere than before: graded, or aligned with an edge."""
     own, other = before.scene.mesh.geometry, then.scene.mesh.geometry
@@ -205,7 +211,7 @@ def _swept(scene: Scene, problem: Problem) -> Sweep:
     solve = scene.solve
     return sweep(
         problem, grid, parameter, modes=solve.modes, max_frequency=solve.max_frequency, tolerance=solve.tolerance,
-        keep_shapes=scene.output.shapes == "all", method=solve.method, linear_solver=solve.linear_solver,
+        keep_shapes=keeps_shapes(scene), method=solve.method, linear_solver=solver_of(scene),
     )  # fmt: skip
 
 
@@ -213,12 +219,15 @@ def _picked(nearest: _Nearest, trials: list[Trial], bars: bool = True) -> Choice
     """Return the choice; with `bars` the error of the mesh is put on its sweep if it is not there yet."""
     result, (scene, loaded) = nearest.result, (nearest.candidate.scene, nearest.candidate.loaded)
     if bars and result.points[0].discretisation is None:
-        result = with_discretisation(result, scene.solve.linear_solver)
+        result = with_discretisation(result, solver_of(scene))
     return Choice(scene, loaded, result, (*(t for t in trials if t is not nearest.trial), nearest.trial), nearest.split)
 
 
 def _missed(target: float, nearest: _Nearest, trials: list[Trial], why: str) -> NotConvergedError:
+    # Of trials before an interruption there is no result any more, so that one of them may be nearer.
+    best = min(_known(trial.error) for trial in trials)
+    which = "nearest" if _known(nearest.trial.error) <= best else "nearest since the search was resumed"
     return NotConvergedError(
-        f"the target of {100 * target:g} % is not met; nearest: {nearest.trial} ({why})",
+        f"the target of {100 * target:g} % is not met; {which}: {nearest.trial} ({why})",
         partial=_picked(nearest, trials),
     )

@@ -10,6 +10,7 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from itertools import compress
 from multiprocessing.connection import Connection
 
 import numpy as np
@@ -22,6 +23,7 @@ from ..eigen.memory import peak_memory_mib
 from ..errors import NotConvergedError, SquealError, TooLargeError
 from ..process.isolation import isolated_children
 from ..scene import Scene
+from ..scene.solver import solver_of
 from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
 from .adapt import finer_geometry
@@ -119,13 +121,13 @@ def measure(
     probes = _choose(assembly) if probes is None else probes
     parameter, grid = swept(changed, problem)
     count = min(setting.modes, problem.unknowns)
-    solver = changed.solve.linear_solver
+    solver = solver_of(changed)
     result = sweep(
         problem, grid, parameter, modes=count, tolerance=setting.tolerance, keep_shapes=True, method=setting.method,
         linear_solver=solver,
     )  # fmt: skip
     seconds |= dict(result.seconds)
-    at = _at(assembly, probes)
+    at, own = _at(assembly, probes), [not point.between for point in result.points]  # of the points: those of the grid
     if len(result.points) == 1:
         first = result.points[0].shapes
     elif result.reduced_model is not None:
@@ -151,14 +153,14 @@ def measure(
                 finer = _finer(result, refined, corrections)
     return Measurement(
         unknowns=problem.unknowns, seconds=seconds, peak_memory_mib=np.nan if peak is None else peak,
-        values=np.array(grid), lam=_padded([p.modes.lam for p in result.points if not p.between]),
+        values=np.array(grid), lam=_padded([p.modes.lam for p in compress(result.points, own)]),
         first=np.stack([at @ first[i] for i in range(len(result.points[0].modes))], axis=1),
         last=np.stack([at @ result.points[-1].shapes[i] for i in range(len(result.points[-1].modes))], axis=1),
         onsets=np.array([
             (o.value, o.frequency_hz, o.kind == "flutter", o.direction == "into", o.branch_a,
              np.nan if o.branch_b is None else o.branch_b) for o in result.onsets
         ], float).reshape(-1, 6),
-        changes=_padded(list(changes.modes)), onset_changes=np.array(changes.onsets, float), finer=finer,
+        changes=_padded(list(compress(changes.modes, own))), onset_changes=np.array(changes.onsets, float), finer=finer,
     ), probes  # fmt: skip
 
 

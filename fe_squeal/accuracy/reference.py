@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from ..sweep.onset import Onset
-from .bars import EXTRAPOLATED, onset_scale
+from .bars import BARS, EXTRAPOLATED, onset_scale
 from .estimate import COMPARED
 from .measure import Measurement
 from .onset_pairs import pair_onsets
@@ -17,7 +17,8 @@ from .onset_pairs import pair_onsets
 # are between 0 and 1; from a cost of _NO_MATCH on they are different modes.
 _FREQUENCY = 0.1
 _NO_MATCH = 1.5
-_UNSURE = 0.4  # times the change: how far from EXTRAPOLATED times the change the error may be
+# Times the change: how far from EXTRAPOLATED times the change the error may be, with elements of order 2.
+_UNSURE = BARS[2] - EXTRAPOLATED
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,8 @@ def as_reference(m: Measurement) -> Reference:
 def reference_of(m: Measurement) -> Reference:
     """Return a reference with its uncertainty: a result, extrapolated by what refining its mesh once changes.
 
-    The change is between 1/2 and 15/16 of the error, see `bars`, so the reference is `EXTRAPOLATED` times the change
-    away. Without changes the result itself is the reference.
+    The error is 16/15 to 2 times the change, see `bars`. So the reference is `EXTRAPOLATED` times the change away, and
+    uncertain by what is left from there to 2 times. Without changes the result itself is the reference.
     """
     if not len(m.changes):
         return as_reference(m)

@@ -16,6 +16,7 @@ from ..mesh import LoadedMesh
 from ..mesh.digest import mesh_digest
 from ..mesh.refining import refine
 from ..scene import Scene
+from ..scene.solver import solver_of
 from ..sweep.sweep import MODES
 from ..version import __version__
 from .own_mesh import own_mesh
@@ -137,7 +138,7 @@ def _modes(scene: Scene) -> int:
     if scene.solve.max_frequency is None:
         return scene.solve.modes or MODES
     pencil = symmetric_part(assemble(scene).pencil())
-    below = count_below(pencil, 2 * np.pi * scene.solve.max_frequency, scene.solve.linear_solver)
+    below = count_below(pencil, 2 * np.pi * scene.solve.max_frequency, solver_of(scene))
     return (below or MODES) + 1
 
 

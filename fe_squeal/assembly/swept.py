@@ -1,4 +1,4 @@
-"""What a scene asks to be swept."""
+"""What a scene asks to be swept, and to be kept of it."""
 
 from __future__ import annotations
 
@@ -12,3 +12,8 @@ def swept(scene: Scene | MatrixScene, problem: Problem) -> tuple[str, list[float
     if scene.sweep is None:
         return MU, [problem.parameters.get(MU, 0.0)]
     return scene.sweep.parameter, [float(v) for v in scene.sweep.grid]
+
+
+def keeps_shapes(scene: Scene | MatrixScene) -> bool:
+    """Return whether a sweep keeps the shapes of all modes, to be written or compared with measured ones."""
+    return scene.output.shapes == "all" or any(entry.file is not None for entry in scene.measured)

@@ -19,7 +19,7 @@ from ..assembly.assembly import assemble
 from ..assembly.bodies import scene_mesh
 from ..assembly.discretisation import discretisation_of
 from ..assembly.forces import balance_warnings, force_balance
-from ..assembly.swept import swept
+from ..assembly.swept import keeps_shapes, swept
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import peak_memory_mib, refuse_shortage, release_freed
 from ..errors import INTERRUPTED, InputError, NotConvergedError, SceneError
@@ -207,10 +207,9 @@ def sweep_scene(
     """
     parameter, values = swept(scene, problem)
     solver = solver_of(scene)
-    compared = any(entry.file is not None for entry in scene.measured)  # files may have shapes to compare modes with
     options = {
         "modes": scene.solve.modes, "max_frequency": scene.solve.max_frequency, "tolerance": scene.solve.tolerance,
-        "keep_shapes": scene.output.shapes == "all" or compared, "method": scene.solve.method,
+        "keep_shapes": keeps_shapes(scene), "method": scene.solve.method,
         "precise": precise, "store": store, "linear_solver": solver,
     }  # fmt: skip
     solve = scene.solve

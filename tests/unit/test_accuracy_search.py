@@ -1,0 +1,95 @@
+"""What a search for a mesh, and a study of accuracy, take over from the scene and from each other's results."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from accuracy_scene import TINY
+
+from fe_squeal.accuracy import choose as choosing
+from fe_squeal.accuracy.choose import Trial, choose
+from fe_squeal.accuracy.measure import measure
+from fe_squeal.accuracy.reference import errors_of, reference_of
+from fe_squeal.accuracy.settings import own_setting
+from fe_squeal.cli import main
+from fe_squeal.eigen.linear import choice
+from fe_squeal.eigen.linear.mumps import MumpsOptions
+from fe_squeal.eigen.linear.superlu import SUPERLU
+from fe_squeal.errors import NotConvergedError
+from fe_squeal.scene.file import load_scene
+
+TWO = TINY.replace("size = 0.02", "size = 0.04").replace("points = 3", "points = 2")  # of two hexahedra
+QUIET = '[output]\nreport = false\nshapes = "none"\n'
+
+
+def written(folder, text, name="block.toml"):
+    (folder / name).write_text(text, encoding="utf-8")
+    return folder / name
+
+
+def test_a_window_between_two_values_is_none_of_the_values(tmp_path):
+    """The sweep looks there too, where modes meet and part again; rows of eigenvalues and changes are of the values."""
+    text = TWO.replace("height = 0.02", "height = 0.015").replace("mu = 0.4", "mu = 0.19")
+    text = text.replace("modes = 8", "modes = 6").replace('parameter = "mu"\nfrom = 0.0\nto = 0.6\npoints = 2', (
+        'parameter = "contacts.belt.normal_stiffness"\nvalues = [3e10, 5e10]'
+    )).replace("[[contacts]]", '[[contacts]]\nname = "belt"')
+    scene = load_scene(written(tmp_path, text))
+    found, _ = measure(scene, replace(own_setting(scene), method="direct"), None, True)
+    assert ((found.onsets[:, 0] > 3e10) & (found.onsets[:, 0] < 5e10)).sum() == 2  # in and out again
+    assert found.lam.shape == found.changes.shape and len(found.lam) == 2
+    errors = errors_of(found, reference_of(found))
+    assert 0 < errors.frequency < 0.1
+
+
+def test_options_of_mumps_reach_every_solve(tmp_path, monkeypatch):
+    """In a search and in a measurement; SuperLU stands in for MUMPS, whose word alone would lose the options."""
+    asked = []
+    monkeypatch.setattr(choice, "has_mumps", lambda: True)
+    monkeypatch.setattr(choice, "MUMPS", None)
+    monkeypatch.setattr(choice, "Mumps", lambda options: asked.append(options) or SUPERLU)
+    text = f'{TWO}max_frequency = 5000.0\nlinear_solver = "mumps"\n[solve.mumps]\nlow_rank = 1e-9\n'
+    scene = load_scene(written(tmp_path, text.replace("modes = 8\n", "")))
+    measure(scene, own_setting(scene), None, True)
+    choose(scene, 0.9, kinds=("frequencies",))
+    assert set(asked) == {MumpsOptions(low_rank=1e-9)}
+
+
+@pytest.mark.slow
+def test_measured_shapes_are_compared_with_every_mode(tmp_path):
+    """As a plain run on the same mesh does."""
+    (tmp_path / "shape.csv").write_text(
+        "x,y,z,uz_re\n" + "".join(f"{x},{y},0.02,{1 + x}\n" for x in (-0.04, 0.0, 0.04) for y in (-0.02, 0.02)), "utf-8"
+    )
+    path = written(tmp_path, f'{TWO}{QUIET}[[measured]]\nfile = "shape.csv"\n')
+    for name, more in (("plain", ()), ("search", ("--accuracy", "0.9", "--accuracy-of", "frequencies"))):
+        assert main(["run", str(path), "-o", str(tmp_path / name), *more]) == 0
+    plain, search = (pd.read_csv(tmp_path / name / "mac.csv") for name in ("plain", "search"))
+    assert len(search) == 8
+    pd.testing.assert_frame_equal(search, plain, rtol=1e-4)
+
+
+@pytest.mark.parametrize(("errors", "nearest"), [([0.5, np.nan], 0), ([np.nan, 0.5], 1), ([np.nan, np.nan], 1)])
+def test_a_trial_whose_error_is_not_known_is_nearer_than_none(tmp_path, monkeypatch, errors, nearest):
+    scene, given = load_scene(written(tmp_path, TWO)), iter(errors)
+    monkeypatch.setattr(choosing, "_RUNS", 2)
+    monkeypatch.setattr(choosing, "first_order_bars", lambda *_: np.array([next(given)]))
+    monkeypatch.setattr(choosing, "next_candidate", lambda candidate, *_: candidate)
+    with pytest.raises(NotConvergedError, match="not met; nearest: ") as caught:
+        choose(scene, 1e-3)
+    trials = caught.value.partial.trials
+    assert len(trials) == 2 and trials[-1].unknowns == sorted(t.unknowns for t in trials)[nearest]
+    np.testing.assert_equal(trials[-1].error, errors[nearest])
+
+
+def test_nearest_of_a_resumed_search_is_told_as_such(tmp_path, monkeypatch):
+    """Of the trials before the interruption there is no result any more, so that another one is written."""
+    scene = load_scene(written(tmp_path, TWO))
+    monkeypatch.setattr(choosing, "_RUNS", 1)
+    monkeypatch.setattr(choosing, "first_order_bars", lambda *_: np.array([0.5]))
+    for before, words in ((0.4, "nearest since the search was resumed: "), (0.6, "nearest: ")):
+        earlier = [Trial("before", 100, before, 1.0)], choosing.first_candidate(scene)
+        with pytest.raises(NotConvergedError, match=f"not met; {words}the scene's own mesh"):
+            choose(scene, 1e-3, earlier=earlier)
