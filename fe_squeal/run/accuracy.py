@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 
-import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-from rich.table import Table
 
 from ..accuracy.choose import Choice, choose
 from ..accuracy.quantities import KINDS
 from ..accuracy.study import Study, run_study
-from ..assembly.contacts import closed_by_default
 from ..errors import INTERRUPTED, NotConvergedError, SceneError
 from ..mesh.writing import write_loaded
 from ..report.accuracy import accuracy_page, plot_accuracy
 from ..report.advice import QUANTITIES, advice
 from ..report.files import replace_atomically, write_csv
-from ..report.terminal import print_table
 from ..scene import MatrixScene, Scene
 from ..scene.solver import solver_of
 from .accuracy_checks import checked_mesh, with_mesh
@@ -39,16 +35,16 @@ from .folder import (
     is_result,
     remove_results,
 )
+from .found_mesh import print_trials, used_again
 from .inputs import input_files, run_inputs
 from .measured import read_measured
 from .measurements import MeasurementFolder
 from .mesh_error import write_mesh_error
 from .page import write_accuracy_report, write_run_report
 from .record import write_record
+from .resume import show_finished
 from .run import report_sweep, write_results
-from .search import KeptSearch
-
-_MESH = 44  # characters of the words for a mesh in one line of a table, which then fits into 80
+from .search import KeptSearch, search_inputs
 
 
 def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget: float | None) -> int:
@@ -155,7 +151,7 @@ def run_to_accuracy(
     what : "onsets", "growth", "frequencies" or "all"
         Which quantities are to meet the target.
     resume : bool
-        Whether to continue an interrupted search with the mesh that it was about to try.
+        Whether to continue an interrupted search with the mesh that it was about to try, or to show a finished one.
 
     Returns
     -------
@@ -165,7 +161,8 @@ def run_to_accuracy(
     Raises
     ------
     SceneError
-        The scene has no mesh, its numbers cannot be in SI units, or `target` or `what` is wrong.
+        The scene has no mesh, its numbers cannot be in SI units, or `target` or `what` is wrong. With `resume`: what
+        the folder has is of another scene or target.
     OutputError
         The folder cannot be used.
     NotConvergedError
@@ -183,11 +180,19 @@ def run_to_accuracy(
 
     own = checked_mesh(whole, tell, nested=True)
     with hold_folder(out, input_files(whole)) as held:
+        inputs = search_inputs(whole, own, target, what)
+        kept = KeptSearch(held, inputs)
+        if resume and kept.is_finished():
+            if whole.output.report and not (out / REPORT).exists():
+                write_run_report(out, out / REPORT)
+            held.remove(is_kept)
+            return show_finished(out, console)
         held.check(is_result)
         held.check(is_kept)
         failure, stopped = None, False
-        kept = KeptSearch(held, run_inputs(whole, own if whole.mesh.geometry is None else None))
         earlier = kept.load(whole) if resume else None
+        if resume and earlier is None:
+            tell(f"nothing to resume in {out}: the search starts anew")
         for trial in earlier[0] if earlier is not None else ():
             tell(str(trial))
         try:
@@ -208,9 +213,11 @@ def run_to_accuracy(
         seconds = {f"trial {i}": trial.seconds for i, trial in enumerate(choice.trials, 1)}
         seconds |= {**choice.result.seconds, "total": time.perf_counter() - start}
         status = "interrupted" if stopped else "complete" if failure is None else "not converged"
-        inputs = run_inputs(choice.scene, choice.mesh)
-        problem = choice.result.problem
-        write_record(choice.scene, problem, choice.result, seconds, status, inputs, solver, out, measured, said)
+        search = {"target": target, "of": what, "trials": [asdict(t) for t in choice.trials], "inputs": inputs}
+        found, problem = run_inputs(choice.scene, choice.mesh), choice.result.problem
+        write_record(
+            choice.scene, problem, choice.result, seconds, status, found, solver, out, measured, said, search
+        )
         if choice.scene.output.report:
             write_run_report(out, out / REPORT)
         if not stopped:
@@ -218,34 +225,11 @@ def run_to_accuracy(
         report_sweep(choice.scene, choice.result, out, console, seconds["total"])
         for text in (*(f"note: {note}" for note in measured.notes), *(f"warning: {warning}" for warning in said)):
             tell(text)
-        _print_trials(choice, target, console)
-        console.print(_used_again(choice, whole, out), markup=False)
+        print_trials(choice, target, console)
+        console.print(used_again(choice, whole, out), markup=False)
     if stopped:
         print(f"interrupted: what came nearest to the target until then is in {out}", file=sys.stderr)
         return INTERRUPTED
     if failure is not None:
         raise NotConvergedError(f"{failure}; what comes nearest is in {out}")
     return 0
-
-
-def _print_trials(choice: Choice, target: float, console: Console) -> None:
-    table = Table(title=f"Meshes tried for {100 * target:g} %", title_justify="left", box=SIMPLE_HEAD)
-    table.add_column("mesh", max_width=_MESH)
-    for head in ("unknowns", "error, %", "seconds"):
-        table.add_column(head, justify="right")
-    for t in choice.trials:
-        error = f"{100 * t.error:.2g}" if np.isfinite(t.error) else "not known"
-        table.add_row(t.mesh, str(t.unknowns), error, f"{t.seconds:.1f}")
-    print_table(table, console)
-
-
-def _used_again(choice: Choice, scene: Scene, out: Path) -> str:
-    """Return a sentence on how to use the mesh that was found in a scene."""
-    geometry = choice.scene.mesh.geometry
-    closed = ", ".join(closed_by_default(choice.result.problem, scene, choice.scene))
-    order = f"order = {choice.scene.mesh.order}{f' and {closed}' if closed else ''}"
-    text = f"the mesh is {out / MESH}; with {order}, [mesh] takes it as its file"
-    if geometry is None or geometry.element != "hex":
-        return text
-    counts = (f"{key} = {line.elements}" for key, line in geometry.lines.items())
-    return f"{text}, or the scene's own table of the geometry with {', '.join([*counts, *geometry.placing])}"

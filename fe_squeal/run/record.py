@@ -28,7 +28,7 @@ from .view import view_axis
 def write_record(
     scene: Scene | MatrixScene, problem: Problem, result: Sweep | None, seconds: dict[str, float], status: str,
     inputs: Mapping[str, Any], solver: LinearSolver, out: Path, measured: Measurements = NOTHING_MEASURED,
-    more_warnings: Sequence[str] = (),
+    more_warnings: Sequence[str] = (), search: Mapping[str, Any] | None = None,
 ) -> None:  # fmt: skip
     """Write run.json.
 
@@ -52,6 +52,8 @@ def write_record(
     measured : Measurements
     more_warnings : sequence of str
         Warnings in addition to those of the scene and of the sweep.
+    search : mapping, optional
+        Where the mesh was searched for: the target, the trials, and what the search depends on.
     """
     discretisation, parts = discretisation_of(problem), force_balance(problem)
     swept = problem if result is None else result.problem  # which has the terms that are zero in the scene itself
@@ -91,6 +93,7 @@ def write_record(
         ],
         "measured": [] if result is None else measured_record(measured, result, frequency_range(scene, result)),
         "inputs": inputs,
+        **({} if search is None else {"search": search}),
     }
     write_json(record, out / RECORD)
 

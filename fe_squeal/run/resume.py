@@ -36,11 +36,16 @@ def is_finished(out: Path, checkpoint: Checkpoint, inputs: Mapping[str, Any]) ->
     else:
         return False
     if found:
-        raise SceneError(
-            f"{out}: {what} another one: {joined_differences(found)}; run without --resume to start anew, or give"
-            " another folder by -o"
-        )
+        raise another_run(out, what, found)
     return finished
+
+
+def another_run(out: Path, what: str, found: list[str]) -> SceneError:
+    """Return the error that what a folder has is of another run, which differs in what was `found`."""
+    return SceneError(
+        f"{out}: {what} another one: {joined_differences(found)}; run without --resume to start anew, or give another"
+        " folder by -o"
+    )
 
 
 def is_estimated(out: Path) -> bool:

@@ -18,15 +18,16 @@ from pydantic import BaseModel, ConfigDict, Field
 from ..accuracy.candidates import Candidate, restored
 from ..accuracy.choose import Trial
 from ..accuracy.line_errors import LineErrors
-from ..errors import OutputError, SceneError
-from ..mesh import load_mesh
+from ..errors import OutputError
+from ..mesh import LoadedMesh, load_mesh
 from ..mesh.writing import write_loaded
 from ..report.files import replace_atomically, write_json
 from ..scene import Scene
 from .checkpoint import read_json
-from .folder import CHECKPOINT, NEXT_MESH, SEARCH
-from .inputs import differences, joined_differences
+from .folder import CHECKPOINT, NEXT_MESH, RECORD, SEARCH
+from .inputs import differences, run_inputs
 from .manifest import Manifest
+from .resume import another_run
 
 _Number = float | None  # None: not finite, which JSON has no number for
 
@@ -65,6 +66,21 @@ class _Kept(_Table):
     before: _Before | None
 
 
+def search_inputs(scene: Scene, mesh: LoadedMesh, target: float, what: str) -> dict[str, Any]:
+    """Return what a search depends on: what a run does, see `run_inputs`, and the target under the option's name.
+
+    Parameters
+    ----------
+    scene : Scene
+    mesh : LoadedMesh
+        The mesh from which others are made; that of a geometry follows from the scene.
+    target : float
+    what : "onsets", "growth", "frequencies" or "all"
+    """
+    inputs = run_inputs(scene, mesh if scene.mesh.geometry is None else None)
+    return {**inputs, "scene": {**inputs["scene"], "--accuracy": target, "--accuracy-of": what}}
+
+
 class KeptSearch:
     """The search that is kept in a folder of results.
 
@@ -73,7 +89,7 @@ class KeptSearch:
     results : Manifest
         The manifest of the folder.
     inputs : mapping
-        What the search depends on, see `run_inputs`.
+        What the search depends on, see `search_inputs`.
     """
 
     def __init__(self, results: Manifest, inputs: Mapping[str, Any]) -> None:
@@ -95,6 +111,26 @@ class KeptSearch:
         others = {f"{CHECKPOINT}/{NEXT_MESH.format(n)}" for n in range(len(trials))}
         self._results.remove(others.__contains__)
 
+    def is_finished(self) -> bool:
+        """Return whether the folder has all results of this search, by run.json.
+
+        False means that it has a search to go on with, results of this search that miss the target, or nothing.
+
+        Raises
+        ------
+        SceneError
+            It has results of another search, or of a run that is none, and no search to go on with.
+        """
+        record = read_json(self._out / RECORD)
+        if not isinstance(record, dict):
+            return False
+        searched, finished = record.get("search"), record.get("status") == "complete"
+        known = searched.get("inputs") if isinstance(searched, dict) else record.get("inputs")
+        found = differences(known, self._inputs)
+        if found and not (self._out / SEARCH).exists():
+            raise another_run(self._out, "the finished results are of" if finished else "the results are of", found)
+        return finished and not found
+
     def load(self, scene: Scene) -> tuple[list[Trial], Candidate] | None:
         """Return the trials so far and the mesh that is tried next, or None if nothing was kept.
 
@@ -111,10 +147,7 @@ class KeptSearch:
         found = read_json(path)
         another = differences(found.get("inputs") if isinstance(found, dict) else None, self._inputs)
         if another:
-            raise SceneError(
-                f"{self._out}: the interrupted run was another one: {joined_differences(another)}; run without --resume"
-                " to start anew, or give another folder by -o"
-            )
+            raise another_run(self._out, "the interrupted run was", another)
         try:
             kept = _Kept.model_validate(found)
             trials = [Trial(t.mesh, t.unknowns, np.nan if t.error is None else t.error, t.seconds) for t in kept.trials]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import tomllib
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -10,15 +13,17 @@ import pytest
 from accuracy_scene import TINY
 
 from fe_squeal.accuracy import choose as choosing
-from fe_squeal.accuracy.choose import Trial, choose
+from fe_squeal.accuracy.choose import Choice, Trial, choose
 from fe_squeal.accuracy.measure import measure
 from fe_squeal.accuracy.reference import errors_of, reference_of
 from fe_squeal.accuracy.settings import own_setting
+from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.cli import main
 from fe_squeal.eigen.linear import choice
 from fe_squeal.eigen.linear.mumps import MumpsOptions
 from fe_squeal.eigen.linear.superlu import SUPERLU
 from fe_squeal.errors import NotConvergedError
+from fe_squeal.run.found_mesh import used_again
 from fe_squeal.scene.file import load_scene
 
 TWO = TINY.replace("size = 0.02", "size = 0.04").replace("points = 3", "points = 2")  # of two hexahedra
@@ -93,3 +98,64 @@ def test_nearest_of_a_resumed_search_is_told_as_such(tmp_path, monkeypatch):
         earlier = [Trial("before", 100, before, 1.0)], choosing.first_candidate(scene)
         with pytest.raises(NotConvergedError, match=f"not met; {words}the scene's own mesh"):
             choose(scene, 1e-3, earlier=earlier)
+
+
+@pytest.mark.slow
+def test_what_is_finished_is_shown_again_and_never_replaced_by_another(tmp_path, capsys, monkeypatch):
+    """--resume of another scene, another target or other quantities, and of a search where a plain run was."""
+    path, out = written(tmp_path, TWO + QUIET), tmp_path / "out"
+    other = written(tmp_path, TWO.replace("2.0e9", "3.0e9") + QUIET, "other.toml")
+    run, frequencies = ["-o", str(out), "--accuracy"], ["--accuracy-of", "frequencies"]
+    assert main(["run", str(path), *run, "0.9", *frequencies]) == 0
+    record = json.loads((out / "run.json").read_text("utf-8"))
+    assert record["search"]["target"] == 0.9 and record["search"]["of"] == "frequencies"
+    assert [t["unknowns"] for t in record["search"]["trials"]] == [record["unknowns"]]
+    files = {p.name: p.read_bytes() for p in out.iterdir()}
+    with monkeypatch.context() as patched:
+        patched.setattr("fe_squeal.run.accuracy.choose", lambda *_: pytest.fail("nothing is left to solve"))
+        capsys.readouterr()
+        assert main(["run", str(path), *run, "0.9", *frequencies, "--resume"]) == 0
+        said = capsys.readouterr().out
+        assert "are complete: nothing is left to resume" in said and "0.32350341" in said
+        for scene, more, words in (
+            (other, ["0.9", *frequencies], "materials.lining.youngs_modulus is 2000000000.0 there and"),
+            (path, ["0.8", *frequencies], "--accuracy is 0.9 there and 0.8 here"),
+            (path, ["0.9"], "--accuracy-of is 'frequencies' there and 'all' here"),
+        ):
+            assert main(["run", str(scene), *run, *more, "--resume"]) == 2
+            assert f"{out}: the finished results are of another one: {words}" in capsys.readouterr().err
+        assert files == {p.name: p.read_bytes() for p in out.iterdir()}
+        assert main(["run", str(path), "-o", str(out)]) == 0
+        assert main(["run", str(path), *run, "0.9", "--resume"]) == 2
+        assert "are of another one: --accuracy is not given there and 0.9 here" in capsys.readouterr().err
+
+
+def test_a_search_for_another_target_is_not_resumed(tmp_path, capsys, monkeypatch):
+    """The trials that are kept are those of its target and quantities."""
+    path, out = written(tmp_path, TWO), tmp_path / "out"
+
+    def stops(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(choosing, "_swept", stops)
+    run = ["run", str(path), "-o", str(out), "--accuracy"]
+    assert main([*run, "0.1", "--resume"]) == 130
+    assert f"nothing to resume in {out}: the search starts anew" in " ".join(capsys.readouterr().out.split())
+    for more, words in ((["0.2"], "--accuracy is 0.1 there"), (["0.1", "--accuracy-of", "onsets"], "--accuracy-of is")):
+        assert main([*run, *more, "--resume"]) == 2
+        assert f"the interrupted run was another one: {words}" in " ".join(capsys.readouterr().err.split())
+    assert main([*run, "0.1", "--resume"]) == 130
+
+
+@pytest.mark.parametrize(("refinement", "words"), [(1, "layers = 1"), (2, "layers = 2, refinement = 1")])
+def test_numbers_of_elements_that_are_told_give_the_same_mesh(tmp_path, refinement, words):
+    """Also where the scene's own table multiplies them."""
+    scene = load_scene(written(tmp_path, TWO.replace("size = 0.04", f"size = 0.04\nrefinement = {refinement}")))
+    candidate = choosing.first_candidate(scene)
+    problem = Assembly(candidate.scene, candidate.loaded).problem({})
+    result = SimpleNamespace(problem=problem)
+    said = used_again(Choice(candidate.scene, candidate.loaded, result, ()), scene, tmp_path)
+    assert said.endswith(words)
+    told = tomllib.loads(said.partition("geometry with ")[2].replace(", ", "\n"))
+    again = type(scene.mesh.block).model_validate({**scene.mesh.block.model_dump(), **told})
+    assert again.block_counts == candidate.scene.mesh.block.block_counts == (2 * refinement, refinement, refinement)
