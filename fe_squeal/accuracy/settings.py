@@ -36,7 +36,7 @@ class Setting:
     order : int
         Order of the elements, 1 or 2.
     size : float, m
-        Edge length of the elements.
+        Edge length of the elements; of a scene in other units in its unit of length.
     modes : int
         How many are asked for.
     method : "reduced", "direct" or "modal"
@@ -54,6 +54,8 @@ class Setting:
         How often the mesh was adapted to the error of the one before.
     geometry : str
         The parametric geometry of such a mesh as JSON; `size` is then the one that equal elements would have.
+    units : "SI" or "any"
+        The units of the scene.
     """
 
     order: int
@@ -66,18 +68,20 @@ class Setting:
     estimated: bool = False
     adapted: int = 0
     geometry: str = ""
+    units: str = "SI"
 
     def key(self, scene_key: str) -> str:
         """Return a name (a hash) for the result of a scene with this `key_of`.
 
-        `knob`, `estimated` and `adapted` do not enter: they do not change modes and onsets.
+        `knob`, `estimated`, `adapted` and `units` do not enter: they do not change modes and onsets.
         """
-        left_out = ("estimated", "adapted", *(() if self.geometry else ("geometry",)))
+        left_out = ("estimated", "adapted", "units", *(() if self.geometry else ("geometry",)))
         plain = {name: value for name, value in asdict(self).items() if name not in left_out} | {"knob": ""}
         return _hash(f"{scene_key} {sorted(plain.items())}")
 
     def __str__(self) -> str:
-        words = f"order {self.order}, size {self.size:.3g} m, {self.modes} modes, {self.method}, {self.tolerance:g}"
+        unit = " m" if self.units == "SI" else ""
+        words = f"order {self.order}, size {self.size:.3g}{unit}, {self.modes} modes, {self.method}, {self.tolerance:g}"
         return f"{words}, adapted" if self.adapted else words
 
 
@@ -127,7 +131,7 @@ def own_setting(scene: Scene, mesh: LoadedMesh | None = None) -> Setting:
         loaded = mesh or read_mesh(scene)
         corners = loaded.mesh.p[:, loaded.mesh.edges]
         size = float(np.median(np.linalg.norm(corners[:, 0] - corners[:, 1], axis=0)))
-    return Setting(scene.mesh.order, size, _modes(scene), "reduced", scene.solve.tolerance)
+    return Setting(scene.mesh.order, size, _modes(scene), "reduced", scene.solve.tolerance, units=scene.units)
 
 
 def _modes(scene: Scene) -> int:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 COLUMNS = (
     "order", "size", "modes", "method", "tolerance", "unknowns", "seconds", "peak_memory_mib", "error_frequency",
     "error_growth", "error_onset", "algebraic_frequency", "algebraic_growth", "algebraic_onset", "seconds_estimate",
-    "knob",
+    "knob", "units",
 )  # fmt: skip
 
 
@@ -83,7 +83,7 @@ class Study:
             e, a = errors_of(m, self.reference), self._algebraic(s, m)
             rows.append((
                 s.order, s.size, s.modes, s.method, s.tolerance, m.unknowns, m.total, m.peak_memory_mib, e.frequency,
-                e.growth, e.onset, a.frequency, a.growth, a.onset, m.seconds.get("estimate", np.nan), s.knob,
+                e.growth, e.onset, a.frequency, a.growth, a.onset, m.seconds.get("estimate", np.nan), s.knob, s.units,
             ))  # fmt: skip
         return pd.DataFrame(rows, columns=list(COLUMNS))
 
@@ -91,7 +91,7 @@ class Study:
         """Return a row per setting with the seconds of every stage, as in accuracy_stages.csv."""
         import pandas as pd
 
-        left_out = ("refinement", "knob", "estimated", "adapted", "geometry")
+        left_out = ("refinement", "knob", "estimated", "adapted", "geometry", "units")
         plain = [{k: v for k, v in asdict(s).items() if k not in left_out} for s in self.settings]
         rows = zip(plain, self.measurements, strict=True)
         return pd.DataFrame([{**setting, **m.seconds} for setting, m in rows])

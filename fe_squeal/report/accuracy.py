@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from .advice import QUANTITIES, advice, fitted, lines_of, pareto
+from .advice import QUANTITIES, advice, fitted, lines_of, pareto, size_head, size_text, units_of
 from .files import save_figure
 
 _FLOOR = 1e-12  # smaller errors are left out of the chart
@@ -112,14 +112,16 @@ def accuracy_page(
 
 
 def _table(frame: pd.DataFrame) -> str:
-    heads = ["order", "size, mm", "modes", "method", "tolerance", "unknowns", "seconds", "MiB", "frequency", "growth",
-             "onset", "algebraic: frequency", "growth", "onset"]  # fmt: skip
+    units = units_of(frame)
+    heads = ["order", size_head(units), "modes", "method", "tolerance", "unknowns", "seconds", "MiB", "frequency",
+             "growth", "onset", "algebraic: frequency", "growth", "onset"]  # fmt: skip
     lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
     for row in frame.sort_values(["order", "size", "method", "modes", "tolerance"], ascending=False).itertuples():
         numbers = (row.error_frequency, row.error_growth, row.error_onset, row.algebraic_frequency,
                    row.algebraic_growth, row.algebraic_onset)  # fmt: skip
         adapted = " adapted" if row.knob == "adapted" else ""
-        cells = [str(row.order), f"{1e3 * float(str(row.size)):.3g}{adapted}", str(row.modes), str(row.method),
+        size = size_text(float(str(row.size)), units, False)
+        cells = [str(row.order), f"{size}{adapted}", str(row.modes), str(row.method),
                  f"{row.tolerance:.0e}", str(row.unknowns), f"{row.seconds:.1f}",
                  f"{row.peak_memory_mib:.0f}"]  # fmt: skip
         cells += ["" if not np.isfinite(float(str(x))) else f"{float(str(x)):.1e}" for x in numbers]

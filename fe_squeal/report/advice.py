@@ -45,6 +45,32 @@ LINES = (
 _FITTED = 3  # sizes, the finest ones, that a rate is fitted to
 
 
+def units_of(frame: pd.DataFrame) -> str:
+    """Return the units of the sizes in a table: "SI", or "any" where the scene has others."""
+    return "any" if "units" in frame and (frame["units"] == "any").any() else "SI"
+
+
+def size_head(units: str) -> str:
+    """Return the head of a column of sizes, in which they stand without their unit."""
+    return "size" if units == "any" else "size, mm"
+
+
+def size_text(size: float, units: str, unit: bool = True) -> str:
+    """Return the size of elements in words: in mm, or in units that are not known as the scene has it.
+
+    Parameters
+    ----------
+    size : float
+        In m, or in the scene's unit of length.
+    units : "SI" or "any"
+    unit : bool
+        Whether the text names the unit.
+    """
+    if units == "any":
+        return f"{size:.3g}"
+    return f"{1e3 * size:.3g} mm" if unit else f"{1e3 * size:.3g}"
+
+
 def fitted(frame: pd.DataFrame, order: int, quantity: str) -> float | None:
     """Return r of error = a · size^r, fitted to the finest sizes of one order; None if fewer than two are known."""
     rows = frame[(frame["knob"] == "size") & (frame["order"] == order)].sort_values("size")
@@ -100,12 +126,8 @@ def _advised(rows: pd.DataFrame, target: float, quantity: str) -> str:
 
 def _told(row: pd.Series, quantity: str) -> str:
     error = f"{100 * float(row[quantity]):.2g} %"
-    size = _millimetres(float(row["size"])) + (" adapted" if row["knob"] == "adapted" else "")
+    size = size_text(float(row["size"]), str(row.get("units", "SI"))) + (" adapted" if row["knob"] == "adapted" else "")
     return f"order {int(row['order'])}, {size}, {_seconds(float(row['seconds']))} ({error})"
-
-
-def _millimetres(size: float) -> str:
-    return f"{1e3 * size:.3g} mm"
 
 
 def _seconds(seconds: float) -> str:

@@ -14,6 +14,7 @@ from fe_squeal.report.shapes import Floats
 _WORDS = {  # columns that hold words; every other one holds numbers
     "parameter", "stability", "noise", "body", "term", "number", "kind", "direction", "measured", "quantity", "output",
     "method", "place", "knob", "a", "b", "state", "look", "frequency_exceeds", "onset_exceeds", "re_exceeds",
+    "units",
 }  # fmt: skip
 _COUNTS = {"mode", "branch", "branch_a", "branch_b", "nodal_diameters", "other_nodal_diameters", "nodal_circles"}
 _LARGEST = 1e150  # number in a table that is believed

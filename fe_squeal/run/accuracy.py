@@ -16,7 +16,7 @@ from ..accuracy.study import Study, run_study
 from ..errors import INTERRUPTED, NotConvergedError, SceneError
 from ..mesh.writing import write_loaded
 from ..report.accuracy import accuracy_page, plot_accuracy
-from ..report.advice import QUANTITIES, advice
+from ..report.advice import QUANTITIES, advice, size_text
 from ..report.files import replace_atomically, write_csv
 from ..scene import MatrixScene, Scene
 from ..scene.solver import solver_of
@@ -122,9 +122,8 @@ def write_study(study: Study, out: Path, title: str) -> None:
     write_csv(study.stages(), out / STAGES_TABLE)
     plot_accuracy(frame, own, out / ACCURACY_FIGURE, title)
     left_out = [f"{setting}: {why}" for setting, why in study.left_out]
-    page = accuracy_page(
-        frame, own, f"order {finest.order}, {1e3 * finest.size:.3g} mm", study.exact, left_out, title
-    )
+    size = size_text(finest.size, finest.units)
+    page = accuracy_page(frame, own, f"order {finest.order}, {size}", study.exact, left_out, title)
     with replace_atomically(out / ACCURACY_PAGE) as temporary:
         temporary.write_text(page, encoding="utf-8")
 

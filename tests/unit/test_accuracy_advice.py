@@ -6,7 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fe_squeal.report.advice import advice, fitted, lines_of, pareto
+from fe_squeal.accuracy.settings import Setting
+from fe_squeal.report.accuracy import accuracy_page
+from fe_squeal.report.advice import QUANTITIES, advice, fitted, lines_of, pareto
+from fe_squeal.report.page.accuracy import write_accuracy_page
 
 
 def table(rates=(2.0, 4.0), work=(1.0, 2.0)):
@@ -37,6 +40,24 @@ def test_advice_says_what_the_table_shows():
     none = advice(table((0.1, 0.1)), "error_onset")[2]
     assert none.startswith("1 % on critical values: no mesh that was measured has it; nearest is order 2, 7 mm")
     assert not any("extrapolated" in text for text in (five, two, one, both, none))
+
+
+def test_sizes_in_other_units_have_none(tmp_path):
+    """A model in mm whose scene says so by units = "any" alone: 14 is no 14 m."""
+    sizes = table().assign(size=lambda t: 1e3 * t["size"], units="any")
+    assert "order 2, 14, 7.5 s (2.4 %)" in advice(sizes, "error_onset")[0]
+    columns = dict(modes=8, method="direct", tolerance=1e-8, unknowns=100, peak_memory_mib=200.0)
+    algebraic = {f"algebraic_{what}": np.nan for what in ("frequency", "growth", "onset")}
+    for frame, head, size in ((sizes, "size", "14"), (table(), "size, mm", "14")):
+        whole = frame.assign(**columns, **algebraic)
+        text = accuracy_page(whole, dict.fromkeys(QUANTITIES, 0.1), "", False, (), "")
+        assert f"| order | {head} | modes |" in text and f"| 2 | {size} | 8 | direct" in text
+        whole.to_csv(tmp_path / "accuracy.csv", index=False)
+        write_accuracy_page(tmp_path / "accuracy.csv", tmp_path / "report.html")
+        page = (tmp_path / "report.html").read_text("utf-8")
+        assert f">{head}<" in page and ("14 mm" in page) == (head == "size, mm")
+    assert str(Setting(2, 14.0, 8, "direct", 1e-8, units="any")).startswith("order 2, size 14, 8 modes")
+    assert str(Setting(2, 0.014, 8, "direct", 1e-8)).startswith("order 2, size 0.014 m, 8 modes")
 
 
 def test_advice_names_the_order_that_its_table_has():

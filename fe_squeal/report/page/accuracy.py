@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from fe_squeal.errors import OutputError
-from fe_squeal.report.advice import LINES, QUANTITIES, advice, lines_of
+from fe_squeal.report.advice import LINES, QUANTITIES, advice, lines_of, size_head, size_text, units_of
 from fe_squeal.report.page.build import write_page
 from fe_squeal.report.page.markup import bullets, table
 from fe_squeal.report.table_files import read_checked
@@ -40,12 +40,13 @@ def write_accuracy_page(path: Path, page: Path) -> tuple[str, ...]:
         f' {QUANTITIES[q]} against seconds; the table below has the numbers"></div>'
         for q in known
     )
+    units = units_of(frame)
     rows = [
-        (f"{r['order']}", f"{1e3 * r['size']:.3g}", r["modes"], r["method"], f"{r['tolerance']:.0e}", r["unknowns"],
-         f"{r['seconds']:.1f}", *(f"{r[q]:.1e}" if np.isfinite(r[q]) else "–" for q in known))
+        (f"{r['order']}", size_text(r["size"], units, False), r["modes"], r["method"], f"{r['tolerance']:.0e}",
+         r["unknowns"], f"{r['seconds']:.1f}", *(f"{r[q]:.1e}" if np.isfinite(r[q]) else "–" for q in known))
         for r in frame.sort_values("seconds").to_dict("records")
     ]  # fmt: skip
-    heads = ["order", "size, mm", "modes", "method", "tolerance", "unknowns", "seconds"]
+    heads = ["order", size_head(units), "modes", "method", "tolerance", "unknowns", "seconds"]
     heads += [QUANTITIES[q] for q in known]
     sections = [
         ("answer", "What to choose", bullets(sentences) + bullets(lacks)),
@@ -57,10 +58,12 @@ def write_accuracy_page(path: Path, page: Path) -> tuple[str, ...]:
 
 
 def _plot(frame: pd.DataFrame, quantity: str) -> dict[str, Any]:
-    traces = []
+    traces, units = [], units_of(frame)
     for line, rows in lines_of(frame[frame[quantity].notna() & (frame[quantity] > 0)]):
         ordered = rows.sort_values("seconds")
-        label = [f"{1e3 * r['size']:.3g} mm, {r['modes']} modes, {r['method']}" for r in ordered.to_dict("records")]
+        label = [
+            f"{size_text(r['size'], units)}, {r['modes']} modes, {r['method']}" for r in ordered.to_dict("records")
+        ]
         traces.append({
             "mode": "markers+lines" if line.colour else "markers", "name": line.label,
             "x": ordered["seconds"].tolist(), "y": ordered[quantity].tolist(), "text": label,
