@@ -27,6 +27,7 @@ from ..fem.places import find_patch
 from ..fem.rigid_motions import rigid_motions
 from ..fem.spaces import DisplacementSpace, Patch, make_space, straightened
 from ..mesh import LoadedMesh
+from ..mesh.node_sets import with_named_sets
 from ..problem.description import Describer
 from ..problem.problem import Problem
 from ..problem.terms import Term
@@ -48,7 +49,7 @@ from .effect_stages import (
     with_static_state,
 )
 from .matrices import matrix_problem
-from .names import with_own_names
+from .names import check_names
 from .places import held_places, holding
 from .ties import mean_motion, with_ties
 from .units import require_si
@@ -126,7 +127,8 @@ class Assembly:
 
     def __init__(self, scene: Scene, loaded: LoadedMesh) -> None:
         self.scene = scene
-        loaded = with_own_names(scene, loaded)
+        check_names(scene, loaded)
+        loaded = with_named_sets(loaded, (name for _, kind, name in holding(scene) if kind == "nodes"))
         self.bodies = find_bodies(scene, loaded)
         require_si(scene, loaded.mesh, self.bodies)
         supports, points = held_places(scene, loaded)

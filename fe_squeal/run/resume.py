@@ -33,6 +33,8 @@ def is_finished(out: Path, checkpoint: Checkpoint, inputs: Mapping[str, Any]) ->
         found, what = differences(record.get("inputs"), inputs), "the finished results are of"
     elif checkpoint.exists:
         found, what = differences(checkpoint.inputs, inputs), "the interrupted run was"
+    elif isinstance(record, dict):  # of a search for a mesh, which keeps no checkpoint of a run
+        found, what = differences(record.get("inputs"), inputs), "the results are of"
     else:
         return False
     if found:

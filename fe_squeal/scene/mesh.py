@@ -17,7 +17,7 @@ class MeshSection(Section):
     ----------
     file : str
         The mesh file, relative to the scene file: .msh, .inp, .bdf, .vtu, .vtk, .xdmf, .med, ... `fe-squeal mesh` makes
-        it from the geometry.
+        it from the geometry. `run --accuracy` and `accuracy` make their meshes from the geometry where there is one.
     length_unit : "m" or "mm"
         Unit of the file's coordinates, and of the lengths in `[mesh.disc_pad]` and `[mesh.block]`; of nothing else.
     allow_outside : bool

@@ -22,8 +22,12 @@ from fe_squeal.cli import main
 from fe_squeal.eigen.linear import choice
 from fe_squeal.eigen.linear.mumps import MumpsOptions
 from fe_squeal.eigen.linear.superlu import SUPERLU
-from fe_squeal.errors import NotConvergedError
+from fe_squeal.errors import NotConvergedError, SceneError
+from fe_squeal.run.checkpoint import Checkpoint
+from fe_squeal.run.folder import hold_folder
 from fe_squeal.run.found_mesh import used_again
+from fe_squeal.run.inputs import run_inputs
+from fe_squeal.run.resume import is_finished
 from fe_squeal.scene.file import load_scene
 
 TWO = TINY.replace("size = 0.02", "size = 0.04").replace("points = 3", "points = 2")  # of two hexahedra
@@ -159,3 +163,16 @@ def test_numbers_of_elements_that_are_told_give_the_same_mesh(tmp_path, refineme
     told = tomllib.loads(said.partition("geometry with ")[2].replace(", ", "\n"))
     again = type(scene.mesh.block).model_validate({**scene.mesh.block.model_dump(), **told})
     assert again.block_counts == candidate.scene.mesh.block.block_counts == (2 * refinement, refinement, refinement)
+
+
+@pytest.mark.parametrize("status", ["interrupted", "not converged"])
+def test_a_plain_run_does_not_go_on_with_results_of_a_search(tmp_path, status):
+    """Those are of another mesh than the scene's own, and a search keeps no checkpoint of a run."""
+    scene, out = load_scene(written(tmp_path, TWO)), tmp_path / "out"
+    chosen = choosing.finer_candidate(choosing.first_candidate(scene)).scene
+    with hold_folder(out) as held:
+        record = {"status": status, "inputs": run_inputs(chosen, None)}
+        (out / "run.json").write_text(json.dumps(record), encoding="utf-8")
+        with pytest.raises(SceneError, match=r"the results are of another one: mesh.block.elements_x is 3"):
+            is_finished(out, Checkpoint(held), run_inputs(scene, None))
+        (out / "run.json").unlink()
