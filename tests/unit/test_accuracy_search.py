@@ -39,6 +39,7 @@ def written(folder, text, name="block.toml"):
     return folder / name
 
 
+@pytest.mark.slow
 def test_a_window_between_two_values_is_none_of_the_values(tmp_path):
     """The sweep looks there too, where modes meet and part again; rows of eigenvalues and changes are of the values."""
     text = TWO.replace("height = 0.02", "height = 0.015").replace("mu = 0.4", "mu = 0.19")
