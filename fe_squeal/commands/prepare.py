@@ -57,12 +57,12 @@ def check(
     """Validate scene and mesh without solving, and forecast memory."""
     from ..assembly.assembly import assemble
     from ..assembly.discretisation import discretisation_of
-    from ..assembly.forces import balance_warnings, force_balance
+    from ..assembly.forces import force_balance
     from ..report.terminal import print_table
     from ..report.warnings import told_once
     from ..run.check import describe
     from ..run.fits import machines_of
-    from ..run.forces import balance_table
+    from ..run.forces import balance_table, scene_warnings
     from ..run.free import free_motion_warnings
     from ..run.groups import groups_of_file, groups_of_scene
     from ..run.measured import read_measured
@@ -82,12 +82,12 @@ def check(
     measured = read_measured(loaded)  # raises SceneError as a run would
     print_table(describe(loaded, problem, machines), console)
     found = discretisation_of(problem)
-    notes, warnings = ((), ()) if found is None else (found.notes, found.warnings)
+    notes = () if found is None else found.notes
     parts = force_balance(problem)
     balance = balance_table(parts, problem)
     if balance is not None:
         print_table(balance, console)
-    warnings = (*warnings, *balance_warnings(parts), *free_motion_warnings(problem), *measured.warnings)
+    warnings = (*scene_warnings(problem, parts), *free_motion_warnings(problem), *measured.warnings)
     for text in (*notes, *measured.notes, *(f"warning: {w}" for w in told_once(warnings))):
         console.print(text, markup=False)
     return 0

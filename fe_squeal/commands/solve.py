@@ -44,17 +44,20 @@ def onset(scene: SceneOrDeck) -> int:
     from ..report.tables import print_onsets
     from ..report.warnings import told_once
     from ..run.covered import frequency_range
+    from ..run.forces import scene_warnings
+    from ..run.preload import preload_warnings
     from ..run.run import sweep_scene
 
     loaded = load_scene_or_deck(scene)
     if loaded.sweep is None:
         raise SceneError(f"{scene}: sweep: is missing; expected a table, written [sweep]: the interval to look in")
     console = make_console()
-    result = sweep_scene(loaded, assemble(loaded), console, precise=True)
+    problem = assemble(loaded)
+    result = sweep_scene(loaded, problem, console, precise=True)
     print_onsets(result.onsets_dataframe(), console, frequency_range(loaded, result), bool(result.unsettled))
     for o in result.onsets:
         console.print(f"{o.parameter} = {o.value!r} ± {o.uncertainty:.1g}, {o.frequency_hz!r} Hz", markup=False)
-    for warning in told_once(result.warnings):
+    for warning in told_once([*scene_warnings(problem), *preload_warnings(result, problem), *result.warnings]):
         console.print(f"warning: {warning}", markup=False)
     return 0
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import NotConvergedError
-from .free_modes import FreeModes
+from .free_modes import FreeModes, split_off
 from .growth import with_damping
 from .inertia import count_below
 from .known_band import KnownBand
@@ -102,9 +102,10 @@ def with_far_growth(
     """
     if not limit:
         return modes
-    known = KnownBand(
-        with_damping(pencil), free, linear_solver, modes.lam, modes.right, modes.left, method=modes.method
-    )
+    damped = with_damping(pencil)
+    if free is not None:  # of which λ = 0 has velocities, too
+        free = split_off(damped, linear_solver)
+    known = KnownBand(damped, free, linear_solver, modes.lam, modes.right, modes.left, method=modes.method)
     if pencil.C is None and not known.add_beside(limit):
         known.method += ", without a full search for flutter that grows fast"
     known.add_far(limit)

@@ -92,4 +92,4 @@ def project(problem: Problem, V: Columns) -> Problem:
         if len(rows) < _SPARSE * len(V):  # springs and contacts have few
             A, here = sp.csr_array(A[rows]), V[rows]
         terms.append(replace(t, matrix=sp.csr_array(form(here, A, V))))
-    return Problem(tuple(terms), problem.parameters, coupled=problem.coupled, free=lambda _: none)
+    return Problem(tuple(terms), problem.parameters, free=lambda _: none)

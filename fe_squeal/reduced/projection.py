@@ -94,7 +94,7 @@ class Projection:
         def free(values: Mapping[str, float]) -> FreeMotions:
             return self._coordinates(replace(problem, parameters=values).free_motions())
 
-        return replace(project(problem, self.V), free=free)
+        return replace(project(problem, self.V), coupled=problem.coupled, free=free)
 
     def at(self, value: Place) -> Problem:
         """Return the problem at a value of the parameter."""
@@ -228,7 +228,7 @@ class Projection:
         def free(values: Mapping[str, float]) -> FreeMotions:
             return self._coordinates(replace(self.problem, parameters=values).free_motions())
 
-        return Problem(terms, self.problem.parameters, coupled=self.problem.coupled, free=free)
+        return Problem(terms, self.problem.parameters, free=free)
 
     def _made_at(self, value: float) -> Problem:
         """Return the projected problem at a value of a table; a value that it does not have is not taken over."""
@@ -243,8 +243,8 @@ class Projection:
             replace(t, matrix=sp.csr_array(A), only=None)
             for t, A in zip(table.terms, projected, strict=True) if t.coefficient(at)
         ]  # fmt: skip
-        coupled = table.coupled | frozenset(paths_of(table.swept))  # these change more than coefficients
-        return Problem(tuple(terms), at, coupled=coupled, free=lambda _: self._coordinates(known))
+        swept = frozenset(paths_of(table.swept))  # which changes more than coefficients
+        return Problem(tuple(terms), at, coupled=swept, free=lambda _: self._coordinates(known))
 
     @cached_property
     def _acting(self) -> list[_Acting]:

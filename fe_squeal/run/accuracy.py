@@ -18,6 +18,7 @@ from ..mesh.writing import write_loaded
 from ..report.accuracy import accuracy_page, plot_accuracy
 from ..report.advice import QUANTITIES, advice, size_text
 from ..report.files import replace_atomically, write_csv
+from ..report.warnings import told_once
 from ..scene import MatrixScene, Scene
 from ..scene.solver import solver_of
 from .accuracy_checks import checked_mesh, with_mesh
@@ -35,12 +36,14 @@ from .folder import (
     is_result,
     remove_results,
 )
+from .forces import scene_warnings
 from .found_mesh import print_trials, used_again
 from .inputs import input_files, run_inputs
 from .measured import read_measured
 from .measurements import MeasurementFolder
 from .mesh_error import write_mesh_error
 from .page import write_accuracy_report, write_run_report
+from .preload import preload_warnings
 from .record import write_record
 from .resume import show_finished
 from .run import report_sweep, write_results
@@ -205,7 +208,9 @@ def run_to_accuracy(
                 raise
             choice, stopped = stop.args[0], True
         remove_results(held)
-        said = [*measured.warnings, *write_results(choice.scene, choice.result, held, measured)]
+        problem = choice.result.problem
+        said = [*measured.warnings, *preload_warnings(choice.result, problem)]
+        said += write_results(choice.scene, choice.result, held, measured)
         write_mesh_error(choice.split, choice.result, out, whole.title)
         with replace_atomically(out / MESH) as temporary:
             write_loaded(choice.mesh, temporary, choice.scene.mesh.length_unit)
@@ -213,7 +218,7 @@ def run_to_accuracy(
         seconds |= {**choice.result.seconds, "total": time.perf_counter() - start}
         status = "interrupted" if stopped else "complete" if failure is None else "not converged"
         search = {"target": target, "of": what, "trials": [asdict(t) for t in choice.trials], "inputs": inputs}
-        found, problem = run_inputs(choice.scene, choice.mesh), choice.result.problem
+        found = run_inputs(choice.scene, choice.mesh)
         write_record(
             choice.scene, problem, choice.result, seconds, status, found, solver, out, measured, said, search
         )
@@ -222,7 +227,8 @@ def run_to_accuracy(
         if not stopped:
             held.remove(is_kept)
         report_sweep(choice.scene, choice.result, out, console, seconds["total"])
-        for text in (*(f"note: {note}" for note in measured.notes), *(f"warning: {warning}" for warning in said)):
+        warnings = told_once([*scene_warnings(problem), *said])
+        for text in (*(f"note: {note}" for note in measured.notes), *(f"warning: {warning}" for warning in warnings)):
             tell(text)
         print_trials(choice, target, console)
         console.print(used_again(choice, whole, out), markup=False)

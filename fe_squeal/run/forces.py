@@ -1,4 +1,4 @@
-"""The table that shows the balance of forces under preload."""
+"""The table that shows the balance of forces under preload, and all that is doubtful of a scene before it is solved."""
 
 from __future__ import annotations
 
@@ -6,11 +6,22 @@ import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from ..assembly.forces import PartForces
+from ..assembly.discretisation import discretisation_of
+from ..assembly.forces import PartForces, balance_warnings, force_balance
 from ..problem.parameters import MU
 from ..problem.problem import Problem
 
 _ROUNDED = 1e-9  # of the largest force: smaller forces are shown as zero
+
+
+def scene_warnings(problem: Problem, parts: list[PartForces] | None = None) -> list[str]:
+    """Return what is doubtful of the scene of a problem, a sentence each: of its mesh, contacts, effects and forces.
+
+    `parts` are those of `force_balance`, where they are known.
+    """
+    made = discretisation_of(problem)
+    forces = balance_warnings(force_balance(problem) if parts is None else parts)
+    return [*(made.warnings if made is not None else ()), *forces]
 
 
 def balance_table(parts: list[PartForces], problem: Problem) -> Table | None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..assembly.discretisation import discretisation_of
-from ..assembly.forces import balance_record, balance_warnings, force_balance
+from ..assembly.forces import balance_record, force_balance
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import peak_memory_mib
 from ..problem.problem import Problem
@@ -20,6 +20,7 @@ from ..sweep.result import Sweep
 from .compared import measured_record
 from .covered import above_text, frequency_range, unstable_above
 from .folder import RECORD
+from .forces import scene_warnings
 from .measured import NOTHING_MEASURED, Measurements
 from .preload import preload_record
 from .view import view_axis
@@ -88,8 +89,7 @@ def write_record(
         "unstable": _unstable(result) if result is not None and status != "running" else [],
         "notes": [*(discretisation.notes if discretisation is not None else ()), *measured.notes],
         "warnings": [
-            *(discretisation.warnings if discretisation is not None else ()), *balance_warnings(parts),
-            *(result.warnings if result is not None else ()), *more_warnings,
+            *scene_warnings(problem, parts), *(result.warnings if result is not None else ()), *more_warnings,
         ],
         "measured": [] if result is None else measured_record(measured, result, frequency_range(scene, result)),
         "inputs": inputs,

@@ -18,7 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from ..assembly.assembly import assemble
 from ..assembly.bodies import scene_mesh
 from ..assembly.discretisation import discretisation_of
-from ..assembly.forces import balance_warnings, force_balance
+from ..assembly.forces import force_balance
 from ..assembly.swept import keeps_shapes, swept
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import peak_memory_mib, refuse_shortage, release_freed
@@ -37,7 +37,7 @@ from .checkpoint import Checkpoint
 from .compared import measured_record
 from .covered import above_text, frequency_range, unstable_above
 from .folder import REPORT, SHAPES, hold_folder, is_kept, is_result, is_shape, remove_results
-from .forces import balance_table
+from .forces import balance_table, scene_warnings
 from .forecast import ForecastLine
 from .inputs import input_files, run_inputs
 from .manifest import Manifest
@@ -124,7 +124,7 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
         balance = balance_table(parts, problem)
         if balance is not None:
             print_table(balance, console)
-        for text in told_once((*discretisation.warnings, *balance_warnings(parts))):
+        for text in told_once(scene_warnings(problem, parts)):
             console.print(f"warning: {text}", markup=False)
     for text in measured.notes:
         console.print(f"note: {text}", markup=False)

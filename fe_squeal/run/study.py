@@ -17,6 +17,7 @@ from ..assembly.bodies import scene_mesh
 from ..eigen.memory import peak_memory_mib
 from ..errors import INTERRUPTED, MeshError, NotConvergedError, SceneError
 from ..report.files import write_json
+from ..report.warnings import told_once
 from ..scene import MatrixScene, Scene
 from ..scene.solver import solver_of
 from ..scene.study import StudySection
@@ -29,6 +30,7 @@ from .folder import (
     is_part,
     is_study_result,
 )
+from .forces import scene_warnings
 from .inputs import differences, input_files, joined_differences, run_inputs
 from .manifest import Manifest
 from .mapped import mapped
@@ -104,6 +106,8 @@ def _study(
         return 0
     held.check(is_study_result)
     problem = assemble(scene, mesh)
+    for text in told_once(scene_warnings(problem)):
+        console.print(f"warning: {text}", markup=False)
     if resume and parts.exists:
         parts.check(inputs)
         console.print("going on from what was finished", markup=False)

@@ -15,7 +15,7 @@ _AT_END = 1e-6  # of the distance of two values: an onset nearer to one of them 
 
 
 def windows(onsets: Sequence[Onset], low: float, high: float) -> list[tuple[float, tuple[Onset, Onset]]]:
-    """Return the windows of instability between two values of a sweep: the middle of each, and its two onsets.
+    """Return the windows of instability between two values of a sweep: each middle, and the two onsets.
 
     A window goes from an onset into instability to the next onset out of instability of the same branch. It may begin
     at the first value and end at the second one, where the modes are marginal: by rounding such an onset lies on either
@@ -30,7 +30,10 @@ def windows(onsets: Sequence[Onset], low: float, high: float) -> list[tuple[floa
         out = next(later, None)
         if into.direction == "into" and out is not None and out.direction == "out of":
             found.append(((into.value + out.value) / 2, (into, out)))
-    return found
+    found.sort(key=lambda window: window[0])
+    # Of equal parts of a brake windows are equal, too: the modes in their middle are the same.
+    apart = [i for i, (middle, _) in enumerate(found) if not i or middle - found[i - 1][0] > room]
+    return [found[i] for i in apart]
 
 
 def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes, a: int, b: int) -> float:

@@ -26,3 +26,11 @@ def test_a_window_at_a_value_is_found_on_whichever_side_rounding_puts_it(moved, 
 def test_what_begins_or_ends_elsewhere_is_no_window_between_two_values():
     assert windows([onset(0.15, "into"), onset(0.35, "out of")], 0.2, 0.4) == []
     assert windows([onset(0.25, "out of"), onset(0.35, "into")], 0.2, 0.4) == []
+
+
+def test_windows_one_in_another_come_by_their_middles_and_equal_ones_once():
+    """Points of a sweep ascend: the middle of a short window that opens later may come first."""
+    long, short = (onset(0.22, "into"), onset(0.38, "out of")), (onset(0.24, "into", 5), onset(0.26, "out of", 5))
+    twin = onset(0.22 + 1e-12, "into", 7), onset(0.38 - 1e-12, "out of", 7)
+    found = windows([*long, *short, *twin], 0.2, 0.4)
+    assert [middle for middle, _ in found] == pytest.approx([0.25, 0.3]) and found[0][1] == short
