@@ -16,7 +16,8 @@ SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene
 SceneOrDeck = Annotated[
     Path, typer.Argument(metavar="SCENE.toml", help="The scene, or a deck that has all of it.", show_default=False)
 ]
-Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where the results go.", show_default=False)]
+_WHERE = "The folder for results (default: SCENE_results, _study, _accuracy)."
+Out = Annotated[Path | None, typer.Option("-o", "--out", help=_WHERE, show_default=False)]
 
 
 def make_console() -> Console:

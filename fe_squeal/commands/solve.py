@@ -18,7 +18,7 @@ def run(
     estimate: Annotated[bool, typer.Option("--estimate", help="Estimate the error of the mesh, too.")] = False,
     accuracy: Annotated[
         float | None,
-        typer.Option(metavar="TARGET", help="Choose the mesh for this relative error.", show_default=False),
+        typer.Option(metavar="TARGET", help="Choose the mesh for this error, 0.05 for 5 %.", show_default=False),
     ] = None,
     accuracy_of: Annotated[
         str, typer.Option(metavar="WHAT", help="What --accuracy is for: onsets, growth, frequencies or all.")

@@ -48,7 +48,8 @@ def describe(scene: Scene | MatrixScene, problem: Problem, machines: Machines | 
     modes = solve.modes or MODES  # the number of modes below max_frequency is not known before the solve
     count = count_memory(problem, parameter, values, solve.method, solver)
     forecast = count.at(modes)
-    table.add_row("predicted memory", str(forecast))
+    guessed = f"; for {modes} modes, max_frequency may need more" if solve.modes is None and solve.max_frequency else ""
+    table.add_row("predicted memory", f"{forecast}{guessed}")
     table.add_row("what fits here", fits_here(count, modes, forecast))
     if machines is not None:
         for name, text in fits_there(problem, count, modes, machines):

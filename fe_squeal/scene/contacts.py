@@ -66,7 +66,8 @@ class Contact(Section):
     counterface : str
         Surface group of the moving body, or "rigid" for one without a mesh.
     normal_stiffness : float, N/m per m^2
-        Contact stiffness.
+        Contact stiffness: a measured one, or of a hard contact about 10 E/h of the softer side, E its modulus and h the
+        size of its elements; see how onsets move with it.
     kind : "sliding" or "frictionless" or "tied"
         A tied contact couples all three directions.
     friction_ratio : float
