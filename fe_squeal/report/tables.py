@@ -67,6 +67,7 @@ def print_unstable(modes: pd.DataFrame, console: Console, onsets: pd.DataFrame |
         table.add_column("moves most")
     for row in rows[:MAX_ROWS]:
         growth = with_uncertainty(row.growth, row.uncertainty) if row.mode else f"about {row.growth:.2g}"
+        growth += ", mesh: ?" if row.half_known else ""
         cells = [_span(row.lowest_hz, row.highest_hz, ".0f" if row.highest_hz >= 1000 else ".4g"), growth]
         if single:
             cells.insert(0, str(row.mode))
@@ -175,7 +176,8 @@ class UnstableInterval(NamedTuple):
 
     `growth` is the largest Re λ, 1/s, and `peak_value` the value at which the branch has it; `uncertainty` (1/s),
     `damping_ratio`, `mode`, `noise` and `looks` (the descriptors) are those at this value. A window between two values
-    has no mode in the table; its `mode` is 0.
+    has no mode in the table; its `mode` is 0. `half_known` says that other modes have an error of the mesh, and this
+    one's is not known.
     """
 
     branch: float
@@ -190,6 +192,7 @@ class UnstableInterval(NamedTuple):
     mode: int
     noise: str
     looks: dict[str, Any]
+    half_known: bool = False
 
 
 def unstable_intervals(modes: pd.DataFrame) -> list[UnstableInterval]:
@@ -201,6 +204,8 @@ def unstable_intervals(modes: pd.DataFrame) -> list[UnstableInterval]:
     unstable = np.asarray(modes["stability"] == "unstable", dtype=bool)
     branch, re, frequency = numbers(modes, "branch"), numbers(modes, "re"), numbers(modes, "frequency_hz")
     ratio, uncertainty, mode = numbers(modes, "damping_ratio"), total_uncertainty(modes), numbers(modes, "mode")
+    mesh = numbers(modes, "re_discretisation")
+    half_known = np.isfinite(mesh).any() & np.isnan(mesh)
     runs = [np.array([i]) for i in np.flatnonzero(unstable & np.isnan(branch))]
     for number in np.unique(branch[unstable & np.isfinite(branch)]):
         rows = np.flatnonzero(unstable & (branch == number))
@@ -212,7 +217,7 @@ def unstable_intervals(modes: pd.DataFrame) -> list[UnstableInterval]:
         result.append(UnstableInterval(
             branch[top], sweep[place[rows[0]]], sweep[place[rows[-1]]], frequency[rows].min(), frequency[rows].max(),
             re[top], uncertainty[top], sweep[place[top]], ratio[top], int(mode[top]), str(modes["noise"].iloc[top]),
-            _looks(modes.iloc[top].to_dict())))
+            _looks(modes.iloc[top].to_dict()), bool(half_known[top])))
     return sorted(result, key=lambda row: -row.growth)
 
 

@@ -31,6 +31,16 @@ def test_noise_names_change_at_the_source_document_limits():
         "divergence", "groan", "groan", "moan", "moan", "squeal", "squeal"]
 
 
+def test_a_mode_whose_error_of_the_mesh_is_not_known_is_marked():
+    """Beside one whose bar is wide its own, of the solver alone, would look sure."""
+    modes, _ = coupled_tables([(2413.0, 60.0, 0.312), (700.0, 5.0, 0.2)], SWEEP, uncertainty=1e-6)
+    assert "mesh: ?" not in printed(print_unstable, modes, 100)
+    modes["re_discretisation"] = np.where(modes["frequency_hz"] > 1500, 30.0, np.nan)
+    lines = printed(print_unstable, modes, 100).splitlines()
+    found = [(" 2413 " in line, "mesh: ?" in line) for line in lines if "±" in line]
+    assert found == [(True, False), (False, True)]
+
+
 def test_a_row_for_each_unstable_interval():
     modes, _ = coupled_tables([(2413.0, 60.0, 0.312), (700.0, 5.0, 0.2)], SWEEP, uncertainty=0.25)
     modes.loc[(modes.branch == 1) & np.isclose(modes.value, 0.5), "stability"] = "marginal"
