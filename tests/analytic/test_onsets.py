@@ -48,6 +48,18 @@ def test_two_modes_merge_at_the_closed_form(reading, onset):
     assert found.two_mode_value == pytest.approx(onset, rel=1e-12)
 
 
+@pytest.mark.parametrize(("power", "onset"), [(1, 0.5), (2, np.sqrt(0.5))])
+def test_what_two_modes_predict_is_told_where_stiffness_is_linear(power, onset):
+    """K = diag(1, 2) + μ^m F with F skew: the two meet at μ^m = ½. For m = 2 the slope at the first value, 0.1, says
+    that they meet at 2.55, although they are all there is."""
+    terms = (Term("m", "M", sp.eye_array(2, format="csr"), True),
+             Term("k", "K", sp.csr_array(np.diag([1.0, 2.0])), True),
+             Term("f", "K", sp.csr_array(np.array([[0.0, 1.0], [-1.0, 0.0]])), False, {"mu": power}))  # fmt: skip
+    [found] = sweep(Problem(terms, {"mu": 0.1}), [0.1, 0.5, 1.0], modes=2).onsets
+    assert found.value == pytest.approx(onset, rel=1e-9)
+    assert found.two_mode_value == pytest.approx(onset if power == 1 else np.nan, rel=1e-9, nan_ok=True)
+
+
 def test_growth_rates_behind_the_onset():
     """λ at μ = 0.5 and 1 for friction on the whole normal diagonal, to the digits of 40-digit arithmetic."""
     result = sweep(block_on_belt(reading="all"), [0.3, 0.5, 1.0], modes=2)

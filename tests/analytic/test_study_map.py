@@ -16,6 +16,7 @@ from fe_squeal.study.islands import Stiffness, _minima
 from fe_squeal.study.map import stability_map
 from fe_squeal.study.scatter import scatter
 from fe_squeal.study.seeds import point_near, seeds_on_lines
+from meshes import BELT, box, make_problem
 from tests.studies import STIFFNESS, two_modes
 
 
@@ -282,3 +283,14 @@ def test_islands_of_divergence_are_not_looked_for_where_stiffness_does_not_chang
     side = np.linspace(0.1, 1.0, 5)
     search = Stiffness(axes, modes_at)
     assert not list(_minima(search, axes, (side, side))) and len(asked) == 25
+
+
+def test_boundaries_over_a_damper_that_the_scene_has_at_zero():
+    """Where it is zero the problem has no such term, and the boundaries need it."""
+    pad = box("hex1", (2, 1, 1), (0.04, 0.03, 0.02))
+    springs = [{"name": name, "surface": side, "direction": direction, "stiffness": 1e7, "damping": 0.0}
+               for name, side, direction in (("abut", "right", [1, 0, 0]), ("guide", "front", [0, 1, 0]))]  # fmt: skip
+    contact = {"surface": "bottom", "counterface": "rigid", "normal_stiffness": 1e11, "sliding": BELT}
+    problem = make_problem(pad, 1, springs=springs, contacts=[contact], effects={"friction": {"mu": 0.5}})
+    found = stability_map(problem, axis("mu", 0.1, 1.5, 3), axis("springs.abut.damping", 0.0, 50.0, 3), modes=6)
+    assert not any("not followed" in text for text in found.told)

@@ -54,6 +54,14 @@ bands = [0, 1610, 3000]
 mu = { uniform = { low = 0.0, high = 0.1 } }
 delta = { uniform = { low = 0.0, high = 0.3 } }
 """
+TWICE = """
+[study]
+samples = 64
+correlation = [["mu", "delta", 0.5], ["delta", "mu", 0.1]]
+[study.parameters]
+mu = { normal = { mean = 0.1, deviation = 0.01 } }
+delta = { normal = { mean = 0.1, deviation = 0.01 } }
+"""
 MAP = """
 [study.x]
 parameter = "mu"
@@ -135,6 +143,7 @@ def test_a_map_writes_what_the_interface_promises(scene, tmp_path):
         (SCATTER.replace("low = 0.0, high = 0.1", "low = 0.2, high = 0.1"), "expected low < high"),
         (SCATTER.replace("uniform = { low = 0.0, high = 0.1 }", "normal = { mean = 0.1 }"), "deviation"),
         (SCATTER + "correlation = 1", "correlation"),
+        (TWICE, "correlation[1]: given delta, mu twice"),
         (SCATTER + MAP, "given both"),
         (MAP.replace("to = 0.1\n", "to = 0.01\n"), "expected from < to"),
         (MAP.replace('parameter = "delta"', 'parameter = "mu"'), 'given "mu" twice'),
