@@ -92,9 +92,15 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
     lost = sum(int(np.isnan(c).sum()) for c in changes.modes)
     if lost:
         warnings.append(f"the error of the mesh is not known for {lost} modes: refined, they are others")
-    for onset in onsets:
-        if np.isinf(onset.discretisation):
+    own = onsets if changes.interpolated is None else changes.interpolated.found  # on the mesh itself
+    for onset, there in zip(onsets, own, strict=True):
+        if np.isinf(onset.discretisation) and there is not None:
             warnings.append(f"the onset at {_told(onset, name)}, vanishes on the refined mesh")
+        elif np.isinf(onset.discretisation):
+            warnings.append(
+                f"the error of the mesh is not known for the onset at {_told(onset, name)}: matrices interpolated"
+                " between the values have no such onset; more values of the sweep would have it"
+            )
     warnings += [f"an onset at {_told(onset, name)}, appears on the refined mesh alone" for onset in changes.appeared]
     warnings += _hidden(points, onsets, name)
     if isinstance(result.problem.source, Assembly):

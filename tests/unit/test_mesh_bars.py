@@ -13,7 +13,7 @@ from scene_texts import write_scene
 import fe_squeal
 from fe_squeal.accuracy.bars import BARS, SHARE, Parts, bar_of, bar_of_parts, beyond, enveloped
 from fe_squeal.accuracy.discretisation import near_onsets, with_changes, with_discretisation
-from fe_squeal.accuracy.estimate import Changes, refined_changes
+from fe_squeal.accuracy.estimate import Changes, Interpolated, refined_changes
 from fe_squeal.accuracy.pairs import bent_change, growth_beyond
 from fe_squeal.report.tables import print_onsets
 
@@ -119,6 +119,15 @@ def test_an_onset_that_vanishes_is_listed_as_such(block, changes):
     console = Console(file=io.StringIO(), width=80)
     print_onsets(result.onsets_dataframe(), console)
     assert "vanishes" in console.file.getvalue()
+
+
+@pytest.mark.slow
+def test_an_onset_that_interpolated_matrices_lack_is_not_said_to_vanish(block, changes):
+    """Where matrices are interpolated between values, those of the mesh itself may have no such onset either."""
+    none = Interpolated(tuple(0 * c for c in changes.modes), np.array([np.nan]), (None,))
+    result = with_changes(block, replace(changes, onsets=(np.nan,), interpolated=none))
+    assert result.onsets[0].discretisation == np.inf and not any("vanishes" in w for w in result.warnings)
+    assert any("is not known for the onset at" in w and "interpolated" in w for w in result.warnings)
 
 
 def test_an_onset_that_appears_is_listed_as_such(block, changes):
