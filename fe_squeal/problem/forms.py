@@ -71,11 +71,11 @@ def collect_powers(problem: Problem, parameter: str | tuple[str, ...]) -> Proble
 
 
 def is_linear(problem: Problem, parameter: str) -> bool:
-    """Return whether K is linear in a parameter."""
+    """Return whether K and M are linear in a parameter."""
     swept = paths_of(parameter)
     return problem.is_affine(parameter) and all(
         t.only is None and sum(t.powers.get(path, 0) for path in swept) in (0, 1)
-        for t in problem.terms if t.slot == "K"
+        for t in problem.terms if t.slot in ("K", "M")
     )  # fmt: skip
 
 

@@ -125,8 +125,9 @@ class Solve(Section):
         sweep within the tolerance; "modal" projects on the modes without friction and damping and tells the error that
         this makes; "auto" takes "reduced" for a large problem.
     tolerance : float
-        Relative error of every eigenvalue, next to a double one times its condition; shapes that are written, and modes
-        of direct solves, have this backward error as well.
+        Relative error of every eigenvalue, next to a double one times its condition; in a reduced model of those below
+        a thousandth of the band relative to that. Shapes that are written, and modes of direct solves, have this
+        backward error as well.
     linear_solver : "auto", "pardiso", "superlu" or "mumps"
         What factorises sparse matrices: "pardiso" is MKL's, "superlu" is SciPy's, which is always there, but
         slower; "mumps" comes with petsc4py (docs/cluster.md). "auto" takes "mumps" where mpiexec has started several
