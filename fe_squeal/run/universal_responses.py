@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ _AXES = ("x", "y", "z", "rx", "ry", "rz")
 # Types of functions that have a phase, the best first: frequency response, transmissibility, cross spectrum, spectrum,
 # and functions of a type that was not said. Files have coherences and power spectra beside them.
 _KINDS = (4, 5, 3, 12, 0)
+_RESPONSE, _CROSS, _UNKNOWN = 4, 3, 0
 _MOST = 8  # references that are named in a sentence
 
 
@@ -47,6 +48,7 @@ class _Function:
     sign: float
     x: np.ndarray
     data: np.ndarray
+    kind: int
 
 
 def read_lines(
@@ -55,7 +57,8 @@ def read_lines(
     """Return the responses to one reference at the line nearest to a frequency.
 
     Where one response stands still while the references move, as under a roving hammer, the references are the points:
-    a linear structure at rest answers at j to a force at k as at k to the same force at j.
+    a linear structure at rest answers at j to a force at k as at k to the same force at j. Of cross spectra the
+    conjugate is that of both exchanged; transmissibilities have no such law.
 
     Parameters
     ----------
@@ -99,7 +102,8 @@ def _functions(responses: Sequence[dict[str, Any]], where: str) -> list[_Functio
             continue
         sign = float(np.sign(along) * (np.sign(by) or 1))
         reference, response = (int(s["ref_node"]), abs(by) - 1), (int(s["rsp_node"]), abs(along) - 1)
-        found.append(_Function(reference, response, sign, np.asarray(s["x"], dtype=float), np.asarray(s["data"])))
+        found.append(_Function(reference, response, sign, np.asarray(s["x"], dtype=float), np.asarray(s["data"]),
+                               kind))
     if not found:
         raise SceneError(f"{where} has no response along x, y or z")
     return found
@@ -113,8 +117,9 @@ def _chosen(
     references: dict[Freedom, dict[Freedom, _Function]] = {}
     for f in functions:
         responses.setdefault(f.reference, {}).setdefault(f.response, f)
-        if 0 <= f.reference[1] <= 2:
-            references.setdefault(f.response, {}).setdefault(f.reference, f)
+        if 0 <= f.reference[1] <= 2 and f.kind in (_RESPONSE, _CROSS, _UNKNOWN):
+            exchanged = replace(f, data=f.data.conj()) if f.kind == _CROSS else f
+            references.setdefault(f.response, {}).setdefault(f.reference, exchanged)
     roving = max(map(len, references.values()), default=0) > max(map(len, responses.values()))
     groups = references if roving else responses
     everywhere = set().union(*groups.values())
@@ -136,8 +141,7 @@ def _chosen(
         notes.append(f"{_name(taken)} is taken of {known}; reference in the scene chooses another")
     if roving:
         notes.append(
-            f"the response {_name(taken)} stands still and the force moves, so by reciprocity its references are the"
-            " points"
+            f"the response {_name(taken)} stands still and the references move, so by reciprocity these are the points"
         )
     again = sum(f.reference == taken if not roving else f.response == taken for f in functions) - len(groups[taken])
     if again > 0:

@@ -15,6 +15,7 @@ from fe_squeal.errors import SceneError
 from fe_squeal.report.mac import mac
 from fe_squeal.run.measured import read_measured
 from fe_squeal.run.universal import UniversalShape, read_universal
+from fe_squeal.run.universal_responses import read_lines
 
 RNG = np.random.default_rng(11)
 NODES = np.arange(1, 9) * 10
@@ -118,10 +119,21 @@ def test_a_roving_hammer(tmp_path: Path, still: int) -> None:
     found = read(tmp_path, [points_2411(), *sets])
     assert len(found.points) == 8 and likeness(found) == pytest.approx(1.0)
     assert np.isfinite(found.u[:, [0, 2]]).all() and np.isnan(found.u[:, 1]).all()
-    assert "the response 30z stands still and the force moves, so by reciprocity" in found.notes[-1]
+    assert "the response 30z stands still and the references move, so by reciprocity" in found.notes[-1]
     assert ("30z is taken of fixed responses 30z with 16, 30x with 16" in found.notes[0]) == (still == 2)
     if still == 2:
         assert likeness(read(tmp_path, [points_2411(), *sets], reference="30x")) == pytest.approx(1.0)
+
+
+def test_exchanged_channels_of_operating_data(tmp_path: Path) -> None:
+    """A cross spectrum of response j and reference k is u_j u_k*, which gives u_k* as k moves; a transmissibility is
+    u_j / u_k, and gives no shape."""
+    cross = [function((30, 3), (n, 1), SHAPE[2, 2] * SHAPE[i, 0].conj(), kind=3) for i, n in enumerate(NODES)]
+    assert likeness(read(tmp_path, [points_2411(), *cross])) == pytest.approx(1.0)
+    ratios = [function((30, 3), (n, 1), SHAPE[2, 2] / SHAPE[i, 0]) for i, n in enumerate(NODES)]
+    with pytest.raises(SceneError, match=r"has references .*, and none has all"):
+        read_lines([{**f, "func_type": 5, "rsp_node": 30 + i % 2} for i, f in enumerate(ratios)], 600.0, None, "a.unv")
+    assert len(read_lines([{**f, "func_type": 5} for f in ratios], 600.0, None, "a.unv").rows) == 1
 
 
 def rotation() -> np.ndarray:
