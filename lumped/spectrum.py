@@ -85,12 +85,10 @@ def solve_spectrum(M: Floats, C: Floats, K: Floats) -> Spectrum:
     lam = _eigenvalues(A, undamped)
     rng = np.random.default_rng(20)
     scale = _PERTURBATION * np.abs(A).max((-2, -1), keepdims=True)
-    error = np.zeros(lam.shape)
-    for _ in range(_SAMPLES):
-        moved = _eigenvalues(A + scale * rng.uniform(-1, 1, A.shape[-2:]), undamped)
-        nearest = np.abs(lam[..., :, None] - moved[..., None, :]).min(-1)
-        np.maximum(error, nearest, out=error)
-    return Spectrum(lam, _SAFETY * error)
+    noise = rng.uniform(-1, 1, (_SAMPLES, *A.shape[-2:]))
+    moved = _eigenvalues(A[..., None, :, :] + scale[..., None, :, :] * noise, undamped)
+    nearest = np.abs(lam[..., None, :, None] - moved[..., None, :]).min(-1)
+    return Spectrum(lam, _SAFETY * nearest.max(-2))
 
 
 def solve_eigenvalues(M: Floats, C: Floats, K: Floats) -> Complexes:
@@ -148,9 +146,20 @@ def state_matrix(M: Floats, C: Floats, K: Floats) -> Floats:
 
 def _reduced(M: Floats, C: Floats, K: Floats) -> tuple[Floats, bool]:
     if C.any():
-        return state_matrix(M, C, K), False
+        return _balanced(state_matrix(M, C, K)), False
     shape = np.broadcast_shapes(C.shape, K.shape)
     return np.broadcast_to(mass_normalized(M, K), shape), True
+
+
+def _balanced(A: Floats) -> Floats:
+    """Return state matrices of (Ω q, q̇), so that their entries, and rounding in them, do not depend on units."""
+    n = A.shape[-1] // 2
+    stiffness, damping = (np.abs(X).max((-2, -1), keepdims=True) for X in (A[..., n:, :n], A[..., n:, n:]))
+    rate = np.where(stiffness > 0, np.sqrt(stiffness), np.where(damping > 0, damping, 1.0))
+    omega = 2.0 ** np.round(np.log2(rate))  # a power of two, by which scaling is exact
+    A[..., :n, n:] *= omega
+    A[..., n:, :n] /= omega
+    return A
 
 
 def _eigenvalues(A: Floats, undamped: bool) -> Complexes:

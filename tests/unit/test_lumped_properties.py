@@ -125,6 +125,18 @@ def test_onsets_agree_with_a_scan(seed):
         assert (above > below) == o.into and above != below
 
 
+@pytest.mark.parametrize(("stiffness", "mass"), [(1e6, 1e-3), (1e-6, 1e3), (1e12, 1.0)])
+def test_uncertainty_does_not_depend_on_units(stiffness, mass):
+    """λ of a damped system scales like √(k/m), and so does what rounding does to it."""
+    one = TwoMass(c1x=0.1, c2x=0.1, cy=0.1)
+    k, c = {n: stiffness * getattr(one, n) for n in ("k1x", "k2x", "ky", "k")}, 0.1 * np.sqrt(stiffness * mass)
+    other = replace(one, m1=mass * one.m1, m2=mass * one.m2, c1x=c, c2x=c, cy=c, **k)
+    a, b = one.spectrum(0.3), other.spectrum(0.3)
+    rate = np.sqrt(stiffness / mass)
+    assert_allclose(b.lam / rate, a.lam, rtol=1e-12)
+    assert (b.uncertainty / rate < 5 * a.uncertainty).all() and (a.uncertainty < 1e-13 * np.abs(a.lam).max()).all()
+
+
 def test_every_model_has_a_name_and_coordinates():
     for name, cls in MODELS.items():
         model = cls()
