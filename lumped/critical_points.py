@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg as la
-from scipy.optimize import brentq
 
-from .spectrum import Complexes, mass_normalized, solve_eigenvalues, state_matrix
+from .blocks import Block, split_blocks
+from .candidates import find_double, find_opposite, find_singular
+from .counting import Doubt, count_growing, find_missing
+from .following import Follower, derivative
+from .passages import Passage
+from .spectrum import mass_normalized
 from .springs import Floats
 
-_RELATIVE_DISTANCE = 1e-3  # ε in `double_eigenvalues`: of the two eigenvalues θ and (1 + ε)θ of its two vectors
-_STEP = 1e-6  # times 1 + |μ|: how far on both sides of an onset stability is tested
-_SCAN = 401
+LARGEST = 1e6  # |μ| up to which is searched
+_REAL = 0.1  # |Im μ| over |μ| of a candidate: the real roots of a touch, or of a narrow window, may turn into a pair
+_NEAR = 0.05  # of |μ|: a motion that is farther than this from where it would turn is not that of a candidate
+_PAIRS = 4  # of the nearest pairs of eigenvalues, which may be the ones that meet
+_STATIC = 1e-6  # |ω| over the highest frequency
+_WIDENED = 20  # times, each twice as far to both sides
+_STEP = 1e-4  # of |μ|, for the slope
 
 
 @dataclass(frozen=True)
@@ -33,6 +40,8 @@ class CriticalPoint:
     slope : float
         `hopf`: dRe λ/dμ, rad/s. `flutter`: the factor g in Re λ = g √(μ − μ_c), rad/s, on its unstable side.
         `divergence`: nan.
+    uncertainty : float
+        How far from `mu` rounding hides whether the motion is unstable.
     """
 
     mu: float
@@ -40,12 +49,47 @@ class CriticalPoint:
     kind: str
     into: bool
     slope: float
+    uncertainty: float
 
 
-def find_critical_points(
-    M: Floats, C: Floats, K0: Floats, F: Floats, lower: float, upper: float
-) -> list[CriticalPoint]:
-    """Find all flutter or Hopf points and divergences with lower < μ < upper, by ascending μ.
+@dataclass(frozen=True)
+class Search:
+    """The critical points of a system.
+
+    Attributes
+    ----------
+    points : tuple of CriticalPoint
+        By ascending μ.
+    low, high : float
+        The range that was searched: what was asked for, within ±1e6.
+    doubts : tuple of Doubt
+        Where rounding hides whether a motion is unstable.
+    """
+
+    points: tuple[CriticalPoint, ...]
+    low: float
+    high: float
+    doubts: tuple[Doubt, ...]
+
+    @property
+    def onsets(self) -> list[float]:
+        """The μ at which a flutter begins as μ rises, ascending."""
+        return [o.mu for o in self.points if o.into and o.kind != "divergence"]
+
+    @property
+    def completeness(self) -> dict[str, object]:
+        """What was searched, and whether rounding hides anything there: `sure`, `what`, `open` (sentences)."""
+        told = [doubt.sentence() for doubt in self.doubts]
+        return {"sure": not told, "what": f"critical mu from {self.low:g} to {self.high:g}", "open": told}
+
+
+def search_critical_points(M: Floats, C: Floats, K0: Floats, F: Floats, lower: float, upper: float) -> Search:
+    """Find every change of the number of growing motions with lower < μ < upper, and where rounding hides one.
+
+    Candidates come from the parts of the system that move by themselves. At each the motion is followed to both sides
+    until it grows, or does not, beyond the uncertainty of its eigenvalue: if it does the same on both sides it touches
+    the limit and that is no critical point. Then the growing eigenvalues are counted between all candidates and on a
+    grid; where their number changes and no crossing explains it, the change is bisected.
 
     Parameters
     ----------
@@ -59,170 +103,105 @@ def find_critical_points(
     >>> import numpy as np
     >>> K0 = np.array([[3.0, -1.0], [-1.0, 4.0]])
     >>> F = np.array([[0.0, 4.0], [0.0, 0.0]])
-    >>> [(o.kind, o.mu) for o in find_critical_points(np.eye(2), 0 * K0, K0, F, 0, np.inf)]  # ((3-4)²/4 + 1)/4
-    [('flutter', 0.3125)]
+    >>> found = search_critical_points(np.eye(2), 0 * K0, K0, F, 0, np.inf)
+    >>> [(o.kind, round(o.mu, 14)) for o in found.points], found.high, found.doubts  # ((3-4)²/4 + 1)/4
+    ([('flutter', 0.3125)], 1000000.0, ())
     """
-    if C.any():
-        found = _hopf_points(M, C, K0, F, lower, upper)
-    else:
-        found = _flutter_points(mass_normalized(M, K0), mass_normalized(M, F))
-    found += _divergences(M, C, K0, F)
-    return sorted((o for o in found if lower < o.mu < upper), key=lambda o: o.mu)
+    low, high = max(float(lower), -LARGEST), min(float(upper), LARGEST)
+    points: list[CriticalPoint] = []
+    doubts: list[Doubt] = []
+    for block in split_blocks(*(mass_normalized(M, X) for X in (K0, F, C))):
+        if low < high and block.B.any():
+            found, unclear = _search_block(block, low, high)
+            # Equal parts of a system have their critical points in common: these are listed once.
+            points += [o for o in found if not any(_are_one(o, other) for other in points)]
+            doubts += [d for d in unclear if d not in doubts]
+    return Search(tuple(sorted(points, key=lambda o: o.mu)), low, high, tuple(doubts))
 
 
-def double_eigenvalues(A: Floats, B: Floats) -> list[tuple[float, complex]]:
-    """Find approximations (μ, θ) of all real μ at which A + μ B has a double eigenvalue θ.
+def _search_block(block: Block, low: float, high: float) -> tuple[list[CriticalPoint], list[Doubt]]:
+    still_block = replace(block, C=np.zeros_like(block.C))
+    follower, static = (Follower(b, -2 * LARGEST, 2 * LARGEST) for b in (block, still_block))
+    meeting = find_double(block.A, block.B) if block.undamped else find_opposite(block.A, block.B, block.C)
+    moving, still = (_starts(mu, low, high) for mu in (meeting, find_singular(block.A, block.B)))
+    passages: list[Passage] = []
+    for start, trust in moving:
+        for near in _motions(block, start):
+            passage = _settle(follower, start, near, trust, passages)
+            if passage is not None and not any(passage.is_same(x) for x in passages):
+                passages.append(passage)
+    for start, trust in still:
+        if (passage := _settle(static, start, 0j, trust, passages)) is not None:
+            passages.append(_with_damping(block, passage))
+    doubts = find_missing(block, follower, passages, [start for start, _ in (*moving, *still)], low, high)
+    crossings = [x for x in passages if x.is_crossing]
+    inside = [x for x in crossings if low < x.mu < high and (not x.is_vague or low <= x.left.mu < x.right.mu <= high)]
+    return [_point(block, follower, x, crossings) for x in inside], doubts
 
-    Two vectors with (A + μB) x = θ x and (A + μB) y = (1+ε) θ y make z = x ⊗ y an eigenvector of the pencil
 
-        [(1+ε) A⊗I − I⊗A] z + μ [(1+ε) B⊗I − I⊗B] z = 0,
+def _starts(mu: Sequence[complex] | np.ndarray, low: float, high: float) -> list[tuple[float, float]]:
+    """Return real μ to start from, and how far the critical point may be."""
+    starts = []
+    for value in mu:
+        real, imaginary = float(value.real), abs(float(value.imag))
+        trust = _NEAR * abs(real) + 2 * imaginary
+        if imaginary <= _REAL * abs(real) and low - trust < real < high + trust:
+            starts += [(x, trust) for x in sorted({real - imaginary, real, real + imaginary})]
+    return starts
 
-    whose finite eigenvalues μ lie within O(ε²) of those at which θ is double. Where θ = 0, all of them fulfil it: those
-    come out as well.
 
-    Parameters
-    ----------
-    A, B : (n, n) arrays
+def _motions(block: Block, mu: float) -> list[complex]:
+    """Return the eigenvalues, or middles of two, that may be those of a candidate."""
+    lam = block.eigenvalues(mu)
+    if not block.undamped:
+        return [complex(x) for x in lam if x.imag > 0]
+    lam = lam[lam.imag > _STATIC * np.abs(lam).max()]
+    i, j = np.triu_indices(len(lam), 1)
+    nearest = np.argsort(np.abs(lam[i] - lam[j]))[:_PAIRS]
+    return [complex(x) for x in (lam[i] + lam[j])[nearest] / 2]
 
-    References
-    ----------
-    Jarlebring, Kvaal, Michiels, SIAM J. Matrix Anal. Appl. 32 (2011) 902-927.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> pairs = double_eigenvalues(np.array([[3.0, -1.0], [-1.0, 4.0]]), np.array([[0.0, 4.0], [0.0, 0.0]]))
-    >>> [(round(mu, 4), round(theta.real, 1)) for mu, theta in pairs if theta.real > 0.1]
-    [(0.3125, 3.5)]
+def _settle(follower: Follower, start: float, near: complex, trust: float, known: list[Passage]) -> Passage | None:
+    """Return the passage of a candidate, unless it is one of those known, or far away."""
+    root = follower.polish(start, near, trust)
+    if root is None or any(x.covers(*root) for x in known):
+        return None
+    return follower.settle(*root)
+
+
+def _with_damping(block: Block, passage: Passage) -> Passage:
+    """Return the passage of a root of det K, followed without damping, as damping has it.
+
+    Mostly it is the same. But damping that friction drives can let a growing motion pass to a decaying one as K loses
+    its positive determinant.
     """
-    n = len(A)
-    one = np.eye(n)
-    k = 1 + _RELATIVE_DISTANCE
-    D1 = k * np.kron(A, one) - np.kron(one, A)
-    D0 = k * np.kron(B, one) - np.kron(one, B)
-    mu, Z = la.eig(D1, -D0)
-    found = []
-    for value, z in zip(mu, Z.T, strict=True):
-        if not np.isfinite(value) or abs(value.imag) > _RELATIVE_DISTANCE * (1 + abs(value)):
-            continue
-        x = la.svd(z.reshape(n, n))[0][:, 0]
-        found.append((float(value.real), complex(x.conj() @ (A + value.real * B) @ x)))
-    return sorted(found, key=lambda pair: pair[0])
+    width = passage.uncertainty
+    for _ in range(_WIDENED):
+        before, behind = count_growing(block, np.array([passage.mu - width, passage.mu + width]))
+        if (behind - before) % 2:  # else rounding hides the eigenvalue that passes through zero
+            return passage.turned() if passage.gain * (behind - before) < 0 else passage
+        width *= 2
+    return passage
 
 
-def _flutter_points(A: Floats, B: Floats) -> list[CriticalPoint]:
-    """Refine the double eigenvalues on s² = ((θi − θj)/2)², which is analytic in μ where θi and θj are not."""
-    onsets: list[CriticalPoint] = []
-    for start, theta in double_eigenvalues(A, B):
-        onset = _refine_flutter(A, B, start, theta)
-        if onset and not any(abs(onset.mu - o.mu) < 1e-10 * (1 + abs(o.mu)) for o in onsets):
-            onsets.append(onset)
-    return onsets
+def _point(block: Block, follower: Follower, crossing: Passage, others: Sequence[Passage]) -> CriticalPoint:
+    mu, omega, into = crossing.mu, abs(crossing.lam.imag), crossing.gain > 0
+    unsure = crossing.uncertainty
+    if omega == 0:
+        return CriticalPoint(mu, 0.0, "divergence", into, np.nan, unsure)
+    if not block.undamped:
+        return CriticalPoint(mu, omega, "hopf", into, derivative(block, mu, crossing.lam).real, unsure)
+    room = min((abs(x.mu - mu) for x in others if x is not crossing), default=abs(mu))
+    h = min(max(_STEP * abs(mu), 1e3 * unsure), 0.1 * room)
+
+    def rate(step: float) -> float:
+        below, above = (follower.measure(mu + sense * step, crossing.lam)[0] for sense in (-1, 1))
+        return (above - below) / (2 * step)
+
+    slope = np.sqrt(abs(4 * rate(h / 2) - rate(h)) / 3)  # of ((λi − λj) / 2)² = (Re λ)², without its term h²
+    return CriticalPoint(mu, omega, "flutter", into, float(slope), unsure)
 
 
-def _refine_flutter(A: Floats, B: Floats, start: float, theta: complex) -> CriticalPoint | None:
-    scale = np.abs(A + start * B).max() ** 2
-
-    def pair(mu: float, near: complex) -> tuple[float, complex]:
-        values = np.linalg.eigvals(A + mu * B).astype(complex)
-        a, b = values[np.argsort(np.abs(values - near))[:2]]
-        return float((((a - b) / 2) ** 2).real), complex((a + b) / 2)
-
-    step = _STEP * (1 + abs(start))
-    previous, mu = start, start + step
-    f_previous, theta = pair(previous, theta)
-    for _ in range(50):
-        f, theta = pair(mu, theta)
-        if f == f_previous:
-            return None  # constant: the two never approach each other
-        previous, mu, f_previous = mu, mu - f * (mu - previous) / (f - f_previous), f
-        if abs(mu - start) > 0.1 * (1 + abs(start)):
-            return None
-        if abs(mu - previous) < 0.01 * step:
-            break
-    low, high = mu - step, mu + step
-    below, above = pair(low, theta)[0], pair(high, theta)[0]
-    if below * above >= 0 or abs(above - below) < 1e-13 * scale:
-        return None  # a crossing without coupling: s² touches zero and turns back
-    mu = float(brentq(lambda value: pair(value, theta)[0], low, high, xtol=1e-16, rtol=4 * np.finfo(float).eps))
-    f, theta = pair(mu, theta)
-    if abs(f) > 1e-3 * abs(above - below) or theta.real <= 0:  # a jump of the pair, or two motions that diverge anyway
-        return None
-    omega = float(np.sqrt(theta.real))
-    return CriticalPoint(mu, omega, "flutter", above < 0, float(np.sqrt(abs(above - below) / (2 * step)) / (2 * omega)))
-
-
-def _divergences(M: Floats, C: Floats, K0: Floats, F: Floats) -> list[CriticalPoint]:
-    """Real roots of det(K0 + μ F) at which an eigenvalue passes through zero."""
-    values = la.eigvals(mass_normalized(M, K0), -mass_normalized(M, F))
-    values = values[np.isfinite(values) & (np.abs(values) < 1e6)]
-    onsets = []
-    for mu in np.unique(values[np.abs(values.imag) < 1e-9 * (1 + np.abs(values))].real):
-        u, _, vh = np.linalg.svd(K0 + mu * F)
-        x, y = vh[-1], u[:, -1]
-        # near zero λ = −(μ − μ0) yᵀFx / yᵀCx, and without damping λ² = −(μ − μ0) yᵀFx / yᵀMx
-        slope, inertia = -(y @ F @ x), y @ (C if C.any() else M) @ x
-        if abs(slope) > 1e-12 * np.abs(F).max() and inertia != 0:
-            onsets.append(CriticalPoint(float(mu), 0.0, "divergence", bool(slope / inertia > 0), float("nan")))
-    return onsets
-
-
-def _hopf_points(M: Floats, C: Floats, K0: Floats, F: Floats, lower: float, upper: float) -> list[CriticalPoint]:
-    """Crossings of the imaginary axis, from the bialternate sum, polished by Newton's method on Re λ(μ)."""
-    starts = [*_zero_sums(state_matrix(M, C, K0), state_matrix(M, C, K0 + F) - state_matrix(M, C, K0))]
-    # The bialternate pencil is singular if a motion stays undamped for every μ; a scan finds the others then.
-    low, high = max(lower, -10.0), min(upper, 10.0)
-    mu = np.linspace(low, high, _SCAN)
-    growth = solve_eigenvalues(M, C, K0 + mu[:, None, None] * F).real.max(-1)
-    starts += [(a + b) / 2 for (a, ga), (b, gb) in pairwise(zip(mu, growth, strict=True)) if ga * gb < 0]
-    onsets: list[CriticalPoint] = []
-    for start in starts:
-        for lam in solve_eigenvalues(M, C, K0 + start * F):
-            onset = _polish_hopf(M, C, K0, F, start, lam) if lam.imag > 0 else None
-            if onset and not any(abs(onset.mu - o.mu) < 1e-10 * (1 + abs(o.mu)) for o in onsets):
-                onsets.append(onset)
-    return onsets
-
-
-def _zero_sums(A: Floats, B: Floats) -> Floats:
-    """Return the real μ at which two eigenvalues of A + μ B sum to zero: X → AX + XAᵀ on skew X is singular there."""
-    n = len(A)
-    i, j = np.triu_indices(n, 1)
-    P = np.zeros((n * n, len(i)))
-    P[i * n + j, range(len(i))] = np.sqrt(0.5)
-    P[j * n + i, range(len(i))] = -np.sqrt(0.5)
-    one = np.eye(n)
-    L0, L1 = (P.T @ (np.kron(X, one) + np.kron(one, X)) @ P for X in (A, B))
-    mu = la.eigvals(L0, -L1)
-    mu = mu[np.isfinite(mu) & (np.abs(mu) < 1e6)]
-    return np.unique(mu[np.abs(mu.imag) < 1e-5 * (1 + np.abs(mu))].real)
-
-
-def _polish_hopf(M: Floats, C: Floats, K0: Floats, F: Floats, mu: float, lam: complex) -> CriticalPoint | None:
-    start, first = mu, lam
-    for _ in range(30):
-        slope = _derivative(M, C, K0 + mu * F, F, lam).real
-        if slope == 0 or not np.isfinite(slope):
-            return None
-        step = -lam.real / slope
-        mu += step
-        if abs(mu - start) > 0.1 * (1 + abs(start)):
-            return None
-        values: Complexes = solve_eigenvalues(M, C, K0 + mu * F)
-        lam = complex(values[np.argmin(np.abs(values - lam))])
-        if abs(step) <= 1e-15 * (1 + abs(mu)):
-            break
-    if abs(lam.real) > 1e-12 * (1 + abs(lam)) or lam.imag <= 1e-8 * abs(first):
-        return None
-    slope = _derivative(M, C, K0 + mu * F, F, lam).real
-    if abs(slope) * (1 + abs(mu)) < 1e-9 * np.abs(C).max() / M.max():
-        return None  # an undamped motion that friction does not reach stays on the axis for every μ
-    return CriticalPoint(float(mu), float(lam.imag), "hopf", bool(slope > 0), float(slope))
-
-
-def _derivative(M: Floats, C: Floats, K: Floats, F: Floats, lam: complex) -> complex:
-    """dλ/dμ = −yᴴ F x / yᴴ (2λM + C) x."""
-    u, _, vh = np.linalg.svd(lam * lam * M + lam * C + K)
-    x, y = vh[-1].conj(), u[:, -1].conj()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return complex(-(y @ F @ x) / (y @ (2 * lam * M + C) @ x))
+def _are_one(a: CriticalPoint, b: CriticalPoint) -> bool:
+    near = abs(a.mu - b.mu) <= 1e-12 * abs(a.mu) + a.uncertainty + b.uncertainty
+    return (a.kind, a.into) == (b.kind, b.into) and near and abs(a.omega - b.omega) <= 1e-6 * a.omega

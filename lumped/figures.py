@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from .axis import Axis
 from .noise import GROAN_BELOW_HZ, SQUEAL_FROM_HZ
-from .results import Axis, Case, Curves, Grid, Responses, Surface, Table
+from .results import Case, Curves, Grid, Responses, Surface, Table
 from .study import Result
 
 _SYMBOLS = {"mu": "μ", "theta1": "θ1", "theta2": "θ2", "theta": "θ"}

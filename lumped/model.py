@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .critical_points import CriticalPoint, find_critical_points
+from .critical_points import CriticalPoint, Search, search_critical_points
 from .parameters import check_parameters
 from .response import solve_response
 from .spectrum import Complexes, Spectrum, solve_eigenvalues, solve_spectrum
@@ -76,12 +76,24 @@ class LumpedModel(ABC):
         """Return all λ with their uncertainty, and the stability that follows."""
         return solve_spectrum(self.M, self.C, self.K(mu))
 
+    def search_critical_points(self, lower: float = 0.0, upper: float = np.inf) -> Search:
+        """Find every flutter, Hopf point and divergence with lower < μ < upper, and what rounding hides.
+
+        Examples
+        --------
+        >>> from lumped import TwoMass
+        >>> found = TwoMass().search_critical_points()
+        >>> len(found.points), found.low, found.high, found.doubts
+        (1, 0.0, 1000000.0, ())
+        """
+        return search_critical_points(self.M, self.C, self.K0, self.friction_matrix, lower, upper)
+
     def critical_points(self, lower: float = 0.0, upper: float = np.inf) -> list[CriticalPoint]:
-        """Return every flutter, Hopf point and divergence with lower < μ < upper."""
-        return find_critical_points(self.M, self.C, self.K0, self.friction_matrix, lower, upper)
+        """Return every flutter, Hopf point and divergence with lower < μ < upper, up to ±1e6."""
+        return list(self.search_critical_points(lower, upper).points)
 
     def critical_mu(self) -> list[float]:
-        """Return the μ > 0 at which a flutter begins as μ rises, ascending.
+        """Return the μ > 0, up to 1e6, at which a flutter begins as μ rises, ascending.
 
         Examples
         --------
@@ -89,7 +101,7 @@ class LumpedModel(ABC):
         >>> [round(mu, 6) for mu in NineDof().critical_mu()][:2]
         [0.858154, 2.738331]
         """
-        return [o.mu for o in self.critical_points() if o.into and o.kind != "divergence"]
+        return self.search_critical_points().onsets
 
     def response(self, x0: ArrayLike, v0: ArrayLike, times: ArrayLike, mu: float) -> Floats:
         """Return the free motion q(t), (k, n), m, from displacements x0 and velocities v0.

@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import brentq, linear_sum_assignment
+from scipy.optimize import linear_sum_assignment
 
+from .axis import Axis, solve_stack
+from .intervals import find_unstable_intervals
 from .model import LumpedModel
-from .spectrum import Complexes, Spectrum, mass_normalized, solve_spectrum
+from .spectrum import Complexes, Spectrum
 from .springs import Floats
-
-
-@dataclass(frozen=True)
-class Axis:
-    """A parameter that is swept: the fields of the model it sets (`mu` for friction), its unit and its values."""
-
-    names: tuple[str, ...]
-    unit: str
-    values: Floats
-
-    @property
-    def name(self) -> str:
-        """Name of the column in the tables."""
-        return self.names[0] if len(self.names) == 1 else f"{self.names[0]}_{self.names[-1]}"
 
 
 @dataclass(frozen=True)
@@ -104,35 +91,6 @@ class Table:
     rows: tuple[tuple[float | str, ...], ...]
 
 
-def axis_of(model: LumpedModel, names: str | Sequence[str], values: Sequence[float] | Floats) -> Axis:
-    """Return the axis of a parameter, with the unit that the model gives it.
-
-    Examples
-    --------
-    >>> from lumped import TwoMass
-    >>> axis_of(TwoMass(), "ky", [5, 100]).unit
-    'N/m'
-    """
-    given = (names,) if isinstance(names, str) else tuple(names)
-    units = {f.name: f.metadata["unit"] for f in fields(model)}
-    return Axis(given, "" if given == ("mu",) else units[given[0]], np.asarray(values, dtype=float))
-
-
-def solve_stack(model: LumpedModel, names: Sequence[str], values: Floats, mu: float) -> Spectrum:
-    """Solve for the spectra of a model at each value of a parameter, in one call of the eigen-solver.
-
-    Examples
-    --------
-    >>> from lumped import Minimal
-    >>> solve_stack(Minimal(), ("k2",), np.array([5.0, 20.0]), mu=0.5).unstable.tolist()
-    [False, True]
-    """
-    if tuple(names) == ("mu",):
-        return model.spectrum(values)
-    models = [replace(model, **dict.fromkeys(names, float(v))) for v in values]
-    return solve_spectrum(model.M, np.stack([m.C for m in models]), np.stack([m.K(mu) for m in models]))
-
-
 def solve_curves(axis: Axis, cases: Mapping[tuple[str, str], tuple[LumpedModel, float]]) -> Curves:
     """Compute the eigenvalues of one or more models over a parameter.
 
@@ -145,6 +103,7 @@ def solve_curves(axis: Axis, cases: Mapping[tuple[str, str], tuple[LumpedModel, 
     Examples
     --------
     >>> from lumped import Minimal
+    >>> from lumped.axis import axis_of
     >>> model = Minimal()
     >>> result = solve_curves(axis_of(model, "k2", np.linspace(0, 50, 101)), {("base", "base"): (model, 0.5)})
     >>> [[round(end, 9) for end in interval] for interval in result.cases[0].unstable]
@@ -165,6 +124,7 @@ def surface(x: Axis, y: Axis, cases: Mapping[str, LumpedModel]) -> Surface:
     Examples
     --------
     >>> from lumped import Minimal
+    >>> from lumped.axis import axis_of
     >>> model = Minimal()
     >>> result = surface(axis_of(model, "mu", [0.0, 0.5]), axis_of(model, "k2", [5.0, 20.0]), {"base": model})
     >>> result.growth[0].round(6).tolist()
@@ -184,84 +144,6 @@ def responses(model: LumpedModel, x0: Sequence[float], times: Floats, mu: Mappin
     motion = tuple(model.response(x0, v0, times, value) for value in mu.values())
     rates = tuple(float(model.spectrum(value).growth) for value in mu.values())
     return Responses(times, model.coordinates, tuple(mu), tuple(mu.values()), rates, motion)
-
-
-def find_unstable_intervals(
-    model: LumpedModel, axis: Axis, mu: float, unstable: NDArray[np.bool_] | None = None
-) -> tuple[tuple[float, float], ...]:
-    """Find the intervals of a parameter in which a model is unstable.
-
-    A window narrower than the axis' step may be missed.
-    Each end is bisected on the stability until one crossing is left and then refined: undamped on the discriminant
-    Π (θi − θj)², which has a simple zero where two frequencies merge; damped on max Re λ.
-
-    Parameters
-    ----------
-    model : LumpedModel
-    axis : Axis
-        Its values are the ones first looked at.
-    mu : float
-        Ignored where the axis is friction itself.
-    unstable : array of bool, optional
-        At these values, if known.
-
-    Examples
-    --------
-    >>> from lumped import TwoMass
-    >>> axis = axis_of(TwoMass(), "k1x", np.linspace(5, 50, 46))
-    >>> [[round(end, 10) for end in interval] for interval in find_unstable_intervals(TwoMass(), axis, 0.4)]
-    [[5.0, 13.8862067739]]
-    """
-    if unstable is None:
-        unstable = solve_stack(model, axis.names, axis.values, mu).unstable
-    edges = [float(axis.values[0])] if unstable[0] else []
-    for i in np.flatnonzero(unstable[1:] != unstable[:-1]):
-        edges.append(_refine_edge(model, axis, mu, float(axis.values[i]), float(axis.values[i + 1]), bool(unstable[i])))
-    if unstable[-1]:
-        edges.append(float(axis.values[-1]))
-    return tuple(zip(edges[::2], edges[1::2], strict=True))
-
-
-def _refine_edge(model: LumpedModel, axis: Axis, mu: float, low: float, high: float, unstable_low: bool) -> float:
-    def spectrum(p: float) -> Spectrum:
-        return solve_stack(model, axis.names, np.array([p]), mu)
-
-    measure = _crossing_measure(model, axis, mu)
-    tolerance = 4 * np.finfo(float).eps * max(abs(low), abs(high))
-    for _ in range(60):
-        f_low, f_high = measure(low), measure(high)
-        if f_low * f_high < 0 and high - low < 1e-3 * (1 + abs(low)):
-            return float(brentq(measure, low, high, xtol=tolerance, rtol=4 * np.finfo(float).eps))
-        if f_low == 0 or f_high == 0 or high - low <= tolerance:
-            return low if f_low == 0 else high
-        middle = (low + high) / 2
-        if bool(spectrum(middle).unstable[0]) == unstable_low:
-            low = middle
-        else:
-            high = middle
-    return (low + high) / 2
-
-
-def _crossing_measure(model: LumpedModel, axis: Axis, mu: float) -> Callable[[float], float]:
-    """Return the function of the parameter that changes sign where stability does."""
-
-    def at(p: float) -> tuple[LumpedModel, float]:
-        if axis.names == ("mu",):
-            return model, p
-        return replace(model, **dict.fromkeys(axis.names, p)), mu
-
-    def growth(p: float) -> float:
-        other, friction = at(p)
-        return float(other.eigenvalues(friction).real.max())
-
-    def discriminant(p: float) -> float:
-        other, friction = at(p)
-        theta = np.linalg.eigvals(mass_normalized(other.M, other.K(friction))).astype(complex)
-        i, j = np.triu_indices(len(theta), 1)
-        return float(np.prod(((theta[i] - theta[j]) / np.abs(theta).max()) ** 2).real)
-
-    damped = any(at(float(p))[0].C.any() for p in axis.values[[0, -1]])
-    return growth if damped else discriminant
 
 
 def _upper_half(spectrum: Spectrum) -> tuple[Complexes, Floats]:

@@ -66,7 +66,8 @@ def evaluate(model_name: str, settings: Mapping[str, str]) -> dict[str, Any]:
     -------
     dict
         `eigenvalues`: [[Re, Im], ...], rad/s, ascending by Im λ; `critical_mu`: the μ > 0 at which a flutter begins;
-        also `mu`, `uncertainty` (of each λ, rad/s) and `stability` (`unstable`, `marginal` or `stable`).
+        `critical_mu_complete`: `sure`, `what` was searched, and what is `open` because of rounding, in sentences; also
+        `mu`, `uncertainty` (of each λ, rad/s) and `stability` (`unstable`, `marginal` or `stable`).
 
     Raises
     ------
@@ -83,10 +84,11 @@ def evaluate(model_name: str, settings: Mapping[str, str]) -> dict[str, Any]:
     model_class = MODELS[model_name]
     values, mu = read_settings(model_name, model_class, settings, model_class.default_mu)
     model = model_class(**values)
-    spectrum = model.spectrum(mu)
+    spectrum, found = model.spectrum(mu), model.search_critical_points()
     return {
         "eigenvalues": [[x.real, x.imag] for x in spectrum.lam.tolist()],
         "critical_mu": model.critical_mu(),
+        "critical_mu_complete": found.completeness,
         "mu": mu,
         "uncertainty": spectrum.uncertainty.tolist(),
         "stability": spectrum.stability,

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .axis import axis_of
 from .model import LumpedModel
-from .results import Case, Curves, Grid, Responses, Surface, Table, axis_of, solve_curves
+from .results import Case, Curves, Grid, Responses, Surface, Table, solve_curves
 
 Result = Curves | Surface | Responses | Grid | Table
 

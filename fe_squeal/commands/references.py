@@ -47,7 +47,11 @@ def lumped_models(
     for re, im in result["eigenvalues"]:
         console.print(f"λ = {re:+.12g} {im:+.12g}i rad/s", markup=False)
     shown = ", ".join(f"{mu:.15g}" for mu in result["critical_mu"]) or "none"
+    complete = result["critical_mu_complete"]
     console.print(f"critical μ: {shown}", markup=False)
+    console.print(f"searched: {complete['what']}", markup=False)
+    for sentence in complete["open"]:
+        console.print(f"warning: {sentence}", markup=False)
     console.print(f"studies: {', '.join(models.STUDIES[model])}", markup=False)
     return 0
 

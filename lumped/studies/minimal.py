@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ..axis import Axis, axis_of
 from ..models import Minimal, critical_friction
-from ..results import Axis, Curves, Grid, Responses, Surface, axis_of, responses, solve_curves, surface
+from ..results import Curves, Grid, Responses, Surface, responses, solve_curves, surface
 from ..study import Notes, Result, Study, intervals, of_curves
 
 BASE = Minimal()

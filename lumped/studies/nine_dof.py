@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..axis import axis_of
 from ..models import NineDof
-from ..results import Curves, axis_of, solve_curves
+from ..results import Curves, solve_curves
 from ..study import Notes, Study, intervals, of_curves, solve_curve
 
 BASE = NineDof()

@@ -6,8 +6,9 @@ from functools import partial
 
 import numpy as np
 
+from ..axis import axis_of
 from ..models import TwoMass
-from ..results import Case, Curves, axis_of, solve_curves
+from ..results import Case, Curves, solve_curves
 from ..study import Notes, Study, intervals, of_curves, solve_curve
 
 BASE = TwoMass()

@@ -6,7 +6,8 @@ from numpy.polynomial import Polynomial
 from numpy.testing import assert_allclose
 
 from lumped import Minimal, Oscillator, critical_friction
-from lumped.results import axis_of, find_unstable_intervals
+from lumped.axis import axis_of
+from lumped.intervals import find_unstable_intervals
 from lumped.spectrum import solve_spectrum
 
 REGULAR = Minimal(k2=20.0)

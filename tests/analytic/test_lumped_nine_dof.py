@@ -5,7 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from lumped import NineDof, RigidPad, UncoupledDisc
-from lumped.results import axis_of, find_unstable_intervals
+from lumped.axis import axis_of
+from lumped.intervals import find_unstable_intervals
 
 BASE = NineDof()
 X1, Y1, X2, Y2, X3, Y3, XB, YB, PHI = range(9)

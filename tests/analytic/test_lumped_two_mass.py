@@ -5,7 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from lumped import TwoMass
-from lumped.results import axis_of, find_unstable_intervals
+from lumped.axis import axis_of
+from lumped.intervals import find_unstable_intervals
 
 BASE = TwoMass()
 
