@@ -163,6 +163,7 @@ def _solve_sparse(pencil: Pencil, request: Request, band: float | None, linear_s
             limit = float(wanted.lam.imag.max(initial=0.0))
             if request.max_frequency_hz is not None:
                 limit = 2 * np.pi * request.max_frequency_hz
+            del operator  # and its factors, before there are others
             whole = with_far_growth(pencil, modes, limit, free, linear_solver)
             wanted = select_wanted(whole, request, np.inf)
             assert wanted is not None

@@ -53,7 +53,7 @@ def test_matrices_of_the_size_of_the_unknowns_are_factorised(rows):
     for r in rows:
         assert {size for size, _ in r.factorised} == {r.unknowns}
         plain = sum(not symmetric for _, symmetric in r.factorised)
-        most = {"symmetric": 0, "quadratic": 4}.get(r.problem_class, 1)
+        most = {"symmetric": 0, "quadratic": 4}.get(r.problem_class, 2)  # the second one looks for strong flutter
         assert min(most, 2) <= plain <= most, r.effect
         assert (r.static > 0) == (r.effect.startswith(("preload", "all")))
 
