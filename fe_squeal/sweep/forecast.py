@@ -49,6 +49,10 @@ _SEARCHED, _CORRECTED, _BLOCKS, _MOST = 40, 1.0, 9.0, 9 * 2**26
 _STRONG = {"symmetric": 0.0, "nonsymmetric": 1.2, "quadratic": 3.0, "complex": 3.0}
 # What direct solves make of these: left ones too, complex ones, and with damping those of displacement and velocity.
 _SOLVED = {"symmetric": 1, "nonsymmetric": 2, "quadratic": 8, "complex": 4}
+# Of the search for strong flutter, by problem class: vectors of its Krylov space; and those of each mode asked for that
+# is taken out, right and left, displacement and velocity, with copies in other units and projectors. Complex ones count
+# twice. Counted from the program.
+_FLUTTER = {"nonsymmetric": (368, 32), "complex": (736, 64)}
 # Where a parameter changes matrices: sums of terms at other values that an assembly keeps; values of which a table has
 # terms besides those of the sweep, at which steps are halved and onsets end; how far apart two values are, in parts of
 # one, whose terms tell the entries of these.
@@ -167,7 +171,8 @@ class MemoryCount:
             parts["projections"] = int(_PROJECTED * self.terms * basis**2)
             parts["small eigenproblems"] = int(number * (_DENSE * order**2 + 2 * self.values * guarded * basis))
         elif n > DENSE_LIMIT:
-            parts["vectors"] = int(8 * n * _KRYLOV * modes * _SOLVED[kind])
+            krylov, states = _FLUTTER.get(kind, (0, 0))
+            parts["vectors"] = int(8 * n * max(_KRYLOV * modes * _SOLVED[kind], krylov + states * modes))
         strong = int(_STRONG[kind] * self.factors) if self.large else 0
         free, taken = available_memory(), int(psutil.Process().memory_info().rss)
         return MemoryPrediction(sum(parts.values()), self.factors, free, self.reduced, parts, strong, taken)
