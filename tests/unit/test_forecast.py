@@ -39,7 +39,8 @@ def test_the_parts_make_the_total_and_grow_with_the_modes(method):
     assert sum(few.parts.values()) == few.total and few.factors == few.parts["factors"] == count.factors
     moved = {name for name in many.parts if many.parts[name] != few.parts[name]}
     assert moved == {"vectors"} | ({"projections", "small eigenproblems"} if method == "reduced" else set())
-    assert many.parts["vectors"] > 4 * few.parts["vectors"] or method == "reduced"
+    # The Krylov space of the search for strong flutter is the same for any number of modes.
+    assert many.parts["vectors"] > 3 * few.parts["vectors"] or method == "reduced"
     for name, size in few.parts.items():
         assert f"{name} {memory.memory_text(size)}" in str(few)
 
