@@ -122,6 +122,8 @@ def _balance(terms: Sequence[Floats]) -> list[Floats]:
 
 def _eigenvalues(L0: Floats, L1: Floats) -> Complexes:
     """Return the finite μ at which L0 + μ L1 is singular."""
+    if not len(L0):  # of which LAPACK's query for its workspace fails
+        return np.zeros(0, complex)
     alpha, beta = la.eigvals(L0, -L1, homogeneous_eigvals=True)
     finite = np.abs(beta) > np.finfo(float).tiny * (1 + np.abs(alpha))
     return np.asarray(alpha[finite] / beta[finite], dtype=complex)
