@@ -23,6 +23,7 @@ from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.cli import main
 from fe_squeal.errors import NotConvergedError, SceneError
 from fe_squeal.run.accuracy import study_scene
+from fe_squeal.run.folder import hold_folder
 from fe_squeal.run.measurements import MeasurementFolder
 
 
@@ -214,7 +215,12 @@ def test_nothing_within_the_budget(tiny, tmp_path):
 @pytest.mark.slow
 def test_command_writes_its_files(tiny, measured, tmp_path, capsys):
     out = tmp_path / "out"
-    shutil.copytree(measured[0], out / "measurements")  # what the command finds there
+    made, of_scene = MeasurementFolder(measured[0]), key_of(load_scene(tiny))
+    with hold_folder(out):  # what an interrupted command leaves, and the next one finds
+        found = MeasurementFolder(out / "measurements")
+        found.save_probes(of_scene, made.load_probes(of_scene))
+        for path in measured[0].glob("*.npz"):
+            found.save(path.stem, made.load(path.stem))
     assert main(["accuracy", str(tiny), "-o", str(out), "--budget", "1e-9"]) == 0
     printed = capsys.readouterr().out
     assert "left out" in printed and "% on frequencies" in printed
