@@ -113,6 +113,14 @@ class Draft:
         if all((f.what, f.text) != (what, text) for f in self.findings):
             self.findings.append(Finding(what, where, text, weight))
 
+    def tell_damping_of_all(self, what: str, where: str, of_mass: bool) -> None:
+        """Note that a factor of the whole mass or stiffness, which damps all of it there, is one of the bodies here."""
+        if of_mass and any("mass" in t.values for t in self.tables):
+            self.find(what, where, "damps point masses too, which is not simulated: here it damps the bodies alone")
+        elif not of_mass and any(t.path[0] in ("contacts", "springs") or "springs" in t.values for t in self.tables):
+            text = "damps contacts and springs too, which is not simulated: here it damps the bodies alone"
+            self.find(what, where, text)
+
     @property
     def missing(self) -> list[str]:
         """What has to be given before the scene can run, a sentence each."""

@@ -115,7 +115,8 @@ def written(tmp_path, text):
 def test_archive_is_the_scene_by_hand(tmp_path):
     path = written(tmp_path, brake())
     scene, draft = scene_of(path)
-    assert not [f for f in draft.findings if f.weight != "harmless"] and scene.solve.modes == 12
+    assert [f.what for f in draft.findings if f.weight != "harmless"] == ["ALPHAD", "BETAD"]
+    assert scene.solve.modes == 12
     found = [fe_squeal.assemble(s).pencil() for s in (fe_squeal.parse_scene(by_hand(path)), scene)]
     for A, B in zip(*([p.M, p.C, p.K] for p in found), strict=True):
         assert A.shape == B.shape and abs(A - B).max() <= 1e-12 * abs(A).max()
@@ -141,7 +142,7 @@ def test_what_turns_is_the_counterface(tmp_path, change, counterface, sliding):
 def test_bonded_is_tied_and_factors_are_asked_for(tmp_path):
     scene, draft = scene_of(written(tmp_path, brake(option="KEYOP,       2,12,        5\n")))
     assert scene.contacts[0].kind == "tied" and scene.contacts[0].normal_stiffness == 1.5e12
-    assert [f.what for f in draft.findings if f.weight == "changes"] == ["KEYOPT(12)"]
+    assert [f.what for f in draft.findings if f.weight == "changes"] == ["KEYOPT(12)", "ALPHAD", "BETAD"]
     text = draft_of(written(tmp_path, brake(fkn=2.0))).text()
     # Two times E/h of the pad's faces of 20 mm by 15 mm.
     assert f"# normal_stiffness = {float(f'{2 * 8e9 / np.sqrt(20 * 15 * 1e-6):.2g}')!r}" in text

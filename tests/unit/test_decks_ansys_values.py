@@ -30,7 +30,7 @@ def values(draft, *path):
 
 
 def told(draft):
-    return [str(f) for f in draft.findings if f.weight != "harmless"]
+    return [str(f) for f in draft.findings if f.weight != "harmless" and f.what not in ("ALPHAD", "BETAD")]
 
 
 @pytest.mark.parametrize(("added", "sentence"), [
@@ -140,3 +140,35 @@ def test_faces_of_tetrahedra_have_three_corners(tmp_path):
         types[types[:, 0] == 1, 1] = kind
         archive = Archive(whole.nnum, whole.nodes, whole.angles, types, whole.elem, {}, {}, {})
         assert list(pressures(archive, lines, "a.cdb")) == [mean]
+
+
+@pytest.mark.parametrize("line", [
+    "MPDATA,BETD,2,1,2.E-6", "MPDATA,R5.0, 1,DAMP,       2, 1, 2.E-6,", "MP,DAMP,2,2.E-6",
+])  # fmt: skip
+def test_older_names_and_forms_of_values_are_read(tmp_path, line):
+    draft = drafted(tmp_path, (END, f"{line}\nMPDATA,MU,3,1,0.25\n{END}"))
+    (damped,) = [t.values["rayleigh"] for t in draft.tables if t.path == ("bodies", "material_2")]
+    assert damped["beta"] == pytest.approx(2e-6 + 1e-7)
+    assert values(draft, "effects", "friction") == [{"mu": 0.25}]
+
+
+def test_damping_of_the_whole_stiffness_is_told_where_there_are_contacts(tmp_path):
+    (finding,) = [f for f in drafted(tmp_path).findings if f.what == "BETAD"]
+    assert "damps contacts" in finding.text
+
+
+def test_a_contact_from_both_sides_is_one(tmp_path):
+    """Workbench writes the pair and its mirror, of which KEYOPT(8) = 2 lets one act."""
+    text = brake()
+    rows = [line for line in text.splitlines() if line[9:27].split() in (["2", "5"], ["3", "5"])]
+    head = text.split("EBLOCK,19,SOLID,")[1].split("\n")[0]
+    last, count = (int(number) for number in head.split(","))
+    mirror = "".join(
+        f"{row[:9]}{5 - int(row[9:18]):9d}{7:9d}{row[27:90]}{last + i:9d}{row[99:]}\n" for i, row in enumerate(rows, 1)
+    )
+    text = text.replace("       -1\nCMBLOCK", f"{mirror}       -1\nCMBLOCK")
+    text = text.replace(head, f"{last + len(rows):9d},{count + len(rows):9d}")
+    for option, count in (("", 2), ("KEYOP,       2, 8,        2\n", 1)):
+        draft = draft_of(written(tmp_path, text.replace("RLBLOCK", f"{option}RLBLOCK")))
+        assert len(values(draft, "contacts")) == count
+    assert any(f.what == "KEYOPT(8)" for f in draft.findings)

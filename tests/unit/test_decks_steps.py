@@ -158,3 +158,64 @@ def test_the_last_rotation_of_a_node_set_counts(tmp_path, speed, sliding):
     (contact,) = [t.values for t in draft.tables if t.path == ("contacts",)]
     assert contact.get("sliding") == sliding
     assert any("no *Motion" in line for line in draft.missing) == (sliding is None)
+
+
+@pytest.mark.parametrize("again", ["TOP_p, P, 0.", "Top_P, P, 3."])
+def test_a_later_load_replaces_one_of_the_same_surface_in_any_spelling(tmp_path, again):
+    later = f"*Step\n*Static\n*Dsload\n{again}\n*End Step\n"
+    draft = draft_of(written(tmp_path, BLOCK + FIRST + later + STEP.format(10)))
+    (preload,) = tables(draft, "effects", "preload")
+    value = float(again.split(",")[2]) * 1e6
+    assert preload["pressures"] == {"DLOAD_P_P2": 1e6, **({"top_P": value} if value else {})}
+
+
+def test_a_later_force_replaces_one_of_the_same_nodes(tmp_path):
+    forces = "*Step\n*Static\n*Cload\n{}, 3, {}\n*End Step\n"
+    text = BLOCK + forces.format("N_top_P", -10.0) + forces.format("n_TOP_p", -30.0) + STEP.format(10)
+    (preload,), (alone,) = (
+        tables(draft_of(written(tmp_path, t)), "effects", "preload")
+        for t in (text, BLOCK + forces.format("N_top_P", -30.0) + STEP.format(10))
+    )  # fmt: skip
+    assert preload == alone
+
+
+@pytest.mark.parametrize("step", [
+    "*Visco, cetol=1.E-3\n0.1, 10.", "*Coupled Temperature-Displacement, steady state\n0.1, 10.",
+    "*Dynamic, Explicit\n, 10.",
+])  # fmt: skip
+def test_steps_in_time_take_their_own_time(tmp_path, step):
+    """A ramp over ten seconds is at its end there, not at a tenth of it."""
+    text = deck().replace("*Step\n*Static", "*Amplitude, name=A\n0., 0., 10., 1.\n*Step\n" + step)
+    draft = draft_of(written(tmp_path, text.replace("*Dsload", "*Dsload, amplitude=A")))
+    (preload,) = tables(draft, "effects", "preload")
+    assert preload["pressures"] == {"top_pad": pytest.approx(1.5e6)}
+
+
+def test_loads_of_other_perturbations_are_no_preload(tmp_path):
+    loaded = "*Step\n*Steady State Dynamics, direct\n1000., 2000., 10\n*Dsload\ntop_P, P, 7.\n*End Step\n"
+    (preload,) = tables(draft_of(written(tmp_path, BLOCK + FIRST + loaded + STEP.format(10))), "effects", "preload")
+    assert preload["pressures"] == {"DLOAD_P_P2": 1e6, "top_P": 1e6}
+
+
+def test_property_evaluation_leaves_structural_damping_to_each_mode(tmp_path):
+    """A loss factor of a body is not made viscous at the frequency at which viscoelasticity is evaluated."""
+    text = deck().replace("*Damping, alpha", "*Damping, structural=0.02, alpha")
+    text = text.replace("*Complex Frequency", "*Complex Frequency, property evaluation=2000.")
+    draft = draft_of(written(tmp_path, text))
+    assert tables(draft, "effects", "structural_damping") == [{}]
+    assert any(f.what == "*Complex Frequency, PROPERTY EVALUATION" for f in draft.findings)
+
+
+@pytest.mark.parametrize("keyword", [
+    "*Matrix Assemble, stiffness=K1", "*User Element, nodes=2, type=U1, coordinates=3\n1, 2, 3",
+    "*Connector Section, elset=BOLTS\nBeam,",
+])  # fmt: skip
+def test_structure_that_is_not_read_is_asked_for(tmp_path, keyword):
+    draft = draft_of(written(tmp_path, BLOCK + keyword + "\n" + STEP.format(10)))
+    assert any(keyword.split(",")[0].lower() in text.lower() for text in draft.missing)
+
+
+def test_materials_without_solids_say_nothing_of_units(tmp_path):
+    dummy = "*Material, name=SKIN\n*Elastic\n1., 0.\n*Density\n1.E-12\n"
+    plain, more = (draft_of(written(tmp_path, text + STEP.format(10))) for text in (BLOCK, BLOCK + dummy))
+    assert (more.units, more.head[1:]) == (plain.units, plain.head[1:]) and more.units == "SI"

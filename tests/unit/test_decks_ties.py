@@ -10,7 +10,7 @@ from deck_scenes import written
 from deck_texts import deck_of
 
 import fe_squeal
-from fe_squeal.decks.scene import scene_of
+from fe_squeal.decks.scene import draft_of, scene_of
 from fe_squeal.errors import SceneError
 from meshes import box
 
@@ -151,3 +151,31 @@ def test_equations_of_means(tmp_path, freedoms, missing):
     pencils = [fe_squeal.assemble(s).pencil() for s in (fe_squeal.parse_scene(hand), scene_of(path)[0])]
     values = [np.sort(np.linalg.eigvals(np.linalg.solve(p.M.toarray(), p.K.toarray())).real) for p in pencils]
     np.testing.assert_allclose(values[0][:20], values[1][:20], rtol=1e-8, atol=1e-8 * values[0].max())
+
+
+SURFACE = "*Surface, type=NODE, name=S\nSOME,\n"
+
+
+@pytest.mark.parametrize("kind", ["Kinematic\n1, 6", "Distributing"])
+def test_couplings_of_surfaces_of_nodes_take_all_their_nodes(tmp_path, kind):
+    """The nodes of a face with one beside it: the face alone would be another coupling, weighted by areas."""
+    block = box("hex1", (3, 2, 1), (0.06, 0.03, 0.02))
+    face = np.unique(block.facets[:, block.boundaries["left"]])
+    beside = int(np.argmax(block.p[0]))
+    text = f"*Nset, nset=SOME\n{', '.join(str(n + 1) for n in [*face, beside])}\n" + SURFACE
+    text += f"*Node, nset=R\n80001, -50., 15., 10.\n*Coupling, ref node=R, surface=S\n*{kind}\n"
+    draft = draft_of(written(tmp_path, "*Heading\n" + deck_of(block, 1e3) + text))
+    (table,) = [t.values for t in draft.tables if t.path in (("rigid",), ("averaged",))]
+    assert table["nodes"] == "S" and "surface" not in table
+
+
+@pytest.mark.parametrize(("more", "asked"), [((), False), ((2,), True)])
+def test_ties_of_surfaces_of_nodes_ask_where_faces_have_not_all_of_them(tmp_path, more, asked):
+    a = box("hex1", (2, 1, 1), (0.04, 0.02, 0.02), name="a")
+    b = box("hex1", (2, 1, 1), (0.04, 0.02, 0.02), (0.0, 0.0, 0.02), name="b")
+    face = np.unique(a.facets[:, a.boundaries["top_a"]])
+    others = np.setdiff1d(np.arange(a.p.shape[1]), face)[list(more)]
+    text = f"*Nset, nset=SOME\n{', '.join(str(n + 1) for n in [*face, *others])}\n" + SURFACE
+    text += "*Tie, name=T\nS, bottom_b\n"
+    draft = draft_of(written(tmp_path, "*Heading\n" + deck_of(a, 1e3) + deck_of(b, 1e3, first=1000) + text))
+    assert any("on no whole face" in f.text for f in draft.findings) is asked

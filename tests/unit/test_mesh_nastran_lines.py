@@ -35,6 +35,7 @@ def test_what_would_be_lost_is_refused(text, message):
 
 @pytest.mark.parametrize("text", [
     f"{TEN},+A\n+A,7,8,9,10\n", f"{TEN},A\n+A,7,8,9,10\n", f"{TEN},+\n+,7,8,9,10\n", f"{TEN}\n,7,8,9,10\n",
+    f"{TEN},+1\n+1,7,8,9,10\n", f"{TEN},+1\n$\n+1,7,8,9,10\n",
     f"{TEN},+a\n+A,7,8,9,10,,,,,\n", f"{TEN},,,\n,7,8,9,10\n",
     "CTETRA         1       1       1       2       3       4       5       6+E  1\n"
     "+E  1          7       8       9      10\n",
@@ -43,3 +44,13 @@ def test_what_would_be_lost_is_refused(text, message):
 ])  # fmt: skip
 def test_continuations_in_their_place_are_read(text):
     assert cards(text) == [("CTETRA", [str(i) for i in (1, 1, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10)])]
+
+
+@pytest.mark.parametrize("head", ["SPC1*   ", "SPC1   *", "SPC1 *  "])
+def test_a_star_in_any_column_of_the_name_makes_fields_large(head):
+    text = f"{head}{7:16d}{123:16d}{11:16d}{12:16d}*\n*       {13:16d}\n"
+    assert cards(text) == [("SPC1", ["7", "123", "11", "12", "13"])]
+
+
+def test_a_number_with_a_sign_is_no_mark():
+    assert cards("GRID,1,,0.,0.,+1\nGRID,2,,0.,0.,+1\n")[0] == ("GRID", ["1", "0.", "0.", "+1"])

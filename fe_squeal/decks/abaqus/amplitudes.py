@@ -9,7 +9,7 @@ from .content import Content, spoken
 
 
 def read_static(content: Content, statement: Statement) -> None:
-    """Take *Static: how long the step takes."""
+    """Take *Static, or another step in time: how long it takes."""
     row = content.first(statement.block)
     content.step_time = float(row[1] or 1.0) if len(row) > 1 else 1.0
 

@@ -165,6 +165,9 @@ def _surfaces(content: Content, pair: Pair) -> list[str] | None:
                 " parts are not connected without it", "missing",
             )  # fmt: skip
             return None
+        if content.is_of_nodes((text, "")) and content.is_part_covered(names[0]):
+            what = f'its surface "{text}" is of nodes, some of which are on no whole face of the set'
+            content.draft.find("*Contact Pair / *Tie", pair.where, f"{what}: give a surface of elements", "missing")
         found += names
     return found
 

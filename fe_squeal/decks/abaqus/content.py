@@ -77,7 +77,6 @@ class Procedure:
     modes: int | None = None
     highest: float | None = None
     damping: bool = False
-    evaluated_at: float | None = None
     is_complex: bool = False
     where: str = ""
 
@@ -235,6 +234,18 @@ class Content:
         """Return why a set or surface is no group of the mesh, behind a colon, "" where nothing is known of it."""
         found = [why for name, why in self.loaded.unusable.items() if name.casefold() == text.casefold()]
         return f": {found[0]}" if found else ""
+
+    def is_of_nodes(self, reference: Reference) -> bool:
+        """Return whether a reference is the name of a *Surface, TYPE=NODE, whose nodes all count alike."""
+        text, scope = reference
+        own = self.assembly.own
+        return any(self.assembly.is_of_nodes(own, f"{home}{text}") for home in self.homes(scope))
+
+    def is_part_covered(self, name: str) -> bool:
+        """Return whether a surface that was made of a node set has not all of its nodes."""
+        nodes, mesh = self.loaded.node_groups[name].nodes, self.loaded.mesh
+        facets = np.asarray((mesh.boundaries or {})[name])
+        return not np.isin(nodes, mesh.dofs.get_facet_dofs(facets).flatten()).all()
 
     def nodes_name(self, reference: Reference) -> str:
         """Return how the scene names the nodes of a reference that solids have, "" if there are none."""

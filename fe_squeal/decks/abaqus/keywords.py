@@ -90,7 +90,7 @@ BECOMES: dict[str, str] = {
     " other",
     "*Amplitude": "of loads and `*Motion`, tables over the time of the step: what they are at its end is a factor;"
     " others are asked for",
-    "*Static": "how long a step takes, for `*Amplitude`",
+    "*Static": "how long a step takes, for `*Amplitude`; so of `*Visco`, `*Dynamic` and other steps in time",
     "*Dsload": "`[effects.preload] pressures`, as they are at the end of the steps before the frequencies that count;"
     " `OP=NEW` removes those of `*Dsload` alone, of earlier steps",
     "*Dload": "of P1 to P6: pressures on surfaces DLOAD_SET_P3, of single elements DLOAD_2_1; others are left out",
@@ -98,7 +98,8 @@ BECOMES: dict[str, str] = {
     " middle on the reference node of its coupling; else left out, and told",
     "*Frequency, *Complex Frequency": "`[solve] modes` or `max_frequency`, from the lowest: a lowest"
     " frequency or a shift point is told, by the fields of its `EIGENSOLVER`; `FRICTION DAMPING=YES`:"
-    " `[effects.friction_damping]`; `PROPERTY EVALUATION`: `reference_frequency_hz`",
+    " `[effects.friction_damping]`; `PROPERTY EVALUATION` changes nothing here: it is for materials and springs that"
+    " depend on the frequency, and structural damping is that of each mode's own",
     "*Step": "`PERTURBATION`: its loads are no preload; `NLGEOM` with a preload: a note",
     "*Parameter": "numbers and arithmetic, put in where `<name>` stands", "*Include": "within the deck's folder",
 }  # fmt: skip
@@ -106,9 +107,10 @@ BECOMES: dict[str, str] = {
 _APART = "ties parts together or to reference nodes and is not read: without it the structure is another one"
 _SHELLS = "is for elements that are no solids; they are left out, with their stiffness and mass"
 _LOAD = "is a load that is not simulated: the static state has only what [effects.preload] says"
-_TIES = ("EMBEDDED ELEMENT", "FASTENER", "SHELL TO SOLID COUPLING")
+_TIES = ("EMBEDDED ELEMENT", "FASTENER", "SHELL TO SOLID COUPLING", "CONNECTOR SECTION")
+_MATRICES = ("MATRIX INPUT", "MATRIX ASSEMBLE", "USER ELEMENT", "UEL PROPERTY", "SUBSTRUCTURE PROPERTY")
 _NO_SOLIDS = ("SHELL SECTION", "SHELL GENERAL SECTION", "BEAM SECTION", "BEAM GENERAL SECTION", "MEMBRANE SECTION",
-              "CONNECTOR SECTION", "CONNECTOR BEHAVIOR", "CONNECTOR ELASTICITY", "CONNECTOR DAMPING", "GASKET SECTION",
+              "CONNECTOR BEHAVIOR", "CONNECTOR ELASTICITY", "CONNECTOR DAMPING", "GASKET SECTION",
               "COHESIVE SECTION", "SURFACE SECTION")  # fmt: skip
 _LOADS = ("TEMPERATURE", "FIELD", "BASE MOTION", "INERTIA RELIEF", "PRE-TENSION SECTION", "CLEARANCE",
           "FIXED INTERFERENCE", "CONTACT INTERFERENCE")  # fmt: skip
@@ -121,16 +123,17 @@ LEFT_OUT: dict[str, tuple[str, Weight]] = {
     "CONTACT DAMPING": ("give normal_damping in [[contacts]], N s/m per m^2", "changes"),
     "CYCLIC SYMMETRY MODEL": ("a sector does not stand for the whole here; mesh the whole", "missing"),
     "SUBSTRUCTURE PATH": ("substructures are not read", "missing"),
+    **dict.fromkeys(_MATRICES, ("adds stiffness and mass that are not read: the structure is another one", "missing")),
     "MODEL CHANGE": ("parts and contacts that are taken out later are simulated throughout", "changes"),
     "MODAL DAMPING": ("modal damping has no equivalent; give Rayleigh or structural damping", "changes"),
     "GLOBAL DAMPING": ("give [effects.rayleigh] or [effects.structural_damping]", "changes"),
     "HOURGLASS STIFFNESS": ("elements are integrated in full and need none", "harmless"),
     "SECTION CONTROLS": ("elements are integrated in full and need none", "harmless"),
 }  # fmt: skip
-_OTHER_STEPS = {
-    "DYNAMIC", "STEADY STATE DYNAMICS", "MODAL DYNAMIC", "BUCKLE", "HEAT TRANSFER", "COUPLED TEMPERATURE-DISPLACEMENT",
-    "VISCO", "STEADY STATE TRANSPORT", "RANDOM RESPONSE", "RESPONSE SPECTRUM",
-}  # fmt: skip
+# Steps of other kinds, whose data begin with the first increment and the time that the step takes, as those of *Static.
+_TIMED_STEPS = {"DYNAMIC", "HEAT TRANSFER", "COUPLED TEMPERATURE-DISPLACEMENT", "VISCO", "STEADY STATE TRANSPORT"}
+# These are linear perturbations whether *Step says so or not: what is loaded in them is no preload.
+_PERTURBATIONS = {"STEADY STATE DYNAMICS", "MODAL DYNAMIC", "BUCKLE", "RANDOM RESPONSE", "RESPONSE SPECTRUM"}
 # What leaves the answer as it is.
 SILENT = {
     "HEADING", "PREPRINT", "RESTART", "OUTPUT", "NODE OUTPUT", "ELEMENT OUTPUT", "CONTACT OUTPUT", "ENERGY OUTPUT",
@@ -158,7 +161,11 @@ def read_statement(content: Content, statement: Statement) -> None:
     if word in LEFT_OUT:
         text, weight = LEFT_OUT[word]
         content.draft.find(what, where, text, weight)
-    elif word in _OTHER_STEPS:
+    elif word in _TIMED_STEPS | _PERTURBATIONS:
+        if word in _TIMED_STEPS:
+            read_static(content, statement)
+        else:
+            content.perturbation = True
         content.draft.find(what, where, "steps of other kinds than statics and frequencies are not simulated")
     elif word not in SILENT:
         content.draft.find(what, where, "is not known here and is left out")

@@ -113,16 +113,17 @@ def _padded(values: list[float | None], kind: str) -> list[float | None]:
 
 def find_units(content: Content) -> None:
     """Recognise the units of the deck, and say so."""
+    used = _used_by_solids(content)
     numbers = [
         (s.elastic["youngs_modulus"][0], s.density)
-        for s in content.substances.values()
+        for s in used
         if s.elastic and s.density and s.elastic["youngs_modulus"][0] > 0 and s.density > 0
     ]
     size = float(np.ptp(content.loaded.mesh.p, axis=1).max())
     units, others = recognise(numbers, size)
     draft = content.draft
     if units is None:
-        moduli = [m for s in content.substances.values() for m in s.elastic.get("youngs_modulus", [])]
+        moduli = [m for s in used for m in s.elastic.get("youngs_modulus", [])]
         draft.units, draft.suggested_in = "any", likely(moduli, size)
         draft.head.append(
             "Units: no usual system makes a brake's material and size of this deck's numbers; they are left as they"
@@ -137,6 +138,17 @@ def find_units(content: Content) -> None:
         f" {speed:.0f} m/s." + (" They are turned into SI here." if units is not SI else "")
         + (f" (They could also be {' or '.join(u.name for u in others)}.)" if others else "")
     )  # fmt: skip
+
+
+def _used_by_solids(content: Content) -> list[Substance]:
+    """Return the materials of sections that have solids: dummy ones of shells and the like say nothing of units."""
+    groups = content.loaded.mesh.subdomains or {}
+    used = {
+        s.block.value("MATERIAL").upper()
+        for s in content.sections
+        if content.group(groups, (s.block.value("ELSET"), s.scope))
+    }
+    return [s for key, s in content.substances.items() if key in used] or list(content.substances.values())
 
 
 def write_materials(content: Content) -> None:

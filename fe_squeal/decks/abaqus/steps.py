@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ...mesh.readers.abaqus.loads import loaded_faces
 from ...mesh.readers.abaqus.model import Statement
 from ...mesh.readers.abaqus.text import is_label
@@ -53,7 +55,10 @@ def read_surface_load(content: Content, statement: Statement) -> None:
             continue
         value = number_of(content, statement, parts[2]) if len(parts) > 2 and parts[2] else 0.0
         _tell_again(content, statement, parts[0])
-        content.pressures[parts[0], statement.scope] = value * factor, where
+        # Names are the same in any case: the load of a later step is in the place of that of an earlier one.
+        own = parts[0].upper(), statement.scope
+        reference = next((r for r in content.pressures if (r[0].upper(), r[1]) == own), (parts[0], statement.scope))
+        content.pressures[reference] = value * factor, where
 
 
 def _tell_again(content: Content, statement: Statement, name: str, component: int = 0) -> None:
@@ -114,6 +119,8 @@ def read_force(content: Content, statement: Statement) -> None:
         component = int(number_of(content, statement, parts[1]))
         force = number_of(content, statement, parts[2]) * factor
         _tell_again(content, statement, parts[0], component)
+        known = [r for r, _ in content.forces if np.array_equal(content.rows(r), content.rows(reference))]
+        reference = known[0] if known else reference  # by another name, or another spelling
         content.forces[reference, component] = force, content.where(statement)
 
 
@@ -145,13 +152,14 @@ def read_frequency(content: Content, statement: Statement) -> None:
         content.draft.find(f"*{spoken(block.keyword)}", found.where, text)
     found.damping = block.value("FRICTION DAMPING").upper() == "YES"
     if block.value("PROPERTY EVALUATION"):
-        found.evaluated_at = number_of(content, statement, block.value("PROPERTY EVALUATION"))
+        text = "is for viscoelasticity and springs that depend on the frequency, which are not simulated"
+        content.draft.find(f"*{spoken(block.keyword)}, PROPERTY EVALUATION", found.where, text, "harmless")
     content.procedure = found
 
 
 def write_effects(content: Content, mu: float | None, references: References) -> None:
     """Write friction, preload and damping; forces on reference nodes act by their tables."""
-    draft, units, procedure = content.draft, content.units, content.procedure
+    draft, procedure = content.draft, content.procedure
     if mu:
         table = draft.add("effects", "friction", values={"mu": mu})
         table.comments.append("*Friction: the largest coefficient; friction_ratio of a contact has others")
@@ -168,10 +176,7 @@ def write_effects(content: Content, mu: float | None, references: References) ->
         if not pressures:
             table.open.append(("contact_pressure = 1.0e6", "the deck has no pressure on the contacts, Pa"))
     if any(s.structural for s in content.substances.values()):
-        values: dict[str, Value] = {}
-        if procedure.evaluated_at:
-            values["reference_frequency_hz"] = clean(procedure.evaluated_at / units.time)
-        table = draft.add("effects", "structural_damping", values=values)
+        table = draft.add("effects", "structural_damping")
         table.comments.append("*Damping, STRUCTURAL: loss_factor above")
 
 

@@ -207,7 +207,8 @@ def _place(content: Content, tie: TieData) -> dict[str, Value] | None:
     for member in tie.members:
         surfaces = content.group(content.loaded.mesh.boundaries or {}, member)
         nodes = content.group(content.loaded.node_groups, member)
-        if len(tie.members) == 1 and len(surfaces) == 1 and (tie.of_surface or not nodes):
+        by_faces = not nodes or (tie.of_surface and not content.is_of_nodes(member))
+        if len(tie.members) == 1 and len(surfaces) == 1 and by_faces:
             return {"surface": surfaces[0]}
         try:
             names.append(", ".join(nodes) or content.nodes_name(member))

@@ -14,12 +14,13 @@ _KIND, _CLOSED = 12, (2, 4)  # number of the key option, and its values without 
 _TIED = {1: "rough", 3: "bonded", 5: "bonded", 6: "bonded"}
 _TIE = 100.0  # times E/h of the softer side, as for *Tie
 _ALGORITHM, _MPC = 2, 2
+_SIDES, _ONE_SIDE = 8, 2  # key option of pairs that are one contact from both sides, and its value for one of them
 
 
 def write_contacts(content: Content) -> float | None:
     """Write a contact for each pair of contact and target elements; return the largest friction coefficient."""
     surfaces = content.loaded.mesh.boundaries or {}
-    pairs = sorted({int(n.rpartition("_")[2]) for n in surfaces if n.startswith("contact_")})
+    pairs = _without_mirrors(content, sorted({int(n.rpartition("_")[2]) for n in surfaces if n.startswith("contact_")}))
     tied = {real: _tied(content, real) for real in pairs}
     coefficients = {real: None if tied[real] else _friction(content, real) for real in pairs}
     mu = max((m for m in coefficients.values() if m), default=None)
@@ -56,6 +57,30 @@ def write_contacts(content: Content) -> float | None:
             table.open.append(("sliding = { axis = [0.0, 0.0, 1.0], centre = [0.0, 0.0, 0.0], speed = 1.0 }",
                                "how the counterface moves (CMROTATE), or kind = \"tied\""))  # fmt: skip
     return mu
+
+
+def _without_mirrors(content: Content, pairs: list[int]) -> list[int]:
+    """Leave out one of two pairs that are one contact from both sides, where KEYOPT(8) lets only one of them act.
+
+    Which of the two acts is chosen there at the solution; it is the same contact (Mechanical APDL element reference,
+    CONTA174). Without the option both act, there and here.
+    """
+    surfaces = content.loaded.mesh.boundaries or {}
+    sides = {real: [surfaces.get(f"{word}_{real}") for word in ("contact", "target")] for real in pairs}
+    kept: list[int] = []
+    for real in pairs:
+        mirrors = [r for r in kept if all(map(_same_facets, sides[real], sides[r][::-1]))]
+        one = any(_options(content, r).get(_SIDES) == _ONE_SIDE for r in (real, *mirrors))
+        if mirrors and one:
+            text = f"one of contact_{mirrors[0]} and contact_{real} acts, which are one contact: the first is taken"
+            content.draft.find("KEYOPT(8)", "", text, "harmless")
+        else:
+            kept.append(real)
+    return kept
+
+
+def _same_facets(some: np.ndarray | None, others: np.ndarray | None) -> bool:
+    return some is not None and others is not None and np.array_equal(np.asarray(some), np.asarray(others))
 
 
 def _write_stiffness(content: Content, table: Table, real: int, names: list[str], tied: str) -> None:
@@ -110,7 +135,7 @@ def _tell_laws(content: Content, real: int) -> None:
 def stay_closed(content: Content) -> list[bool]:
     """Return for each contact that is not tied whether its key options let it open no more."""
     names = content.loaded.mesh.boundaries or {}
-    pairs = [int(n.rpartition("_")[2]) for n in names if n.startswith("contact_")]
+    pairs = _without_mirrors(content, sorted(int(n.rpartition("_")[2]) for n in names if n.startswith("contact_")))
     free = [real for real in pairs if f"target_{real}" in names and not _tied(content, real)]
     return [_options(content, real).get(_KIND, 0) in _CLOSED for real in free]
 

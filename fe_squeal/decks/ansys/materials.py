@@ -41,15 +41,17 @@ def read_materials(lines: Sequence[Line], source: str, draft: Draft) -> dict[int
                 first = frictions.setdefault(table, values[0])
                 several = values[:1] if option in _ONE_VALUE else values[:2]
                 _tell(draft, "TB,FRIC", where, first, several, "direction, temperature, slip rate or pressure")
-            elif fields[0] == "MPDATA" and len(fields) > 6 and fields[1].startswith("R"):
-                label, number, place = fields[3], int(fields[4]), int(fields[5])
-                values, own = [float(text) for text in fields[6:] if text], found.setdefault(number, {})
-                if place == 1:
+            elif fields[0] == "MPDATA":
+                # Archives have the release and a count in front: MPDATA,R5.0,1,EX,2,1,2.1E5 is MPDATA,EX,2,1,2.1E5.
+                given = fields[3:] if fields[1].startswith("R") and fields[1][1:2].isdigit() else fields[1:]
+                label, number, place = _named(given[0]), int(given[1]), int(given[2] or 1)
+                values, own = [float(text) for text in given[3:] if text], found.setdefault(number, {})
+                if place == 1 and values:
                     own[label] = values[0]
                 if label in _USED and values:
                     _tell(draft, f"MPDATA,{label}", where, own.get(label, values[0]), values, "temperature")
             elif fields[0] == "MP" and len(fields) > 3:
-                label, values = fields[1], [float(text or 0.0) for text in fields[3:]]
+                label, values = _named(fields[1]), [float(text or 0.0) for text in fields[3:]]
                 found.setdefault(int(fields[2]), {})[label] = values[0]
                 if label in _USED and any(values[1:]):
                     _tell(draft, f"MP,{label}", where, values[0], values[1:], "temperature")
@@ -58,6 +60,10 @@ def read_materials(lines: Sequence[Line], source: str, draft: Draft) -> dict[int
     for number, mu in frictions.items():
         found.setdefault(number, {})["MU"] = mu
     return found
+
+
+def _named(label: str) -> str:
+    return "BETD" if label == "DAMP" else label  # the older name
 
 
 def is_isotropic(values: Mapping[str, float]) -> bool:

@@ -151,6 +151,9 @@ def _write_effects(content: Content, mu: float | None) -> None:
     alpha, beta = _whole_damping(content)
     if alpha or beta:
         draft.add("effects", "rayleigh", values={"alpha": clean(alpha / units.time), "beta": clean(beta * units.time)})
+    for what, factor in (("ALPHAD", alpha), ("BETAD", beta)):
+        if factor:
+            draft.tell_damping_of_all(what, "", of_mass=what == "ALPHAD")
     if mu:
         table = draft.add("sweep", values={"parameter": "mu", "from": 0.0, "to": mu, "points": 21})
         table.comments.append("Not of the archive, which has one coefficient: the way up to it shows the onsets.")

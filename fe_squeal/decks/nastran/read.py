@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from ...mesh.building import build_mesh
@@ -23,6 +25,8 @@ from .springs import write_springs
 from .ties import find_ties, write_ties
 
 _OF_REGION = 14  # field of EIGC with the number of modes of its first region
+# How elements, rigid ones and matrices begin: where such a card is not known, the structure may be another one.
+_STRUCTURE = re.compile("C(?!ORD)|RB|RJ|RS|K2|M2|B2|DMIG")
 # What is left out, and what that means.
 LEFT_OUT: dict[str, tuple[str, Weight]] = {
     "GRAV": ("gravity is not simulated", "changes"),
@@ -30,8 +34,9 @@ LEFT_OUT: dict[str, tuple[str, Weight]] = {
                     ("is a load that is not simulated: [effects.preload] takes pressures on surfaces", "changes")),
     **dict.fromkeys(("MPC", "MPCADD", "RBAR", "RBE1", "RROD", "RTRPLT", "RSPLINE", "CWELD", "CFAST", "CGAP"),
                     ("ties grid points and is not read: without it the structure is another one", "missing")),
-    **dict.fromkeys(("CBAR", "CBEAM", "CROD", "CONROD", "CBUSH1D", "CDAMP3", "CDAMP4", "CELAS3", "CELAS4"),
-                    ("is no solid and is left out, with its stiffness and mass", "changes")),
+    **dict.fromkeys(("CBAR", "CBEAM", "CROD", "CONROD", "CTUBE", "CBEND", "CBUSH1D", "CELAS3", "CELAS4"),
+                    ("joins grid points and is not read: without it the structure is another one", "missing")),
+    **dict.fromkeys(("CDAMP3", "CDAMP4", "CVISC"), ("is no solid and is left out, with its damping", "changes")),
     "PSHELL": ("names a material: shells are surfaces here, and their stiffness and mass are left out", "changes"),
     **dict.fromkeys(("CONM1", "CMASS1", "CMASS2", "CMASS3", "CMASS4"),
                     ("adds inertia that is left out: frequencies come out too high", "changes")),
@@ -122,7 +127,8 @@ def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
             draft.find(name, deck.where(card), text, weight)
     taken = {name.strip() for names in BECOMES for name in names.split(",")}
     for name in sorted(set(cards) - taken - set(LEFT_OUT) - SILENT):
-        draft.find(name, deck.where(cards[name][0]), "is not known here and is left out")
+        weight: Weight = "missing" if _STRUCTURE.match(name) else "changes"
+        draft.find(name, deck.where(cards[name][0]), "is not known here and is left out", weight)
     return draft
 
 

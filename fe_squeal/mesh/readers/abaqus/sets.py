@@ -133,12 +133,28 @@ class ModelSets:
                     out.append((self.find(word, placed, fields[0], user), label))
         return kind, out
 
+    def is_of_nodes(self, placed: Located, text: str) -> bool:
+        """Return whether a reference, NAME or INSTANCE.NAME, is a surface of the type "NODE".
+
+        Raises
+        ------
+        MeshError
+            See `surface`.
+        """
+        inside = self._of_surface(placed, text)
+        return inside is not None and self.surface(*inside)[0] == "NODE"
+
+    def _of_surface(self, placed: Located, text: str) -> tuple[Located, str] | None:
+        """Return the instance and the name of the surface that a reference means, None where there is none."""
+        inside = (placed, text) if text.upper() in placed.names("SURFACE") else self._inside(text)
+        return None if inside is None or inside[1].upper() not in inside[0].names("SURFACE") else inside
+
     def _union(self, placed: Located, names: list[str], path: tuple[tuple[str, str], ...]) -> Lines:
         """Return the type and the lines of some surfaces together; the type that is not read, where one is of such."""
         user, kinds, out = f'surface "{path[-1][1]}"', list[str](), list[tuple[Ints, str]]()
         for text in names:
-            inside = (placed, text) if text.upper() in placed.names("SURFACE") else self._inside(text)
-            if inside is None or inside[1].upper() not in inside[0].names("SURFACE"):
+            inside = self._of_surface(placed, text)
+            if inside is None:
                 known = placed.names("SURFACE").values()
                 raise MeshError(
                     f'{self.source}: {user} is a union of surface "{text}", which does not exist{suggest(text, known)}'

@@ -83,12 +83,10 @@ def read_cards(lines: list[tuple[str, str]]) -> Iterator[Card]:
         (i + 1 for i, (line, _) in enumerate(lines) if " ".join(line.upper().split()).startswith("BEGIN BULK")), 0
     )
     name, fields, where, end, mark = "", [""], "", 8, ""
-    for line, place in lines[begin:]:
-        if "$" in line:
-            line = line[: line.index("$")]
-        if not line.strip():
-            continue
-        head, rest, wide, after = _cut(line, place)
+    plain = [(text, place) for line, place in lines[begin:] if (text := line.partition("$")[0]).strip()]
+    for i, (line, place) in enumerate(plain):
+        following = plain[i + 1][0] if i + 1 < len(plain) else ""
+        head, rest, wide, after = _cut(line, place, following)
         if head.startswith("="):
             raise MeshError(f'{place}: "{head[:20]}" repeats an entry, which is not read; expected it written out')
         own, before, mark = head.strip("+* "), mark.strip("+* "), after
@@ -105,7 +103,7 @@ def read_cards(lines: list[tuple[str, str]]) -> Iterator[Card]:
             continue
         if name:
             yield Card(name, fields, where)
-        name = head.rstrip("*").upper()
+        name = head.rstrip("* ").upper()
         if name == "ENDDATA":
             return
         fields, where, end = rest, place, 4 if wide else 8
@@ -113,16 +111,18 @@ def read_cards(lines: list[tuple[str, str]]) -> Iterator[Card]:
         yield Card(name, fields, where)
 
 
-def _cut(line: str, place: str) -> tuple[str, list[str], bool, str]:
+def _cut(line: str, place: str, following: str = "") -> tuple[str, list[str], bool, str]:
     """Return the first field of a line, its data fields (at most 8, or 4 large ones), whether they are large, and mark.
 
-    The mark is what names the continuation of the line, "" where there is none.
+    The mark is what names the continuation of the line, "" where there is none. `following` is the next line.
     """
     if "," in line:
         parts = [part.strip() for part in line.split(",")]
         wide = parts[0].endswith("*") or parts[0].startswith("*")
         last = 5 if wide else 9
-        mark = parts.pop() if len(parts) > 1 and _MARK.fullmatch(parts[-1]) else ""
+        # "+1" is a number or a mark: it is a mark if the next line begins with it, which no other line does.
+        is_mark = _MARK.fullmatch(parts[-1]) or (parts[-1][:1] in ("+", "*") and parts[-1] == _first_field(following))
+        mark = parts.pop() if len(parts) > 1 and is_mark else ""
         if any(parts[last + 1 :]) or any(_NUMBER.match(part) for part in parts[last:]):
             raise MeshError(
                 f"{place}: {parts[0][:9]} has {len(parts) - 1} fields on a line; expected at most {last - 1}, and more"
@@ -135,6 +135,10 @@ def _cut(line: str, place: str) -> tuple[str, list[str], bool, str]:
     step, count = (16, 4) if wide else (8, 8)
     body = line[8 : 8 + step * count]
     return head, [body[i : i + step].strip() for i in range(0, len(body), step)], wide, line[72:80].strip()
+
+
+def _first_field(line: str) -> str:
+    return (line.partition(",")[0] if "," in line else line.expandtabs(8)[:8]).strip()
 
 
 def real(text: str) -> float:
