@@ -10,11 +10,11 @@ from ..errors import NotConvergedError
 from .free_modes import FreeModes, split_off
 from .growth import with_damping
 from .inertia import count_below
-from .known_band import KnownBand
+from .known_band import KnownBand, is_light
 from .linear.factor import LinearSolver
 from .multiple import rounding_of_zero
 from .pencil import Modes, Pencil
-from .quality import modes_from_lambda, modes_from_theta, together
+from .quality import eigenvalue_errors, modes_from_lambda, modes_from_theta, together
 from .request import Request, is_beside, is_needed, select_wanted
 from .shift import LIGHT, symmetric_part
 
@@ -22,6 +22,8 @@ _BEYOND = 1e-4  # of a highest frequency: so far beyond it modes are looked for,
 # Doublings of the band, one after the other, in which no mode is found, and how many times farther up no mode may be
 # without damping and friction either: there are no more then.
 _BARREN, _FAR = 6, 1e3
+# Times the error of an eigenvalue, and part of it: so small a Re λ is rounding, and eigenvalues so near are one.
+_BLUR, _ROUNDING = 4, 1e-12
 _ONE_DISC = 36  # modes expected at most where a step before found none: one disc covers the next step then
 
 
@@ -110,19 +112,68 @@ def with_far_growth(
         known.method += ", without a full search for flutter that grows fast"
     known.add_far(limit)
     assert known.right is not None and known.left is not None
-    far = np.flatnonzero((np.arange(len(known.lam)) >= len(modes)) & (known.lam.imag <= limit))
-    far = far[(known.lam[far].imag >= 0) & (known.lam[far].real > 0)]
+    far = np.flatnonzero((np.arange(len(known.lam)) >= len(modes)) & (known.lam.imag <= limit * (1 + _BEYOND)))
+    # Copies of multiple eigenvalues that one start vector has not shown are among them, whether they grow or not.
+    far = far[is_light(known.lam[far])]
+    far = far[~_known_zeros(damped, modes, free, known.lam[far], known.right[:, far])]
     if not len(far):
         return replace(modes, method=known.method)
     lam, right, left = known.lam[far], known.right[:, far], known.left[:, far]
     if pencil.C is not None:
         return together(modes, modes_from_lambda(pencil, lam, right, left, known.method))
     theta = -(lam**2)
-    if not pencil.is_complex:  # θ* belongs to −λ*
-        pairs = np.flatnonzero(lam.imag > 0)
-        theta = np.append(theta, theta[pairs].conj())
-        right, left = (np.hstack([x, x[:, pairs].conj()]) for x in (right, left))
+    if not pencil.is_complex:
+        theta, columns, mirrored = _paired(lam, eigenvalue_errors(damped, lam, right, left))
+        right, left = (np.where(mirrored, x[:, columns].conj(), x[:, columns]) for x in (right, left))
     return together(modes, modes_from_theta(pencil, theta, right, left, known.method))
+
+
+def _known_zeros(
+    pencil: Pencil, modes: Modes, free: FreeModes | None, lam: np.ndarray, right: np.ndarray
+) -> np.ndarray:  # fmt: skip
+    """Return (k,) bool, which λ (k,) are those λ = 0 of the modes given that no free motion accounts for.
+
+    These are known and were not taken out of the search, since as states they are defective.
+    """
+    count = np.count_nonzero(modes.lam == 0) - (0 if free is None else np.count_nonzero(free.lam == 0))
+    zero = np.abs(lam) <= rounding_of_zero(pencil, lam, right)
+    return np.asarray(zero & (np.cumsum(zero) <= max(count, 0)))
+
+
+def _paired(lam: np.ndarray, errors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the θ that eigenvalues of a real pencil without damping stand for, from the half plane Im λ ≥ 0.
+
+    λ and −λ* are one pair θ, θ*, found as one or as two. What swings but for its errors is one real θ.
+
+    Parameters
+    ----------
+    lam : (k,) complex, rad/s
+    errors : (k,) float, rad/s
+
+    Returns
+    -------
+    theta, columns, mirrored : (m,) complex, int, bool
+        Each θ, which of the vectors belongs to it, and whether that is conjugated.
+    """
+    blurred = np.maximum(_BLUR * errors, _ROUNDING * np.abs(lam))
+    theta, columns, mirrored, done = list[complex](), list[int](), list[bool](), np.zeros(len(lam), bool)
+    for i in np.argsort(-lam.real):
+        if done[i]:
+            continue
+        done[i] = True
+        square = -complex(lam[i]) ** 2
+        if abs(lam[i].real) <= blurred[i]:
+            theta, columns, mirrored = [*theta, square.real], [*columns, i], [*mirrored, False]
+            continue
+        apart = np.where(done, np.inf, np.abs(lam + lam[i].conjugate()))
+        j = int(apart.argmin())
+        if apart[j] <= max(blurred[i], blurred[j]):
+            done[j] = True
+        both = lam[i].imag > 0  # of a real λ, θ < 0 stands for ±λ
+        theta += [square, square.conjugate()] if both else [square.real]
+        columns += [i, i] if both else [i]
+        mirrored += [False, True] if both else [False]
+    return np.array(theta), np.array(columns), np.array(mirrored)
 
 
 def count_beside(

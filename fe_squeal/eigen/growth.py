@@ -31,7 +31,7 @@ def may_grow(pencil: Pencil, rate: float, linear_solver: LinearSolver | str = "a
     Where those of K + ¼r²M and C + 0.1rM have no negative eigenvalue, the sum is positive for every λ > 0.6 r. A
     symmetric C, or none, then also bounds how fast flutter grows: (Re λ)² − 0.1 r Re λ < (Im λ)² + ¼r².
 
-    It costs one real symmetric factorisation, with C a second one.
+    It costs one real symmetric factorisation, with a C that is not zero a second one.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def may_grow(pencil: Pencil, rate: float, linear_solver: LinearSolver | str = "a
     linear_solver : LinearSolver or str
     """
     below = count_beneath(symmetric_part(pencil), -((_STIFFNESS * rate) ** 2), linear_solver)
-    if below or pencil.C is None:
+    if below or pencil.C is None or not pencil.C.count_nonzero():
         return None if below is None else below > 0
     # Unknowns with neither mass nor damping would make C + rM singular.
     rows = np.flatnonzero((abs(pencil.M).sum(axis=1) > 0) | (abs(pencil.C).sum(axis=1) > 0))

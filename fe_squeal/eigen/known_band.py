@@ -222,7 +222,7 @@ class KnownBand:
         NotConvergedError
             If there is no end of them; `partial` has the modes found.
         """
-        values = self.lam[_is_light(self.lam) & (self.lam.imag <= top)]
+        values = self.lam[is_light(self.lam) & (self.lam.imag <= top)]
         while len(values):
             value = values[0]
             same = np.abs(values - value) <= _SAME * np.abs(value)
@@ -251,7 +251,7 @@ class KnownBand:
         for _ in range(_DISCS):
             before = len(self.lam)
             sigma, known = self._disc(BEHIND * top, float(np.hypot(BEHIND, 1.0)) * top, None)
-            if not _is_light(self.lam[before:]).any():
+            if not is_light(self.lam[before:]).any():
                 return bool(known >= (1 - _CLEAR) * np.hypot(abs(sigma), top))
         raise NotConvergedError(f"{len(self.lam)} modes found, and there are still others beside them", self.modes())
 
@@ -269,7 +269,7 @@ class KnownBand:
         """
         most, out, restarts, draw, needed = _FEW, None, 0, 0, None
         if expected is None:
-            out, draw, needed = self._states(), len(self.lam), _is_light
+            out, draw, needed = self._states(), len(self.lam), is_light
         else:
             most, restarts = int(_MOST * expected) + _FULL, _RESTARTS
         for _ in range(_MOVES):
@@ -364,7 +364,7 @@ class KnownBand:
         return modes_from_lambda(self.pencil, lam, right, left, method)
 
 
-def _is_light(lam: np.ndarray) -> np.ndarray:
+def is_light(lam: np.ndarray) -> np.ndarray:
     """Return (k,) bool, which of the upper half plane's eigenvalues lam (k,) grow or swing with light damping."""
     return np.asarray((lam.imag >= 0) & (lam.real > -LIGHT * lam.imag))
 

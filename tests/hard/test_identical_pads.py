@@ -15,7 +15,8 @@ import scipy.sparse as sp
 from selection import some
 
 import fe_squeal
-from fe_squeal.eigen.band import count_beside
+from fe_squeal.eigen.band import count_beside, with_far_growth
+from fe_squeal.eigen.dense import solve_dense
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import solve_modes
@@ -62,6 +63,31 @@ def test_no_copy_of_an_unstable_mode_is_missed(pads, size, others, limit, crowd)
     assert len(found) == len(expected)
     np.testing.assert_allclose(np.sort(found.imag), np.sort(expected.imag), rtol=1e-9)
     assert np.count_nonzero(modes.stability == "unstable") == pads
+
+
+@pytest.mark.parametrize("lost", ["stable", "pair", "zero"])
+@pytest.mark.parametrize("loss", [0.0, 0.01])
+def test_copies_without_dampers_that_one_start_vector_misses(lost, loss):
+    """The search for growth beyond the band has what was found taken out, and shows the copies of it that were not."""
+    flutter = np.array([[1.0, 0.3], [-0.3, 1.0]])
+    factor = 1 + 1j * loss if loss else 1.0
+    K = la.block_diag(chain(42), flutter, flutter, 1.21 * np.eye(2), np.zeros((2, 2))) * factor
+    pencil = Pencil(sp.eye_array(50, format="csr"), sp.csr_array(K), None)
+    whole = solve_dense(pencil)
+    modes = whole.select(np.flatnonzero(whole.lam.imag <= 1.5))
+    at = 1j * np.sqrt({"stable": 1.21, "pair": 1 + 0.3j, "zero": 0.0}[lost] * factor)
+    alike = np.abs(modes.lam - at) < 1e-6
+    if lost == "pair" and not loss:
+        alike |= np.abs(modes.lam + np.conj(at)) < 1e-6
+    places = np.flatnonzero(alike)
+    assert len(places) == (4 if lost == "pair" and not loss else 2)
+    one = [places[modes.lam[places].real.argmax()], places[modes.lam[places].real.argmin()]][: len(places) // 2]
+    less = modes if lost == "zero" else modes.select(np.delete(np.arange(len(modes)), one))
+    found = with_far_growth(pencil, less, 1.5, None, "auto")
+    assert len(found) == len(modes)
+    order = [np.lexsort((m.lam.real.round(6), m.lam.imag.round(6))) for m in (found, modes)]
+    np.testing.assert_allclose(found.lam[order[0]], modes.lam[order[1]], atol=1e-7)
+    assert found.backward_error.max() < Request(count=1).tolerance
 
 
 @pytest.mark.parametrize("lost", [pytest.param((0,), marks=pytest.mark.slow), (0, 1)])

@@ -127,8 +127,8 @@ def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
             draft.find(name, deck.where(card), text, weight)
     taken = {name.strip() for names in BECOMES for name in names.split(",")}
     for name in sorted(set(cards) - taken - set(LEFT_OUT) - SILENT):
-        weight: Weight = "missing" if _STRUCTURE.match(name) else "changes"
-        draft.find(name, deck.where(cards[name][0]), "is not known here and is left out", weight)
+        unknown: Weight = "missing" if _STRUCTURE.match(name) else "changes"
+        draft.find(name, deck.where(cards[name][0]), "is not known here and is left out", unknown)
     return draft
 
 
