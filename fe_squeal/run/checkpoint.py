@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from ..eigen.pencil import Modes
 from ..errors import OutputError
 from ..report.files import replace_atomically, write_json
 from ..sweep.state import (
@@ -61,6 +62,7 @@ class Checkpoint:
         self._model, self._first, self._state = (folder / f"{name}.npz" for name in ("model", "first", "state"))
         self._written = 0  # number of points that are written
         self._pending: SweepState | None = None
+        self._kept_first: Modes | None = None  # the modes that its file has
         self._cost, self._idle_since = 0.0, -np.inf
 
     @property
@@ -117,7 +119,7 @@ class Checkpoint:
             A file cannot be removed.
         """
         self.results.remove(is_kept, first=CHECKPOINT_INPUTS)
-        self._written, self._pending = 0, None
+        self._written, self._pending, self._kept_first = 0, None, None
 
     def load(self) -> SweepState | None:
         """Return the last state that was written; None if no value was finished.
@@ -137,7 +139,7 @@ class Checkpoint:
             raise _damaged(self._state, error) from error
         if state.reduced and not self._model.exists():
             raise _damaged(self._model, "it is missing")
-        self._written = len(points)
+        self._written, self._kept_first = len(points), state.first
         return state
 
     def load_model(self) -> Record | None:
@@ -160,8 +162,9 @@ class Checkpoint:
         if state is None:
             return
         start = time.perf_counter()
-        if not self._written:
+        if state.first is not self._kept_first:  # the sweep may follow its modes from another value on
             _write(self._first, record_of_modes(state.first))
+            self._kept_first = state.first
         for i in range(self._written, len(state.points)):
             _write(self._point(i), record_of_point(state.points[i]))
             self._written = i + 1

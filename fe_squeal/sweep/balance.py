@@ -128,11 +128,6 @@ def _clear_of(known: np.ndarray, limit: float) -> float:
     return float(between.max(initial=0.0))
 
 
-def is_newcomer(sentence: str) -> bool:
-    """Return whether a sentence is one of those of `entered`."""
-    return _CAME in sentence
-
-
 def entered(parameter: str, points: Sequence[SweepPoint], onsets: Sequence[Onset]) -> list[str]:
     """Return a sentence for each mode that is unstable at the last point, and came into the range as it is.
 

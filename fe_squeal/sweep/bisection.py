@@ -97,7 +97,7 @@ class Bisection:
             affine = step.problem.is_affine(step.parameter)
             here = None if affine else step.beside(step.problem, value).at({step.parameter: 0.0})
             error = step.reduced_model.root_error(value, lam.imag**2, right, left, here)[0]
-            unseen += error if error < self.step.width else 0.0  # a larger error, as of a modal projection, is no bound
+            unseen += error  # of a modal projection it may be wider than the step, and then nothing is known
         return onset_of(step, change, value, lam.imag, float(speed * np.sign(change.gains)), unseen)
 
     def _until_stable(self, change: Change, value: float, lam: complex, unseen: float, highest: float) -> float:
@@ -152,7 +152,8 @@ class Bisection:
         step = self.step
         pencil = step.problem.pencil({step.parameter: p})
         if step.reduced_model is None:
-            request = Request(max_frequency_hz=_FAST * highest / (2 * np.pi))
+            # What grows fast is among the modes of a band, however large |λ| is.
+            request = Request(max_frequency_hz=highest / (2 * np.pi))
             return solve_modes(pencil, request, linear_solver=step.linear_solver)
         reach = self._reach(highest)  # the matrices of a reduced model are small and dense
         return solve_dense(pencil, reach, step.linear_solver, growing=reach / _FAST if growing else None)
@@ -178,9 +179,9 @@ def onset_of(step: Step, change: Change, value: float, omega: float, speed: floa
 
 
 def speed_of(step: Step, change: Change) -> float:
-    """Return |λ| of the eigenvalue that changes; where that is zero, the largest |λ| at the start of the step."""
+    """Return |λ| of the eigenvalue that changes, rad/s; where that is zero, the largest |λ| at the ends of the step."""
     size = abs(change.v) if step.model.is_damped and not step.in_theta else np.sqrt(abs(change.v))
-    return float(size) or float(np.abs(step.modes_at_ends[0].lam).max(initial=1.0))
+    return float(size) or max(float(np.abs(m.lam).max(initial=0.0)) for m in step.modes_at_ends) or 1.0
 
 
 def share_within(group: np.ndarray, u: np.ndarray, M: np.ndarray) -> np.ndarray:

@@ -103,7 +103,7 @@ def find_step_onsets(
         Of eigenvalues, relative.
     """
     if not len(modes[0]) or not len(modes[1]):
-        return Found()
+        return Found(width=values[1] - values[0])  # nothing is known of one of them
     step = Step(problem, parameter, values, modes, reduced_model, linear_solver, known, tolerance)
     limit, mattering = _BEYOND * below, _MATTERS * below
     deciding = mattering if halved else None

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import NotConvergedError, SceneError
+from ..errors import NotConvergedError, SceneError, TooLargeError
 from ..problem.problem import Problem
 from ..reduced import SharperModel
 from .bisection import Bisection, onset_of, share_within, speed_of
@@ -31,7 +31,7 @@ _ALONE = 0.05  # of the distance to the next change of the group: a root that is
 _Newton = Callable[[Problem, float, np.ndarray, np.ndarray], Root]
 # What the search for a root may end with. A trial of Newton's method may ask for a value where a scene has no static
 # state, outside the sweep too.
-FAILURES = NotConvergedError, SceneError, ValueError, np.linalg.LinAlgError
+FAILURES = NotConvergedError, SceneError, TooLargeError, ValueError, np.linalg.LinAlgError
 
 
 @dataclass

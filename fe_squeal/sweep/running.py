@@ -15,7 +15,7 @@ from ..eigen.pencil import Modes
 from ..eigen.request import Completeness, Request, wanted_count
 from ..errors import NotConvergedError
 from ..problem.problem import Problem
-from .balance import Census, entered, is_newcomer, unbalanced
+from .balance import Census, entered, unbalanced
 from .clock import Clock
 from .doubts import without_narrow_windows
 from .onset import Onset
@@ -101,7 +101,7 @@ class RunningSweep:
 
     def advance(self, value: float, keep_all: bool) -> None:
         """Solve at the next value and follow the modes to it; `keep_all` keeps the shapes of all its modes."""
-        modes = self._solve(value)
+        modes, before = self._solve(value), set(self.told.unsettled)
         if self._previous is None:
             self._begin(value, modes)
             branches = self._branches
@@ -116,10 +116,10 @@ class RunningSweep:
         for middle, pair in windows(self.onsets, last, value):
             self.points.append(self._window(middle, pair))
         self.points.append(self._solver.point(value, modes, branches, keep_all))
+        if before.issuperset(self.told.unsettled):  # else an onset of this step that was not refined may be its own
+            self.told.of_onsets(*entered(self.parameter, self.points, self.onsets))
         if rate := self._solver.growth_beyond(value, modes):
             self.told.beyond_losses(value, rate)
-        if all(is_newcomer(t) for t in self.told.unsettled):  # else an onset that was not refined may be its own
-            self.told.of_onsets(*entered(self.parameter, self.points, self.onsets))
 
     def _window(self, middle: float, pair: tuple[Onset, Onset]) -> SweepPoint:
         """Return the point in the middle of a window of instability between two values of the sweep."""
@@ -280,6 +280,8 @@ class RunningSweep:
                 self.told.doubts(found.doubts + narrow)
                 self.onsets = self.told.absorbed(self.onsets, self._start, value)
                 self.window = max(self.window, found.width)
+                if doubtful:
+                    self.told.unclear_branches(self._value, value, modes.lam[match.doubtful].imag)
                 self._next_branch = next(names)
                 self._value, self._previous, self._branches = value, modes, branches
                 return

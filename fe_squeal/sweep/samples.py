@@ -59,6 +59,9 @@ class Samples:
         Departure of H from normality: √(‖H‖² − Σ|v|²), both after subtracting the mean eigenvalue.
     condition : (s, m) float
         Condition number of each eigenvalue of H; infinite at a double one.
+    cut, cut_at : float
+        Width of the widest interval that has too few samples, since there are too many in all, and its middle; 0 where
+        there is none.
     copied : bool
         Whether the group is made of copies that nothing couples, see `twins`.
     """
@@ -87,11 +90,11 @@ class Samples:
         rounds = [(t, *self.at(t))]
         v, _, reach, _, departure, _ = rounds[0][1:]
         index = np.arange(len(t))  # of the samples by rising t in the order in which they were taken
-        while len(t) < _MOST:
+        while True:
             gap = np.diff(t)
             near = np.maximum(reach[:-1], reach[1:])  # of two samples that farther from a meeting decides
             wide = ((gap > _NEAR * near) | self._is_change(v, departure)) & (gap > self.finest)
-            if not wide.any():
+            if not wide.any() or len(t) >= _MOST:
                 break
             more = (t[:-1] + gap / 2)[wide]
             rounds.append((more, *self.at(more)))
@@ -102,6 +105,8 @@ class Samples:
                 np.concatenate([old, rounds[-1][k]])[order] for old, k in ((t, 0), (v, 1), (reach, 3), (departure, 5))
             )
         self.t, self.v, self.departure = t, v, departure
+        cut = np.where(wide, gap, 0.0)  # of the intervals that the limit of samples has left
+        self.cut, self.cut_at = float(cut.max()), float(t[:-1][cut.argmax()] + gap[cut.argmax()] / 2)
         # Only now, since these are large.
         self.slope, self.W, self.condition = (np.concatenate([r[k] for r in rounds])[index] for k in (2, 4, 6))
 

@@ -108,10 +108,12 @@ def scan(
                 continue
             try:
                 samples = Samples(cluster, share, a is first, apart)
+                if samples.cut > samples.settled:
+                    raise Asked(samples.cut_at)
                 pairs = a.paired or a.conservative
                 changes, hidden = find_meetings(samples) if pairs else find_crossings(samples)
                 found += changes
-                width = max(width, cluster.extent(hidden))
+                width = max(width, cluster.extent(max(hidden, samples.cut)))
             except Asked as more:
                 asked.append(scale.x(cluster.value(more.t)))
                 unsettled.append(members)

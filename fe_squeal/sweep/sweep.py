@@ -6,6 +6,7 @@ imports this file at once; to keep that quick, solvers are imported inside the f
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from numbers import Integral, Real
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import NotConvergedError, SceneError, TooLargeError
+from ..errors import NotConvergedError, SceneError, SceneWarning, TooLargeError
 from ..problem.parameters import paths_of
 
 if TYPE_CHECKING:
@@ -189,7 +190,7 @@ def find_onsets(
     Returns
     -------
     tuple of Onset
-        Ascending.
+        Ascending. What could not be decided of others is a `SceneWarning` each; `sweep` has it in its result.
 
     Raises
     ------
@@ -198,6 +199,8 @@ def find_onsets(
     """
     found = sweep(problem, values, parameter, modes, max_frequency, tolerance, method=method, precise=True,
                   linear_solver=linear_solver)  # fmt: skip
+    for text in found.unsettled:
+        warnings.warn(text, SceneWarning, stacklevel=2)
     return found.onsets
 
 

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
+
 from .doubts import Doubt, joined
 from .onset import Onset
+
+_NEAR = 0.01  # of a frequency: those that differ by less are told as one
 
 
 class Told:
@@ -38,6 +42,15 @@ class Told:
         """Add warnings that are about onsets."""
         self.warnings += sentences
         self.unsettled += sentences
+
+    def unclear_branches(self, first: float, second: float, omega: np.ndarray) -> None:
+        """Add a warning that it is not clear which modes continue which between two values; ω (k,), rad/s."""
+        low, high = omega.min() / (2 * np.pi), omega.max() / (2 * np.pi)
+        near = f"near {low:.5g} Hz" if high - low <= _NEAR * high else f"from {low:.5g} to {high:.5g} Hz"
+        self.add(
+            f"between {self._parameter} = {first:.8g} and {second:.8g} it is not clear which modes {near} continue"
+            " which: their branches may be exchanged there"
+        )
 
     def edge(self, which: str, value: float, beside: float, count: int) -> None:
         """Add a warning that the sweep begins or ends at a critical value, and is searched from or to one beside it.

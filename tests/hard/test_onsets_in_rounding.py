@@ -16,10 +16,13 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from selection import some
 
-from fe_squeal import sweep
+from fe_squeal import find_onsets, sweep
 from fe_squeal.compare import SETUPS
+from fe_squeal.errors import NotConvergedError, SceneWarning, TooLargeError
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
+from fe_squeal.reduced import ReducedModel
+from fe_squeal.sweep.refined import Refiner
 
 
 @pytest.fixture
@@ -122,3 +125,32 @@ def test_growth_that_passes_zero_without_a_slope(power, method):
         slope = abs(exact[np.argmin(np.abs(exact - 1j * omega))].real) / step
         limit = 50 * 1e-11 ** (1 / power) if method == "direct" else (1e-8 * omega / slope) ** (1 / power)
         assert abs(onset.value) <= onset.uncertainty <= limit
+
+
+@pytest.fixture
+def bisected(monkeypatch):
+    """Return a problem with an onset at p = 0.1, which Newton's method is kept from."""
+
+    def fail(*_):
+        raise NotConvergedError("left to bisection")
+
+    monkeypatch.setattr(Refiner, "_root", fail)
+    parts = [("m", "M", np.eye(3), {}), ("k", "K", np.diag([1.0, 1.2, 9.0]), {}),
+             ("f", "K", np.array([[0, 1.0, 0], [-1.0, 0, 0], [0, 0, 0]]), {"p": 1})]  # fmt: skip
+    return Problem(tuple(Term(n, slot, sp.csr_array(A), n != "f", power) for n, slot, A, power in parts), {"p": 0.0})
+
+
+@pytest.mark.parametrize("error", [1e-3, 10.0])
+def test_the_error_of_a_reduced_model_is_in_the_bar_of_a_bisected_onset_however_large(bisected, monkeypatch, error):
+    monkeypatch.setattr(ReducedModel, "root_error", lambda *_, **__: (error, 0.0))
+    (onset,) = sweep(bisected, [0.0, 0.07, 0.2], "p", modes=2, method="reduced").onsets
+    assert onset.value == pytest.approx(0.1, abs=1e-7) and onset.uncertainty >= error
+
+
+def test_an_onset_that_does_not_fit_into_memory_is_told_and_ends_nothing(bisected, monkeypatch):
+    def refuse(*_, **__):
+        raise TooLargeError("too large")
+
+    monkeypatch.setattr(importlib.import_module("fe_squeal.sweep.bisection"), "solve_modes", refuse)
+    with pytest.warns(SceneWarning, match="not refined: too large"):
+        assert not find_onsets(bisected, [0.0, 0.07, 0.2], "p", modes=2, method="direct")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+
 import numpy as np
 import pytest
 import scipy.optimize as so
@@ -12,8 +14,10 @@ from selection import some
 
 import fe_squeal
 from fe_squeal.eigen.pencil import FreeMotions
+from fe_squeal.eigen.request import Request
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
+from fe_squeal.sweep.running import RunningSweep
 
 
 class Made:
@@ -188,6 +192,29 @@ def test_a_mode_that_comes_into_the_range_unstable_is_told(others, top, drop, me
     (said,) = result.warnings
     assert said.startswith("at mu = 1 the unstable mode of") and "came into the range" in said
     assert not result.onsets_complete["sure"]
+
+
+def test_a_newcomer_is_told_behind_another_doubt():
+    """What could not be decided at the first value silences no mode that comes in unstable at a later one."""
+    theta, falls, F = np.diag([4.0, 25.0, 142.5, 145.5]), np.zeros((4, 4)), np.zeros((4, 4))
+    falls[-2:, -2:], F[-2, -1], F[-1, -2] = -80.0 * np.eye(2), 20.0, -20.0
+    problem, values = matrix_problem(theta, falls, friction=F), np.array([0.0, 0.5, 1.0])
+    running = RunningSweep(problem, "mu", Request(max_frequency_hz=10 / (2 * np.pi)), values, precise=False)
+    for value in values.tolist():
+        running.advance(value, False)
+        running.told.of_onsets(f"something else is in doubt at {value}")
+    assert sum("came into the range" in w for w in running.told.unsettled) == 1
+
+
+@pytest.mark.parametrize("most", [8, 30])
+def test_where_samples_are_too_many_more_values_are_solved(monkeypatch, most):
+    """(1 − 2p)/2 = ±p/100: a pair meets and parts again. What samples leave out is not taken as looked at."""
+    monkeypatch.setattr(importlib.import_module("fe_squeal.sweep.samples"), "_MOST", most)
+    theta, falls = np.diag([100.0, 101.0]), np.diag([2.0, 0.0])
+    problem = matrix_problem(theta, falls, friction=1e-2 * np.array([[0.0, 1.0], [-1.0, 0.0]]))
+    result = fe_squeal.sweep(problem, [0.0, 1.0], modes=2, method="direct")
+    assert [o.direction for o in result.onsets] == ["into", "out of"] and not result.unsettled
+    np.testing.assert_allclose([o.value for o in result.onsets], [1 / 2.02, 1 / 1.98], rtol=1e-8)
 
 
 @pytest.mark.parametrize("method", ["direct", "reduced"])

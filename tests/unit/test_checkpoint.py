@@ -11,11 +11,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from interrupted import interrupt, refused, write_sweep
 
+import fe_squeal
 import fe_squeal.run.run
 from fe_squeal.cli import main
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
 from fe_squeal.run import checkpoint
+from fe_squeal.run.folder import hold_folder
+from fe_squeal.sweep.state import SweepState
 
 
 @pytest.fixture(autouse=True)
@@ -173,3 +179,30 @@ def test_another_layout_is_refused(
         f"error: {out / 'checkpoint'}: another version of the program left this checkpoint (what it kept is laid out"
         " in another way); run without --resume to start anew\n"
     )
+
+
+def test_the_first_modes_are_kept_again_where_a_sweep_takes_others(tmp_path: Path) -> None:
+    """A mode with θ = p²/2 is too slow to be followed from p = 0: the modes are followed from the next value on."""
+    parts = [("m", "M", np.eye(2), {}), ("k", "K", np.diag([0.0, 20.0]), {}), ("p", "K", np.diag([0.5, 0.0]), {"p": 2})]
+    terms = tuple(Term(name, slot, sp.csr_array(A), True, powers) for name, slot, A, powers in parts)
+    with hold_folder(tmp_path / "out") as held:
+        kept = checkpoint.Checkpoint(held)
+        kept.begin({})
+
+        class Store:
+            load, load_model, save_model = kept.load, kept.load_model, kept.save_model
+
+            @staticmethod
+            def save(state: SweepState) -> None:
+                kept.save(state)
+                kept.flush()
+                states.append(state)
+
+            flush = staticmethod(kept.flush)
+
+        states: list[SweepState] = []
+        fe_squeal.sweep(Problem(terms, {"p": 0.0}), [0.0, 0.5, 1.0], "p", modes=2, method="direct", store=Store)
+        found = checkpoint.Checkpoint(held).load()
+    assert found is not None and states[0].first is not states[-1].first
+    np.testing.assert_array_equal(found.first.lam, states[-1].first.lam)
+    assert len(found.first_branches) == len(found.first)
