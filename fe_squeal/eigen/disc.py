@@ -32,7 +32,7 @@ _SEED = 20261125
 
 def largest_within(
     apply: Solve, size: int, radius: float, most: int, restarts: int = 12, draw: int = 0,
-    needed: Callable[[np.ndarray], np.ndarray] | None = None,
+    needed: Callable[[np.ndarray], np.ndarray] | None = None, block: int = BLOCK,
 ) -> tuple[np.ndarray, np.ndarray, float]:  # fmt: skip
     """Return eigenvalues ν (k,) with |ν| > 1/radius, their vectors (size, k), and a radius for which these are all.
 
@@ -44,9 +44,9 @@ def largest_within(
     apply : callable
         The operator on columns (size, b): a real one of real columns, whose eigenvalues come in conjugate pairs then.
     size : int
-        At least `room_for(most)` and a block.
+        At least `most`, two blocks and some more.
     radius : float
-        1/|ν| of the circle.
+        1/|ν| of the circle; infinite for the `most` largest eigenvalues.
     most : int
         Largest number of eigenvalues to look for.
     restarts : int
@@ -56,6 +56,8 @@ def largest_within(
         block has vectors. Others start where those are taken out, for the same ones would have nothing left of it.
     needed : callable, optional
         Which of ν (k,) are worth up to `_PATIENT` restarts more, where they begin to show in a full space.
+    block : int
+        Vectors that are multiplied at once.
 
     References
     ----------
@@ -69,7 +71,7 @@ def largest_within(
     >>> np.round(np.sort(1 / nu.real), 9), known
     (array([1., 2., 2.]), 3.0)
     """
-    block, room = BLOCK, room_for(most)
+    room = min(room_for(most, block), (size - block) // block * block)
     require_vectors(size, room + block, 16)
     start = la.qr(np.random.default_rng(_SEED + draw).standard_normal((size, block)), mode="economic")[0]
     dtype = np.result_type(apply(start[:, :1]))
@@ -101,9 +103,9 @@ def largest_within(
             cut += 1
 
 
-def room_for(most: int) -> int:
+def room_for(most: int, block: int = BLOCK) -> int:
     """Return how many vectors a search for `most` eigenvalues holds."""
-    return (_ROOM * most + _MORE) // BLOCK * BLOCK
+    return (_ROOM * most + _MORE) // block * block
 
 
 def _extend(apply: Solve, V: np.ndarray, S: np.ndarray, m: int, block: int) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import NotConvergedError
-from .arpack import nonsymmetric_modes, quadratic_modes, symmetric_modes
 from .band import band_modes, with_far_growth
 from .dense import DENSE_LIMIT, solve_dense
 from .free_modes import FreeModes, split_off
 from .inertia import count_below, finite_below
 from .linear.factor import LinearSolver, SingularError
+from .nearest import nonsymmetric_modes, quadratic_modes, symmetric_modes
 from .pencil import Modes, Pencil
 from .request import Completeness, Request, select_wanted
 from .shift import BEHIND, distance_to_nearest, known_radius, shift_below, symmetric_part

@@ -1,4 +1,4 @@
-"""Modes nearest a shift by ARPACK on the shift-inverted operator."""
+"""Modes nearest a shift by Krylov methods on the shift-inverted operator: of a symmetric pencil by ARPACK."""
 
 from __future__ import annotations
 
@@ -118,4 +118,5 @@ def _common(theta: np.ndarray, theta_left: np.ndarray, sigma: complex, every: bo
 
 def method_of(operator: ShiftInverted) -> str:
     """Return the name of the method with that of the linear solver."""
-    return f"shift-invert ARPACK, {operator.linear_solver.name}"
+    way = "ARPACK" if operator.pencil.problem_class == "symmetric" else "block Krylov-Schur"
+    return f"shift-invert {way}, {operator.linear_solver.name}"
