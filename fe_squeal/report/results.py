@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,16 +15,18 @@ import pandas as pd
 from fe_squeal.errors import one_line
 from fe_squeal.report.record import RunRecord, left_out, readable
 from fe_squeal.report.shapes import Complexes, ShapeGrid
-from fe_squeal.report.table_files import check_table
+from fe_squeal.report.table_files import check_table, read_table
 
-_NEEDED = {
-    "modes": ("value", "mode", "re", "im", "frequency_hz", "stability"),
-    "onsets": ("value", "frequency_hz"),
-    "contributions": ("value", "mode", "term", "re_share"),
-    "sensitivities": ("value", "mode", "number", "at", "dre"),
+# Of each table the columns that have no holes, and those that may have some: of what a mode has no such number.
+_Columns = tuple[tuple[str, ...], tuple[str, ...]]
+_COLUMNS: dict[str, _Columns] = {
+    "modes": (("value", "mode", "re", "im", "frequency_hz", "stability"), ()),
+    "onsets": (("value", "frequency_hz"), ()),
+    "contributions": (("value", "mode", "term"), ("re_share",)),
+    "sensitivities": (("value", "mode", "number", "at"), ("dre",)),
 }
-_MAC = ("measured", "value", "branch", "frequency_hz", "mac")
-_MESH_ERROR = ("quantity", "kind", "change", "scale", "body", "direction", "part")
+_MAC: _Columns = (("measured", "value", "branch", "frequency_hz"), ("mac",))
+_MESH_ERROR: _Columns = (("quantity", "kind", "change", "scale", "body", "direction", "part"), ())
 _CELLS = {"tetra": 10, "tetra10": 24, "hexahedron": 12, "hexahedron27": 29}  # VTK's numbers of meshio's types
 _STATUS = {
     "running": "The run is still going on, or was killed: what is shown is what was finished until then.",
@@ -106,7 +107,7 @@ def read_results(
     record, lacks = _read_record(folder / record_name)
     frames = {}
     for key, name in tables.items():
-        frames[key], why = _read_table(folder / name, _NEEDED[key])
+        frames[key], why = _read_table(folder / name, _COLUMNS[key])
         if why:
             lacks.append(why)
     more = {mac: pd.DataFrame(), mesh_error: pd.DataFrame()}
@@ -149,15 +150,18 @@ def _read_record(path: Path) -> tuple[dict[str, Any], list[str]]:
     return {}, [f"{path.name}: {why}; how the result was found, with which errors and from what, cannot be shown."]
 
 
-def _read_table(path: Path, needed: Sequence[str]) -> tuple[pd.DataFrame, str]:
+def _read_table(path: Path, columns: _Columns) -> tuple[pd.DataFrame, str]:
+    needed, there = columns
     try:
-        frame = pd.read_csv(path)
-        check_table(frame, needed)
+        frame = read_table(path)
+        check_table(frame, needed, there)
     except FileNotFoundError:
-        return pd.DataFrame(columns=list(needed)), f"{path.name} is missing; what it holds cannot be shown."
+        why = f"{path.name} is missing; what it holds cannot be shown."
     except (OSError, OverflowError, ValueError) as error:
-        return pd.DataFrame(columns=list(needed)), f"{path.name} cannot be read ({error}); it is left out."
-    return frame, ""
+        why = f"{path.name} cannot be read ({error}); it is left out."
+    else:
+        return frame, ""
+    return pd.DataFrame(columns=[*needed, *there]), why
 
 
 def read_shapes(folder: Path) -> tuple[ShapeGrid | None, list[Shape], list[str]]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,13 +17,38 @@ _WORDS = {  # columns that hold words; every other one holds numbers
     "method", "place", "knob", "a", "b", "state", "look", "frequency_exceeds", "onset_exceeds", "re_exceeds",
     "units",
 }  # fmt: skip
+_YES_OR_NO = {name for name in _WORDS if name.endswith("_exceeds")}
 _COUNTS = {"mode", "branch", "branch_a", "branch_b", "nodal_diameters", "other_nodal_diameters", "nodal_circles"}
 _LARGEST = 1e150  # number in a table that is believed
 
 
-def read_checked(
-    path: Path, command: str, needed: Sequence[str] = (), there: Sequence[str] = (), **options: object
-) -> pd.DataFrame:
+def read_table(path: Path, words: Collection[str] = _WORDS - _YES_OR_NO, **options: Any) -> pd.DataFrame:
+    """Return a table in CSV in which the columns of words hold the texts as they stand there.
+
+    pandas makes a number of a body named "3", and of one named "NA" a hole; here only what is empty is one.
+
+    Parameters
+    ----------
+    path : Path
+    words : collection of str
+        Names of the columns of words, without spaces around them.
+    options
+        Of `pandas.read_csv`.
+
+    Raises
+    ------
+    OSError, OverflowError, ValueError
+        It cannot be read.
+    """
+    frame: pd.DataFrame = pd.read_csv(path, **options)
+    named = [name for name in frame.columns if str(name).strip() in words]
+    if not named:
+        return frame
+    texts = pd.read_csv(path, usecols=named, dtype=str, keep_default_na=False, na_values=[""], **options)
+    return frame.assign(**{name: texts[name].to_numpy() for name in named})
+
+
+def read_checked(path: Path, command: str, needed: Sequence[str] = (), there: Sequence[str] = ()) -> pd.DataFrame:
     """Return a table that a command has written.
 
     Parameters
@@ -32,8 +58,6 @@ def read_checked(
         Its name, for the message.
     needed, there : sequence of str
         As in `check_table`.
-    options
-        Of `pandas.read_csv`.
 
     Raises
     ------
@@ -41,7 +65,7 @@ def read_checked(
         The file cannot be read, or its table is another one.
     """
     try:
-        frame: pd.DataFrame = pd.read_csv(path, **options)  # type: ignore[call-overload]
+        frame = read_table(path)
         check_table(frame, needed, there)
     except (OSError, OverflowError, ValueError) as error:
         why = one_line(str(error))

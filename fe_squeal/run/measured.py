@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..errors import SceneError
+from ..report.table_files import read_table
 from ..scene import MatrixScene, Scene
 from ..scene.measured import Measured
 
@@ -135,7 +136,7 @@ def _unlike(label: str, taken: list[str]) -> str:
 
 def _table(path: Path, key: str) -> pd.DataFrame:
     try:
-        frame = pd.read_csv(path, skipinitialspace=True)
+        frame = read_table(path, ["label"], skipinitialspace=True)
     except (OSError, OverflowError, ValueError) as error:
         raise SceneError(f"{key}: {path} cannot be read ({error}); expected a table in CSV") from error
     return frame.rename(columns=lambda name: str(name).strip())

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 from rich.console import Console
 
 from ..errors import OutputError, SceneError
+from ..report.table_files import read_table
 from ..report.tables import print_onsets, print_unstable
 from .checkpoint import Checkpoint, read_json
 from .folder import MODES_TABLE, ONSETS_TABLE, RECORD
@@ -65,7 +65,7 @@ def show_finished(out: Path, console: Console) -> int:
         A table is missing or cannot be read.
     """
     try:
-        onsets, modes = (pd.read_csv(out / name) for name in (ONSETS_TABLE, MODES_TABLE))
+        onsets, modes = (read_table(out / name) for name in (ONSETS_TABLE, MODES_TABLE))
         record = read_json(out / RECORD) or {}
         covered, is_open = record.get("frequency_range_hz"), bool((record.get("onsets_complete") or {}).get("open"))
         print_onsets(onsets, console, tuple(covered) if covered else None, is_open)

@@ -163,6 +163,14 @@ def test_shapes_of_one_label_have_names_of_their_own(tmp_path: Path) -> None:
     assert [(s.label, s.u[0, 2].real) for s in found] == [("shape", 1), ("shape (2)", 2), ("shape (3)", 3)]
 
 
+def test_labels_in_a_file_stay_as_they_are(tmp_path: Path) -> None:
+    """Stops are often numbered; NA is a name like others."""
+    (tmp_path / "squeal.csv").write_text("frequency_hz, label\n650, 007\n660,\n670, NA\n")
+    scene = write_scene(tmp_path, SCENE + '[[measured]]\nfile = "squeal.csv"\n')
+    found = read_measured(fe_squeal.load_scene(scene)).frequencies
+    assert [(f.hz, f.label) for f in found] == [(650.0, "007"), (660.0, ""), (670.0, "NA")]
+
+
 def universal(path: Path, shape, kind: str) -> None:
     points, u, _ = shape
     x, v = in_file(points, u)

@@ -17,6 +17,7 @@ from scene_texts import replaced, write_scene
 
 from fe_squeal.cli import main
 from fe_squeal.report.page import verdict
+from fe_squeal.report.page.sections import mode_sections
 from fe_squeal.report.page.surface import make_surface, shape_data
 from fe_squeal.report.results import Shape, read_results
 from fe_squeal.report.shapes import HEXAHEDRON, ShapeGrid, normalise_shape
@@ -81,6 +82,19 @@ def test_a_sweep_that_begins_behind_an_onset_names_no_later_one_as_the_first(out
         f"The first instability sets in before μ = {begin:.6g}, the first value of the sweep. 1 onset of other modes"
         " follows."
     )
+
+
+def test_shares_and_sensitivities_that_are_not_known_are_marked(out: Path) -> None:
+    """Those of the other terms and numbers are shown as they were."""
+    whole = results_of(out)
+    shares, moves = whole.contributions, whole.sensitivities
+    lost, number = "contact.belt", "springs.across.stiffness"
+    holes = replace(whole, contributions=shares.assign(re_share=shares["re_share"].where(shares["term"] != lost)),
+                    sensitivities=moves.assign(dre=moves["dre"].where(moves["number"] != number)))  # fmt: skip
+    assert verdict.answer(holes)[-2:] == verdict.answer(whole)[-2:]
+    shown = mode_sections(holes)
+    assert f'<th scope="row">{lost}</th><td class="number">–' in shown and "nan" not in shown
+    assert re.search(rf'{number}</th><td class="number">[^<]+</td><td class="number">–', shown)
 
 
 def test_a_mesh_without_an_axis_has_no_diameters_and_the_page_says_so(out: Path) -> None:

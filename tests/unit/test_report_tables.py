@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,8 +16,11 @@ from test_report_figures import SWEEP, coupled_tables, no_onsets
 
 from fe_squeal.errors import OutputError
 from fe_squeal.report.files import replace_atomically, write_csv, write_json
+from fe_squeal.report.page.sections import mac_table, mesh_error_section
+from fe_squeal.report.table_files import read_table
 from fe_squeal.report.tables import print_onsets, print_unstable, unstable_intervals
 from fe_squeal.run.covered import Seen, above_text
+from fe_squeal.run.page import read_run
 from fe_squeal.sweep.noise import classify_noise
 
 
@@ -187,3 +191,41 @@ def test_no_onset_is_no_promise_where_intervals_are_open():
 def test_the_limit_that_is_offered_is_a_little_above_the_mode(hz, limit):
     text = above_text(Seen(hz, 3.5, 0.4), "mu")
     assert text.endswith(f"solve.max_frequency = {limit}") and hz < float(limit) < 1.05 * hz
+
+
+NAMES = ["3", "1e5", "007", "NA", "null", "True", "disc"]
+
+
+@pytest.mark.parametrize("kind", ["numbers", "holes", "mixed"])
+def test_names_come_back_as_they_were_written(tmp_path, kind):
+    """Also where every name of a column looks like a number, or a hole; numbers, and yes or no, stay what they are."""
+    names = {"numbers": NAMES[:3], "holes": [*NAMES[3:5], None], "mixed": NAMES}[kind]
+    part = np.where(np.arange(len(names)) == 1, np.nan, np.inf)
+    rows = pd.DataFrame({"body": names, "part": part, "re_exceeds": True})
+    read = read_table(write_csv(rows, tmp_path / "a.csv"))
+    assert [None if name != name else name for name in read["body"]] == names
+    np.testing.assert_array_equal(read["part"], rows["part"])
+    assert read["re_exceeds"].dtype == bool
+
+
+def test_the_error_of_the_mesh_of_bodies_whose_names_are_numbers(tmp_path):
+    parts = pd.DataFrame({"quantity": "onset 1", "kind": "onsets", "change": 0.1, "scale": 1.0, "body": ["3", "4"],
+                          "direction": "radial", "place": "edge", "part": 0.05})  # fmt: skip
+    write_csv(parts, tmp_path / "mesh_error.csv")
+    assert "comes from 3, radial: 50 %" in mesh_error_section(read_run(tmp_path))
+
+
+def test_a_shape_without_a_mac_takes_no_other_with_it(tmp_path):
+    """As where all displacements of a measured shape are zero."""
+    rows = pd.DataFrame({"measured": ["rim", "rim", "zero", "zero"], "value": 0.7, "branch": [1, 2, 1, 2],
+                         "frequency_hz": 900.0, "mac": [0.2, 0.9, np.nan, np.nan]})  # fmt: skip
+    write_csv(rows, tmp_path / "mac.csv")
+    shown = re.findall(r'<th scope="row">(.*?)</th>.*?>([^<]*)</td></tr>', mac_table(read_run(tmp_path)))
+    assert shown == [("rim", "0.90"), ("rim", "0.20"), ("zero", "–")]
+
+
+@pytest.mark.parametrize(("table", "column"), [("contributions", "re_share"), ("sensitivities", "dre")])
+def test_a_number_that_no_mode_has_leaves_the_table_there(tmp_path, table, column):
+    rows = {"value": 0.7, "mode": [1, 1], "term": ["a", "b"], "number": ["a", "b"], "at": 1.0}
+    write_csv(pd.DataFrame({**rows, column: [1.0, np.nan]}), tmp_path / f"{table}.csv")
+    assert len(getattr(read_run(tmp_path), table)) == 2

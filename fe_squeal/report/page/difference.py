@@ -28,10 +28,7 @@ def read_and_write_page(table_file: Path, record_file: Path, path: Path) -> tupl
     """
     record: dict[str, Any] = {"title": "Designs side by side", "symbol": "parameter", "answers": [], "lacks": []}
     lacks: list[str] = []
-    differences = read_checked(
-        table_file, "fe-squeal diff", there=COLUMNS, dtype={"b": str, "state": str, "look": str},
-        keep_default_na=False, na_values=[""],
-    )  # fmt: skip
+    differences = read_checked(table_file, "fe-squeal diff", there=COLUMNS)
     try:
         said = json.loads(record_file.read_text(encoding="utf-8"))
         if not isinstance(said, dict):

@@ -77,11 +77,14 @@ def interval_table(results: Results) -> str:
 
 def mac_table(results: Results) -> str:
     """Return the table of the best matches of each measured shape; "" if no shape was measured."""
-    rows = []
+    rows: list[tuple[object, ...]] = []
     for name, own in results.mac.groupby("measured", sort=False) if len(results.mac) else ():
-        for r in own.sort_values("mac", ascending=False).iloc[:_ROWS].to_dict("records"):
+        known = own[own["mac"].notna()].sort_values("mac", ascending=False)
+        for r in known.iloc[:_ROWS].to_dict("records"):
             rows.append((name, f"{r['branch']:.0f}", frequency_text(float(r["frequency_hz"])), f"{r['value']:.4g}",
-                         _number(r["mac"], ".2f")))  # fmt: skip
+                         f"{r['mac']:.2f}"))  # fmt: skip
+        if not len(known):
+            rows.append((name, *["–"] * 4))
     heads = ("measured shape", "branch", "frequency", parameter_symbol(results.parameter), "MAC")
     return table("Measured shapes and the modes most like them", heads, rows)
 
@@ -103,14 +106,14 @@ def _mode_section(results: Results, interval: UnstableInterval, position: int) -
     parts = [paragraph(f"{about}; {', '.join(looks)}." if looks else f"{about}."), *_partner(results, interval, symbol)]
     shares = verdict.shares_of(results, row).to_dict("records")
     growth = [
-        (r["term"], f"{r['re_share']:+.4g}", _percent(r.get("energy_share")))
+        (r["term"], _number(r["re_share"], "+.4g"), _percent(r.get("energy_share")))
         for r in shares
-        if abs(r["re_share"]) > 1e-9 * abs(interval.growth) or _counts(r)
+        if not abs(r["re_share"]) <= 1e-9 * abs(interval.growth) or _counts(r)  # an unknown share is no small one
     ]
     parts.append(table("What gives to Re λ, and where the energy is", ("term", "Re λ, 1/s", "energy"), growth[:_ROWS]))
     parts.append(_body_table(results, row))
     moves = verdict.sensitivities_of(results, row).iloc[:_ROWS]
-    moved = [(r["number"], f"{r['at']:.4g}", f"{r['dre_percent']:+.3g}", f"{r['dhz_percent']:+.3g}")
+    moved = [(r["number"], f"{r['at']:.4g}", _number(r["dre_percent"], "+.3g"), _number(r["dhz_percent"], "+.3g"))
              for r in moves.to_dict("records")]  # fmt: skip
     heads = ("number of the scene", "is", "moves Re λ by, 1/s", "moves the frequency by, Hz")
     parts.append(table("1 % more of this", heads, moved))

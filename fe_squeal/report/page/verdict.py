@@ -170,8 +170,10 @@ def _feeds(results: Results, worst: UnstableInterval) -> list[str]:
     shares = shares_of(results, row_of(results, worst))
     if not len(shares):
         return []
+    shares = shares[np.isfinite(numbers(shares, "re_share"))]
     share = numbers(shares, "re_share")
-    feeding, damping = shares[share > 1e-9 * np.abs(share).max()], shares[share < -1e-9 * np.abs(share).max()]
+    largest = np.abs(share).max(initial=0.0)
+    feeding, damping = shares[share > 1e-9 * largest], shares[share < -1e-9 * largest]
     parts = []
     for frame, verb in ((feeding, "It is fed by"), (damping, "it is damped by")):
         if len(frame):
