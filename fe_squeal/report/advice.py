@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from fe_squeal.report.units import behind_comma, drawn_length, with_unit
+
 QUANTITIES = {"error_frequency": "frequencies", "error_growth": "growth rates", "error_onset": "critical values"}
 TARGETS = (0.05, 0.02, 0.01)  # relative errors that advice is given for
 
@@ -52,7 +54,7 @@ def units_of(frame: pd.DataFrame) -> str:
 
 def size_head(units: str) -> str:
     """Return the head of a column of sizes, in which they stand without their unit."""
-    return "size" if units == "any" else "size, mm"
+    return behind_comma("size", "mm", units)
 
 
 def size_text(size: float, units: str, unit: bool = True) -> str:
@@ -66,9 +68,8 @@ def size_text(size: float, units: str, unit: bool = True) -> str:
     unit : bool
         Whether the text names the unit.
     """
-    if units == "any":
-        return f"{size:.3g}"
-    return f"{1e3 * size:.3g} mm" if unit else f"{1e3 * size:.3g}"
+    number = f"{drawn_length(units) * size:.3g}"
+    return with_unit(number, "mm", units) if unit else number
 
 
 def fitted(frame: pd.DataFrame, order: int, quantity: str) -> float | None:

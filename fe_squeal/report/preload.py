@@ -22,6 +22,7 @@ def export_preload(
     mu: float = np.nan,
     von_mises: Floats | None = None,
     title: str = "",
+    units: str = "SI",
     picture: bool = True,
 ) -> list[Path]:
     """Write `preload.vtu` and, if there are contacts, `preload_contacts.vtu` and `preload.png`.
@@ -46,6 +47,8 @@ def export_preload(
         Von Mises stress of each cell.
     title : str
         Text above the picture.
+    units : "SI" or "any"
+        Of the scene; with "any" the picture names none, and the files have the scene's own.
     picture : bool
         Whether to write the .png.
 
@@ -83,7 +86,8 @@ def export_preload(
         from fe_squeal.report.pressure import plot_pressure
 
         of = f"static state at μ = {mu:.4g}" if np.isfinite(mu) else ""  # which may be none of the sweep's values
-        files.append(plot_pressure(contacts, folder / "preload.png", ", ".join(t for t in (title, of) if t)))
+        head = ", ".join(t for t in (title, of) if t)
+        files.append(plot_pressure(contacts, folder / "preload.png", head, units))
     return files
 
 

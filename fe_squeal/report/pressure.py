@@ -27,6 +27,7 @@ from fe_squeal.report.branches import figure_text
 from fe_squeal.report.contact_face import ContactFace
 from fe_squeal.report.files import save_figure
 from fe_squeal.report.shapes import Floats, axis_frame
+from fe_squeal.report.units import drawn_length, force_text, in_brackets, pressure_unit, with_unit
 from fe_squeal.report.views import direction_text
 
 MAX_COLUMNS = 3
@@ -38,7 +39,9 @@ LARGEST_TRIANGLE = 1.25  # times the mean area that its corners stand for: a lar
 _RING = 0.5  # length of the mean of the unit sliding directions: if it is shorter, one arrow cannot show them
 
 
-def plot_pressure(contacts: Mapping[str, ContactFace], path: str | os.PathLike[str], title: str = "") -> Path:
+def plot_pressure(
+    contacts: Mapping[str, ContactFace], path: str | os.PathLike[str], title: str = "", units: str = "SI"
+) -> Path:
     """Draw the pressure on the face of each contact in a panel, seen from the pad along the mean normal.
 
     Every pixel has the value at the nearest quadrature point. The closed part is coloured, on one scale for all
@@ -51,26 +54,28 @@ def plot_pressure(contacts: Mapping[str, ContactFace], path: str | os.PathLike[s
         At least one.
     path : path
         Where to write; the suffix chooses the format (png, pdf, svg).
+    units : "SI" or "any"
+        Of the scene. Pictures in SI units are in mm; with "any" numbers stay as they are, and no unit is named.
 
     Returns
     -------
     Path
         The file written.
     """
-    return save_figure(pressure_figure(contacts, title), path)
+    return save_figure(pressure_figure(contacts, title, units), path)
 
 
-def pressure_figure(contacts: Mapping[str, ContactFace], title: str = "") -> Figure:
+def pressure_figure(contacts: Mapping[str, ContactFace], title: str = "", units: str = "SI") -> Figure:
     """Return the figure that `plot_pressure` writes."""
     peak = max(_peak(face) for face in contacts.values())
     pulls = any((face.pressure[face.closed] < 0).any() for face in contacts.values())
-    unit, size = pressure_unit(peak)
+    unit, size = pressure_unit(peak, units)
     scale = Normalize(0.0, peak / size if peak > 0 else 1.0)
     colours = colormaps[COLOURS].with_extremes(under=PULLING_COLOUR, bad=OPEN_COLOUR)
 
     columns = min(len(contacts), MAX_COLUMNS)
     rows = math.ceil(len(contacts) / columns)
-    texts = [_describe(name, face) for name, face in contacts.items()]
+    texts = [_describe(name, face, units) for name, face in contacts.items()]
     sizes = np.array([_panel_size(*pair) for pair in zip(contacts.values(), texts, strict=True)])
     width, heights = sizes[:, 0].max() * columns + 1.2, [sizes[i * columns :][:columns, 1].max() for i in range(rows)]
     head = textwrap.fill(figure_text(title), int(11 * width))
@@ -83,8 +88,9 @@ def pressure_figure(contacts: Mapping[str, ContactFace], title: str = "") -> Fig
     slides = []
     for axes, face, text in zip(panels, contacts.values(), texts, strict=False):
         axes.set_title(text, fontsize=9)
-        slides.append(_draw_face(axes, face, colours, scale, size))
-    figure.colorbar(ScalarMappable(scale, colours), ax=panels.tolist(), label=f"contact pressure ({unit})",
+        slides.append(_draw_face(axes, face, colours, scale, size, units))
+    label = in_brackets("contact pressure", unit, units)
+    figure.colorbar(ScalarMappable(scale, colours), ax=panels.tolist(), label=label,
                     extend="min" if pulls else "neither", shrink=0.8, aspect=30, pad=0.02)
     keys: list[Any] = []
     if any(not face.closed.all() for face in contacts.values()):
@@ -115,51 +121,38 @@ def face_frame(face: ContactFace) -> Floats:
     return axis_frame(mean if np.linalg.norm(mean) > 0.05 else face.normals[np.argmax(face.pressure)])
 
 
-def pressure_unit(peak: float) -> tuple[str, float]:
-    """Return the unit in which a pressure, given in Pa, is best read, and the size of the unit in Pa.
-
-    Examples
-    --------
-    >>> pressure_unit(2.7e6), pressure_unit(3e4), pressure_unit(0.0)
-    (('MPa', 1000000.0), ('kPa', 1000.0), ('Pa', 1.0))
-    """
-    for unit, size in (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3)):
-        if peak >= 0.1 * size:
-            return unit, size
-    return "Pa", 1.0
-
-
 def _peak(face: ContactFace) -> float:
     return float(face.pressure[face.closed].max(initial=0.0))
 
 
-def _draw_face(axes: Axes, face: ContactFace, colours: Colormap, scale: Normalize, size: float) -> bool:
+def _draw_face(axes: Axes, face: ContactFace, colours: Colormap, scale: Normalize, size: float, units: str) -> bool:
     """Draw one panel; return whether it has arrows."""
     frame = face_frame(face)
-    points, directions = 1e3 * face.points @ frame[:2].T, face.directions @ frame[:2].T
+    length = drawn_length(units)
+    points, directions = length * face.points @ frame[:2].T, face.directions @ frame[:2].T
     tilt = face.normals @ frame[2]
     near = tilt > 0  # points whose normals point away from the viewer are hidden
     values = np.where(face.closed, face.pressure / size, np.nan)
-    image, extent = _nearest_values(points[near], 1e6 * (face.weights * tilt)[near], values[near])
+    image, extent = _nearest_values(points[near], length**2 * (face.weights * tilt)[near], values[near])
     # The open part is NaN, which `colours` shows in grey; beside the face nothing is drawn.
     pixels = colours(scale(np.ma.masked_invalid(image.data)))
     pixels[image.mask] = 0.0
     axes.imshow(pixels, extent=extent, origin="lower", interpolation="none", aspect="equal", zorder=2)
-    axes.set_xlabel(f"{direction_text(frame[0])} (mm)")
-    axes.set_ylabel(f"{direction_text(frame[1])} (mm)")
+    axes.set_xlabel(in_brackets(direction_text(frame[0]), "mm", units))
+    axes.set_ylabel(in_brackets(direction_text(frame[1]), "mm", units))
     axes.tick_params(labelsize=8)
     axes.locator_params(nbins=6)
     axes.grid(True, color="0.92", lw=0.6)
     return _draw_arrows(axes, points[near], face.weights[near], directions[near])
 
 
-def _describe(name: str, face: ContactFace) -> str:
-    unit, size = pressure_unit(_peak(face))
+def _describe(name: str, face: ContactFace, units: str) -> str:
+    unit, size = pressure_unit(_peak(face), units)
     lines = [textwrap.fill(figure_text(name), 60), f"seen along {direction_text(-face_frame(face)[2])}",
-             f"normal force {_newtons(face.normal_force)}, closed {100 * face.closed_part:.3g} % of the area",
-             f"peak {_peak(face) / size:.3g} {unit}"]  # fmt: skip
+             f"normal force {force_text(face.normal_force, units)}, closed {100 * face.closed_part:.3g} % of the area",
+             f"peak {with_unit(f'{_peak(face) / size:.3g}', unit, units)}"]  # fmt: skip
     if math.isfinite(face.torque):
-        lines[-1] += f", braking torque {face.torque:.4g} N m"
+        lines[-1] += f", braking torque {with_unit(f'{face.torque:.4g}', 'N m', units)}"
     return "\n".join(lines)
 
 
@@ -173,7 +166,7 @@ def _panel_size(face: ContactFace, text: str) -> tuple[float, float]:
 
 
 def _nearest_values(points: Floats, weights: Floats, values: Floats) -> tuple[np.ma.MaskedArray, Any]:
-    """Return an image with the values at the nearest points, masked beside the face, and its extent in mm."""
+    """Return an image with the values at the nearest points, masked beside the face, and its extent."""
     side = np.sqrt(np.abs(weights).mean())  # of a square of the mean area that a point stands for
     low, high = points.min(axis=0) - side, points.max(axis=0) + side
     step = (high - low).max() / PIXELS
@@ -238,7 +231,3 @@ def _draw_arrows(axes: Axes, points: Floats, weights: Floats, directions: Floats
             shrinkA=0, shrinkB=0, path_effects=[Stroke(linewidth=4.0, foreground="white"), Normal()],
         ))  # fmt: skip
     return True
-
-
-def _newtons(force: float) -> str:
-    return f"{force / 1000:.4g} kN" if abs(force) >= 1000 else f"{force:.4g} N"

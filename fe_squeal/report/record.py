@@ -43,6 +43,7 @@ class _Inputs(BaseModel):
 class RunRecord(BaseModel):
     """Keys of run.json."""
 
+    units: str | None = None
     axis: _Axis | None = None
     completeness: dict[str, Any] | None = None
     onsets_complete: _Onsets | None = None

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..assembly.discretisation import discretisation_of
+from ..report.advice import size_text
 from ..report.branches import frequency_text, parameter_symbol
 from ..report.mac import mac, nearest_nodes
 from ..report.shapes import boundary_triangles
@@ -80,7 +81,7 @@ def mac_table(measured: Measurements, result: Sweep) -> tuple[pd.DataFrame | Non
     grid = grid_of(model)
     surface = np.unique(boundary_triangles(grid)[0])
     said: list[str] = []
-    near = [_matched(shape, grid.points[surface], said) for shape in measured.shapes]
+    near = [_matched(shape, grid.points[surface], measured.units, said) for shape in measured.shapes]
     rows = []
     for point in result.points:
         for i in sorted(point.shapes):
@@ -97,7 +98,7 @@ def mac_table(measured: Measurements, result: Sweep) -> tuple[pd.DataFrame | Non
     return pd.DataFrame(rows, columns=list(MAC_COLUMNS)), said
 
 
-def _matched(shape: TestShape, nodes: np.ndarray, said: list[str]) -> tuple[np.ndarray, np.ndarray]:
+def _matched(shape: TestShape, nodes: np.ndarray, units: str, said: list[str]) -> tuple[np.ndarray, np.ndarray]:
     """Return the points of a shape that are compared and the node of each; say which are not, and why it has no MAC."""
     own = np.flatnonzero(np.isfinite(shape.u).any(axis=1))
     near, found = nearest_nodes(shape.points[own], nodes, shape.distance)
@@ -105,7 +106,7 @@ def _matched(shape: TestShape, nodes: np.ndarray, said: list[str]) -> tuple[np.n
     few, name = len(points) < _FEWEST, f"measured shape {shape.label}"
     if lost:
         said.append(
-            f"{name}: {lost} of {len(own)} points have no node of the surface within {1e3 * shape.distance:g} mm"
+            f"{name}: {lost} of {len(own)} points have no node of the surface within {size_text(shape.distance, units)}"
             + ("; that leaves too few for a MAC: check axes, origin and length_unit" if few else " and are left out")
         )
     elif few:

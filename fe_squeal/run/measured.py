@@ -61,12 +61,16 @@ class TestShape:
 
 @dataclass(frozen=True)
 class Measurements:
-    """The measured frequencies and shapes of a scene; notes and warnings on how they were read, a sentence each."""
+    """The measured frequencies and shapes of a scene; notes and warnings on how they were read, a sentence each.
+
+    `units` are those of the scene, "SI" or "any".
+    """
 
     frequencies: tuple[Frequency, ...] = ()
     shapes: tuple[TestShape, ...] = ()
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    units: str = "SI"
 
 
 NOTHING_MEASURED = Measurements()
@@ -126,7 +130,8 @@ def read_measured(scene: Scene | MatrixScene) -> Measurements:
         shapes.append(TestShape(name, hz, points, u, turned, entry.distance))
         if entry.frequency_hz is not None:
             frequencies.append(Frequency(entry.frequency_hz, entry.level_db, label))
-    return Measurements(tuple(frequencies), tuple(shapes), tuple(notes), tuple(warnings))
+    units = scene.units if isinstance(scene, Scene) else "SI"
+    return Measurements(tuple(frequencies), tuple(shapes), tuple(notes), tuple(warnings), units)
 
 
 def _unlike(label: str, taken: list[str]) -> str:

@@ -38,8 +38,9 @@ def write_preload(scene: Scene, problem: Problem, out: Path) -> list[Path]:
             c.points, c.normals, directions, c.weights, state.pressure, state.closed, state.normal_force, state.torque
         )
     return export_preload(
-        grid_of(discretisation), space.expand(base.u), faces, out, mu=base.mu, von_mises=stress, title=scene.title
-    )
+        grid_of(discretisation), space.expand(base.u), faces, out, mu=base.mu, von_mises=stress, title=scene.title,
+        units=scene.units,
+    )  # fmt: skip
 
 
 def preload_record(scene: Scene | MatrixScene, problem: Problem) -> dict[str, Any] | None:

@@ -43,7 +43,8 @@ class Scene(BaseScene):
         For figures and run.json.
     units : "SI" or "any"
         "SI": a material whose sound is slower than 100 m/s or faster than 20 000 m/s, or a body of more than 5 m, is
-        refused before anything is solved. "any": no check of magnitudes, for another consistent set of units.
+        refused before anything is solved. "any": no check of magnitudes, for another consistent set of units;
+        pictures and the page then name none.
     mesh : table
         The mesh.
     materials : table of tables

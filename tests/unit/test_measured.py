@@ -18,6 +18,8 @@ from fe_squeal.cli import main
 from fe_squeal.errors import SceneError
 from fe_squeal.report.mac import mac, plot_mac
 from fe_squeal.report.results import read_shapes
+from fe_squeal.run.compared import _matched
+from fe_squeal.run.measured import TestShape as FoundShape
 from fe_squeal.run.measured import read_measured
 
 # The file's axes: its x along the model's y, its y along the model's z, in mm, from a corner that is not the model's.
@@ -123,6 +125,14 @@ def test_points_far_from_the_surface_are_left_out_and_told(
     out = run(tmp_path, '[[measured]]\nfile = "shape.csv"\n')
     assert "too few for a MAC" in capsys.readouterr().out
     assert len(pd.read_csv(out / "mac.csv")) == 0
+
+
+@pytest.mark.parametrize(("units", "told"), [("SI", "within 5e+03 mm"), ("any", "within 5")])
+def test_the_distance_of_points_is_told_in_units_that_are_known(units: str, told: str) -> None:
+    said: list[str] = []
+    shape = FoundShape("rim", None, np.eye(3) * 1e3, np.ones((3, 3), complex), np.zeros((3, 3, 3)), 5.0)
+    _matched(shape, np.zeros((1, 3)), units, said)
+    assert f"no node of the surface {told}; that leaves" in said[0]
 
 
 @pytest.mark.slow

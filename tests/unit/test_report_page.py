@@ -17,7 +17,7 @@ from scene_texts import replaced, write_scene
 
 from fe_squeal.cli import main
 from fe_squeal.report.page import verdict
-from fe_squeal.report.page.sections import mode_sections
+from fe_squeal.report.page.sections import certificate, mode_sections
 from fe_squeal.report.page.surface import make_surface, shape_data
 from fe_squeal.report.results import Shape, read_results
 from fe_squeal.report.shapes import HEXAHEDRON, ShapeGrid, normalise_shape
@@ -95,6 +95,20 @@ def test_shares_and_sensitivities_that_are_not_known_are_marked(out: Path) -> No
     shown = mode_sections(holes)
     assert f'<th scope="row">{lost}</th><td class="number">–' in shown and "nan" not in shown
     assert re.search(rf'{number}</th><td class="number">[^<]+</td><td class="number">–', shown)
+
+
+@pytest.mark.parametrize("record", ["own", "earlier"])
+def test_the_certificate_names_units_of_si_alone(out: Path, record: str) -> None:
+    """Folders of earlier versions have the units in their scene."""
+    results = results_of(out)
+    assert results.record["units"] == "SI" and '"col" class="number">area, m²<' in certificate(results)
+    inputs = results.record["inputs"]
+    if record == "own":
+        other = {**results.record, "units": "any"}
+    else:
+        other = {**results.record, "units": None, "inputs": {**inputs, "scene": {**inputs["scene"], "units": "any"}}}
+    told = certificate(replace(results, record=other))
+    assert ">area<" in told and ">largest gap<" in told
 
 
 def test_a_mesh_without_an_axis_has_no_diameters_and_the_page_says_so(out: Path) -> None:

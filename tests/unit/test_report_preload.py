@@ -121,6 +121,22 @@ def test_open_part_is_grey_and_as_large_as_it_is():
     assert figure.axes[1].get_ylabel() == "contact pressure (MPa)"
 
 
+def test_a_scene_in_units_of_its_own_has_its_numbers_without_names_of_units():
+    """The same face in t, mm and s, so N, MPa and N mm."""
+    one = face(lambda x, y: 2.6e6 * (x - 0.25), torque=31.25)
+    other = replace(one, points=1e3 * one.points, weights=1e6 * one.weights, pressure=1e-6 * one.pressure, torque=31250)
+    figure = pressure_figure({"outer": other}, units="any")
+    (drawn, place, extent), (own, there, of_si) = (pixels(f) for f in (figure, pressure_figure({"outer": one})))
+    np.testing.assert_allclose(extent, of_si)
+    np.testing.assert_allclose(drawn, own, atol=1e-12)
+    np.testing.assert_array_equal(place, there)
+    axes = figure.axes[0]
+    assert axes.get_title().split("\n")[2:] == [
+        "normal force 1316, closed 75 % of the area", "peak 1.89, braking torque 3.125e+04"
+    ]  # fmt: skip
+    assert (axes.get_xlabel(), axes.get_ylabel(), figure.axes[1].get_ylabel()) == ("x", "y", "contact pressure")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("axis", [(0, 0, 1), (0, 0, -1), (0, 1, 0), (-1, 0, 0), (1, 1, 1), (0.3, -2, 0.1)])
 def test_face_of_any_orientation_is_seen_along_its_normal(axis):

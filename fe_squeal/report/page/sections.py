@@ -18,6 +18,7 @@ from fe_squeal.report.page.markup import bullets, image, paragraph, table, text
 from fe_squeal.report.results import Results
 from fe_squeal.report.tables import UnstableInterval, likely_values, with_uncertainty
 from fe_squeal.report.terms import ELASTIC, MASS, TermName, term_of
+from fe_squeal.report.units import behind_comma
 
 _MOST_MODES = 40  # unstable modes with a section of their own, at most
 _ROWS = 12  # rows in the tables of a mode, at most
@@ -186,6 +187,8 @@ def certificate(results: Results) -> str:
     r = results.record
     if not r:
         return paragraph("run.json is missing, so that there is no record of how this was found.")
+    # A folder of an earlier version has its units in the scene alone.
+    units = str(r.get("units") or ((r.get("inputs") or {}).get("scene") or {}).get("units", "SI"))
     c, onsets = r.get("completeness") or {}, r.get("onsets_complete") or {}
     found = f"{'sure' if onsets.get('sure') else 'not sure'} down to windows of {onsets.get('width', 0):.1e} in width"
     modes = results.modes
@@ -215,9 +218,10 @@ def certificate(results: Results) -> str:
         (name, f"{c['area_m2']:.4g}", _percent(c["coverage"]), f"{c['largest_gap_m']:.1e}")
         for name, c in (r.get("contacts") or {}).items()
     ]
+    area, gap = behind_comma("area", "m²", units), behind_comma("largest gap", "m", units)
     return "".join((
         table("How it was found", ("what", "value"), rows, 2),
-        table("Contacts", ("contact", "area, m²", "covered", "largest gap, m"), contacts),
+        table("Contacts", ("contact", area, "covered", gap), contacts),
         table("Seconds by stage", ("stage", "seconds"), seconds),
         table("Inputs, by the SHA-256 of their content", ("file", "digest"), digests, 2),
         bullets(str(note) for note in r.get("notes") or []),
