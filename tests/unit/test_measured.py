@@ -16,7 +16,7 @@ from selection import some
 import fe_squeal
 from fe_squeal.cli import main
 from fe_squeal.errors import SceneError
-from fe_squeal.report.mac import mac, plot_mac
+from fe_squeal.report.mac import mac, mac_figure, plot_mac
 from fe_squeal.report.results import read_shapes
 from fe_squeal.run.compared import _matched
 from fe_squeal.run.measured import TestShape as FoundShape
@@ -161,6 +161,23 @@ def test_shapes_without_a_mac_are_told_and_draw_nothing(
 def test_the_figure_of_mac_has_room_for_any_label(tmp_path: Path, label: str) -> None:
     table = pd.DataFrame({"measured": [label], "value": [1.0], "branch": [1], "frequency_hz": [100.0], "mac": [0.5]})
     assert plot_mac(table, tmp_path / "mac.png").stat().st_size > 1000
+
+
+def test_the_figure_of_mac_shows_the_modes_most_like_a_shape(tmp_path: Path) -> None:
+    """Squeal is often among the highest modes: of many, those with the largest MAC to any shape, by frequency."""
+    modes = pd.DataFrame({"parameter": "mu", "branch": np.arange(1, 61), "frequency_hz": 1e4 - 100.0 * np.arange(60)})
+    like = {"rim": np.where(np.arange(60) == 2, 0.9, 0.001 * np.arange(60)), "pad": np.arange(60) == 7, "zero": np.nan}
+    last = pd.concat([modes.assign(measured=name, value=0.7, mac=m) for name, m in like.items()])
+    figure = mac_figure(pd.concat([last.assign(value=0.2, branch=99), last]), "a brake of 3 $, not of 4 $")
+    axes = figure.axes[0]
+    shown = [int(label.get_text().partition(":")[0]) for label in axes.get_xticklabels()]
+    assert shown == [*range(60, 22, -1), 8, 3]
+    assert figure.get_suptitle().endswith("\nthe 40 of 60 modes with the largest MAC at μ = 0.70")
+    grey = axes.images[0].get_array().mask.all(axis=1).tolist()
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["rim", "pad", "zero"]
+    assert grey == [False, False, True] and "no MAC" in [text.get_text() for text in axes.texts]
+    assert mac_figure(last[last["branch"] < 2]).get_suptitle() == "1 mode at μ = 0.70"
+    figure.savefig(tmp_path / "mac.png")
 
 
 def test_shapes_of_one_label_have_names_of_their_own(tmp_path: Path) -> None:
