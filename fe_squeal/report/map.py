@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from fe_squeal.report.branches import figure_text
@@ -20,7 +22,7 @@ from fe_squeal.report.files import save_figure
 from fe_squeal.report.labels import place_labels
 from fe_squeal.report.study import short_name
 
-_GROWTH, _LINES = "Reds", "viridis"
+_GROWTH, _LINES, _EMPTY = "Reds", "viridis", "0.8"
 _ROOM = 0.06  # of the axes: a point of a curve that is as far from other curves has room enough for a label
 _LABELLED = 12  # curves with their frequency beside them, at most
 
@@ -30,6 +32,8 @@ def plot_map(
     path: str | os.PathLike[str], title: str = "",
 ) -> Path:  # fmt: skip
     """Draw the largest growth rate on the grid in colour, and every boundary in the colour of its frequency.
+
+    Places without an unstable mode have the colour of 0, and those without any mode are grey.
 
     Parameters
     ----------
@@ -49,11 +53,15 @@ def plot_map(
         figure.suptitle(figure_text(title), fontsize=12)
     axes = figure.subplots()
     x, y = np.unique(grid["x"]), np.unique(grid["y"])
-    growth = np.maximum(grid.sort_values(["y", "x"])["worst_re"].to_numpy(float).reshape(len(y), len(x)), 0.0)
+    growth = _growth(grid.sort_values(["y", "x"])).reshape(len(y), len(x))
     top = float(np.nanmax(growth, initial=0.0)) or 1.0
     norm = PowerNorm(0.5, 0.0, 1.25 * top)
-    shades = axes.pcolormesh(x, y, growth, cmap=_GROWTH, norm=norm, shading="nearest", rasterized=True)
+    colours = colormaps[_GROWTH].with_extremes(bad=_EMPTY)
+    shown = np.ma.masked_invalid(growth)
+    shades = axes.pcolormesh(x, y, shown, cmap=colours, norm=norm, shading="nearest", rasterized=True)
     figure.colorbar(shades, ax=axes, label="largest Re λ (1/s)", pad=0.02)
+    if np.isnan(growth).any():
+        figure.legend(handles=[Patch(color=_EMPTY, label="no modes")], loc="outside lower right", frameon=False)
     axes.set_xscale("log" if logs[0] else "linear")
     axes.set_yscale("log" if logs[1] else "linear")
     axes.set_xlim(x[0], x[-1])
@@ -83,6 +91,15 @@ def plot_map(
         figure.set_layout_engine("none")
         place_labels(axes, canvas, labelled, texts, boundaries[["x", "y"]].to_numpy(float))
     return save_figure(figure, path)
+
+
+def _growth(grid: pd.DataFrame) -> NDArray[np.float64]:
+    """Return the growth of each row of a grid (m,), 1/s: 0 where no mode is unstable, NaN where there is none.
+
+    What rounding leaves of Re λ of a stable place is none, though it may be above 0.
+    """
+    worst = grid["worst_re"].to_numpy(float)
+    return np.where(np.isnan(worst), np.nan, np.where(grid["unstable"] > 0, np.maximum(worst, 0.0), 0.0))
 
 
 def _alone(axes: Axes, points: NDArray[np.float64], others: pd.DataFrame) -> int:

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from fe_squeal.accuracy.settings import Setting
-from fe_squeal.report.accuracy import accuracy_page
+from fe_squeal.report.accuracy import accuracy_page, plot_accuracy
 from fe_squeal.report.advice import QUANTITIES, advice, fitted, lines_of, pareto
 from fe_squeal.report.page.accuracy import write_accuracy_page
 
@@ -27,6 +27,13 @@ def table(rates=(2.0, 4.0), work=(1.0, 2.0)):
 def test_fits_find_the_powers():
     for order, rate in ((1, 2.0), (2, 4.0)):
         assert fitted(table(), order, "error_onset") == pytest.approx(rate)
+
+
+def test_a_title_is_no_formula(tmp_path):
+    """Two dollars in the title of a scene, of which Matplotlib would make one that it cannot draw."""
+    rows, own = table().assign(modes=20, tolerance=1e-8), dict.fromkeys(QUANTITIES, 0.01)
+    plot_accuracy(rows, own, tmp_path / "accuracy.png", r"pad of 3 $\frac for 4 $")
+    assert (tmp_path / "accuracy.png").stat().st_size > 1000
 
 
 def test_advice_says_what_the_table_shows():

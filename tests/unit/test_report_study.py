@@ -31,7 +31,7 @@ def test_the_label_of_a_boundary_stands_where_no_other_one_is(tmp_path, drawn):
     t = np.linspace(0.0, 1.0, 41)
     curves = [pd.DataFrame({"curve": n, "x": t, "y": 0.5 + s * (t - 0.5) ** 3, "frequency_hz": 1e3 * n})
               for n, s in ((1, 1.0), (2, -1.0))]  # fmt: skip
-    grid = pd.DataFrame({"x": x, "y": y, "worst_re": x})
+    grid = pd.DataFrame({"x": x, "y": y, "worst_re": x, "unstable": 1})
     plot_map(grid, pd.concat(curves, ignore_index=True), ("a", "b"), (False, False), tmp_path / "map.png")
     labels = drawn[0].axes[0].texts
     assert {text.get_text() for text in labels} == {"1.00 kHz", "2.00 kHz"}
@@ -39,6 +39,22 @@ def test_the_label_of_a_boundary_stands_where_no_other_one_is(tmp_path, drawn):
         (own_x, own_y), (_, other_y) = text.xy, (text.xy[0], 1.0 - text.xy[1])
         assert abs(own_y - other_y) > 0.05
         assert 0.05 < own_x < 0.95
+
+
+@pytest.mark.parametrize("grows", [False, True])
+def test_a_map_colours_what_is_unstable_and_marks_what_is_not_known(tmp_path, drawn, grows):
+    """Re λ of stable places has rounding; where there are no modes, nothing is known to be stable."""
+    grid = pd.DataFrame({"x": [0.0, 1.0, 0.0, 1.0], "y": [0.0, 0.0, 1.0, 1.0], "unstable": [0, 0, 0, int(grows)],
+                         "worst_re": [1e-9, -3.0, np.nan, 2e-9]})  # fmt: skip
+    none = pd.DataFrame(columns=["curve", "x", "y", "frequency_hz"])
+    plot_map(grid, none, ("a", "b"), (False, False), tmp_path / "map.png")
+    figure = drawn[0]
+    mesh = figure.axes[0].collections[0]
+    colours = mesh.to_rgba(mesh.get_array()).reshape(4, 4)
+    white = mesh.cmap(0.0)
+    assert [tuple(c) == white for c in colours] == [True, True, False, not grows]
+    assert np.ptp(colours[2, :3]) == 0 and 0.7 < colours[2, 0] < 0.9
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["no modes"]
 
 
 @pytest.mark.parametrize("total", [np.nan, 0.4])
