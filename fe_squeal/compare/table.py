@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
+from scipy.optimize import linear_sum_assignment
 
 import lumped
 
@@ -146,14 +147,34 @@ def rotations(
 def spectrum_difference(
     case: Case, problem: Problem, mu: float, linear_solver: LinearSolver | str = "auto"
 ) -> tuple[float, complex, complex]:
-    """Return the largest relative difference of an eigenvalue, with the lumped and the finite-element one."""
+    """Return the largest relative difference of an eigenvalue, with the lumped and the finite-element one.
+
+    It is infinite, and the finite-element one is NaN, where an eigenvalue of the lumped model is missing.
+    """
     reference = case.model.eigenvalues(mu)
     reference = reference[reference.imag > 1e-6 * np.abs(reference).max()]
     found = lumped_modes(case, problem, mu, linear_solver).lam
-    nearest = found[np.argmin(np.abs(reference[:, None] - found[None, :]), axis=1)]
-    difference = np.abs(nearest - reference) / np.abs(reference)
+    partner = partners(reference, found)
+    difference = np.nan_to_num(np.abs(partner - reference) / np.abs(reference), nan=np.inf)
     worst = int(np.argmax(difference))
-    return float(difference[worst]), complex(reference[worst]), complex(nearest[worst])
+    return float(difference[worst]), complex(reference[worst]), complex(partner[worst])
+
+
+def partners(expected: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Return for each expected number (k,) the one of those found (m,) that belongs to it, so that they lie near.
+
+    Each of those found belongs to one expected number at most. Where too few were found, some have NaN.
+
+    Examples
+    --------
+    >>> partners(np.array([1.0, 1.1, 5.0]), np.array([4.0, 1.08])).tolist()
+    [nan, 1.08, 4.0]
+    """
+    result = np.full(len(expected), np.nan, dtype=np.result_type(expected, found, float))
+    # Of the roots of distances, so that what agrees is not moved for what is far from everything.
+    own, other = linear_sum_assignment(np.sqrt(np.abs(expected[:, None] - found[None, :])))
+    result[own] = found[other]
+    return result
 
 
 def stiffness_rate(
@@ -162,7 +183,9 @@ def stiffness_rate(
     """Return the fitted order in 1/E of the largest change of an eigenvalue from one modulus to the next."""
     moduli = [modulus * s for s in _SOFTER]
     spectra = [lumped_modes(case, case.problem(E), mu, linear_solver).lam for E in (0.1 * moduli[0], *moduli)]
-    changes = [max(np.abs(b - x).min() for x in a) for a, b in pairwise(spectra)]
+    changes = [np.abs(partners(a, b) - a).max() for a, b in pairwise(spectra)]
+    if not np.isfinite(changes).all():
+        return float("nan")  # an eigenvalue is missing
     return float(-np.polyfit(np.log(moduli), np.log(changes), 1)[0])
 
 
@@ -182,15 +205,24 @@ def _onset_rows(
     rotations = problem.unknowns if problem.unknowns < 12 else 12
     modes = rotations if name == "nine-dof" else 4
     result = sweep(problem, np.linspace(low, high, points), modes=modes, linear_solver=linear_solver)
-    found = [o.value for o in result.onsets if o.direction == "into"]
-    expected = [mu for mu in case.model.critical_mu() if low < mu < high]
+    found = [o for o in result.onsets if o.direction == "into"]
+    highest = _DEFORMING * float(case.model.eigenvalues(low).imag.max())
+    alike = np.array([o.value for o in found if 2 * np.pi * o.frequency_hz <= highest], dtype=float)
+    expected = np.array([mu for mu in case.model.critical_mu() if low < mu < high], dtype=float)
+    rows = onset_rows(name, expected, alike)
     if name == "minimal-sprung-at-top":
-        value = found[0] if found else np.nan
-        return [(name, "critical μ", expected[0], value, np.nan)]
+        rows = [(*row[:4], np.nan) for row in rows]  # the two models are different ones there, which is no error
+    deforming = len(found) - len(alike)
+    return [*rows, (name, "onsets of deformations", np.nan, float(deforming), np.nan)] if deforming else rows
+
+
+def onset_rows(name: str, expected: np.ndarray, found: np.ndarray) -> list[tuple[str, str, float, float, float]]:
+    """Return a row for each onset of the lumped model, and one for their numbers.
+
+    An onset that the finite elements lack has the infinite difference; one that they have besides is in their number.
+    """
     rows = []
-    for mu in expected:
-        nearest = min(found, key=lambda f: abs(f - mu), default=np.nan)
-        rows.append((name, "critical μ", mu, nearest, abs(nearest - mu) / mu))
-    if not expected:
-        rows.append((name, "number of onsets", 0.0, float(len(found)), float(len(found))))
-    return rows
+    for mu, partner in zip(expected.tolist(), partners(expected, found).tolist(), strict=True):
+        rows.append((name, "critical μ", mu, partner, abs(partner - mu) / mu if partner == partner else np.inf))
+    counts = float(len(expected)), float(len(found))
+    return [*rows, (name, "number of onsets", *counts, abs(counts[1] - counts[0]))]
