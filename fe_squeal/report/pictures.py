@@ -43,7 +43,7 @@ from fe_squeal.report.shapes import (
     semi_major_amplitude,
     sharp_edges,
 )
-from fe_squeal.report.views import AxialView, choose_view, direction_text, moving_triangles
+from fe_squeal.report.views import AxialView, choose_view, moving_triangles, seen_text
 from fe_squeal.report.vtk_files import VISIBLE, displacement_at, write_shape
 
 AMPLITUDE_COLOURS, NORMAL_COLOURS = "viridis", "RdBu_r"
@@ -228,7 +228,7 @@ def compose_figure(title: str, body_name: str, view: AxialView, axis: Sequence[f
     for axes, text, colours, low, label in (
         (left, f"real part, warped to {VISIBLE:.0%} of the model's size", AMPLITUDE_COLOURS, 0.0,
          "amplitude over a period / largest"),
-        (right, f"{name}, seen along {direction_text(seen)}; nodal lines black", NORMAL_COLOURS, -view.limit,
+        (right, f"{name}, {seen_text(seen)}; nodal lines black", NORMAL_COLOURS, -view.limit,
          f"{view.label}, Re u / largest amplitude"),
     ):
         axes.set_title(text, fontsize=10)

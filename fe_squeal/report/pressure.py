@@ -28,7 +28,7 @@ from fe_squeal.report.contact_face import ContactFace
 from fe_squeal.report.files import save_figure
 from fe_squeal.report.shapes import Floats, axis_frame
 from fe_squeal.report.units import drawn_length, force_text, in_brackets, pressure_unit, with_unit
-from fe_squeal.report.views import direction_text
+from fe_squeal.report.views import direction_text, seen_text
 
 MAX_COLUMNS = 3
 FACE_INCHES = 3.6  # length of the longer side of a face, in
@@ -148,7 +148,7 @@ def _draw_face(axes: Axes, face: ContactFace, colours: Colormap, scale: Normaliz
 
 def _describe(name: str, face: ContactFace, units: str) -> str:
     unit, size = pressure_unit(_peak(face), units)
-    lines = [textwrap.fill(figure_text(name), 60), f"seen along {direction_text(-face_frame(face)[2])}",
+    lines = [textwrap.fill(figure_text(name), 60), seen_text(face_frame(face)[2]),
              f"normal force {force_text(face.normal_force, units)}, closed {100 * face.closed_part:.3g} % of the area",
              f"peak {with_unit(f'{_peak(face) / size:.3g}', unit, units)}"]  # fmt: skip
     if math.isfinite(face.torque):

@@ -156,3 +156,15 @@ def direction_text(axis: Sequence[float]) -> str:
         i = int(np.argmax(np.abs(unit)))
         return ("−" if unit[i] < 0 else "") + "xyz"[i]
     return "(" + ", ".join(f"{x:.3g}" for x in unit) + ")"
+
+
+def seen_text(towards: Sequence[float]) -> str:
+    """Return from where a picture is seen; `towards` (3,) points from the body to the viewer.
+
+    Examples
+    --------
+    >>> seen_text([0, 0, 2]), seen_text([0, 0, -2]), seen_text([0, 3, 4])
+    ('seen from +z', 'seen from −z', 'seen from (0, 0.6, 0.8)')
+    """
+    text = direction_text(towards)
+    return f"seen from {text if text[0] in '−(' else f'+{text}'}"

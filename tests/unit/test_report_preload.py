@@ -116,7 +116,7 @@ def test_open_part_is_grey_and_as_large_as_it_is():
     axes = figure.axes[0]
     title = axes.get_title()
     assert "closed 75 % of the area" in title and "peak 1.89 MPa" in title and "torque 31.25 N m" in title
-    assert "normal force 1.316 kN" in title and "seen along −z" in title
+    assert "normal force 1.316 kN" in title and "seen from +z" in title
     assert axes.get_xlabel() == "x (mm)" and axes.get_ylabel() == "y (mm)" and axes.get_aspect() == 1.0
     assert figure.axes[1].get_ylabel() == "contact pressure (MPa)"
 

@@ -16,7 +16,7 @@ from matplotlib import image
 
 from fe_squeal.report import pictures
 from fe_squeal.report.export import exporting_shapes
-from fe_squeal.report.pictures import draw_shape
+from fe_squeal.report.pictures import compose_figure, draw_shape
 from fe_squeal.report.shape_names import shape_name
 from fe_squeal.report.shapes import (
     REFERENCE_NODES,
@@ -28,7 +28,7 @@ from fe_squeal.report.shapes import (
     shape_grid,
     sharp_edges,
 )
-from fe_squeal.report.views import choose_view, widest_body
+from fe_squeal.report.views import AxialView, choose_view, widest_body
 from fe_squeal.report.vtk_files import names_in, write_animation, write_shape
 
 TET, HEX = skfem.MeshTet, skfem.MeshHex
@@ -343,3 +343,14 @@ def test_a_body_at_rest_is_not_shown_instead_of_the_one_that_moves():
 
     view, _ = viewed(held_above, grid)
     assert view.body == 1 and view.side == -1  # its upper face is held
+
+
+@pytest.mark.parametrize(("axis", "side", "told"), [
+    ((0, 0, 1), 1, "seen from +z"), ((0, 0, 1), -1, "seen from −z"), ((0, -2, 0), 1, "seen from −y"),
+    ((0, 3, 4), -1, "seen from (0, -0.6, -0.8)"),
+])  # fmt: skip
+def test_the_picture_says_from_where_it_is_seen(axis, side, told):
+    """The camera stands where the axis points to, or on the other side, and not along the line of sight."""
+    view = AxialView(0, np.zeros(1), "displacement along z", 1.0, side)
+    _, _, right = compose_figure("brake", "disc", view, axis)
+    assert right.get_title() == f"disc, {told}; nodal lines black"
