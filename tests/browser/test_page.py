@@ -18,6 +18,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 import fe_squeal.report.export
 from fe_squeal.cli import main
+from fe_squeal.report.page import surface
 from fe_squeal.run.page import write_run_report
 
 EXAMPLE = Path(__file__).parents[2] / "examples/disc_pad.toml"
@@ -299,4 +300,29 @@ def test_names_of_the_scene_are_no_markup(browser, results, tmp_path):
     page.locator("#stability").hover(position={"x": 300, "y": 200})
     assert page.evaluate("window.hurt") is None
     assert page.inner_text("h1") == evil
+    page.close()
+
+
+def test_why_a_mode_has_no_shape(browser, results, tmp_path, monkeypatch):
+    """There is no room for it, its file is lost though it is unstable, or it is stable and none was written."""
+    folder = tmp_path / "out"
+    shutil.copytree(results, folder)
+    modes = pd.read_csv(folder / "modes.csv")
+    unstable = set(modes[modes["stability"] == "unstable"]["branch"])
+    stable = sorted(set(modes["branch"]) - unstable)
+    lost = max(unstable, key=lambda b: modes[modes["branch"] == b]["re"].max())
+    for branch in (lost, stable[0]):
+        for file in folder.glob(f"shapes/branch_{branch:02d}_*.vtu"):
+            file.unlink()
+    monkeypatch.setattr(surface, "BUDGET", 50_000)  # four shapes
+    write_run_report(folder, tmp_path / "few.html")
+    page = browser.new_page(reduced_motion="reduce")
+    page.goto((tmp_path / "few.html").as_uri())
+    page.wait_for_selector("#stability .main-svg", state="attached")
+    [left, *_] = page.evaluate("DATA.shapes.left_out")
+    for branch, why in ((left, f"The shape of branch {left:.0f} is not on this page"),
+                        (lost, f"Branch {lost} is unstable, but its shape could not be shown"),
+                        (stable[0], f"Of branch {stable[0]} there is no shape here: it is not unstable")):  # fmt: skip
+        page.evaluate(f"choose({branch})")
+        assert page.inner_text("#shape-text").startswith(why)
     page.close()

@@ -166,10 +166,21 @@ def test_large_surfaces_are_thinned_and_the_page_says_so() -> None:
         assert np.ptp(part, axis=0).min() > 0.85 and part[:, 0].min() >= 2 * b
     u = np.ones((len(grid.points), 3), complex)
     data, said = shape_data(grid, [Shape({"branch": 1.0}, u)], (0, 0, 1), most=800)
+    assert data["left_out"] == []
     assert said == [
         f"The surface has {thin.whole} nodes; the page shows {len(thin.nodes)} of them, and the files in shapes/ all."
     ]
     assert len(data["shapes"]) == 1
+
+
+def test_shapes_without_room_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fe_squeal.report.page.surface.BUDGET", 5_000)
+    grid = lattice(2)
+    shapes = [Shape({"branch": float(b)}, np.ones((len(grid.points), 3), complex)) for b in range(9)]
+    data, said = shape_data(grid, shapes, (0, 0, 1))
+    kept = len(data["shapes"])
+    assert 0 < kept < 9 and data["left_out"] == list(range(kept, 9))
+    assert said == [f"The page has the first {kept} of 9 shapes; the others are in shapes/."]
 
 
 def changed(out: Path, tmp_path: Path, change) -> tuple[str, list[str]]:

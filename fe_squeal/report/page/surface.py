@@ -115,7 +115,7 @@ def shape_data(
     """Return the surface and its shapes for the page, and sentences on what was thinned or left out.
 
     Everything is turned so that the axis becomes z. Places are written as float32, displacements as 16-bit integers, in
-    which 32767 is the largest amplitude.
+    which 32767 is the largest amplitude. Branches whose shapes have no room are listed under "left_out".
 
     Parameters
     ----------
@@ -146,6 +146,7 @@ def shape_data(
         "bodies": list(grid.body_names),
         "size": grid.size,
         "shapes": [],
+        "left_out": [shape.info["branch"] for shape in shapes[len(kept) :] if "branch" in shape.info],
     }
     for shape in kept:
         u = normalise_shape(shape.u)[surface.nodes] @ frame.T

@@ -107,6 +107,14 @@ if (DATA.shapes) {
     said.textContent = `${name}${where}: ${digits(s.frequency_hz, 6)} Hz, Re λ = ${digits(s.re)} 1/s. Displacements are drawn many times larger than they are; how large they are, a linear analysis does not say.`;
   }
 
+  /** Why a branch has no shape on the page. */
+  function whyNot(branch) {
+    const own = DATA.charts ? DATA.charts.branches.find((b) => b.number === branch) : undefined;
+    if (S.left_out.includes(branch)) return `The shape of branch ${branch} is not on this page, which has room for ${S.shapes.length}; it is in the folder shapes/.`;
+    if (own && own.grows) return `Branch ${branch} is unstable, but its shape could not be shown: it grows between two values of the sweep only, or its file in shapes/ is missing or cannot be read.`;
+    return `Of branch ${branch} there is no shape here: it is not unstable. With [output] shapes = "all" the shapes at the last value are written as well.`;
+  }
+
   function probe() {
     const canvas = document.createElement("canvas");
     return Boolean(canvas.getContext("webgl2") || canvas.getContext("webgl"));
@@ -152,7 +160,7 @@ if (DATA.shapes) {
     listeners.push((branch) => {
       const k = S.shapes.findIndex((s) => s.branch === branch);
       if (k >= 0) showShape(k);
-      else said.textContent = `Of branch ${branch} no shape was written: it is not unstable. With [output] shapes = "all" the shapes at the last value are written as well. The shape below is another one, that of branch ${S.shapes[current].branch}.`;
+      else said.textContent = `${whyNot(branch)} The shape below is another one, that of branch ${S.shapes[current].branch}.`;
     });
     new IntersectionObserver((entries) => { visible = entries[0].isIntersecting; }).observe(place);
     showShape(0);
