@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import nullcontext
@@ -326,3 +327,16 @@ def test_why_a_mode_has_no_shape(browser, results, tmp_path, monkeypatch):
         page.evaluate(f"choose({branch})")
         assert page.inner_text("#shape-text").startswith(why)
     page.close()
+
+
+def test_any_count_of_modes_has_its_largest_number(opened):
+    """A call takes only so many arguments: with 1e5 modes and more the page had no charts."""
+    found = opened.page.evaluate("""() => {
+      const many = new Array(500000).fill(0).map((_, i) => Math.abs(i - 1000));
+      let called = 0;
+      try { called = Math.max(...many); } catch { called = -1; }
+      return [called, largest(many, 0), smallest(many.map((x) => -x), 0), largest([], 2), smallest([], -2)];
+    }""")
+    assert found == [-1, 498999, -498999, 2, -2]
+    code = "".join(path.read_text("utf-8") for path in Path(surface.__file__).parent.glob("assets/*.js"))
+    assert not re.search(r"Math\.(max|min)\(\.\.\.[^;]*C\.", code)  # over the modes of the charts

@@ -1,8 +1,8 @@
 if (DATA.charts) {
   const C = DATA.charts, byNumber = new Map(C.branches.map((b) => [b.number, b]));
-  const growing = C.branches.filter((b) => b.grows).sort((a, b) => Math.max(...b.re) - Math.max(...a.re));
+  const growing = C.branches.filter((b) => b.grows).sort((a, b) => largest(b.re) - largest(a.re));
   const colour = new Map(growing.map((b, i) => [b.number, COLOURS[i % COLOURS.length]]));
-  const per = Math.max(...C.branches.flatMap((b) => b.hz), 0) >= 2000 ? 1000 : 1, unit = per === 1000 ? "kHz" : "Hz";
+  const per = largest(C.branches.flatMap((b) => b.hz), 0) >= 2000 ? 1000 : 1, unit = per === 1000 ? "kHz" : "Hz";
   const scaled = (hz) => hz.map((f) => (f === null ? null : f / per));
   let at = C.values.length - 1;
   const narrow = () => window.innerWidth < 700;
@@ -101,11 +101,11 @@ if (DATA.charts) {
       text: `all modes below ${digits(C.rangeHz / per, 3)} ${unit}`, font: { size: 11, color: "#51606e" } }] : [];
   }
 
-  const floorOfGrowth = Math.max(...growing.flatMap((b) => b.re), 0);
+  const floorOfGrowth = largest(growing.flatMap((b) => b.re), 0);
   const shapesOfChart = C.rangeHz ? [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: C.rangeHz / per, y1: C.rangeHz / per,
     line: { color: "#51606e", width: 1, dash: "dash" } }] : [];
   const stability = document.getElementById("stability");
-  const mostHz = Math.max(...C.branches.flatMap((b) => b.hz), C.rangeHz || 0, ...C.measured.map((m) => m.frequency_hz)) / per;
+  const mostHz = largest([...C.branches.flatMap((b) => b.hz), ...C.measured.map((m) => m.frequency_hz)], C.rangeHz || 0) / per;
   Plotly.newPlot(stability, stabilityTraces(), { ...base, annotations: labelOfRange(), shapes: shapesOfChart,
     xaxis: { ...grid, ...axisOfParameter, anchor: "y2" },
     yaxis: { ...grid, domain: [0.42, 1], title: { text: `frequency (${unit})` }, range: [0, 1.08 * mostHz], zeroline: false },
@@ -130,7 +130,7 @@ if (DATA.charts) {
   const damping = document.getElementById("damping");
   const nearest = (b) => b.value.indexOf(C.values[at]);
   const ratios = C.branches.flatMap((b) => b.ratio).filter((r) => r !== null).map((r) => 100 * r);
-  const worst = Math.min(...ratios, 0), best = Math.max(...ratios.filter((r) => r < 20), -worst, 0.01);
+  const worst = smallest(ratios, 0), best = largest(ratios.filter((r) => r < 20), Math.max(-worst, 0.01));
   function drawDamping() {
     const here = C.branches.map((b) => [b, nearest(b)]).filter(([, i]) => i >= 0);
     const unstable = here.map(([b, i]) => b.stability[i] === "unstable");

@@ -39,6 +39,10 @@ function fillTable(place, caption, heads, rows, branches) {
   place.replaceChildren(table);
 }
 
+/** The largest and the smallest of any count of numbers; Math.max takes about 1e5 arguments at most. */
+const largest = (numbers, least = -Infinity) => numbers.reduce((m, x) => Math.max(m, x), least);
+const smallest = (numbers, most = Infinity) => numbers.reduce((m, x) => Math.min(m, x), most);
+
 /** Six digits at most, in plain or in scientific form. */
 function digits(x, n = 5) {
   if (x === null || x === undefined) return "–";
