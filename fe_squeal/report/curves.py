@@ -84,17 +84,21 @@ def draw_growth(
         bar = np.where(unknown, 0.0, branch.re_uncertainty)
         if bar.max(initial=0.0) > 0.004 * (high - low):
             lower, upper = branch.re - bar, branch.re + bar
-            if len(branch.value) > 1:
-                # NaN where the branch is interrupted, so that the band is interrupted there too.
-                hole = np.append(~branch.joined, False)
-                axes.fill_between(branch.value, np.where(hole, np.nan, lower), np.where(hole, np.nan, upper),
-                                  color=style["color"], alpha=0.2, lw=0, zorder=2)
-            else:
-                axes.errorbar(branch.value, branch.re, bar, color=style["color"], capsize=4, zorder=3)
+            _draw_band(axes, branch, bar, style["color"])
             high = max(high, float(np.nanmax(upper)))
             low = max(min(low, float(np.nanmin(lower))), min(low, -_DEPTH * high))
     axes.set_ylim(low, high)
     axes.axhspan(0.0, high, color="tab:red", alpha=0.05, lw=0, zorder=0)
+
+
+def _draw_band(axes: Axes, branch: Branch, bar: Floats, colour: Any) -> None:
+    """Draw bars (k,) about the growth of a branch: a band along each stretch without interruption, and lone bars."""
+    for run in np.split(np.arange(len(bar)), np.flatnonzero(~branch.joined) + 1):
+        value, re, own = branch.value[run], branch.re[run], bar[run]
+        if len(run) > 1:
+            axes.fill_between(value, re - own, re + own, color=colour, alpha=0.2, lw=0, zorder=2)
+        else:
+            axes.errorbar(value, re, own, color=colour, capsize=4, zorder=3)
 
 
 def _draw_least_stable(axes: Axes, branches: list[Branch]) -> None:

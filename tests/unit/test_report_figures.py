@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from fe_squeal.report import figures
 from fe_squeal.report.branches import collect_branches, find_mirror, parameter_symbol
+from fe_squeal.report.curves import draw_growth
 from fe_squeal.report.figures import plot_root_locus, plot_stability
 from fe_squeal.sweep.noise import classify_noise
 
@@ -209,6 +210,20 @@ def test_uncertainty_band_is_drawn_where_it_can_be_seen(tmp_path, drawn, uncerta
     plot_stability(modes.assign(re_uncertainty=uncertainty), onsets, tmp_path / "stability.png")
     collections = drawn[0].axes[1].collections
     assert sum(type(c).__name__ in ("PolyCollection", "FillBetweenPolyCollection") for c in collections) == bands
+
+
+def test_the_band_of_uncertainty_goes_as_far_as_the_branch_before_a_gap():
+    """A branch that is missing at some values has a band along each stretch, to its very end, and a bar where alone."""
+    modes, onsets = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP, uncertainty=20.0)
+    gone = np.isclose(modes.value.to_numpy()[:, None], [0.50, 0.58, 0.62]).any(axis=1)
+    [branch, _] = collect_branches(modes[~gone | (modes.branch != 1)], onsets)
+    axes = Figure().subplots()
+    draw_growth(axes, [branch], [branch], {1: {"color": "tab:blue"}}, onsets)
+    bands = [c for c in axes.collections if "Poly" in type(c).__name__]
+    spans = [(path.vertices[:, 0].min(), path.vertices[:, 0].max()) for band in bands for path in band.get_paths()]
+    np.testing.assert_allclose(spans, [(0.0, 0.48), (0.52, 0.56), (0.64, 0.70)], atol=1e-12)
+    [bar] = axes.containers
+    np.testing.assert_allclose(bar[2][0].get_segments()[0][:, 0], 0.60)
 
 
 @pytest.mark.slow
