@@ -14,7 +14,7 @@ import pandas as pd
 
 from fe_squeal.errors import one_line
 from fe_squeal.report.record import RunRecord, left_out, readable
-from fe_squeal.report.shapes import Complexes, ShapeGrid
+from fe_squeal.report.shapes import Complexes, ShapeGrid, normalise_shape, surface_of
 from fe_squeal.report.table_files import check_table, read_table
 
 # Of each table the columns that have no holes, and those that may have some: of what a mode has no such number.
@@ -38,7 +38,16 @@ _STATUS = {
 
 @dataclass(frozen=True)
 class Shape:
-    """A complex shape on the grid that all shapes of a run share, and the description of its mode."""
+    """A complex shape on the grid that all shapes of a run share, and the description of its mode.
+
+    Attributes
+    ----------
+    info : dict
+        "branch", "frequency_hz", "re" and so on, as far as they are known.
+    u : (n, 3) complex
+        Displacements of the points of the grid. Those of `read_shapes` are a part of what `normalise_shape` makes of
+        the whole shape.
+    """
 
     info: dict[str, Any]
     u: Complexes
@@ -61,7 +70,7 @@ class Results:
     mesh_picture : bytes
         mesh_error_elements.png; empty if the error of the mesh was not estimated.
     grid : ShapeGrid or None
-        The grid of all shapes.
+        The grid of all shapes; from a folder its surface alone.
     shapes : tuple of Shape
         The shapes that were written.
     lacks : tuple of str
@@ -165,7 +174,10 @@ def _read_table(path: Path, columns: _Columns) -> tuple[pd.DataFrame, str]:
 
 
 def read_shapes(folder: Path) -> tuple[ShapeGrid | None, list[Shape], list[str]]:
-    """Return the grid, the shapes on it, and sentences on what could not be read."""
+    """Return the surface of the grid, the shapes on it, and sentences on what could not be read.
+
+    What shapes are inside the bodies is not kept: of many shapes on a fine mesh it would fill the memory.
+    """
     files = sorted(folder.glob("*.vtu")) if folder.is_dir() else []
     if not files:
         arrays = folder.is_dir() and any(folder.glob("*.npz"))
@@ -174,18 +186,20 @@ def read_shapes(folder: Path) -> tuple[ShapeGrid | None, list[Shape], list[str]]
             if arrays else "No shapes were written, so none can be shown."
         ]  # fmt: skip
     grid: ShapeGrid | None = None
+    whole, nodes = (0, 0), np.zeros(0, dtype=np.int64)
     shapes, lacks = [], []
     for file in files:
         try:
             own, shape = read_shape(file)
+            if grid is None:
+                (grid, nodes), whole = surface_of(own), own.points.shape
         except (OSError, KeyError, ValueError, IndexError) as error:
             lacks.append(f"shapes/{file.name} cannot be read ({error}); this shape is left out.")
             continue
-        if grid is not None and own.points.shape != grid.points.shape:
+        if own.points.shape != whole:
             lacks.append(f"shapes/{file.name} is on another mesh than the others; this shape is left out.")
             continue
-        grid = grid or own
-        shapes.append(shape)
+        shapes.append(Shape(shape.info, normalise_shape(shape.u)[nodes]))
     return grid, shapes, lacks
 
 

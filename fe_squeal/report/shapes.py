@@ -52,6 +52,8 @@ class ShapeGrid:
     body : (ne,) int
         Body of each cell, as a position in `body_names`.
     body_names : tuple of str
+    surface : (nt, 3) int and (nt,) int, or None
+        Triangles of the outer surface of all bodies, with the body of each, where `surface_of` has kept no more.
     """
 
     points: Floats
@@ -59,6 +61,7 @@ class ShapeGrid:
     vtk_cell_type: int
     body: Integers
     body_names: tuple[str, ...]
+    surface: tuple[Integers, Integers] | None = None
 
     @property
     def size(self) -> float:
@@ -178,7 +181,15 @@ def boundary_triangles(grid: ShapeGrid, body: int | None = None) -> tuple[Intege
         Nodes of each triangle, in no particular orientation.
     body : (nt,) int
         The body of each.
+
+    Raises
+    ------
+    ValueError
+        There is no surface, as where every cell is there twice.
     """
+    if grid.surface is not None:
+        triangles, owner = grid.surface
+        return grid.surface if body is None else (triangles[owner == body], owner[owner == body])
     cells = grid.cells if body is None else grid.cells[grid.body == body]
     bodies = grid.body if body is None else grid.body[grid.body == body]
     patterns = _face_patterns(REFERENCE_NODES[grid.vtk_cell_type])
@@ -187,10 +198,31 @@ def boundary_triangles(grid: ShapeGrid, body: int | None = None) -> tuple[Intege
     keys = np.column_stack([owner, np.sort(corners, axis=1)])
     _, first, count = np.unique(keys, axis=0, return_index=True, return_counts=True)
     outer = first[count == 1]
+    if not len(outer):
+        raise ValueError("its cells have no surface")
     pattern, cell = np.divmod(outer, len(cells))
     cuts = np.array([cut for _, cut in patterns])  # (faces, triangles of a face, 3)
     triangles = np.take_along_axis(cells[cell], cuts[pattern].reshape(len(outer), -1), axis=1).reshape(-1, 3)
     return triangles, np.repeat(owner[outer], cuts.shape[1])
+
+
+def surface_of(grid: ShapeGrid) -> tuple[ShapeGrid, Integers]:
+    """Return the surface of a grid as one without cells, and the nodes (m,) of the grid that are its points.
+
+    It is all that is needed to show or to compare shapes on the surface, and much smaller.
+
+    Raises
+    ------
+    ValueError
+        It has no surface.
+    """
+    triangles, body = boundary_triangles(grid)
+    nodes, place = np.unique(triangles, return_inverse=True)
+    kept = ShapeGrid(
+        grid.points[nodes], grid.cells[:0], grid.vtk_cell_type, grid.body[:0], grid.body_names,
+        (np.asarray(place).reshape(-1, 3), body),
+    )  # fmt: skip
+    return kept, nodes
 
 
 def sharp_edges(points: Floats, triangles: Integers, degrees: float = 35.0) -> Integers:

@@ -19,8 +19,9 @@ from fe_squeal.cli import main
 from fe_squeal.report.page import verdict
 from fe_squeal.report.page.sections import certificate, mode_sections
 from fe_squeal.report.page.surface import make_surface, shape_data
-from fe_squeal.report.results import Shape, read_results
+from fe_squeal.report.results import Shape, read_results, read_shape, read_shapes
 from fe_squeal.report.shapes import HEXAHEDRON, ShapeGrid, normalise_shape
+from fe_squeal.report.vtk_files import write_shape
 from fe_squeal.run.page import _TABLES
 
 ROOT = Path(__file__).parents[2]
@@ -133,7 +134,7 @@ def test_shapes_come_back_from_the_page(out: Path) -> None:
     np.testing.assert_allclose(decoded, results.grid.points[surface.nodes], atol=1e-8)
     [shape] = shapes["shapes"]
     u = np.frombuffer(base64.b64decode(shape["u"]), "<i2").reshape(-1, 6) / 32767
-    expected = normalise_shape(results.shapes[0].u)[surface.nodes]
+    expected = results.shapes[0].u[surface.nodes]
     np.testing.assert_allclose(u[:, :3] + 1j * u[:, 3:], expected, atol=1.1 / 32767)
     assert shape["branch"] == results.shapes[0].info["branch"]
 
@@ -171,6 +172,35 @@ def test_large_surfaces_are_thinned_and_the_page_says_so() -> None:
         f"The surface has {thin.whole} nodes; the page shows {len(thin.nodes)} of them, and the files in shapes/ all."
     ]
     assert len(data["shapes"]) == 1
+
+
+def test_what_shapes_are_inside_of_bodies_is_not_kept(tmp_path: Path) -> None:
+    """On a fine mesh all shapes of a run would fill the memory; the page shows the same without."""
+    grid = lattice(6)
+    rng = np.random.default_rng(4)
+    outside = make_surface(grid).nodes
+    shapes = [rng.standard_normal((len(grid.points), 3, 2)) @ [1, 1j] for _ in range(3)]
+    inside = ~np.isin(np.arange(len(grid.points)), outside)
+    for b, u in enumerate(shapes):
+        u[inside] *= 0.1
+        write_shape(grid, u, tmp_path / f"branch_{b}.vtu", {"branch": b})
+    whole = [read_shape(path) for path in sorted(tmp_path.glob("*.vtu"))]
+    kept, found, lacks = read_shapes(tmp_path)
+    assert lacks == [] and all(shape.u.shape == kept.points.shape == (len(outside), 3) for shape in found)
+    assert kept.size == grid.size and len(outside) < 0.7 * len(grid.points)
+    normal = [Shape(shape.info, normalise_shape(shape.u)) for _, shape in whole]  # with the motion inside
+    assert shape_data(kept, found, (0, 3, 4)) == shape_data(grid, normal, (0, 3, 4))
+    write_shape(lattice(5), np.ones((len(lattice(5).points), 3)), tmp_path / "other.vtu")
+    assert "on another mesh" in read_shapes(tmp_path)[2][0]
+
+
+def test_a_file_whose_cells_have_no_surface_is_left_out(tmp_path: Path) -> None:
+    grid = lattice(2)
+    twice = replace(grid, cells=np.vstack([grid.cells] * 2), body=np.tile(grid.body, 2))
+    write_shape(twice, np.ones((len(grid.points), 3)), tmp_path / "a.vtu")
+    assert read_shapes(tmp_path) == (
+        None, [], ["shapes/a.vtu cannot be read (its cells have no surface); this shape is left out."]
+    )  # fmt: skip
 
 
 def test_shapes_without_room_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:

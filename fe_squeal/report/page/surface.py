@@ -17,7 +17,6 @@ from fe_squeal.report.shapes import (
     ShapeGrid,
     axis_frame,
     boundary_triangles,
-    normalise_shape,
     sharp_edges,
 )
 
@@ -121,6 +120,7 @@ def shape_data(
     ----------
     grid : ShapeGrid
     shapes : sequence of Shape
+        With a largest amplitude of 1.
     axis : (3,) float
         Axis of the disc, or normal of the belt.
     most : int
@@ -149,7 +149,7 @@ def shape_data(
         "left_out": [shape.info["branch"] for shape in shapes[len(kept) :] if "branch" in shape.info],
     }
     for shape in kept:
-        u = normalise_shape(shape.u)[surface.nodes] @ frame.T
+        u = shape.u[surface.nodes] @ frame.T
         both = np.concatenate([u.real, u.imag], axis=1)  # (n, 6)
         data["shapes"].append({**shape.info, "u": _encoded(np.rint(32767 * both), np.int16)})
     return data, said
