@@ -10,6 +10,7 @@ from ..fem.materials import Material
 from ..mesh.measures import volume_of
 from ..problem.parameters import MU
 from ..problem.problem import Problem
+from ..report.units import ANY, with_unit
 from ..scene import MatrixScene, Scene
 from ..scene.solver import note_on_options, solver_of
 from ..schema.place import Placed
@@ -60,6 +61,7 @@ def describe(scene: Scene | MatrixScene, problem: Problem, machines: Machines | 
 def _mesh_rows(table: Table, scene: Scene, problem: Problem) -> None:
     discretisation = discretisation_of(problem)
     assert discretisation is not None
+    units = scene.units
     mesh = discretisation.space.mesh
     for name, elements in discretisation.bodies.items():
         material = scene.materials[scene.bodies[name].material]
@@ -67,30 +69,30 @@ def _mesh_rows(table: Table, scene: Scene, problem: Problem) -> None:
         corners = mesh.p[:, np.unique(mesh.t[:, elements])]
         extent = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(corners.min(axis=1), corners.max(axis=1), strict=True))
         kind = "mixed elements" if scene.bodies[name].is_mixed else "elements"
-        table.add_row(
-            f"body {name}",
-            f"{len(elements)} {kind} of {scene.bodies[name].material},"
-            f" {volume:.4g} m3,"
-            f" {volume * material.density:.4g} kg; x, y, z in m: {extent}",
-        )
-        table.add_row("", _values(material))
+        size, mass = f"{volume:.4g}", f"{volume * material.density:.4g}"
+        size = f"volume {size}, mass {mass}; x, y, z" if units == ANY else f"{size} m3, {mass} kg; x, y, z in m"
+        table.add_row(f"body {name}", f"{len(elements)} {kind} of {scene.bodies[name].material}, {size}: {extent}")
+        table.add_row("", _values(material) + ("" if units == ANY else " (Pa, kg/m3)"))
     for i, support in enumerate(scene.supports):
         table.add_row(f"support {i + 1}", f"{_place(support)} fixed in {', '.join(support.fixed)}")
     for (key, tied), tie in zip(scene.ties, discretisation.space.ties, strict=False):
-        at = ", ".join(f"{x:.4g}" for x in tie.point)
+        at = with_unit(f"({', '.join(f'{x:.4g}' for x in tie.point)})", "m", units)
         kind = key.partition("[")[0]
-        table.add_row(f"{kind} {tied.name}", f"{len(tie.nodes)} nodes of {_place(tied)}, reference at ({at}) m")
+        table.add_row(f"{kind} {tied.name}", f"{len(tie.nodes)} nodes of {_place(tied)}, reference at {at}")
     for spring in scene.springs:
         table.add_row(f"spring {spring.name}", f"{_place(spring)}{f' to {spring.to}' if spring.to else ''}")
     for name, c in discretisation.contacts.items():
-        table.add_row(f"contact {name}", f"{c.area:.4g} m2 closed, {100 * c.coverage:.4g} % of the surface")
+        area = with_unit(f"{c.area:.4g}", "m2", units)
+        table.add_row(f"contact {name}", f"{area} closed, {100 * c.coverage:.4g} % of the surface")
     if discretisation.static_state is not None:
         for name, state in discretisation.static_state.contacts.items():
             closed = discretisation.contacts[name].weights[state.closed].sum() / discretisation.contacts[name].area
+            force = with_unit(f"{state.normal_force:.4g}", "N", units)
+            pressure = with_unit(f"{state.pressure.max(initial=0.0):.4g}", "Pa", units)
             table.add_row(
                 f"preload {name}",
-                f"{100 * closed:.4g} % of it presses with {state.normal_force:.4g} N, at most"
-                f" {state.pressure.max(initial=0.0):.4g} Pa (mu = {discretisation.static_state.mu:g})",
+                f"{100 * closed:.4g} % of it presses with {force}, at most {pressure}"
+                f" (mu = {discretisation.static_state.mu:g})",
             )
     # Names alone; sizes and places are shown by --groups.
     table.add_row("volume groups", ", ".join(mesh.subdomains or {}))
@@ -113,4 +115,4 @@ def _values(material: Material) -> str:
             parts += [f"{label} = {v:g}" for label, v in zip(labels, value, strict=True)]
         elif value is not None:
             parts.append(f"{labels[0].rstrip('0123456789')} = {value:g}")
-    return ", ".join([*parts, f"rho = {material.density:g}"]) + " (Pa, kg/m3)"
+    return ", ".join([*parts, f"rho = {material.density:g}"])

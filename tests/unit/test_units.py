@@ -47,6 +47,16 @@ def test_any_units_pass_and_nothing_is_said_about_magnitudes(tmp_path):
     assert not any("SI" in w or "√(E/ρ)" in w for w in discretisation_of(assemble(scene)).warnings)
 
 
+@pytest.mark.parametrize(("units", "shown"), [
+    ("SI", ("steel, 6.4e-05 m3, 0.4992 kg; x, y, z in m: ", "rho = 7800 (Pa, kg/m3)", " 0.0032 m2 closed")),
+    ("any", ("steel, volume 6.4e-05, mass 0.4992; x, y, z: ", "rho = 7800 spring", " 0.0032 closed")),
+])  # fmt: skip
+def test_check_names_units_of_si_alone(units, shown, tmp_path, capsys):
+    assert main(["check", str(write_scene(tmp_path, f'units = "{units}"\n{SCENE}'))]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert [text for text in shown if text not in told] == []
+
+
 @pytest.mark.parametrize(("modulus", "density"), [(2e11, 7800.0), (3e7, 1100.0), (1.1e12, 3500.0), (7e10, 2700.0)])
 def test_materials_of_brakes_pass(modulus, density, tmp_path):
     text = SCENE.replace("youngs_modulus = 2.0e11", f"youngs_modulus = {modulus}")
