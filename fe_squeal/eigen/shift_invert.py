@@ -29,8 +29,8 @@ _TOLERANCE = 1e-13
 # All eigenvalues of the operator by LAPACK are safer than Krylov steps. They cost less up to _SMALL unknowns, or where
 # one in _SHARE of them is wanted anyway; of large ones, where most are.
 _SMALL, _SHARE, _MOST_OF = 100, 4, 1.5
-# Vectors that are multiplied at once: solves for several right-hand sides read the factors once for all. Of 4 to 16 this
-# took the least time for 54 modes of strong friction on 7 257 and 24 789 unknowns. Restarts, at most.
+# Vectors that are multiplied at once: solves for several right-hand sides read the factors once for all of them. Of 4
+# to 16 this took the least time for 54 modes of strong friction on 7 257 and 24 789 unknowns. Restarts, at most.
 _BLOCK, _RESTARTS = 8, 100
 _ASIDE = 1e-5  # relative distance from an eigenvalue at which inverse iteration gains five digits a step
 _ALIKE = 1e3  # ratio of units of the unknowns up to which scaling is not worth a copy of the matrices
