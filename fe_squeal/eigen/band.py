@@ -28,8 +28,9 @@ _ONE_DISC = 36  # modes expected at most where a step before found none: one dis
 
 
 def band_modes(
-    pencil: Pencil, request: Request, band: float, free: FreeModes | None, linear_solver: LinearSolver | str
-) -> Modes:
+    pencil: Pencil, request: Request, band: float, free: FreeModes | None, linear_solver: LinearSolver | str,
+    expected: int | None = None,
+) -> Modes:  # fmt: skip
     """Return the wanted modes of a real pencil with C: oscillating ones, and real ones that do not decay.
 
     Heavily damped modes, and real decaying ones, are found only if they happen to lie in a disc.
@@ -38,6 +39,8 @@ def band_modes(
     ----------
     band : float, rad/s
         Approximate frequency at which the wanted modes end.
+    expected : int, optional
+        As of `solve_modes`.
 
     Raises
     ------
@@ -47,7 +50,7 @@ def band_modes(
     known, count = KnownBand(pencil, free, linear_solver), request.count
     if request.max_frequency_hz is not None:
         band = 2 * np.pi * request.max_frequency_hz * (1 + _BEYOND)
-    expected = count_below(symmetric_part(pencil), band, linear_solver) if count is None else count
+    expected = count or expected or count_below(symmetric_part(pencil), band, linear_solver)
     known.cover(0.0, band, expected or 20)
     barren = 0
     while True:

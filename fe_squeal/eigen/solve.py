@@ -27,8 +27,9 @@ _ROUGHLY = 1e-3  # accuracy of undamped frequencies that only say where a band e
 
 @one_openblas_thread()
 def solve_modes(
-    pencil: Pencil, request: Request, band: float | None = None, linear_solver: LinearSolver | str = "auto"
-) -> Modes:
+    pencil: Pencil, request: Request, band: float | None = None, linear_solver: LinearSolver | str = "auto",
+    expected: int | None = None,
+) -> Modes:  # fmt: skip
     """Return the wanted modes, sorted by Im λ; conjugate pairs are not cut apart.
 
     Parameters
@@ -37,6 +38,9 @@ def solve_modes(
         About where the wanted modes end (from a neighbouring solve); places the shift.
     linear_solver : LinearSolver or str
         Factorises the shifted matrices.
+    expected : int, optional
+        About how many modes there are up to a highest frequency (from a neighbouring solve); else they are counted
+        without friction and damping, by a factorisation.
 
     Raises
     ------
@@ -55,7 +59,7 @@ def solve_modes(
         modes = select_wanted(solve_dense(pencil, linear_solver=linear_solver), request, np.inf)
         assert modes is not None
     else:
-        modes = _solve_sparse(pencil, request, band, linear_solver)
+        modes = _solve_sparse(pencil, request, band, linear_solver, expected)
     worst = modes.backward_error.max(initial=0.0)
     if not worst <= request.tolerance:
         worst = modes.backward_error[~_are_free_motions(pencil, modes)].max(initial=0.0)
@@ -109,19 +113,21 @@ def prove_completeness(pencil: Pencil, modes: Modes, linear_solver: LinearSolver
     return Completeness(found, found - below + counted, counted == below)
 
 
-def _solve_sparse(pencil: Pencil, request: Request, band: float | None, linear_solver: LinearSolver | str) -> Modes:
+def _solve_sparse(
+    pencil: Pencil, request: Request, band: float | None, linear_solver: LinearSolver | str, expected: int | None
+) -> Modes:  # fmt: skip
     """Return the wanted modes from those nearest a shift: more of them are sought until the wanted ones are covered."""
     count = request.count or 0
     if request.max_frequency_hz is not None:
         band = 2 * np.pi * request.max_frequency_hz
         # Friction and damping change the number of modes in a band by a few at most: start from the symmetric part's.
-        below = count_below(symmetric_part(pencil), band, linear_solver)
+        below = expected or count_below(symmetric_part(pencil), band, linear_solver)
         count = below if below is not None else 20
     free = split_off(pencil, linear_solver)
     if pencil.C is not None and not pencil.is_complex:
         try:
             band = band or _undamped_band(pencil, request, linear_solver)
-            return band_modes(pencil, request, band, free, linear_solver)
+            return band_modes(pencil, request, band, free, linear_solver, expected)
         except NotConvergedError:
             if pencil.n > _SMALL:
                 raise

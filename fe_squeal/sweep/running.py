@@ -155,8 +155,7 @@ class RunningSweep:
         return named
 
     def _solve(self, value: float) -> Modes:
-        band = None if self._previous is None else float(self._previous.lam.imag.max(initial=0.0)) or None
-        return self._solver.modes(value, band)
+        return self._solver.modes(value, self._previous)
 
     def _begin(self, value: float, modes: Modes) -> None:
         clock = self._clock.now()

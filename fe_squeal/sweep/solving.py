@@ -130,14 +130,14 @@ class ValueSolver:
         if store is not None and stored is None:
             store.save_model(Record(*model.stored()))
 
-    def modes(self, value: float, band: float | None) -> Modes:
+    def modes(self, value: float, before: Modes | None) -> Modes:
         """Return the modes at a value, those asked for and some more.
 
         Parameters
         ----------
         value : float
-        band : float, rad/s, or None
-            About the highest frequency, where it is known.
+        before : Modes, optional
+            Those at another value: they tell about how many there are, and how high.
 
         Raises
         ------
@@ -149,7 +149,8 @@ class ValueSolver:
         else:
             try:
                 pencil = self.problem.pencil({self.parameter: value})
-                modes = solve_modes(pencil, self.guarded, band, self.linear_solver)
+                count, highest = (0, 0.0) if before is None else (len(before), float(before.lam.imag.max(initial=0.0)))
+                modes = solve_modes(pencil, self.guarded, highest or None, self.linear_solver, count or None)
             except TooLargeError as error:
                 if not self._is_swept or not self.problem.is_affine(self.parameter):
                     raise
