@@ -20,7 +20,10 @@ _BEFORE, _AFTER = "0.45", "tab:red"
 
 
 def plot_differences(table: pd.DataFrame, path: str | os.PathLike[str], symbol: str, title: str = "") -> Path:
-    """Draw onset and largest growth of each mode before and after, with error bars; modes gone or new are marked."""
+    """Draw onset and largest growth of each mode before and after, with error bars; modes gone or new are marked.
+
+    A question mark stands beside a number whose error is not known.
+    """
     shown = table.iloc[:_MOST]
     figure = Figure(figsize=(12, 1.8 + 0.42 * max(len(shown), 1)), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
@@ -61,4 +64,8 @@ def _draw(axes: Axes, table: pd.DataFrame, name: str) -> None:
     both = np.isfinite(before) & np.isfinite(after)
     axes.hlines(y[both], before[both], after[both], color="0.7", lw=1.2, zorder=1)
     axes.plot(before, y, "o", mfc="none", mec=_BEFORE, mew=1.4, ms=11, zorder=3)  # visible around an equal one after
-    axes.errorbar(after, y, xerr=np.nan_to_num(bar), fmt="o", color=_AFTER, ms=6, capsize=3, lw=1.0, zorder=2)
+    known = np.where(np.isfinite(bar), bar, 0.0)
+    axes.errorbar(after, y, xerr=known, fmt="o", color=_AFTER, ms=6, capsize=3, lw=1.0, zorder=2)
+    for i in np.flatnonzero(np.isinf(bar)):
+        at = after[i] if np.isfinite(after[i]) else before[i]
+        axes.annotate("?", (at, y[i]), (0, 6), textcoords="offset points", ha="center", color=_AFTER)

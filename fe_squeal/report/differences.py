@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fe_squeal.report.branches import frequency_text, numbers, parameter_symbol, total_uncertainty
+from fe_squeal.report.branches import frequency_text, numbers, parameter_symbol
 from fe_squeal.report.looks import look_text
 from fe_squeal.report.pairing import ALIKE, common_points, mac_matrix, pair_shapes
 from fe_squeal.report.results import Results
@@ -18,8 +18,9 @@ COLUMNS = (
     "a", "b", "state", "branch_a", "branch_b", "mac", "look", "frequency_a_hz", "frequency_b_hz", "frequency_change_hz",
     "frequency_bar_hz", "frequency_exceeds", "onset_a", "onset_b", "onset_change", "onset_bar", "onset_exceeds",
     "value_a", "re_a", "value_b", "re_b", "re_change", "re_bar", "re_exceeds", "damping_ratio_a", "damping_ratio_b",
-    "damping_ratio_change",
+    "damping_ratio_change", "onset_bar_a", "onset_bar_b",
 )  # fmt: skip
+LATER = ("onset_bar_a", "onset_bar_b")  # columns that tables of earlier versions lack
 PAIRED, GONE, NEW, UNKNOWN = "paired", "gone", "new", "not paired"
 _ELSEWHERE = "is unstable only where the other sweep has no values"
 _ABOVE = "may have its partner above the range of both"
@@ -30,7 +31,9 @@ def compare_designs(a: Results, b: Results, names: tuple[str, str]) -> tuple[pd.
     """Return a table with a row for each unstable mode of two designs, and sentences on what could not be compared.
 
     Pairs come first, then modes that only one design has. A change "exceeds" if it is larger than the errors of both
-    numbers together, by the solver and, if known, by the mesh.
+    numbers together, by the solver and, where it was estimated, by the mesh. None says that this is not decided: an
+    error is not known, which makes the bar of an estimated design infinite; growth has no values in common; or
+    frequencies are those at two values of the parameter.
 
     Parameters
     ----------
@@ -69,10 +72,20 @@ def compare_designs(a: Results, b: Results, names: tuple[str, str]) -> tuple[pd.
             one, other = (row, None) if state == GONE else (None, row)
             rows.append(_row(names, told, one, other, np.nan))
     for results, name in ((a, names[0]), (b, names[1])):
-        if len(results.modes) and not np.isfinite(numbers(results.modes, "re_discretisation")).any():
+        if len(results.modes) and not is_estimated(results):
             said.append(f"Of {name} the error of the mesh is not known (run --estimate): its bars are the solver's.")
+    half = sum(np.isinf([row[f"{q}_bar"] for q in ("onset", "re")]).any() for row in rows)
+    if half:
+        many = f"{half} modes" if half > 1 else "one mode"
+        said.append(f"The error of the onset or the growth of {many} is not known: whether it changed is not decided.")
     frame = pd.DataFrame(rows, columns=list(COLUMNS))
     return frame.astype({"branch_a": "Int64", "branch_b": "Int64"}), said
+
+
+def is_estimated(results: Results) -> bool:
+    """Return whether the error of the mesh was estimated, of the modes or of the onsets."""
+    bars = numbers(results.modes, "re_discretisation"), numbers(results.onsets, "discretisation")
+    return any(bool((~np.isnan(bar)).any()) for bar in bars)
 
 
 def _ends(results: Results) -> tuple[float, float]:
@@ -112,13 +125,18 @@ def unstable_branches(
     `shared` (m,) are the values that another sweep has as well. Other values count only for branches that are unstable
     at none of these, which "shared" says, and values outside a span only for those that are unstable nowhere inside,
     see "inside". Onsets count up to the end of the span. That of a branch that is unstable at the first value is not
-    known.
+    known. Errors that are not known are infinite; that of the mesh where it was not estimated is left out of the bars
+    of growth and onset, and makes that of the frequency NaN.
     """
     modes, onsets = results.modes, results.onsets
     if "branch" not in modes:
         return {}
+    estimated = is_estimated(results)
     hz_bar = np.abs(numbers(modes, "im_discretisation")) / (2 * np.pi)
-    frame = modes.assign(re_bar=total_uncertainty(modes), hz_bar=hz_bar)
+    frame = modes.assign(
+        re_bar=_bar(modes, "re_uncertainty", "re_discretisation", estimated),
+        hz_bar=np.where(np.isnan(hz_bar), np.inf, hz_bar) if estimated else np.nan,
+    )
     unstable = frame[(frame["stability"] == "unstable") & frame["branch"].notna()]
     at = numbers(onsets, "value") if len(onsets) else np.zeros(0)
     onsets = onsets[at <= span[1]] if len(onsets) else onsets
@@ -131,20 +149,25 @@ def unstable_branches(
         row = {str(k): v for k, v in own.iloc[int(np.argmax(numbers(own, "re")))].to_dict().items()}
         row |= {"onset": np.nan, "onset_bar": np.nan, "shared": len(also) > 0, "inside": len(inside) > 0}
         if int(float(str(number))) not in begun:
-            row["onset"], row["onset_bar"] = _first_onset(onsets, float(str(number)))
+            row["onset"], row["onset_bar"] = _first_onset(onsets, float(str(number)), estimated)
         found[int(float(str(number)))] = row
     return found
 
 
-def _first_onset(onsets: pd.DataFrame, branch: float) -> tuple[float, float]:
+def _bar(frame: pd.DataFrame, solver: str, mesh: str, estimated: bool) -> np.ndarray:
+    """Return the errors (n,) by the solver and, where it was estimated, by the mesh; infinite where one is unknown."""
+    errors = np.abs(numbers(frame, solver)) + (np.abs(numbers(frame, mesh)) if estimated else 0.0)
+    return np.where(np.isnan(errors), np.inf, errors)
+
+
+def _first_onset(onsets: pd.DataFrame, branch: float, estimated: bool) -> tuple[float, float]:
     pair = np.column_stack([numbers(onsets, "branch_a"), numbers(onsets, "branch_b")])
     own = onsets[(pair == branch).any(axis=1)]
     own = own[own["direction"] == "into"] if "direction" in own else own
     if not len(own):
         return np.nan, np.nan
     i = int(np.argmin(numbers(own, "value")))
-    parts = [np.abs(numbers(own, name)[i]) for name in ("uncertainty", "discretisation")]
-    return float(numbers(own, "value")[i]), float(np.nansum(parts))
+    return float(numbers(own, "value")[i]), float(_bar(own, "uncertainty", "discretisation", estimated)[i])
 
 
 def _pairs(
@@ -204,15 +227,18 @@ def _row(
     for name, column, bar in (("frequency", "frequency_hz", "hz_bar"), ("onset", "onset", "onset_bar"),
                               ("re", "re", "re_bar")):  # fmt: skip
         unit = "_hz" if name == "frequency" else ""
-        x, y = both(column)
-        errors = [error for error in both(bar) if np.isfinite(error)]
+        (x, y), bars = both(column), both(bar)
+        errors = [error for value, error in zip((x, y), bars, strict=True) if np.isfinite(value)]
         error = float(sum(errors)) if errors else np.nan
         row[f"{name}_a{unit}"], row[f"{name}_b{unit}"] = x, y
         row[f"{name}_change{unit}"], row[f"{name}_bar{unit}"] = y - x, error
         row[f"{name}_exceeds"] = bool(abs(y - x) > error) if np.isfinite([y - x, error]).all() else None
-        if name == "re" and not all(r is not None and r["shared"] for r in (a, b)):
-            row["re_exceeds"] = None  # growth at other values is another growth
+    row["onset_bar_a"], row["onset_bar_b"] = both("onset_bar")
     row["value_a"], row["value_b"] = both("value")
+    if not all(r is not None and r["shared"] for r in (a, b)):
+        row["re_exceeds"] = None  # growth at other values is another growth
+    if not np.isclose(row["value_a"], row["value_b"], rtol=1e-9, atol=0.0):
+        row["frequency_exceeds"] = None  # the parameter alone moves frequencies
     row["damping_ratio_a"], row["damping_ratio_b"] = both("damping_ratio")
     row["damping_ratio_change"] = row["damping_ratio_b"] - row["damping_ratio_a"]
     return row
@@ -230,12 +256,11 @@ def sentences(
     said, begun = [], begun or {}
     for name in names:
         own = table[table["b"] == name]
-        first = own["onset_a"].min(), own["onset_b"].min()
         early = [n for n in (*own["a"].unique(), name) if n in begun]
         parts = [f"{n} is unstable from its first value on, {symbol} = {begun[n]:.4g}, so that the first onset is not"
                  f" known" for n in early]  # fmt: skip
-        if np.isfinite(first).any() and not early:
-            parts = [_onset_words(first, own, symbol)]
+        if np.isfinite(own[["onset_a", "onset_b"]].to_numpy(float)).any() and not early:
+            parts = [_onset_words(own, symbol)]
         parts += [f"{frequency_text(f)} gone" for f in own.loc[own["state"] == GONE, "frequency_a_hz"]]
         new = [frequency_text(f) for f in own.loc[own["state"] == NEW, "frequency_b_hz"]]
         parts += [f"new at {', '.join(new)}"] if new else []
@@ -250,20 +275,31 @@ def sentences(
         if not len(own):
             unseen = any(_ELSEWHERE in s or _ABOVE in s for s in lacks)
             parts = ["nothing that can be compared is unstable" if unseen else "nothing is unstable in either"]
-        said.append(f"{name}: {', '.join(parts) or 'no change beyond the bars'}.")
+        same = "no change beyond the bars" + ("" if paired["re_exceeds"].notna().all() else " that are known")
+        said.append(f"{name}: {', '.join(parts) or same}.")
     return said
 
 
-def _onset_words(first: tuple[float, float], own: pd.DataFrame, symbol: str) -> str:
-    x, y = first
+def _onset_words(own: pd.DataFrame, symbol: str) -> str:
+    """Return the first onset of each design, which may be those of two modes, with the errors of both together."""
+    (x, bar_x), (y, bar_y) = (_earliest(own, side) for side in "ab")
     if not np.isfinite(y):
         return f"no onset any more (was {symbol} = {x:.4g})"
     if not np.isfinite(x):
         return f"an onset at {symbol} = {y:.4g} where there was none"
-    row = own[own["onset_b"] == y].iloc[0]
-    bar = float(row["onset_bar"])
-    within = "" if abs(y - x) > bar else ", within the bar"
-    return f"onset {symbol} {x:.4g} → {y:.4g} ± {bar:.1g}{within}"
+    words, bar = f"onset {symbol} {x:.4g} → {y:.4g}", bar_x + bar_y
+    if not np.isfinite(bar):
+        return f"{words}, bar not known"
+    return f"{words} ± {bar:.1g}{'' if abs(y - x) > bar else ', within the bar'}"
+
+
+def _earliest(own: pd.DataFrame, side: str) -> tuple[float, float]:
+    """Return the first onset of design a or b and its bar, NaN where there is none."""
+    values = numbers(own, f"onset_{side}")
+    if not np.isfinite(values).any():
+        return np.nan, np.nan
+    i = int(np.nanargmin(values))
+    return float(values[i]), float(numbers(own, f"onset_bar_{side}")[i])
 
 
 def symbol_of(results: Results) -> str:

@@ -11,8 +11,11 @@ import pytest
 import skfem
 
 from fe_squeal.cli import main
+from fe_squeal.report.difference_figure import plot_differences
 from fe_squeal.report.differences import GONE, NEW, PAIRED, UNKNOWN, compare_designs, sentences
 from fe_squeal.report.export import exporting_shapes
+from fe_squeal.report.files import write_csv, write_json
+from fe_squeal.report.page.difference import read_and_write_page
 from fe_squeal.report.pairing import common_points, mac_matrix, pair_shapes
 from fe_squeal.report.results import Results, Shape
 from fe_squeal.report.shapes import ShapeGrid, shape_grid
@@ -153,6 +156,93 @@ def test_without_bars_of_the_mesh_it_is_said() -> None:
     assert table["state"].to_list() == [PAIRED, PAIRED] and table["frequency_exceeds"].to_list() == [None, None]
     assert not table["onset_exceeds"].any()
     assert sentences(table, ["b"], "μ") == ["b: onset μ 0.11 → 0.11 ± 2e-08, within the bar."]
+
+
+def page_of(table: pd.DataFrame, folder: Path) -> str:
+    """The page that is made from the table as it stands in its file."""
+    write_csv(table, folder / "diff.csv")
+    write_json({"title": "t", "symbol": "μ", "answers": [], "lacks": []}, folder / "diff.json")
+    read_and_write_page(folder / "diff.csv", folder / "diff.json", folder / "page.html")
+    return (folder / "page.html").read_text(encoding="utf-8").split('<section id="modes"')[1].split("</section>")[0]
+
+
+@pytest.mark.parametrize("estimated", ["neither", "both", "first"])
+def test_the_page_says_of_no_change_that_is_not_decided_what_its_bar_is(tmp_path: Path, estimated: str) -> None:
+    """Frequencies have no bar without --estimate, of either design; undecided cells are holes in the table's file."""
+    grid = ring("hex1", (2, 36, 1))
+    meshes = {"neither": (np.nan, np.nan), "both": (1.0, 1.0), "first": (1.0, np.nan)}[estimated]
+    a, b = design(grid, BASE, 0.6, meshes[0]), design(grid, BASE, 0.6, meshes[1])
+    table, _ = compare_designs(a, b, ("a", "b"))
+    assert [e is None for e in table["frequency_exceeds"]] == 2 * [estimated != "both"]
+    page = page_of(table, tmp_path)
+    assert "nan" not in page and page.count("is within its bar of") == (6 if estimated == "both" else 4)
+
+
+def test_growth_at_other_values_has_no_verdict_on_the_page(tmp_path: Path) -> None:
+    """The table holds a bar and no decision: the page has the numbers alone, and at which values they are."""
+    grid = ring("hex1", (2, 36, 1))
+    a = design(grid, BASE, 0.6, 1.0)
+    b = replace(a, modes=a.modes.assign(value=0.4, re=300.0, frequency_hz=1.1 * a.modes["frequency_hz"]))
+    table, _ = compare_designs(a, b, ("a", "b"))
+    assert table["frequency_exceeds"].to_list() == table["re_exceeds"].to_list() == [None, None]
+    page = page_of(table, tmp_path)
+    assert page.count(" (at μ = 0.7 → 0.4)") == 6  # frequency, growth and damping of two modes
+    assert page.count("its bar of") == 2  # of the onsets
+
+
+def test_frequencies_are_compared_where_both_designs_have_the_same_value() -> None:
+    """Both sweeps have 0.5 and 0.7; the same mode grows fastest at one of them in each design."""
+    grid = ring("hex1", (2, 36, 1))
+    few = design(grid, {4: BASE[4]}, 0.6, 1.0)
+    early = few.modes.assign(value=0.5, frequency_hz=3000.0)
+    a, b = (replace(few, modes=pd.concat([few.modes, early.assign(re=re)], ignore_index=True)) for re in (79.0, 81.0))
+    table, _ = compare_designs(a, b, ("a", "b"))
+    [row] = table.to_dict("records")
+    assert (row["value_a"], row["value_b"], row["frequency_exceeds"], row["re_exceeds"]) == (0.7, 0.5, None, False)
+    table, _ = compare_designs(a, a, ("a", "b"))
+    assert table["frequency_exceeds"].to_list() == [False]
+
+
+@pytest.mark.parametrize("of", ["first", "second", "both"])
+@pytest.mark.parametrize("error", [np.inf, np.nan])
+def test_an_onset_whose_error_is_not_known_has_no_bar(tmp_path: Path, of: str, error: float) -> None:
+    """It vanishes on the refined mesh, or interpolated matrices lack it: the other design's error alone is no bar."""
+    grid = ring("hex1", (2, 36, 1))
+    a, b = design(grid, BASE, 0.6, 1.0), design(grid, BASE | {4: (3, 2700.0, 80.0, 0.19)}, 0.6, 1.0)
+    lost = lambda r: replace(  # noqa: E731
+        r, onsets=r.onsets.assign(discretisation=r.onsets["discretisation"].where(r.onsets["branch_a"] != 4, error))
+    )
+    a, b = lost(a) if of != "second" else a, lost(b) if of != "first" else b
+    table, said = compare_designs(a, b, ("a", "b"))
+    assert table["onset_exceeds"].to_list() == [None, False] and np.isinf(table["onset_bar"]).tolist() == [True, False]
+    assert any("of one mode is not known: whether it changed is not decided" in s for s in said)
+    assert sentences(table, ["b"], "μ") == ["b: onset μ 0.11 → 0.19, bar not known."]
+    page = page_of(table, tmp_path)
+    assert page.count("its bar is not known") == 1 and "inf" not in page and "nan" not in page
+    assert plot_differences(table, tmp_path / "diff.png", "μ").exists()
+
+
+def test_growth_whose_error_of_the_mesh_is_not_known_is_not_said_to_change() -> None:
+    """Of an estimated run one mode has none, refined it is another one: its error by the solver is not its bar."""
+    grid = ring("hex1", (2, 36, 1))
+    a, b = design(grid, BASE, 1e-6, 1.0), design(grid, BASE | {7: (5, 4630.0, 560.0, 0.24)}, 1e-6, 1.0)
+    modes = b.modes.copy()
+    modes.loc[modes["branch"] == 7, ["re_discretisation", "im_discretisation"]] = np.nan
+    table, said = compare_designs(a, replace(b, modes=modes), ("a", "b"))
+    assert table["re_exceeds"].to_list() == table["frequency_exceeds"].to_list() == [False, None]
+    assert np.isinf(table["re_bar"]).tolist() == [False, True] and any("one mode is not known" in s for s in said)
+    only_growth = table.assign(onset_a=np.nan, onset_b=np.nan)
+    assert sentences(only_growth, ["b"], "μ") == ["b: no change beyond the bars that are known."]
+
+
+def test_the_first_onsets_of_two_modes_have_their_own_bars() -> None:
+    """Mode 4 begins first before, mode 7 after, and mode 4's bar after is not that of either."""
+    grid = ring("hex1", (2, 36, 1))
+    a, b = design(grid, BASE, 0.6, 1.0), design(grid, BASE | {4: (3, 2700.0, 80.0, 0.5)}, 0.6, 1.0)
+    a = replace(a, onsets=a.onsets.assign(discretisation=[0.03, 0.5]))
+    b = replace(b, onsets=b.onsets.assign(discretisation=[0.7, 0.02]))
+    table, _ = compare_designs(a, b, ("a", "b"))
+    assert sentences(table, ["b"], "μ") == ["b: onset μ 0.11 → 0.24 ± 0.05."]
 
 
 def test_what_cannot_be_paired_is_said() -> None:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from fe_squeal.errors import one_line
 from fe_squeal.report.branches import frequency_text
-from fe_squeal.report.differences import COLUMNS, GONE, UNPAIRED
+from fe_squeal.report.differences import COLUMNS, GONE, LATER, UNPAIRED
 from fe_squeal.report.page.build import write_page
 from fe_squeal.report.page.markup import bullets, paragraph, table, text
 from fe_squeal.report.record import DifferenceRecord, left_out, readable
@@ -28,7 +28,7 @@ def read_and_write_page(table_file: Path, record_file: Path, path: Path) -> tupl
     """
     record: dict[str, Any] = {"title": "Designs side by side", "symbol": "parameter", "answers": [], "lacks": []}
     lacks: list[str] = []
-    differences = read_checked(table_file, "fe-squeal diff", there=COLUMNS)
+    differences = read_checked(table_file, "fe-squeal diff", there=[name for name in COLUMNS if name not in LATER])
     try:
         said = json.loads(record_file.read_text(encoding="utf-8"))
         if not isinstance(said, dict):
@@ -51,7 +51,8 @@ def write_difference_page(
 ) -> Path:
     """Write the page of a table of differences."""
     parts = "".join(f'<p class="answer">{text(sentence)}</p>' for sentence in answers)
-    notes = paragraph(UNPAIRED, "A change exceeds its bar where it is larger than the errors of both numbers together.")
+    notes = paragraph(UNPAIRED, "A change exceeds its bar where it is larger than the errors of both numbers together.",
+                      "A question mark in the charts stands where an error is not known.")  # fmt: skip
     unsure = "<h3>What could not be compared</h3>" + bullets(lacks) if lacks else ""
     charts = "".join(
         f'<h3>{text(heading)}</h3><div class="chart" id="{name}" role="img" aria-label="{text(heading)} of each mode'
@@ -69,8 +70,9 @@ def write_difference_page(
 
 def _table(differences: pd.DataFrame, symbol: str) -> str:
     rows = [
-        (r["b"], r["state"], r["look"], _number(r["mac"], ".2f"), _change(r, "frequency", "_hz"), _change(r, "onset"),
-         _change(r, "re"), " → ".join(_number(100 * r[f"damping_ratio_{side}"], ".3g") for side in "ab"))
+        (r["b"], r["state"], r["look"], _number(r["mac"], ".2f"), _change(r, "frequency", "_hz") + _where(r, symbol),
+         _change(r, "onset"), _change(r, "re") + _where(r, symbol),
+         " → ".join(_number(100 * r[f"damping_ratio_{side}"], ".3g") for side in "ab") + _where(r, symbol))
         for r in differences.to_dict("records")
     ]  # fmt: skip
     heads = ("variant", "mode is", "shape", "MAC", "frequency, Hz", f"{symbol} at onset", "largest Re λ, 1/s",
@@ -81,10 +83,22 @@ def _table(differences: pd.DataFrame, symbol: str) -> str:
 def _change(row: dict[Any, Any], name: str, unit: str = "") -> str:
     before, after = row[f"{name}_a{unit}"], row[f"{name}_b{unit}"]
     words = f"{_number(before, '.5g')} → {_number(after, '.5g')}"
-    if row[f"{name}_exceeds"] is None or not np.isfinite(row[f"{name}_change{unit}"]):
+    exceeds, bar = row[f"{name}_exceeds"], row[f"{name}_bar{unit}"]
+    if not np.isfinite(row[f"{name}_change{unit}"]):
         return words
-    told = "exceeds" if row[f"{name}_exceeds"] else "is within"
-    return f"{words}; {told} its bar of {row[f'{name}_bar{unit}']:.1g}"
+    if bar == np.inf:
+        return f"{words}; its bar is not known"
+    if exceeds not in (True, False) or not np.isfinite(bar):  # not decided, which a table of text holds as NaN
+        return words
+    return f"{words}; {'exceeds' if exceeds else 'is within'} its bar of {bar:.1g}"
+
+
+def _where(row: dict[Any, Any], symbol: str) -> str:
+    """Return at which values of the parameter the modes of a pair grow fastest, if these are two."""
+    a, b = row["value_a"], row["value_b"]
+    if not np.isfinite([a, b]).all() or np.isclose(a, b, rtol=1e-9, atol=0.0):
+        return ""
+    return f" (at {symbol} = {a:.4g} → {b:.4g})"
 
 
 def _number(value: Any, form: str) -> str:
@@ -98,10 +112,14 @@ def _plot(differences: pd.DataFrame, name: str, label: str) -> dict[str, Any]:
         names.append(f"{r['b']}: {hz}, {r['state']} ({i})")
     before, after = (differences[f"{name}_{side}"].astype(float).tolist() for side in "ab")
     bars = differences[f"{name}_bar"].astype(float).tolist()
+    doubt = ["?" if np.isinf(bar) else "" for bar in bars]
+    lone = ["" if np.isfinite(y) else mark for y, mark in zip(after, doubt, strict=True)]
     data = [
-        {"mode": "markers", "name": "before", "x": before, "y": names,
+        {"mode": "markers+text", "name": "before", "x": before, "y": names, "text": lone,
+         "textposition": "middle right",
          "marker": {"size": 11, "symbol": "circle-open", "color": "#51606e", "line": {"width": 2}}},
-        {"mode": "markers", "name": "after", "x": after, "y": names, "marker": {"size": 10, "color": "#d55e00"},
+        {"mode": "markers+text", "name": "after", "x": after, "y": names, "marker": {"size": 10, "color": "#d55e00"},
+         "text": doubt, "textposition": "middle right",
          "error_x": {"type": "data", "array": bars, "visible": True}},
     ]  # fmt: skip
     layout = {
