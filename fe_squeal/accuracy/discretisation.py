@@ -39,7 +39,8 @@ def with_discretisation(result: Sweep, linear_solver: LinearSolver | str = "auto
 
     `discretisation` of each point (k,) complex holds the bars of Re λ and Im λ, rad/s, that of each onset the bar of
     its value; `extrapolated` holds the likely values for an infinitely fine mesh, and `extrapolated_discretisation`
-    the bars of these. An onset that only one of the mesh and the refined mesh has is listed with an infinite error.
+    the bars of these. An onset that only one of the mesh and the refined mesh has is listed with an infinite error, and
+    one that matrices interpolated between the values lack with NaN: its error is not known.
 
     Parameters
     ----------
@@ -92,11 +93,10 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
     lost = sum(int(np.isnan(c).sum()) for c in changes.modes)
     if lost:
         warnings.append(f"the error of the mesh is not known for {lost} modes: refined, they are others")
-    own = onsets if changes.interpolated is None else changes.interpolated.found  # on the mesh itself
-    for onset, there in zip(onsets, own, strict=True):
-        if np.isinf(onset.discretisation) and there is not None:
+    for onset in onsets:
+        if np.isinf(onset.discretisation):
             warnings.append(f"the onset at {_told(onset, name)}, vanishes on the refined mesh")
-        elif np.isinf(onset.discretisation):
+        elif np.isnan(onset.discretisation):
             warnings.append(
                 f"the error of the mesh is not known for the onset at {_told(onset, name)}: matrices interpolated"
                 " between the values have no such onset; more values of the sweep would have it"
@@ -170,9 +170,10 @@ def _bars(
 
 
 def _onsets(onsets: Sequence[Onset], changes: Changes, order: int, longer: float) -> list[Onset]:
-    """Return onsets with their bars, their likely values, and the bars of these; infinite where they are not known.
+    """Return onsets with their bars, their likely values, and the bars of these.
 
-    Bars are `longer` times as long as the rules of `bars` have them.
+    They are infinite where the refined mesh lacks the onset, and NaN where the mesh itself, with interpolated matrices,
+    lacks it already. Bars are `longer` times as long as the rules of `bars` have them.
     """
     change = np.array(changes.onsets)
     parts = changes.onset_parts or Parts.unknown(len(change))
@@ -181,12 +182,14 @@ def _onsets(onsets: Sequence[Onset], changes: Changes, order: int, longer: float
     bars, width = longer * bars, width + (longer - 1) * bars
     if changes.interpolated is not None:
         bars, width = bars + changes.interpolated.onsets, width + changes.interpolated.onsets
+    own = onsets if changes.interpolated is None else changes.interpolated.found  # on the mesh itself
+    lost = [np.nan if there is None else np.inf for there in own]
     return [
         replace(
-            onset, discretisation=np.inf if np.isnan(bar) else bar, extrapolated=onset.value + s,
-            extrapolated_discretisation=np.inf if np.isnan(w) else w,
+            onset, discretisation=none if np.isnan(bar) else bar, extrapolated=onset.value + s,
+            extrapolated_discretisation=none if np.isnan(w) else w,
         )
-        for onset, bar, s, w in zip(onsets, bars.tolist(), shift.tolist(), width.tolist(), strict=True)
+        for onset, none, bar, s, w in zip(onsets, lost, bars.tolist(), shift.tolist(), width.tolist(), strict=True)
     ]  # fmt: skip
 
 
@@ -195,7 +198,7 @@ def _hidden(points: Sequence[SweepPoint], onsets: Sequence[Onset], name: str) ->
     fastest: dict[int, tuple[float, ...]] = {}  # growth, its bar, value of the parameter and frequency, by branch
     for point in points:
         growth = hidden_growth(point)
-        near = [o for o in onsets if abs(o.value - point.value) <= o.discretisation]
+        near = [o for o in onsets if not abs(o.value - point.value) > o.discretisation]  # or its bar is not known
         told = {b for o in near for b in (o.branch_a, o.branch_b)}
         for i in np.flatnonzero(growth).tolist():
             bar = np.nan if point.extrapolated_discretisation is None else point.extrapolated_discretisation[i].real

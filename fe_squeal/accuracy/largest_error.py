@@ -67,7 +67,7 @@ def estimated_error(result: Sweep, kinds: Sequence[str] = KINDS) -> float:
             continue
         relative = np.array([o.discretisation / onset_scale(o.value, values)])
         add("onsets", relative, np.array([2 * np.pi * o.frequency_hz]))
-        if np.isinf(o.discretisation):  # there is growth beside it on one of the meshes alone
+        if not np.isfinite(o.discretisation):  # there is growth beside it on one of the meshes, maybe not on the other
             add("growth", relative, np.array([2 * np.pi * o.frequency_hz]))
     return float(np.max(found)) if found else 0.0
 
@@ -84,11 +84,13 @@ def hidden_growth(point: SweepPoint) -> np.ndarray:
 def slow_windows(result: Sweep, limit: float) -> list[Onset]:
     """Return the onsets at both ends of windows that one mesh alone has, in which nothing grows faster than a limit.
 
+    Windows that interpolated matrices lack are taken for such: no change is known that the other mesh makes.
+
     Two modes that meet at a and b grow by κ√((p − a)(b − p)) between, at most by κ(b − a)/2 = c√(b − a)/2, with the
     crossing speed c at the ends. With damping the growth between is taken to be concave, so that it lies below its
     tangents at both ends: at most c(b − a)/2. A window whose speeds are not known counts.
     """
-    alone = sorted((o for o in result.onsets if np.isinf(o.discretisation)), key=lambda o: o.value)
+    alone = sorted((o for o in result.onsets if not np.isfinite(o.discretisation)), key=lambda o: o.value)
     found: list[Onset] = []
     for into in (o for o in alone if o.direction == "into"):
         same = [o for o in alone if o.value > into.value and o.branch_a == into.branch_a and _near(o, into)]

@@ -35,6 +35,7 @@ from fe_squeal.report.growth import segments
 from fe_squeal.report.labels import place_labels
 from fe_squeal.report.looks import body_text, short_diameters
 from fe_squeal.report.notebook import NotebookFigure
+from fe_squeal.report.onsets import mesh_states, refined_only, vanishing
 
 MAX_LABELLED_ONSETS = 12
 MAX_LEGEND_ENTRIES = 26
@@ -102,7 +103,7 @@ def stability_figure(
     bottom.set_ylabel("growth rate Re λ (1/s)")
     bottom.set_xlabel(parameter_label(parameter_name(modes)))
     set_parameter_axis(bottom, numbers(modes, "value"))
-    top.set_ylim(*padded(numbers(modes, "frequency_hz") / per_unit, floor=0.0))
+    top.set_ylim(*_frequency_limits(modes, onsets, per_unit))
     markers += _mark_range(top, covered_hz, per_unit)
     markers += _mark_measured(top, measured, per_unit)
     for axes in (top, bottom):
@@ -155,7 +156,7 @@ def plot_root_locus(
     markers = _mark_onsets(axes, onsets, np.zeros(len(onsets)), numbers(onsets, "frequency_hz") / per_unit, 3.5)
 
     axes.set_xlim(*limits)
-    axes.set_ylim(*padded(frequency / per_unit, floor=0.0))
+    axes.set_ylim(*_frequency_limits(modes, onsets, per_unit))
     markers += _mark_range(axes, covered_hz, per_unit)
     markers += _mark_measured(axes, measured, per_unit)
     axes.axvspan(0.0, max(limits[1], 0.0), color="tab:red", alpha=0.06, lw=0, zorder=0)
@@ -170,6 +171,12 @@ def plot_root_locus(
     if markers:
         axes.legend(handles=markers, loc="best", fontsize=8, framealpha=0.9)
     return save_figure(figure, path)
+
+
+def _frequency_limits(modes: pd.DataFrame, onsets: pd.DataFrame, per_unit: float) -> tuple[float, float]:
+    """Return the range of frequencies to be drawn; an onset of the refined mesh alone may lie outside that of modes."""
+    hz = np.concatenate([numbers(modes, "frequency_hz"), numbers(onsets, "frequency_hz")])
+    return padded(hz / per_unit, floor=0.0)
 
 
 def _mark_range(axes: Axes, covered_hz: float | None, per_unit: float) -> list[Line2D]:
@@ -203,15 +210,25 @@ def _mark_measured(axes: Axes, measured: Sequence[tuple[float, str]], per_unit: 
 
 
 def _mark_onsets(axes: Axes, onsets: pd.DataFrame, x: Floats, y: Floats, size: float = 6.0) -> list[Line2D]:
-    """Draw the onsets, and return an entry for the legend for each kind that occurs."""
+    """Draw the onsets, and return an entry for the legend for each kind that occurs.
+
+    Those of the refined mesh alone, which are not the sweep's own, are grey diamonds, and those that vanish there are
+    crossed.
+    """
     handles = []
+    alone, gone = refined_only(onsets), vanishing(onsets)
     kinds = onsets["kind"] if "kind" in onsets else pd.Series("flutter", index=onsets.index)
     directions = onsets["direction"] if "direction" in onsets else pd.Series("into", index=onsets.index)
     for (kind, direction), (marker, face) in _MARKERS.items():
-        rows = np.asarray((kinds == kind) & (directions == direction), dtype=bool)
+        rows = np.asarray((kinds == kind) & (directions == direction) & ~alone, dtype=bool)
         if rows.any():
             handles += axes.plot(x[rows], y[rows], marker, mfc=face, mec="black", ms=size, zorder=8, clip_on=False,
                                  label=f"{kind}: {direction} instability")
+    grey: dict[str, Any] = {"mfc": "none", "mec": "0.45", "zorder": 9, "clip_on": False}
+    for rows, marker, times, label in ((alone, "D", 1.0, "on the refined mesh alone"),
+                                       (gone, "x", 2.0, "vanishes on the refined mesh")):  # fmt: skip
+        if rows.any():
+            handles += axes.plot(x[rows], y[rows], marker, ms=times * size, mew=1.4, label=label, **grey)
     return handles
 
 
@@ -222,10 +239,11 @@ def _label_onsets(
     points, texts = [], []
     values = numbers(onsets, "value")
     told = distinct_texts(values, "f" if symbol == "μ" else "g")
-    for value, number, frequency in zip(values, told, numbers(onsets, "frequency_hz"), strict=True):
+    hz, states = numbers(onsets, "frequency_hz"), mesh_states(onsets)
+    for value, number, frequency, state in zip(values, told, hz, states, strict=True):
         if np.isfinite(value) and np.isfinite(frequency):
             points.append((value, frequency / per_unit))
-            texts.append(f"{symbol} = {number}, {frequency_text(frequency)}")
+            texts.append(f"{symbol} = {number}, {frequency_text(frequency)}{', ' if state else ''}{state}")
     samples = [np.empty((0, 2))]
     for branch in branches:
         if len(branch.value):

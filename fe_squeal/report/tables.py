@@ -23,6 +23,7 @@ from fe_squeal.report.branches import (
 )
 from fe_squeal.report.growth import growth_curves
 from fe_squeal.report.looks import body_text, entry, short_diameters
+from fe_squeal.report.onsets import mesh_errors
 from fe_squeal.report.terminal import print_table
 
 MAX_ROWS = 20
@@ -109,9 +110,8 @@ def print_onsets(
     symbol = parameter_symbol(parameter_name(onsets))
     ordered = onsets.sort_values("value", kind="stable")
     table = _table(_onsets_title(ordered, covered))
-    mesh = numbers(ordered, "discretisation") if "discretisation" in ordered else np.full(len(ordered), np.nan)
-    estimated = bool((~np.isnan(mesh)).any())
-    beside = "mesh" if estimated else "two modes"
+    mesh = mesh_errors(ordered)
+    beside = "two modes" if mesh is None else "mesh"
     beyond = likely_values(ordered)
     more = () if beyond is None else ("extrapolated",)
     for head in (f"{symbol} at onset", "uncertainty", beside, *more, "frequency, Hz", "kind", "direction", "branches"):
@@ -123,10 +123,7 @@ def print_onsets(
         row = ordered.iloc[i]
         pair = " + ".join(_name(b) for b in partners[i] if b > 0) or "–"
         known = "" if np.isnan(uncertainty[i]) else f"{uncertainty[i]:.1e}"
-        guess = "" if np.isnan(two_modes[i]) else f"{two_modes[i]:.4g}"
-        if estimated:
-            other = "refined only" if partners[i][0] == 0 else "vanishes"
-            guess = "?" if np.isnan(mesh[i]) else other if np.isinf(mesh[i]) else f"± {mesh[i]:.2g}"
+        guess = mesh[i] if mesh is not None else "" if np.isnan(two_modes[i]) else f"{two_modes[i]:.4g}"
         words = (str(row["kind"]), str(row["direction"]))
         tends = () if beyond is None else (beyond[i],)
         table.add_row(_as_sure(value[i], uncertainty[i]), known, guess, *tends, f"{frequency[i]:.6g}", *words, pair)

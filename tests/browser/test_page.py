@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import re
 import shutil
 from collections.abc import Iterator
@@ -14,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from opened import Opened
 from PIL import Image
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser
 
 import fe_squeal.report.export
 from fe_squeal.cli import main
@@ -23,8 +23,6 @@ from fe_squeal.report.page import surface
 from fe_squeal.run.page import write_run_report
 
 EXAMPLE = Path(__file__).parents[2] / "examples/disc_pad.toml"
-# Drawing in software, so that a machine without a graphics card shows the shapes too.
-OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 
 
 @pytest.fixture(scope="session")
@@ -43,29 +41,6 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr(fe_squeal.report.export, "write_animation", lambda *_a, **_k: [])
         assert main(["run", str(scene), "-o", str(folder / "out")]) == 0
     return folder / "out"
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Browser]:
-    """Debian's Chromium; a machine without it fails these tests, which .ci/run installs it for."""
-    path = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
-    assert path, "Chromium is missing: apt-get install chromium"
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=OPTIONS)
-        yield browser
-        browser.close()
-
-
-class Opened:
-    """A page with what it asked for and complained about."""
-
-    def __init__(self, page: Page, file: Path) -> None:
-        self.page, self.requests, self.complaints = page, [], []
-        page.on("request", lambda r: self.requests.append(r.url))
-        page.on("console", lambda m: self.complaints.append(m.text) if m.type == "error" else None)
-        page.on("pageerror", lambda e: self.complaints.append(str(e)))
-        page.goto(file.absolute().as_uri())
-        page.wait_for_selector("#stability .main-svg", state="attached", timeout=60_000)
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,7 @@ import fe_squeal
 from fe_squeal.accuracy.bars import BARS, SHARE, Parts, bar_of, bar_of_parts, beyond, enveloped
 from fe_squeal.accuracy.discretisation import near_onsets, with_changes, with_discretisation
 from fe_squeal.accuracy.estimate import Changes, Interpolated, refined_changes
+from fe_squeal.accuracy.largest_error import estimated_error
 from fe_squeal.accuracy.pairs import bent_change, growth_beyond
 from fe_squeal.report.tables import print_onsets
 
@@ -126,8 +127,9 @@ def test_an_onset_that_interpolated_matrices_lack_is_not_said_to_vanish(block, c
     """Where matrices are interpolated between values, those of the mesh itself may have no such onset either."""
     none = Interpolated(tuple(0 * c for c in changes.modes), np.array([np.nan]), (None,))
     result = with_changes(block, replace(changes, onsets=(np.nan,), interpolated=none))
-    assert result.onsets[0].discretisation == np.inf and not any("vanishes" in w for w in result.warnings)
+    assert np.isnan(result.onsets[0].discretisation) and not any("vanishes" in w for w in result.warnings)
     assert any("is not known for the onset at" in w and "interpolated" in w for w in result.warnings)
+    assert np.isnan(estimated_error(result))  # no target is met
 
 
 def test_an_onset_that_appears_is_listed_as_such(block, changes):

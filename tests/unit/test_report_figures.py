@@ -282,3 +282,23 @@ def test_root_locus_shows_all_that_are_not_far_from_the_others(tmp_path, drawn):
     far = modes.iloc[:2].assign(re=1.5 * modes.re.min())
     plot_root_locus(pd.concat([modes, far]), onsets, tmp_path / "root_locus.png")
     assert drawn[0].axes[0].get_xlim()[0] < far.re.min() and not drawn[0].axes[0].get_title(loc="left")
+
+
+@pytest.mark.parametrize("plot", [plot_stability, plot_root_locus])
+def test_onsets_of_one_mesh_alone_have_markers_of_their_own(tmp_path, drawn, plot):
+    """One that appears refined is no onset of the sweep; one that vanishes is, and is crossed."""
+    pairs = [(2413.0, 60.0, 0.312), (5000.0, 60.0, 0.2), (8000.0, 60.0, 0.4)]
+    modes, onsets = coupled_tables(pairs, SWEEP)
+    onsets["discretisation"] = [np.inf, np.inf, 0.01]
+    onsets.loc[0, ["branch_a", "branch_b"]] = [0, np.nan]
+    onsets.loc[0, "frequency_hz"] = 1500.0  # where the mesh itself has no mode
+    plot(modes, onsets, tmp_path / "figure.png")
+    axes = drawn[0].axes[0]
+    assert axes.get_ylim()[0] < 1.5
+    marked = {line.get_label(): line.get_ydata().tolist() for line in axes.lines if "mesh" in line.get_label()}
+    assert marked == {"on the refined mesh alone": [1.5], "vanishes on the refined mesh": [5.0]}
+    [own] = [line for line in axes.lines if line.get_label() == "flutter: into instability"]
+    assert own.get_ydata().tolist() == [5.0, 8.0]
+    if plot is plot_stability:
+        ends = {text.split(", ")[1]: text.split(", ")[2:] for text in texts(axes)}
+        assert ends == {"1.50 kHz": ["refined only"], "5.00 kHz": ["vanishes refined"], "8.00 kHz": []}

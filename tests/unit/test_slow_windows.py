@@ -55,6 +55,7 @@ def test_growth_in_a_window_by_its_closed_form(damping):
 def test_a_window_counts_unless_other_modes_grow_much_faster():
     result = window()
     assert estimated_error(result) == np.inf  # nothing grows faster than what is in it
+    assert np.isnan(estimated_error(with_bars(result, np.nan)))  # interpolated matrices lack it
     point = next(p for p in result.points if p.modes.lam.real.max() > 0)
     fast = replace(point.modes, lam=point.modes.lam.imag * 1j + np.array([100.0, -100.0, 0.0]))
     grown = replace(result, points=(*result.points, replace(point, modes=fast, branches=np.array([7, 8, 9]))))

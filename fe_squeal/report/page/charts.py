@@ -18,6 +18,7 @@ from fe_squeal.report.branches import (
 )
 from fe_squeal.report.growth import growth_curves
 from fe_squeal.report.looks import body_text, diameters_text, look_text, plane_text, way_text
+from fe_squeal.report.onsets import mesh_states
 from fe_squeal.report.results import Results
 
 
@@ -79,7 +80,8 @@ def _branches(results: Results) -> list[dict[str, Any]]:
 
 def _onsets(results: Results) -> list[dict[str, Any]]:
     symbol, found = parameter_symbol(results.parameter), []
-    for row in results.onsets.to_dict("records"):
+    states = mesh_states(results.onsets)
+    for row, state in zip(results.onsets.to_dict("records"), states, strict=True):
         if not np.isfinite([row["value"], row["frequency_hz"]]).all():
             continue
         pair = [int(row[k]) for k in ("branch_a", "branch_b") if row.get(k) == row.get(k) and row.get(k)]
@@ -87,7 +89,7 @@ def _onsets(results: Results) -> list[dict[str, Any]]:
             "value": float(row["value"]), "hz": float(row["frequency_hz"]), "branches": pair,
             "into": row.get("direction") != "out of", "kind": str(row.get("kind", "flutter")),
             "text": f"{symbol} = {row['value']:.6g}, {frequency_text(row['frequency_hz'])}",
-            "law": law_text(row, symbol),
+            "law": law_text(row, symbol), "mesh": state,
         })  # fmt: skip
     return found
 

@@ -12,6 +12,7 @@ from fe_squeal.process.signals import signals_deferred
 from fe_squeal.report.branches import distinct_texts, frequency_text, numbers, parameter_symbol
 from fe_squeal.report.looks import body_text, diameters_text, plane_text, way_text
 from fe_squeal.report.mesh_error import mesh_error_figure
+from fe_squeal.report.onsets import VANISHES, mesh_errors, mesh_states
 from fe_squeal.report.page import verdict
 from fe_squeal.report.page.charts import law_text
 from fe_squeal.report.page.markup import bullets, image, paragraph, table, text
@@ -46,15 +47,15 @@ def onset_table(results: Results) -> str:
     """Return the table of onsets with their laws of growth and errors."""
     onsets = results.onsets.sort_values("value", kind="stable")
     symbol = parameter_symbol(results.parameter)
-    value, solver = numbers(onsets, "value"), numbers(onsets, "uncertainty")
-    mesh, two = numbers(onsets, "discretisation"), numbers(onsets, "two_mode_value")
+    value, solver, two = (numbers(onsets, name) for name in ("value", "uncertainty", "two_mode_value"))
+    mesh = mesh_errors(onsets) or len(onsets) * ["–"]
     beyond = likely_values(onsets)
     rows = []
     for i, (told, row) in enumerate(zip(distinct_texts(value, "g"), onsets.to_dict("records"), strict=True)):
         pair = " + ".join(f"{row[k]:.0f}" for k in ("branch_a", "branch_b") if row.get(k) == row.get(k) and row.get(k))
         rows.append((
             told, row.get("kind", ""), row.get("direction", ""), law_text(row, symbol),
-            frequency_text(float(row["frequency_hz"])), pair, _number(solver[i], ".1e"), _number(mesh[i], ".2g"),
+            frequency_text(float(row["frequency_hz"])), pair, _number(solver[i], ".1e"), mesh[i].removeprefix("± "),
             *((beyond[i] or "–",) if beyond is not None else ()), _number(two[i], ".4g"),
         ))  # fmt: skip
     heads = (symbol, "kind", "direction", "growth behind it", "frequency", "branches", "± solver", "± mesh",
@@ -133,7 +134,8 @@ def _counts(row: dict[Any, Any]) -> bool:
 
 def _partner(results: Results, interval: UnstableInterval, symbol: str) -> list[str]:
     said = []
-    for row in results.onsets.sort_values("value", kind="stable").to_dict("records"):
+    onsets = results.onsets.sort_values("value", kind="stable")
+    for row, state in zip(onsets.to_dict("records"), mesh_states(onsets), strict=True):
         pair = [row[k] for k in ("branch_a", "branch_b") if row.get(k) == row.get(k) and row.get(k)]
         if interval.branch not in pair:
             continue
@@ -143,7 +145,8 @@ def _partner(results: Results, interval: UnstableInterval, symbol: str) -> list[
         with_ = f" together with branch {other[0]}" if other else ""
         guess = f" These two modes alone, as they are where the sweep begins, predict {two:.4g}." if two == two else ""
         at = f"at {symbol} = {row['value']:.6g}"
-        said.append(paragraph(f"It {way} instability {at}{with_}: {law_text(row, symbol)}.{guess}"))
+        gone = " The refined mesh has no such onset." if state == VANISHES else ""
+        said.append(paragraph(f"It {way} instability {at}{with_}: {law_text(row, symbol)}.{gone}{guess}"))
     return said
 
 

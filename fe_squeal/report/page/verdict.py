@@ -9,6 +9,7 @@ import pandas as pd
 
 from fe_squeal.report.branches import frequency_text, numbers, parameter_symbol
 from fe_squeal.report.looks import body_text, diameters_text, way_text
+from fe_squeal.report.onsets import mesh_errors, refined_only
 from fe_squeal.report.results import Results
 from fe_squeal.report.tables import (
     UnstableInterval,
@@ -130,28 +131,44 @@ def _first_onset(results: Results) -> list[str]:
     onsets = results.onsets
     if "direction" in onsets:
         onsets = onsets[onsets["direction"] == "into"]
+    alone = refined_only(onsets)
+    symbol = parameter_symbol(results.parameter)
+    return [*_first_of_mesh(results, onsets[~alone], symbol), *_of_refined_mesh(onsets[alone], symbol)]
+
+
+def _of_refined_mesh(onsets: pd.DataFrame, symbol: str) -> list[str]:
+    if not len(onsets):
+        return []
+    row = onsets.sort_values("value", kind="stable").iloc[0]
+    first = f"{symbol} = {float(row['value']):.4g} and {frequency_text(float(row['frequency_hz']))}"
+    if len(onsets) == 1:
+        return [f"An onset at {first} appears on the refined mesh alone: finer meshes may have it."]
+    return [f"{len(onsets)} onsets appear on the refined mesh alone, the first at {first}: finer meshes may have them."]
+
+
+def _first_of_mesh(results: Results, onsets: pd.DataFrame, symbol: str) -> list[str]:
     if early := begins_unstable(results.modes, results.onsets):
         value = min(early.values())
         many = len(onsets) != 1
         follow = f" {len(onsets)} onset{'s' if many else ''} of other modes follow{'' if many else 's'}."
         return [
-            f"The first instability sets in before {parameter_symbol(results.parameter)} = {value:.6g}, the first value"
-            f" of the sweep.{follow if len(onsets) else ''}"
+            f"The first instability sets in before {symbol} = {value:.6g}, the first value of the sweep."
+            f"{follow if len(onsets) else ''}"
         ]
     if not len(onsets):
         return []
-    first = onsets.sort_values("value", kind="stable").iloc[0]
-    symbol = parameter_symbol(results.parameter)
-    value, solver = float(first["value"]), float(first.get("uncertainty", np.nan))
-    mesh = float(first.get("discretisation", np.nan))
+    first = onsets.sort_values("value", kind="stable").iloc[:1]
+    value, solver, mesh = (float(numbers(first, name)[0]) for name in ("value", "uncertainty", "discretisation"))
     of_solver = f"± {solver:.1e} by the solver" if np.isfinite(solver) else "of the solver's error nothing is known"
     of_mesh = "the error of the mesh was not estimated, see run --estimate"
     if not np.isnan(mesh):
-        of_mesh = f"± {mesh:.2g} by the mesh" if np.isfinite(mesh) else "the other mesh has no such onset"
+        of_mesh = f"± {mesh:.2g} by the mesh" if np.isfinite(mesh) else "the refined mesh has no such onset"
+    elif mesh_errors(results.onsets) is not None:
+        of_mesh = "its error by the mesh is not known"
     others = f" {len(onsets) - 1} more follow." if len(onsets) > 1 else ""
     return [
         f"The first instability sets in at {symbol} = {value:.6g} ({of_solver}; {of_mesh}), at"
-        f" {frequency_text(float(first['frequency_hz']))}.{others}"
+        f" {frequency_text(float(first['frequency_hz'].iloc[0]))}.{others}"
     ]
 
 

@@ -38,15 +38,19 @@ if (DATA.charts) {
       dots.push({ ...point, x: b.value, y: scaled(b.hz) });
       if (b.grows) dots.push({ ...point, ...axes, x: b.value, y: b.re });
     }
-    const marks = [];
+    const marks = [], told = (o) => [o.text, o.law, o.mesh].filter(Boolean).map(plain).join("<br>");
+    const mark = (name, own, marker, text) => { if (own.length) marks.push({ mode: "markers", name, marker, x: own.map((o) => o.value),
+      y: scaled(own.map((o) => o.hz)), customdata: own.map((o) => o.branches[0]), ...text }); };
     for (const [kind, into, symbol, name] of [["flutter", true, "circle", "flutter begins"],
       ["flutter", false, "circle-open", "flutter ends"], ["divergence", true, "square", "divergence begins"],
       ["divergence", false, "square-open", "divergence ends"]]) {
-      const own = C.onsets.filter((o) => o.kind === kind && o.into === into);
-      if (own.length) marks.push({ mode: "markers", name, x: own.map((o) => o.value), y: scaled(own.map((o) => o.hz)),
-        marker: { symbol, size: 11, color: "#000", line: { width: 2 } }, customdata: own.map((o) => o.branches[0]),
-        text: own.map((o) => plain(o.text) + "<br>" + plain(o.law)), hovertemplate: "%{text}<extra></extra>" });
+      const own = C.onsets.filter((o) => o.kind === kind && o.into === into && o.mesh !== "refined only");
+      mark(name, own, { symbol, size: 11, color: "#000", line: { width: 2 } }, { text: own.map(told), hovertemplate: "%{text}<extra></extra>" });
     }
+    const alone = C.onsets.filter((o) => o.mesh === "refined only"), gone = C.onsets.filter((o) => o.mesh === "vanishes refined");
+    mark("on the refined mesh alone", alone, { symbol: "diamond-open", size: 11, color: "#7d8994", line: { width: 2 } },
+      { text: alone.map(told), hovertemplate: "%{text}<extra></extra>" });
+    mark("vanishes on the refined mesh", gone, { symbol: "x-thin", size: 20, line: { width: 2, color: "#7d8994" } }, { hoverinfo: "skip" });
     for (const m of C.measured) {
       marks.push({ mode: "lines", x: [C.values[0], C.values[C.values.length - 1]], y: [m.frequency_hz / per, m.frequency_hz / per],
         line: { color: "#b3261e", width: 1.5, dash: "dot" }, name: plain(measuredName(m)), hoverinfo: "name" });
@@ -76,7 +80,7 @@ if (DATA.charts) {
     });
     const labels = [], leaders = [];
     C.onsets.forEach((o, i) => {
-      const text = C.symbol.length > 3 ? `${digits(o.value)}, ${o.text.split(", ").pop()}` : o.text;
+      const text = (C.symbol.length > 3 ? `${digits(o.value)}, ${o.text.split(", ").pop()}` : o.text) + (o.mesh ? `, ${o.mesh}` : "");
       const width = 6.6 * text.length + 8, [px, py] = dots[i];
       for (const [ax, ay] of [[26, -24], [26, 24], [-26, -24], [-26, 24], [40, -46], [-40, -46], [40, 46], [-40, 46]]) {
         const left = ax > 0 ? px + ax : px + ax - width, box = [left, py + ay - 9, left + width, py + ay + 9];
@@ -105,7 +109,7 @@ if (DATA.charts) {
   const shapesOfChart = C.rangeHz ? [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: C.rangeHz / per, y1: C.rangeHz / per,
     line: { color: "#51606e", width: 1, dash: "dash" } }] : [];
   const stability = document.getElementById("stability");
-  const mostHz = largest([...C.branches.flatMap((b) => b.hz), ...C.measured.map((m) => m.frequency_hz)], C.rangeHz || 0) / per;
+  const mostHz = largest([...C.branches.flatMap((b) => b.hz), ...C.onsets.map((o) => o.hz), ...C.measured.map((m) => m.frequency_hz)], C.rangeHz || 0) / per;
   Plotly.newPlot(stability, stabilityTraces(), { ...base, annotations: labelOfRange(), shapes: shapesOfChart,
     xaxis: { ...grid, ...axisOfParameter, anchor: "y2" },
     yaxis: { ...grid, domain: [0.42, 1], title: { text: `frequency (${unit})` }, range: [0, 1.08 * mostHz], zeroline: false },
@@ -158,7 +162,7 @@ if (DATA.charts) {
     const words = i < 0 ? `is not among the modes at ${C.symbol} = ${C.texts[at]}` :
       `at ${C.symbol} = ${C.texts[at]}: ${digits(b.hz[i], 6)} Hz, Re λ = ${digits(b.re[i])} 1/s, damping ratio ${digits(b.ratio[i] === null ? null : 100 * b.ratio[i], 3)} %, ` +
       [b.stability[i], b.diameters[i], b.way[i], b.plane[i], b.body[i]].filter(Boolean).join(", ");
-    const onsets = C.onsets.filter((o) => o.branches.includes(b.number)).map((o) => `${o.into ? "unstable from" : "stable again from"} ${o.text} on (${o.law})`);
+    const onsets = C.onsets.filter((o) => o.branches.includes(b.number)).map((o) => `${o.into ? "unstable from" : "stable again from"} ${o.text} on (${[o.law, o.mesh].filter(Boolean).join("; ")})`);
     place.textContent = `Branch ${b.number} ${words}.` + (onsets.length ? ` It is ${onsets.join("; ")}.` : "");
   }
 

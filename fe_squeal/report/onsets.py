@@ -1,0 +1,47 @@
+"""What the refined mesh says of the onsets of a sweep: their error, and which of them only one of the meshes has."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from fe_squeal.report.branches import Bools, numbers
+
+REFINED_ONLY, VANISHES = "refined only", "vanishes refined"
+
+
+def refined_only(onsets: pd.DataFrame) -> Bools:
+    """Return (n,) bool, which onsets appear on the refined mesh alone: no branch of the sweep has them."""
+    return np.asarray(numbers(onsets, "branch_a") == 0)
+
+
+def vanishing(onsets: pd.DataFrame) -> Bools:
+    """Return (n,) bool, which onsets of the mesh itself the refined mesh does not have."""
+    return np.asarray(np.isinf(numbers(onsets, "discretisation")) & ~refined_only(onsets))
+
+
+def mesh_states(onsets: pd.DataFrame) -> list[str]:
+    """Return, for each onset, `refined only`, `vanishes refined`, or "" where both meshes have it.
+
+    Examples
+    --------
+    >>> mesh_states(pd.DataFrame({"branch_a": [0, 3, 5], "discretisation": [np.inf, np.inf, 0.02]}))
+    ['refined only', 'vanishes refined', '']
+    """
+    pairs = zip(refined_only(onsets).tolist(), vanishing(onsets).tolist(), strict=True)
+    return [REFINED_ONLY if alone else VANISHES if gone else "" for alone, gone in pairs]
+
+
+def mesh_errors(onsets: pd.DataFrame) -> list[str] | None:
+    """Return the error of each onset by the mesh, as texts; None where it was not estimated.
+
+    Examples
+    --------
+    >>> mesh_errors(pd.DataFrame({"branch_a": [0, 3, 5], "discretisation": [np.inf, np.nan, 0.02]}))
+    ['refined only', '?', '± 0.02']
+    """
+    mesh = numbers(onsets, "discretisation")
+    if np.isnan(mesh).all():
+        return None
+    texts = zip(mesh_states(onsets), mesh.tolist(), strict=True)
+    return [state or ("?" if np.isnan(error) else f"± {error:.2g}") for state, error in texts]

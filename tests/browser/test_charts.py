@@ -1,0 +1,69 @@
+"""What the charts of a page draw, of tables made by hand: in a real browser, without a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from opened import Opened
+from playwright.sync_api import Browser
+
+from fe_squeal.report.page.build import write_run_page
+from fe_squeal.report.results import Results
+
+pytestmark = pytest.mark.slow
+VALUES = np.linspace(0.0, 0.5, 6)
+
+
+def modes_of(re: dict[int, np.ndarray], hz: float = 1000.0, **columns: float) -> pd.DataFrame:
+    """A row for each branch and value, with Re λ (6,) by branch; frequencies are 1, 2, ... times `hz`."""
+    rows = [
+        {"parameter": "mu", "value": v, "mode": i, "branch": b, "re": r,
+         "im": 2 * np.pi * i * hz, "frequency_hz": i * hz,
+         "damping_ratio": -r / (2 * np.pi * i * hz), "stability": "unstable" if r > 0 else "stable", "noise": "",
+         "re_uncertainty": 1e-6, "re_discretisation": np.nan} | columns
+        for i, (b, rates) in enumerate(re.items(), 1) for v, r in zip(VALUES, rates, strict=True)
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def onsets_of(*rows: tuple[float, float, str, int, float]) -> pd.DataFrame:
+    """Onsets (value, Hz, kind, branch, error of the mesh)."""
+    columns = ["value", "frequency_hz", "kind", "branch_a", "discretisation"]
+    return pd.DataFrame(rows, columns=columns).assign(
+        parameter="mu", direction="into", crossing_speed=50.0, branch_b=np.nan, uncertainty=1e-9, two_mode_value=np.nan
+    )
+
+
+@pytest.fixture
+def shown(browser: Browser, tmp_path: Path):
+    """Open the page of some tables, and check at the end that nothing was complained about."""
+    pages = []
+
+    def show(modes: pd.DataFrame, onsets: pd.DataFrame, **record: object):
+        empty = pd.DataFrame()
+        write_run_page(Results(record, modes, onsets, empty, empty), tmp_path / "page.html")
+        pages.append(Opened(browser.new_page(viewport={"width": 1280, "height": 900}), tmp_path / "page.html"))
+        return pages[-1].page
+
+    yield show
+    for opened in pages:
+        assert opened.complaints == []
+        opened.page.close()
+
+
+def test_onsets_of_one_mesh_alone_have_markers_of_their_own(shown):
+    """One of the refined mesh alone begins nothing here; one that vanishes there is crossed; labels say so."""
+    grows = {1: 100 * (VALUES - 0.25), 2: 80 * (VALUES - 0.15)}
+    onsets = onsets_of((0.05, 3000.0, "flutter", 0, np.inf), (0.15, 2000.0, "flutter", 2, np.inf),
+                       (0.25, 1000.0, "flutter", 1, 0.01))  # fmt: skip
+    page = shown(modes_of(grows), onsets)
+    marks = page.evaluate("""Object.fromEntries(document.getElementById('stability').data
+      .filter((d) => d.name && d.mode === 'markers').map((d) => [d.name, d.x]))""")
+    assert marks == {"flutter begins": [0.15, 0.25], "on the refined mesh alone": [0.05],
+                     "vanishes on the refined mesh": [0.15]}  # fmt: skip
+    labels = page.evaluate("document.getElementById('stability').layout.annotations.map((a) => a.text)")
+    assert sorted(labels) == [
+        "μ = 0.05, 3.00 kHz, refined only", "μ = 0.15, 2.00 kHz, vanishes refined", "μ = 0.25, 1.00 kHz"]
