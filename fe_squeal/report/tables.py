@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fe_squeal.report.branches import (
+    Bools,
     collect_branches,
     covered_text,
     distinct_texts,
@@ -67,9 +68,7 @@ def print_unstable(modes: pd.DataFrame, console: Console, onsets: pd.DataFrame |
         table.add_column("nodal\ndiameters", justify="right")
         table.add_column("moves most")
     for row in rows[:MAX_ROWS]:
-        growth = with_uncertainty(row.growth, row.uncertainty) if row.mode else f"about {row.growth:.2g}"
-        growth += ", mesh: ?" if row.half_known else ""
-        cells = [_span(row.lowest_hz, row.highest_hz, ".0f" if row.highest_hz >= 1000 else ".4g"), growth]
+        cells = [_span(row.lowest_hz, row.highest_hz, ".0f" if row.highest_hz >= 1000 else ".4g"), growth_text(row)]
         if single:
             cells.insert(0, str(row.mode))
         else:
@@ -201,8 +200,7 @@ def unstable_intervals(modes: pd.DataFrame) -> list[UnstableInterval]:
     unstable = np.asarray(modes["stability"] == "unstable", dtype=bool)
     branch, re, frequency = numbers(modes, "branch"), numbers(modes, "re"), numbers(modes, "frequency_hz")
     ratio, uncertainty, mode = numbers(modes, "damping_ratio"), total_uncertainty(modes), numbers(modes, "mode")
-    mesh = numbers(modes, "re_discretisation")
-    half_known = np.isfinite(mesh).any() & np.isnan(mesh)
+    half_known = half_known_growth(modes)
     runs = [np.array([i]) for i in np.flatnonzero(unstable & np.isnan(branch))]
     for number in np.unique(branch[unstable & np.isfinite(branch)]):
         rows = np.flatnonzero(unstable & (branch == number))
@@ -216,6 +214,22 @@ def unstable_intervals(modes: pd.DataFrame) -> list[UnstableInterval]:
             re[top], uncertainty[top], sweep[place[top]], ratio[top], int(mode[top]), str(modes["noise"].iloc[top]),
             _looks(modes.iloc[top].to_dict()), bool(half_known[top])))
     return sorted(result, key=lambda row: -row.growth)
+
+
+def half_known_growth(modes: pd.DataFrame) -> Bools:
+    """Return (n,) bool, of which modes the error of Re λ by the mesh is not known while it is known of others."""
+    mesh = numbers(modes, "re_discretisation")
+    return np.asarray(np.isfinite(mesh).any() & np.isnan(mesh))
+
+
+def growth_text(row: UnstableInterval, unit: str = "") -> str:
+    """Return the largest growth rate of an interval with its uncertainty and, behind it, the unit.
+
+    That of a window between two values is estimated, and called so. An error of the mesh that is not known, while it is
+    of other modes, gets a question mark, since the uncertainty is that of the solver alone.
+    """
+    growth = with_uncertainty(row.growth, row.uncertainty) if row.mode else f"about {row.growth:.2g}"
+    return growth + unit + (", mesh: ?" if row.half_known else "")
 
 
 def window_intervals(modes: pd.DataFrame, onsets: pd.DataFrame) -> list[UnstableInterval]:

@@ -78,7 +78,8 @@ def html(result: Sweep) -> str:
     from ..report.warnings import told_once
 
     results = Results(
-        {"completeness": {"proven": result.completeness.proven}}, result.to_dataframe(), result.onsets_dataframe(),
+        {"completeness": {"proven": result.completeness.proven}, "problem_class": result.problem.problem_class},
+        result.to_dataframe(), result.onsets_dataframe(),
         result.contributions_dataframe(), result.sensitivities_dataframe(),
     )  # fmt: skip
     tables = interval_table(results) + onset_table(results)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from test_report_figures import SWEEP, coupled_tables
+from test_report_figures import ONSET_COLUMNS, SWEEP, coupled_tables
 
+from fe_squeal.report.files import write_json
 from fe_squeal.report.page import verdict
 from fe_squeal.report.page.charts import chart_data
-from fe_squeal.report.page.sections import mode_sections, onset_table
-from fe_squeal.report.results import Results
+from fe_squeal.report.page.sections import interval_table, mode_sections, onset_table, verdict_section
+from fe_squeal.report.results import Results, read_results
 
 EMPTY = pd.DataFrame()
 
@@ -63,3 +65,94 @@ def test_without_an_estimate_no_onset_is_in_doubt() -> None:
     plain = results(*PAIRS)
     assert "the error of the mesh was not estimated" in verdict.answer(plain)[1]
     assert "?" not in onset_table(plain) and {o["mesh"] for o in chart_data(plain)["onsets"]} == {""}
+
+
+TOLD = {"status": "complete", "completeness": {"found": 4, "expected": 4, "proven": True},
+        "onsets_complete": {"sure": True, "width": 1e-9}, "warnings": []}  # fmt: skip
+SURE = "Nothing is in doubt that the program could check."
+
+
+@pytest.mark.parametrize(("changed", "doubt"), [
+    ({}, None),
+    (None, "there is no record of the run"),
+    ({"status": "running"}, "status of the run is: running"),
+    ({"status": "interrupted"}, "status of the run is: interrupted"),
+    ({"status": None}, "status of the run is: not recorded"),
+    ({"warnings": None}, "run.json does not tell warnings"),
+    ({"completeness": None, "onsets_complete": None}, "run.json does not tell completeness, onsets_complete"),
+    ({"completeness": {"found": 4, "proven": False}}, "not proven at the first value"),
+])  # fmt: skip
+def test_nothing_is_in_doubt_only_where_the_record_says_so(changed: dict | None, doubt: str | None) -> None:
+    section = verdict_section(results(*PAIRS, record={} if changed is None else TOLD | changed))
+    assert (SURE in section) == (doubt is None) == ("<h3>In doubt</h3>" not in section)
+    assert doubt is None or doubt in section
+
+
+def test_warnings_that_cannot_be_read_leave_doubt(tmp_path: Path) -> None:
+    """Keys that are not as the program writes them are left out of the page, and with them what they would say."""
+    write_json(TOLD | {"warnings": "the mesh is bad"}, tmp_path / "run.json")
+    section = verdict_section(read_results(tmp_path, "run.json", {"modes": "m", "onsets": "o", "contributions": "c",
+                                                                  "sensitivities": "s"}, "shapes"))  # fmt: skip
+    assert SURE not in section and "run.json does not tell warnings" in section
+
+
+def stable(*rows: tuple[float, float, float, str], **record: object) -> Results:
+    """Modes (Hz, Re λ, its uncertainty, stability) at one value, with no onsets."""
+    modes = pd.DataFrame(rows, columns=["frequency_hz", "re", "re_uncertainty", "stability"])
+    modes = modes.assign(parameter="mu", value=0.3, mode=range(1, len(rows) + 1), branch=range(1, len(rows) + 1),
+                         im=2 * np.pi * modes["frequency_hz"], damping_ratio=0.0, noise="")  # fmt: skip
+    return Results(record, modes, pd.DataFrame(columns=["value", "frequency_hz"]), EMPTY, EMPTY)
+
+
+RIGID, DOUBLET = (0.0, 0.0, 1e-6, "marginal"), (900.0, 5.0, 8.0, "marginal")
+CALM, LOUD = (700.0, -30.0, 1e-6, "stable"), (800.0, -200.0, 1e-6, "stable")
+ZERO = "Without damping their Re λ is zero within its uncertainty."
+
+
+@pytest.mark.parametrize(("modes", "kind", "said"), [
+    ((RIGID, DOUBLET), "nonsymmetric", [ZERO]),
+    ((RIGID, RIGID), "symmetric", [ZERO]),
+    ((LOUD, CALM), "quadratic", ["The mode nearest to it has Re λ = -30 1/s, at 700 Hz and μ = 0.3."]),
+    ((RIGID, LOUD, CALM), "quadratic", [
+        "It is not decided for one mode: Re λ = 0 1/s, at 0 Hz and μ = 0.3.",
+        "The surely stable mode nearest to it has Re λ = -30 1/s, at 700 Hz and μ = 0.3."]),
+    ((RIGID, DOUBLET, LOUD), "complex", [
+        "It is not decided for 2 modes: Re λ = 5 ± 8 1/s of the one that may grow most, at 900 Hz and μ = 0.3.",
+        "The surely stable mode nearest to it has Re λ = -200 1/s, at 800 Hz and μ = 0.3."]),
+    ((DOUBLET, DOUBLET), "quadratic", ["It is not decided for 2 modes: Re λ = 5 ± 8 1/s of the one that may grow most,"
+                                       " at 900 Hz and μ = 0.3."]),
+    ((DOUBLET, CALM), "nonsymmetric", [
+        "It is not decided for one mode: Re λ = 5 ± 8 1/s, at 900 Hz and μ = 0.3.",
+        "The surely stable mode nearest to it has Re λ = -30 1/s, at 700 Hz and μ = 0.3."]),
+    ((DOUBLET,), None, ["It is not decided for one mode: Re λ = 5 ± 8 1/s, at 900 Hz and μ = 0.3."]),
+])  # fmt: skip
+def test_how_near_to_instability_the_modes_come(modes: tuple, kind: str | None, said: list[str]) -> None:
+    """A marginal mode is called undamped only where nothing damps; else it may grow, and others have a distance."""
+    [words] = verdict.answer(stable(*modes, problem_class=kind))
+    start = "Nothing squeals at any frequency of the model: no mode is "
+    surely = "surely " if "not decided" in said[0] else ""
+    assert words == " ".join([f"{start}{surely}unstable for μ = 0.3.", *said])
+
+
+def test_growth_whose_error_of_the_mesh_is_not_known_is_marked_everywhere() -> None:
+    """Beside modes with an error of 30 1/s one of the solver's alone looks sure: sentence, table and section say so."""
+    found = results(*PAIRS)
+    found.modes["re_discretisation"] = np.where(found.modes["frequency_hz"] < 3000, 30.0, np.nan)
+    largest = next(s for s in verdict.answer(found) if s.startswith("The fastest"))
+    assert "± 1e-06 1/s, mesh: ? at μ = 0.7" in largest
+    tables, sections = interval_table(found), mode_sections(found)
+    assert tables.count("mesh: ?") == sections.count("mesh: ?") == 1
+    assert "595.968 ± 1e-06, mesh: ?" in tables and "Re λ is 595.968 ± 1e-06 1/s, mesh: ?" in sections
+    assert "420 ± 30" in tables and "Re λ is 420 ± 30 1/s." in sections
+    plain = results(*PAIRS)
+    assert not any("mesh: ?" in s for s in (*verdict.answer(plain), interval_table(plain), mode_sections(plain)))
+
+
+def test_growth_in_a_window_between_values_is_about() -> None:
+    """It has no row in the table of modes: two digits, in the sentence, the table and the section."""
+    calm = results((2413.0, 60.0, 0.9))
+    rows = [("mu", v, 2400.0, "flutter", d, 50.0, 1, 2, 1e-9, np.nan, np.nan)
+            for v, d in ((0.103, "into"), (0.105, "out of"))]  # fmt: skip
+    found = replace(calm, onsets=pd.DataFrame(rows, columns=ONSET_COLUMNS))
+    assert "Re λ = about 1.1 1/s at μ = 0.104" in next(s for s in verdict.answer(found) if s.startswith("The fastest"))
+    assert "about 1.1</td>" in interval_table(found) and "Re λ is about 1.1 1/s." in mode_sections(found)

@@ -17,7 +17,7 @@ from fe_squeal.report.page import verdict
 from fe_squeal.report.page.charts import law_text
 from fe_squeal.report.page.markup import bullets, image, paragraph, table, text
 from fe_squeal.report.results import Results
-from fe_squeal.report.tables import UnstableInterval, likely_values, with_uncertainty
+from fe_squeal.report.tables import UnstableInterval, growth_text, likely_values
 from fe_squeal.report.terms import ELASTIC, MASS, TermName, term_of
 from fe_squeal.report.units import behind_comma
 
@@ -68,8 +68,8 @@ def interval_table(results: Results) -> str:
     symbol = parameter_symbol(results.parameter)
     rows = [
         (f"{row.branch:.0f}", f"{row.first:.4g} … {row.last:.4g}", frequency_text(verdict.peak_hz(results, row)),
-         f"{with_uncertainty(row.growth, row.uncertainty) if row.mode else f'about {row.growth:.2g}'}",
-         f"{100 * row.damping_ratio:.3g}", diameters_text(row.looks) or "–", body_text(row.looks) or "–")
+         growth_text(row), f"{100 * row.damping_ratio:.3g}", diameters_text(row.looks) or "–",
+         body_text(row.looks) or "–")
         for row in verdict.all_intervals(results)
     ]  # fmt: skip
     heads = ("branch", f"unstable at {symbol}", "frequency", "largest Re λ, 1/s", "damping ratio, %", "shape",
@@ -104,7 +104,7 @@ def _mode_section(results: Results, interval: UnstableInterval, position: int) -
     row, symbol, branch = verdict.row_of(results, interval), parameter_symbol(results.parameter), interval.branch
     looks = [t for t in (diameters_text(row), way_text(row), plane_text(row), body_text(row)) if t]
     head = f"Branch {branch:.0f}: {frequency_text(verdict.peak_hz(results, interval))}"
-    about = f"At {symbol} = {interval.peak_value:.4g} its Re λ is {interval.growth:.5g} 1/s"
+    about = f"At {symbol} = {interval.peak_value:.4g} its Re λ is {growth_text(interval, ' 1/s')}"
     parts = [paragraph(f"{about}; {', '.join(looks)}." if looks else f"{about}."), *_partner(results, interval, symbol)]
     shares = verdict.shares_of(results, row).to_dict("records")
     growth = [

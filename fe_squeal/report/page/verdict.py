@@ -7,13 +7,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fe_squeal.report.branches import frequency_text, numbers, parameter_symbol
+from fe_squeal.report.branches import frequency_text, numbers, parameter_symbol, total_uncertainty
 from fe_squeal.report.looks import body_text, diameters_text, way_text
 from fe_squeal.report.onsets import mesh_errors, refined_only
 from fe_squeal.report.results import Results
 from fe_squeal.report.tables import (
     UnstableInterval,
     begins_unstable,
+    growth_text,
+    half_known_growth,
     unstable_intervals,
     window_intervals,
     with_uncertainty,
@@ -21,6 +23,9 @@ from fe_squeal.report.tables import (
 from fe_squeal.report.warnings import told_once
 
 _NAMED = 5  # modes, terms or numbers that a sentence names, at most
+_UNDAMPED = ("symmetric", "nonsymmetric")  # classes of problems without damping and loss factors
+_UNDECIDED = "It is not decided for"
+_TELLING = ("completeness", "onsets_complete", "warnings")  # keys of run.json without which doubts are not known
 
 
 def answer(results: Results) -> list[str]:
@@ -50,7 +55,18 @@ def doubts(results: Results) -> list[str]:
     onsets = record.get("onsets_complete") or {}
     if onsets and not onsets.get("sure"):
         found.append("The list of onsets is not sure: see the warnings.")
-    return [*told_once([str(w) for w in record.get("warnings") or []]), *found]
+    return [*told_once([str(w) for w in record.get("warnings") or []]), *found, *_unrecorded(record)]
+
+
+def _unrecorded(record: dict[str, Any]) -> list[str]:
+    """Return a sentence where run.json does not tell all of what is in doubt."""
+    if not record:
+        return ["What is in doubt is not known, as there is no record of the run."]
+    status = str(record.get("status") or "not recorded")
+    if status != "complete":
+        return [f"The status of the run is: {status}. What is in doubt is not known beyond what is said here."]
+    missing = [key for key in _TELLING if record.get(key) is None]
+    return [f"What is in doubt is not known: run.json does not tell {', '.join(missing)}."] if missing else []
 
 
 def all_intervals(results: Results) -> list[UnstableInterval]:
@@ -106,12 +122,9 @@ def _what_squeals(results: Results, intervals: list[UnstableInterval]) -> str:
     where = f" below {frequency_text(top)}" if top else " at any frequency of the model"
     branches = list({row.branch: row for row in reversed(intervals)}.values())
     if not branches:
-        least = results.modes.iloc[int(np.nanargmax(numbers(results.modes, "re")))]
-        near = " Without damping their Re λ is zero within its uncertainty." if least["stability"] == "marginal" else (
-            f" Nearest to it is the mode at {frequency_text(float(least['frequency_hz']))} with Re λ ="
-            f" {float(least['re']):.3g} 1/s at {symbol} = {float(least['value']):.4g}."
-        )
-        return f"Nothing squeals{where}: no mode is unstable for {span}.{near}"
+        near = _nearest(results, symbol)
+        surely = "surely " if any(_UNDECIDED in sentence for sentence in near) else ""
+        return " ".join([f"Nothing squeals{where}: no mode is {surely}unstable for {span}.", *near])
     branches.sort(key=lambda row: row.lowest_hz)
     named = "; ".join(
         ", ".join(t for t in (frequency_text(peak_hz(results, row)), diameters_text(row.looks)) if t)
@@ -125,6 +138,33 @@ def _what_squeals(results: Results, intervals: list[UnstableInterval]) -> str:
     if beyond:  # a mode may be beyond the range that is known at all values, and inside that of its own value
         return f"{word}: {count} unstable for {span}: {named}{more}. All modes are known{where}."
     return f"{word}: {count} unstable{where} for {span}: {named}{more}."
+
+
+def _nearest(results: Results, symbol: str) -> list[str]:
+    """Return how near to instability the modes come where none is unstable, and of which it is not decided."""
+    modes = results.modes
+    marginal = np.asarray(modes["stability"] == "marginal", dtype=bool)
+    if marginal.all() and results.record.get("problem_class") in _UNDAMPED:
+        return ["Without damping their Re λ is zero within its uncertainty."]
+    unsure, sure, said = modes[marginal], modes[~marginal], []
+    if len(unsure):
+        bar = total_uncertainty(unsure)
+        worst = int(np.argmax(numbers(unsure, "re") + bar))
+        growth = with_uncertainty(float(unsure["re"].iloc[worst]), float(bar[worst])) + " 1/s"
+        growth += ", mesh: ?" if half_known_growth(modes)[marginal][worst] else ""
+        count = len(np.unique(numbers(unsure, "branch")))
+        which = "one mode" if count == 1 else f"{count} modes"
+        most = "" if count == 1 else " of the one that may grow most"
+        said.append(f"{_UNDECIDED} {which}: Re λ = {growth}{most}, {_place(unsure.iloc[worst], symbol)}.")
+    if len(sure):
+        nearest = sure.iloc[int(np.argmax(numbers(sure, "re")))]
+        which = "surely stable mode" if said else "mode"
+        said.append(f"The {which} nearest to it has Re λ = {float(nearest['re']):.3g} 1/s, {_place(nearest, symbol)}.")
+    return said
+
+
+def _place(row: pd.Series, symbol: str) -> str:
+    return f"at {frequency_text(float(row['frequency_hz']))} and {symbol} = {float(row['value']):.4g}"
 
 
 def _first_onset(results: Results) -> list[str]:
@@ -175,11 +215,10 @@ def _first_of_mesh(results: Results, onsets: pd.DataFrame, symbol: str) -> list[
 def _largest(results: Results, worst: UnstableInterval) -> str:
     symbol = parameter_symbol(results.parameter)
     looks = ", ".join(t for t in (diameters_text(worst.looks), body_text(worst.looks), way_text(worst.looks)) if t)
-    growth = with_uncertainty(worst.growth, worst.uncertainty)
     which = ", ".join(t for t in (frequency_text(peak_hz(results, worst)), looks) if t)
     return (
-        f"The fastest growing mode is that at {which}: Re λ = {growth} 1/s at {symbol} = {worst.peak_value:.4g}, a"
-        f" damping ratio of {100 * worst.damping_ratio:.3g} %."
+        f"The fastest growing mode is that at {which}: Re λ = {growth_text(worst, ' 1/s')} at {symbol} ="
+        f" {worst.peak_value:.4g}, a damping ratio of {100 * worst.damping_ratio:.3g} %."
     )
 
 
