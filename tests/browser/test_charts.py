@@ -67,3 +67,38 @@ def test_onsets_of_one_mesh_alone_have_markers_of_their_own(shown):
     labels = page.evaluate("document.getElementById('stability').layout.annotations.map((a) => a.text)")
     assert sorted(labels) == [
         "μ = 0.05, 3.00 kHz, refined only", "μ = 0.15, 2.00 kHz, vanishes refined", "μ = 0.25, 1.00 kHz"]
+
+
+LOCUS = """() => { const chart = document.getElementById('locus'), axis = chart._fullLayout.xaxis;
+  const inside = chart.data.slice(0, -1).flatMap((d) => d.x).filter((x) => x >= axis.range[0] && x <= axis.range[1]);
+  return { range: axis.range, inside: inside.length, notes: (chart.layout.annotations || []).map((a) => a.text) }; }"""
+
+
+def test_the_root_locus_shows_a_brake_that_is_stable(shown):
+    """Re λ from −50 to −500 1/s: all of them, and a part of the unstable half."""
+    modes = modes_of({b: np.full(6, -50.0 * b) for b in (1, 3, 6, 10)})
+    found = shown(modes, onsets_of()).evaluate(LOCUS)
+    assert found["inside"] == len(modes) and found["notes"] == []
+    assert found["range"][0] < -500 and 50 < found["range"][1] < 200
+
+
+def test_the_root_locus_shows_what_decays_beside_slow_growth(shown):
+    """Growth of 5 beside decay of 200 1/s: all are in the picture. One that decays 1e6 is not, and is counted."""
+    rates = {b: np.full(6, -20.0 * b) for b in range(1, 11)} | {11: np.full(6, 5.0)}
+    found = shown(modes_of(rates), onsets_of()).evaluate(LOCUS)
+    assert found["inside"] == 66 and found["range"][0] < -200
+    far = modes_of(rates)
+    far.loc[0, "re"] = -1e6
+    found = shown(far, onsets_of()).evaluate(LOCUS)
+    assert found["inside"] == 65 and found["notes"] == ["1 eigenvalue lies further left, down to Re λ = −1e+06 1/s"]
+
+
+def test_measured_lines_do_not_scale_the_axes(shown):
+    """Scaled to what it holds, the root locus is that of the modes."""
+    page = shown(modes_of({1: 10 * (VALUES - 0.2)}), onsets_of(), measured=[{"frequency_hz": 900.0, "label": "test"}])
+    low, high = page.evaluate("""() => Plotly.relayout('locus', { 'xaxis.autorange': true })
+      .then(() => document.getElementById('locus')._fullLayout.xaxis.range)""")
+    assert -5 < low < -2 and 3 < high < 6
+    assert page.locator("#locus .shapelayer path, #locus .shape-label text, #locus .shapelayer text").count() >= 2
+    words = page.evaluate("document.getElementById('locus').layout.shapes[1].label.text")
+    assert "measured: test, 900 Hz" in words

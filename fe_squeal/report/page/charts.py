@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fe_squeal.report.axes import growth_limits
 from fe_squeal.report.branches import (
     PARAMETER_LABELS,
     collect_branches,
@@ -27,6 +28,7 @@ def chart_data(results: Results) -> dict[str, Any]:
     modes = results.modes
     name = results.parameter
     values = np.unique(numbers(modes, "value"))
+    growth, notes = growth_limits(modes)
     range_hz = (results.record.get("frequency_range_hz") or [0.0, None])[1]
     return {
         "parameter": name,
@@ -36,6 +38,8 @@ def chart_data(results: Results) -> dict[str, Any]:
         "values": values.tolist(),
         "texts": [value_text(v) for v in values],
         "rangeHz": range_hz,
+        "growthRange": growth,  # of the root locus, with sentences on what lies outside of it
+        "growthNotes": notes,
         "branches": _branches(results),
         "onsets": _onsets(results),
         "measured": [m for m in results.record.get("measured") or [] if m.get("frequency_hz")],

@@ -120,15 +120,20 @@ if (DATA.charts) {
   relabel();
   addEventListener("resize", () => setTimeout(relabel, 300));
 
-  const locus = document.getElementById("locus"), limit = Math.max(1, 1.15 * floorOfGrowth);
+  const locus = document.getElementById("locus"), shownGrowth = C.growthRange;
   const onAxis = C.branches.map((b) => ({ mode: "lines+markers", x: b.re, y: scaled(b.hz), text: texts(b), showlegend: false,
     line: { width: 1, color: colour.get(b.number) || "#9aa5af" }, marker: { size: b.grows ? 5 : 3 },
     hovertemplate: "%{text}<extra></extra>", customdata: b.value.map(() => b.number) }));
-  const heard = C.measured.map((m) => ({ mode: "lines", x: [-1e9, 1e9], y: [m.frequency_hz / per, m.frequency_hz / per], hoverinfo: "name",
-    line: { color: "#b3261e", width: 1.5, dash: "dot" }, name: plain(measuredName(m)), showlegend: false }));
-  const half = { type: "rect", xref: "x", yref: "paper", x0: 0, x1: 1e9, y0: 0, y1: 1, fillcolor: "rgba(179,38,30,.06)", line: { width: 0 }, layer: "below" };
-  Plotly.newPlot(locus, [...onAxis, ...heard, { mode: "markers", x: [], y: [], marker: { size: 14, color: "rgba(240,165,0,.45)" }, hoverinfo: "skip", showlegend: false }],
-    { ...base, shapes: [half], xaxis: { ...grid, title: { text: "growth rate Re λ (1/s)" }, range: [-limit, limit] },
+  // Lines from edge to edge are shapes: as traces they would be part of what the axes are scaled by.
+  const heard = C.measured.map((m) => ({ type: "line", xref: "paper", x0: 0, x1: 1, y0: m.frequency_hz / per, y1: m.frequency_hz / per,
+    line: { color: "#b3261e", width: 1.5, dash: "dot" },
+    label: { text: plain(measuredName(m)), textposition: "start", yanchor: "bottom", font: { size: 11, color: "#b3261e" } } }));
+  const half = { type: "rect", xref: "x", yref: "paper", x0: 0, x1: Math.max(shownGrowth[1], 1.15 * floorOfGrowth), y0: 0, y1: 1,
+    fillcolor: "rgba(179,38,30,.06)", line: { width: 0 }, layer: "below" };
+  const outside = C.growthNotes.map((note, i) => ({ xref: "paper", yref: "paper", x: 0, y: 1, xanchor: "left", yanchor: "bottom", yshift: 15 * (C.growthNotes.length - 1 - i),
+    showarrow: false, text: plain(note), font: { size: 11, color: "#51606e" } }));
+  Plotly.newPlot(locus, [...onAxis, { mode: "markers", x: [], y: [], marker: { size: 14, color: "rgba(240,165,0,.45)" }, hoverinfo: "skip", showlegend: false }],
+    { ...base, shapes: [half, ...heard], annotations: outside, xaxis: { ...grid, title: { text: "growth rate Re λ (1/s)" }, range: shownGrowth },
       yaxis: { ...grid, title: { text: `frequency (${unit})` }, range: [0, 1.05 * mostHz], zeroline: false } }, CONFIG);
 
   const damping = document.getElementById("damping");
@@ -148,7 +153,7 @@ if (DATA.charts) {
       line: { color: "#b3261e", width: 1.5, dash: "dot" }, name: plain(measuredName(m)), hoverinfo: "name", showlegend: false }));
     Plotly.react(damping, [ring, dots, ...measured], { ...base, xaxis: { ...grid, title: { text: `frequency (${unit})` }, range: [0, 1.05 * mostHz] },
       yaxis: { ...grid, title: { text: "damping ratio (%)" }, range: [1.2 * worst - 0.02 * best, 1.2 * best], zerolinecolor: "#1d2329" },
-      shapes: [{ type: "rect", xref: "paper", yref: "y", x0: 0, x1: 1, y0: -1e6, y1: 0, fillcolor: "rgba(179,38,30,.06)", line: { width: 0 }, layer: "below" }] }, CONFIG);
+      shapes: [{ type: "rect", xref: "paper", yref: "y", x0: 0, x1: 1, y0: 1.2 * worst - 0.02 * best, y1: 0, fillcolor: "rgba(179,38,30,.06)", line: { width: 0 }, layer: "below" }] }, CONFIG);
     const heads = ["branch", "frequency, Hz", "Re λ, 1/s", "damping ratio, %", "stability", "nodal diameters", "moves", "moves most"];
     const rows = here.map(([b, i]) => [String(b.number), digits(b.hz[i], 6), digits(b.re[i]), digits(b.ratio[i] === null ? null : 100 * b.ratio[i], 3),
       b.stability[i], b.diameters[i] || "–", b.way[i] || "–", b.body[i] || "–"]);
