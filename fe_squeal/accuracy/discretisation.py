@@ -223,8 +223,8 @@ def near_onsets(point: SweepPoint, bar: np.ndarray, onsets: Sequence[Onset]) -> 
     """Return the bars (k,) complex, rad/s, widened where an onset may lie on the other side of the point.
 
     If the distance d of the point from the onset is less than the error e of the onset, its modes may be stable or
-    unstable. Their growth rate is then uncertain by c √(d + e) where two modes meet, and by c (d + e) where one mode
-    crosses alone; c is the crossing speed of the onset.
+    unstable. Their growth rate is then uncertain by c √(d + e) or c (d + e), by the law of the onset and with its
+    crossing speed c.
 
     Parameters
     ----------
@@ -236,11 +236,10 @@ def near_onsets(point: SweepPoint, bar: np.ndarray, onsets: Sequence[Onset]) -> 
     """
     wide = bar.copy()
     for onset in onsets:
-        error, speed = onset.discretisation, abs(onset.crossing_speed)
-        apart = abs(point.value - onset.value)
-        if not (np.isfinite(error) and np.isfinite(speed) and apart <= error):
+        error, apart = onset.discretisation, abs(point.value - onset.value)
+        reach = onset.growth_within(apart + error)
+        if not (np.isfinite(reach) and apart <= error):
             continue
-        reach = speed * (np.sqrt(apart + error) if onset.branch_b is not None else apart + error)
         own = np.isin(point.branches, [b for b in (onset.branch_a, onset.branch_b) if b])
         wide.real = np.where(own, np.maximum(wide.real, reach), wide.real)
     return wide

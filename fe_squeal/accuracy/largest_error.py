@@ -87,8 +87,8 @@ def slow_windows(result: Sweep, limit: float) -> list[Onset]:
     Windows that interpolated matrices lack are taken for such: no change is known that the other mesh makes.
 
     Two modes that meet at a and b grow by κ√((p − a)(b − p)) between, at most by κ(b − a)/2 = c√(b − a)/2, with the
-    crossing speed c at the ends. With damping the growth between is taken to be concave, so that it lies below its
-    tangents at both ends: at most c(b − a)/2. A window whose speeds are not known counts.
+    crossing speed c at the ends. Where one crosses alone the growth between is taken to be concave, so that it lies
+    below its tangents at both ends: at most c(b − a)/2. A window whose speeds are not known counts.
     """
     alone = sorted((o for o in result.onsets if not np.isfinite(o.discretisation)), key=lambda o: o.value)
     found: list[Onset] = []
@@ -96,9 +96,8 @@ def slow_windows(result: Sweep, limit: float) -> list[Onset]:
         same = [o for o in alone if o.value > into.value and o.branch_a == into.branch_a and _near(o, into)]
         if not same or same[0].direction != "out of":
             continue
-        speed, length = np.abs([into.crossing_speed, same[0].crossing_speed]).max(), same[0].value - into.value
-        growth = speed * (length if result.problem.is_damped else np.sqrt(length)) / 2
-        if growth < limit:
+        length = same[0].value - into.value
+        if np.max([o.growth_within(length) for o in (into, same[0])]) / 2 < limit:  # NaN is not
             found += [into, same[0]]
     return found
 

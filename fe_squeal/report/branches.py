@@ -31,19 +31,25 @@ class Branch:
         The parameter, ascending.
     frequency_hz : (k,) float, Hz
     re : (k,) float, 1/s
-        Growth rate; zero at an onset.
+        Growth rate; zero at an onset. Where two modes that grow already meet or part it is interpolated, or NaN where
+        the branch grows on one side alone.
     re_uncertainty : (k,) float, 1/s
         Uncertainty of `re` by the solver and, if it was estimated, by the mesh; zero where it is unknown. At an onset
         it lies between those at the values around it, or is what the error of the onset makes of it.
     unstable : (k,) bool
     onset : (k,) int
-        1 for an onset into instability, −1 for one out of it, 0 for a value of the sweep.
+        1 for an onset into instability, −1 for one out of it, 0 for a value of the sweep and where modes that grow
+        already meet or part.
     joined : (k − 1,) bool
         Whether points i and i + 1 are neighbours in the sweep; a branch may be missing at some values.
     speed : (k,) float
         At an onset how steeply growth begins, the column `crossing_speed`; NaN elsewhere.
     rooted : (k,) bool
         At an onset whether growth begins like the square root of the distance (two modes meet), and not linearly.
+    passing : (k,) bool
+        Where two modes that grow already meet or part.
+    told : (k,) bool
+        At an onset whether its table says so; else `rooted` is whether two branches meet.
     leads : (k,) bool
         At an onset whether the branch is its `branch_a`. A window between two onsets is drawn on this branch.
     """
@@ -58,6 +64,8 @@ class Branch:
     joined: Bools
     speed: Floats
     rooted: Bools
+    passing: Bools
+    told: Bools
     leads: Bools
 
     @property
@@ -72,7 +80,7 @@ class Branch:
 
         Where it does, it may also be another mode than the one before it.
         """
-        return np.asarray(-self.re - self.re_uncertainty <= 2 * np.pi * self.frequency_hz)
+        return np.asarray(~(-self.re - self.re_uncertainty > 2 * np.pi * self.frequency_hz))
 
     @property
     def grows(self) -> bool:
@@ -85,9 +93,10 @@ class Branch:
 
         Without unstable points it is that of the onset at which a window begins, or else of the largest growth rate.
         """
-        if not self.unstable.any() and self.windows.any():
+        found = self.unstable & ~self.passing
+        if not found.any() and self.windows.any():
             return int(np.argmax(self.windows))
-        candidates = np.where(self.unstable, self.re, -np.inf) if self.unstable.any() else self.re
+        candidates = np.where(found, self.re, -np.inf) if found.any() else self.re
         return int(np.argmax(np.where(np.isnan(candidates), -np.inf, candidates)))
 
     def unstable_segments(self) -> Bools:
@@ -209,7 +218,8 @@ def collect_branches(modes: pd.DataFrame, onsets: pd.DataFrame) -> list[Branch]:
     sign = np.where(_text(onsets, "direction") == "out of", -1, 1)
     partners = np.column_stack([numbers(onsets, "branch_a"), numbers(onsets, "branch_b")])
     width = np.hypot(numbers(onsets, "uncertainty"), numbers(onsets, "discretisation"))
-    speed, paired = np.abs(numbers(onsets, "crossing_speed")), np.isfinite(partners[:, 1])
+    speed, law = np.abs(numbers(onsets, "crossing_speed")), _text(onsets, "law")
+    paired = np.where(law == "", np.isfinite(partners[:, 1]), law == "root").astype(bool)
 
     result = []
     for number in np.unique(branch[np.isfinite(branch)]):
@@ -219,20 +229,28 @@ def collect_branches(modes: pd.DataFrame, onsets: pd.DataFrame) -> list[Branch]:
         known = np.argsort(columns[rows, 0], kind="stable")
         around = np.interp(crossings[mine, 0], columns[rows, 0][known], columns[rows, 3][known])
         bars = np.fmin(around, np.where(paired[mine], np.nan, speed[mine] * width[mine]))
+        going = law[mine] == "parting"
+        growing = known[unstable[rows][known]]
+        there = np.full(mine.sum(), np.nan)
+        if len(growing):
+            at, rates = columns[rows][growing, 0], columns[rows][growing, 2]
+            there = np.interp(crossings[mine, 0], at, rates, left=np.nan, right=np.nan)
         value, frequency, re, uncertainty = np.concatenate([
-            columns[rows], np.column_stack([crossings[mine], np.zeros(mine.sum()), bars])
+            columns[rows], np.column_stack([crossings[mine], np.where(going, there, 0.0), bars])
         ]).T
-        kind = np.concatenate([np.zeros(rows.sum(), dtype=np.int64), sign[mine]])
-        grows = np.concatenate([unstable[rows], np.zeros(mine.sum(), dtype=bool)])
+        kind = np.concatenate([np.zeros(rows.sum(), dtype=np.int64), np.where(going, 0, sign[mine])])
+        grows = np.concatenate([unstable[rows], going & (len(growing) > 0)])
         at, own = np.full(rows.sum(), np.nan), np.zeros(rows.sum(), dtype=bool)
         speeds, rooted = np.append(at, speed[mine]), np.append(own, paired[mine])
+        told, passing = np.append(own, law[mine] != ""), np.append(own, going)
         leads = np.append(own, partners[mine, 0] == number)
         order = np.argsort(value, kind="stable")
         # Values of the sweep have the places 0, 1, 2, ... and onsets places between them. So two neighbouring points of
         # a branch are joined if their places differ by at most one.
         place = np.interp(value[order], sweep, np.arange(len(sweep)))
         result.append(Branch(int(number), value[order], frequency[order], re[order], uncertainty[order], grows[order],
-                             kind[order], np.diff(place) < 1 + 1e-9, speeds[order], rooted[order], leads[order]))
+                             kind[order], np.diff(place) < 1 + 1e-9, speeds[order], rooted[order],
+                             passing[order], told[order], leads[order]))
     return result
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 from scipy.interpolate import Akima1DInterpolator
 
-from fe_squeal.report.branches import Branch, Floats
+from fe_squeal.report.branches import Branch, Floats, collect_branches, numbers
 
 _DENSE = np.linspace(0.0, 1.0, 33)  # of a step: points at which a curve is evaluated
 _LARGEST = 1e6  # of a neighbour's growth to that of a step: beyond that it has nothing to say there
@@ -71,11 +72,48 @@ def _squares(branch: Branch, i: int) -> Floats:
 
 
 def _is_rooted(branch: Branch, i: int, width: float, last: float) -> bool:
-    """Return whether growth begins like a square root at onset i; for divergence the law that fits the next value."""
-    if branch.frequency_hz[i] or not (branch.speed[i] > 0 and last):
+    """Return whether growth begins like a square root at onset i; for divergence the law that fits the next value.
+
+    Tables of earlier versions do not tell the law of a divergence.
+    """
+    if branch.told[i] or branch.frequency_hz[i] or not (branch.speed[i] > 0 and last):
         return bool(branch.rooted[i])
     root, line = (abs(np.log(branch.speed[i] * width**power / abs(last))) for power in (0.5, 1.0))
     return bool(root <= line)
+
+
+def onset_laws(modes: pd.DataFrame, onsets: pd.DataFrame) -> list[str]:
+    """Return by which law growth begins at each onset: `root`, `linear`, `parting`, or "" where it is not known.
+
+    Tables of earlier versions have no laws. There two branches that meet in flutter have a root, one that crosses alone
+    has a line, and a divergence has the law that fits the growth of its branch at the next value.
+    """
+    if "law" in onsets:
+        return [str(law) for law in onsets["law"].astype(object).fillna("")]
+    paired, hz = np.isfinite(numbers(onsets, "branch_b")), numbers(onsets, "frequency_hz")
+    branches = {branch.number: branch for branch in collect_branches(modes, onsets)}
+    fits = [
+        _fitting(branches.get(int(number)), value) if np.isfinite([number, value]).all() else ""
+        for number, value in zip(numbers(onsets, "branch_a"), numbers(onsets, "value"), strict=True)
+    ]
+    kinds = onsets["kind"] if "kind" in onsets else pd.Series("flutter", index=onsets.index)
+    swings = (np.asarray(kinds) != "divergence") & (hz != 0)
+    return [("root" if pair else "linear") if s else fit for s, pair, fit in zip(swings, paired, fits, strict=True)]
+
+
+def _fitting(branch: Branch | None, value: float) -> str:
+    """Return the law that fits the growth of a branch at the value of the sweep next to its onset; "" if none tells."""
+    at = [] if branch is None else np.flatnonzero((branch.onset != 0) & (branch.value == value)).tolist()
+    if branch is None or len(at) != 1:
+        return ""
+    i, step = at[0], int(branch.onset[at[0]])
+    k = i + step  # where it grows
+    if not 0 <= k < len(branch.value) or branch.onset[k] or not branch.joined[min(i, k)]:
+        return ""
+    width, last = abs(branch.value[k] - branch.value[i]), branch.re[k]
+    if not (branch.speed[i] > 0 and last > 0 and width > 0):
+        return ""
+    return "root" if _is_rooted(branch, i, width, last) else "linear"
 
 
 def _beginning(width: float, last: float, speed: float, rooted: bool) -> tuple[Floats, Floats]:

@@ -61,7 +61,7 @@ def seeds_on_lines(
             continue
         for text in found.unsettled:
             told(f"{other} = {line:g}: {text}")
-        slow = _slow_windows(found.onsets, problem.is_damped, blind)
+        slow = _slow_windows(found.onsets, blind)
         if slow:
             told(_CROSSING)
         for onset in (o for o in found.onsets if o not in slow):
@@ -74,19 +74,19 @@ def seeds_on_lines(
                 yield seed
 
 
-def _slow_windows(onsets: Sequence[Onset], damped: bool, blind: float) -> list[Onset]:
+def _slow_windows(onsets: Sequence[Onset], blind: float) -> list[Onset]:
     """Return both ends of the windows in which no mode grows faster than `blind` times its frequency.
 
-    From both ends growth rises like c√d with the distance d where two modes meet, and like cd with damping: in the
-    middle of a window of width w it is at most c√w / 2, or cw / 2.
+    From both ends growth rises like c√d with the distance d where two modes meet, and like cd where one crosses alone:
+    in the middle of a window of width w it is at most c√w / 2, or cw / 2.
     """
     ordered, found = sorted(onsets, key=lambda o: o.value), list[Onset]()
     for into, out in pairwise(ordered):
         same = {into.branch_a, into.branch_b} & {out.branch_a, out.branch_b} - {None, 0}
         if (into.direction, out.direction) != ("into", "out of") or not same:
             continue
-        width, speed = out.value - into.value, max(abs(into.crossing_speed), abs(out.crossing_speed))
-        if speed * (width if damped else np.sqrt(width)) / 2 <= blind * 2 * np.pi * into.frequency_hz:
+        growth = np.max([o.growth_within(out.value - into.value) for o in (into, out)]) / 2
+        if growth <= blind * 2 * np.pi * into.frequency_hz:
             found += [into, out]
     return found
 

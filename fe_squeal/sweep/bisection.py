@@ -21,6 +21,8 @@ _WITHIN = 0.5  # of a mode's energy: a mode with more than this in the span of a
 _FAST = 4.0  # times the highest frequency: growing modes are looked for up to this |λ|
 _ASIDE = 1e-3  # of the step: distance from a bisected onset at which its growth rate is measured
 _PROPORTIONAL = 1.2  # exponent of growth beyond an onset: with a larger one it passes zero without a slope
+_NEARER = 4.0  # times: growth is compared at two distances, which differ by so much
+_ROOT = 0.375, 0.75  # exponents of growth between those of a fourth root, a square root and a line
 _CLEAR = 4.0  # times its uncertainty: a growth rate above this is no rounding
 
 
@@ -81,7 +83,7 @@ class Bisection:
         if not len(growing):
             growing, aside = more, abs(high - low)
         i = int(np.argmin(np.abs(growing.lam - lam)))
-        power = 0.5 if change.kind == "meeting" else 1.0
+        power = 0.5 if change.kind in ("meeting", "zero") else 1.0
         speed = growing.lam[i].real / aside**power
         # A mode counts as unstable only once Re λ exceeds its uncertainty, which is a little beyond the onset itself.
         # Twice the distance that the growth rate gives is allowed for, since growth is not linear.
@@ -98,7 +100,13 @@ class Bisection:
             here = None if affine else step.beside(step.problem, value).at({step.parameter: 0.0})
             error = step.reduced_model.root_error(value, lam.imag**2, right, left, here)[0]
             unseen += error  # of a modal projection it may be wider than the step, and then nothing is known
-        return onset_of(step, change, value, lam.imag, float(speed * np.sign(change.gains)), unseen)
+        law = law_of(step, change)
+        if law == "parting":  # growth does not begin there, and its distance says nothing
+            speed = np.nan
+        elif change.kind == "crossing":
+            law = _law_by_growth(growing, i, unstable(value + into * aside / _NEARER))
+            speed *= np.sqrt(aside) if law == "root" else 1.0
+        return onset_of(step, change, value, lam.imag, float(speed * np.sign(change.gains)), unseen, law)
 
     def _until_stable(self, change: Change, value: float, lam: complex, unseen: float, highest: float) -> float:
         """Return how far on the stable side of an onset its mode decays for sure, and `unseen` at least.
@@ -167,15 +175,49 @@ class Bisection:
         return max(abs(lam.imag), abs(lam.real)) or speed_of(self.step, change)
 
 
-def onset_of(step: Step, change: Change, value: float, omega: float, speed: float, uncertainty: float) -> Onset:
-    """Return the onset of a change at a value, with the frequency ω, rad/s; a divergence where that is zero."""
+def onset_of(
+    step: Step, change: Change, value: float, omega: float, speed: float, uncertainty: float, law: str | None = None
+) -> Onset:
+    """Return the onset of a change at a value, with the frequency ω, rad/s; a divergence where that is zero.
+
+    Its law of growth is that of the change unless it is given.
+    """
     kind = "flutter" if omega else "divergence"
     value = float(np.clip(value, min(step.ends), max(step.ends)))  # rounding may put it just beyond
     direction = "into" if change.gains >= 0 else "out of"
+    law = law_of(step, change) if law is None else law
     return Onset(
         step.parameter, value, float(omega / (2 * np.pi)), kind, direction, float(speed), 0, None,
-        float(uncertainty),
+        float(uncertainty), law=law if np.isfinite(speed) or law == "parting" else "",
     )  # fmt: skip
+
+
+def law_of(step: Step, change: Change) -> str:
+    """Return by which law growth begins at a change, see `Onset.law`."""
+    # Without dampers two θ that become a pair, or cease to be one, grow already where they are negative.
+    real = change.kind == "meeting" and step.in_theta and -change.v.real > abs(change.v.imag)
+    if real or change.kind == "parting":
+        return "parting"
+    return "linear" if change.kind == "crossing" else "root"
+
+
+def _law_by_growth(far: Modes, i: int, near: Modes) -> str:
+    """Return by which law mode i grows, from its growth at a distance and at `_NEARER` times less.
+
+    Without damping, with gyroscopic forces or without, modes that cross the axis in truth meet there, and grow like a
+    root. Growth that is lost in rounding, or is neither like a root nor in proportion, has no law: "".
+    """
+    if not len(near):
+        return ""
+    j = int(np.argmin(np.abs(near.lam - far.lam[i])))
+    rates = np.array([far.lam[i].real, near.lam[j].real])
+    blurs = np.array([far.re_uncertainty[i], near.re_uncertainty[j]])
+    if not (rates > _CLEAR * blurs).all():
+        return ""
+    power = float(np.log(rates[0] / rates[1]) / np.log(_NEARER))
+    if _ROOT[0] < power < _ROOT[1]:
+        return "root"
+    return "linear" if _ROOT[1] <= power <= _PROPORTIONAL else ""
 
 
 def speed_of(step: Step, change: Change) -> float:

@@ -25,8 +25,8 @@ class Onset:
     direction : "into" or "out of"
         Whether a mode becomes unstable or stable for a rising parameter.
     crossing_speed : float
-        dRe λ/dp, 1/s over the unit of p; where two eigenvalues meet, c in Re λ = c √|p − p_c|. NaN for two modes of
-        equal frequency that couple as soon as the parameter leaves the first value: there is no threshold then.
+        c in what `law` says, 1/s over the unit of p or over its root. NaN for two modes of equal frequency that couple
+        as soon as the parameter leaves the first value: there is no threshold then.
     branch_a, branch_b : int or None
         The branches that take part; `branch_b` is None where one mode crosses by itself.
     uncertainty : float
@@ -40,6 +40,10 @@ class Onset:
         The likely value for an infinitely fine mesh; NaN where it is not estimated.
     extrapolated_discretisation : float
         Error of `extrapolated`.
+    law : "root", "linear", "parting" or ""
+        How growth begins at a small distance d = |p − p_c|: Re λ = c √d where two eigenvalues meet, or λ and −λ at zero
+        without dampers; Re λ = c d where one crosses the imaginary axis. At a "parting" a pair λ, λ* that grows already
+        becomes two real λ ± c √d, or the reverse. "" where it is not known.
     """
 
     parameter: str
@@ -55,6 +59,16 @@ class Onset:
     discretisation: float = np.nan
     extrapolated: float = np.nan
     extrapolated_discretisation: float = np.nan
+    law: str = ""
+
+    @property
+    def has_root(self) -> bool:
+        """Whether Re λ changes like a square root beside it; where its law is not known, whether two branches meet."""
+        return self.law in ("root", "parting") if self.law else self.branch_b is not None
+
+    def growth_within(self, distance: float) -> float:
+        """Return the growth rate, 1/s, at a distance by its law; not finite where it has no threshold."""
+        return float(abs(self.crossing_speed) * (np.sqrt(distance) if self.has_root else distance))
 
     def is_copy_of(self, other: Onset) -> bool:
         """Return whether another onset is the same of an equal part of the brake, or this one itself."""

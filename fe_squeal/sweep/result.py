@@ -29,7 +29,7 @@ MODE_COLUMNS = (
 )  # fmt: skip
 ONSET_COLUMNS = (
     "parameter", "value", "frequency_hz", "kind", "direction", "crossing_speed", "branch_a", "branch_b", "uncertainty",
-    "two_mode_value", "discretisation",
+    "two_mode_value", "discretisation", "law",
 )  # fmt: skip
 CONTRIBUTION_COLUMNS = ("parameter", "value", "mode", "branch", "term", "re_share", "energy_share")
 SENSITIVITY_COLUMNS = ("parameter", "value", "mode", "branch", "number", "at", "dre", "dim")
@@ -152,7 +152,7 @@ class Sweep:
 
         rows = [
             (o.parameter, o.value, o.frequency_hz, o.kind, o.direction, o.crossing_speed, o.branch_a, o.branch_b,
-             o.uncertainty, o.two_mode_value, o.discretisation)
+             o.uncertainty, o.two_mode_value, o.discretisation, o.law)
             for o in self.onsets
         ]  # fmt: skip
         frame = pd.DataFrame(rows, columns=list(ONSET_COLUMNS))

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 from scipy.stats import ortho_group
 
 from fe_squeal import sweep
+from fe_squeal.errors import NotConvergedError
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
+from fe_squeal.report.branches import collect_branches
+from fe_squeal.report.growth import growth_curves
+from fe_squeal.sweep import refined
 
 KINDS = ("undamped", "damped", "gyroscopic")
 _DAMPING = 0.05
@@ -157,3 +162,78 @@ def test_a_value_that_is_critical_up_to_rounding(kind, seed, method):
     assert abs(found.value - critical) <= found.uncertainty + 1e-12 * critical
     assert found.direction == "into"
     assert all("came into the range" in w for w in result.warnings)  # the seventh mode, which grows from p = 0 on
+
+
+def bisected(monkeypatch):
+    """Let Newton's methods fail, so that every onset is found by bisection."""
+    def fails(*_args, **_options):
+        raise NotConvergedError("not today")
+
+    for name in ("find_zero", "find_crossing", "find_coalescence"):
+        monkeypatch.setattr(refined, name, fails)
+
+
+def growth_at(problem, value, hz):
+    """Re λ of the mode that grows with about a frequency, at one value."""
+    point = sweep(problem, np.array([value, value + 1e-6]), "p", modes=12).points[0]
+    growing = point.modes.lam[point.modes.lam.real > 0]
+    return growing[np.argmin(np.abs(growing.imag - 2 * np.pi * hz))].real
+
+
+@pytest.mark.parametrize("by", ["newton", "bisection"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_growth_behind_an_onset_follows_its_law(kind, by, monkeypatch):
+    """Flutter and divergence: c√d without dampers, gyroscopic forces or not, and c d with them, d behind the onset."""
+    with monkeypatch.context() as patch:
+        if by == "bisection":
+            bisected(patch)
+        onsets = sweep(chain(kind), np.array([0, 0.3, 0.8, 1.3]), "p", modes=8).onsets
+    assert [o.kind for o in onsets] == ["flutter", "divergence"]
+    for onset in onsets:
+        assert onset.law == ("linear" if kind == "damped" else "root")
+        true = growth_at(chain(kind), onset.value + 1e-5, onset.frequency_hz)
+        assert onset.growth_within(1e-5) == pytest.approx(true, rel=0.1)  # a bisection measures a step's 1e-3 aside
+
+
+def parting(kind):
+    """A mode that grows from the start on: at p = 0.5 it becomes two that do not swing; all of them grow."""
+    K, f, C = np.diag([1.0, 9.0]), np.diag([-1.5, 0.0]), np.diag([-1.0, 0.4])
+    if kind == "undamped":  # θ = −1 ± √(p − 0.5)
+        K, f = np.array([[-1.0, 0.5], [-1.0, -1.0]]), np.array([[0.0, 0.0], [2.0, 0.0]])
+    terms = [Term("m", "M", sp.eye_array(2, format="csr"), True), Term("k", "K", sp.csr_array(K), False),
+             Term("f", "K", sp.csr_array(f), False, {"p": 1})]  # fmt: skip
+    if kind == "damped":
+        terms.append(Term("c", "C", sp.csr_array(C), True))
+    return Problem(tuple(terms), {"p": 0.0})
+
+
+@pytest.mark.parametrize("by", ["newton", "bisection"])
+@pytest.mark.parametrize("kind", ["undamped", "damped"])
+def test_growing_modes_that_part_are_no_beginning_of_growth(kind, by, monkeypatch):
+    """λ is 1 or 0.5 there, which no value of the new branch tells: the law says so, and no curve begins at zero."""
+    if by == "bisection":
+        bisected(monkeypatch)
+    result = sweep(parting(kind), np.linspace(0, 0.6, 4), "p", modes=2)
+    [onset] = result.onsets
+    assert (onset.law, onset.direction) == ("parting", "into") and onset.value == pytest.approx(0.5, abs=1e-6)
+    assert np.isnan(onset.crossing_speed) == (by == "bisection")
+    branches = collect_branches(result.to_dataframe(), result.onsets_dataframe())
+    [branch, *mirror] = [b for b in branches if b.passing.any()]
+    at = int(np.flatnonzero(branch.passing)[0])
+    assert branch.onset[at] == 0 and branch.unstable[at] and branch.grows and branch.peak == at + 1
+    assert np.isnan(branch.re[at]) and branch.unstable_segments()[at] and branch.swings.all()
+    assert not any((curve[:, 1] == 0).any() for curve in growth_curves(branch))
+    assert len(mirror) == (kind == "undamped") and not any(b.grows for b in mirror)
+
+
+def test_growth_goes_on_where_a_branch_parts_from_another():
+    """Known on both sides, it is interpolated, and has no threshold at which it is zero."""
+    modes = pd.DataFrame({
+        "parameter": "mu", "value": [0.0, 0.4, 0.6, 1.0], "branch": 1, "re": [20.0, 30.0, 50.0, 60.0],
+        "frequency_hz": [8.0, 2.0, 0.0, 0.0], "stability": "unstable", "re_uncertainty": 0.0,
+    })  # fmt: skip
+    onset = {"value": 0.5, "frequency_hz": 0.0, "kind": "divergence", "direction": "into", "crossing_speed": 9.0,
+             "branch_a": 1, "branch_b": np.nan, "law": "parting"}  # fmt: skip
+    [branch] = collect_branches(modes, pd.DataFrame([onset]))
+    assert branch.re.tolist() == [20.0, 30.0, 40.0, 50.0, 60.0] and branch.unstable_segments().all()
+    assert min(curve[:, 1].min() for curve in growth_curves(branch)) == 20.0

@@ -9,7 +9,8 @@ from test_report_tables import printed
 from fe_squeal.report import figures
 from fe_squeal.report.branches import collect_branches
 from fe_squeal.report.figures import plot_stability
-from fe_squeal.report.growth import growth_curves
+from fe_squeal.report.growth import growth_curves, onset_laws
+from fe_squeal.report.page.charts import law_text
 from fe_squeal.report.tables import print_unstable
 from fe_squeal.report.views import moving_triangles
 
@@ -240,3 +241,53 @@ def test_nodal_lines_stay_off_the_clamped_hub():
     tilt = points[:, 0]
     crosses = (tilt[triangles].min(axis=1) < 0) & (tilt[triangles].max(axis=1) > 0)
     assert moving_triangles(points, triangles, tilt, np.abs(tilt) + 0.02)[crosses].all()
+
+
+def diverging(law, value, speed=200.0, /, **columns):
+    """One branch, stable up to 0.2 and growing at 0.4 by 200 √s or 200 s behind an onset at a value; its table."""
+    mu = np.array([0.0, 0.2, 0.4])
+    s = np.clip(mu - value, 0.0, None)
+    re = speed * (np.sqrt(s) if law == "root" else s)
+    modes = pd.DataFrame({"parameter": "mu", "value": mu, "branch": 1, "re": re, "im": 0.0, "frequency_hz": 0.0,
+                          "stability": np.where(re > 0, "unstable", "marginal"), "re_uncertainty": 0.0})
+    onset = {"parameter": "mu", "value": value, "frequency_hz": 0.0, "kind": "divergence", "direction": "into",
+             "crossing_speed": speed, "branch_a": 1, "branch_b": np.nan}  # fmt: skip
+    return modes, pd.DataFrame([onset | columns])
+
+
+@pytest.mark.parametrize("law", ["root", "linear"])
+def test_a_divergence_has_the_law_of_its_table_or_that_which_fits(law):
+    """Both laws occur: without dampers a root, with them a line. Earlier versions did not tell which."""
+    modes, onsets = diverging(law, 0.3)
+    assert onset_laws(modes, onsets) == onset_laws(modes, onsets.assign(law=law)) == [law]
+    other = {"root": "linear", "linear": "root"}[law]
+    assert onset_laws(modes, onsets.assign(law=other)) == [other]  # what the table says
+    [branch] = collect_branches(modes, onsets.assign(law=other))
+    assert branch.rooted[branch.onset == 1].tolist() == [other == "root"]
+    text = law_text(onsets.assign(law=law).iloc[0].to_dict(), "μ")
+    assert text == ("Re λ ≈ 200 √(μ − 0.3) 1/s" if law == "root" else "Re λ ≈ 200 (μ − 0.3) 1/s")
+
+
+@pytest.mark.parametrize("changed", [
+    {"law": ""}, {"law": np.nan}, {"branch_a": np.nan}, {"branch_a": 7}, {"value": 0.5}, {"crossing_speed": 0.0},
+])  # fmt: skip
+def test_a_law_that_is_not_known_is_no_formula(changed):
+    """The table leaves it open, or the branch has no value at which it grows behind the onset."""
+    modes, onsets = diverging("root", 0.3, **changed)
+    assert onset_laws(modes, onsets) == [""]
+    assert law_text(onsets.assign(law="").iloc[0].to_dict(), "μ") == "its law is not known"
+
+
+def test_flutter_of_earlier_versions_has_a_root_where_two_meet():
+    modes, onsets = coupled_tables([(2413.0, 60.0, EXACT), (900.0, 60.0, 0.2)], SWEEP)
+    onsets.loc[1, "branch_b"] = np.nan
+    assert onset_laws(modes, onsets) == ["root", "linear"]
+
+
+@pytest.mark.parametrize(("direction", "words"), [
+    ("into", "a growing mode becomes two that do not swing"), ("out of", "two growing modes become one that swings"),
+])  # fmt: skip
+def test_where_growing_modes_part_no_formula_is_given(direction, words):
+    _, onsets = diverging("root", 0.3, law="parting", direction=direction)
+    for speed in (200.0, np.nan):
+        assert law_text(onsets.iloc[0].to_dict() | {"crossing_speed": speed}, "μ") == words

@@ -32,7 +32,7 @@ MODES = (
 )
 ONSETS = (
     "parameter,value,frequency_hz,kind,direction,crossing_speed,branch_a,branch_b,uncertainty,two_mode_value,"
-    "discretisation"
+    "discretisation,law"
 )
 CONTRIBUTIONS = "parameter,value,mode,branch,term,re_share,energy_share"
 SENSITIVITIES = "parameter,value,mode,branch,number,at,dre,dim"
@@ -99,7 +99,7 @@ def test_onsets(out: Path) -> None:
     assert float(onset["value"]) == pytest.approx(CRITICAL_MU, rel=5e-3)
     assert float(onset["two_mode_value"]) == pytest.approx(CRITICAL_MU, rel=5e-3)
     assert (onset["parameter"], onset["kind"], onset["direction"]) == ("mu", "flutter", "into")
-    assert onset["discretisation"] == ""
+    assert (onset["discretisation"], onset["law"]) == ("", "root")
     unstable = {r["branch"] for r in read_rows(out / "modes.csv") if r["stability"] != "marginal"}
     assert {onset["branch_a"], onset["branch_b"]} == unstable
     # Re λ ≈ sqrt(COUPLING CONTACT (μ − μc)) / (2 m ω) near the onset.

@@ -17,7 +17,7 @@ from fe_squeal.report.branches import (
     total_uncertainty,
     value_text,
 )
-from fe_squeal.report.growth import growth_curves
+from fe_squeal.report.growth import growth_curves, onset_laws
 from fe_squeal.report.looks import body_text, diameters_text, look_text, plane_text, way_text
 from fe_squeal.report.onsets import mesh_states
 from fe_squeal.report.results import Results
@@ -84,8 +84,8 @@ def _branches(results: Results) -> list[dict[str, Any]]:
 
 def _onsets(results: Results) -> list[dict[str, Any]]:
     symbol, found = parameter_symbol(results.parameter), []
-    states = mesh_states(results.onsets)
-    for row, state in zip(results.onsets.to_dict("records"), states, strict=True):
+    onsets = results.onsets.assign(law=onset_laws(results.modes, results.onsets))
+    for row, state in zip(onsets.to_dict("records"), mesh_states(onsets), strict=True):
         if not np.isfinite([row["value"], row["frequency_hz"]]).all():
             continue
         pair = [int(row[k]) for k in ("branch_a", "branch_b") if row.get(k) == row.get(k) and row.get(k)]
@@ -99,21 +99,24 @@ def _onsets(results: Results) -> list[dict[str, Any]]:
 
 
 def law_text(row: dict[Any, Any], symbol: str) -> str:
-    """Return the law of growth near an onset, as a formula.
+    """Return the law of growth near an onset, with its `law`, as a formula.
 
     Examples
     --------
-    >>> law_text({"value": 0.25, "crossing_speed": 900.0, "branch_b": 5, "direction": "into"}, "μ")
+    >>> law_text({"value": 0.25, "crossing_speed": 900.0, "law": "root", "direction": "into"}, "μ")
     'Re λ ≈ 900 √(μ − 0.25) 1/s'
     """
+    is_out, law = row.get("direction") == "out of", row.get("law")
+    if law == "parting":
+        return "two growing modes become one that swings" if is_out else "a growing mode becomes two that do not swing"
     speed = float(row.get("crossing_speed", math.nan))
     if not math.isfinite(speed):
         return "no threshold: it grows from the start of the interval on"
     at = f"{float(row['value']):.4g}"
-    distance = f"{at} − {symbol}" if row.get("direction") == "out of" else f"{symbol} − {at}"
-    pair = row.get("branch_b")
-    met = pair is not None and pair == pair and row.get("kind") != "divergence"
-    return f"Re λ ≈ {abs(speed):.4g} √({distance}) 1/s" if met else f"Re λ ≈ {abs(speed):.4g} ({distance}) 1/s"
+    distance = f"{at} − {symbol}" if is_out else f"{symbol} − {at}"
+    if law not in ("root", "linear"):
+        return "its law is not known"
+    return f"Re λ ≈ {abs(speed):.4g} {'√' if law == 'root' else ''}({distance}) 1/s"
 
 
 def _finite(values: Any) -> list[float | None]:

@@ -7,9 +7,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from fe_squeal.process.signals import signals_deferred
 from fe_squeal.report.branches import distinct_texts, frequency_text, numbers, parameter_symbol
+from fe_squeal.report.growth import onset_laws
 from fe_squeal.report.looks import body_text, diameters_text, plane_text, way_text
 from fe_squeal.report.mesh_error import mesh_error_figure
 from fe_squeal.report.onsets import VANISHES, mesh_errors, mesh_states
@@ -45,7 +47,7 @@ def verdict_section(results: Results) -> str:
 
 def onset_table(results: Results) -> str:
     """Return the table of onsets with their laws of growth and errors."""
-    onsets = results.onsets.sort_values("value", kind="stable")
+    onsets = _onsets(results)
     symbol = parameter_symbol(results.parameter)
     value, solver, two = (numbers(onsets, name) for name in ("value", "uncertainty", "two_mode_value"))
     mesh = mesh_errors(onsets) or len(onsets) * ["–"]
@@ -61,6 +63,12 @@ def onset_table(results: Results) -> str:
     heads = (symbol, "kind", "direction", "growth behind it", "frequency", "branches", "± solver", "± mesh",
              *(("extrapolated",) if beyond is not None else ()), "two modes alone")  # fmt: skip
     return table("Onsets of instability", heads, rows, 4)
+
+
+def _onsets(results: Results) -> pd.DataFrame:
+    """Return the onsets with their laws of growth, ascending."""
+    laws = onset_laws(results.modes, results.onsets)
+    return results.onsets.assign(law=laws).sort_values("value", kind="stable")
 
 
 def interval_table(results: Results) -> str:
@@ -134,7 +142,7 @@ def _counts(row: dict[Any, Any]) -> bool:
 
 def _partner(results: Results, interval: UnstableInterval, symbol: str) -> list[str]:
     said = []
-    onsets = results.onsets.sort_values("value", kind="stable")
+    onsets = _onsets(results)
     for row, state in zip(onsets.to_dict("records"), mesh_states(onsets), strict=True):
         pair = [row[k] for k in ("branch_a", "branch_b") if row.get(k) == row.get(k) and row.get(k)]
         if interval.branch not in pair:
