@@ -66,6 +66,7 @@ class StudyRecord(BaseModel):
     status: str | None = None
     driver: str | None = None
     probability: _Number = None
+    known_hz: _Number = None
     dangerous: list[str] | None = None
     parameters: list[str] | None = None
     unstable_share: _Number = None

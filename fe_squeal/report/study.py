@@ -48,8 +48,14 @@ def _figure(width: float, height: float, title: str) -> Figure:
     return figure
 
 
-def plot_probability(bands: pd.DataFrame, path: str | os.PathLike[str], title: str = "") -> Path:
-    """Draw the probability of instability in every band and in the whole range, with 95 % intervals."""
+def plot_probability(
+    bands: pd.DataFrame, path: str | os.PathLike[str], title: str = "", known_hz: float = np.inf
+) -> Path:
+    """Draw the probability of instability in every band and in the whole range, with 95 % intervals.
+
+    All modes are known up to `known_hz`, which the whole range then is called by; where that is infinite they are all
+    there are.
+    """
     figure = _figure(8, 4.4, title)
     axes = figure.subplots()
     labels = [f"{low / 1e3:g} – {high / 1e3:g}" for low, high in bands[["low_hz", "high_hz"]].to_numpy()[:-1]]
@@ -61,7 +67,7 @@ def plot_probability(bands: pd.DataFrame, path: str | os.PathLike[str], title: s
     axes.errorbar(x, p[:, 0], gaps, fmt="none", ecolor="black", elinewidth=1.3, capsize=5, zorder=3)
     for at, value, top in zip(x, p[:, 0], p[:, 2], strict=True):
         axes.annotate(f"{value:.3g} %", (at, top), (0, 4), textcoords="offset points", ha="center", fontsize=9)
-    axes.set_xticks(x, [*labels, "all"])
+    axes.set_xticks(x, [*labels, f"all up\nto {known_hz / 1e3:.4g}" if np.isfinite(known_hz) else "all"])
     axes.set_xlabel("band of frequency (kHz)")
     axes.set_ylabel("probability of instability (%)")
     axes.set_ylim(0, min(max(1.15 * float(p[:, 2].max()), 1.0), 108.0))

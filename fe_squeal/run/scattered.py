@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 
 from ..problem.parameters import paths_of
@@ -45,12 +46,12 @@ def scattered(
     for frame, name in zip((samples, modes, bands, indices), names, strict=True):
         write_csv(frame, out / name)
     driver = driving(indices, "unstable") or driving(indices, "worst_re") or result.names[0]
-    plot_probability(bands, out / PROBABILITY_FIGURE, scene.title)
+    plot_probability(bands, out / PROBABILITY_FIGURE, scene.title, result.known_hz)
     plot_scatter(samples, modes, driver, out / SCATTER_FIGURE, scene.title)
     plot_indices(indices, out / INDICES_FIGURE, scene.title)
     dangerous = _write_dangerous(scene, result, out)
     whole = bands.iloc[-1]
-    known = f", up to {result.known_hz:.4g} Hz" if result.known_hz <= whole["high_hz"] else ""
+    known = f", up to {result.known_hz:.4g} Hz" if np.isfinite(result.known_hz) else ""
     console.print(
         f"unstable with a probability of {100 * whole['probability']:.3g} % (95 %: {100 * whole['lower']:.3g} to"
         f" {100 * whole['upper']:.3g} %), by {len(samples)} samples{known}",
@@ -73,6 +74,7 @@ def scattered(
         "samples": len(samples), "parameters": list(result.names), "method": result.solver.why,
         "solved_directly": int((samples["method"] == "direct").sum()), "tolerance": section.tolerance,
         "largest_error": float(samples["error"].max()), "probability": result.probability, "driver": driver,
+        "known_hz": result.known_hz if np.isfinite(result.known_hz) else None,
         "worst_re_quantiles": worst[0], "worst_damping_ratio_quantiles": worst[1], "dangerous": dangerous,
     }  # fmt: skip
 

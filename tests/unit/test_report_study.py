@@ -8,7 +8,9 @@ import pytest
 
 from fe_squeal.report import map as map_figure
 from fe_squeal.report import study
+from fe_squeal.report.files import write_csv, write_json
 from fe_squeal.report.map import plot_map
+from fe_squeal.report.page.study import write_study_page
 from fe_squeal.report.study import plot_indices
 
 
@@ -65,3 +67,33 @@ def test_the_legend_names_what_is_there(tmp_path, drawn, total):
     plot_indices(indices, tmp_path / "indices.png")
     named = [text.get_text() for text in drawn[0].legends[0].get_texts()]
     assert named == (["alone"] if np.isnan(total) else ["alone", "with all others"])
+
+
+BANDS = pd.DataFrame({
+    "low_hz": [1000.0, 2000.0, 1000.0], "high_hz": [2000.0, 4000.0, 3200.0], "samples": 64,
+    "probability": [0.25, 0.0, 0.25], "lower": [0.15, 0.0, 0.15], "upper": [0.37, 1.0, 0.37],
+})  # fmt: skip
+
+
+@pytest.mark.parametrize(("record", "label", "sentence"), [
+    ({"known_hz": 3200.0}, "all, up to 3200 Hz", " up to 3200 Hz; above it not all modes were solved for."),
+    ({"known_hz": None}, "all", "(95 % interval 15 to 37 %)."),
+    ({}, "all, 1000 to 3200 Hz", " 1000 to 3200 Hz; above it not all modes may have been solved for."),
+    ({"known_hz": "3"}, "all, 1000 to 3200 Hz", " 1000 to 3200 Hz; above it not all modes may have been solved for."),
+])  # fmt: skip
+def test_the_page_says_up_to_which_frequency_a_probability_holds(tmp_path, record, label, sentence):
+    """Unless the modes are all there are; earlier versions did not tell."""
+    write_json({"status": "complete", **record}, tmp_path / "study.json")
+    write_csv(BANDS, tmp_path / "bands.csv")
+    figures = dict.fromkeys(("probability", "scatter", "indices"), tmp_path / "none.png")
+    write_study_page(tmp_path / "study.json", {"bands": tmp_path / "bands.csv"}, figures, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    answer = page.split('<section id="answer"')[1].split("</section>")[0]
+    assert f'<th scope="row">{label}</th>' in answer
+    assert "Unstable with a probability of 25 % (95 % interval 15 to 37 %)" in answer and f"{sentence}</p>" in answer
+
+
+@pytest.mark.parametrize(("known", "label"), [(3200.0, "all up\nto 3.2"), (np.inf, "all")])
+def test_the_picture_says_up_to_which_frequency_a_probability_holds(tmp_path, drawn, known, label):
+    study.plot_probability(BANDS, tmp_path / "probability.png", "", known)
+    assert [text.get_text() for text in drawn[0].axes[0].get_xticklabels()] == ["1 – 2", "2 – 4", label]

@@ -110,6 +110,7 @@ def test_a_scatter_writes_what_the_interface_promises(scene, tmp_path, capsys):
     assert bands["probability"].iloc[:-1].sum() == pytest.approx(bands["probability"].iloc[-1])
     record = json.loads((out / "study.json").read_text())
     assert record["status"] == "complete" and "LAPACK" in record["method"]
+    assert record["known_hz"] is None  # both modes of two unknowns
     assert all((out / f"{name}.png").stat().st_size > 5000 for name in ("probability", "scatter", "indices"))
     # The samples that grow most run as scenes, and give the same growth.
     dangerous = load_scene(out / record["dangerous"][0])

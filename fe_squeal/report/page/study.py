@@ -73,9 +73,10 @@ def _scatter_sections(said: dict[str, Any], frames: dict[str, pd.DataFrame], fig
         low, high = (f"{100 * r[k]:.3g}" for k in ("lower", "upper"))
         rows.append((f"{r['low_hz']:g} to {r['high_hz']:g} Hz", f"{100 * r['probability']:.3g}", f"{low} to {high}"))
     if rows:
-        _, value, interval = rows.pop()
-        rows.append(("all", value, interval))
-        answer.append(f"Unstable with a probability of {value} % (95 % interval {interval} %).")
+        span, value, interval = rows.pop()
+        where, above = _covered(said, span)
+        rows.append((f"all{where}", value, interval))
+        answer.append(f"Unstable with a probability of {value} % (95 % interval {interval} %){where}{above}.")
     if said.get("driver") and 0 < (said.get("probability") or 0) < 1:
         answer.append(f"What drives it most is {said['driver']}.")
     words = "".join(f'<p class="answer">{text(sentence)}</p>' for sentence in answer)
@@ -92,6 +93,17 @@ def _scatter_sections(said: dict[str, Any], frames: dict[str, pd.DataFrame], fig
             "Sobol indices with 95 % intervals", ("parameter", "of", "alone", "with all others"), shares, 2)),
         ("dangerous", "Samples that grow most, as scenes", dangerous or "<p>No sample is unstable.</p>"),
     ]  # fmt: skip
+
+
+def _covered(said: dict[str, Any], span: str) -> tuple[str, str]:
+    """Return where the probability holds, and what is above; "" for both where there are no more modes.
+
+    Studies of earlier versions do not tell up to which frequency all modes are known; the last band ends there at most.
+    """
+    if "known_hz" not in said:
+        return f", {span}", "; above it not all modes may have been solved for"
+    known = said["known_hz"]
+    return ("", "") if known is None else (f", up to {known:.4g} Hz", "; above it not all modes were solved for")
 
 
 def _map_sections(said: dict[str, Any], frames: dict[str, pd.DataFrame], figures: dict[str, Path]) -> list[Section]:
