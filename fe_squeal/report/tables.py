@@ -277,7 +277,11 @@ def with_uncertainty(value: float, uncertainty: float) -> str:
     '8.61e-05 ± 2e-06'
     >>> with_uncertainty(123.4567, 0.02), with_uncertainty(123.4567, 0.0), with_uncertainty(123.4567, 1e-9)
     ('123.46 ± 0.02', '123.457', '123.457 ± 1e-09')
+    >>> with_uncertainty(123.4567, math.inf)
+    '123 ± ∞'
     """
+    if uncertainty == math.inf:
+        return f"{value:.3g} ± ∞"
     if not uncertainty > 0 or value == 0:
         return f"{value:.6g}"
     places = -math.floor(math.log10(uncertainty))

@@ -102,3 +102,33 @@ def test_measured_lines_do_not_scale_the_axes(shown):
     assert page.locator("#locus .shapelayer path, #locus .shape-label text, #locus .shapelayer text").count() >= 2
     words = page.evaluate("document.getElementById('locus').layout.shapes[1].label.text")
     assert "measured: test, 900 Hz" in words
+
+
+def test_growth_is_shown_with_its_errors(shown):
+    """As bars of the dots, on hovering, in words and in both tables; one that is not known of the mesh is marked."""
+    modes = modes_of({1: 100 * VALUES + 1, 2: 50 * VALUES + 1})
+    modes["re_discretisation"] = np.where(modes["branch"] == 1, 14.0, np.nan)
+    page = shown(modes, onsets_of())
+    dots = page.evaluate("""document.getElementById('stability').data.filter((d) => d.error_y)
+      .map((d) => [d.customdata[0], d.error_y.array, d.text[5]])""")
+    assert [(branch, bars) for branch, bars, _ in dots] == [(1, 6 * [14.000001]), (2, 6 * [None])]
+    assert "Re λ = 51 ± 14 1/s," in dots[0][2] and "Re λ = 26 ± 1e-06 1/s, mesh: ?," in dots[1][2]
+    assert page.locator("#stability .errorbars path.yerror").count() >= 6
+    assert page.evaluate("document.getElementById('stability')._fullLayout.yaxis2.range[1]") > 51 + 14
+    assert "Re λ = 51 ± 14 1/s, damping" in page.inner_text("#chosen")
+    page.select_option("#mode", "2")
+    assert "Re λ = 26 ± 1e-06 1/s, mesh: ?, damping" in page.inner_text("#chosen")
+    page.evaluate("for (const d of document.querySelectorAll('#charts details')) d.open = true")
+    page.wait_for_selector("#all-values td")
+    for table in ("#at-value", "#all-values"):
+        text = page.inner_text(f"{table} table")
+        assert "51 ± 14" in text and "26 ± 1e-06, mesh: ?" in text
+
+
+def test_what_loss_factors_say_nothing_of_has_no_bar(shown):
+    """Re λ decays faster than it swings, uncertain by |λ|: the growing values of the same branch have theirs."""
+    modes = modes_of({1: np.array([-9e3, 5.0, 5.0, 5.0, 5.0, 5.0])}, re_uncertainty=0.5)
+    modes.loc[0, "re_uncertainty"] = np.hypot(9e3, 2000 * np.pi)
+    page = shown(modes, onsets_of())
+    bars = page.evaluate("document.getElementById('stability').data.find((d) => d.error_y).error_y.array")
+    assert bars == [None, 0.5, 0.5, 0.5, 0.5, 0.5]

@@ -6,10 +6,12 @@ import math
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from fe_squeal.report.axes import growth_limits
 from fe_squeal.report.branches import (
     PARAMETER_LABELS,
+    Bools,
     collect_branches,
     frequency_text,
     numbers,
@@ -21,6 +23,7 @@ from fe_squeal.report.growth import growth_curves, onset_laws
 from fe_squeal.report.looks import body_text, diameters_text, look_text, plane_text, way_text
 from fe_squeal.report.onsets import mesh_states
 from fe_squeal.report.results import Results
+from fe_squeal.report.tables import half_known_growth, with_uncertainty
 
 
 def chart_data(results: Results) -> dict[str, Any]:
@@ -52,6 +55,7 @@ def _branches(results: Results) -> list[dict[str, Any]]:
         return []
     branch, value = numbers(modes, "branch"), numbers(modes, "value")
     uncertainty, ratio = total_uncertainty(modes), numbers(modes, "damping_ratio")
+    known = np.where(half_known_growth(modes), np.nan, uncertainty)
     for b in collect_branches(modes, results.onsets):
         rows = np.flatnonzero(branch == b.number)
         rows = rows[np.argsort(value[rows], kind="stable")]
@@ -67,7 +71,10 @@ def _branches(results: Results) -> list[dict[str, Any]]:
             "hz": [float(row["frequency_hz"]) for row in table],
             "re": [float(row["re"]) for row in table],
             "ratio": _finite(ratio[rows]),
-            "uncertainty": _finite(uncertainty[rows]),
+            # As texts; the uncertainty is null where that by the mesh is not known, and the bar where none is drawn.
+            "rate": [_rate(*pair) for pair in zip(numbers(modes, "re")[rows], uncertainty[rows], strict=True)],
+            "uncertainty": _finite(known[rows]),
+            "bar": _finite(np.where(_tells(modes)[rows], known[rows], np.nan)),
             "stability": [str(row["stability"]) for row in table],
             "diameters": [diameters_text(row) for row in table],
             "way": [way_text(row) for row in table],
@@ -80,6 +87,20 @@ def _branches(results: Results) -> list[dict[str, Any]]:
             "thickGrowth": _joined(curves, inside),
         })  # fmt: skip
     return found
+
+
+def _rate(re: float, uncertainty: float) -> str:
+    return with_uncertainty(float(re), float(uncertainty)) if math.isfinite(re) else "–"
+
+
+def _tells(modes: pd.DataFrame) -> Bools:
+    """Return (n,) bool, where the uncertainty of Re λ is one.
+
+    That of what decays faster than it swings is set to |λ| where loss factors say nothing of it: that is no bar.
+    """
+    re, omega, bar = numbers(modes, "re"), 2 * np.pi * numbers(modes, "frequency_hz"), total_uncertainty(modes)
+    size = np.hypot(re, omega)
+    return np.asarray(~((re <= -omega) & (np.abs(bar - size) <= 1e-6 * size)))
 
 
 def _onsets(results: Results) -> list[dict[str, Any]]:

@@ -7,7 +7,8 @@ if (DATA.charts) {
   let at = C.values.length - 1;
   const narrow = () => window.innerWidth < 700;
 
-  const hover = (b, i) => plain(`${b.name.split(",")[0]}: ${digits(b.hz[i])} Hz, Re λ = ${digits(b.re[i])} 1/s, ` +
+  const rate = (b, i, unit = "") => b.rate[i] + unit + (b.uncertainty[i] === null ? ", mesh: ?" : "");
+  const hover = (b, i) => plain(`${b.name.split(",")[0]}: ${digits(b.hz[i])} Hz, Re λ = ${rate(b, i, " 1/s")}, ` +
     `ζ = ${digits(b.ratio[i] === null ? null : 100 * b.ratio[i], 3)} %`) + "<br>" +
     plain([b.diameters[i], b.way[i], b.body[i]].filter(Boolean).join(", "));
   const texts = (b) => b.value.map((v, i) => plain(`${C.symbol} = ${digits(v)}`) + "<br>" + hover(b, i));
@@ -36,7 +37,8 @@ if (DATA.charts) {
       const point = { mode: "markers", marker, text: texts(b), hovertemplate: "%{text}<extra></extra>",
         customdata: b.value.map(() => b.number), showlegend: false };
       dots.push({ ...point, x: b.value, y: scaled(b.hz) });
-      if (b.grows) dots.push({ ...point, ...axes, x: b.value, y: b.re });
+      if (b.grows) dots.push({ ...point, ...axes, x: b.value, y: b.re,
+        error_y: { type: "data", array: b.bar, width: 0, thickness: 1.5, color: marker.color } });
     }
     const marks = [], told = (o) => [o.text, o.law, o.mesh].filter(Boolean).map(plain).join("<br>");
     const mark = (name, own, marker, text) => { if (own.length) marks.push({ mode: "markers", name, marker, x: own.map((o) => o.value),
@@ -106,6 +108,7 @@ if (DATA.charts) {
   }
 
   const floorOfGrowth = largest(growing.flatMap((b) => b.re), 0);
+  const topOfBars = growing.reduce((most, b) => b.re.reduce((top, r, i) => Math.max(top, r + (b.bar[i] || 0)), most), 0);
   const shapesOfChart = C.rangeHz ? [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: C.rangeHz / per, y1: C.rangeHz / per,
     line: { color: "#51606e", width: 1, dash: "dash" } }] : [];
   const stability = document.getElementById("stability");
@@ -114,7 +117,7 @@ if (DATA.charts) {
     xaxis: { ...grid, ...axisOfParameter, anchor: "y2" },
     yaxis: { ...grid, domain: [0.42, 1], title: { text: `frequency (${unit})` }, range: [0, 1.08 * mostHz], zeroline: false },
     yaxis2: { ...grid, domain: [0, 0.36], title: { text: "Re λ (1/s)" },
-      ...(floorOfGrowth > 0 ? { range: [-1.1 * floorOfGrowth, 1.15 * floorOfGrowth] } : {}) } }, CONFIG);
+      ...(floorOfGrowth > 0 ? { range: [-1.1 * floorOfGrowth, Math.max(1.15 * floorOfGrowth, 1.05 * topOfBars)] } : {}) } }, CONFIG);
 
   const relabel = () => Plotly.relayout(stability, { annotations: [...(narrow() ? [] : labelsOfOnsets()), ...labelOfRange()] });
   relabel();
@@ -155,7 +158,7 @@ if (DATA.charts) {
       yaxis: { ...grid, title: { text: "damping ratio (%)" }, range: [1.2 * worst - 0.02 * best, 1.2 * best], zerolinecolor: "#1d2329" },
       shapes: [{ type: "rect", xref: "paper", yref: "y", x0: 0, x1: 1, y0: 1.2 * worst - 0.02 * best, y1: 0, fillcolor: "rgba(179,38,30,.06)", line: { width: 0 }, layer: "below" }] }, CONFIG);
     const heads = ["branch", "frequency, Hz", "Re λ, 1/s", "damping ratio, %", "stability", "nodal diameters", "moves", "moves most"];
-    const rows = here.map(([b, i]) => [String(b.number), digits(b.hz[i], 6), digits(b.re[i]), digits(b.ratio[i] === null ? null : 100 * b.ratio[i], 3),
+    const rows = here.map(([b, i]) => [String(b.number), digits(b.hz[i], 6), rate(b, i), digits(b.ratio[i] === null ? null : 100 * b.ratio[i], 3),
       b.stability[i], b.diameters[i] || "–", b.way[i] || "–", b.body[i] || "–"]);
     fillTable(document.querySelector("#at-value .scroll"), `All modes at ${C.symbol} = ${C.texts[at]}`, heads, rows, here.map(([b]) => b.number));
   }
@@ -165,7 +168,7 @@ if (DATA.charts) {
     if (!b) { place.textContent = "No mode is chosen."; return; }
     const i = nearest(b);
     const words = i < 0 ? `is not among the modes at ${C.symbol} = ${C.texts[at]}` :
-      `at ${C.symbol} = ${C.texts[at]}: ${digits(b.hz[i], 6)} Hz, Re λ = ${digits(b.re[i])} 1/s, damping ratio ${digits(b.ratio[i] === null ? null : 100 * b.ratio[i], 3)} %, ` +
+      `at ${C.symbol} = ${C.texts[at]}: ${digits(b.hz[i], 6)} Hz, Re λ = ${rate(b, i, " 1/s")}, damping ratio ${digits(b.ratio[i] === null ? null : 100 * b.ratio[i], 3)} %, ` +
       [b.stability[i], b.diameters[i], b.way[i], b.plane[i], b.body[i]].filter(Boolean).join(", ");
     const onsets = C.onsets.filter((o) => o.branches.includes(b.number)).map((o) => `${o.into ? "unstable from" : "stable again from"} ${o.text} on (${[o.law, o.mesh].filter(Boolean).join("; ")})`);
     place.textContent = `Branch ${b.number} ${words}.` + (onsets.length ? ` It is ${onsets.join("; ")}.` : "");
@@ -210,7 +213,7 @@ if (DATA.charts) {
     if (!all.open || all.querySelector("table")) return;
     const rows = [], branches = [];
     for (const b of C.branches) b.value.forEach((v, i) => {
-      rows.push([String(b.number), digits(v), digits(b.hz[i], 6), digits(b.re[i]), digits(b.ratio[i] === null ? null : 100 * b.ratio[i], 3), b.stability[i]]);
+      rows.push([String(b.number), digits(v), digits(b.hz[i], 6), rate(b, i), digits(b.ratio[i] === null ? null : 100 * b.ratio[i], 3), b.stability[i]]);
       branches.push(b.number);
     });
     fillTable(all.querySelector(".scroll"), "All modes at all values", ["branch", C.symbol, "frequency, Hz", "Re λ, 1/s", "damping ratio, %", "stability"], rows, branches);
