@@ -47,7 +47,9 @@ def plot_differences(table: pd.DataFrame, path: str | os.PathLike[str], symbol: 
     left.set_ylim(len(shown) - 0.5, -0.5)
     handles = [left.plot([], [], "o", mfc="none", mec=_BEFORE, mew=1.4, ms=11, label="before")[0],
                left.plot([], [], "o", color=_AFTER, label="after")[0]]  # fmt: skip
-    figure.legend(handles=handles, loc="outside lower right", ncols=2, frameon=False, fontsize=9)
+    if np.isinf(shown[["onset_bar", "re_bar"]].to_numpy(float)).any():
+        handles += left.plot([], [], ls="", marker="$?$", color=_AFTER, label="error not known")
+    figure.legend(handles=handles, loc="outside lower right", ncols=len(handles), frameon=False, fontsize=9)
     return save_figure(figure, path)
 
 

@@ -35,13 +35,15 @@ def mesh_states(onsets: pd.DataFrame) -> list[str]:
 def mesh_errors(onsets: pd.DataFrame) -> list[str] | None:
     """Return the error of each onset by the mesh, as texts; None where it was not estimated.
 
+    A table of an estimated run has a column of extrapolated values, even if no error is known.
+
     Examples
     --------
     >>> mesh_errors(pd.DataFrame({"branch_a": [0, 3, 5], "discretisation": [np.inf, np.nan, 0.02]}))
     ['refined only', '?', '± 0.02']
     """
     mesh = numbers(onsets, "discretisation")
-    if np.isnan(mesh).all():
+    if np.isnan(mesh).all() and "value_extrapolated" not in onsets:
         return None
     texts = zip(mesh_states(onsets), mesh.tolist(), strict=True)
     return [state or ("?" if np.isnan(error) else f"± {error:.2g}") for state, error in texts]

@@ -61,6 +61,14 @@ def test_what_the_refined_mesh_says_of_the_first_onset(bar: float, sentence: str
     assert ("The refined mesh has no such onset." in mode_sections(found)) == np.isinf(bar)
 
 
+def test_an_estimate_that_knows_no_error_is_one() -> None:
+    """Interpolated matrices lack the only onset: it is not said that the mesh was not looked at."""
+    found = with_bars(results(PAIRS[0]), np.nan)
+    found = replace(found, onsets=found.onsets.assign(extrapolated_discretisation=np.nan, value_extrapolated=np.nan))
+    assert "its error by the mesh is not known" in verdict.answer(found)[1]
+    assert '<td class="number">?</td>' in onset_table(found)
+
+
 def test_without_an_estimate_no_onset_is_in_doubt() -> None:
     plain = results(*PAIRS)
     assert "the error of the mesh was not estimated" in verdict.answer(plain)[1]

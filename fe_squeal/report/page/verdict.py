@@ -205,7 +205,7 @@ def _first_of_mesh(results: Results, onsets: pd.DataFrame, symbol: str) -> list[
         of_mesh = f"± {mesh:.2g} by the mesh" if np.isfinite(mesh) else "the refined mesh has no such onset"
     elif mesh_errors(results.onsets) is not None:
         of_mesh = "its error by the mesh is not known"
-    others = f" {len(onsets) - 1} more follow." if len(onsets) > 1 else ""
+    others = f" {len(onsets) - 1} more follow{'s' if len(onsets) == 2 else ''}." if len(onsets) > 1 else ""
     return [
         f"The first instability sets in at {symbol} = {value:.6g} ({of_solver}; {of_mesh}), at"
         f" {frequency_text(float(first['frequency_hz'].iloc[0]))}.{others}"
