@@ -91,14 +91,14 @@ def largest_within(
         nu, y = nu[order], y[:, order]
         residual = np.linalg.norm(S[m : m + block, :m] @ y, axis=0)
         count, known = _sure(np.abs(nu), residual, radius, most)
-        open_ = nu[(np.abs(nu) * radius > 1) & (residual <= _SHOWN * np.abs(nu)) & ~_converged(np.abs(nu), residual)]
+        open_ = nu[(np.abs(nu) > 1 / radius) & (residual <= _SHOWN * np.abs(nu)) & ~_converged(np.abs(nu), residual)]
         patient = needed is not None and cut < _PATIENT and needed(open_).any()
         if known >= radius or count >= most or (full and cut >= restarts and not patient):
-            converged = np.flatnonzero(_converged(np.abs(nu), residual) & (np.abs(nu) * radius > 1))
+            converged = np.flatnonzero(_converged(np.abs(nu), residual) & (np.abs(nu) > 1 / radius))
             chosen = np.union1d(np.arange(count), converged[: max(most, count)])[: max(most, count)]
             return nu[chosen], combine(V[:, :m], y[:, chosen]), known
         if full:
-            wanted = int(np.count_nonzero(np.abs(nu) * radius > 1))
+            wanted = int(np.count_nonzero(np.abs(nu) > 1 / radius))
             m = looked = _cut_back(V, S, m, min(int(_KEPT * min(wanted, most)) + _BESIDE, m - 4 * block), block)
             cut += 1
 
@@ -151,7 +151,7 @@ def _sure(size: np.ndarray, residual: np.ndarray, radius: float, most: int) -> t
     open_ = np.flatnonzero(~_converged(size, residual))
     first = int(open_[0]) if len(open_) else len(size)
     known = min(radius, 1 / (size[first] + residual[first])) if len(open_) else radius
-    count = int(np.count_nonzero(size[:first] * known > 1))
+    count = int(np.count_nonzero(size[:first] > 1 / known))
     if count > most:
         count, known = most, min(known, 2 / (size[most - 1] + size[most]))
     return count, known

@@ -17,7 +17,7 @@ from .dense import DENSE_LIMIT
 from .disc import largest_within, room_for
 from .free_modes import FreeModes, States
 from .linear.choice import choose, factorize
-from .linear.factor import Factor, LinearSolver, Solve
+from .linear.factor import Factor, LinearSolver, SingularError, Solve
 from .memory import require_vectors
 from .pencil import Pencil
 from .threads import one_openblas_thread
@@ -32,6 +32,7 @@ _SMALL, _SHARE, _MOST_OF = 100, 4, 1.5
 # Vectors that are multiplied at once: solves for several right-hand sides read the factors once for all of them. Of 4
 # to 16 this took the least time for 54 modes of strong friction on 7 257 and 24 789 unknowns. Restarts, at most.
 _BLOCK, _RESTARTS = 8, 100
+_APART = 1e-6  # of a shift: an eigenvalue that is nearer is the shift itself
 _ASIDE = 1e-5  # relative distance from an eigenvalue at which inverse iteration gains five digits a step
 _ALIKE = 1e3  # ratio of units of the unknowns up to which scaling is not worth a copy of the matrices
 
@@ -119,6 +120,8 @@ class ShiftInverted:
         ------
         NotConvergedError
             `partial` has the values 1/(θ − σ), 1/(λ − σ) that converged.
+        SingularError
+            The shift is an eigenvalue.
         """
         apply, finish, dtype = self._operator(adjoint)
         if self._takes_all(count):
@@ -127,6 +130,8 @@ class ShiftInverted:
             return finish(nu[order], z[:, order])
         with one_openblas_thread():
             nu, z, _ = largest_within(apply, self.size, np.inf, count, _RESTARTS, block=_BLOCK)
+        if np.abs(nu).max(initial=0.0) * _APART * abs(self._shift) > 1:  # beside it others would be inexact
+            raise SingularError(f"the shift {self.sigma:.6g} is an eigenvalue")
         if len(nu) < count:
             raise NotConvergedError(f"block Krylov-Schur: {len(nu)} of {count} modes converged", partial=nu)
         return finish(nu, z)
