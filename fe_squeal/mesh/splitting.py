@@ -54,16 +54,9 @@ def fill_midside(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats,
         edges, first = np.array(EDGES[SHAPE[kind]]), corner_count(kind)
         ends.append(nodes[:, edges].reshape(-1, 2))
         middles.append(nodes[:, first : first + len(edges)].ravel())
-    pairs, middle = np.concatenate(ends), np.concatenate(middles)
-    ids = row_ids(pairs)
-    of_edge = np.full(ids.max(initial=-1) + 1, -1)
-    of_edge[ids[middle >= 0]] = middle[middle >= 0]
-    bare = np.unique(ids[of_edge[ids] < 0], return_index=True)[0]
-    sample = np.zeros(len(of_edge), dtype=np.int64)
-    sample[ids] = np.arange(len(ids))
-    of_edge[bare] = len(points) + np.arange(len(bare))
-    points = np.vstack([points, points[pairs[sample[bare]]].mean(axis=1)])
-    middle = np.where(middle < 0, of_edge[ids], middle)
+    pairs = np.concatenate(ends)
+    middle, new = _shared_middles(pairs, np.concatenate(middles), len(points))
+    points = np.vstack([points, points[pairs[new]].mean(axis=1)])
     out, at = [], 0
     for kind, nodes, block in wide:
         first, count = corner_count(kind), len(EDGES[SHAPE[kind]])
@@ -71,6 +64,34 @@ def fill_midside(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats,
         at += len(nodes) * count
         out.append(CellBlock(kind, nodes, block.labels, block.prefix))
     return points, tuple(out)
+
+
+def _shared_middles(pairs: Ints, middle: Ints, start: int) -> tuple[Ints, Ints]:
+    """Give each edge a node in its middle.
+
+    Parameters
+    ----------
+    pairs : (n, 2) int
+        The ends of edges of all cells; an edge of several cells is listed for each.
+    middle : (n,) int
+        The node that the cell has in the middle of the edge, -1 where it has none.
+    start : int
+        The number of the first new node.
+
+    Returns
+    -------
+    middle : (n,) int
+        Where there was none: the node that another cell has on this edge, or else a new one.
+    new : (m,) int
+        For each new node an edge, a row of `pairs`, in whose middle it is.
+    """
+    ids = row_ids(pairs)
+    of_edge = np.full(ids.max(initial=-1) + 1, -1)
+    of_edge[ids[middle >= 0]] = middle[middle >= 0]
+    bare, new = np.unique(np.where(of_edge[ids] < 0, ids, -1), return_index=True)
+    bare, new = bare[bare >= 0], new[bare >= 0]
+    of_edge[bare] = start + np.arange(len(bare))
+    return np.where(middle < 0, of_edge[ids], middle), new
 
 
 def complete_hexahedra(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats, tuple[CellBlock, ...]]:
@@ -161,9 +182,9 @@ def split_quadrilaterals(corners: Ints) -> Ints:
 def split_cells(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats, CellBlock, Ints]:
     """Split all cells into tetrahedra that fit together across shared faces.
 
-    Quadratic cells give 10-node tetrahedra. The middle node of each new edge is where the cell's own curved map has it,
-    so every node and every edge of the file is kept; only between its edges the surface of a curved quadrilateral
-    changes slightly.
+    Quadratic cells give 10-node tetrahedra. Nodes of the cells, on edges and in the centres of faces and cells, stay in
+    the middles of edges of the tetrahedra. The middle node of an edge that has none is where the cell's own curved map
+    has it; only between its edges the surface of a curved quadrilateral changes slightly.
 
     Parameters
     ----------
@@ -174,14 +195,15 @@ def split_cells(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats, 
     Returns
     -------
     points : (m, 3) float, m
-        The new mid-edge nodes stand at the end.
+        The new nodes stand at the end: middles of diagonals of faces and cells that have no node in their centre.
     block : CellBlock
         Cells of kind "tetra" or "tetra10"; its labels are those of the cells that the tetrahedra came from.
     parent : (t,) int
         The cell of each tetrahedron, counted through all blocks.
     """
     quadratic = any(block.kind != SHAPE[block.kind] for block in blocks)
-    nodes, parents, labels, middles, ends, at = [], [], [], [], [], 0
+    nodes, parents, labels, at = [], [], [], 0
+    ends, own, middles = [], [], []  # of the edges of the tetrahedra: corners, the cell's node in the middle, its place
     edges = np.array(EDGES["tetra"])
     for block in blocks:
         shape, count = SHAPE[block.kind], corner_count(block.kind)
@@ -197,22 +219,23 @@ def split_cells(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats, 
             corners = REFERENCE[block.kind][:count]
             pair_points = (corners[:, None] + corners[None]).reshape(-1, 3) / 2
             weights = shape_functions(block.kind, pair_points).reshape(count, count, -1)
+            apart = np.abs(pair_points[:, None] - REFERENCE[block.kind]).max(axis=2)
+            node = np.where(apart.min(axis=1) == 0.0, apart.argmin(axis=1), -1).reshape(count, count)
             pairs = np.sort(local[:, edges], axis=2)
             for j in range(len(edges)):
-                w = weights[pairs[:, j, 0], pairs[:, j, 1]]
+                w, local_node = weights[pairs[:, j, 0], pairs[:, j, 1]], node[pairs[:, j, 0], pairs[:, j, 1]]
+                own.append(np.where(local_node >= 0, block.nodes[parent, local_node], -1))
                 middles.append(np.einsum("nk,nkd->nd", w, points[block.nodes[parent]]))
                 ends.append(tetra[:, edges[j]])
     tetrahedra = np.vstack(nodes)
     prefix = blocks[0].prefix if len({block.prefix for block in blocks}) == 1 else ""
     kind = "tetra"
     if quadratic:
-        ids = row_ids(np.vstack(ends))
-        _, first = np.unique(ids, return_index=True)
-        new = len(points) + ids
-        points = np.vstack([points, np.vstack(middles)[first]])
+        middle, new = _shared_middles(np.vstack(ends), np.concatenate(own), len(points))
+        points = np.vstack([points, np.vstack(middles)[new]])
         columns, start = [], 0
         for block_nodes in nodes:
-            columns.append(new[start : start + 6 * len(block_nodes)].reshape(6, -1).T)
+            columns.append(middle[start : start + 6 * len(block_nodes)].reshape(6, -1).T)
             start += 6 * len(block_nodes)
         tetrahedra = np.hstack([tetrahedra, np.vstack(columns)])
         kind = "tetra10"

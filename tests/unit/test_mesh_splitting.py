@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mesh_measures import area, grid_of_kinds, volume
 
 from fe_squeal.errors import MeshError
 from fe_squeal.mesh.building import build_mesh
+from fe_squeal.mesh.elements import corner_count
+from fe_squeal.mesh.node_sets import find_nodes
 from fe_squeal.mesh.raw import CellBlock, RawMesh
 
 LINEAR = ["hexahedron", "wedge", "pyramid"]
@@ -79,12 +83,38 @@ def test_missing_midside_nodes_are_filled_from_the_neighbour():
     assert volume(loaded.mesh) == pytest.approx(whole, rel=0.02)
 
 
-def test_midside_nodes_that_lie_apart_are_refused():
-    raw = grid_of_kinds(1, ["tetra10"], lambda x: x, 2)
-    nodes, points = raw.blocks[0].nodes.copy(), raw.points
-    shared = nodes[0, 4 + 3 if False else 4 :][np.isin(nodes[0, 4:], nodes[1:, 4:])][0]
+@pytest.mark.parametrize("kind", ["tetra10", "wedge15"])
+def test_midside_nodes_that_lie_apart_are_refused(kind):
+    raw = grid_of_kinds(1, [kind], lambda x: x, 2)
+    nodes, points, count = raw.blocks[0].nodes.copy(), raw.points, corner_count(kind)
+    shared = nodes[0, count:][np.isin(nodes[0, count:], nodes[1:, count:])][0]
     points = np.vstack([points, points[shared] + 0.02])
     nodes[0][nodes[0] == shared] = len(points) - 1
-    broken = RawMesh(points, np.arange(len(points)), (CellBlock("tetra10", nodes, raw.blocks[0].labels),), {}, {})
+    broken = RawMesh(points, np.arange(len(points)), (CellBlock(kind, nodes, raw.blocks[0].labels),), {}, {})
     with pytest.raises(MeshError, match="midside node there lies elsewhere"):
         build_mesh(broken, "gap.inp")
+
+
+@pytest.mark.parametrize("kinds", [QUADRATIC, FULL, ["hexahedron20", "tetra10"]])
+def test_nodes_of_sets_stay_when_cells_are_split(kinds):
+    """All nodes of a face, its corners alone, its other nodes alone, and one node by its number."""
+    raw = grid_of_kinds(2, kinds, shear, 4)
+    top = np.flatnonzero(np.abs(raw.points[:, 2] - 1) < 1e-9)
+    ends = np.unique(np.concatenate([block.nodes[:, : corner_count(block.kind)].ravel() for block in raw.blocks]))
+    sets = {"top": top, "corners": np.intersect1d(top, ends), "middles": np.setdiff1d(top, ends)}
+    loaded = build_mesh(replace(raw, node_groups=sets), "top.inp")
+    for name, rows in sets.items():
+        found = loaded.mesh.doflocs[:, loaded.node_groups[name].nodes].T
+        np.testing.assert_allclose(np.unique(found.round(9), axis=0), np.unique(raw.points[rows].round(9), axis=0))
+        assert not np.isin(loaded.node_groups[name].held, _columns(loaded, np.setdiff1d(ends, rows))).any()
+    # Between nodes of the face only those are held with it that the file does not have.
+    others = np.setdiff1d(loaded.node_groups["corners"].held, loaded.node_groups["corners"].nodes)
+    assert loaded.added[others].all() and not loaded.added[_columns(loaded, np.arange(len(raw.points)))].any()
+    at = loaded.mesh.doflocs[:, find_nodes(loaded, str(sets["middles"][0]), "nodes").nodes]
+    np.testing.assert_allclose(at[:, 0], raw.points[sets["middles"][0]], atol=1e-12)
+
+
+def _columns(loaded, numbers):
+    """Return the columns (n,) of the mesh's nodes that nodes of the file are."""
+    known, columns = loaded.node_numbers[""]
+    return columns[np.searchsorted(known, numbers)]
