@@ -52,9 +52,9 @@ def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
     check_on_faces(raw, faces, source)
     surfaces, unusable = dict(raw.surfaces), dict(raw.unusable)
     for name, rows in raw.node_groups.items():
-        parts = boundary_of_nodes(rows, faces, len(raw.points))
         if name in surfaces:
             continue
+        parts = boundary_of_nodes(rows, faces, given)
         if any(len(part) for part in parts):
             surfaces[name] = parts
         else:

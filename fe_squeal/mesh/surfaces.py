@@ -78,10 +78,11 @@ def find_rows(wanted: Ints, table: Ints) -> Ints:
     return place[ids[len(table) :]]
 
 
-def boundary_of_nodes(rows: Ints, faces: dict[int, Faces], node_count: int) -> list[Ints]:
+def boundary_of_nodes(rows: Ints, faces: dict[int, Faces], given: int) -> list[Ints]:
     """Return the corners of the boundary faces all of whose nodes are in a set of nodes, triangles and quadrilaterals.
 
-    If the set has no midside nodes, as sets of some programs, the corners of a face suffice.
+    Nodes that the file does not have, and that were added to its cells, are not asked for. If the set has no midside
+    nodes, as sets of some programs, the corners of a face suffice.
 
     Parameters
     ----------
@@ -89,18 +90,19 @@ def boundary_of_nodes(rows: Ints, faces: dict[int, Faces], node_count: int) -> l
         The nodes of the set.
     faces : dict
         As `faces_of` returns them.
-    node_count : int
-        Number of all nodes.
+    given : int
+        Number of the nodes of the file; those behind them were added.
     """
-    member = np.zeros(node_count + 1, dtype=bool)  # the last entry stands for "no node", index -1
+    member = np.zeros(given + 1, dtype=bool)  # the last entry stands for "no node of the file"
     member[rows] = True
     held = []
     for some in faces.values():
         inside = some.boundary & member[some.corners].all(axis=1)
         held.append((some, inside))
-    with_mids = any(member[some.mids][some.mids >= 0].any() for some, _ in held)
-    if with_mids:
-        held = [(some, inside & (member[some.mids] | (some.mids < 0)).all(axis=1)) for some, inside in held]
+    mids = [np.where(some.mids < given, some.mids, -1) for some, _ in held]
+    if any(member[own].any() for own in mids):
+        all_in = [(member[own] | (own < 0)).all(axis=1) for own in mids]
+        held = [(some, inside & whole) for (some, inside), whole in zip(held, all_in, strict=True)]
     return [some.corners[inside] for some, inside in held]
 
 

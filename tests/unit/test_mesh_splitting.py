@@ -98,8 +98,7 @@ def test_midside_nodes_that_lie_apart_are_refused(kind):
 @pytest.mark.parametrize("kinds", [QUADRATIC, FULL, ["hexahedron20", "tetra10"]])
 def test_nodes_of_sets_stay_when_cells_are_split(kinds):
     """All nodes of a face, its corners alone, its other nodes alone, and one node by its number."""
-    raw = grid_of_kinds(2, kinds, shear, 4)
-    top = np.flatnonzero(np.abs(raw.points[:, 2] - 1) < 1e-9)
+    raw, top = grid_with_top(kinds)
     ends = np.unique(np.concatenate([block.nodes[:, : corner_count(block.kind)].ravel() for block in raw.blocks]))
     sets = {"top": top, "corners": np.intersect1d(top, ends), "middles": np.setdiff1d(top, ends)}
     loaded = build_mesh(replace(raw, node_groups=sets), "top.inp")
@@ -112,6 +111,23 @@ def test_nodes_of_sets_stay_when_cells_are_split(kinds):
     assert loaded.added[others].all() and not loaded.added[_columns(loaded, np.arange(len(raw.points)))].any()
     at = loaded.mesh.doflocs[:, find_nodes(loaded, str(sets["middles"][0]), "nodes").nodes]
     np.testing.assert_allclose(at[:, 0], raw.points[sets["middles"][0]], atol=1e-12)
+
+
+@pytest.mark.parametrize("kinds", [["tetra10", "tetra"], ["hexahedron20", "hexahedron"], ["wedge15", "hexahedron"]])
+def test_node_sets_cover_faces_whose_midside_nodes_were_added(kinds):
+    """Faces of linear cells beside quadratic ones; with a midside node of the file left out, its two faces are none."""
+    raw, top = grid_with_top(kinds)
+    middle = np.intersect1d(raw.blocks[0].nodes[:, corner_count(kinds[0]) :], top)
+    sets = {"top": top, "less": np.setdiff1d(top, middle[:1])}
+    mesh = build_mesh(replace(raw, node_groups=sets), "top.inp").mesh
+    assert area(mesh, mesh.boundaries["top"]) == pytest.approx(1.0, rel=1e-12)
+    assert 0.4 < area(mesh, mesh.boundaries["less"]) < 0.9
+
+
+def grid_with_top(kinds):
+    """Return a unit cube of some kinds of cells, and the nodes of its face z = 1."""
+    raw = grid_of_kinds(2, kinds, lambda x: x, 4)
+    return raw, np.flatnonzero(np.abs(raw.points[:, 2] - 1) < 1e-9)
 
 
 def _columns(loaded, numbers):
