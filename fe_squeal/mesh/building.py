@@ -156,7 +156,8 @@ def _assemble(points: Floats, block: CellBlock, source: str, names: np.ndarray) 
             f"{source}: elements {listed(names[bad])} share an edge or face with a neighbour whose midside node there "
             "lies elsewhere; the mesh has a gap, merge the midside nodes"
         )
-    return mesh
+    # Nodes that neighbours had each for themselves leave columns behind, at the origin, that belong to no element.
+    return replace(mesh, doflocs=mesh.doflocs[:, : mesh.dofs.N])
 
 
 def _facet_groups(

@@ -71,6 +71,15 @@ def test_hexahedra_of_all_orders_become_27_nodes():
     assert volume(loaded.mesh) == pytest.approx(1.0, rel=1e-12)
 
 
+@pytest.mark.parametrize("kinds", [["hexahedron20"], ["hexahedron", "hexahedron27"], QUADRATIC, ["tetra10"]])
+def test_every_node_belongs_to_an_element(kinds):
+    """Of a cube that lies off the origin: its extent is that of all nodes."""
+    loaded = build_mesh(grid_of_kinds(2, kinds, lambda x: x + 5.0, 5), "off.msh")
+    mesh = loaded.mesh
+    np.testing.assert_allclose(np.ptp(mesh.p, axis=1), 1.0)
+    assert mesh.p.shape[1] == mesh.doflocs.shape[1] == mesh.dofs.N == len(loaded.added)
+
+
 def test_missing_midside_nodes_are_filled_from_the_neighbour():
     raw = grid_of_kinds(1, ["tetra10"], lambda x: x + 0.05 * x**2, 2)
     whole = volume(build_mesh(raw, "a.bdf").mesh)
