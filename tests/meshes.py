@@ -28,7 +28,7 @@ def box(kind, counts, size=(1.0, 1.0, 1.0), corner=(0.0, 0.0, 0.0), name="block"
     suffix = "" if name == "block" else f"_{name}"
     tiny = 1e-9 * max(size)
     sides = {side + suffix: _on_plane(axis, axes[axis][end], tiny) for side, (axis, end) in _SIDES.items()}
-    return _raise(mesh.with_subdomains({name: np.arange(mesh.nelements)}).with_boundaries(sides), kind)
+    return raised(mesh.with_subdomains({name: np.arange(mesh.nelements)}).with_boundaries(sides), kind)
 
 
 def _on_plane(axis, at, tiny):
@@ -63,7 +63,7 @@ def annulus(kind, counts, inner, outer, thickness, bottom=0.0, name="disc"):
     on = {"hub": np.abs(radius - inner).max(axis=0), "rim": np.abs(radius - outer).max(axis=0)}
     found = {s + suffix: np.flatnonzero(d < 1e-3 * min(inner, outer - middle)) for s, d in on.items()}
     mesh = replace(mesh, _boundaries={**mesh.boundaries, **found})
-    mesh = _raise(mesh, kind)
+    mesh = raised(mesh, kind)
     if kind != "hex2":
         return mesh
     # Midside nodes on edges around the axis are moved from the chord to the circle.
@@ -79,12 +79,12 @@ def _periodic_tets(flat, points, index):
     return skfem.MeshTet(points, index[np.array([place[tuple(p)] for p in tets.p.T])][tets.t])
 
 
-def _raise(mesh, kind):
-    """Return the mesh with midside nodes if the kind has them, with the same groups."""
+def raised(mesh, kind):
+    """Return the mesh with midside nodes, on straight edges, if the kind has them, with the same groups."""
     if kind.endswith("1"):
         return mesh
-    raised = QUADRATIC[type(mesh)].from_mesh(mesh)
-    return replace(raised, _subdomains=mesh.subdomains, _boundaries=mesh.boundaries)
+    quadratic = QUADRATIC[type(mesh)].from_mesh(mesh)
+    return replace(quadratic, _subdomains=mesh.subdomains, _boundaries=mesh.boundaries)
 
 
 def mapped(mesh, f):

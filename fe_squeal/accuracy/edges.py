@@ -22,7 +22,7 @@ import numpy as np
 
 from ..assembly.assembly import Assembly
 from ..assembly.places import held_places, holding
-from ..fem.cells import geometry_map
+from ..fem.facets import facet_edges
 from ..fem.places import nodes_there
 from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
@@ -129,25 +129,9 @@ def surface_edges(loaded: LoadedMesh) -> Edges:
     """
     mesh = loaded.mesh
     facets = mesh.boundary_facets()
-    cells = mesh.f2t[0, facets]
-    local = (mesh.t2f[:, cells] == facets).argmax(axis=0)
-    reference = mesh.elem.refdom
-    places = np.asarray(reference.p, float)
-    rows = []
-    for k, corners in enumerate(reference.facets):
-        own = np.flatnonzero(local == k)
-        normal = np.cross(*(places[:, corners[i]] - places[:, corners[0]] for i in (1, 2)))
-        middle = places[:, corners].mean(axis=1)
-        normal = normal * np.sign(normal @ (middle - places.mean(axis=1)))
-        for ends in ([e for e in reference.edges if set(e) <= set(corners)] if len(own) else ()):
-            at = places[:, ends].mean(axis=1)
-            _, J = geometry_map(mesh, cells[own], np.repeat(at[:, None], len(own), axis=1))
-            J = J.transpose(2, 0, 1)
-            outward = np.linalg.solve(J.transpose(0, 2, 1), np.broadcast_to(normal[:, None], (len(own), 3, 1)))[..., 0]
-            outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-            rows.append((np.sort(mesh.t[ends][:, cells[own]].T, axis=1), own, outward, J @ (middle - at)))
-    nodes, own, outward, inside = (np.concatenate(column) for column in zip(*rows, strict=True))
-    key, inverse, count = np.unique(nodes, axis=0, return_inverse=True, return_counts=True)
+    cells, found = mesh.f2t[0, facets], facet_edges(mesh, facets)
+    own, outward, inside = found.facet, found.normals, found.inwards
+    key, inverse, count = np.unique(found.nodes, axis=0, return_inverse=True, return_counts=True)
     order = np.argsort(inverse.ravel(), kind="stable")
     start = np.concatenate([[0], np.cumsum(count)[:-1]])
     pair = np.stack([order[start], order[start + count - 1]], axis=1)  # rows of the two facets, where there are two

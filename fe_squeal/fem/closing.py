@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import skfem
 
-from .facets import facet_corners
+from .facets import facet_corners, facet_edges
 from .spaces import Surface
 
 GAP_TOLERANCE = 0.02  # of the mean facet size of the pad
@@ -33,7 +33,7 @@ def sagitta(mesh: skfem.Mesh, facets: np.ndarray) -> float:
     """Return how far the middle of a straight facet lies from the curved face that it stands for, the median, m.
 
     The median is that of a face which is curved as a whole: a chamfer or a rounded edge around a flat face does not
-    count. Facets with middle nodes follow the face, and leave next to nothing.
+    count. Facets whose middle nodes lie on the face leave next to nothing.
 
     Parameters
     ----------
@@ -44,11 +44,12 @@ def sagitta(mesh: skfem.Mesh, facets: np.ndarray) -> float:
 
 
 def bends(mesh: skfem.Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the angles that straight facets stand for, and how far their middles lie from the curved face.
+    """Return the angles that facets leave out of a curved face, and how far their middles lie from it.
 
-    A facet of width h on a face of curvature κ stands for the angle κ h and leaves κ h²/8. The angle φ between the
-    normals of two neighbours of widths h and h' tells κ = φ/((h + h')/2). Of the neighbours of a facet the one counts
-    that it bends most against. Both are zero for facets with middle nodes.
+    A straight facet of width h on a face of curvature κ stands for the angle κ h and leaves κ h²/8. The angle φ between
+    the normals of two neighbours, at the middle of the edge between them, tells κ = φ/((h + h')/2). Of the neighbours
+    of a facet the one counts that it bends most against. Facets whose middle nodes lie on the face bend themselves, and
+    φ is next to nothing; where middle nodes lie on straight edges, it is that of facets without them.
 
     Parameters
     ----------
@@ -60,31 +61,30 @@ def bends(mesh: skfem.Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     angle : (f,) float, rad
     sagitta : (f,) float, m
     """
-    if isinstance(mesh, skfem.MeshTet2 | skfem.MeshHex2):
-        return np.zeros(len(facets)), np.zeros(len(facets))
-    corners = facet_corners(mesh, facets, mesh.f2t[0, facets])  # (f, 4), cyclic
-    x = mesh.p.T[corners]
-    normals = np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
-    ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)  # (f, 4, 2)
-    along = mesh.p.T[ends[:, :, 1]] - mesh.p.T[ends[:, :, 0]]
-    length = np.linalg.norm(along, axis=2, keepdims=True)
-    along = np.divide(along, length, out=np.zeros_like(along), where=length > 0)
-    off = x[:, None] - mesh.p.T[ends[:, :, 0]][:, :, None]  # (f, edges, corners, 3)
-    beside = off - np.einsum("feci,fei->fec", off, along)[..., None] * along[:, :, None]
-    width = np.linalg.norm(beside, axis=3).max(axis=2)  # of the facet, across each of its edges
-    facet, edge = np.nonzero(length[:, :, 0] > 0)  # triangles have one edge of no length
-    key = np.sort(ends[facet, edge], axis=1)
+    angles, heights = np.zeros((2, len(facets)))
+    if not len(facets):
+        return angles, heights
+    edges = facet_edges(mesh, facets)
+    corners = mesh.p.T[facet_corners(mesh, facets, mesh.f2t[0, facets])]  # (f, 4, 3), cyclic
+    chords = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])[edges.facet]
+    start, end = mesh.p.T[edges.nodes[:, 0]], mesh.p.T[edges.nodes[:, 1]]
+    along = (end - start) / np.linalg.norm(end - start, axis=1, keepdims=True)
+    off = corners[edges.facet] - start[:, None]
+    beside = off - np.einsum("eci,ei->ec", off, along)[..., None] * along[:, None]
+    width = np.linalg.norm(beside, axis=2).max(axis=1)  # of the facet, across this edge
+    key = edges.nodes
     order = np.lexsort(key.T)
     same = np.flatnonzero((key[order[1:]] == key[order[:-1]]).all(axis=1))
     a, b = order[same], order[same + 1]
-    n, m = normals[facet[a]], normals[facet[b]]
-    # Corners may run either way around a facet.
-    angle = np.arctan2(np.linalg.norm(np.cross(n, m), axis=1), np.abs(np.einsum("ki,ki->k", n, m)))
-    h, other = width[facet[a], edge[a]], width[facet[b], edge[b]]
-    curvature = np.where(angle <= _SHARP, 2 * angle / np.maximum(h + other, np.finfo(float).tiny), 0.0)
-    angles, heights = np.zeros((2, len(facets)))
-    for one, size in ((a, h), (b, other)):
-        np.maximum.at(angles, facet[one], curvature * size)
-        np.maximum.at(heights, facet[one], curvature * size**2 / 8)
+    angle, whole = (_between(n[a], n[b]) for n in (edges.normals, chords))
+    sharp = np.maximum(angle, np.minimum(whole, np.pi - whole)) > _SHARP  # corners may run either way around a facet
+    curvature = np.where(sharp, 0.0, 2 * angle / np.maximum(width[a] + width[b], np.finfo(float).tiny))
+    for one in (a, b):
+        np.maximum.at(angles, edges.facet[one], curvature * width[one])
+        np.maximum.at(heights, edges.facet[one], curvature * width[one] ** 2 / 8)
     return angles, heights
+
+
+def _between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the angles (n,) float, rad, between vectors a and b (n, 3) float of any length."""
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ni,ni->n", a, b))

@@ -12,7 +12,7 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
 from ..errors import MeshError
-from .cells import shape_functions
+from .cells import geometry_map, shape_functions
 
 _ROUNDING = 4.0  # roundings of a coordinate, over the size of the element, that remain at each point
 _LARGEST = 1e-6  # part of the size of an element: a larger error would show in results
@@ -102,6 +102,56 @@ def facet_corners(mesh: skfem.Mesh, facets: np.ndarray, elements: np.ndarray) ->
     local = np.argmax(mesh.t2f[:, elements] == facets, axis=0)
     order = np.array([[c[0], c[1], c[2], c[-1]] for c in mesh.refdom.facets])[local]
     return np.asarray(mesh.t.T[elements[:, None], order])
+
+
+@dataclass(frozen=True)
+class FacetEdges:
+    """The edges of some facets, each edge once for each of the facets that it belongs to.
+
+    Attributes
+    ----------
+    nodes : (e, 2) int
+        Corners at the ends, in ascending order.
+    facet : (e,) int
+        Which of the facets, from 0.
+    normals : (e, 3) float
+        Unit normals of the facet at the middle of the edge, out of its element.
+    inwards : (e, 3) float
+        From the middle of the edge into the facet, along the facet; of any length.
+    """
+
+    nodes: np.ndarray
+    facet: np.ndarray
+    normals: np.ndarray
+    inwards: np.ndarray
+
+
+def facet_edges(mesh: skfem.Mesh, facets: np.ndarray) -> FacetEdges:
+    """Return the edges of facets (f,) int; normals are those of the curved facets. Of an inner facet, its first side.
+
+    Parameters
+    ----------
+    facets : (f,) int
+        At least one.
+    """
+    cells = mesh.f2t[0, facets]
+    local = (mesh.t2f[:, cells] == facets).argmax(axis=0)
+    reference = mesh.elem.refdom
+    places = np.asarray(reference.p, float)
+    rows = []
+    for k, corners in enumerate(reference.facets):
+        own = np.flatnonzero(local == k)
+        normal = np.cross(*(places[:, corners[i]] - places[:, corners[0]] for i in (1, 2)))
+        middle = places[:, corners].mean(axis=1)
+        normal = normal * np.sign(normal @ (middle - places.mean(axis=1)))
+        for ends in ([e for e in reference.edges if set(e) <= set(corners)] if len(own) else ()):
+            at = places[:, ends].mean(axis=1)
+            _, J = geometry_map(mesh, cells[own], np.repeat(at[:, None], len(own), axis=1))
+            J = J.transpose(2, 0, 1)
+            outward = np.linalg.solve(J.transpose(0, 2, 1), np.broadcast_to(normal[:, None], (len(own), 3, 1)))[..., 0]
+            outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+            rows.append((np.sort(mesh.t[ends][:, cells[own]].T, axis=1), own, outward, J @ (middle - at)))
+    return FacetEdges(*(np.concatenate(column) for column in zip(*rows, strict=True)))
 
 
 def require_digits(mesh: skfem.Mesh, facets: np.ndarray) -> None:

@@ -32,10 +32,11 @@ def test_a_ring_of_straight_edges_is_farther_off_than_its_bars_and_told():
 
 
 @pytest.mark.parametrize(("kind", "n", "said"), [
-    ("hex1", 24, 1), ("hex1", 12, 1), ("tet1", 24, 1), ("hex2", 24, 0), ("hex1", 8, 0),
+    ("hex1", 24, 1), ("hex1", 12, 1), ("tet1", 24, 1), ("hex1", 8, 0), ("tet2", 24, 1),
+    ("hex2", 24, 0), ("hex2", 8, 0), ("hex2", 6, 0),
 ])  # fmt: skip
 def test_faces_of_straight_edges_are_told(kind, n, said):
-    """Eight sides are those of an octagon."""
+    """Eight sides are those of an octagon. Middle nodes of these tetrahedra are on straight edges, of hexahedra not."""
     assert len(list(straight_edges(ring(kind, (1, n, 1)).source))) == said
 
 
