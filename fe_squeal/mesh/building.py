@@ -16,7 +16,7 @@ from .groups import LoadedMesh, NodeSet
 from .node_sets import node_set
 from .raw import CellBlock, Floats, Ints, RawMesh, element_names, listed
 from .splitting import complete_hexahedra, fill_midside, split_cells, split_quadrilaterals
-from .surfaces import adopt_duplicates, boundary_of_nodes, check_on_faces, faces_of, find_rows
+from .surfaces import adopt_duplicates, boundary_of_nodes, drop_loose, faces_of, find_rows
 
 
 def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
@@ -37,22 +37,23 @@ def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
     Raises
     ------
     MeshError
-        There are no volume elements; coordinates are not finite; elements are inverted, flat, listed twice, or lack
-        nodes; or a surface group is not made of faces of elements.
+        There are no volume elements; coordinates are not finite; or elements are inverted, flat, listed twice, or lack
+        nodes.
     """
     with np.errstate(over="ignore"):  # an overflow is caught as a coordinate that is not finite
         raw = replace(raw, points=np.asarray(raw.points, dtype=np.float64) * scale)
     check_points(raw, source)
     check_cells(raw, source)
-    raw = drop_orphans(adopt_duplicates(raw, source))
+    own = set(raw.surfaces)
+    raw = drop_orphans(adopt_duplicates(raw))
     given = len(raw.points)
     points, blocks, note = _one_order(raw)
     raw, warnings = orient_cells(replace(raw, points=points, blocks=blocks, notes=raw.notes + note), source)
     faces = faces_of(raw)
-    check_on_faces(raw, faces, source)
+    raw = drop_loose(raw, faces)
     surfaces, unusable = dict(raw.surfaces), dict(raw.unusable)
     for name, rows in raw.node_groups.items():
-        if name in surfaces:
+        if name in own:  # a surface of the file; if it is none of solids, the nodes of its name do not make it one
             continue
         parts = boundary_of_nodes(rows, faces, given)
         if any(len(part) for part in parts):

@@ -9,14 +9,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from fe_squeal.errors import MeshError
-
 from .elements import EDGES, FACES, SHAPE, corner_count
 from .raw import Floats, Ints, RawMesh, listed
 from .splitting import row_ids
 
 # Times the shortest edge of a face: nodes of a surface and of the volume that are nearer to each other are the same.
 TOLERANCE = 1e-4
+_OWN = "; expected faces of the volume mesh, on its own nodes"
 
 
 @dataclass(frozen=True)
@@ -106,16 +105,12 @@ def boundary_of_nodes(rows: Ints, faces: dict[int, Faces], given: int) -> list[I
     return [some.corners[inside] for some, inside in held]
 
 
-def adopt_duplicates(raw: RawMesh, source: str) -> RawMesh:
+def adopt_duplicates(raw: RawMesh) -> RawMesh:
     """Return the mesh with surface cells on the nodes of the volume cells, where they had nodes of their own.
 
     Some writers of .vtu give each cell its own copy of the nodes. A copy is replaced by the volume's node at the same
-    place. Call it before `drop_orphans`, which would drop the copies.
-
-    Raises
-    ------
-    MeshError
-        The volume has no node at a place, or two bodies have faces there, so that the body is not known.
+    place. A group becomes `unusable` where the volume has no node at a place, as on shells, or two bodies have faces
+    there, so that the body is not known. Call it before `drop_orphans`, which would drop the copies.
     """
     used = np.zeros(len(raw.points), dtype=bool)
     for block in raw.blocks:
@@ -124,7 +119,6 @@ def adopt_duplicates(raw: RawMesh, source: str) -> RawMesh:
     if not strays or not np.isfinite(raw.points).all():
         return raw
     faces = faces_of(raw)
-    surfaces = dict(raw.surfaces)
     place = np.full(len(raw.points), -1)
     # Where two bodies touch, a node of each is at the same place, and a face found by its place may belong to either.
     corners = np.unique(np.concatenate([some.corners.ravel() for some in faces.values()]))
@@ -134,48 +128,74 @@ def adopt_duplicates(raw: RawMesh, source: str) -> RawMesh:
     place[corners] = connected_components(graph, directed=False)[1]
     rows = corners  # surface cells are compared with faces by their corners
     tree = cKDTree(raw.points[rows])
-    for name in strays:
-        moved = []
-        for part in raw.surfaces[name]:
-            size = part.shape[1]
-            edge = np.linalg.norm(raw.points[part] - raw.points[np.roll(part, 1, axis=1)], axis=2).min(axis=1)
-            distance, nearest = tree.query(raw.points[part])
-            far = (distance > TOLERANCE * edge[:, None]).any(axis=1)
-            if far.any():
-                raise MeshError(
-                    f'{source}: {int(far.sum())} of {len(part)} cells of surface group "{name}" lie on no face of a '
-                    "volume element; give the surface on the volume mesh's own nodes"
-                )
-            found = place[rows[nearest]]
-            table, boundary = place[faces[size].corners], faces[size].boundary
-            index = find_rows(found, table[boundary])
-            ids = row_ids(np.vstack([table[boundary], found]))
-            owners = np.bincount(ids[: boundary.sum()], minlength=ids.max(initial=-1) + 1)[ids[boundary.sum() :]]
-            if (owners > 1).any():
-                raise MeshError(
-                    f'{source}: surface group "{name}" has nodes of its own and lies where two bodies touch, so '
-                    "the body it belongs to is not known; give it on the nodes of that body"
-                )
-            own = faces[size].corners[boundary]
-            moved.append(
-                np.where((index >= 0)[:, None], own[np.maximum(index, 0)] if len(own) else found, rows[nearest])
-            )
-        surfaces[name] = moved
-    note = "surface groups with nodes of their own are matched to the volume by coordinates: " + listed(sorted(strays))
-    return replace(raw, surfaces=surfaces, notes=(*raw.notes, note))
+    surfaces, loose = dict(raw.surfaces), {}
+    for name in sorted(strays):
+        moved = [_moved(raw, part, tree, rows, place, faces[part.shape[1]]) for part in surfaces[name]]
+        reasons = [part for part in moved if isinstance(part, str)]
+        if reasons:
+            loose[name] = reasons[0]
+        surfaces[name] = [part for part in moved if not isinstance(part, str)]
+    found = sorted(strays - set(loose))
+    note = "surface groups with nodes of their own are matched to the volume by coordinates: " + listed(found)
+    notes = (*raw.notes, note) if found else raw.notes
+    return _without(replace(raw, surfaces=surfaces, notes=notes), loose)
 
 
-def check_on_faces(raw: RawMesh, faces: dict[int, Faces], source: str) -> None:
-    """Raise MeshError if a surface group has a cell that is not a face of any volume cell."""
+def _moved(raw: RawMesh, part: Ints, tree: cKDTree, rows: Ints, place: Ints, faces: Faces) -> Ints | str:
+    """Return surface cells (n, k) int on the nodes of the volume cells, or why they cannot be moved there.
+
+    Parameters
+    ----------
+    part : (n, k) int
+        Corners of the surface cells.
+    tree : cKDTree
+        Of the points in `rows`.
+    rows : (m,) int
+        The corners of all volume cells.
+    place : (nodes,) int
+        A number for each of `rows`; those at the same place have the same one.
+    faces : Faces
+        Those with k corners.
+    """
+    edge = np.linalg.norm(raw.points[part] - raw.points[np.roll(part, 1, axis=1)], axis=2).min(axis=1)
+    distance, nearest = tree.query(raw.points[part])
+    far = (distance > TOLERANCE * edge[:, None]).any(axis=1)
+    if far.any():
+        return f"{int(far.sum())} of its {len(part)} cells lie on no face of a volume element{_OWN}"
+    found = place[rows[nearest]]
+    table, own = place[faces.corners[faces.boundary]], faces.corners[faces.boundary]
+    index, ids = find_rows(found, table), row_ids(np.vstack([table, found]))
+    owners = np.bincount(ids[: len(table)], minlength=ids.max(initial=-1) + 1)[ids[len(table) :]]
+    if (owners > 1).any():
+        return (
+            "it has nodes of its own and lies where two bodies touch, so the body it belongs to is not known; give it"
+            " on the nodes of that body"
+        )
+    return np.where((index >= 0)[:, None], own[np.maximum(index, 0)] if len(own) else found, rows[nearest])
+
+
+def drop_loose(raw: RawMesh, faces: dict[int, Faces]) -> RawMesh:
+    """Return the mesh with surface groups that have cells on no face of a volume element made `unusable`."""
+    loose = {}
     for name, parts in raw.surfaces.items():
         for part in parts:
             lost = int((find_rows(part, faces[part.shape[1]].corners) < 0).sum())
             if lost:
                 kind = "triangles" if part.shape[1] == 3 else "quadrilaterals"
-                raise MeshError(
-                    f'{source}: {lost} of {len(part)} {kind} of surface group "{name}" are no face of a volume '
-                    "element; the surface must be made of faces of the volume mesh (same corner nodes)"
-                )
+                loose[name] = f"{lost} of its {len(part)} {kind} are no face of a volume element{_OWN}"
+    return _without(raw, loose)
+
+
+def _without(raw: RawMesh, loose: dict[str, str]) -> RawMesh:
+    """Return the mesh with some surface groups, by name with the reason, made `unusable`, and a note of them."""
+    if not loose:
+        return raw
+    return replace(
+        raw,
+        surfaces={name: parts for name, parts in raw.surfaces.items() if name not in loose},
+        unusable={**raw.unusable, **loose},
+        notes=(*raw.notes, f"surface groups that are not made of faces of solids are left out: {listed(list(loose))}"),
+    )
 
 
 def _shortest(points: Floats, corners: Ints) -> float:

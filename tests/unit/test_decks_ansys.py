@@ -68,8 +68,16 @@ def test_beam_is_that_of_the_same_abaqus_deck(tmp_path):
 
 
 @pytest.mark.slow
-def test_contact_elements_are_surfaces(tmp_path):
-    """CONTA174 and TARGE170 of real constant 5 on faces: a pair whose stiffness and motion are asked for."""
+@pytest.mark.parametrize(("loose", "asked"), [
+    ("", r"contacts.contact_5: FKN = 1 is a factor.*how the counterface moves"),
+    ("contact_5", r"CONTA174: contact_5 is left out: 1 of its 1 quadrilaterals are no face of a volume element"),
+    ("target_5", r"TARGE170: contact_5 has no target .* on solids: 1 of its 1 quadrilaterals are no face"),
+])  # fmt: skip
+def test_contact_elements_are_surfaces(tmp_path, loose, asked):
+    """CONTA174 and TARGE170 of real constant 5 on faces: a pair whose stiffness and motion are asked for.
+
+    One that is on no face, such as a rigid target, is asked for, and the archive is read without it.
+    """
     archive = mapdl_archive.Archive(HEX, parse_vtk=False)
     row = archive.elem[0]
     lines = HEX.read_text().split("\n")
@@ -77,7 +85,9 @@ def test_contact_elements_are_surfaces(tmp_path):
     count = len(archive.elem)
     lines[at] = f"EBLOCK,19,SOLID,        42,        {count + 2}"
     end = next(i for i in range(at, len(lines)) if lines[i].strip() == "-1")
-    face = row[10:14], row[14:18]
+    across = row[[10, 11, 16, 17]]
+    face = [across if name == loose else own
+            for name, own in (("contact_5", row[10:14]), ("target_5", row[14:18]))]  # fmt: skip
     for label, kind, nodes in ((901, 2, face[0]), (902, 3, face[1])):
         numbers = [1, kind, 5, 1, 0, 0, 0, 0, 4, 0, label, *nodes]
         lines.insert(end, "".join(f"{int(n):10d}" for n in numbers))
@@ -88,8 +98,9 @@ def test_contact_elements_are_surfaces(tmp_path):
     lines.insert(at, "MPDATA,R5.0, 1,MU  ,       1, 1, 0.400000000    ,")
     (tmp_path / "beam.cdb").write_text("\n".join(lines))
     loaded = load_mesh(tmp_path / "beam.cdb")
-    assert {n: len(f) for n, f in loaded.mesh.boundaries.items() if n.endswith("_5")} == {"contact_5": 1, "target_5": 1}
-    with pytest.raises(SceneError, match=r"contacts.contact_5: FKN = 1 is a factor.*how the counterface moves"):
+    found = {name: len(facets) for name, facets in loaded.mesh.boundaries.items() if name.endswith("_5")}
+    assert found == {name: 1 for name in ("contact_5", "target_5") if name != loose}
+    with pytest.raises(SceneError, match=asked):
         scene_of(tmp_path / "beam.cdb")
 
 

@@ -98,10 +98,27 @@ def test_surface_nodes_of_its_own_between_two_bodies_is_a_guess():
     )
     block = CellBlock("tetra", np.array([[0, 1, 2, 3], [4, 6, 5, 7]]), np.arange(2))
     raw = RawMesh(points, np.arange(11), (block,), {}, {"face": [np.array([[8, 9, 10]])]})
-    with pytest.raises(MeshError, match="lies where two bodies touch"):
-        build_mesh(raw, "a.vtu")
+    with pytest.raises(MeshError, match=r'no surface group "face" in a.vtu: .* lies where two bodies touch'):
+        surface_group(build_mesh(raw, "a.vtu"), "face")
     own = RawMesh(points, np.arange(11), (block,), {}, {"face": [np.array([[0, 1, 2]])]})
     assert np.array_equal(build_mesh(own, "a.vtu").mesh.boundaries["face"].shape, (1,))
+
+
+@pytest.mark.parametrize(("face", "why"), [
+    ((0, 1, 4), "1 of its 2 triangles are no face of a volume element"),
+    ((1, 5, 6), "1 of its 2 cells lie on no face of a volume element"),  # on nodes of its own
+])  # fmt: skip
+def test_a_loose_shell_costs_its_own_group_alone(face, why):
+    """The group is left out whole, with a note, and says why if asked for; a node set of its name is not taken."""
+    points = np.vstack([REFERENCE["tetra"], [(1, 1, 1), (2, 0, 0), (2, 1, 0)]])
+    block = CellBlock("tetra", np.array([[0, 1, 2, 3], [1, 2, 3, 4]]), np.arange(2))
+    surfaces = {"shim": [np.array([(0, 1, 2), face])], "lining": [np.array([[0, 1, 3]])]}
+    raw = RawMesh(points, np.arange(7), (block,), {}, surfaces, {"shim": np.array([0, 1, 2])})
+    loaded = build_mesh(raw, "a.bdf")
+    assert set(loaded.mesh.boundaries) == {"lining"} and surface_group(loaded, "lining").shape == (1,)
+    with pytest.raises(MeshError, match=f'no surface group "shim" in a.bdf: {why}'):
+        surface_group(loaded, "shim")
+    assert any("left out: shim" in note for note in loaded.notes) and "shim" in loaded.node_groups
 
 
 @pytest.mark.parametrize("suffix", ["vtu", "vtk"])

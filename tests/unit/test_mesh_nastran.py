@@ -91,7 +91,6 @@ def test_spherical_system_in_a_shifted_one(tmp_path):
     (GRIDS + "CTETRA,1,x,1,2,3,4\n", 'CTETRA 1 has "x" where a whole number is expected'),
     (GRIDS.replace("GRID,2,", "GRID,2,7") + "CTETRA,1,1,1,2,3,4\n", "GRID 2 is given in coordinate system 7, which"),
     (GRIDS.replace("1.,0.,0.", "1.,a,0.") + "CTETRA,1,1,1,2,3,4\n", "GRID 2 is not readable"),
-    (GRIDS + "GRID,5,,9.,9.,9.\nCTETRA,1,1,1,2,3,4\nCTRIA3,2,8,1,2,5\n", 'surface group "8" lie on no face'),
     (GRIDS + "GRID,5,,0.,0.,-1.\nCTETRA,2,1,1,2,5,3\nCTETRA,3,1,1,2,3,5\n", "3 is a copy of another"),
     (GRIDS + "GRID,5,,1.,1.,1.\nCTETRA,1,1,1,2,3,4\nCTETRA,2,6,2,3,4,5\nCTETRA,3,1,1,2,4,5\n", r"3 is inverted.*\"1\""),
     ("CORD2R,1,2,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nGRID,1,1,0.,0.,0.\n", "defined in system 2, which the file does not"),

@@ -25,9 +25,13 @@ def write_contacts(content: Content) -> float | None:
     coefficients = {real: None if tied[real] else _friction(content, real) for real in pairs}
     mu = max((m for m in coefficients.values() if m), default=None)
     motions = _motions(content)
+    for name, why in content.loaded.unusable.items():
+        if name.startswith("contact_"):
+            content.draft.find("CONTA174", "", f"{name} is left out: {why}", "missing")
     for real in pairs:
         if f"target_{real}" not in surfaces:
-            text = f"contact_{real} has no target elements of the same real constant on solids"
+            why = content.loaded.unusable.get(f"target_{real}", "")
+            text = f"contact_{real} has no target elements of the same real constant on solids" + (why and f": {why}")
             content.draft.find("TARGE170", "", text, "missing")
             continue
         names, sliding = [f"contact_{real}", f"target_{real}"], None
