@@ -8,7 +8,9 @@ import skfem
 
 import fe_squeal
 from fe_squeal.errors import MeshError, SceneError
-from meshes import BELT, box, join, make_problem
+from fe_squeal.mesh.building import build_mesh
+from fe_squeal.mesh.raw import CellBlock, RawMesh
+from meshes import BELT, box, join, make_problem, mapped
 
 PAD = {"surface": "bottom_a", "counterface": "top_b", "normal_stiffness": 1e12, "sliding": BELT}
 
@@ -27,6 +29,36 @@ def test_faces_that_lie_on_each_other_and_are_not_joined_are_told():
     assert told(blocks(), contacts=[PAD]) == [] and told(blocks(lift=0.1)) == []
     spring = {"name": "s", "surface": "bottom_a", "to": "top_b", "direction": [0, 0, 1], "stiffness": 1.0}
     assert told(blocks(), springs=[spring]) == []
+
+
+@pytest.mark.parametrize(("kind", "other", "count"), [
+    ("hex1", (2, 2), 4), ("hex1", (4, 4), 16), ("hex1", (3, 3), 9), ("tet1", (4, 2), 16), ("hex2", (2, 2), 4),
+])  # fmt: skip
+@pytest.mark.parametrize("bend", [0.0, 0.2])
+def test_faces_that_lie_on_others_are_told_whatever_their_nodes(kind, other, count, bend):
+    """Of meshes that differ, as where nodes hang; flat and on a slope; not where a small gap is between them."""
+
+    def stacked(gap):
+        parts = [box(kind, (*n, 1), name=name, corner=(0, 0, z))
+                 for name, n, z in (("a", (2, 2), gap), ("b", other, -1.0))]  # fmt: skip
+        return mapped(join(*parts), lambda x: np.stack([x[0], x[1], x[2] + bend * x[0]]) + 7.0)
+
+    (sentence,) = told(stacked(0.0))
+    assert sentence.startswith(f"{count} faces of body a lie on faces of body b, and nothing joins them")
+    assert told(stacked(1e-4)) == []
+
+
+def test_hexahedra_on_tetrahedra_that_cut_their_faces_the_other_way_are_told():
+    """They share all nodes. Where the diagonals of the hexahedra, which are split, are the same, they are joined."""
+    z = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
+    cube = np.stack([[0, 1, 1, 0] * 2, [0, 0, 1, 1] * 2, z], axis=1)
+    points = np.vstack([cube, [(0.5, 0.5, -1.0)]])
+    for tetrahedra, count in (([[0, 1, 2, 8], [0, 2, 3, 8]], 0), ([[0, 1, 3, 8], [1, 2, 3, 8]], 4)):
+        blocks = (CellBlock("hexahedron", np.arange(8)[None], np.array([1])),
+                  CellBlock("tetra", np.array(tetrahedra)[:, [0, 2, 1, 3]], np.array([2, 3])))  # fmt: skip
+        loaded = build_mesh(RawMesh(points, np.arange(9), blocks, {"block": np.arange(3)}, {}), "a.inp")
+        found = told(loaded.mesh)
+        assert [s[:42] for s in found] == ["4 faces of body block lie on faces of body"][: bool(count)]
 
 
 @pytest.mark.parametrize(("first", "surface", "counterface", "count"), [
