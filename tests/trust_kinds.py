@@ -255,7 +255,7 @@ def _stopped(folder: Path) -> Iterator[Kind]:
     with _stopping(choose, "_swept", 2):
         _run(["run", str(coarse), "-o", str(search), "--accuracy", "0.05"], 130)
     command = ("run", str(coarse), "-o", "{out}", "--accuracy", "0.05", "--resume")
-    yield from _results_of(search, command, "checkpoint/search.json", "checkpoint/next_1.msh")
+    yield from _results_of(search, command, "checkpoint/search.json", "checkpoint/next_1.npz")
 
 
 def _results_of(results: Path, command: tuple[str, ...], *names: str) -> Iterator[Kind]:

@@ -55,7 +55,7 @@ RUN_FILES = (RECORD, *TABLES, *FIGURES, *PRELOAD_FILES, *MEASURED_FILES, *MESH_E
 STUDY_FILES = (ACCURACY_TABLE, STAGES_TABLE, ACCURACY_FIGURE, ACCURACY_PAGE, REPORT)
 FOLDERS = (SHAPES, CHECKPOINT, MEASUREMENTS, DANGEROUS, PARTS)
 CHECKPOINT_INPUTS = f"{CHECKPOINT}/inputs.json"
-SEARCH, NEXT_MESH = f"{CHECKPOINT}/search.json", "next_{}.msh"  # of a mesh for a target
+SEARCH, NEXT_MESH = f"{CHECKPOINT}/search.json", "next_{}.npz"  # of a mesh for a target
 _CHECKPOINT_FILES = (CHECKPOINT_INPUTS, *(f"{CHECKPOINT}/{name}.npz" for name in ("model", "first", "state")))
 _LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}  # files that file browsers leave; an empty folder may have them
 _UNFINISHED = re.compile(re.escape(UNFINISHED).replace(re.escape("{}"), "[0-9a-f]{32}"))
@@ -64,7 +64,7 @@ _LATER = {*MEASURED_FILES, *MESH_ERROR_FILES, REPORT, MESH}  # that came with th
 _SHAPE_FILE = rf"{SHAPES}/(branch|mode)_\d+\w*[\w.+-]*Hz(\.(vtu|pvd|png|npz|gif)|_frames/[\w.+-]+\.vtu)"
 # Names inside these folders that are made as the work goes on.
 _MADE = re.compile(
-    rf"{_SHAPE_FILE}|{CHECKPOINT}/(point_\d+\.npz|next_\d+\.msh|search\.json)|{MEASUREMENTS}/[\w.+-]+\.np[yz]"
+    rf"{_SHAPE_FILE}|{CHECKPOINT}/(point_\d+\.npz|next_\d+\.(npz|msh)|search\.json)|{MEASUREMENTS}/[\w.+-]+\.np[yz]"
     rf"|{DANGEROUS}/sample_\d+\.toml|{PARTS}/(inputs\.json|\w+_\d+\.npz)"
 )
 # Names of files of the version that wrote no manifest: a folder with such files alone holds its results.

@@ -19,8 +19,8 @@ from ..accuracy.candidates import Candidate, restored
 from ..accuracy.choose import Trial
 from ..accuracy.line_errors import LineErrors
 from ..errors import OutputError
-from ..mesh import LoadedMesh, load_mesh
-from ..mesh.writing import write_loaded
+from ..mesh import LoadedMesh
+from ..mesh.keeping import keep_mesh, kept_mesh
 from ..report.files import replace_atomically, write_json
 from ..scene import Scene
 from .checkpoint import read_json
@@ -99,7 +99,7 @@ class KeptSearch:
         """Keep the trials so far, and the mesh that is tried next."""
         name = NEXT_MESH.format(len(trials))
         with replace_atomically(self._out / CHECKPOINT / name) as temporary:
-            write_loaded(candidate.loaded, temporary)
+            keep_mesh(candidate.loaded, temporary)
             digest = _digest(temporary)
         geometry = candidate.scene.mesh.geometry
         kept = {
@@ -155,7 +155,7 @@ class KeptSearch:
             mesh = self._out / CHECKPOINT / kept.file
             if _digest(mesh) != kept.digest:
                 raise ValueError("the mesh is another one")
-            return trials, restored(scene, load_mesh(mesh), kept.geometry, kept.mesh, errors)
+            return trials, restored(scene, kept_mesh(mesh), kept.geometry, kept.mesh, errors)
         except (OSError, ValueError) as error:  # pydantic's among them
             raise OutputError(f"{path}: is damaged; run without --resume to start the search anew") from error
 

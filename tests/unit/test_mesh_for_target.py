@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.sparse as sp
+from deck_texts import deck_of
 from rich.console import Console
 
 from fe_squeal import assemble, load_mesh, sweep
@@ -23,13 +24,15 @@ from fe_squeal.accuracy.line_errors import LineErrors
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.cli import main
 from fe_squeal.errors import InputError
+from fe_squeal.mesh.digest import mesh_digest
+from fe_squeal.mesh.marked import refine_marked
 from fe_squeal.mesh.refining import refine
 from fe_squeal.run import accuracy as run_accuracy
 from fe_squeal.run.folder import hold_folder
 from fe_squeal.run.inputs import run_inputs
 from fe_squeal.run.search import KeptSearch
 from fe_squeal.scene.file import load_scene
-from meshes import modes_of
+from meshes import box, modes_of
 
 BLOCK = """
 title = "A clamped block on a rigid belt"
@@ -296,6 +299,24 @@ def at_next_mesh(scene):
     return first, replace(finer, errors=errors)
 
 
+def test_a_search_on_tetrahedra_goes_on_with_the_same_mesh(tmp_path):
+    """It is refined as it would have been: cuts follow those before, and warnings name elements of the file."""
+    folder = tmp_path / "out"
+    (tmp_path / "Block.inp").write_text(deck_of(box("tet1", (2, 1, 1), (0.06, 0.03, 0.02), name="pad"), first=100))
+    scene = load_scene(write(tmp_path, "tet"))
+    first = choosing.first_candidate(scene)
+    loaded = refine_marked(load_mesh(tmp_path / "Block.inp"), np.array([0, 3]), 1)[0]
+    with hold_folder(folder) as held:
+        kept = KeptSearch(held, run_inputs(scene, None))
+        kept.save([], replace(first, loaded=loaded))
+        (_, again) = kept.load(scene)
+    for name in ("element_labels", "bisection", "added"):
+        np.testing.assert_array_equal(getattr(again.loaded, name), getattr(loaded, name))
+    assert again.loaded.ignore_case and mesh_digest(again.loaded) == mesh_digest(loaded)
+    marked = np.arange(0, loaded.mesh.nelements, 2)
+    assert mesh_digest(refine_marked(again.loaded, marked)[0]) == mesh_digest(refine_marked(loaded, marked)[0])
+
+
 def test_what_is_kept_of_a_search_belongs_together(tmp_path, monkeypatch):
     """Killed between writing the next mesh and its record, the search goes on with the mesh before."""
     scene = load_scene(write(tmp_path))
@@ -316,11 +337,11 @@ def test_what_is_kept_of_a_search_belongs_together(tmp_path, monkeypatch):
         assert again.errors.lines == finer.errors.lines and again.errors.rates == finer.errors.rates
         for name in ("parts", "along", "layers", "groups", "singular"):
             np.testing.assert_array_equal(getattr(again.errors, name), getattr(finer.errors, name))
-        assert sorted(p.name for p in (tmp_path / "out" / "checkpoint").iterdir()) == ["next_1.msh", "search.json"]
+        assert sorted(p.name for p in (tmp_path / "out" / "checkpoint").iterdir()) == ["next_1.npz", "search.json"]
 
 
 @pytest.mark.parametrize(("old", "new"), [
-    ('"next_1.msh"', '"../../block.toml"'), ('"next_1.msh"', '"next_7.msh"'), ('"seconds": 0.1', '"seconds": []'),
+    ('"next_1.npz"', '"../../block.toml"'), ('"next_1.npz"', '"next_7.npz"'), ('"seconds": 0.1', '"seconds": []'),
     ('"geometry"', '"geometri"'), ('"layers": 2', '"layers": -2'), ('"rates"', '"lines"'), ("{", ""),
     ('"trials"', '"x"'), ('"groups": [', '"groups": [1,'), ('"layers": [', '"layers": [2,'),
 ])  # fmt: skip
