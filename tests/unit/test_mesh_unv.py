@@ -102,8 +102,8 @@ PLACES = [(0, 0, 0), (5, 0, 0), (10, 0, 0), (5, 5, 0), (0, 10, 0), (0, 5, 0), (0
           (0, 0, 10)]  # fmt: skip
 
 
-def tetrahedron(system=1):
-    rows = (f"{i:10d}{system if i == 3 else 1:10d}         1        11\n"
+def tetrahedron(system=1, beside=1):
+    rows = (f"{i:10d}{system if i == 3 and system > 1 else beside:10d}         1        11\n"
             + "".join(f"{v:25.16E}" for v in p).replace("E", "D") + "\n" for i, p in enumerate(PLACES, 1))  # fmt: skip
     return BEAM.format(nodes="".join(rows))
 
@@ -138,3 +138,31 @@ def test_damaged_files_are_refused_in_a_sentence(tmp_path, change, sentence):
     with pytest.raises(MeshError, match=sentence) as caught:
         load_mesh(path)
     assert "\n" not in str(caught.value) and "tet.unv" in str(caught.value)
+
+
+def system(number, kind=0, turn=0.0, origin=(0.0, 0.0, 0.0)):
+    rows = [(np.cos(turn), np.sin(turn), 0), (-np.sin(turn), np.cos(turn), 0), (0, 0, 1), origin]
+    text = "".join("".join(f"{v:25.16E}" for v in row).replace("E", "D") + "\n" for row in rows)
+    head = "    -1\n  2420\n         1\nPart\n" if number == 1 else ""
+    return head + f"{number:10d}{kind:10d}        11\nCS{number}\n{text}"
+
+
+@pytest.mark.parametrize(("own", "refused"), [
+    ({}, False), ({"origin": (0.0, 0.0, 1.0)}, True), ({"turn": 1.0}, True), ({"kind": 1}, True), ({"kind": 2}, True),
+])  # fmt: skip
+@pytest.mark.parametrize("behind", [False, True])
+def test_nodes_in_a_system_of_their_own_are_refused(tmp_path, own, refused, behind):
+    """Before and behind the nodes; system 2, turned, is the file's own and has no nodes."""
+    path, systems = tmp_path / "tet.unv", system(1, **own) + system(2, turn=2.0) + "    -1\n"
+    path.write_text(tetrahedron() + systems if behind else systems + tetrahedron())
+    if refused:
+        with pytest.raises(MeshError, match=r"nodes .* in coordinate system 1, which dataset 2420 .* not the gl"):
+            load_mesh(path)
+    else:
+        assert volume(load_mesh(path, "mm").mesh) == pytest.approx(1e-6 / 6, rel=1e-12)
+
+
+def test_systems_that_are_not_defined_are_told(tmp_path):
+    path = tmp_path / "tet.unv"
+    path.write_text(tetrahedron(beside=4))
+    assert any("coordinate system 4 of nodes" in note for note in load_mesh(path).notes)

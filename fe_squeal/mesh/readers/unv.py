@@ -1,4 +1,4 @@
-"""Universal files (.unv): nodes (dataset 2411), elements (2412), permanent groups (2467, 2477) and units (164)."""
+"""Universal files (.unv): nodes (2411), their systems (2420), elements (2412), groups (2467, 2477) and units (164)."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ _TRIANGLES, _QUADRILATERALS = {41, 51, 61, 71, 81, 91}, {44, 54, 64, 74, 84, 94}
 _PARABOLIC = {42, 52, 62, 72, 82, 92, 45, 55, 65, 75, 85, 95}  # the same, parabolic: every other node is a corner
 _GROUPS = {"2467", "2477", "2452", "2435"}  # datasets of groups that have four numbers for each member
 _NODE, _ELEMENT = 7, 8  # entity type codes of the members of a group
+_ROUNDING = 1e-6  # of direction cosines, and of the origin over the largest coordinate: the global system
 _LENGTHS = {1.0: "m", 1e3: "mm"}  # the unit by its number in a metre
 
 
@@ -37,6 +38,8 @@ class _Content:
     faces: dict[int, Ints] = field(default_factory=dict)  # corner nodes of shells, by the number of the element
     groups: dict[str, Ints] = field(default_factory=dict)  # (m, 2) entity type code and number of the members
     others: dict[int, int] = field(default_factory=dict)  # number of elements that are no solids, by FE descriptor
+    named: set[int] = field(default_factory=set)  # coordinate systems that stand beside nodes
+    systems: dict[int, tuple[int, Floats]] = field(default_factory=dict)  # those the file defines: type, (4, 3) rows
     unit: str = ""
 
 
@@ -50,7 +53,8 @@ def read_unv(sources: Sources) -> RawMesh:
     Raises
     ------
     MeshError
-        The file is cut off, a dataset cannot be read, or there are no nodes or no solids.
+        The file is cut off, a dataset cannot be read, there are no nodes or no solids, or nodes are in a coordinate
+        system of their own.
     """
     source = sources.path.name
     lines = sources.lines(sources.path, 0, "a universal file")
@@ -63,6 +67,8 @@ def read_unv(sources: Sources) -> RawMesh:
         try:
             if kind == "2411":
                 _read_nodes(content, data)
+            elif kind == "2420":
+                _read_systems(content, data)
             elif kind == "2412":
                 _read_elements(content, data)
             elif kind in _GROUPS:
@@ -83,7 +89,35 @@ def _read_nodes(content: _Content, data: list[str]) -> None:
     numbers = " ".join(data[1::2]).upper().replace("D", "E").split()
     if len(np.unique(heads[:, 1])) > 1:
         raise ValueError("nodes in several coordinate systems are not read; export them in the global one")
+    content.named |= set(heads[:, 1].tolist())
     content.points.append((heads[:, 0], np.array(numbers, dtype=float).reshape(len(heads), 3)))
+
+
+def _read_systems(content: _Content, data: list[str]) -> None:
+    for i in range(2, len(data), 6):  # behind the number and the name of the part; each with a name and four rows
+        number, kind = (int(word) for word in data[i].split()[:2])
+        rows = " ".join(data[i + 2 : i + 6]).upper().replace("D", "E").split()
+        content.systems[number] = kind, np.array(rows, dtype=float).reshape(4, 3)
+
+
+def _check_systems(content: _Content, points: Floats, source: str) -> list[str]:
+    """Return notes about the coordinate systems that stand beside the nodes, all of which have to be the global one.
+
+    Programs differ in whether coordinates are in that system, and in how its matrix is meant. So others are refused.
+    """
+    notes = []
+    for number in sorted(content.named):
+        if number in content.systems:
+            kind, rows = content.systems[number]
+            moved = np.abs(rows[3]).max() > _ROUNDING * np.abs(points).max()
+            if kind != 0 or moved or not np.allclose(rows[:3], np.eye(3), rtol=0, atol=_ROUNDING):
+                raise MeshError(
+                    f"{source}: nodes (dataset 2411) are given in coordinate system {number}, which dataset 2420"
+                    " defines and which is not the global one; export them in the global Cartesian system"
+                )
+        elif number > 1:  # programs write 0 or 1 for the global one, and do not define it
+            notes.append(f"coordinate system {number} of nodes, which the file does not define, is taken as global")
+    return notes
 
 
 def _read_elements(content: _Content, data: list[str]) -> None:
@@ -148,7 +182,8 @@ def _mesh(content: _Content, source: str) -> RawMesh:
             nodes[name] = np.unique(found[found >= 0])
         if name not in volumes | surfaces | nodes:
             unusable[name] = "the group has neither nodes nor solids nor shells"
-    notes = [f"the file says that its unit of length is {content.unit}"] if content.unit else []
+    notes = _check_systems(content, points, source)
+    notes += [f"the file says that its unit of length is {content.unit}"] if content.unit else []
     notes += [f"{n} elements of FE descriptor {kind}, no solids, are left out" for kind, n in content.others.items()]
     return RawMesh(points, numbers, tuple(blocks), volumes, surfaces, nodes, unusable, tuple(notes),
                    length_unit=content.unit)  # fmt: skip
