@@ -13,9 +13,10 @@ from fe_squeal.errors import MeshError
 from .checking import FLAT, check_cells, check_points, drop_orphans, jacobian_range, orient_cells
 from .elements import MESH_CLASS, SHAPE, SPOKEN, corner_count, skfem_order
 from .groups import LoadedMesh, NodeSet
+from .midside import complete_hexahedra, fill_midside
 from .node_sets import node_set
 from .raw import CellBlock, Floats, Ints, RawMesh, element_names, listed
-from .splitting import complete_hexahedra, fill_midside, split_cells, split_quadrilaterals
+from .splitting import split_cells, split_quadrilaterals
 from .surfaces import adopt_duplicates, boundary_of_nodes, drop_loose, faces_of, find_rows
 
 

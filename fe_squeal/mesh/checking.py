@@ -9,8 +9,8 @@ import numpy as np
 from fe_squeal.errors import MeshError
 
 from .elements import REFERENCE, SHAPE, SPOKEN, corner_count, mirror_order, quadrature, shape_gradients
+from .midside import row_ids
 from .raw import CellBlock, Floats, Ints, RawMesh, element_names, listed, rows_of
-from .splitting import row_ids
 
 # Of the cube of a cell's extent: a cell with a smaller det J counts as flat. Chosen; rounding makes errors of 1e-15.
 FLAT = 1e-10

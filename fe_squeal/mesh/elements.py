@@ -41,7 +41,7 @@ FACES: dict[str, tuple[tuple[int, ...], ...]] = {
 }
 
 # Centres that follow the midside nodes: of faces (by their corners) and of the cell.
-_CENTRES: dict[str, tuple[tuple[int, ...], ...]] = {
+CENTRES: dict[str, tuple[tuple[int, ...], ...]] = {
     "hexahedron27": (
         (0, 3, 7, 4),
         (1, 2, 6, 5),
@@ -71,7 +71,7 @@ def _reference(kind: str) -> Floats:
     if kind == shape:
         return corners
     mids = [corners[list(edge)].mean(axis=0) for edge in EDGES[shape]]
-    return np.vstack([corners, *mids, *(corners[list(ids)].mean(axis=0) for ids in _CENTRES.get(kind, ()))])
+    return np.vstack([corners, *mids, *(corners[list(ids)].mean(axis=0) for ids in CENTRES.get(kind, ()))])
 
 
 REFERENCE: dict[str, Floats] = {kind: _reference(kind) for kind in SHAPE}

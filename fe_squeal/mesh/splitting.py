@@ -1,120 +1,12 @@
-"""Convert cells: add missing midside nodes, complete 20-node hexahedra to 27 nodes, split cells into tetrahedra."""
+"""Split cells into tetrahedra that fit together."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from .elements import EDGES, FACES, QUADRATIC, REFERENCE, SHAPE, corner_count, shape_functions
+from .elements import EDGES, FACES, REFERENCE, SHAPE, corner_count, shape_functions
+from .midside import shared_middles
 from .raw import CellBlock, Floats, Ints
-
-
-def row_ids(rows: Ints) -> Ints:
-    """Return a number (n,) for each of the rows (n, k) int; rows that are equal as sets get the same number.
-
-    Examples
-    --------
-    >>> row_ids(np.array([[1, 2, 3], [7, 2, 3], [3, 1, 2]]))
-    array([0, 1, 0])
-    """
-    rows = np.sort(rows, axis=1)
-    ids = rows[:, 0].astype(np.int64)
-    for column in rows.T[1:]:
-        _, column_ids = np.unique(column, return_inverse=True)
-        _, ids = np.unique(ids * (column_ids.max(initial=0) + 1) + column_ids, return_inverse=True)
-    return ids
-
-
-def fill_midside(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats, tuple[CellBlock, ...]]:
-    """Make every cell quadratic.
-
-    Where a midside node is missing, the midside node that a neighbour has on this edge is taken, or else a new node in
-    the middle of the edge.
-
-    Parameters
-    ----------
-    points : (n, 3) float, m
-    blocks : tuple of CellBlock
-        Cells with corners alone, or with midside nodes, some of which may be -1.
-
-    Returns
-    -------
-    points : (m, 3) float, m
-        The new nodes stand at the end.
-    blocks : tuple of CellBlock
-        All of kinds with midside nodes, none of which is -1.
-    """
-    wide = []
-    for block in blocks:
-        nodes = block.nodes
-        if block.kind == SHAPE[block.kind]:
-            nodes = np.pad(nodes, ((0, 0), (0, len(EDGES[block.kind]))), constant_values=-1)
-        wide.append((QUADRATIC.get(block.kind, block.kind), nodes.copy(), block))
-    ends, middles = [], []
-    for kind, nodes, _ in wide:
-        edges, first = np.array(EDGES[SHAPE[kind]]), corner_count(kind)
-        ends.append(nodes[:, edges].reshape(-1, 2))
-        middles.append(nodes[:, first : first + len(edges)].ravel())
-    pairs = np.concatenate(ends)
-    middle, new = _shared_middles(pairs, np.concatenate(middles), len(points))
-    points = np.vstack([points, points[pairs[new]].mean(axis=1)])
-    out, at = [], 0
-    for kind, nodes, block in wide:
-        first, count = corner_count(kind), len(EDGES[SHAPE[kind]])
-        nodes[:, first : first + count] = middle[at : at + len(nodes) * count].reshape(-1, count)
-        at += len(nodes) * count
-        out.append(CellBlock(kind, nodes, block.labels, block.prefix))
-    return points, tuple(out)
-
-
-def _shared_middles(pairs: Ints, middle: Ints, start: int) -> tuple[Ints, Ints]:
-    """Give each edge a node in its middle.
-
-    Parameters
-    ----------
-    pairs : (n, 2) int
-        The ends of edges of all cells; an edge of several cells is listed for each.
-    middle : (n,) int
-        The node that the cell has in the middle of the edge, -1 where it has none.
-    start : int
-        The number of the first new node.
-
-    Returns
-    -------
-    middle : (n,) int
-        Where there was none: the node that another cell has on this edge, or else a new one.
-    new : (m,) int
-        For each new node an edge, a row of `pairs`, in whose middle it is.
-    """
-    ids = row_ids(pairs)
-    of_edge = np.full(ids.max(initial=-1) + 1, -1)
-    of_edge[ids[middle >= 0]] = middle[middle >= 0]
-    bare, new = np.unique(np.where(of_edge[ids] < 0, ids, -1), return_index=True)
-    bare, new = bare[bare >= 0], new[bare >= 0]
-    of_edge[bare] = start + np.arange(len(bare))
-    return np.where(middle < 0, of_edge[ids], middle), new
-
-
-def complete_hexahedra(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats, tuple[CellBlock, ...]]:
-    """Return points and blocks with 27-node hexahedra in place of 20-node ones.
-
-    The seven new nodes, the centres of the faces and of the cell, are where the map of the 20 nodes has them, so that
-    the shape of the cell stays exactly the same.
-
-    Parameters
-    ----------
-    points : (n, 3) float, m
-    blocks : tuple of CellBlock
-    """
-    out = []
-    for block in blocks:
-        if block.kind == "hexahedron20":
-            weights = shape_functions("hexahedron20", REFERENCE["hexahedron27"][20:])
-            centres = np.einsum("qk,nkd->nqd", weights, points[block.nodes])
-            new = len(points) + np.arange(centres.shape[0] * 7).reshape(-1, 7)
-            points = np.vstack([points, centres.reshape(-1, 3)])
-            block = CellBlock("hexahedron27", np.hstack([block.nodes, new]), block.labels, block.prefix)
-        out.append(block)
-    return points, tuple(out)
 
 
 def local_tetrahedra(shape: str, corners: Ints) -> tuple[Ints, Ints]:
@@ -231,7 +123,7 @@ def split_cells(points: Floats, blocks: tuple[CellBlock, ...]) -> tuple[Floats, 
     prefix = blocks[0].prefix if len({block.prefix for block in blocks}) == 1 else ""
     kind = "tetra"
     if quadratic:
-        middle, new = _shared_middles(np.vstack(ends), np.concatenate(own), len(points))
+        middle, new = shared_middles(np.vstack(ends), np.concatenate(own), len(points))
         points = np.vstack([points, np.vstack(middles)[new]])
         columns, start = [], 0
         for block_nodes in nodes:

@@ -10,8 +10,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from .elements import EDGES, FACES, SHAPE, corner_count
+from .midside import row_ids
 from .raw import Floats, Ints, RawMesh, listed
-from .splitting import row_ids
 
 # Times the shortest edge of a face: nodes of a surface and of the volume that are nearer to each other are the same.
 TOLERANCE = 1e-4

@@ -92,6 +92,34 @@ def test_missing_midside_nodes_are_filled_from_the_neighbour():
     assert volume(loaded.mesh) == pytest.approx(whole, rel=0.02)
 
 
+def arched(x):
+    x, y, z = x.T
+    return np.column_stack([x, y, z + 0.3 * x**2 * y**2 * z**2])
+
+
+@pytest.mark.parametrize(("left_out", "error"), [("one side", 1e-12), ("both sides", 2e-3), ("all", 2e-3)])
+def test_missing_centres_are_those_of_the_neighbour_or_of_the_map(left_out, error):
+    """Of a face that one cell alone lacks, the mesh is the whole one; not so where the map of the edges is taken."""
+    raw = grid_of_kinds(2, ["hexahedron27"], arched, 2)
+    whole, (block,) = volume(build_mesh(raw, "a.inp").mesh), raw.blocks
+    nodes, faces = block.nodes.copy(), np.flatnonzero(np.isin(block.nodes[0], block.nodes[1:]))
+    centre = next(j for j in faces if j >= 20)  # of a face that the first cell shares
+    if left_out == "all":
+        nodes[:, 20:] = -1
+    else:
+        nodes[(nodes == nodes[0, centre]) & ((np.arange(8) == 0) | (left_out == "both sides"))[:, None]] = -1
+    loaded = build_mesh(replace(raw, blocks=(replace(block, nodes=nodes),)), "b.inp")
+    assert volume(loaded.mesh) == pytest.approx(whole, rel=error)
+    assert loaded.added.sum() == {"one side": 0, "both sides": 1, "all": 44}[left_out]
+
+
+def test_hexahedra_of_20_nodes_fit_those_of_27():
+    """In a face between them both have the same centre, though the map of 20 nodes has it elsewhere."""
+    mixed, whole = (volume(build_mesh(grid_of_kinds(2, kinds, arched, 5), "a.msh").mesh)
+                    for kinds in (["hexahedron20", "hexahedron27"], ["hexahedron27"]))  # fmt: skip
+    assert mixed == pytest.approx(whole, rel=2e-3)
+
+
 @pytest.mark.parametrize("kind", ["tetra10", "wedge15"])
 def test_midside_nodes_that_lie_apart_are_refused(kind):
     raw = grid_of_kinds(1, [kind], lambda x: x, 2)
