@@ -30,7 +30,7 @@ def node_set(mesh: skfem.Mesh, nodes: Ints, added: np.ndarray) -> NodeSet:
     if added.any():
         members = np.zeros(len(added), bool)
         members[nodes] = True
-        held = np.flatnonzero(members | (with_nodes_between(mesh, mesh.dofs, members) & added))
+        held = np.flatnonzero(with_nodes_between(mesh, mesh.dofs, members, added))
     return NodeSet(nodes, held)
 
 
@@ -92,8 +92,13 @@ def with_named_sets(loaded: LoadedMesh, names: Iterable[str]) -> LoadedMesh:
     return replace(loaded, node_groups={**loaded.node_groups, **new}) if new else loaded
 
 
-def with_nodes_between(mesh: skfem.Mesh, dofs: Dofs, members: np.ndarray) -> np.ndarray:
-    """Return a set of nodes with all nodes on edges, faces and cells whose corners are all in the set.
+def with_nodes_between(
+    mesh: skfem.Mesh, dofs: Dofs, members: np.ndarray, allowed: np.ndarray | None = None
+) -> np.ndarray:
+    """Return a set of nodes with all nodes between them: on edges whose ends are in the set, then faces, then cells.
+
+    The centre of a face or cell belongs to it if all other nodes of this face or cell do. With the corners of a
+    20-node hexahedron alone it does not: what moves there depends on the nodes on the edges too.
 
     Parameters
     ----------
@@ -102,6 +107,8 @@ def with_nodes_between(mesh: skfem.Mesh, dofs: Dofs, members: np.ndarray) -> np.
         Numbering of the nodes, corners first.
     members : (nodes,) bool
         Which nodes are in the set.
+    allowed : (nodes,) bool, optional
+        Which nodes may be added (default: all).
 
     Returns
     -------
@@ -116,8 +123,20 @@ def with_nodes_between(mesh: skfem.Mesh, dofs: Dofs, members: np.ndarray) -> np.
     3
     """
     found = members.copy()
-    places = ((dofs.edge_dofs, mesh.edges), (dofs.facet_dofs, mesh.facets), (dofs.interior_dofs, mesh.t))
-    for own, corners in places:
-        if own is not None and own.size:
-            found[own[:, members[corners].all(axis=0)]] = True
+    may = np.ones(len(members), bool) if allowed is None else allowed
+    if dofs.edge_dofs is not None and dofs.edge_dofs.size:
+        _add(found, may, dofs.edge_dofs[:, members[mesh.edges].all(axis=0)])
+    if dofs.facet_dofs is not None and dofs.facet_dofs.size:
+        on_edges, whole = dofs.edge_dofs[0][mesh.t2e], np.zeros(mesh.nfacets, bool)
+        for corners, facets in zip(mesh.refdom.facets, mesh.t2f, strict=True):
+            edges = [j for j, ends in enumerate(mesh.refdom.edges) if set(ends) <= set(corners)]
+            whole[facets] = found[mesh.t[corners]].all(axis=0) & found[on_edges[edges]].all(axis=0)
+        _add(found, may, dofs.facet_dofs[:, whole])
+        if dofs.interior_dofs is not None and dofs.interior_dofs.size:
+            inside = [found[nodes].all(axis=0) for nodes in (mesh.t, on_edges, dofs.facet_dofs[0][mesh.t2f])]
+            _add(found, may, dofs.interior_dofs[:, np.all(inside, axis=0)])
     return found
+
+
+def _add(found: np.ndarray, may: np.ndarray, nodes: Ints) -> None:
+    found[nodes[may[nodes]]] = True

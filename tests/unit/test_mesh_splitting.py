@@ -161,6 +161,20 @@ def test_node_sets_cover_faces_whose_midside_nodes_were_added(kinds):
     assert 0.4 < area(mesh, mesh.boundaries["less"]) < 0.9
 
 
+@pytest.mark.parametrize("kind", ["hexahedron20", "hexahedron", "hexahedron27"])
+def test_centres_are_held_with_all_nodes_around_them(kind):
+    """Of the face of 2 x 2 hexahedra; corners alone hold no more than themselves where the file has other nodes."""
+    raw, top = grid_with_top([kind])
+    if kind == "hexahedron":  # of 20 nodes, none of whose midside nodes the file has
+        (block,) = raw.blocks
+        nodes = np.pad(block.nodes, ((0, 0), (0, 12)), constant_values=-1)
+        raw = replace(raw, blocks=(replace(block, kind="hexahedron20", nodes=nodes),))
+    corners = top[np.abs(raw.points[top] * 2 % 1).max(axis=1) < 1e-9]
+    loaded = build_mesh(replace(raw, node_groups={"top": top, "corners": corners}), "a.inp")
+    held = {name: len(group.held) for name, group in loaded.node_groups.items()}
+    assert held == {"top": 25, "corners": 25 if kind == "hexahedron" else 9}
+
+
 def grid_with_top(kinds):
     """Return a unit cube of some kinds of cells, and the nodes of its face z = 1."""
     raw = grid_of_kinds(2, kinds, lambda x: x, 4)
