@@ -27,9 +27,14 @@ def write_tetrahedra(geometry: DiscPad | Block, path: Path) -> None:
     ------
     MeshError
         gmsh cannot be imported or fails, or elements are so large that following the circles turns them inside out.
+    OSError
+        The file cannot be written.
     """
     with _meshed(geometry) as gmsh:
-        gmsh.write(str(path))
+        try:
+            gmsh.write(str(path))
+        except Exception as error:  # gmsh raises bare exceptions
+            raise OSError(str(error)) from error
 
 
 def mesh_tetrahedra(geometry: DiscPad | Block) -> RawMesh:
@@ -38,7 +43,7 @@ def mesh_tetrahedra(geometry: DiscPad | Block) -> RawMesh:
     Raises
     ------
     MeshError
-        As for `write_tetrahedra`.
+        gmsh cannot be imported or fails, or elements are so large that following the circles turns them inside out.
     """
     with _meshed(geometry) as gmsh:
         model = gmsh.model
@@ -95,11 +100,11 @@ def _meshed(geometry: DiscPad | Block) -> Iterator[ModuleType]:
             _name_groups(gmsh, volumes, surfaces)
             gmsh.model.mesh.generate(3)
             _check_jacobians(gmsh, geometry)
-            yield gmsh
-        except MeshError:
+        except (MeshError, MemoryError):
             raise
         except Exception as error:  # gmsh raises bare exceptions
             raise MeshError(f"gmsh could not mesh the geometry: {error}; try another size") from error
+        yield gmsh  # behind the clauses above: what the block raises is no failure of gmsh
 
 
 def _build_disc_pad(gmsh: ModuleType, geometry: DiscPad) -> tuple[dict[str, int], dict[str, list[int]]]:

@@ -31,7 +31,8 @@ def _parts(loaded: LoadedMesh) -> Iterator[tuple[str, np.ndarray]]:
     for name, facets in sorted((mesh.boundaries or {}).items()):
         yield f"surface {name}", np.asarray(facets)
     for name, group in sorted(loaded.node_groups.items()):
-        yield f"nodes {name}", group.held
+        yield f"nodes {name}", group.nodes
+        yield f"held {name}", group.held
     # A set of nodes may be given by their numbers in the file: `nodes = "8"`.
     for instance, (numbers, columns) in sorted(loaded.node_numbers.items()):
         yield f"numbers {instance}", np.stack([numbers, columns])

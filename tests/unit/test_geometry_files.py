@@ -16,8 +16,9 @@ from brakes import BLOCK, BRAKE, ROW
 from pydantic import ValidationError
 
 from fe_squeal.errors import MeshError, OutputError
-from fe_squeal.geometry import Block, DiscPad, make_mesh, write_mesh
+from fe_squeal.geometry import Block, DiscPad, make_mesh, tetrahedra, write_mesh
 from fe_squeal.geometry.structured import structured_disc_pad
+from fe_squeal.geometry.tetrahedra import write_tetrahedra
 from fe_squeal.mesh.readers.gmsh import read_gmsh
 
 
@@ -59,22 +60,35 @@ def test_the_mesh_in_memory_is_that_of_the_file(geometry: DiscPad | Block, tmp_p
             np.testing.assert_array_equal(mine, read)
 
 
-def test_gmsh_of_the_caller_is_left_as_it_was(tmp_path: Path) -> None:
+@pytest.mark.parametrize("mine", ["mine", "fe_squeal"])
+def test_gmsh_of_the_caller_is_left_as_it_was(tmp_path: Path, mine: str) -> None:
     gmsh.initialize([], readConfigFiles=False, interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.MeshSizeMax", 123.0)
-        gmsh.model.add("mine")
+        gmsh.model.add(mine)
+        gmsh.model.occ.addPoint(1.0, 2.0, 3.0)
+        gmsh.model.occ.synchronize()
         models = gmsh.model.list()
         write_mesh(Block(**BLOCK, element="tet"), tmp_path / "block.msh")
         assert gmsh.isInitialized()
-        assert gmsh.model.getCurrent() == "mine"
+        assert gmsh.model.getCurrent() == mine and gmsh.model.getEntities() == [(0, 1)]
         assert gmsh.model.list() == models
         assert gmsh.option.getNumber("Mesh.MeshSizeMax") == 123.0
     finally:
         gmsh.finalize()
     write_mesh(Block(**BLOCK, element="tet"), tmp_path / "block.msh")
     assert not gmsh.isInitialized()
+
+
+def test_what_fails_behind_gmsh_is_no_failure_of_meshing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file that cannot be written, memory that ends while the mesh is taken over."""
+    block = Block(**BLOCK, element="tet")
+    with pytest.raises(OSError, match="Unable to open file"):
+        write_tetrahedra(block, tmp_path / "none" / "block.msh")
+    monkeypatch.setattr(tetrahedra, "raw_mesh", lambda *_: exec("raise MemoryError"))
+    with pytest.raises(MemoryError):
+        make_mesh(block)
 
 
 @pytest.mark.slow

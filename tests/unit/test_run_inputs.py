@@ -12,6 +12,7 @@ import fe_squeal
 from fe_squeal.accuracy.settings import key_of
 from fe_squeal.errors import SceneError
 from fe_squeal.mesh.digest import mesh_digest
+from fe_squeal.mesh.groups import NodeSet
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 from fe_squeal.run.inputs import differences, run_inputs
@@ -61,6 +62,8 @@ def test_numbers_of_nodes_and_kinds_of_groups_are_seen():
         for numbers in (np.arange(8), np.arange(8)[::-1], np.arange(8))
     }
     assert len(digests) == 2
+    sets = [NodeSet(np.array(nodes), np.arange(8)) for nodes in ([0, 1], [0, 2], [0, 1])]  # springs act on `nodes`
+    assert len({mesh_digest(dataclasses.replace(loaded, node_groups={"s": group})) for group in sets}) == 2
     mesh = loaded.mesh
     bodies = [dict(mesh.subdomains or {}), {**(mesh.subdomains or {}), "top": np.array([0])}]
     assert len({mesh_digest(dataclasses.replace(loaded, mesh=mesh.with_subdomains(b))) for b in bodies}) == 2
