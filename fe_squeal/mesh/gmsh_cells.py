@@ -23,6 +23,7 @@ SOLIDS: dict[int, tuple[str, list[int] | None]] = {
     19: ("pyramid13", [0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12]),
 }  # fmt: skip
 POINT = 15  # Gmsh's type number of a point
+CURVES = (1, 8)  # of lines with two and three nodes
 SURFACES = {2: 3, 9: 3, 3: 4, 10: 4, 16: 4}  # number of corners of surface cells, by Gmsh's type number
 # Number of nodes of every cell that is read, by Gmsh's type number.
 NODES = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1, 16: 8,
@@ -84,6 +85,7 @@ def raw_mesh(
     volumes: dict[str, list[Ints]] = {}
     surfaces: dict[str, list[Ints]] = {}
     sets: dict[str, list[Ints]] = {}
+    unusable: dict[str, str] = {}
     at = 0
     for some in cells:
         if some.type in SOLIDS:
@@ -104,11 +106,17 @@ def raw_mesh(
                 if (0, abs(tag)) in names:
                     nodes = connect(some.nodes, labels, some.labels, "point", source)
                     sets.setdefault(names[0, abs(tag)], []).append(nodes.ravel())
+                else:
+                    unusable[str(abs(tag))] = "it is a physical group of points without a name; give it one"
+        elif some.type in CURVES:
+            for tag in some.physical:
+                name = names.get((1, abs(tag)), str(abs(tag)))
+                unusable[name] = "it is a physical group of curves; expected one of volumes, surfaces or points"
     node_groups = {name: np.unique(np.concatenate(parts)) for name, parts in sets.items()}
     held = {name: node_groups.pop(name + HELD) for name in list(node_groups) if name + HELD in node_groups}
     groups = {name: np.unique(np.concatenate(parts)) for name, parts in volumes.items()}
     merged, groups = merge_copies(tuple(blocks), groups) if repeats else (tuple(blocks), groups)
-    return RawMesh(points, labels, merged, groups, surfaces, node_groups, held_nodes=held)
+    return RawMesh(points, labels, merged, groups, surfaces, node_groups, unusable, held_nodes=held)
 
 
 def merge_copies(

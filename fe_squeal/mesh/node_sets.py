@@ -75,7 +75,8 @@ def find_nodes(loaded: LoadedMesh, name: str, key: str) -> NodeSet:
         raise MeshError(f'{message}: that is a surface group; write surface = "{name}"')
     if name in (loaded.mesh.subdomains or {}):
         raise MeshError(f"{message}: that is a volume group{suggest(name, loaded.node_groups)}")
-    raise MeshError(message + suggest(name, loaded.node_groups))
+    why = next((why for known, why in loaded.unusable.items() if known.casefold() == name.casefold()), "")
+    raise MeshError(message + (why and f": {why}") + suggest(name, loaded.node_groups))
 
 
 def with_named_sets(loaded: LoadedMesh, names: Iterable[str]) -> LoadedMesh:

@@ -96,8 +96,10 @@ def test_contact_elements_are_surfaces(tmp_path, loose, asked):
     lines[at + 1 : at + 1] = ["ET,        2,174", "ET,        3,170"]
     at = next(i for i, line in enumerate(lines) if line.startswith("MPDATA"))
     lines.insert(at, "MPDATA,R5.0, 1,MU  ,       1, 1, 0.400000000    ,")
+    lines[at:at] = ["CMBLOCK,SKIN    ,ELEM,       1", "(8i10)", "       901"]
     (tmp_path / "beam.cdb").write_text("\n".join(lines))
     loaded = load_mesh(tmp_path / "beam.cdb")
+    assert "SKIN" in loaded.unusable and "SKIN" not in loaded.mesh.subdomains
     found = {name: len(facets) for name, facets in loaded.mesh.boundaries.items() if name.endswith("_5")}
     assert found == {name: 1 for name in ("contact_5", "target_5") if name != loose}
     with pytest.raises(SceneError, match=asked):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 import skfem
@@ -119,6 +120,28 @@ def test_a_loose_shell_costs_its_own_group_alone(face, why):
     with pytest.raises(MeshError, match=f'no surface group "shim" in a.bdf: {why}'):
         surface_group(loaded, "shim")
     assert any("left out: shim" in note for note in loaded.notes) and "shim" in loaded.node_groups
+
+
+def test_node_groups_of_med_files(tmp_path):
+    """Families of nodes: one may be in several groups, and a group may have several families."""
+    mesh = meshio.Mesh(REFERENCE["tetra"], [("tetra", np.array([[0, 1, 2, 3]]))])
+    mesh.point_data["point_tags"] = np.array([0, 2, 3, 3])
+    mesh.point_tags = {2: ["bolts", "feet"], 3: ["feet"]}
+    mesh.write(tmp_path / "a.med")
+    loaded = load_mesh(tmp_path / "a.med")
+    found = {name: loaded.mesh.p[:, group.nodes].T.tolist() for name, group in loaded.node_groups.items()}
+    assert found == {"bolts": [[1, 0, 0]], "feet": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}
+    assert len(surface_group(loaded, "feet")) == 1
+
+
+def test_regions_that_are_written_with_fractions_are_told(tmp_path):
+    parts = {"region": [np.array([3.0])], "stress": [np.array([0.25])]}
+    meshio.Mesh(REFERENCE["tetra"], [("tetra", np.array([[0, 1, 2, 3]]))], cell_data=parts).write(tmp_path / "a.vtu")
+    loaded = load_mesh(tmp_path / "a.vtu")
+    for name in ("region", "region:3"):
+        with pytest.raises(MeshError, match=f'no volume group "{name}" .*"region" is of floating-point numbers'):
+            volume_group(loaded, name)
+    assert set(loaded.unusable) == {"region", "region:3"}
 
 
 @pytest.mark.parametrize("suffix", ["vtu", "vtk"])

@@ -142,6 +142,8 @@ def test_points_with_a_name_are_node_sets(tmp_path):
         gmsh.model.addPhysicalGroup(3, [1], 1, "block")
         gmsh.model.addPhysicalGroup(0, [1, 2], 7, "bolts")
         gmsh.model.addPhysicalGroup(0, [3], 8)
+        gmsh.model.addPhysicalGroup(0, [4], 9000)
+        gmsh.model.addPhysicalGroup(1, [1], 9, "edge")
         gmsh.model.mesh.generate(3)
         for version in (2.2, 4.1):
             gmsh.option.setNumber("Mesh.MshFileVersion", version)
@@ -151,6 +153,9 @@ def test_points_with_a_name_are_node_sets(tmp_path):
             assert len(find_nodes(loaded, "8", "nodes").nodes) == 1
             with pytest.raises(MeshError, match=r'no node set "bolt" .* did you mean "bolts"'):
                 find_nodes(loaded, "bolt", "nodes")
+            with pytest.raises(MeshError, match=r'no node set "edge" .*: it is a physical group of curves'):
+                find_nodes(loaded, "edge", "nodes")
+            assert loaded.unusable["9000"].startswith("it is a physical group of points without a name")
     finally:
         gmsh.finalize()
 

@@ -101,10 +101,13 @@ def mesh_of(archive: Archive, lines: Sequence[str], source: str) -> RawMesh:
     for word, column in (("material", 0), ("type", 1)):
         for value in np.unique(head[:, column]):
             volumes[f"{word}_{value}"] = np.flatnonzero(head[:, column] == value)
+    unusable = {}
     for name, members in archive.element_components.items():
         inside = np.flatnonzero(np.isin(head[:, LABEL], members))
         if len(inside):
             volumes.setdefault(str(name).strip(), inside)
+        else:
+            unusable[str(name).strip()] = "the component has no solids; contact elements make contact_N and target_N"
     sets = {}
     for name, members in archive.node_components.items():
         found = rows_of(np.asarray(members), numbers)
@@ -114,7 +117,7 @@ def mesh_of(archive: Archive, lines: Sequence[str], source: str) -> RawMesh:
         f"{count} elements of kind {kind or '(none)'} are not read and no part of the mesh"
         for kind, count in left_over(archive).items()
     )
-    return RawMesh(points, numbers, tuple(blocks), volumes, surfaces, sets, notes=notes, ignore_case=True)
+    return RawMesh(points, numbers, tuple(blocks), volumes, surfaces, sets, unusable, notes, ignore_case=True)
 
 
 def _undegenerate(solid: int, n: list[int]) -> tuple[str, list[int]]:

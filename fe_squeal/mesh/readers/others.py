@@ -27,7 +27,7 @@ def read_with_meshio(sources: Sources) -> RawMesh:
 
     An integer cell array "name" makes a group "name:v" for each value v, and a group "v" too if it is the only such
     array. An array of zeros and ones also makes the group "name" of the cells with a one. meshio's cell sets, point
-    sets and cell tags (MED) become groups under their names.
+    sets, and tags of cells and points (MED) become groups under their names.
 
     Raises
     ------
@@ -130,8 +130,35 @@ def _raw(mesh: object, source: str) -> RawMesh:
                 add(name, block, np.asarray(members, dtype=np.int64))
     point_sets = getattr(mesh, "point_sets", None) or {}
     node_groups = {name: np.asarray(rows, dtype=np.int64) for name, rows in point_sets.items()}
+    node_groups |= _tagged_points(mesh)
     groups = {name: np.unique(np.concatenate(parts)) for name, parts in volumes.items()}
-    return RawMesh(points, np.arange(len(points)), tuple(blocks), groups, surfaces, node_groups, notes=tuple(notes))
+    return RawMesh(
+        points, np.arange(len(points)), tuple(blocks), groups, surfaces, node_groups, _fractions(mesh), tuple(notes)
+    )
+
+
+def _tagged_points(mesh: object) -> dict[str, Ints]:
+    """Return the points by name; a tag of points may have several names, and a name several tags."""
+    of_point = np.ravel(mesh.point_data.get("point_tags", []))  # type: ignore[attr-defined]
+    found: dict[str, list[Ints]] = {}
+    for tag, names in (getattr(mesh, "point_tags", None) or {}).items():
+        for name in names:
+            found.setdefault(str(name), []).append(np.flatnonzero(of_point == tag))
+    return {name: np.concatenate(rows) for name, rows in found.items()}
+
+
+def _fractions(mesh: object) -> dict[str, str]:
+    """Return names that whole numbers of cells would give groups, if they were not written with fractions: why not."""
+    found: dict[str, str] = {}
+    for name, parts in mesh.cell_data.items():  # type: ignore[attr-defined]
+        arrays = [np.asarray(part) for part in parts]
+        if not arrays or any(a.dtype.kind != "f" or a.ndim != 1 for a in arrays):
+            continue
+        values = np.unique(np.concatenate(arrays))
+        if len(values) <= MOST_VALUES and (np.isfinite(values) & (values == np.rint(values))).all():
+            why = f'the array "{name}" is of floating-point numbers; write it with whole ones'
+            found |= {key: why for key in (name, *(f"{name}:{value:.0f}" for value in values))}
+    return found
 
 
 def _integer_arrays(mesh: object) -> tuple[dict[str, list[np.ndarray]], list[str]]:
