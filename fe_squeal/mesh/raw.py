@@ -111,13 +111,30 @@ def rows_of(wanted: Ints, labels: Ints) -> Ints:
     >>> rows_of(np.array([7, 5, 9]), np.array([5, 6, 7]))
     array([ 2,  0, -1])
     """
-    wanted = np.asarray(wanted, dtype=np.int64)
-    if len(labels) == 0:
-        return np.full(wanted.shape, -1)
-    order = np.argsort(labels, kind="stable")
-    place = np.searchsorted(labels, wanted, sorter=order)
-    rows = order[np.minimum(place, len(labels) - 1)]
-    return np.where(labels[rows] == wanted, rows, -1)
+    return Rows(labels)(wanted)
+
+
+class Rows:
+    """Finds the positions of numbers in `labels` (m,), which are sorted once for any number of calls.
+
+    Examples
+    --------
+    >>> find = Rows(np.array([5, 6, 7]))
+    >>> find(np.array([7, 5, 9])), find(np.array([[6]]))
+    (array([ 2,  0, -1]), array([[1]]))
+    """
+
+    def __init__(self, labels: Ints) -> None:
+        self._order = np.argsort(labels, kind="stable")
+        self._sorted = np.asarray(labels, dtype=np.int64)[self._order]
+
+    def __call__(self, wanted: Ints) -> Ints:
+        """Return the position of each of `wanted`, an array of its shape, -1 where it is not there."""
+        wanted = np.asarray(wanted, dtype=np.int64)
+        if len(self._sorted) == 0:
+            return np.full(wanted.shape, -1)
+        place = np.minimum(np.searchsorted(self._sorted, wanted), len(self._sorted) - 1)
+        return np.where(self._sorted[place] == wanted, self._order[place], -1)
 
 
 def check_unique_nodes(labels: Ints, points: Floats, source: str) -> tuple[Ints, Floats]:

@@ -176,13 +176,19 @@ def _moved(raw: RawMesh, part: Ints, tree: cKDTree, rows: Ints, place: Ints, fac
 
 def drop_loose(raw: RawMesh, faces: dict[int, Faces]) -> RawMesh:
     """Return the mesh with surface groups that have cells on no face of a volume element made `unusable`."""
-    loose = {}
-    for name, parts in raw.surfaces.items():
-        for part in parts:
-            lost = int((find_rows(part, faces[part.shape[1]].corners) < 0).sum())
-            if lost:
-                kind = "triangles" if part.shape[1] == 3 else "quadrilaterals"
-                loose[name] = f"{lost} of its {len(part)} {kind} are no face of a volume element{_OWN}"
+    loose: dict[str, str] = {}
+    for size, some in faces.items():
+        own = {name: [part for part in parts if part.shape[1] == size] for name, parts in raw.surfaces.items()}
+        stacked = {name: np.vstack(parts) for name, parts in own.items() if parts}
+        if not stacked:
+            continue
+        # All groups are looked up at once: sorting the faces takes most of the time, and is done once so.
+        lost = find_rows(np.vstack(list(stacked.values())), some.corners) < 0
+        ends = np.cumsum([len(part) for part in stacked.values()])
+        for (name, part), bad in zip(stacked.items(), np.split(lost, ends[:-1]), strict=True):
+            if bad.any():
+                kind = "triangles" if size == 3 else "quadrilaterals"
+                loose[name] = f"{int(bad.sum())} of its {len(part)} {kind} are no face of a volume element{_OWN}"
     return _without(raw, loose)
 
 

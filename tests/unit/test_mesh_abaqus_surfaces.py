@@ -6,12 +6,14 @@ import re
 
 import numpy as np
 import pytest
+from deck_texts import deck_of
 from mesh_measures import area
 from test_mesh_abaqus import DATA, TET, written
 
 from fe_squeal.decks.scene import draft_of
 from fe_squeal.errors import MeshError
-from fe_squeal.mesh import surface_group
+from fe_squeal.mesh import raw, surface_group, surfaces
+from meshes import box
 
 
 def test_unions_of_surfaces(tmp_path):
@@ -45,3 +47,27 @@ def test_a_deck_says_why_a_surface_is_none(tmp_path):
     (tmp_path / "a.inp").write_text(text + "*STEP\n*STATIC\n*DSLOAD\nF, P, 1.\n*END STEP\n")
     missing = [line for line in draft_of(tmp_path / "a.inp").missing if "COMBINE=DIFFERENCE is not read" in line]
     assert [line.split(" at ")[0] for line in missing] == ["*Coupling", "*Dsload"]
+
+
+def test_tables_are_sorted_once_however_many_lines_a_surface_has(tmp_path, monkeypatch):
+    """Lines of single elements, in a part and of an instance: else time grows with the square of the mesh."""
+    found = []
+    for n in (2, 4):
+        text = deck_of(box("hex1", (n, n, 1), name="P"))
+        lines = [(f"A-1.{e}, S1\n", f"{e}, S1\n") for e in range(1, n * n + 1)]
+        placed, own = ("".join(column) for column in zip(*lines, strict=True))
+        text = f"*Part, name=A\n{text}*Surface, name=OWN\n{own}*End Part\n*Assembly, name=X\n"
+        text += f"*Instance, name=A-1, part=A\n*End Instance\n*Surface, name=PLACED\n{placed}*End Assembly\n"
+        sorts = []
+        with monkeypatch.context() as patched:
+            for module, name in ((surfaces, "row_ids"), (raw.Rows, "__init__")):
+                patched.setattr(module, name, counted(getattr(module, name), sorts))
+            loaded = written(tmp_path, text)
+        for name in ("OWN", "PLACED"):
+            assert len(surface_group(loaded, name)) == n * n
+        found.append(len(sorts))
+    assert found[0] == found[1] > 0
+
+
+def counted(function, calls):
+    return lambda *arguments: (calls.append(function), function(*arguments))[1]

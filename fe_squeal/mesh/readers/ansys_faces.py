@@ -8,7 +8,7 @@ import numpy as np
 
 from fe_squeal.errors import MeshError
 
-from ..raw import Ints, rows_of
+from ..raw import Ints, Rows
 from .ansys_archive import Archive
 
 FIRST, LABEL = 10, 8  # columns of `Archive.elem` with the first node, and with the number, of an element
@@ -30,12 +30,12 @@ def contact_surfaces(archive: Archive, numbers: Ints) -> dict[str, list[Ints]]:
         Numbers of the nodes; corners are returned as positions in these.
     """
     types = {int(row[0]): int(row[1]) for row in archive.ekey}
-    found: dict[str, list[Ints]] = {}
+    found, find = dict[str, list[Ints]](), Rows(numbers)
     for row in archive.elem:
         word = _CONTACTS.get(types.get(int(row[1]), 0))
         if word is None or len(row) < FIRST + 3:
             continue
-        corners = _corners(row[FIRST : FIRST + 4], numbers)
+        corners = _corners(row[FIRST : FIRST + 4], find)
         if len(corners) in (3, 4):
             found.setdefault(f"{word}_{int(row[2])}", []).append(corners)
     return {name: _by_count(faces) for name, faces in found.items()}
@@ -114,7 +114,7 @@ def pressure_surfaces(archive: Archive, numbers: Ints, lines: Sequence[str], sou
     MeshError
         An SFE cannot be read, is not at a solid or SURF154, or names a face that its element does not have.
     """
-    found: dict[str, list[Ints]] = {}
+    found, find = dict[str, list[Ints]](), Rows(numbers)
     given = pressures(archive, lines, source)
     types = {int(row[0]): int(row[1]) for row in archive.ekey}
     rows = {int(row[LABEL]): row for row in archive.elem} if given else {}
@@ -126,16 +126,16 @@ def pressure_surfaces(archive: Archive, numbers: Ints, lines: Sequence[str], sou
                 raise MeshError(f"{source}: {where}: SFE at element {element}, which is no solid and no SURF154")
             if not 1 <= face <= len(table):
                 raise MeshError(f"{source}: {where}: element {element} has no face {face}; expected 1 to {len(table)}")
-            corners = _corners(row[FIRST:][list(table[face - 1])], numbers)
+            corners = _corners(row[FIRST:][list(table[face - 1])], find)
             if len(corners) not in (3, 4):
                 raise MeshError(f"{source}: {where}: face {face} of element {element} has no area")
             found.setdefault(f"pressure_{i}", []).append(corners)
     return {name: _by_count(corners) for name, corners in found.items()}
 
 
-def _corners(nodes: Ints, numbers: Ints) -> Ints:
-    """Return the corners of a face as positions in `numbers`: three if it repeats a node, none if a node is missing."""
-    corners = rows_of(np.asarray(nodes, dtype=np.int64), numbers)
+def _corners(nodes: Ints, find: Rows) -> Ints:
+    """Return the corners of a face as positions of nodes: three if it repeats a node, none if a node is missing."""
+    corners = find(nodes)
     corners = corners[np.sort(np.unique(corners, return_index=True)[1])]
     return corners if (corners >= 0).all() else corners[:0]
 

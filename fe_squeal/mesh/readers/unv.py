@@ -9,7 +9,7 @@ import numpy as np
 from fe_squeal.errors import MeshError
 
 from ..checking import connect
-from ..raw import CellBlock, Floats, Ints, RawMesh, check_unique_nodes, rows_of
+from ..raw import CellBlock, Floats, Ints, RawMesh, Rows, check_unique_nodes
 from .sources import Sources
 
 # By FE descriptor: the kind of a solid, and the positions p of its nodes so that the file's nodes[p] are in VTK's
@@ -169,11 +169,12 @@ def _mesh(content: _Content, source: str) -> RawMesh:
     for word, column in (("property", 2), ("material", 3)):
         for value in np.unique(heads[:, column]):
             volumes[f"{word}_{value}"] = np.flatnonzero(heads[:, column] == value)
+    find = Rows(numbers)
     for name, members in content.groups.items():
         elements = members[members[:, 0] == _ELEMENT, 1]
-        found = rows_of(members[members[:, 0] == _NODE, 1], numbers)
+        found = find(members[members[:, 0] == _NODE, 1])
         inside = np.flatnonzero(np.isin(heads[:, 0], elements))
-        faces = [rows_of(content.faces[e], numbers) for e in elements.tolist() if e in content.faces]
+        faces = [find(content.faces[e]) for e in elements.tolist() if e in content.faces]
         if len(inside):
             volumes[name] = inside
         if faces:

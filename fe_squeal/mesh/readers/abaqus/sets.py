@@ -8,7 +8,7 @@ import numpy as np
 
 from fe_squeal.errors import MeshError, suggest
 
-from ...raw import CellBlock, Ints, rows_of
+from ...raw import CellBlock, Ints, Rows
 from .model import Members, Scope
 from .text import LARGEST, entries, is_label, label_of
 
@@ -44,6 +44,7 @@ class ModelSets:
         self, source: str, own: Located, instances: dict[str, Located], skins: Ints, blocks: tuple[CellBlock, ...]
     ) -> None:
         self.source, self.own, self.instances, self.skins, self.blocks = source, own, instances, skins, blocks
+        self._found: dict[tuple[str, str], Rows] = {}  # by instance, and "NSET" or "ELSET"
 
     def skin_of(self, rows: Ints) -> list[Ints]:
         """Return the corners (f, 3) and (f, 4) of the shells among positions (n,) of elements, see `Located.rows`."""
@@ -126,11 +127,17 @@ class ModelSets:
             if kind not in ("ELEMENT", "NODE"):
                 return f"TYPE={kind}", []
             word = "NSET" if kind == "NODE" else "ELSET"
+            numbers: dict[str, list[int]] = {}  # by label: some programs write a line for each element
             for line in block.lines:
                 fields = entries(line)
                 if fields:
                     label = fields[1].upper() if len(fields) > 1 and kind != "NODE" else ""
-                    out.append((self.find(word, placed, fields[0], user), label))
+                    if is_label(fields[0]):
+                        numbers.setdefault(label, []).append(label_of(fields[0]))
+                    else:
+                        out.append((self.find(word, placed, fields[0], user), label))
+            for label, own_numbers in numbers.items():
+                out.append((self._rows(word, placed, np.array(own_numbers, dtype=np.int64), user), label))
         return kind, out
 
     def is_of_nodes(self, placed: Located, text: str) -> bool:
@@ -204,7 +211,10 @@ class ModelSets:
         return nodes[nodes >= 0]
 
     def _rows(self, word: str, placed: Located, wanted: Ints, name: str, strict: bool = True) -> Ints:
-        found = rows_of(wanted, placed.labels[word])
+        key = placed.name, word
+        if key not in self._found:
+            self._found[key] = Rows(placed.labels[word])
+        found = self._found[key](wanted)
         if strict and (found < 0).any():
             where = f' of "{placed.name}"' if placed.name else ""
             raise MeshError(

@@ -9,7 +9,7 @@ import numpy as np
 from fe_squeal.errors import MeshError
 
 from ...elements import FACES, SHAPE, corner_count
-from ...raw import CellBlock, Ints, RawMesh, rows_of
+from ...raw import CellBlock, Ints, RawMesh, Rows
 from ...surfaces import faces_of
 from .text import Card, ranges, real
 
@@ -31,7 +31,7 @@ def named_faces(cards: Sequence[Card], blocks: Sequence[CellBlock], labels: Ints
     for block in blocks:
         corners = block.nodes[:, : corner_count(block.kind)]
         place.update(zip(block.labels.tolist(), ((SHAPE[block.kind], row) for row in corners), strict=True))
-    found: dict[str, dict[float, list[Ints]]] = {}
+    found, rows = dict[str, dict[float, list[Ints]]](), Rows(labels)
     for card in cards:
         try:
             if card.name == "PLOAD4":
@@ -39,7 +39,7 @@ def named_faces(cards: Sequence[Card], blocks: Sequence[CellBlock], labels: Ints
                 if element not in place:
                     continue  # a pressure on a shell
                 given = [int(card.text(i)) for i in (6, 7) if card.text(i)]
-                face = _face(*place[element], rows_of(np.array(given), labels), opposite=len(given) == 2)
+                face = _face(*place[element], rows(np.array(given)), opposite=len(given) == 2)
                 name = f"PLOAD4_{int(card.text(0))}{'_directed' if is_directed(card) else ''}"
                 pressure = 0.0 if is_directed(card) else real(card.text(2))
                 found.setdefault(name, {}).setdefault(pressure, []).append(face)
@@ -47,7 +47,7 @@ def named_faces(cards: Sequence[Card], blocks: Sequence[CellBlock], labels: Ints
             for i in range(4, len(card.fields), 4):
                 if card.text(i):
                     element = int(card.text(i))
-                    three = rows_of(np.array([int(card.text(i + j)) for j in (1, 2, 3)]), labels)
+                    three = rows(np.array([int(card.text(i + j)) for j in (1, 2, 3)]))
                     face = _face(*place[element], three, opposite=False)
                     found.setdefault(f"BSURFS_{int(card.text(0))}", {}).setdefault(0.0, []).append(face)
         except (ValueError, KeyError, IndexError, OverflowError):
