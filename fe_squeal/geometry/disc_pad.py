@@ -58,7 +58,8 @@ class DiscPad(Geometry):
         all alike; 0.05 to 20). Above 1 they are finer at the hub, where a clamp makes stresses singular.
     disc_aligned : bool
         Whether circles of the disc's mesh run under the inner and outer edges of the pads, hex only (default: false).
-        The circles next to these edges are moved there.
+        The circles next to these edges are moved there. An edge gets none where it is nearer to hub, rim or the other
+        edge than a tenth of an element, or where there are fewer circles between hub and rim than edges.
     geometry_order : 1 or 2
         2 (default): edges follow the circles by mid-nodes (27-node hexahedra, 10-node tetrahedra). The relative error
         of the volume is then h^4/30, with h half the angle of an element in radians. 1: edges are straight (8 or 4

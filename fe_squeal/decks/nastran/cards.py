@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from ...errors import MeshError
-from ...mesh.raw import rows_of
+from ...mesh.raw import Rows
 from ...mesh.readers.nastran.coordinates import System
 from ...mesh.readers.nastran.text import Card, real
 from ..draft import Draft
@@ -48,6 +49,10 @@ class Deck:
     units: Units = SI
     mass_factor: float = 1.0
     loss_factor: float = 0.0
+
+    @cached_property
+    def _rows(self) -> Rows:
+        return Rows(self.labels)
 
     def of(self, *names: str) -> Iterator[Card]:
         """Yield the cards of these names."""
@@ -102,7 +107,7 @@ class Deck:
         ------
         MeshError
         """
-        row = int(rows_of(np.array([grid]), self.labels)[0])
+        row = int(self._rows(np.array([grid]))[0])
         if row < 0:
             raise self.fault(card, f"refers to GRID {grid}, which does not exist")
         return row
